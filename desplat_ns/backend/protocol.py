@@ -8,7 +8,7 @@ Conventions are gsplat's: EWA splatting, pixel centres at +0.5, OpenCV camera ax
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from jaxtyping import Float, Int
 from torch import Tensor
@@ -76,6 +76,7 @@ class Rendering:
     """Extent on the image in pixels (3 sigma, rounded up); 0 where culled."""
 
 
+@runtime_checkable
 class Rasterizer(Protocol):
     """A backend. To add one, see CONTRIBUTING.md."""
 

@@ -1,0 +1,50 @@
+"""From nerfstudio's cameras to the view that a rasterizer takes."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from nerfstudio.cameras.cameras import Cameras
+from torch import Tensor
+
+from desplat_ns.backend.protocol import View
+
+OPENGL_TO_OPENCV = (1.0, -1.0, -1.0)
+"""nerfstudio's cameras look along -z with y up; rasterizers look along +z with y down."""
+
+
+def world_to_camera(camera_to_world: Float[Tensor, "3 4"]) -> Float[Tensor, "4 4"]:
+    """Rigid world-to-camera transform in OpenCV axes, of a camera-to-world one in OpenGL axes."""
+    flip = camera_to_world.new_tensor(OPENGL_TO_OPENCV)
+    rotation = (camera_to_world[:, :3] * flip).T
+    translation = -rotation @ camera_to_world[:, 3:]
+    last_row = camera_to_world.new_tensor([[0.0, 0.0, 0.0, 1.0]])
+    return torch.cat([torch.cat([rotation, translation], dim=1), last_row])
+
+
+def view_of(
+    camera: Cameras, camera_to_world: Float[Tensor, "3 4"] | None = None, downscale: int = 1
+) -> View:
+    """The view of a single camera (shape [1]), in an image reduced by `downscale` (rounded down).
+
+    `camera_to_world` replaces the camera's own pose where a pose optimizer moved it.
+    """
+    pose = camera.camera_to_worlds[0] if camera_to_world is None else camera_to_world
+    intrinsics = camera.get_intrinsics_matrices()[0].to(pose)
+    scale = intrinsics.new_tensor([1 / downscale, 1 / downscale, 1.0])
+    return View(
+        viewmat=world_to_camera(pose),
+        K=intrinsics * scale[:, None],
+        width=int(camera.width.item()) // downscale,
+        height=int(camera.height.item()) // downscale,
+    )
+
+
+def train_index(camera: Cameras) -> int | None:
+    """Which training view this camera is, or None.
+
+    The datamanager says so in `metadata["train_idx"]`. nerfstudio's own `cam_idx` says nothing: its
+    viewer sends one with every frame.
+    """
+    index = (camera.metadata or {}).get("train_idx")
+    return None if index is None else int(index.reshape(-1)[0])

@@ -1,0 +1,42 @@
+"""How the layers are put over one another: distractors over the static scene, the background last."""
+
+from __future__ import annotations
+
+from jaxtyping import Float
+from torch import Tensor
+
+
+def composite_color(
+    rgb_d: Float[Tensor, "H W 3"],
+    alpha_d: Float[Tensor, "H W 1"],
+    rgb_s: Float[Tensor, "H W 3"],
+) -> Float[Tensor, "H W 3"]:
+    """Colour of the distractors drawn over the static scene, on black.
+
+    Both colours are weighted by their own alpha already.
+    Source: c = c_d + (1 - alpha_d) c_s, DeSplat, Sec. 3.
+    """
+    return rgb_d + (1 - alpha_d) * rgb_s
+
+
+def composite_alpha(
+    alpha_d: Float[Tensor, "H W 1"], alpha_s: Float[Tensor, "H W 1"]
+) -> Float[Tensor, "H W 1"]:
+    """Opacity of the distractors drawn over the static scene, in [0, 1].
+
+    Source: the summand of Eq. 9.
+    """
+    return alpha_d + (1 - alpha_d) * alpha_s
+
+
+def over_background(
+    rgb: Float[Tensor, "H W 3"],
+    alpha: Float[Tensor, "H W 1"],
+    background: Float[Tensor, "*background 3"],
+) -> Float[Tensor, "H W 3"]:
+    """A layer, weighted by its alpha already, over a background of one colour or one per pixel.
+
+    Source: alpha blending; with `composite_alpha` the background's weight is
+    (1 - alpha_d) (1 - alpha_s), DeSplat, Sec. 3.
+    """
+    return rgb + (1 - alpha) * background

@@ -1,0 +1,131 @@
+"""Adaptive density control: gsplat's DefaultStrategy for the static scene and for every view's set.
+
+Distractors differ from the static scene in three ways: their clock is the number of times that
+their own view was seen, their opacity is never reset (App. A), and sizes are measured against the
+depth at which they start instead of against the scene.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gsplat
+import torch
+from gsplat.strategy import DefaultStrategy
+from nerfstudio.models.splatfacto import SplatfactoModelConfig
+from torch import Tensor, nn
+from torch.optim import Optimizer
+
+from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.distractors import PARAMETER_NAMES, DistractorConfig, DistractorGaussians
+
+NEVER = 2**62
+"""A step that no training reaches."""
+
+RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) >= (1, 5)
+"""gsplat 1.5 gives radii as [C, N, 2] where 1.4 gives [C, N]; each one's strategy takes only its own."""
+
+
+def strategy_info(rendering: Rendering, view: View) -> dict[str, Any]:
+    """What DefaultStrategy reads of a rendering, in the shapes of the installed gsplat."""
+    radii = rendering.radii[None]
+    return {
+        "means2d": rendering.means2d,
+        "radii": radii[..., None].expand(-1, -1, 2) if RADII_PER_AXIS else radii,
+        "width": view.width,
+        "height": view.height,
+        "n_cameras": 1,
+        "gaussian_ids": None,
+    }
+
+
+class DistractorDensifier:
+    """Clones, splits and prunes the distractors of one view at a time.
+
+    Adam's moments follow: rows that stay keep theirs, new rows start at zero.
+    """
+
+    def __init__(self, config: DistractorConfig, static: SplatfactoModelConfig, num_views: int):
+        """Args:
+        config: thresholds of the distractors; steps already scaled.
+        static: the thresholds that both sets share, and the warm-up before any refinement.
+        num_views: number of training views.
+        """
+        self.start = max(static.warmup_length, config.static_warmup)
+        self.stop = config.stop_densify_at
+        self.strategy = DefaultStrategy(
+            prune_opa=config.cull_alpha_thresh,
+            grow_grad2d=static.densify_grad_thresh,
+            grow_scale3d=static.densify_size_thresh,
+            refine_start_iter=0,
+            refine_stop_iter=NEVER,
+            reset_every=NEVER,
+            refine_every=config.refine_every_visits,
+            absgrad=static.use_absgrad,
+        )
+        self.visits = [0] * num_views
+        self.running = [
+            self.strategy.initialize_state(scene_scale=config.depth) for _ in range(num_views)
+        ]
+
+    def before_backward(self, info: dict[str, Any]) -> None:
+        """Keep the gradient of the projected means, which refinement reads."""
+        self.strategy.step_pre_backward({}, {}, {}, 0, info)
+
+    def after_step(
+        self,
+        distractors: DistractorGaussians,
+        view: int,
+        optimizers: dict[str, Optimizer],
+        step: int,
+        info: dict[str, Any],
+    ) -> None:
+        """Count a visit of `view`; refine its distractors when it was seen often enough.
+
+        Args:
+            optimizers: nerfstudio's, by group name.
+            step: training step; nothing happens before the warm-up or from `stop_densify_at` on.
+            info: of the rendering of this view's distractors in this step.
+        """
+        if not self.start < step < self.stop:
+            return
+        self.visits[view] += 1
+        params = distractors.params_of(view)
+        borrowed: dict[str, Any] = {
+            name: _OneParameter(optimizers[f"distractor_{name}"], params[name])
+            for name in PARAMETER_NAMES
+        }
+        self.strategy.step_post_backward(
+            params, borrowed, self.running[view], self.visits[view], info
+        )
+        for name, one in borrowed.items():
+            optimizers[f"distractor_{name}"].param_groups[0]["params"][view] = one.parameter
+
+    def state_dict(self) -> dict[str, Any]:
+        """Visits and running statistics, for a checkpoint."""
+        return {"visits": list(self.visits), "running": [dict(state) for state in self.running]}
+
+    def load_state_dict(self, state: dict[str, Any], device: torch.device) -> None:
+        """Take up what `state_dict` gave, on `device`."""
+        self.visits = list(state["visits"])
+        self.running = [to_device(running, device) for running in state["running"]]
+
+
+def to_device(state: dict[str, Any], device: torch.device) -> dict[str, Any]:
+    """A strategy's running state with its tensors on `device`."""
+    return {k: v.to(device) if isinstance(v, Tensor) else v for k, v in state.items()}
+
+
+class _OneParameter:
+    """What gsplat's strategies touch of an optimizer, for one parameter of a group of many.
+
+    gsplat replaces the whole list of parameters of a group; here that list has one entry.
+    """
+
+    def __init__(self, optimizer: Optimizer, parameter: nn.Parameter):
+        self.param_groups = [{"params": [parameter]}]
+        self.state = optimizer.state
+
+    @property
+    def parameter(self) -> nn.Parameter:
+        return self.param_groups[0]["params"][0]

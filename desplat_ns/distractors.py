@@ -1,0 +1,148 @@
+"""The distractor Gaussians: a set of its own for each training view, seen in that view alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from nerfstudio.cameras.cameras import Cameras
+from torch import Tensor, nn
+
+from desplat_ns.backend.protocol import RenderSettings, View
+from desplat_ns.cameras import view_of
+from desplat_ns.errors import ConfigError
+from desplat_ns.gaussians import resize_rows
+
+PARAMETER_NAMES = ("means", "scales", "quats", "rgbs", "opacities")
+
+PLASTIC_NUMBER = 1.32471795724474602596
+"""Real root of x^3 = x + 1: its powers give the plane's most even additive recurrence (R2 sequence)."""
+
+
+@dataclass
+class DistractorConfig:
+    """Distractor Gaussians. Step numbers belong to the method's full schedule and shrink with it."""
+
+    per_view: int = 1000
+    """Distractor Gaussians that every training view starts with. B.3."""
+    lambda_d: float = 0.01
+    """Weight of the mean distractor opacity, Eq. 5. B.3."""
+    lambda_s: float = 0.01
+    """Weight of the mean transparency of the static scene, Eq. 5. B.3."""
+    static_warmup: int = 0
+    """Steps for which the static scene trains alone, before distractors are shown. The paper has none."""
+    stop_densify_at: int = 15000
+    """Step at which distractors are no longer cloned, split or pruned. B.3."""
+    refine_every_visits: int = 10
+    """A view's distractors are cloned, split and pruned each time it was seen this often."""
+    cull_alpha_thresh: float = 0.1
+    """Distractors with less opacity are pruned. Splatfacto's threshold."""
+    initial_opacity: float = 0.1
+    """Opacity at the start. Splatfacto's value."""
+    depth: float = 0.02
+    """Distance from the camera at the start, world units, whatever the scene's scale: distractors are
+    composited over the static scene, so their depth sets only how many pixels a step of the optimizer
+    moves them. Must lie beyond the near plane."""
+
+
+class DistractorGaussians(nn.Module):
+    """Raw parameters of every training view's distractors.
+
+    `views[i]` maps `PARAMETER_NAMES` to tensors of N_i rows; N_i changes as training goes on, and a
+    view with N_i = 0 costs nothing. Kept outside Splatfacto's `gauss_params`, so that what exports
+    those never sees distractors.
+    """
+
+    def __init__(self, config: DistractorConfig, cameras: Cameras):
+        """Start every view's distractors in front of its camera.
+
+        Args:
+            cameras: the training cameras, shape [V].
+
+        Raises:
+            ConfigError: if the distractors would start in front of the near plane.
+        """
+        super().__init__()
+        if config.depth <= RenderSettings.near_plane:
+            raise ConfigError(
+                f"Distractors would start at depth {config.depth}, in front of the near plane at "
+                f"{RenderSettings.near_plane}. Raise `--pipeline.model.distractors.depth`."
+            )
+        self.views = nn.ModuleList()
+        for i in range(len(cameras)):
+            start = fill_view(view_of(cameras[i : i + 1]), config)
+            self.views.append(nn.ParameterDict(start))
+
+    def params_of(self, view: int) -> nn.ParameterDict:
+        """Parameters of one training view."""
+        params = self.views[view]
+        assert isinstance(params, nn.ParameterDict)
+        return params
+
+    def count_of(self, view: int) -> int:
+        """Number of Gaussians that one training view has left."""
+        return self.params_of(view)["means"].shape[0]
+
+    def counts(self) -> list[int]:
+        """Number of Gaussians of every training view."""
+        return [self.count_of(view) for view in range(len(self.views))]
+
+    def param_groups(self) -> dict[str, list[nn.Parameter]]:
+        """One optimizer group for each kind of parameter, over all views.
+
+        A view that was not rendered has no gradient, so Adam leaves its Gaussians and their moments
+        alone.
+        """
+        return {
+            f"distractor_{name}": [self.params_of(view)[name] for view in range(len(self.views))]
+            for name in PARAMETER_NAMES
+        }
+
+    def _load_from_state_dict(self, state_dict: dict[str, Any], prefix: str, *args: Any) -> None:
+        """torch's hook, called before the views load: each takes the saved number of Gaussians."""
+        for view in range(len(self.views)):
+            resize_rows(self.params_of(view), state_dict, f"{prefix}views.{view}.")
+        super()._load_from_state_dict(state_dict, prefix, *args)
+
+    @torch.no_grad()
+    def keep_colors_in_range(self, view: int) -> None:
+        """Put colours that a step moved beyond [0, 1] back on the border.
+
+        The clamp in rendering has no gradient beyond the border: a colour left there could not return.
+        """
+        self.params_of(view)["rgbs"].clamp_(0, 1)
+
+
+def fill_view(view: View, config: DistractorConfig) -> dict[str, nn.Parameter]:
+    """Distractors at one depth, spread evenly over the whole image, as wide as half their spacing.
+
+    Colours are random (torch's generator).
+
+    Source: B.3 ("1000 distractor points in every training image"); the spread is ours.
+    """
+    n = config.per_view
+    fx, fy, cx, cy = view.K[0, 0], view.K[1, 1], view.K[0, 2], view.K[1, 2]
+    unit = even_points(n).to(view.K)
+    x = (unit[:, 0] * view.width - cx) / fx
+    y = (unit[:, 1] * view.height - cy) / fy
+    in_camera = torch.stack([x, y, torch.ones_like(x)], dim=-1) * config.depth
+    rotation, translation = view.viewmat[:3, :3], view.viewmat[:3, 3]
+    spacing = math.sqrt(view.width * view.height / max(n, 1)) / float(torch.sqrt(fx * fy))
+    start = {
+        "means": (in_camera - translation) @ rotation,
+        "scales": torch.full((n, 3), math.log(0.5 * spacing * config.depth)),
+        "quats": torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(n, 1),
+        "rgbs": torch.rand(n, 3),
+        "opacities": torch.full((n, 1), config.initial_opacity).logit(),
+    }
+    return {name: nn.Parameter(start[name]) for name in PARAMETER_NAMES}
+
+
+def even_points(n: int) -> Float[Tensor, "n 2"]:
+    """`n` points that fill the unit square evenly: the R2 additive recurrence, in float64."""
+    steps = torch.tensor([1 / PLASTIC_NUMBER, 1 / PLASTIC_NUMBER**2], dtype=torch.float64)
+    index = torch.arange(1, n + 1, dtype=torch.float64)
+    return (0.5 + index[:, None] * steps) % 1.0

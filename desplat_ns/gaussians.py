@@ -1,0 +1,78 @@
+"""From raw parameters, as the optimizers see them, to activated splats, as a rasterizer takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from desplat_ns.backend.protocol import Splats
+
+
+def activate_static(
+    params: Mapping[str, Tensor], sh_degree: int | None, keep: Bool[Tensor, " N"] | None = None
+) -> Splats:
+    """Static Gaussians with Splatfacto's activations: exp(scales), sigmoid(opacities), SH colours.
+
+    Args:
+        params: Splatfacto's `gauss_params`: means [N, 3], scales [N, 3] (log), quats [N, 4],
+            features_dc [N, 3], features_rest [N, K - 1, 3], opacities [N, 1] (logit).
+        sh_degree: degree to evaluate now; None where colours are stored as logits, without SH.
+        keep: Gaussians to take, all if None.
+    """
+    p = dict(params) if keep is None else {name: value[keep] for name, value in params.items()}
+    if sh_degree is None:
+        colors = torch.sigmoid(p["features_dc"])
+    else:
+        colors = torch.cat([p["features_dc"][:, None], p["features_rest"]], dim=1)
+    return Splats(
+        means=p["means"],
+        quats=p["quats"],
+        scales=torch.exp(p["scales"]),
+        opacities=torch.sigmoid(p["opacities"]).squeeze(-1),
+        colors=colors,
+        sh_degree=sh_degree,
+    )
+
+
+def activate_distractors(params: Mapping[str, Tensor]) -> Splats:
+    """Distractor Gaussians of one view; colours are RGB clamped to [0, 1].
+
+    Args:
+        params: means [N, 3], scales [N, 3] (log), quats [N, 4], rgbs [N, 3], opacities [N, 1] (logit).
+
+    Source: App. A, "RGB Colour Representation for Distractor Gaussians".
+    """
+    return Splats(
+        means=params["means"],
+        quats=params["quats"],
+        scales=torch.exp(params["scales"]),
+        opacities=torch.sigmoid(params["opacities"]).squeeze(-1),
+        colors=clamp_colors(params["rgbs"]),
+    )
+
+
+def clamp_colors(rgbs: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
+    """Colours clamped to [0, 1]; the gradient is 1 on the closed range and 0 beyond it.
+
+    `torch.clamp` gives 0 on the border as well from some version on (2.15 does, 2.4 did not), where a
+    black or white distractor would stay for ever.
+    """
+    beyond = (rgbs < 0) | (rgbs > 1)
+    return torch.where(beyond, rgbs.detach().clamp(0, 1), rgbs)
+
+
+@torch.no_grad()
+def resize_rows(params: nn.ParameterDict, saved: Mapping[str, Tensor], prefix: str) -> None:
+    """Give parameters as many rows as a checkpoint has, in place.
+
+    Optimizers hold these very objects: a new Parameter (as Splatfacto 1.1.5 makes on loading) would
+    leave them with the old one, and the Gaussians would never move again.
+    """
+    for name, parameter in params.items():
+        value = saved.get(prefix + name)
+        if value is not None and value.shape[1:] == parameter.shape[1:]:
+            parameter.data = parameter.data.new_empty(value.shape)
+            parameter.grad = None

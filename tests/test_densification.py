@@ -1,0 +1,165 @@
+"""Distractors are cloned, split and pruned view by view, and Adam's moments follow."""
+
+from typing import Any
+
+import pytest
+import torch
+from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.models.splatfacto import SplatfactoModelConfig
+
+from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.densification import DistractorDensifier, strategy_info
+from desplat_ns.distractors import DistractorConfig, DistractorGaussians
+
+VIEW = View(torch.eye(4), torch.eye(3), width=20, height=10)
+STATIC = SplatfactoModelConfig(warmup_length=10, densify_grad_thresh=0.5)
+
+
+class Scene:
+    """Two views of `per_view` distractors, their optimizers and a densifier."""
+
+    def __init__(self, per_view: int = 4, **config: Any):
+        config = {"refine_every_visits": 2, "stop_densify_at": 1000} | config
+        self.config = DistractorConfig(per_view=per_view, initial_opacity=0.5, **config)
+        poses = torch.eye(4)[:3].repeat(2, 1, 1)
+        self.distractors = DistractorGaussians(
+            self.config, Cameras(poses, 20.0, 20.0, 10.0, 5.0, 20, 10)
+        )
+        self.optimizers: dict[str, Any] = {
+            name: torch.optim.Adam(params, lr=1e-3)
+            for name, params in self.distractors.param_groups().items()
+        }
+        self.densifier = DistractorDensifier(self.config, STATIC, num_views=2)
+
+    def params(self, view: int = 0):
+        return self.distractors.params_of(view)
+
+    def visit(self, step: int, view: int = 0, grad: float | list[float] = 0.0) -> None:
+        """One training step on `view`; `grad` is the screen-space gradient of its Gaussians."""
+        params = self.params(view)
+        n = len(params["means"])
+        for optimizer in self.optimizers.values():
+            optimizer.zero_grad()
+        sum((p * torch.arange(1.0, n + 1)[:, None]).sum() for p in params.values()).backward()
+        for optimizer in self.optimizers.values():
+            optimizer.step()
+        means2d: Any = torch.zeros(1, n, 2)
+        means2d.absgrad = torch.zeros(1, n, 2)
+        # The strategy multiplies by half the width: 10 pixels.
+        means2d.absgrad[0, :, 0] = torch.as_tensor(grad) / 10
+        rendering = Rendering(
+            torch.zeros(10, 20, 3), torch.zeros(10, 20, 1), None, means2d, torch.ones(n).int()
+        )
+        info = strategy_info(rendering, VIEW)
+        self.densifier.after_step(self.distractors, view, self.optimizers, step, info)
+
+    def moment(self, name: str, view: int = 0) -> torch.Tensor:
+        return self.optimizers[f"distractor_{name}"].state[self.params(view)[name]]["exp_avg"]
+
+
+def test_faint_ones_are_pruned_and_the_others_keep_their_moments():
+    scene = Scene()
+    scene.visit(11)
+    with torch.no_grad():
+        scene.params()["opacities"][1] = -5.0
+    means = scene.params()["means"].detach().clone()
+    scene.visit(12)
+    assert scene.distractors.counts() == [3, 4]
+    assert torch.allclose(scene.params()["means"], means[[0, 2, 3]], atol=3e-3)
+    # Gradients are 1, 2, 3, 4 by row: the first moment tells the rows apart.
+    after_two_steps = 0.1 + 0.9 * 0.1
+    expected = torch.tensor([1.0, 3.0, 4.0]) * after_two_steps
+    for name in scene.params():
+        assert torch.allclose(scene.moment(name)[:, 0], expected, rtol=1e-5)
+
+
+def test_a_steep_one_is_cloned_and_the_clone_has_no_moments_yet():
+    scene = Scene()
+    with torch.no_grad():
+        scene.params()["scales"].fill_(-20.0)
+    for step in (11, 12):
+        scene.visit(step, grad=[0.0, 0.0, 1.0, 0.0])
+    assert scene.distractors.counts() == [5, 4]
+    means = scene.params()["means"]
+    assert torch.equal(means[4], means[2])
+    assert (scene.moment("means")[4] == 0).all()
+    assert (scene.moment("means")[:4] != 0).all()
+
+
+def test_a_steep_and_wide_one_is_split():
+    scene = Scene()
+    with torch.no_grad():
+        scene.params()["scales"].fill_(-1.0)
+    for step in (11, 12):
+        scene.visit(step, grad=[0.0, 1.0, 0.0, 0.0])
+    assert scene.distractors.counts() == [5, 4]
+    # The two halves come last, each 1.6 times smaller.
+    scales = scene.params()["scales"].exp()
+    assert torch.allclose(scales[3:], scales[:1] / 1.6, rtol=1e-2)
+
+
+def test_training_goes_on_after_every_change():
+    scene = Scene()
+    for step in range(11, 31):
+        scene.visit(step, grad=1.0)
+    before = scene.params()["means"].detach().clone()
+    scene.visit(31)
+    assert len(before) > 4
+    assert (scene.params()["means"] != before).all()
+
+
+def test_the_other_views_are_left_alone():
+    scene = Scene()
+    other = {name: p.detach().clone() for name, p in scene.params(1).items()}
+    for step in range(11, 21):
+        scene.visit(step, view=0, grad=1.0)
+    assert all(torch.equal(scene.params(1)[name], value) for name, value in other.items())
+    assert scene.densifier.visits == [10, 0]
+
+
+def test_each_view_waits_for_its_own_visits():
+    scene = Scene()
+    scene.visit(11, view=0, grad=1.0)
+    scene.visit(12, view=1, grad=1.0)
+    assert scene.distractors.counts() == [4, 4]
+    scene.visit(13, view=1, grad=1.0)
+    assert scene.distractors.counts() == [4, 8]
+
+
+@pytest.mark.parametrize(("step", "refined"), [(10, False), (11, True), (999, True), (1000, False)])
+def test_refinement_keeps_to_its_time(step, refined):
+    scene = Scene(refine_every_visits=1)
+    scene.visit(step, grad=1.0)
+    assert (scene.distractors.counts()[0] > 4) is refined
+
+
+def test_opacity_is_never_reset():
+    scene = Scene(stop_densify_at=10**6)
+    with torch.no_grad():
+        scene.params()["opacities"].fill_(5.0)
+    for step in range(3000, 3020):
+        scene.visit(step)
+    assert (scene.params()["opacities"] > 4.9).all()
+
+
+@pytest.mark.parametrize("survivors", [1, 0])
+def test_one_survivor_or_none_is_no_special_case(survivors):
+    scene = Scene(refine_every_visits=1)
+    with torch.no_grad():
+        scene.params()["opacities"][survivors:] = -9.0
+    scene.visit(11)
+    assert scene.distractors.counts() == [survivors, 4]
+    if survivors:
+        scene.visit(12)
+        assert scene.distractors.counts() == [1, 4]
+
+
+def test_running_statistics_survive_a_checkpoint():
+    scene = Scene(refine_every_visits=3)
+    scene.visit(11, grad=1.0)
+    scene.visit(12, grad=1.0)
+    copy = DistractorDensifier(scene.config, STATIC, num_views=2)
+    copy.load_state_dict(scene.densifier.state_dict(), torch.device("cpu"))
+    scene.densifier = copy
+    scene.visit(13, grad=1.0)
+    assert scene.distractors.counts() == [8, 4]

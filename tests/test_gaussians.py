@@ -1,0 +1,61 @@
+"""Activations, and taking a checkpoint's number of Gaussians."""
+
+import math
+
+import torch
+from torch import nn
+
+from desplat_ns.gaussians import activate_distractors, activate_static, resize_rows
+
+
+def static_params(n: int = 2) -> dict[str, torch.Tensor]:
+    return {
+        "means": torch.arange(3.0 * n).reshape(n, 3),
+        "scales": torch.full((n, 3), math.log(2.0)),
+        "quats": torch.tensor([[1.0, 0, 0, 0]]).repeat(n, 1),
+        "features_dc": torch.full((n, 3), 0.5),
+        "features_rest": torch.full((n, 15, 3), 0.25),
+        "opacities": torch.zeros(n, 1),
+    }
+
+
+def test_static_values_worked_out_by_hand():
+    splats = activate_static(static_params(), sh_degree=3)
+    assert torch.allclose(splats.scales, torch.full((2, 3), 2.0))
+    assert torch.equal(splats.opacities, torch.full((2,), 0.5))
+    assert splats.colors.shape == (2, 16, 3)
+    assert torch.equal(splats.colors[:, 0], torch.full((2, 3), 0.5))
+
+
+def test_without_sh_colours_are_logits():
+    splats = activate_static(static_params(), sh_degree=None)
+    assert torch.allclose(splats.colors, torch.sigmoid(torch.full((2, 3), 0.5)))
+
+
+def test_a_crop_takes_some_of_them():
+    splats = activate_static(static_params(), 0, keep=torch.tensor([False, True]))
+    assert torch.equal(splats.means, torch.tensor([[3.0, 4.0, 5.0]]))
+
+
+def test_distractor_colours_are_clamped_and_a_colour_on_the_border_still_learns():
+    rgbs = torch.tensor([[-0.5, 0.0, 0.25], [1.0, 1.5, 0.75]], requires_grad=True)
+    params = static_params() | {"rgbs": rgbs}
+    colors = activate_distractors(params).colors
+    assert torch.equal(colors, torch.tensor([[0.0, 0.0, 0.25], [1.0, 1.0, 0.75]]))
+    colors.sum().backward()
+    assert rgbs.grad is not None
+    assert torch.equal(rgbs.grad, torch.tensor([[0.0, 1.0, 1.0], [1.0, 0.0, 1.0]]))
+
+
+def test_resizing_keeps_the_parameter_that_the_optimizer_holds():
+    params = nn.ParameterDict({"means": torch.zeros(2, 3)})
+    held = params["means"]
+    resize_rows(params, {"x.means": torch.ones(5, 3)}, "x.")
+    assert params["means"] is held
+    assert held.shape == (5, 3)
+
+
+def test_a_saved_tensor_of_another_kind_is_left_to_the_loader_to_refuse():
+    params = nn.ParameterDict({"means": torch.zeros(2, 3)})
+    resize_rows(params, {"means": torch.ones(5, 4)}, "")
+    assert params["means"].shape == (2, 3)
