@@ -1,5 +1,10 @@
 """What a user can get wrong. Each error says what was found, what was needed and what to type."""
 
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+
 
 class DeSplatError(Exception):
     """A mistake that the user can mend; the commands print its message without a traceback."""
@@ -19,3 +24,20 @@ class CheckpointError(DeSplatError):
 
 class ConfigError(DeSplatError):
     """Options that contradict each other or lie outside their range."""
+
+
+def print_user_errors_plainly() -> None:
+    """From now on, a `DeSplatError` that ends the program prints its message without a traceback.
+
+    The commands are nerfstudio's, so there is no place of ours to catch it. Every other exception
+    goes where it went before.
+    """
+    before = sys.excepthook
+
+    def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        if isinstance(error, DeSplatError):
+            print(f"\nError: {error}", file=sys.stderr)
+        else:
+            before(kind, error, trace)
+
+    sys.excepthook = hook

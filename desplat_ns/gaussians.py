@@ -10,9 +10,12 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import Splats
 
+RawParameters = nn.ParameterDict | Mapping[str, Tensor]
+"""Values before activation, by name."""
+
 
 def activate_static(
-    params: Mapping[str, Tensor], sh_degree: int | None, keep: Bool[Tensor, " N"] | None = None
+    params: RawParameters, sh_degree: int | None, keep: Bool[Tensor, " N"] | None = None
 ) -> Splats:
     """Static Gaussians with Splatfacto's activations: exp(scales), sigmoid(opacities), SH colours.
 
@@ -37,7 +40,7 @@ def activate_static(
     )
 
 
-def activate_distractors(params: Mapping[str, Tensor]) -> Splats:
+def activate_distractors(params: RawParameters) -> Splats:
     """Distractor Gaussians of one view; colours are RGB clamped to [0, 1].
 
     Args:
@@ -57,8 +60,8 @@ def activate_distractors(params: Mapping[str, Tensor]) -> Splats:
 def clamp_colors(rgbs: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
     """Colours clamped to [0, 1]; the gradient is 1 on the closed range and 0 beyond it.
 
-    `torch.clamp` gives 0 on the border as well from some version on (2.15 does, 2.4 did not), where a
-    black or white distractor would stay for ever.
+    `torch.clamp` (2.15) gives 0 on the border as well, where a black or white distractor would stay
+    for ever.
     """
     beyond = (rgbs < 0) | (rgbs > 1)
     return torch.where(beyond, rgbs.detach().clamp(0, 1), rgbs)

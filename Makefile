@@ -1,0 +1,70 @@
+# `make demo` and `make test` are all a newcomer needs; both prepare the environment first.
+#
+#   make demo    a generated scene is trained, evaluated and drawn: demo/output/
+#   make test    the tests, on the CPU
+#   make check   what CI runs: ruff, pyright, tests
+#   make clean   removes what was built (make distclean: the environment as well)
+#
+# Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
+# UV= (empty) uses pip although uv is installed.
+
+VENV ?= .venv
+UV ?= $(shell command -v uv 2>/dev/null)
+PYTHONS = $(or $(PYTHON),python3.11 python3.12 python3.10 python3)
+PYTEST_ARGS ?=
+DEMO_ARGS ?=
+
+PY := $(VENV)/bin/python
+STAMP := $(VENV)/.installed
+
+# Waiting OpenMP threads sleep instead of spinning: spinning makes a busy machine several times slower.
+export OMP_WAIT_POLICY ?= passive
+# The checks need nothing from the network.
+export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
+
+.PHONY: demo test check lint clean distclean env help
+.DEFAULT_GOAL := help
+
+help:
+	@sed -n '3,10s/^# \{0,1\}//p' Makefile
+
+env: $(STAMP)
+
+demo: $(STAMP)
+	$(PY) demo/run.py $(DEMO_ARGS)
+
+test: $(STAMP)
+	$(PY) -m pytest $(PYTEST_ARGS)
+
+lint: $(STAMP)
+	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+	$(PY) -m pyright --pythonpath $(PY)
+
+check: lint test
+
+clean:
+	rm -rf build dist *.egg-info demo/output demo/scene outputs .pytest_cache .ruff_cache .hypothesis
+	find desplat_ns tests demo -name __pycache__ -type d -prune -exec rm -rf {} +
+
+distclean: clean
+	rm -rf $(VENV)
+
+# Written last, so that an interrupted installation is taken up again.
+$(STAMP): pyproject.toml constraints.txt
+ifneq ($(UV),)
+	@echo "==> Environment in $(VENV), with uv (about 8 GB with torch's CUDA libraries; 1 to 3 minutes)"
+	@test -x $(PY) || "$(UV)" venv --quiet --python "$(or $(PYTHON),>=3.10,<3.13)" $(VENV)
+	"$(UV)" pip install --python $(PY) -c constraints.txt -e '.[dev]'
+else
+	@echo "==> Environment in $(VENV), with pip (about 8 GB with torch's CUDA libraries; 5 to 10 minutes)"
+	@test -x $(PY) || for python in $(PYTHONS); do \
+	    "$$python" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 13))' 2>/dev/null \
+	        && echo "==> $$("$$python" --version)" && exec "$$python" -m venv $(VENV); \
+	done; \
+	test -x $(PY) || { echo "No Python 3.10, 3.11 or 3.12 among: $(PYTHONS). Install one, or name it:" \
+	    "make PYTHON=/path/to/python3.11"; exit 1; }
+	$(PY) -m pip install --disable-pip-version-check -c constraints.txt -e '.[dev]'
+endif
+	@touch $(STAMP)
+	@echo "==> Ready: $(VENV)/bin/ns-train desplat --help"

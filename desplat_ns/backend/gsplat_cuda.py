@@ -1,0 +1,115 @@
+"""The `gsplat` backend: gsplat's CUDA kernels. The only module that imports gsplat's rasterizer.
+
+Departs from the exact backends in one thing: gsplat cuts every Gaussian off at the square of 3
+sigma, where an opaque one still has an alpha of 0.011.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import torch
+from jaxtyping import Int
+from torch import Tensor
+
+from desplat_ns.backend.inputs import check_inputs, sound
+from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
+from desplat_ns.errors import BackendUnavailableError
+
+
+def kernels_are_built() -> bool:
+    """Whether gsplat's CUDA kernels can be had. The first call may compile them, for minutes."""
+    try:
+        kernels = importlib.import_module("gsplat.cuda._backend")
+    except (ImportError, OSError, RuntimeError):
+        return False
+    return getattr(kernels, "_C", None) is not None
+
+
+class GsplatRasterizer:
+    """gsplat 1.4 or 1.5, float32 on CUDA."""
+
+    name = "gsplat"
+
+    def __call__(self, splats: Splats, view: View, settings: RenderSettings) -> Rendering:
+        """Rasterize `splats` seen from `view`.
+
+        Raises:
+            BackendUnavailableError: the tensors are not on a CUDA device.
+            ValueError: shapes do not fit, or the dtype is not float32.
+        """
+        from gsplat.rendering import rasterization
+
+        check_inputs(splats, view)
+        _check_cuda_float32(splats.means)
+        if len(splats.means) == 0:
+            return _empty(splats, view, settings)
+        # By keyword: 1.5 put `segmented` in the middle of 1.4's parameters.
+        image, alpha, info = rasterization(
+            means=_with_unsound_behind(splats, view),
+            quats=splats.quats,
+            scales=splats.scales,
+            opacities=splats.opacities,
+            colors=splats.colors,
+            viewmats=view.viewmat[None],
+            Ks=view.K[None],
+            width=view.width,
+            height=view.height,
+            near_plane=settings.near_plane,
+            far_plane=settings.far_plane,
+            eps2d=settings.eps2d,
+            sh_degree=splats.sh_degree,
+            packed=False,
+            render_mode="RGB+ED" if settings.depth else "RGB",
+            absgrad=settings.absgrad,
+            rasterize_mode="antialiased" if settings.antialiased else "classic",
+        )
+        return Rendering(
+            rgb=image[0, ..., :-1] if settings.depth else image[0],
+            alpha=alpha[0],
+            depth=image[0, ..., -1:] if settings.depth else None,
+            means2d=info["means2d"],
+            radii=_one_radius(info),
+        )
+
+
+def _one_radius(info: dict[str, Any]) -> Int[Tensor, " N"]:
+    """gsplat 1.4 gives radii [1, N], 1.5 one for each axis, [1, N, 2]: the longer one."""
+    radii = info["radii"][0]
+    if radii.ndim == 2:
+        # 1.5 culls where either axis is 0.
+        radii = radii.amax(dim=-1) * (radii > 0).all(dim=-1)
+    return radii.to(torch.int32)
+
+
+def _with_unsound_behind(splats: Splats, view: View) -> Tensor:
+    """Means, those of Gaussians that gsplat would turn into NaN moved behind the camera."""
+    rotation, translation = view.viewmat[:3, :3].detach(), view.viewmat[:3, 3].detach()
+    behind = (rotation.new_tensor([0.0, 0.0, -1.0]) - translation) @ rotation
+    return torch.where(sound(splats)[:, None], splats.means, behind)
+
+
+def _check_cuda_float32(means: Tensor) -> None:
+    if not means.is_cuda:
+        raise BackendUnavailableError(
+            f"Backend 'gsplat' draws on a CUDA device, and these Gaussians are on {means.device}. "
+            "Add `--pipeline.model.backend numba`, or `--machine.device-type cuda`."
+        )
+    if means.dtype != torch.float32:
+        raise ValueError(f"Backend 'gsplat' draws float32, not {means.dtype}; use 'torch'.")
+
+
+def _empty(splats: Splats, view: View, settings: RenderSettings) -> Rendering:
+    """What is drawn of no Gaussians: nothing, but differentiable like any other rendering."""
+    channels = 3 if splats.sh_degree is not None else splats.colors.shape[-1]
+    nothing = splats.means.sum() + splats.colors.sum()
+    image = nothing.expand(view.height, view.width, channels)
+    alpha = nothing.expand(view.height, view.width, 1)
+    return Rendering(
+        rgb=image,
+        alpha=alpha,
+        depth=alpha if settings.depth else None,
+        means2d=splats.means[None, :, :2],
+        radii=torch.zeros(0, dtype=torch.int32, device=splats.means.device),
+    )

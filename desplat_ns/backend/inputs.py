@@ -1,0 +1,69 @@
+"""What a backend checks before it draws: shapes, and Gaussians whose values make no sense."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+
+from desplat_ns.backend.protocol import Splats, View
+from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
+
+MIN_QUAT_NORM = 1e-12
+"""Quaternions shorter than this have no direction; their Gaussians are culled. Its square is a
+normal float32."""
+
+
+@torch.no_grad()
+def sound(splats: Splats) -> Bool[Tensor, " N"]:
+    """Gaussians of finite values whose quaternion has a direction."""
+    norm2 = splats.quats.square().sum(-1)
+    total = splats.means.sum(-1) + splats.scales.sum(-1) + splats.opacities
+    good = torch.isfinite(total + norm2) & (norm2 > MIN_QUAT_NORM**2)
+    if not torch.isfinite(splats.colors.sum()):
+        good &= torch.isfinite(splats.colors.flatten(1).sum(-1))
+    return good
+
+
+def check_inputs(splats: Splats, view: View) -> None:
+    """Say which tensor does not fit. Raises ValueError; nothing is read from the device."""
+    n = splats.means.shape[0]
+    shapes: dict[str, tuple[Tensor, tuple[int, ...]]] = {
+        "means": (splats.means, (n, 3)),
+        "quats": (splats.quats, (n, 4)),
+        "scales": (splats.scales, (n, 3)),
+        "opacities": (splats.opacities, (n,)),
+        "viewmat": (view.viewmat, (4, 4)),
+        "K": (view.K, (3, 3)),
+    }
+    for name, (tensor, shape) in shapes.items():
+        if tuple(tensor.shape) != shape:
+            raise ValueError(f"{name} has shape {tuple(tensor.shape)}; needed is {shape}.")
+    _check_colors(splats, n)
+    for name, tensor in {**{k: v[0] for k, v in shapes.items()}, "colors": splats.colors}.items():
+        if tensor.dtype != splats.means.dtype or not tensor.dtype.is_floating_point:
+            raise ValueError(
+                f"{name} is {tensor.dtype} and means is {splats.means.dtype}; "
+                "all must have one floating-point dtype."
+            )
+        if tensor.device != splats.means.device:
+            raise ValueError(f"{name} is on {tensor.device}, means on {splats.means.device}.")
+    if view.width < 1 or view.height < 1:
+        raise ValueError(f"The image is {view.width} x {view.height}; it needs a pixel at least.")
+
+
+def _check_colors(splats: Splats, n: int) -> None:
+    shape, degree = tuple(splats.colors.shape), splats.sh_degree
+    if degree is None:
+        if len(shape) != 2 or shape[0] != n:
+            raise ValueError(
+                f"colors has shape {shape}; needed is ({n}, C), or ({n}, K, 3) with sh_degree set."
+            )
+        return
+    if degree not in range(MAX_DEGREE + 1):
+        raise ValueError(f"sh_degree is {degree}; degrees 0 to {MAX_DEGREE} exist.")
+    if len(shape) != 3 or shape[0] != n or shape[2] != 3 or shape[1] < (degree + 1) ** 2:
+        raise ValueError(
+            f"colors has shape {shape}; sh_degree {degree} needs ({n}, K, 3) "
+            f"with K >= {(degree + 1) ** 2}."
+        )

@@ -1,0 +1,162 @@
+"""How kernels are compiled and launched: the cache, threads, and four instructions numba lacks.
+
+- Kernels live at module level, so that numba can cache them on disk (it cannot for closures). Where
+  no cache folder can be written they are compiled anew in each process instead of failing.
+- Numbers that may differ between installations are arguments of the kernels, never globals: a
+  cached kernel would keep the old value.
+- A kernel loops over `num_workers()` workers with `prange`; each takes its next piece of work from
+  a shared counter (`take`), which balances the load where tiles, or cores, are unequal. Which
+  worker does a piece never changes its result, so the same bits come out for any number of threads.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import config as _numba_config
+from numba.extending import intrinsic
+
+numba_config: Any = _numba_config  # its settings are defined at run time, out of sight of checkers
+
+_LAUNCH_LOCK = threading.RLock()
+"""numba's "workqueue" threads abort the process when two Python threads launch kernels at once, and
+nerfstudio's viewer renders from a thread of its own."""
+
+_NEWEST_SOURCE = max(path.stat().st_mtime for path in Path(__file__).parents[1].rglob("*numba*.py"))
+
+_announced = False
+
+
+def _prefer_safe_threads() -> None:
+    """Choose tbb, else workqueue, unless the user has chosen.
+
+    numba would take OpenMP before workqueue; GNU OpenMP ends a process that forks after its first
+    parallel region, as data loaders do, and its threads spin beside torch's.
+    """
+    asked = {"NUMBA_THREADING_LAYER", "NUMBA_THREADING_LAYER_PRIORITY"} & os.environ.keys()
+    if not asked and importlib.util.find_spec("tbb") is None:
+        numba_config.THREADING_LAYER_PRIORITY = ["workqueue", "omp", "tbb"]
+
+
+_prefer_safe_threads()
+
+
+def kernel(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """`numba.njit` with the disk cache on where a cache folder can be written, else without."""
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        # Run-time type checkers wrap every function of the package; numba needs the bare one.
+        function = inspect.unwrap(function)
+        common: dict[str, Any] = {"nogil": True, "error_model": "numpy", **options}
+        try:
+            dispatcher = numba.njit(cache=True, **common)(function)
+        except RuntimeError:  # "cannot cache function ...: no locator available"
+            return numba.njit(**common)(function)
+        _drop_stale(dispatcher)
+        return dispatcher
+
+    return decorate
+
+
+def _cached_copies(dispatcher: Any) -> list[Path]:
+    """The files that index what lies in the cache folder for one kernel."""
+    folder = dispatcher.stats.cache_path
+    code = dispatcher.py_func.__code__
+    pattern = f"*.{code.co_name}-{code.co_firstlineno}.*.nbi"
+    return list(Path(folder).glob(pattern)) if folder else []
+
+
+def _drop_stale(dispatcher: Any) -> None:
+    """Remove cached copies older than any file of kernels; numba looks at the kernel's own only."""
+    for copy in _cached_copies(dispatcher):
+        with suppress(OSError):
+            if copy.stat().st_mtime < _NEWEST_SOURCE:
+                copy.unlink()
+
+
+@contextmanager
+def launching(first_kernel: Any) -> Iterator[None]:
+    """Hold the launch lock; the first launch of a process says so if kernels must be compiled.
+
+    Args:
+        first_kernel: the kernel whose cached copy on disk stands for all of them.
+    """
+    global _announced
+    with _LAUNCH_LOCK:
+        if not _announced:
+            _announced = True
+            if not _cached_copies(first_kernel):
+                print(
+                    "Compiling the numba kernels for this CPU (about half a minute, once) ...",
+                    file=sys.stderr,
+                    flush=True,
+                )
+        yield
+
+
+def num_workers() -> int:
+    """How many workers a kernel is split into: numba's current number of threads."""
+    return numba.get_num_threads()
+
+
+def new_counter() -> np.ndarray:
+    """A fresh counter for `take`."""
+    return np.zeros(1, np.int64)
+
+
+def _instruction(function: Callable[..., Any]) -> Any:
+    return intrinsic(inspect.unwrap(function))
+
+
+@_instruction
+def fma(typingctx, a, b, c):
+    """a * b + c, rounded once. Spelled out so that forward and backward round alike."""
+
+    def codegen(context, builder, signature, args):
+        return builder.fma(*args)
+
+    return types.float32(types.float32, types.float32, types.float32), codegen
+
+
+@_instruction
+def nearest(typingctx, x):
+    """The integer nearest to x, as a float32."""
+
+    def codegen(context, builder, signature, args):
+        rint = builder.module.declare_intrinsic("llvm.rint", [ir.FloatType()])
+        return builder.call(rint, args)
+
+    return types.float32(types.float32), codegen
+
+
+@_instruction
+def float_of_bits(typingctx, bits):
+    """The float32 whose bits are the given int32."""
+
+    def codegen(context, builder, signature, args):
+        return builder.bitcast(args[0], ir.FloatType())
+
+    return types.float32(types.int32), codegen
+
+
+@_instruction
+def take(typingctx, counter):
+    """Add one to `counter[0]` (int64) atomically and return what it held before."""
+
+    def codegen(context, builder, signature, args):
+        array = context.make_array(signature.args[0])(context, builder, args[0])
+        return builder.atomic_rmw("add", array.data, ir.Constant(ir.IntType(64), 1), "monotonic")
+
+    return types.int64(types.Array(types.int64, 1, "C")), codegen

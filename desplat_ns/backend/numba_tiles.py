@@ -1,0 +1,190 @@
+"""The `numba` backend: Gaussian splatting on a CPU, fast enough to train with.
+
+    project      numba_projection.py, numba_sh.py      the formulas of projection.py, compiled
+    bin          numba_binning.py, numba_ellipses.py   exact ellipse/tile lists, front to back
+    draw, pull   numba_passes.py, numba_pixels.py      tile kernels with an analytic backward pass
+
+Everything is float32, sums over tiles excepted (float64), and gives the same bits for any number of
+threads (`numba.set_num_threads`, or the environment variable NUMBA_NUM_THREADS).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
+from desplat_ns.backend.inputs import check_inputs
+from desplat_ns.backend.numba_binning import Gaussians, Grid, Lists, tile_lists
+from desplat_ns.backend.numba_ellipses import FEATURES, TILE
+from desplat_ns.backend.numba_passes import Frame, draw_frame, pull_frame, sum_rows
+from desplat_ns.backend.numba_pixels import AREA, GEOMETRY, Limits
+from desplat_ns.backend.numba_projection import Project, make_camera
+from desplat_ns.backend.numba_runtime import launching, new_counter, num_workers
+from desplat_ns.backend.numba_sh import EvaluateColors
+from desplat_ns.backend.projection import ProjectedSplats, project
+from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
+from desplat_ns.errors import BackendUnavailableError
+
+_LIMITS = Limits(np.float32(ALPHA_MAX), np.float32(ALPHA_CUTOFF), np.float32(TRANSMITTANCE_MIN))
+
+
+class NumbaRasterizer:
+    """Rasterizes on the CPU with compiled tile kernels. See `protocol.Rasterizer`.
+
+    Computes in float32 whatever the dtype of the splats, and returns float32.
+    """
+
+    name = "numba"
+
+    def __call__(self, splats: Splats, view: View, settings: RenderSettings) -> Rendering:
+        """Rasterize `splats` seen from `view`. Differentiable in every tensor of `splats`.
+
+        Raises:
+            BackendUnavailableError: the splats are not on the CPU.
+            ValueError: shapes do not fit together.
+        """
+        if splats.means.device.type != "cpu":
+            raise BackendUnavailableError(
+                f"Backend 'numba' renders on the CPU and the Gaussians are on "
+                f"{splats.means.device}. Add `--machine.device-type cpu`, or choose "
+                "`--pipeline.model.backend gsplat`."
+            )
+        projected = _project(_in_float32(splats), _view_in_float32(view), settings)
+        return rasterize(projected, view.width, view.height, settings)
+
+
+def rasterize(
+    projected: ProjectedSplats, width: int, height: int, settings: RenderSettings
+) -> Rendering:
+    """Draw projected Gaussians, float32 on the CPU."""
+    job = _Job(width, height, settings.depth, settings.absgrad)
+    rgb, alpha, depth = _Rasterize.apply(
+        projected.means2d,
+        projected.conics,
+        projected.depths,
+        projected.opacities,
+        projected.colors,
+        projected.radii,
+        job,
+    )  # type: ignore[misc]  # torch does not annotate Function.apply
+    return Rendering(
+        rgb=rgb,
+        alpha=alpha,
+        depth=depth / alpha.clamp(min=1e-10) if settings.depth else None,
+        means2d=projected.means2d,
+        radii=projected.radii,
+    )
+
+
+def _project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedSplats:
+    """`projection.project`, compiled where the camera needs no gradient and all colours are finite.
+
+    Poisoned colours are rare, and finding whose they are would cost every other scene its time.
+    """
+    check_inputs(splats, view)
+    if view.viewmat.requires_grad or view.K.requires_grad or not splats.colors.sum().isfinite():
+        return project(splats, view, settings)
+    means2d, conics, depths, opacities, radii = Project.apply(
+        splats.means, splats.quats, splats.scales, splats.opacities, make_camera(view, settings)
+    )  # type: ignore[misc]  # torch does not annotate Function.apply
+    colors = splats.colors
+    if splats.sh_degree is not None:
+        center = -view.viewmat[:3, :3].T @ view.viewmat[:3, 3]
+        colors = EvaluateColors.apply(splats.means, colors, radii, center, splats.sh_degree)
+    return ProjectedSplats(means2d, conics, depths, opacities, colors, radii)  # type: ignore[arg-type]
+
+
+def _in_float32(splats: Splats) -> Splats:
+    return replace(
+        splats,
+        means=splats.means.float(),
+        quats=splats.quats.float(),
+        scales=splats.scales.float(),
+        opacities=splats.opacities.float(),
+        colors=splats.colors.float(),
+    )
+
+
+def _view_in_float32(view: View) -> View:
+    return replace(view, viewmat=view.viewmat.float(), K=view.K.float())
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What `_Rasterize` needs beside tensors."""
+
+    width: int
+    height: int
+    depth: bool
+    absgrad: bool
+
+    def grid(self) -> Grid:
+        return Grid(self.width, self.height, -(-self.width // TILE), -(-self.height // TILE))
+
+
+def _flat(tensor: Tensor) -> np.ndarray:
+    """The values as a flat, contiguous array; a copy only where it takes one."""
+    return tensor.detach().contiguous().view(-1).numpy()
+
+
+class _Rasterize(torch.autograd.Function):
+    """(means2d, conics, depths, opacities, colors) -> colours, alpha, sum of w z (or empty)."""
+
+    @staticmethod
+    def forward(ctx, means2d, conics, depths, opacities, colors, radii, job):  # type: ignore[override]
+        channels, grid = colors.shape[1], job.grid()
+        gaussians = Gaussians(
+            means2d=_flat(means2d),
+            conics=_flat(conics),
+            depths=_flat(depths),
+            opacities=_flat(opacities),
+            colors=_flat(colors),
+            channels=channels,
+        )
+        rgb = torch.empty(job.height, job.width, channels)
+        alpha = torch.empty(job.height, job.width, 1)
+        depth = torch.empty((job.height, job.width, 1) if job.depth else (0,))
+        area = grid.tiles_x * grid.tiles_y * AREA
+        state = (np.empty(area, np.float32), np.empty(area, np.float32))
+        frame = Frame(_flat(rgb), _flat(depth), _flat(alpha), *state)
+        with launching(draw_frame):
+            lists, stride = tile_lists(gaussians, _flat(radii), grid, job.depth, ALPHA_CUTOFF)
+            draw_frame(lists, stride, grid, frame, channels, _LIMITS, new_counter(), num_workers())
+        ctx.state = (lists, stride, frame, channels, job)
+        ctx.means2d = means2d
+        return rgb, alpha, depth
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad_rgb, grad_alpha, grad_depth):  # type: ignore[override]
+        lists, stride, frame, channels, job = ctx.state
+        pulled = Frame(
+            _flat(grad_rgb), _flat(grad_depth), _flat(grad_alpha), frame.transmittance, frame.last
+        )
+        sums = torch.from_numpy(
+            _pull(lists, stride, job.grid(), (frame, pulled), channels, ctx.means2d.shape[1])
+        )
+        if job.absgrad:
+            ctx.means2d.absgrad = sums[None, :, 2:4]
+        depth = sums[:, GEOMETRY + channels] if job.depth else None
+        colors = sums[:, GEOMETRY : GEOMETRY + channels]
+        return sums[None, :, :2], sums[:, 4:7], depth, sums[:, 7], colors, None, None
+
+
+def _pull(
+    lists: Lists, stride: int, grid: Grid, frames: tuple[Frame, Frame], channels: int, n: int
+) -> np.ndarray:
+    """Gradients [n, GEOMETRY + features] of all Gaussians; 0 for those not drawn."""
+    width = GEOMETRY + stride - FEATURES
+    sums = np.zeros((n, width), np.float32)
+    grads = np.empty(lists.ranks.size * width, np.float32)
+    with launching(pull_frame):
+        pull_frame(
+            lists, stride, grid, *frames, channels, _LIMITS, grads, new_counter(), num_workers()
+        )
+        sum_rows(lists, grads, width, sums.reshape(-1), new_counter(), num_workers())
+    return sums

@@ -1,0 +1,206 @@
+"""From 3D Gaussians to what a rasterizer draws: EWA splatting in plain, component-wise torch.
+
+Works for any float dtype and device and knows nothing of tiles. Conventions are those of gsplat's
+CUDA kernels: pixel centres at +0.5, the Jacobian's field of view clamped at 1.3 times the image's.
+
+Culled Gaussians are replaced, before anything is divided or normalized, by a harmless one in front
+of the camera. Masking the results would be too late: 0 * inf in the backward pass is NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from desplat_ns.backend.constants import ALPHA_CUTOFF, DET_MIN
+from desplat_ns.backend.inputs import check_inputs, sound
+from desplat_ns.backend.protocol import RenderSettings, Splats, View
+from desplat_ns.backend.spherical_harmonics import sh_basis
+
+FOV_MARGIN = 0.3
+"""The Jacobian is taken at most this share of half the image beyond its border (3DGS, gsplat):
+further out the affine approximation explodes."""
+
+REACH_SIGMAS = math.sqrt(2 * math.log(1 / ALPHA_CUTOFF))
+"""Standard deviations (3.33) beyond which even an opaque Gaussian is below ALPHA_CUTOFF."""
+
+MAX_PIXELS = 1e8
+"""Gaussians that spread further than this, or lie further off the axis, are culled: det(cov2d) is
+their fourth power and float32 ends at 3e38."""
+
+COMPENSATION_MIN = 1e-3
+"""Floor of the antialiasing factor, whose slope is infinite at 0. It is below ALPHA_CUTOFF, so what
+it changes is never drawn."""
+
+
+@dataclass(frozen=True)
+class ProjectedSplats:
+    """Gaussians on the image plane of one view, in pixels. Entries of culled ones mean nothing."""
+
+    means2d: Float[Tensor, "1 N 2"]
+    conics: Float[Tensor, "N 3"]
+    """xx, xy, yy of the inverse 2D covariance, pixels^-2."""
+    depths: Float[Tensor, " N"]
+    """Along the optical axis, world units."""
+    opacities: Float[Tensor, " N"]
+    """Compensated where the settings ask for antialiasing."""
+    colors: Float[Tensor, "N C"]
+    """Evaluated for this view, >= 0 where they come from spherical harmonics."""
+    radii: Int[Tensor, " N"]
+    """3 sigma of the longer axis, rounded up; 0 where culled."""
+
+
+def project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedSplats:
+    """Project Gaussians, evaluate their colours and cull.
+
+    Culled are Gaussians out of [near, far], off the image, with values that are not finite, with a
+    quaternion of length 0, with det(cov2d) <= DET_MIN, or larger than MAX_PIXELS; their gradients
+    are 0. Differentiable in `splats` and in `view`.
+
+    Raises:
+        ValueError: shapes, dtypes or devices do not fit together.
+    """
+    check_inputs(splats, view)
+    usable = _usable(splats, view, settings)
+    splats = _with_culled_replaced(splats, view, usable)
+
+    x, y, z = _to_camera(splats.means, view).unbind(-1)
+    focal_x, focal_y, center_x, center_y = _intrinsics(view)
+    mean_x, mean_y = focal_x * x / z + center_x, focal_y * y / z + center_y
+    cov_xx, cov_xy, cov_yy, det_sharp = _cov2d(splats, view, x, y, z)
+    cov_xx, cov_yy = cov_xx + settings.eps2d, cov_yy + settings.eps2d
+    det = det_sharp + settings.eps2d * (cov_xx + cov_yy - settings.eps2d)
+
+    shaped = det > DET_MIN
+    det = torch.where(shaped, det, 1.0)
+    means2d = torch.stack([mean_x, mean_y], dim=-1)
+    # Rounded up, the diagonal keeps every conic positive definite in this dtype: of a needle's
+    # xx * yy - xy^2 nothing but rounding is left, and an indefinite one would grow without bound.
+    up = 1 + 4 * torch.finfo(det.dtype).eps
+    opacities = splats.opacities
+    if settings.antialiased:
+        ratio = (det_sharp / det).clamp(min=COMPENSATION_MIN**2)
+        opacities = opacities * ratio.sqrt()
+    return ProjectedSplats(
+        means2d=means2d[None],
+        conics=torch.stack([up * cov_yy / det, -cov_xy / det, up * cov_xx / det], dim=-1),
+        depths=z,
+        opacities=opacities,
+        colors=view_colors(splats, view),
+        radii=_radii(usable & shaped, means2d, (cov_xx, cov_xy, cov_yy), view),
+    )
+
+
+def view_colors(splats: Splats, view: View) -> Float[Tensor, "N C"]:
+    """Colours seen from `view`: as given, or max(SH + 1/2, 0) where `sh_degree` is set."""
+    if splats.sh_degree is None:
+        return splats.colors
+    center = -view.viewmat[:3, :3].T @ view.viewmat[:3, 3]
+    dirs = torch.nn.functional.normalize(splats.means - center, dim=-1)
+    basis = sh_basis(splats.sh_degree, dirs)
+    coefficients = splats.colors[:, : basis.shape[-1]]
+    return (torch.einsum("nk,nkc->nc", basis, coefficients) + 0.5).clamp(min=0)
+
+
+def _intrinsics(view: View) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    return view.K[0, 0], view.K[1, 1], view.K[0, 2], view.K[1, 2]
+
+
+def _to_camera(means: Tensor, view: View) -> Tensor:
+    return means @ view.viewmat[:3, :3].T + view.viewmat[:3, 3]
+
+
+@torch.no_grad()
+def _usable(splats: Splats, view: View, settings: RenderSettings) -> Bool[Tensor, " N"]:
+    """Sound Gaussians in front, of bounded size: comparisons with NaN are False."""
+    camera = _to_camera(splats.means, view)
+    z = camera[:, 2]
+    pixels = torch.maximum(view.K[0, 0], view.K[1, 1]) / z.clamp(min=settings.near_plane)
+    spread = torch.maximum(camera[:, :2].abs().amax(-1), splats.scales.abs().amax(-1)) * pixels
+    usable = sound(splats) & (spread < MAX_PIXELS)
+    return usable & (z >= settings.near_plane) & (z <= settings.far_plane) & (z > 0)
+
+
+def _with_culled_replaced(splats: Splats, view: View, usable: Tensor) -> Splats:
+    """The same set with a unit Gaussian, one unit in front of the camera, for each culled one."""
+    culled = ~usable[:, None]
+    rotation, translation = view.viewmat[:3, :3].detach(), view.viewmat[:3, 3].detach()
+    ahead = (rotation.new_tensor([0.0, 0.0, 1.0]) - translation) @ rotation
+    colors = splats.colors
+    if not torch.isfinite(colors.detach().sum()):
+        colors = colors.masked_fill(culled if colors.ndim == 2 else culled[..., None], 0)
+    return Splats(
+        means=torch.where(culled, ahead, splats.means),
+        quats=splats.quats.masked_fill(culled, 0.5),
+        scales=splats.scales.masked_fill(culled, 1),
+        opacities=splats.opacities.masked_fill(~usable, 0),
+        colors=colors,
+        sh_degree=splats.sh_degree,
+    )
+
+
+def _rotation_columns(quats: Tensor) -> list[list[Tensor]]:
+    """The rotation matrix of quaternions wxyz of any length, as nine vectors [N]: [row][column]."""
+    w, x, y, z = torch.nn.functional.normalize(quats, dim=-1, eps=0.0).T.contiguous().unbind(0)
+    return [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+
+
+def _cov2d(
+    splats: Splats, view: View, x: Tensor, y: Tensor, z: Tensor
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """xx, xy, yy and the determinant of J W Sigma W^T J^T, pixels^2: Eq. 5 of the 3DGS paper.
+
+    With M = J W R diag(s), 2 x 3, the determinant of M M^T is the sum of M's squared 2 x 2 minors
+    (Cauchy-Binet): never negative and free of the cancellation in xx * yy - xy^2.
+    """
+    focal_x, focal_y, center_x, center_y = _intrinsics(view)
+    x_over_z = _clamped_slope(x / z, focal_x, center_x, view.width)
+    y_over_z = _clamped_slope(y / z, focal_y, center_y, view.height)
+    world = view.viewmat[:3, :3]
+    rotation = _rotation_columns(splats.quats)
+    scales = splats.scales.T.contiguous().unbind(0)
+    rows = []
+    for axis, slope, focal in ((0, x_over_z, focal_x), (1, y_over_z, focal_y)):
+        # A row of J W: how this pixel coordinate moves with the world position.
+        row = [focal / z * (world[axis, j] - slope * world[2, j]) for j in range(3)]
+        rows.append([sum(row[j] * rotation[j][k] for j in range(3)) * scales[k] for k in range(3)])
+    (a0, a1, a2), (b0, b1, b2) = rows
+    minors = (a0 * b1 - a1 * b0, a1 * b2 - a2 * b1, a2 * b0 - a0 * b2)
+    return (
+        a0 * a0 + a1 * a1 + a2 * a2,
+        a0 * b0 + a1 * b1 + a2 * b2,
+        b0 * b0 + b1 * b1 + b2 * b2,
+        minors[0] * minors[0] + minors[1] * minors[1] + minors[2] * minors[2],
+    )
+
+
+def _clamped_slope(slope: Tensor, focal: Tensor, center: Tensor, size: int) -> Tensor:
+    """x / z kept within the image and FOV_MARGIN beyond, as in gsplat's `persp_proj`."""
+    margin = FOV_MARGIN * 0.5 * size / focal
+    return torch.minimum(
+        torch.maximum(slope, -(center / focal + margin)), (size - center) / focal + margin
+    )
+
+
+@torch.no_grad()
+def _radii(
+    usable: Tensor, means2d: Tensor, cov2d: tuple[Tensor, Tensor, Tensor], view: View
+) -> Int[Tensor, " N"]:
+    """3 sigma of the longer axis, rounded up; 0 where culled or out of the image's reach."""
+    xx, xy, yy = cov2d
+    # b^2 - det of gsplat's formula, written without its cancellation.
+    spread = (((xx - yy) / 2).square() + xy.square()).clamp(min=0.01)
+    sigma = ((xx + yy) / 2 + spread.sqrt()).sqrt()
+    radii = (3.0 * sigma).ceil()
+    reach = torch.maximum(radii, REACH_SIGMAS * sigma)[:, None]
+    size = means2d.new_tensor([view.width, view.height])
+    touches = ((means2d + reach > 0) & (means2d - reach < size)).all(dim=-1)
+    return torch.where(usable & touches, radii, 0.0).to(torch.int32)

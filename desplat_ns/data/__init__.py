@@ -1,0 +1,1 @@
+"""Captures on disk: reconstructions, photos, and which photos train and which are held out."""

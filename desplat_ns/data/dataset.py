@@ -1,0 +1,115 @@
+"""Photos of one split at the size of their cameras.
+
+Letters in shapes: H x W pixels, C channels (3 or 4).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from jaxtyping import Bool, UInt8
+from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
+from nerfstudio.data.datasets.base_dataset import InputDataset
+from torch import Tensor
+
+from desplat_ns.data.checks import list_names
+from desplat_ns.data.downscale import SIZE_TOLERANCE
+from desplat_ns.data.images import image_size, read_image, read_mask, resize_image, resize_mask
+from desplat_ns.errors import CaptureError
+
+Size = tuple[int, int]
+"""(width, height) in pixels."""
+
+
+class CaptureDataset(InputDataset):
+    """nerfstudio's dataset, read with OpenImageIO: upright, any format, reduced by area.
+
+    A photo larger than its camera is reduced to it, if its shape is the same.
+    """
+
+    def __init__(self, dataparser_outputs: DataparserOutputs, scale_factor: float = 1.0):
+        super().__init__(dataparser_outputs, scale_factor)
+        # Kept here because undistortion crops: it changes the cameras, not the files.
+        widths, heights = self.cameras.width.flatten(), self.cameras.height.flatten()
+        self.sizes: list[Size] = list(zip(widths.tolist(), heights.tolist(), strict=True))
+
+    def check_photos(self) -> None:
+        """Look at the headers of all photos, before hours of training.
+
+        Raises:
+            CaptureError: photos that are missing, unreadable, or do not fit their cameras.
+        """
+        missing = [path for path in self.image_filenames if not path.is_file()]
+        if missing:
+            raise CaptureError(
+                f"{len(missing)} of {len(self)} photos that the capture names do not exist: "
+                f"{list_names(map(str, missing))}. Put them there, or check --data."
+            )
+        for path, size in zip(self.image_filenames, self.sizes, strict=True):
+            check_size(path, image_size(path), size)
+
+    def get_numpy_image(self, image_idx: int) -> UInt8[np.ndarray, "H W C"]:
+        """The photo at its camera's size.
+
+        Raises:
+            CaptureError: it cannot be read, or does not fit its camera.
+        """
+        path = self.image_filenames[image_idx]
+        image = read_image(path)
+        check_size(path, (image.shape[1], image.shape[0]), self.sizes[image_idx])
+        return resize_image(image, *self.sizes[image_idx])
+
+    def get_data(
+        self, image_idx: int, image_type: Literal["uint8", "float32"] = "float32"
+    ) -> dict[str, Any]:
+        """`image_idx`, `image` [H, W, C] and, if the capture has masks, `mask` [H, W, 1] (bool)."""
+        read = self.get_image_uint8 if image_type == "uint8" else self.get_image_float32
+        image = read(image_idx)
+        data: dict[str, Any] = {"image_idx": image_idx, "image": image}
+        if self._dataparser_outputs.mask_filenames is not None:
+            data["mask"] = self.get_mask(image_idx)
+            if self.mask_color:
+                color = torch.tensor(self.mask_color)
+                if image_type == "uint8":
+                    color = (color * 255).round()
+                data["image"] = torch.where(data["mask"], image, color.to(image.dtype))
+        data.update(self.get_metadata(data))
+        return data
+
+    def get_mask(self, image_idx: int) -> Bool[Tensor, "H W 1"]:
+        """Where the photo may be used, at its camera's size."""
+        assert self._dataparser_outputs.mask_filenames is not None, "asked for only with masks"
+        path = self._dataparser_outputs.mask_filenames[image_idx]
+        mask = read_mask(path)
+        check_size(path, (mask.shape[1], mask.shape[0]), self.sizes[image_idx])
+        return torch.from_numpy(resize_mask(mask, *self.sizes[image_idx]))[..., None]
+
+
+def check_size(path: Path, found: Size, camera: Size) -> None:
+    """A photo must be as large as its camera, or larger and of the same shape.
+
+    Raises:
+        CaptureError: names the file and both sizes.
+    """
+    if _fits(found, camera):
+        return
+    turned = _fits((found[1], found[0]), camera)
+    cause = "turned by a quarter (its EXIF orientation says how it is shown)" if turned else "other"
+    raise CaptureError(
+        f"Photo {path} is {found[0]}x{found[1]} pixels as it is shown, but its camera in the "
+        f"reconstruction is {camera[0]}x{camera[1]} (after downscaling): {cause}. The "
+        "reconstruction must be made from the photos as they are shown: turn or resize the files "
+        "(`mogrify -auto-orient` turns them) and run COLMAP again, or name the folder that it was "
+        "made from with --images-path."
+    )
+
+
+def _fits(found: Size, camera: Size) -> bool:
+    if found[0] < camera[0] or found[1] < camera[1]:
+        return False
+    ratio = min(found[0] / camera[0], found[1] / camera[1])
+    off = max(abs(found[0] / ratio - camera[0]), abs(found[1] / ratio - camera[1]))
+    return off <= SIZE_TOLERANCE + 1

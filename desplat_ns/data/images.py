@@ -1,0 +1,229 @@
+"""Photos in, pictures out, through OpenImageIO: upright, 8 bit, RGB or RGBA.
+
+Letters in shapes: H x W pixels, C channels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import OpenImageIO as oiio
+from jaxtyping import Bool, Float, UInt8
+
+from desplat_ns.errors import CaptureError, DeSplatError
+
+Array = np.ndarray
+
+# OpenImageIO 3.0.21's `reorient` has 5 and 7 the wrong way round, hence our own table (EXIF 2.3,
+# tag 0x0112).
+_UPRIGHT: dict[int, Callable[[Array], Array]] = {
+    1: lambda image: image,
+    2: lambda image: image[:, ::-1],
+    3: lambda image: image[::-1, ::-1],
+    4: lambda image: image[::-1],
+    5: lambda image: image.swapaxes(0, 1),
+    6: lambda image: np.rot90(image, -1),
+    7: lambda image: image.swapaxes(0, 1)[::-1, ::-1],
+    8: lambda image: np.rot90(image, 1),
+}
+
+
+def read_image(path: Path) -> UInt8[np.ndarray, "H W C"]:
+    """The photo as a viewer shows it: EXIF orientation applied, RGB (C = 3) or RGBA (C = 4).
+
+    Grey becomes RGB; 16-bit and float samples are rounded to 8 bits; files that say that they are
+    linear (EXR, HDR) get the sRGB curve, all other values stay as they are. Alpha is not multiplied
+    into the colours.
+
+    Raises:
+        CaptureError: the file is missing, is not an image, or ends too early.
+    """
+    file = _open(path)
+    spec = file.spec()
+    wants_float = _is_linear(spec)
+    pixels = file.read_image(oiio.FLOAT if wants_float else oiio.UINT8)
+    problem = file.geterror()
+    file.close()
+    if pixels is None or problem:
+        raise _unreadable(path, problem)
+    pixels = _pick_channels(np.asarray(pixels), list(spec.channelnames), path)
+    if wants_float:
+        pixels = _encode_srgb(pixels)
+    upright = _UPRIGHT.get(_orientation(spec), _UPRIGHT[1])
+    return np.ascontiguousarray(upright(pixels))
+
+
+def image_size(path: Path) -> tuple[int, int]:
+    """(width, height) in pixels of the upright photo; reads the header only.
+
+    Raises:
+        CaptureError: the file is missing or is not an image.
+    """
+    file = _open(path)
+    spec = file.spec()
+    file.close()
+    turned = _orientation(spec) >= 5
+    return (spec.height, spec.width) if turned else (spec.width, spec.height)
+
+
+def read_mask(path: Path) -> Bool[np.ndarray, "H W"]:
+    """Where the mask is not black (any channel but alpha above 0), upright.
+
+    Raises:
+        CaptureError: as `read_image`.
+    """
+    return read_image(path)[..., :3].max(axis=-1) > 0
+
+
+def resize_image(
+    image: UInt8[np.ndarray, "H W C"], width: int, height: int
+) -> UInt8[np.ndarray, "h w C"]:
+    """Reduce by area: each new pixel is the mean of the rectangle it covers.
+
+    RGBA is averaged with colours weighted by alpha, so that what is transparent does not bleed.
+    """
+    if image.shape[:2] == (height, width):
+        return image
+    if image.shape[2] == 4:
+        return _resize_rgba(image, width, height)
+    return _resize_area(image, width, height)
+
+
+def resize_mask(mask: Bool[np.ndarray, "H W"], width: int, height: int) -> Bool[np.ndarray, "h w"]:
+    """Reduce by area: True where at least half of the rectangle is True."""
+    return _resize_area(mask.astype(np.float32)[..., None], width, height)[..., 0] >= 0.5
+
+
+def write_image(
+    path: Path,
+    image: UInt8[np.ndarray, "H W *C"] | Bool[np.ndarray, "H W *C"] | Float[np.ndarray, "H W *C"],
+) -> None:
+    """Write a picture in the format that the file name asks for; makes missing folders.
+
+    Booleans become 0 and 255. Floats in [0, 1] are rounded to 8 bits (EXR keeps them as they are).
+
+    Raises:
+        DeSplatError: the folder cannot be written, or nothing knows the format.
+    """
+    pixels = _for_file(image, keep_float=path.suffix.lower() == ".exr")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _unwritable(path, str(error)) from error
+    file = oiio.ImageOutput.create(str(path))
+    if file is None:
+        raise _unwritable(path, oiio.geterror())
+    kind = oiio.FLOAT if pixels.dtype == np.float32 else oiio.UINT8
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    if not (file.open(str(path), spec) and file.write_image(pixels) and file.close()):
+        raise _unwritable(path, file.geterror())
+
+
+def _for_file(image: Array, keep_float: bool) -> Array:
+    pixels = image[..., None] if image.ndim == 2 else image
+    if pixels.dtype == np.bool_:
+        pixels = pixels.astype(np.uint8) * 255
+    elif pixels.dtype != np.uint8:
+        pixels = pixels.astype(np.float32)
+        if not keep_float:
+            pixels = _to_uint8(pixels)
+    return np.ascontiguousarray(pixels)
+
+
+def _open(path: Path) -> oiio.ImageInput:
+    if not path.is_file():
+        raise CaptureError(
+            f"Image {path} does not exist. Check --data and the images folder, or remove the image "
+            "from the reconstruction."
+        )
+    hints = oiio.ImageSpec()
+    hints.attribute("oiio:UnassociatedAlpha", 1)
+    file = oiio.ImageInput.open(str(path), hints)
+    if file is None:
+        raise _unreadable(path, oiio.geterror())
+    return file
+
+
+def _unreadable(path: Path, problem: str) -> CaptureError:
+    reason = problem.strip().splitlines()[0] if problem.strip() else "no pixels in it"
+    return CaptureError(
+        f"Image {path} cannot be read: {reason}. Copy it again from its source, or remove it from "
+        "the reconstruction (or from transforms.json)."
+    )
+
+
+def _unwritable(path: Path, problem: str) -> DeSplatError:
+    reason = problem.strip() or "unknown reason"
+    return DeSplatError(
+        f"Picture {path} cannot be written: {reason}. Needed: a folder that may be written, free "
+        "space, and a file name that ends in a known format such as .png."
+    )
+
+
+def _orientation(spec: oiio.ImageSpec) -> int:
+    return int(spec.getattribute("Orientation") or 1)
+
+
+def _is_linear(spec: oiio.ImageSpec) -> bool:
+    space = str(spec.getattribute("oiio:ColorSpace") or "").lower()
+    return spec.format.basetype in (oiio.FLOAT, oiio.HALF) and space.startswith(("lin", "scene"))
+
+
+def _pick_channels(pixels: Array, names: list[str], path: Path) -> Array:
+    """RGB(A) from grey, grey + alpha, RGB, RGBA, or files that hold more than that."""
+    upper = [name.upper() for name in names]
+    if {"R", "G", "B"} <= set(upper):
+        picked = [upper.index(letter) for letter in "RGB"]
+    elif len(names) <= 2:
+        picked = [0, 0, 0]
+    else:
+        raise CaptureError(
+            f"Image {path} has the channels {', '.join(names)}; grey, RGB or RGBA is needed. "
+            "Convert it, for example to PNG."
+        )
+    if "A" in upper:
+        picked.append(upper.index("A"))
+    return pixels[..., picked]
+
+
+def _encode_srgb(linear: Array) -> Array:
+    """Linear light to 8-bit sRGB (IEC 61966-2-1); alpha stays linear."""
+    values = np.nan_to_num(linear, nan=0.0, posinf=1.0, neginf=0.0).clip(0.0, 1.0)
+    colors = values[..., :3]
+    curve = 1.055 * np.maximum(colors, 0.0031308) ** (1 / 2.4) - 0.055
+    values[..., :3] = np.where(colors <= 0.0031308, 12.92 * colors, curve)
+    return _to_uint8(values)
+
+
+def _to_uint8(values: Array) -> Array:
+    return np.rint(np.nan_to_num(values).clip(0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+def _resize_area(image: Array, width: int, height: int) -> Array:
+    """Mean over each new pixel's rectangle, rounded for integers; [H, W, C] in and out.
+
+    OpenImageIO's box filter does this where the ratio is whole. Elsewhere it takes or leaves whole
+    pixels by their centres (at a ratio of 1.5: two, one, two, ...), so there OpenCV's exact
+    area filter is used.
+    """
+    channels = image.shape[2]
+    if image.shape[0] % height == 0 and image.shape[1] % width == 0:
+        roi = oiio.ROI(0, width, 0, height, 0, 1, 0, channels)
+        source = oiio.ImageBuf(np.ascontiguousarray(image))
+        reduced = oiio.ImageBufAlgo.resize(source, filtername="box", roi=roi, nthreads=1)
+        return np.asarray(reduced.get_pixels(oiio.UINT8 if image.dtype == np.uint8 else oiio.FLOAT))
+    reduced = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+    return reduced.reshape(height, width, channels)
+
+
+def _resize_rgba(image: Array, width: int, height: int) -> Array:
+    alpha = image[..., 3:].astype(np.float32)
+    weighted = np.concatenate([image[..., :3] * (alpha / 255.0), alpha], axis=-1)
+    weighted = _resize_area(weighted.astype(np.float32), width, height)
+    alpha = weighted[..., 3:]
+    colors = weighted[..., :3] * (255.0 / np.maximum(alpha, 1e-3))
+    return np.rint(np.concatenate([colors, alpha], -1)).clip(0, 255).astype(np.uint8)

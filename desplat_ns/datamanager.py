@@ -1,0 +1,161 @@
+"""Serves full photos with their cameras, and says which training view a camera is."""
+
+from __future__ import annotations
+
+import os
+import random
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from nerfstudio.configs.dataparser_configs import AnnotatedDataParserUnion
+from nerfstudio.data.datamanagers.full_images_datamanager import (
+    FullImageDatamanager,
+    FullImageDatamanagerConfig,
+)
+from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
+from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
+from nerfstudio.data.dataparsers.nerfstudio_dataparser import (
+    Nerfstudio,
+    NerfstudioDataParserConfig,
+)
+
+from desplat_ns.data.colmap import with_pycolmap
+from desplat_ns.data.dataset import CaptureDataset
+from desplat_ns.data.nerfstudio import PromptFreeNerfstudio
+from desplat_ns.errors import CaptureError, CheckpointError
+
+
+@dataclass
+class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
+    """Full photos, kept as 8 bit."""
+
+    _target: type = field(default_factory=lambda: DeSplatDataManager)
+    dataparser: AnnotatedDataParserUnion = field(
+        default_factory=lambda: NerfstudioDataParserConfig(load_3D_points=True)
+    )
+    cache_images_type: Literal["uint8", "float32"] = "uint8"
+    """How photos are kept in memory; uint8 takes a quarter of float32 and loses nothing."""
+
+
+def without_prompts(config: DataParserConfig) -> DataParserConfig:
+    """The same dataparser, read our way where upstream's would ask questions."""
+    if type(config) is ColmapDataParserConfig:
+        return with_pycolmap(config)
+    if type(config) is NerfstudioDataParserConfig and config._target is Nerfstudio:
+        return replace(config, _target=PromptFreeNerfstudio)
+    return config
+
+
+class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
+    """nerfstudio's full-image datamanager, also without CUDA.
+
+    The cameras of training views carry `metadata["train_idx"]` ([1, 1], the number of the view);
+    those of held-out views do not. `cam_idx`, which the viewer always sends, means nothing.
+    """
+
+    config: DeSplatDataManagerConfig
+
+    def __init__(
+        self,
+        config: DeSplatDataManagerConfig,
+        device: torch.device | str = "cpu",
+        test_mode: Literal["test", "val", "inference"] = "val",
+        world_size: int = 1,
+        local_rank: int = 0,
+        **kwargs: Any,
+    ):
+        config.dataparser = without_prompts(config.dataparser)
+        super().__init__(config, device, test_mode, world_size, local_rank, **kwargs)
+
+    def create_train_dataset(self) -> CaptureDataset:
+        """Training photos, numbered.
+
+        Raises:
+            CaptureError: fewer than two, or photos that cannot be used.
+        """
+        dataset = super().create_train_dataset()
+        if len(dataset) < 2:
+            raise CaptureError(
+                f"{self.get_datapath()} has {len(dataset)} training photos; two or more are needed."
+                " Check the options that choose them (--eval-mode, --train-split-fraction, "
+                "--train-split-mode, or train_list.txt)."
+            )
+        self._check_photos(dataset)
+        numbers = torch.arange(len(dataset))[:, None]
+        dataset.cameras.metadata = {**(dataset.cameras.metadata or {}), "train_idx": numbers}
+        dataset.metadata["train_cameras"] = dataset.cameras
+        return dataset
+
+    def create_eval_dataset(self) -> CaptureDataset:
+        """Held-out photos.
+
+        Raises:
+            CaptureError: none, or photos that cannot be used.
+        """
+        dataset = super().create_eval_dataset()
+        if len(dataset) == 0:
+            raise CaptureError(
+                f"{self.get_datapath()} has no evaluation photos: all {len(self.train_dataset)} "
+                "are used for training. Hold some out with --eval-mode interval (every eighth), or "
+                "with a smaller --train-split-fraction."
+            )
+        self._check_photos(dataset)
+        return dataset
+
+    @property
+    def train_image_names(self) -> list[str]:
+        """Names of the training photos in the order of `train_idx`, below their common folder."""
+        paths = [path.absolute() for path in self.train_dataset.image_filenames]
+        folder = Path(os.path.commonpath([path.parent for path in paths]))
+        return [path.relative_to(folder).as_posix() for path in paths]
+
+    def sampler_state(self) -> dict[str, Any]:
+        """The order in which views come next, as numbers and lists only."""
+        state: dict[str, Any] = {
+            "num_views": len(self.train_dataset),
+            "unseen": [int(i) for i in self.train_unseen_cameras],
+            "eval_unseen": [int(i) for i in self.eval_unseen_cameras],
+        }
+        if hasattr(self, "random_generator"):
+            version, numbers, gauss = self.random_generator.getstate()
+            state["random"] = [version, list(numbers), gauss]
+        if hasattr(self, "train_unsampled_epoch_count"):
+            state["unsampled"] = [float(count) for count in self.train_unsampled_epoch_count]
+        return state
+
+    def load_sampler_state(self, state: dict[str, Any]) -> None:
+        """Go on with the order that `sampler_state` gave.
+
+        Raises:
+            CheckpointError: the state belongs to another number of training views.
+        """
+        if state["num_views"] != len(self.train_dataset):
+            raise CheckpointError(
+                f"The checkpoint was trained on {state['num_views']} photos; {self.get_datapath()} "
+                f"gives {len(self.train_dataset)}. Give the same --data and split options as then."
+            )
+        self.train_unseen_cameras = list(state["unseen"])
+        if all(i < len(self.eval_dataset) for i in state["eval_unseen"]):
+            self.eval_unseen_cameras = list(state["eval_unseen"])
+        if "random" in state:
+            version, numbers, gauss = state["random"]
+            self.random_generator = random.Random()
+            self.random_generator.setstate((version, tuple(numbers), gauss))
+        if "unsampled" in state:
+            self.train_unsampled_epoch_count = np.array(state["unsampled"])
+
+    def _check_photos(self, dataset: CaptureDataset) -> None:
+        # "inference" (ns-render, ns-viewer) may never look at the photos.
+        if self.test_mode != "inference":
+            dataset.check_photos()
+
+    def _load_images(
+        self, split: Literal["train", "eval"], cache_images_device: Literal["cpu", "gpu"]
+    ) -> list[dict[str, Any]]:
+        # Upstream pins memory for "cpu", which needs a CUDA driver; "gpu" means `self.device`.
+        if not torch.cuda.is_available():
+            cache_images_device = "gpu"
+        return super()._load_images(split, cache_images_device)

@@ -1,0 +1,83 @@
+"""The registered methods: numbers of App. B.3 and Splatfacto's, and nothing else."""
+
+from __future__ import annotations
+
+import torch
+from nerfstudio.configs.base_config import MachineConfig, ViewerConfig
+from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
+from nerfstudio.engine.optimizers import AdamOptimizerConfig
+from nerfstudio.plugins.types import MethodSpecification
+
+from desplat_ns.datamanager import DeSplatDataManagerConfig
+from desplat_ns.errors import print_user_errors_plainly
+from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.pipeline import DeSplatPipelineConfig
+from desplat_ns.schedules import ScaledExponentialDecaySchedulerConfig
+from desplat_ns.trainer import DeSplatTrainerConfig
+
+print_user_errors_plainly()
+
+STEPS = 30_000
+"""Length of the full schedule, B.3."""
+
+
+def _constant(lr: float) -> dict:
+    return {"optimizer": AdamOptimizerConfig(lr=lr, eps=1e-15), "scheduler": None}
+
+
+def _decaying(lr: float, lr_final: float, warmup_steps: int = 0) -> dict:
+    decay = ScaledExponentialDecaySchedulerConfig(
+        lr_final=lr_final, max_steps=STEPS, warmup_steps=warmup_steps, lr_pre_warmup=0.0
+    )
+    return {"optimizer": AdamOptimizerConfig(lr=lr, eps=1e-15), "scheduler": decay}
+
+
+def static_optimizers() -> dict:
+    """Splatfacto's (nerfstudio 1.1.5)."""
+    return {
+        "means": _decaying(1.6e-4, 1.6e-6),
+        "features_dc": _constant(2.5e-3),
+        "features_rest": _constant(2.5e-3 / 20),
+        "opacities": _constant(0.05),
+        "scales": _constant(5e-3),
+        "quats": _constant(1e-3),
+        "camera_opt": _decaying(1e-4, 5e-7, warmup_steps=1000),
+        "bilateral_grid": _decaying(2e-3, 1e-4, warmup_steps=1000),
+    }
+
+
+def distractor_optimizers() -> dict:
+    """B.3: quaternions 0.01, scales 0.05, colours 0.025; means and opacities as Splatfacto's."""
+    return {
+        "distractor_means": _decaying(1.6e-4, 1.6e-6),
+        "distractor_quats": _constant(0.01),
+        "distractor_scales": _constant(0.05),
+        "distractor_rgbs": _constant(0.025),
+        "distractor_opacities": _constant(0.05),
+    }
+
+
+desplat = MethodSpecification(
+    config=DeSplatTrainerConfig(
+        method_name="desplat",
+        machine=MachineConfig(device_type="cuda" if torch.cuda.is_available() else "cpu"),
+        max_num_iterations=STEPS,
+        nominal_num_iterations=STEPS,
+        mixed_precision=False,
+        steps_per_save=2000,
+        steps_per_eval_batch=0,
+        steps_per_eval_image=100,
+        steps_per_eval_all_images=1000,
+        pipeline=DeSplatPipelineConfig(
+            datamanager=DeSplatDataManagerConfig(
+                dataparser=NerfstudioDataParserConfig(load_3D_points=True),
+                cache_images_type="uint8"
+            ),
+            model=DeSplatModelConfig(),
+        ),
+        optimizers=static_optimizers() | distractor_optimizers(),
+        viewer=ViewerConfig(num_rays_per_chunk=1 << 15),
+        vis="viewer",
+    ),
+    description="DeSplat: a clean static scene from photos with things in the way, on a GPU or a CPU.",
+)

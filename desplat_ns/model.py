@@ -1,0 +1,333 @@
+"""DeSplat as a nerfstudio model: configuration and wiring; the formulas are elsewhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import torch
+from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.data.scene_box import OrientedBox
+from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackAttributes
+from nerfstudio.models.splatfacto import SplatfactoModel, SplatfactoModelConfig
+from torch import Tensor, nn
+
+from desplat_ns.backend import BackendName, Rasterizer, resolve
+from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
+from desplat_ns.cameras import train_index, view_of
+from desplat_ns.compositing import composite_alpha, composite_color, over_background
+from desplat_ns.densification import DistractorDensifier, strategy_info, to_device
+from desplat_ns.distractors import DistractorConfig, DistractorGaussians
+from desplat_ns.effects import EffectsConfig
+from desplat_ns.errors import BackendUnavailableError, CaptureError
+from desplat_ns.gaussians import activate_distractors, activate_static, resize_rows
+from desplat_ns.losses import distractor_opacity_loss, static_transparency_loss
+from desplat_ns.metrics import image_metrics
+from desplat_ns.schedules import scaled_steps
+from desplat_ns.upstream import (
+    splatfacto_modules_without_cuda,
+    splatfacto_modules_without_downloads,
+)
+from desplat_ns.viewer import LayerControl
+
+MASK_THRESHOLD = 0.5
+"""A pixel counts as covered where the distractors' opacity is greater. App. C.1."""
+
+MIN_SEED_POINTS = 4
+"""Splatfacto sizes each Gaussian by its three nearest neighbours."""
+
+MIN_SEED_SCALE = 1e-6
+"""World units. Coincident 3D points have neighbours at distance 0, whose logarithm is no scale."""
+
+
+@dataclass
+class DeSplatModelConfig(SplatfactoModelConfig):
+    """DeSplat on top of Splatfacto.
+
+    Every number of steps belongs to the full schedule; `schedule_scale` shrinks them all.
+    """
+
+    _target: type = field(default_factory=lambda: DeSplatModel)
+    effects: EffectsConfig = field(default_factory=EffectsConfig)
+    """Which effects the scene calls for."""
+    distractors: DistractorConfig = field(default_factory=DistractorConfig)
+    """Distractor Gaussians."""
+    backend: BackendName = "auto"
+    """Rasterizer. auto takes gsplat where CUDA works, else the fastest that runs on the CPU."""
+    schedule_scale: float | None = None
+    """Factor on every number of steps; by default max-num-iterations over the method's own number, at
+    most 1."""
+
+    def scaled(self) -> DeSplatModelConfig:
+        """A copy whose numbers of steps are shrunk by `schedule_scale`."""
+        scale = self.schedule_scale or 1.0
+        steps = (
+            "warmup_length refine_every resolution_schedule sh_degree_interval stop_screen_size_at "
+            "stop_split_at"
+        ).split()
+        distractors = replace(
+            self.distractors,
+            **_scaled(
+                self.distractors, ("static_warmup", "stop_densify_at", "refine_every_visits"), scale
+            ),
+        )
+        return replace(self, distractors=distractors, **_scaled(self, steps, scale))
+
+
+def _scaled(config: Any, names: Iterable[str], scale: float) -> dict[str, int]:
+    return {name: scaled_steps(getattr(config, name), scale) for name in names}
+
+
+class DeSplatModel(SplatfactoModel):
+    """Static Gaussians shared by all views, and distractor Gaussians for each training view."""
+
+    config: DeSplatModelConfig
+    distractors: DistractorGaussians | None
+
+    def __init__(self, config: DeSplatModelConfig, *args: Any, **kwargs: Any):
+        self._rasterizer: Rasterizer | None = None
+        super().__init__(config.scaled(), *args, **kwargs)
+
+    def populate_modules(self) -> None:
+        """Static Gaussians at the 3D points, distractors in front of every training camera."""
+        self._check_seed_points()
+        with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
+            super().populate_modules()
+        self.gauss_params["scales"].data.clamp_(min=math.log(MIN_SEED_SCALE))
+        self.strategy.verbose = False
+        self.strategy.pause_refine_after_reset = scaled_steps(
+            self.num_train_data, self.config.schedule_scale or 1.0
+        ) + self.config.refine_every
+        self.distractors = None
+        self.layer_control = LayerControl(0)
+        if self.config.effects.distractors:
+            cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
+            self.distractors = DistractorGaussians(self.config.distractors, cameras)
+            self.densifier = DistractorDensifier(
+                self.config.distractors, self.config, self.num_train_data
+            )
+            self.layer_control = LayerControl(self.num_train_data)
+        self._distractors_drawn: tuple[int, dict[str, Any]] | None = None
+
+    def _check_seed_points(self) -> None:
+        if self.config.random_init:
+            return
+        found = 0 if self.seed_points is None else len(self.seed_points[0])
+        if found < MIN_SEED_POINTS:
+            raise CaptureError(
+                f"The capture has {found} 3D points; static Gaussians start at the points of the "
+                f"reconstruction and need at least {MIN_SEED_POINTS}. Give a reconstruction with "
+                "points, or add `--pipeline.model.random-init True`."
+            )
+
+    # --- rendering ---------------------------------------------------------------------------
+
+    @property
+    def rasterizer(self) -> Rasterizer:
+        """The backend, chosen when first needed.
+
+        Raises:
+            BackendUnavailableError: in training, if the configured backend cannot run here. What was
+                trained elsewhere is rendered with what there is.
+        """
+        if self._rasterizer is None:
+            try:
+                self._rasterizer = resolve(self.config.backend)
+            except BackendUnavailableError:
+                if self.training:
+                    raise
+                self._rasterizer = resolve("auto")
+        return self._rasterizer
+
+    def get_outputs(self, camera: Cameras) -> dict[str, Tensor]:
+        """Render one camera.
+
+        Returns:
+            Images [H, W, C] with colours in [0, 1]: rgb (in training what the loss sees, else the
+            static scene), depth (world units; not in training), accumulation, background; with
+            distractors also rgb_static, rgb_composite, rgb_distractor (weighted by its alpha),
+            alpha_distractor and distractor_mask (bool).
+        """
+        view = self._view_of(camera)
+        static = self._render_static(view)
+        index = train_index(camera)
+        if index is None and not self.training:
+            index = self.layer_control.train_idx()
+        distractor = self._render_distractors(view, index)
+        outputs = self._static_outputs(static, view)
+        if self.distractors is not None:
+            outputs |= self._layered_outputs(static, distractor, outputs["background"])
+        if self.training and self.distractors is not None:
+            outputs["rgb"] = outputs["rgb_composite"]
+        return outputs if self.training else self.layer_control.apply(outputs)
+
+    def _view_of(self, camera: Cameras) -> View:
+        assert camera.shape[0] == 1, "one camera at a time"
+        pose = self.camera_optimizer.apply_to_camera(camera) if self.training else None
+        view = view_of(camera, None if pose is None else pose[0], self._get_downscale_factor())
+        self.last_size = (view.height, view.width)
+        return view
+
+    def _settings(self, depth: bool) -> RenderSettings:
+        return RenderSettings(
+            antialiased=self.config.rasterize_mode == "antialiased",
+            depth=depth,
+            absgrad=self.training and self.config.use_absgrad,
+        )
+
+    def _render_static(self, view: View) -> Rendering:
+        crop = self.crop_box if not self.training else None
+        keep = None if crop is None else crop.within(self.means).reshape(-1)
+        depth = self.config.output_depth_during_training or not self.training
+        splats = activate_static(self.gauss_params, self._sh_degree(), keep)
+        rendering = self._rasterize(splats, view, self._settings(depth))
+        if self.training:
+            self.info = strategy_info(rendering, view)
+            self.strategy.step_pre_backward(
+                self.gauss_params, self.optimizers, self.strategy_state, self.step, self.info
+            )
+        return rendering
+
+    def _render_distractors(self, view: View, index: int | None) -> Rendering | None:
+        """Distractors of training view `index`; None where there is nothing to draw."""
+        self._distractors_drawn = None
+        warming_up = self.training and self.step < self.config.distractors.static_warmup
+        if self.distractors is None or index is None or warming_up:
+            return None
+        if self.distractors.count_of(index) == 0:
+            return None
+        splats = activate_distractors(self.distractors.params_of(index))
+        rendering = self._rasterize(splats, view, self._settings(depth=False))
+        if self.training:
+            info = strategy_info(rendering, view)
+            self.densifier.before_backward(info)
+            self._distractors_drawn = (index, info)
+        return rendering
+
+    def _rasterize(self, splats: Splats, view: View, settings: RenderSettings) -> Rendering:
+        return self.rasterizer(splats, view, settings)
+
+    def _sh_degree(self) -> int | None:
+        if self.config.sh_degree == 0:
+            return None
+        return min(self.step // self.config.sh_degree_interval, self.config.sh_degree)
+
+    def _static_outputs(self, static: Rendering, view: View) -> dict[str, Tensor]:
+        background = self._get_background_color()
+        if not self.training:
+            background = background.expand(view.height, view.width, 3)
+        outputs = {
+            "rgb": over_background(static.rgb, static.alpha, background).clamp(0, 1),
+            "accumulation": static.alpha,
+            "background": background,
+        }
+        if static.depth is not None:
+            farthest = static.depth.detach().max()
+            outputs["depth"] = torch.where(static.alpha > 0, static.depth, farthest)
+        return outputs
+
+    def _layered_outputs(
+        self, static: Rendering, distractor: Rendering | None, background: Tensor
+    ) -> dict[str, Tensor]:
+        alpha_s = static.alpha
+        rgb_d = torch.zeros_like(static.rgb) if distractor is None else distractor.rgb
+        alpha_d = torch.zeros_like(alpha_s) if distractor is None else distractor.alpha
+        both = composite_color(rgb_d, alpha_d, static.rgb)
+        composite = over_background(both, composite_alpha(alpha_d, alpha_s), background)
+        return {
+            "rgb_static": over_background(static.rgb, alpha_s, background).clamp(0, 1),
+            "rgb_composite": composite.clamp(0, 1),
+            "rgb_distractor": rgb_d,
+            "alpha_distractor": alpha_d,
+            "distractor_mask": alpha_d > MASK_THRESHOLD,
+        }
+
+    @torch.no_grad()
+    def get_outputs_for_camera(
+        self, camera: Cameras, obb_box: OrientedBox | None = None
+    ) -> dict[str, Tensor]:
+        """`get_outputs` without gradients, within a box if one is given."""
+        return super().get_outputs_for_camera(camera, obb_box)  # pyright: ignore[reportReturnType]
+
+    # --- training ----------------------------------------------------------------------------
+
+    def get_training_callbacks(
+        self, training_callback_attributes: TrainingCallbackAttributes
+    ) -> list[TrainingCallback]:
+        """Splatfacto's, after making sure that the backend runs: better now than at step 0."""
+        assert self.rasterizer is not None
+        return super().get_training_callbacks(training_callback_attributes)
+
+    def get_param_groups(self) -> dict[str, list[nn.Parameter]]:
+        """Splatfacto's groups and one for each kind of distractor parameter."""
+        groups = super().get_param_groups()
+        return groups | (self.distractors.param_groups() if self.distractors is not None else {})
+
+    def get_loss_dict(
+        self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
+    ) -> dict[str, Tensor]:
+        """Eq. 5: Splatfacto's photometric loss on what was drawn, and the two opacity terms."""
+        losses = super().get_loss_dict(outputs, batch, metrics_dict)
+        if self.training and self.distractors is not None:
+            weights = self.config.distractors
+            alpha_d, alpha_s = outputs["alpha_distractor"], outputs["accumulation"]
+            losses["distractor_opacity"] = weights.lambda_d * distractor_opacity_loss(alpha_d)
+            losses["static_transparency"] = weights.lambda_s * static_transparency_loss(alpha_s)
+        return losses
+
+    def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
+        """Splatfacto's figures of a training step and the number of distractors."""
+        metrics = super().get_metrics_dict(outputs, batch)
+        if self.distractors is not None:
+            metrics["distractor_count"] = sum(self.distractors.counts())
+        return metrics
+
+    def step_post_backward(self, step: int) -> None:
+        """Densify after an optimizer step: the static set, then the set of the view just seen."""
+        super().step_post_backward(step)
+        if self._distractors_drawn is not None and self.distractors is not None:
+            index, info = self._distractors_drawn
+            self.distractors.keep_colors_in_range(index)
+            self.densifier.after_step(self.distractors, index, self.optimizers, step, info)
+
+    # --- evaluation --------------------------------------------------------------------------
+
+    def get_image_metrics_and_images(
+        self, outputs: dict[str, Tensor], batch: dict[str, Any]
+    ) -> tuple[dict[str, float], dict[str, Tensor]]:
+        """Figures of one evaluation image, and the photo beside the rendering."""
+        photo = self.composite_with_background(
+            self.get_gt_img(batch["image"]), outputs["background"]
+        )
+        figures = image_metrics(outputs["rgb"], photo, self.lpips)
+        return figures, {"img": torch.cat([photo, outputs["rgb"]], dim=1)}
+
+    # --- checkpoints -------------------------------------------------------------------------
+
+    def update_to_step(self, step: int) -> None:
+        """Take up a checkpoint's step: it decides on the SH degree."""
+        self.step = step
+
+    def get_extra_state(self) -> dict[str, Any]:
+        """What a checkpoint holds besides parameters: densification's running statistics."""
+        state: dict[str, Any] = {"static_strategy": dict(self.strategy_state)}
+        if self.distractors is not None:
+            state["densifier"] = self.densifier.state_dict()
+        return state
+
+    def set_extra_state(self, state: dict[str, Any]) -> None:
+        """Take up what `get_extra_state` gave."""
+        self.strategy_state = to_device(state["static_strategy"], self.device)
+        if self.distractors is not None:
+            self.densifier.load_state_dict(state["densifier"], self.device)
+
+    def load_state_dict(self, dict: Any, **kwargs: Any) -> Any:  # noqa: A002 (upstream's name)
+        """nn.Module's: Splatfacto's replaces the parameters that the optimizers hold."""
+        return nn.Module.load_state_dict(self, dict, **kwargs)
+
+    def _load_from_state_dict(self, state_dict: dict[str, Any], prefix: str, *args: Any) -> None:
+        """torch's hook, called before the children load: take the saved number of Gaussians."""
+        resize_rows(self.gauss_params, state_dict, f"{prefix}gauss_params.")
+        super()._load_from_state_dict(state_dict, prefix, *args)

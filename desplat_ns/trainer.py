@@ -1,0 +1,258 @@
+"""The training run: schedules of the run's length, checkpoints that survive, resume that resumes.
+
+nerfstudio's loop does the training; here is only what it leaves open.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from nerfstudio.engine.optimizers import Optimizers
+from nerfstudio.engine.trainer import Trainer, TrainerConfig
+from nerfstudio.utils.decorators import check_main_thread
+from nerfstudio.utils.misc import step_check
+from nerfstudio.utils.rich_utils import CONSOLE
+
+from desplat_ns import resume
+from desplat_ns.checkpoint import (
+    checkpoint_folder,
+    checkpoint_path,
+    load_checkpoint,
+    load_newest,
+    remove_others,
+    save_atomically,
+)
+from desplat_ns.errors import ConfigError
+from desplat_ns.schedules import scaled_optimizers, schedule_scale
+
+
+@dataclass
+class DeSplatTrainerConfig(TrainerConfig):
+    """Configuration of a training run. `max_num_iterations` is its total, resumed or not."""
+
+    _target: type = field(default_factory=lambda: DeSplatTrainer)
+    nominal_num_iterations: int = 30000
+    """The method's own number of steps (B.3); shorter runs shrink every schedule by their ratio."""
+
+    def resolve_schedule_scale(self) -> float:
+        """Settle the model's `schedule_scale`, from the numbers of steps where it is None.
+
+        Once settled it stays, whatever becomes of the numbers of steps. Models without schedules
+        of their own have no such field; the optimizers' schedules are scaled all the same.
+        Raises ConfigError where it is not a positive number.
+        """
+        model = self.pipeline.model
+        scale = getattr(model, "schedule_scale", None)
+        if scale is None:
+            scale = schedule_scale(self.max_num_iterations, self.nominal_num_iterations)
+            if hasattr(model, "schedule_scale"):
+                model.schedule_scale = scale  # pyright: ignore[reportAttributeAccessIssue]
+        if not (math.isfinite(scale) and scale > 0):
+            raise ConfigError(
+                f"--pipeline.model.schedule-scale is {scale}; it has to be above 0, for example "
+                "0.1 for schedules a tenth as long. Leave it out to derive it from the number of "
+                "steps."
+            )
+        return scale
+
+    def save_config(self) -> None:
+        """Save config.yml with the schedule scale settled: ns-eval has no trainer to do it."""
+        self.resolve_schedule_scale()
+        super().save_config()
+
+    def setup(self, **kwargs: Any) -> Any:
+        """Build the trainer, the schedule scale settled before it builds the pipeline."""
+        self.resolve_schedule_scale()
+        return super().setup(**kwargs)
+
+
+class DeSplatTrainer(Trainer):
+    """nerfstudio's Trainer with scaled schedules, atomic checkpoints and exact resume.
+
+    Ctrl+C ends the run after the step at hand and saves; a second one ends it at once.
+    """
+
+    config: DeSplatTrainerConfig
+
+    def __init__(
+        self, config: DeSplatTrainerConfig, local_rank: int = 0, world_size: int = 1
+    ) -> None:
+        super().__init__(config, local_rank, world_size)
+        self._steps_done = 0
+        self._loaded_from: Path | None = None
+        self._saved_rng: dict[str, Any] | None = None
+        self._waiting_in_viewer = False
+
+    def setup_optimizers(self) -> Optimizers:
+        """Optimizers whose learning rates follow the schedules of this run's length."""
+        scale = self.config.resolve_schedule_scale()
+        if scale != 1.0:
+            CONSOLE.print(f"Schedules are scaled by {scale:g}, for a run of this length.")
+        optimizers = scaled_optimizers(self.config.optimizers, scale)
+        return Optimizers(optimizers, self.pipeline.get_param_groups())
+
+    def train(self) -> None:
+        """Train until `max_num_iterations` steps are done in all, those of the checkpoint included.
+
+        Where none is left it says so and changes nothing.
+        """
+        remaining = self.config.max_num_iterations - self._steps_done
+        if remaining <= 0:
+            self._say_nothing_is_left()
+            return
+        if self._saved_rng is not None:
+            resume.restore_rng(self._saved_rng)
+        whole = self.config
+        # nerfstudio 1.1.5 trains as many steps *more*; only its loop is to see the smaller number
+        self.config = copy.copy(whole)
+        self.config.max_num_iterations = remaining
+        try:
+            with self._finish_on_interrupt():
+                super().train()
+        finally:
+            self.config = whole
+
+    def train_iteration(self, step: int) -> Any:
+        """One step; counts it as done once it is."""
+        result = super().train_iteration(step)
+        self._steps_done = step + 1
+        return result
+
+    def eval_iteration(self, step: int) -> None:
+        """Evaluate where it is due, and leave the random generators as they were.
+
+        So training does not depend on what is evaluated when, nor on what a metric draws when it
+        is first built: a resumed run builds it at another step than one in one go.
+        """
+        config = self.config
+        intervals = (config.steps_per_eval_batch, config.steps_per_eval_image)
+        if not any(step_check(step, n) for n in (*intervals, config.steps_per_eval_all_images)):
+            return
+        state = resume.rng_state()
+        super().eval_iteration(step)
+        resume.restore_rng(state)
+
+    @check_main_thread
+    def save_checkpoint(self, step: int) -> None:
+        """Save the state after `step`, whole or not at all; older ones go only afterwards.
+
+        Raises CheckpointError where it cannot be written.
+        """
+        path = checkpoint_path(self.checkpoint_dir, step)
+        save_atomically(self._state(step), path)
+        if self.config.save_only_latest_checkpoint:
+            remove_others(path)
+
+    def _state(self, step: int) -> dict[str, Any]:
+        """nerfstudio's checkpoint, and the keys `rng` and `sampler` that make resume exact."""
+        pipeline: Any = getattr(self.pipeline, "module", self.pipeline)
+        state = {
+            "step": step,
+            "pipeline": pipeline.state_dict(),
+            "optimizers": {k: v.state_dict() for k, v in self.optimizers.optimizers.items()},
+            "schedulers": {k: v.state_dict() for k, v in self.optimizers.schedulers.items()},
+            "scalers": self.grad_scaler.state_dict(),
+            "rng": resume.rng_state(),
+        }
+        if hasattr(pipeline.datamanager, "sampler_state"):
+            state["sampler"] = pipeline.datamanager.sampler_state()
+        return state
+
+    def _load_checkpoint(self) -> None:
+        """Go on from --load-checkpoint or --load-dir, if given. Raises CheckpointError."""
+        found = self._read_checkpoint()
+        if found is None:
+            CONSOLE.print("No checkpoint given: training from scratch.")
+            return
+        path, state = found
+        self.pipeline.load_pipeline(state["pipeline"], state["step"])
+        resume.load_optimizers(self.optimizers, state["optimizers"], path)
+        steps_done = state["step"] + 1
+        if self.config.load_scheduler:
+            resume.load_schedulers(self.optimizers, state.get("schedulers", {}), steps_done)
+        if state.get("scalers"):  # empty where the saved run had no mixed precision
+            self.grad_scaler.load_state_dict(state["scalers"])
+        self._load_randomness(state)
+        self._start_step = self._steps_done = steps_done
+        self._loaded_from = path
+        CONSOLE.print(f"Going on from {path}, {steps_done} steps are done.")
+
+    def _load_randomness(self, state: dict[str, Any]) -> None:
+        """The order of the views now, the generators when training starts.
+
+        With several processes each keeps its own seed's: only the first one's were saved.
+        """
+        if self.world_size > 1:
+            return
+        datamanager: Any = self.pipeline.datamanager
+        if "sampler" in state and hasattr(datamanager, "load_sampler_state"):
+            datamanager.load_sampler_state(state["sampler"])
+        self._saved_rng = state.get("rng")
+
+    def _read_checkpoint(self) -> tuple[Path, dict[str, Any]] | None:
+        config = self.config
+        if config.load_dir is not None:
+            folder = checkpoint_folder(config.load_dir, config.relative_model_dir)
+            if config.load_step is None:
+                return load_newest(folder)
+            path = checkpoint_path(folder, config.load_step)
+        elif config.load_checkpoint is not None:
+            path = config.load_checkpoint
+        else:
+            return None
+        return path, load_checkpoint(path)
+
+    def _say_nothing_is_left(self) -> None:
+        CONSOLE.print(
+            f"[yellow]Nothing left to train: {self._loaded_from} has {self._steps_done} steps done "
+            f"and --max-num-iterations, the total, is {self.config.max_num_iterations}. To train "
+            "on, give a larger --max-num-iterations. To evaluate or render, use the config.yml of "
+            "the run that wrote the checkpoint; nothing was saved for this one."
+        )
+
+    def _after_train(self) -> None:
+        """Save and report. A run stopped before a step has not done it, contrary to nerfstudio's
+        count, which would then skip that step on resume; before the first there is nothing to save.
+        """
+        self.step = self._steps_done - 1
+        if self._steps_done == 0:
+            self.training_state = "completed"
+            CONSOLE.print("Stopped before the first step: nothing to save.")
+            return
+        super()._after_train()
+
+    def _train_complete_viewer(self) -> None:
+        """Keep the viewer open, unless the run was told to stop."""
+        if not self.stop_training:
+            self._waiting_in_viewer = True
+            super()._train_complete_viewer()
+
+    @contextmanager
+    def _finish_on_interrupt(self) -> Iterator[None]:
+        """Within, the first Ctrl+C stops the run at the end of a step, where it can be saved."""
+        previous = signal.getsignal(signal.SIGINT)
+        in_main_thread = threading.current_thread() is threading.main_thread()
+        if previous is None or not in_main_thread or self.world_size > 1:
+            yield
+            return
+
+        def stop(*_: object) -> None:
+            signal.signal(signal.SIGINT, previous)
+            if self._waiting_in_viewer:
+                raise KeyboardInterrupt
+            CONSOLE.print("[yellow]Stopping after this step; Ctrl+C again to stop at once.")
+            self.stop_training = True
+
+        signal.signal(signal.SIGINT, stop)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, previous)

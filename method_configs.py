@@ -1,0 +1,1 @@
+desplat_ns/method_configs.py

@@ -1,0 +1,184 @@
+"""What every backend must compute, in float64, one Gaussian after the other, all pixels at once.
+
+Written from the papers with explicit matrices and shares no code with the package: EWA splatting
+(Zwicker et al. 2001), 3D Gaussian Splatting (Kerbl et al. 2023, Eqs. 3-6), Mip-Splatting's 2D
+filter (Yu et al. 2024, Eq. 10), the table of real spherical harmonics. The numbers 1/255, 0.999,
+1e-4 and 1.3 are gsplat 1.4's. Nothing is culled but what lies out of [near, far]; gradients come
+from autograd.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import torch
+from torch import Tensor
+
+CUTOFF, CLAMP, STOP, FOV = 1 / 255, 0.999, 1e-4, 1.3
+
+
+@dataclass
+class Reference:
+    rgb: Tensor
+    alpha: Tensor
+    depth: Tensor
+    means2d: Tensor
+    """[N, 2]."""
+    means2d_per_pixel: Tensor
+    """[H * W, N, 2], a copy for each pixel; its gradient tells the pixels apart."""
+    sigma_max: Tensor
+    """Standard deviation along the longer axis, pixels, [N]."""
+    sharpness: float
+    """Square root of the largest eigenvalue of an inverse 2D covariance, 1 / pixels."""
+    margin: Tensor
+    """[H, W]: least relative distance of any alpha or transmittance of the pixel from a place
+    where the rules jump."""
+
+
+def real_sh(degree: int, d: Tensor) -> Tensor:
+    """The textbook's table times (-1)^m, the sign that 3DGS uses. [N, (degree + 1)^2]."""
+    x, y, z = d.unbind(-1)
+    table = [
+        [0.5 * sqrt(1 / pi) * torch.ones_like(x)],
+        [sqrt(3 / (4 * pi)) * t for t in (y, z, x)],
+        [
+            0.5 * sqrt(15 / pi) * x * y,
+            0.5 * sqrt(15 / pi) * y * z,
+            0.25 * sqrt(5 / pi) * (3 * z**2 - 1),
+            0.5 * sqrt(15 / pi) * x * z,
+            0.25 * sqrt(15 / pi) * (x**2 - y**2),
+        ],
+        [
+            0.25 * sqrt(35 / (2 * pi)) * y * (3 * x**2 - y**2),
+            0.5 * sqrt(105 / pi) * x * y * z,
+            0.25 * sqrt(21 / (2 * pi)) * y * (5 * z**2 - 1),
+            0.25 * sqrt(7 / pi) * (5 * z**3 - 3 * z),
+            0.25 * sqrt(21 / (2 * pi)) * x * (5 * z**2 - 1),
+            0.25 * sqrt(105 / pi) * (x**2 - y**2) * z,
+            0.25 * sqrt(35 / (2 * pi)) * x * (x**2 - 3 * y**2),
+        ],
+        [
+            0.75 * sqrt(35 / pi) * x * y * (x**2 - y**2),
+            0.75 * sqrt(35 / (2 * pi)) * y * (3 * x**2 - y**2) * z,
+            0.75 * sqrt(5 / pi) * x * y * (7 * z**2 - 1),
+            0.75 * sqrt(5 / (2 * pi)) * y * (7 * z**3 - 3 * z),
+            3 / 16 * sqrt(1 / pi) * (35 * z**4 - 30 * z**2 + 3),
+            0.75 * sqrt(5 / (2 * pi)) * x * (7 * z**3 - 3 * z),
+            3 / 8 * sqrt(5 / pi) * (x**2 - y**2) * (7 * z**2 - 1),
+            0.75 * sqrt(35 / (2 * pi)) * x * (x**2 - 3 * y**2) * z,
+            3 / 16 * sqrt(35 / pi) * (x**2 * (x**2 - 3 * y**2) - y**2 * (3 * x**2 - y**2)),
+        ],
+    ]
+    columns = []
+    for n in range(degree + 1):
+        columns += [(-1) ** abs(i - n) * term for i, term in enumerate(table[n])]
+    return torch.stack(columns, dim=-1)
+
+
+def rotations(quats: Tensor) -> Tensor:
+    """[N, 3, 3] from wxyz: the action q v q* on the three axes."""
+    q = quats / quats.norm(dim=-1, keepdim=True)
+    w, v = q[:, :1], q[:, 1:]
+    columns = []
+    for axis in torch.eye(3, dtype=q.dtype):
+        e = axis.expand_as(v)
+        t = 2 * torch.linalg.cross(v, e)
+        columns.append(e + w * t + torch.linalg.cross(v, t))
+    return torch.stack(columns, dim=-1)
+
+
+def covariances2d(means_c: Tensor, sigma3d: Tensor, rotation: Tensor, K: Tensor, size) -> Tensor:
+    """J W Sigma W^T J^T, [N, 2, 2], the slopes in J held within 1.3 times the field of view."""
+    width, height = size
+    z = means_c[:, 2]
+    slopes = []
+    for axis, extent in ((0, width), (1, height)):
+        f, c = K[axis, axis], K[axis, 2]
+        beyond = (FOV - 1) * 0.5 * extent / f
+        slope = means_c[:, axis] / z
+        slopes.append(slope.clamp(-(c / f + beyond).item(), ((extent - c) / f + beyond).item()))
+    J = torch.zeros(len(z), 2, 3, dtype=z.dtype)
+    J[:, 0, 0], J[:, 0, 2] = K[0, 0] / z, -K[0, 0] * slopes[0] / z
+    J[:, 1, 1], J[:, 1, 2] = K[1, 1] / z, -K[1, 1] * slopes[1] / z
+    return J @ rotation @ sigma3d @ rotation.T @ J.mT
+
+
+def render(
+    means,
+    quats,
+    scales,
+    opacities,
+    colors,
+    viewmat,
+    K,
+    size: tuple[int, int],
+    sh_degree: int | None = None,
+    near: float = 0.01,
+    far: float = 1e10,
+    eps2d: float = 0.3,
+    antialiased: bool = False,
+) -> Reference:
+    """Render float64 tensors; `size` is (width, height)."""
+    width, height = size
+    rotation, translation = viewmat[:3, :3], viewmat[:3, 3]
+    means_c = means @ rotation.T + translation
+    drawn = ((means_c[:, 2] >= near) & (means_c[:, 2] <= far)).nonzero()[:, 0]
+
+    R = rotations(quats)
+    sigma3d = R @ torch.diag_embed(scales**2) @ R.mT
+    sharp = covariances2d(means_c, sigma3d, rotation, K, size)
+    cov2d = sharp + eps2d * torch.eye(2, dtype=means.dtype)
+    conics = torch.linalg.inv(cov2d)
+    projected = means_c @ K.T
+    means2d = projected[:, :2] / projected[:, 2:]
+    if antialiased:
+        opacities = opacities * (torch.linalg.det(sharp) / torch.linalg.det(cov2d)).sqrt()
+    if sh_degree is not None:
+        centre = -rotation.T @ translation
+        d = (means - centre) / (means - centre).norm(dim=-1, keepdim=True)
+        basis = real_sh(sh_degree, d)
+        colors = torch.einsum("nk,nkc->nc", basis, colors[:, : basis.shape[1]]) + 0.5
+        colors = colors.clamp(min=0)
+
+    ys, xs = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
+    pixels = torch.stack([xs, ys], dim=-1).reshape(-1, 2).to(means.dtype) + 0.5
+    per_pixel = means2d.expand(len(pixels), -1, -1) * 1.0
+    clear = torch.ones(len(pixels), dtype=means.dtype)
+    running = torch.ones(len(pixels), dtype=torch.bool)
+    rgb = torch.zeros(len(pixels), colors.shape[1], dtype=means.dtype)
+    weight_sum, depth_sum = torch.zeros_like(clear), torch.zeros_like(clear)
+    margin = torch.full_like(clear, torch.inf)
+    for i in sorted(drawn.tolist(), key=lambda i: (means_c[i, 2].item(), i)):
+        d = pixels - per_pixel[:, i]
+        power = 0.5 * torch.einsum("pi,ij,pj->p", d, conics[i], d)
+        raw = opacities[i] * torch.exp(-power)
+        alpha = raw.clamp(max=CLAMP)
+        seen = running & (alpha >= CUTOFF)
+        after = clear * (1 - alpha)
+        stops = seen & (after <= STOP)
+        with torch.no_grad():
+            for value, edge, relevant in (
+                (raw, CUTOFF, running),
+                (raw, CLAMP, running),
+                (after, STOP, seen),
+            ):
+                distance = (value / edge - 1).abs()
+                margin = torch.where(relevant, torch.minimum(margin, distance), margin)
+        running = running & ~stops
+        weight = torch.where(seen & running, alpha * clear, 0)
+        clear = torch.where(seen & running, after, clear)
+        rgb = rgb + weight[:, None] * colors[i]
+        weight_sum, depth_sum = weight_sum + weight, depth_sum + weight * means_c[i, 2]
+    return Reference(
+        rgb=rgb.reshape(height, width, -1),
+        alpha=(1 - clear).reshape(height, width, 1),
+        depth=(depth_sum / weight_sum.clamp(min=1e-10)).reshape(height, width, 1),
+        means2d=means2d,
+        means2d_per_pixel=per_pixel,
+        sigma_max=torch.linalg.eigvalsh(cov2d.detach())[:, 1].clamp(min=0).sqrt(),
+        sharpness=float(torch.linalg.eigvalsh(conics[drawn].detach()).max().sqrt())
+        if len(drawn)
+        else 0.0,
+        margin=margin.reshape(height, width),
+    )

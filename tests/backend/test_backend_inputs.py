@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import math
+import re
+
+import jaxtyping
+import pytest
+import torch
+from scenes import PARAMETERS, TestScene, random_scene
+
+from desplat_ns.backend import RenderSettings, Splats, resolve
+from desplat_ns.backend.inputs import check_inputs, sound
+
+GOOD = {
+    "means": torch.ones(2, 3),
+    "quats": torch.ones(2, 4),
+    "scales": torch.ones(2, 3),
+    "opacities": torch.ones(2),
+    "colors": torch.ones(2, 3),
+    "viewmat": torch.eye(4),
+    "K": torch.eye(3),
+    "size": (4, 4),
+}
+WRONG = [
+    ({"quats": torch.ones(2, 3)}, "quats has shape (2, 3); needed is (2, 4)"),
+    ({"opacities": torch.ones(2, 1)}, "opacities has shape (2, 1); needed is (2,)"),
+    ({"scales": torch.ones(1, 3)}, "scales has shape (1, 3); needed is (2, 3)"),
+    ({"viewmat": torch.eye(3)}, "viewmat has shape (3, 3); needed is (4, 4)"),
+    ({"colors": torch.ones(2, 4, 3)}, "needed is (2, C), or (2, K, 3) with sh_degree set"),
+    ({"colors": torch.ones(2, 4, 3), "sh_degree": 2}, "needs (2, K, 3) with K >= 9"),
+    ({"colors": torch.ones(2, 4, 3), "sh_degree": 5}, "degrees 0 to 4 exist"),
+    ({"scales": torch.ones(2, 3).double()}, "scales is torch.float64 and means is torch.float32"),
+    ({"means": torch.ones(2, 3).int()}, "must have one floating-point dtype"),
+    ({"K": torch.eye(3, device="meta")}, "K is on meta, means on cpu"),
+    ({"size": (0, 4)}, "The image is 0 x 4"),
+]
+
+
+@pytest.fixture
+def _unchecked_types():
+    """As outside of tests, where jaxtyping does not speak first."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
+
+
+@pytest.mark.usefixtures("_unchecked_types")
+@pytest.mark.parametrize(("change", "said"), WRONG)
+def test_a_tensor_that_does_not_fit_is_named(change, said):
+    scene = TestScene(**{**GOOD, **change})
+    with pytest.raises(ValueError, match=re.escape(said)):
+        resolve("torch")(scene.splats, scene.view, RenderSettings())
+
+
+def test_jaxtyping_rejects_a_wrong_shape_in_tests():
+    with pytest.raises(TypeError):
+        Splats(
+            torch.ones(2, 3), torch.ones(2, 3), torch.ones(2, 3), torch.ones(2), torch.ones(2, 3)
+        )
+
+
+def test_fitting_inputs_pass():
+    for degree in (None, 0, 4):
+        scene = random_scene(1, count=3, sh_degree=degree).to(torch.float64)
+        check_inputs(scene.splats, scene.view)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_a_value_that_is_not_finite_makes_its_gaussian_unsound(name, value):
+    scene = random_scene(1, count=3, sh_degree=1).to(torch.float32)
+    with torch.no_grad():
+        getattr(scene, name).view(3, -1)[1, -1] = value
+    assert sound(scene.splats).tolist() == [True, False, True]
+
+
+def test_large_finite_colours_are_sound():
+    scene = random_scene(1, count=3).to(torch.float32)
+    with torch.no_grad():
+        scene.colors.fill_(3e38)
+        scene.colors[:, 1:] = 0
+    assert sound(scene.splats).all()

@@ -1,0 +1,379 @@
+"""What every backend must do, each against the float64 reference in `reference.py`.
+
+Pixels where an alpha or a transmittance lies within rounding of a jump (cutoff, clamp, stop) may
+go either way; they are left out of the comparison and of the loss, and there may be few of them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+import torch
+from scenes import (
+    BACKENDS,
+    PARAMETERS,
+    Backend,
+    TestScene,
+    gradient_tolerance,
+    joined,
+    make_backend,
+    one_gaussian,
+    random_scene,
+    render_reference,
+    tolerance,
+)
+from torch import Tensor
+
+from desplat_ns.backend import RenderSettings, resolve
+
+SHARPNESS = 1 / math.sqrt(1.3)
+"""Of `one_gaussian`, whose variance is 1 + 0.3 pixels^2."""
+
+FLIP_BUDGET = 0.1
+"""Share of pixels that may lie within rounding of a jump."""
+
+MODES = [
+    pytest.param(RenderSettings(depth=True, absgrad=True), id="classic"),
+    pytest.param(RenderSettings(depth=True, absgrad=True, antialiased=True), id="antialiased"),
+]
+
+
+@pytest.fixture(params=BACKENDS)
+def backend(request: pytest.FixtureRequest) -> Backend:
+    return make_backend(*request.param)
+
+
+@pytest.fixture
+def exact_backend(backend: Backend) -> Backend:
+    if backend.name == "gsplat":
+        pytest.skip("gsplat cuts opaque Gaussians off at 3 sigma, by design")
+    return backend
+
+
+def check_forward(backend: Backend, scene: TestScene, settings: RenderSettings) -> None:
+    want = render_reference(scene.to(torch.float64), settings)
+    _, got = backend.render(scene, settings)
+    allowed = tolerance(backend.dtype, scene.size, want.sharpness)
+    safe = want.margin > allowed
+    assert safe.double().mean() >= 1 - FLIP_BUDGET
+    difference = {
+        "rgb": (got.rgb.cpu() - want.rgb) / max(1.0, want.rgb.max().item()),
+        "alpha": got.alpha.cpu() - want.alpha,
+    }
+    if got.depth is not None:
+        far = want.depth.max().clamp(min=1e-10)
+        # The quotient of two sums: an error relative to their weight.
+        weight = want.alpha.clamp(max=1)
+        difference["depth"] = 0.5 * (got.depth.cpu() - want.depth) * weight / far
+    for name, error in difference.items():
+        assert error.abs()[safe].max() <= allowed, name
+
+
+def check_gradients(backend: Backend, scene: TestScene, settings: RenderSettings) -> None:
+    """Compare the gradients of a random linear functional of colour, alpha and depth."""
+    truth = scene.to(torch.float64)
+    want = render_reference(truth, settings)
+    want.means2d.retain_grad()
+    allowed = tolerance(backend.dtype, scene.size, want.sharpness)
+    safe = (want.margin > allowed)[..., None]
+    assert safe.double().mean() >= 1 - FLIP_BUDGET
+    leaves, got = backend.render(scene, settings)
+    rng = torch.Generator().manual_seed(7)
+    for name in ("rgb", "alpha", "depth"):
+        image = getattr(want, name)
+        factor = torch.rand(image.shape, generator=rng, dtype=torch.float64) - 0.3
+        # An expected depth has no slope bound where next to nothing is drawn.
+        factor = factor * safe * (want.alpha.detach() > 0.02)
+        (image * factor).sum().backward(retain_graph=True)
+        part = getattr(got, name)
+        (part * factor.to(part)).sum().backward(retain_graph=name != "depth")
+
+    for name in PARAMETERS:
+        check_close(name, getattr(leaves, name).grad, getattr(truth, name).grad, allowed)
+    assert got.means2d.grad is not None
+    check_close("means2d", got.means2d.grad[0], want.means2d.grad, allowed)
+
+
+def check_close(name: str, got: Tensor | None, want: Tensor | None, allowed: float) -> None:
+    assert got is not None and want is not None, name
+    error = (got.cpu().double() - want).abs().max()
+    assert error <= gradient_tolerance(allowed) * want.abs().max(), name
+
+
+@pytest.mark.parametrize("settings", MODES)
+@pytest.mark.parametrize("sh_degree", [None, 0, 1, 2, 3, 4])
+def test_colour_alpha_and_depth_agree_with_the_reference(backend, settings, sh_degree):
+    check_forward(backend, random_scene(3, sh_degree=sh_degree), settings)
+
+
+@pytest.mark.parametrize("settings", MODES)
+@pytest.mark.parametrize("sh_degree", [None, 1, 4])
+def test_gradients_agree_with_the_reference(backend, settings, sh_degree):
+    check_gradients(backend, random_scene(5, sh_degree=sh_degree), settings)
+
+
+def test_a_stack_of_opaque_gaussians_agrees_where_blending_stops(exact_backend):
+    scene = random_scene(11, count=150, opacity=(0.6, 0.99))
+    stopped = render_reference(scene.to(torch.float64), RenderSettings()).alpha
+    assert (stopped > 1 - 1e-3).double().mean() > 0.5
+    check_forward(exact_backend, scene, RenderSettings(depth=True))
+    check_gradients(exact_backend, scene, RenderSettings(depth=True))
+
+
+@pytest.mark.parametrize("channels", [1, 2, 5])
+def test_any_number_of_channels_is_drawn(backend, channels):
+    scene = random_scene(13, count=20, channels=channels)
+    check_forward(backend, scene, RenderSettings(depth=True))
+    check_gradients(backend, scene, RenderSettings(depth=True))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (16, 16), (17, 5), (3, 33)])
+def test_images_of_any_size_are_drawn(backend, size):
+    scene = random_scene(17, count=15, size=size)
+    check_forward(backend, scene, RenderSettings(depth=True))
+
+
+def test_absgrad_is_the_sum_over_pixels_of_absolute_gradients(backend):
+    scene = random_scene(19, count=12, size=(20, 18))
+    truth = scene.to(torch.float64)
+    want = render_reference(truth, RenderSettings())
+    want.means2d_per_pixel.retain_grad()
+    safe = want.margin > tolerance(backend.dtype, scene.size, want.sharpness)
+    weights = torch.rand(18, 20, 3, generator=torch.Generator().manual_seed(1)).double() - 0.3
+    weights = weights * safe[..., None]
+    (want.rgb * weights).sum().backward()
+    _, got = backend.render(scene, RenderSettings(absgrad=True))
+    (got.rgb * weights.to(got.rgb)).sum().backward()
+    assert want.means2d_per_pixel.grad is not None
+    absgrad = want.means2d_per_pixel.grad.abs().sum(dim=0)[None]
+    allowed = tolerance(backend.dtype, scene.size, want.sharpness)
+    check_close("absgrad", getattr(got.means2d, "absgrad", None), absgrad, allowed)
+
+
+def test_radii_are_three_sigma_of_the_longer_axis(backend):
+    scene = random_scene(23)
+    sigma = render_reference(scene.to(torch.float64), RenderSettings()).sigma_max
+    _, got = backend.render(scene, RenderSettings())
+    radii = got.radii.cpu()
+    assert radii.dtype == torch.int32 and radii.shape == sigma.shape
+    seen = radii > 0
+    assert seen.double().mean() > 0.7
+    if backend.name == "gsplat":
+        pytest.skip("gsplat 1.5 gives opacity-aware extents")
+    # gsplat's formula keeps the longer axis a little longer where the two are alike.
+    assert ((3 * sigma).ceil() <= radii)[seen].all()
+    assert (radii <= (3 * (sigma.square() + 0.1).sqrt() + 1e-4).ceil())[seen].all()
+
+
+def test_one_gaussian_gives_the_values_worked_out_by_hand(backend):
+    # 0.125 / 2 * 16 = 1 pixel: variance 1 + 0.3; one pixel off the centre exp(-0.5 / 1.3).
+    _, got = backend.render(one_gaussian(), RenderSettings(depth=True))
+    eps = tolerance(backend.dtype, (9, 9), SHARPNESS)
+    assert got.alpha[4, 4].item() == pytest.approx(0.5, rel=eps)
+    assert got.alpha[4, 5].item() == pytest.approx(0.5 * math.exp(-0.5 / 1.3), rel=eps)
+    assert got.rgb[4, 4].tolist() == pytest.approx([0.5, 0.25, 0.125], rel=eps)
+    assert got.depth is not None
+    assert got.depth[4, 4].item() == pytest.approx(2.0, rel=eps)
+    # 4 pixels off: 0.5 exp(-8 / 1.3) = 0.00106 is below 1/255: nothing is drawn, depth is 0.
+    assert got.alpha[4, 0].item() == got.depth[4, 0].item() == 0.0
+    # ceil(3 sqrt(1.3 + sqrt(0.01))) = ceil(3.55)
+    assert got.radii.tolist() == [4] or backend.name == "gsplat"
+
+
+def test_antialiasing_scales_the_opacity(backend):
+    # sqrt(det(1 I) / det(1.3 I)) = 1 / 1.3
+    _, got = backend.render(one_gaussian(), RenderSettings(antialiased=True))
+    eps = tolerance(backend.dtype, (9, 9), SHARPNESS)
+    assert got.alpha[4, 4].item() == pytest.approx(0.5 / 1.3, rel=eps)
+
+
+def test_alpha_is_clamped_and_no_gradient_passes_the_clamp(backend):
+    scene = one_gaussian(opacities=torch.tensor([1.0]))
+    leaves, got = backend.render(scene, RenderSettings(absgrad=True))
+    eps = 4 * torch.finfo(backend.dtype).eps  # no exponential is involved
+    assert got.alpha[4, 4].item() == pytest.approx(0.999, rel=eps)
+    got.rgb[4, 4].sum().backward()
+    assert leaves.opacities.grad.item() == 0
+    assert leaves.scales.grad.abs().max() == 0
+    assert leaves.colors.grad.flatten().tolist() == pytest.approx([0.999] * 3, rel=eps)
+
+
+def test_blending_stops_before_the_transmittance_falls_to_1e_4(backend):
+    # 0.95^3 leaves 1.25e-4; the fourth layer would leave 6.25e-6 and is not drawn.
+    four = one_gaussian(
+        means=torch.tensor([[0, 0, 2.0], [0, 0, 2.1], [0, 0, 2.2], [0, 0, 2.3]]),
+        quats=torch.tensor([[1.0, 0, 0, 0]] * 4),
+        scales=torch.full((4, 3), 0.125),
+        opacities=torch.full((4,), 0.95, dtype=torch.float64),
+        colors=torch.eye(4),
+    )
+    leaves, got = backend.render(four, RenderSettings())
+    want = [0.95, 0.95 * 0.05, 0.95 * 0.05**2, 0.0]
+    eps = tolerance(backend.dtype, (9, 9), SHARPNESS)
+    assert got.rgb[4, 4].tolist() == pytest.approx(want, abs=eps)
+    assert got.rgb[4, 4, 3].item() == 0
+    assert got.alpha[4, 4].item() == pytest.approx(1 - 0.05**3, abs=eps)
+    got.rgb[4, 4].sum().backward()
+    assert leaves.opacities.grad[3].item() == 0
+
+
+@pytest.mark.parametrize("direction", [(1, 0), (-1, 0), (0, 1), (0, -1)])
+def test_what_lies_beyond_the_border_shows_as_far_as_its_alpha_reaches(exact_backend, direction):
+    # 10.7 pixels wide off the axis, 34 beyond the border: outside 3 sigma, alpha about 0.005.
+    mean = [[38.5 / 8 * direction[0], 38.5 / 8 * direction[1], 2.0]]
+    scene = one_gaussian(
+        means=torch.tensor(mean), scales=torch.full((1, 3), 1.25), opacities=torch.tensor([1.0])
+    )
+    assert render_reference(scene.to(torch.float64), RenderSettings()).alpha.max() > 0.005
+    check_forward(exact_backend, scene, RenderSettings(depth=True))
+
+
+def test_equal_depths_are_drawn_in_the_order_of_their_index(exact_backend):
+    two = joined(one_gaussian(), one_gaussian(colors=torch.tensor([[0.0, 0.0, 1.0]])))
+    _, got = exact_backend.render(two, RenderSettings())
+    assert got.rgb[4, 4].tolist() == pytest.approx([0.5, 0.25, 0.125 + 0.25], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("z", "seen"), [(-1.0, False), (0.0, False), (1e-20, False), (0.19, False), (0.21, True),
+                    (99.0, True), (101.0, False)]
+)  # fmt: skip
+def test_only_what_lies_between_the_planes_is_drawn(backend, z, seen):
+    scene = joined(
+        one_gaussian(),
+        one_gaussian(means=torch.tensor([[0.0, 0.0, z]]), scales=torch.full((1, 3), 0.2)),
+    )
+    settings = RenderSettings(near_plane=0.2, far_plane=100.0, depth=True)
+    leaves, got = backend.render(scene, settings)
+    assert (got.radii[1].item() > 0) == seen
+    assert got.depth is not None
+    (got.rgb.sum() + got.depth.sum()).backward()
+    for name in PARAMETERS:
+        gradient = getattr(leaves, name).grad
+        assert gradient.isfinite().all(), name
+        if not seen:
+            assert gradient[1].abs().max() == 0, name
+    assert seen == bool(leaves.colors.grad[1].abs().max() > 0)
+    check_forward(backend, scene, settings)
+
+
+POISON = {
+    "a NaN in the mean": {"means": [[math.nan, 0.0, 2.0]]},
+    "an infinite mean": {"means": [[0.0, math.inf, 2.0]]},
+    "a mean beyond float32's square root": {"means": [[1e30, 0.0, 2.0]]},
+    "a mean in the camera's centre": {"means": [[0.0, 0.0, 0.0]]},
+    "a zero quaternion": {"quats": [[0.0, 0.0, 0.0, 0.0]]},
+    "a denormal quaternion": {"quats": [[1e-40, 0.0, 0.0, 0.0]]},
+    "a NaN in the quaternion": {"quats": [[math.nan, 0.0, 0.0, 1.0]]},
+    "an infinite scale": {"scales": [[math.inf, 0.1, 0.1]]},
+    "a scale whose fourth power overflows": {"scales": [[math.exp(40), 0.1, 0.1]]},
+    "a NaN opacity": {"opacities": [math.nan]},
+    "a NaN colour": {"colors": [[math.nan, 0.0, 0.0]]},
+}
+
+
+@pytest.mark.parametrize("antialiased", [False, True])
+@pytest.mark.parametrize("poison", POISON)
+def test_a_broken_gaussian_is_not_drawn_and_spoils_nothing(backend, poison, antialiased):
+    settings = RenderSettings(depth=True, absgrad=True, antialiased=antialiased)
+    changes = {name: torch.tensor(value) for name, value in POISON[poison].items()}
+    healthy = random_scene(29, count=10)
+    healthy = dataclasses.replace(healthy, viewmat=torch.eye(4))
+    healthy.means = healthy.means + torch.tensor([0.0, 0.0, 2.0])
+    _, want = backend.render(healthy, settings)
+    leaves, got = backend.render(joined(healthy, one_gaussian(**changes)), settings)
+    assert got.radii[-1].item() == 0 or (backend.name == "gsplat" and "scale" in poison)
+    assert torch.equal(got.rgb, want.rgb) and torch.equal(got.alpha, want.alpha)
+    assert got.depth is not None and want.depth is not None and torch.equal(got.depth, want.depth)
+    (got.rgb.sum() + got.alpha.sum() + got.depth.sum()).backward()
+    for name in PARAMETERS:
+        gradient = getattr(leaves, name).grad
+        assert gradient.isfinite().all(), name
+        assert gradient[-1].abs().max() == 0, name
+
+
+EXTREME = {
+    "a point": {"scales": [[0.0, 0.0, 0.0]]},
+    "denormal scales": {"scales": [[1e-40, 1e-40, 1e-40]]},
+    "a needle": {"scales": [[50.0, 1e-6, 1e-6]]},
+    "a needle across the diagonal": {
+        "scales": [[50.0, 1e-6, 1e-6]],
+        "quats": [[math.cos(math.pi / 8), 0.0, 0.0, math.sin(math.pi / 8)]],
+    },
+    "a wall": {"scales": [[1e5, 1e5, 1e-3]]},
+    "a long quaternion": {"quats": [[1e15, 0.0, 0.0, 0.0]]},
+    "a short quaternion": {"quats": [[1e-10, 0.0, 0.0, 0.0]]},
+}
+
+
+@pytest.mark.parametrize("extreme", EXTREME)
+def test_an_extreme_but_valid_gaussian_stays_visible(backend, extreme):
+    changes = {name: torch.tensor(value) for name, value in EXTREME[extreme].items()}
+    leaves, got = backend.render(one_gaussian(**changes), RenderSettings(depth=True))
+    assert got.radii.item() > 0
+    assert got.alpha[4, 4].item() == pytest.approx(0.5, rel=1e-3)
+    (got.rgb.sum() + got.alpha.sum()).backward()
+    assert all(getattr(leaves, name).grad.isfinite().all() for name in PARAMETERS)
+
+
+@pytest.mark.parametrize("settings", MODES)
+def test_no_gaussians_give_an_empty_image_that_can_be_differentiated(backend, settings):
+    empty = {name: getattr(one_gaussian(), name)[:0] for name in PARAMETERS}
+    leaves, got = backend.render(one_gaussian(**empty), settings)
+    assert got.rgb.shape == (9, 9, 3) and got.alpha.shape == got.depth.shape == (9, 9, 1)
+    assert got.means2d.shape == (1, 0, 2) and got.radii.shape == (0,)
+    assert got.rgb.abs().max() == got.alpha.max() == got.depth.max() == 0
+    (got.rgb.sum() + got.alpha.sum() + got.depth.sum()).backward()
+    assert leaves.means.grad.shape == (0, 3)
+
+
+def test_nothing_in_view_gives_an_empty_image_and_zero_gradients(backend):
+    scene = one_gaussian(means=torch.tensor([[0.0, 0.0, -2.0]]))
+    leaves, got = backend.render(scene, RenderSettings(depth=True, absgrad=True))
+    assert got.rgb.abs().max() == got.alpha.max() == got.depth.max() == 0
+    (got.rgb.sum() + got.alpha.sum() + got.depth.sum()).backward()
+    assert all(getattr(leaves, name).grad.abs().max() == 0 for name in PARAMETERS)
+    assert got.means2d.absgrad.shape == (1, 1, 2)
+    assert got.means2d.absgrad.abs().max() == 0
+
+
+def test_no_gradients_are_needed_to_render(backend):
+    with torch.no_grad():
+        _, got = backend.render(one_gaussian(), RenderSettings(depth=True, absgrad=True))
+    assert not got.rgb.requires_grad and got.depth is not None
+
+
+def test_depth_is_left_out_unless_asked_for(backend):
+    _, got = backend.render(one_gaussian(), RenderSettings())
+    assert got.depth is None
+
+
+def test_the_same_input_gives_the_same_bits(backend):
+    if backend.device == "cuda":
+        pytest.skip("CUDA adds gradients up in any order")
+    runs = []
+    for _ in range(2):
+        leaves, got = backend.render(random_scene(31, sh_degree=2), RenderSettings(depth=True))
+        (got.rgb.square().sum() + got.depth.sum()).backward()
+        runs.append([got.rgb, got.alpha, *(p.grad for p in leaves.parameters)])
+    assert all(torch.equal(a, b) for a, b in zip(*runs, strict=True))
+
+
+def test_the_camera_receives_gradients(backend):
+    scene = random_scene(37, count=15, size=(16, 12))
+    truth, leaves = scene.to(torch.float64), scene.to(backend.dtype, backend.device)
+    want = render_reference(truth, RenderSettings())
+    allowed = tolerance(backend.dtype, scene.size, want.sharpness)
+    safe = (want.margin > allowed)[..., None]
+    truth.viewmat.requires_grad_()
+    leaves.viewmat.requires_grad_()
+    want = render_reference(truth, RenderSettings())
+    (want.rgb * safe).sum().backward()
+    got = resolve(backend.name)(leaves.splats, leaves.view, RenderSettings())  # pyright: ignore[reportArgumentType]
+    (got.rgb * safe.to(got.rgb)).sum().backward()
+    # All Gaussians' shares add up, so their rounding does too.
+    assert truth.viewmat.grad is not None
+    assert leaves.viewmat.grad is not None
+    check_close("viewmat", leaves.viewmat.grad[:3], truth.viewmat.grad[:3], 15 * allowed)

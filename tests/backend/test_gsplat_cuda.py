@@ -1,0 +1,130 @@
+"""The gsplat backend without a GPU: what it passes on to gsplat and what it makes of the answer.
+
+What gsplat draws is compared in `test_contract.py`, where there is a GPU.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from typing import Any
+
+import gsplat.rendering
+import pytest
+import torch
+from scenes import TestScene, random_scene
+
+from desplat_ns.backend import RenderSettings, gsplat_cuda
+from desplat_ns.backend.gsplat_cuda import GsplatRasterizer
+from desplat_ns.errors import BackendUnavailableError
+
+REAL_SIGNATURE = inspect.signature(gsplat.rendering.rasterization)
+
+
+class FakeGsplat:
+    """Stands in for gsplat's `rasterization` and keeps what it was given."""
+
+    def __init__(self, radii: torch.Tensor):
+        self.radii = radii
+        self.arguments: dict[str, Any] = {}
+
+    def __call__(self, **arguments: Any) -> tuple[torch.Tensor, torch.Tensor, dict[str, Any]]:
+        REAL_SIGNATURE.bind(**arguments)
+        self.arguments = arguments
+        height, width = arguments["height"], arguments["width"]
+        channels = 4 if arguments["render_mode"] == "RGB+ED" else 3
+        image = torch.arange(channels).expand(1, height, width, channels).float()
+        means2d = arguments["means"][None, :, :2]
+        return image, torch.ones(1, height, width, 1), {"means2d": means2d, "radii": self.radii}
+
+
+def scene_of(count: int) -> TestScene:
+    return random_scene(1, count=count, size=(7, 5), sh_degree=1).to(torch.float32)
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> FakeGsplat:
+    fake = FakeGsplat(torch.tensor([[3, 0]], dtype=torch.int32))
+    monkeypatch.setattr(gsplat.rendering, "rasterization", fake)
+    monkeypatch.setattr(gsplat_cuda, "_check_cuda_float32", lambda means: None)
+    return fake
+
+
+def test_settings_reach_gsplat_under_its_names(fake):
+    scene = scene_of(2)
+    settings = RenderSettings(
+        near_plane=0.5, far_plane=9.0, eps2d=0.2, antialiased=True, depth=True, absgrad=True
+    )
+    GsplatRasterizer()(scene.splats, scene.view, settings)
+    plain = {k: v for k, v in fake.arguments.items() if not isinstance(v, torch.Tensor)}
+    assert plain == {
+        "width": 7,
+        "height": 5,
+        "near_plane": 0.5,
+        "far_plane": 9.0,
+        "eps2d": 0.2,
+        "sh_degree": 1,
+        "packed": False,
+        "render_mode": "RGB+ED",
+        "absgrad": True,
+        "rasterize_mode": "antialiased",
+    }
+    assert fake.arguments["viewmats"].shape == (1, 4, 4)
+    assert torch.equal(fake.arguments["means"], scene.means)
+
+
+def test_colour_and_depth_are_taken_apart(fake):
+    scene = scene_of(2)
+    got = GsplatRasterizer()(scene.splats, scene.view, RenderSettings(depth=True))
+    assert got.rgb[0, 0].tolist() == [0, 1, 2]
+    assert got.depth is not None and got.depth[0, 0].tolist() == [3]
+    assert got.alpha.shape == (5, 7, 1) and got.means2d.shape == (1, 2, 2)
+    without = GsplatRasterizer()(scene.splats, scene.view, RenderSettings())
+    assert without.depth is None and without.rgb.shape == (5, 7, 3)
+
+
+@pytest.mark.parametrize(
+    "radii", [[[3, 0]], [[[3, 2], [0, 0]]], [[[1, 3], [0, 5]]]], ids=["1.4", "1.5", "1.5 culled"]
+)
+def test_radii_of_both_versions_become_one_for_each_gaussian(fake, radii):
+    fake.radii = torch.tensor(radii, dtype=torch.int32)
+    scene = scene_of(2)
+    got = GsplatRasterizer()(scene.splats, scene.view, RenderSettings())
+    assert got.radii.tolist() == [3, 0]
+
+
+def test_unsound_gaussians_are_moved_behind_the_camera(fake):
+    scene = scene_of(2)
+    with torch.no_grad():
+        scene.quats[0] = 0
+        scene.opacities[1] = math.nan
+    GsplatRasterizer()(scene.splats, scene.view, RenderSettings())
+    moved = fake.arguments["means"]
+    in_camera = moved @ scene.viewmat[:3, :3].T + scene.viewmat[:3, 3]
+    assert torch.allclose(in_camera, torch.tensor([0.0, 0.0, -1.0]).expand(2, 3), atol=1e-6)
+
+
+def test_nothing_to_draw_never_reaches_gsplat(fake):
+    scene = scene_of(0)
+    got = GsplatRasterizer()(scene.splats, scene.view, RenderSettings(depth=True))
+    assert fake.arguments == {} and got.rgb.abs().max() == 0
+    assert got.depth is not None and got.depth.shape == (5, 7, 1)
+    got.rgb.sum().backward()
+
+
+def test_tensors_on_a_cpu_are_refused_with_what_to_type():
+    scene = scene_of(2)
+    with pytest.raises(BackendUnavailableError, match=r"on cpu\. Add `--pipeline.model.backend"):
+        GsplatRasterizer()(scene.splats, scene.view, RenderSettings())
+
+
+@pytest.mark.gpu
+def test_float64_is_refused():
+    scene = random_scene(1).to(torch.float64, "cuda")
+    with pytest.raises(ValueError, match="float32"):
+        GsplatRasterizer()(scene.splats, scene.view, RenderSettings())
+
+
+def test_without_a_cuda_toolkit_there_are_no_kernels(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "gsplat.cuda._backend", None)
+    assert not gsplat_cuda.kernels_are_built()

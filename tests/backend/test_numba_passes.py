@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+from desplat_ns.backend.numba_binning import Grid, Lists
+from desplat_ns.backend.numba_ellipses import BLOCK, TILE
+from desplat_ns.backend.numba_passes import _open_tile, _pixel, sum_rows
+from desplat_ns.backend.numba_pixels import (
+    AREA,
+    LAST,
+    PLANE,
+    PLANES_BEFORE_FEATURES,
+    T,
+    X,
+    Y,
+)
+from desplat_ns.backend.numba_runtime import new_counter
+
+GRID = Grid(20, 18, 2, 2)
+
+
+def test_the_pixels_of_a_tile_are_a_rearrangement_of_its_square():
+    seen = [_pixel(p, 3, GRID) for p in range(AREA)]
+    square = {(x, y) for x in range(16, 32) for y in range(16, 32)}
+    assert set(seen) == square
+    assert len(seen) == AREA
+    assert seen[:BLOCK] == [(16 + k, 16) for k in range(BLOCK)]
+    assert seen[BLOCK] == (16, 17)
+
+
+def test_pixels_outside_the_image_are_finished_from_the_start():
+    s = np.full(PLANE * (PLANES_BEFORE_FEATURES + 4), np.nan, np.float32)
+    _open_tile(s, 3, GRID)
+    is_open = s[int(T) : int(T) + AREA] > 0
+    x, y = s[int(X) : int(X) + AREA], s[int(Y) : int(Y) + AREA]
+    assert (is_open == ((x < 20) & (y < 18))).all()
+    assert is_open.sum() == 4 * 2
+    assert (x % 1 == 0.5).all()
+    assert (s[int(LAST) : int(LAST) + AREA] == -1).all()
+    assert TILE * TILE == AREA
+
+
+def test_rows_are_summed_in_float64_under_the_index_of_their_gaussian():
+    ids, first_slot = np.array([2, 0], np.int32), np.array([0, 3, 4], np.int32)
+    empty = np.zeros(0, np.int32)
+    spans = np.zeros(0, np.uint8)
+    lists = Lists(ids, np.zeros(0, np.float32), first_slot, empty, empty, empty, spans)
+    # In float32, 2^24 + 1 - 2^24 is 0.
+    grads = np.array([2**24, 1, 1, 2, -(2**24), 3, 5, 6], np.float32)
+    sums = np.zeros((3, 2), np.float32)
+    sum_rows(lists, grads, 2, sums.reshape(-1), new_counter(), 1)
+    assert sums.tolist() == [[5, 6], [0, 0], [1, 6]]

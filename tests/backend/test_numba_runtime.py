@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+import os
+import threading
+
+import numba
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+from desplat_ns.backend import numba_runtime
+from desplat_ns.backend.numba_runtime import fma, kernel, launching, nearest, take
+
+
+def double(x):
+    return 2 * x
+
+
+def test_a_kernel_works_where_no_cache_folder_can_be_written(monkeypatch):
+    compile_ = numba.njit
+
+    def refuse_to_cache(*args, cache=False, **options):
+        if cache:
+            raise RuntimeError("cannot cache function 'double': no locator available")
+        return compile_(*args, **options)
+
+    monkeypatch.setattr(numba, "njit", refuse_to_cache)
+    assert kernel()(double)(4) == 8
+
+
+def test_copies_older_than_any_file_of_kernels_are_dropped(tmp_path):
+    code = double.__code__
+    stem = f"module.double-{code.co_firstlineno}.py311"
+    old, new = tmp_path / f"{stem}.nbi", tmp_path / f"{stem}_other.x.nbi"
+
+    class Dispatcher:
+        py_func = staticmethod(double)
+
+        class stats:
+            cache_path = str(tmp_path)
+
+    for path, age in ((old, -10), (new, 10)):
+        path.touch()
+        when = numba_runtime._NEWEST_SOURCE + age
+        os.utime(path, (when, when))
+    numba_runtime._drop_stale(Dispatcher)
+    assert not old.exists()
+    assert new.exists()
+
+
+def test_the_first_launch_says_once_that_it_compiles(monkeypatch, capsys):
+    monkeypatch.setattr(numba_runtime, "_announced", False)
+    monkeypatch.setattr(numba_runtime, "_cached_copies", lambda dispatcher: [])
+    for _ in range(2):
+        with launching(None):
+            pass
+    assert capsys.readouterr().err.count("Compiling") == 1
+
+
+def test_nothing_is_said_where_a_compiled_copy_lies_in_the_cache(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(numba_runtime, "_announced", False)
+    monkeypatch.setattr(numba_runtime, "_cached_copies", lambda dispatcher: [tmp_path])
+    with launching(None):
+        pass
+    assert capsys.readouterr().err == ""
+
+
+@numba.njit
+def take_twice(counter):
+    return take(counter), take(counter)
+
+
+@numba.njit(nogil=True)
+def take_all(counter, marks):
+    place = take(counter)
+    while place < marks.size:
+        marks[place] += 1
+        place = take(counter)
+
+
+def test_take_counts_up_from_zero():
+    counter = np.zeros(1, np.int64)
+    assert take_twice(counter) == (0, 1)
+    assert counter[0] == 2
+
+
+def test_no_piece_of_work_is_taken_twice_or_left_out():
+    counter, marks = np.zeros(1, np.int64), np.zeros(200_000, np.int32)
+    take_all(np.zeros(1, np.int64), np.zeros(1, np.int32))  # compiles
+    threads = [threading.Thread(target=take_all, args=(counter, marks)) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert (marks == 1).all()
+
+
+@numba.njit
+def call_fma(a, b, c):
+    return fma(a, b, c)
+
+
+@numba.njit
+def call_nearest(x):
+    return nearest(x)
+
+
+def test_fma_rounds_once():
+    a = np.float32(1 + 2**-12)
+    # a^2 = 1 + 2^-11 + 2^-24; rounded to float32 first, the last term would be lost.
+    assert call_fma(a, a, np.float32(-1 - 2**-11)) == np.float32(2**-24)
+
+
+@pytest.mark.parametrize(("x", "rounded"), [(-0.4, 0), (-0.6, -1), (-7.5, -8), (3.49, 3)])
+def test_nearest_rounds_to_the_nearest_integer(x, rounded):
+    assert call_nearest(np.float32(x)) == rounded

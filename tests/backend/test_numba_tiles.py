@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numba
+import pytest
+import torch
+
+pytest.importorskip("numba")
+from scenes import one_gaussian, random_scene, render_reference, tolerance
+
+from desplat_ns.backend import RenderSettings, Splats, resolve
+from desplat_ns.errors import BackendUnavailableError
+
+SETTINGS = RenderSettings(depth=True, absgrad=True)
+
+
+def render(scene, settings=SETTINGS):
+    return resolve("numba")(scene.splats, scene.view, settings)
+
+
+def render_and_pull(scene) -> list[Any]:
+    """Everything that comes out, gradients included."""
+    leaves = scene.to(torch.float32)
+    out = render(leaves)
+    out.means2d.retain_grad()
+    rng = torch.Generator().manual_seed(1)
+    images: list[Any] = [out.rgb, out.alpha, out.depth]
+    for image in images:
+        factor = torch.rand(image.shape, generator=rng)
+        (image * factor).sum().backward(retain_graph=True)
+    grads = [p.grad for p in leaves.parameters]
+    return [*images, out.means2d.grad, out.means2d.absgrad, *grads]  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.fixture
+def two_threads():
+    """At least as many as numba was started with; skips where that is one."""
+    before = numba.get_num_threads()
+    if numba.config.NUMBA_NUM_THREADS < 2:  # pyright: ignore[reportPrivateImportUsage, reportAttributeAccessIssue]
+        pytest.skip("numba runs with one thread here (NUMBA_NUM_THREADS)")
+    yield
+    numba.set_num_threads(before)
+
+
+def test_one_thread_and_two_give_the_same_bits(two_threads):
+    scene = random_scene(21, count=600, size=(131, 77), opacity=(0.1, 0.9))
+    results = []
+    for threads in (1, 2, 2):
+        numba.set_num_threads(threads)
+        results.append(render_and_pull(scene))
+    for other in results[1:]:
+        assert all(torch.equal(a, b) for a, b in zip(results[0], other, strict=True))
+
+
+def test_python_threads_may_render_at_the_same_time():
+    """As the viewer does while training goes on."""
+    # Large enough for calls to meet: without the lock, this ends the process.
+    scene = random_scene(22, count=3000, size=(400, 300)).to(torch.float32)
+    want = render(scene).rgb
+    wrong = []
+
+    def work():
+        for _ in range(20):
+            if not torch.equal(render(scene).rgb, want):
+                wrong.append(1)
+
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+def test_ten_thousand_gaussians_in_one_tile_agree_with_the_reference():
+    scene = random_scene(23, count=10_000, size=(8, 6), opacity=(0.005, 0.02))
+    want = render_reference(scene.to(torch.float64), SETTINGS)
+    got = render(scene)
+    allowed = tolerance(torch.float32, scene.size, want.sharpness)
+    # Ten thousand alphas of about 0.01: many lie next to the cutoff, each worth 1/255 at most
+    # where the transmittance is left.
+    assert (got.alpha - want.alpha).abs().max() < 1 / 255
+    assert ((got.alpha - want.alpha).abs() <= allowed).double().mean() > 0.5
+
+
+def test_a_gaussian_that_covers_everything_fills_the_image():
+    scene = one_gaussian(
+        scales=torch.full((1, 3), 500.0), opacities=torch.tensor([0.25]), size=(70, 50)
+    )
+    alpha = render(scene).alpha
+    assert alpha.min() > 0.249
+    assert alpha.max() <= 0.25
+
+
+@pytest.mark.parametrize("dtype", [torch.float64, torch.float16, torch.bfloat16])
+def test_other_float_dtypes_are_drawn_in_float32_and_get_gradients_in_their_own(dtype):
+    scene = random_scene(24).to(dtype)
+    out = render(scene)
+    assert out.rgb.dtype == torch.float32
+    rounded = scene.to(dtype).to(torch.float32)
+    assert torch.equal(out.rgb, render(rounded).rgb)
+    out.rgb.sum().backward()
+    assert all(p.grad is not None and p.grad.dtype == dtype for p in scene.parameters)
+
+
+def test_non_contiguous_tensors_are_drawn_alike():
+    scene = random_scene(25).to(torch.float32)
+    strided: dict[str, Any] = {
+        "means": scene.means.T.contiguous().T,
+        "quats": scene.quats.repeat(1, 2)[:, :4],
+        "scales": scene.scales.T.contiguous().T,
+        "opacities": scene.opacities.repeat_interleave(2)[::2],
+        "colors": scene.colors.flip(-1).contiguous().flip(-1),
+    }
+    assert not strided["means"].is_contiguous()
+    out = resolve("numba")(Splats(**strided, sh_degree=None), scene.view, SETTINGS)
+    assert torch.equal(out.rgb, render(scene).rgb)
+
+
+def test_a_gradient_that_is_expanded_or_missing_is_understood():
+    scene = random_scene(26).to(torch.float32)
+    render(scene).rgb[..., 0].mean().backward()
+    assert scene.colors.grad is not None
+    assert (scene.colors.grad[:, 1:] == 0).all()
+    assert (scene.colors.grad[:, 0] > 0).any()
+
+
+def test_tensors_elsewhere_than_on_the_cpu_are_refused_with_advice():
+    scene = random_scene(27)
+    means, quats, scales, opacities, colors = (p.to("meta") for p in scene.parameters)
+    splats = Splats(means, quats, scales, opacities, colors)
+    with pytest.raises(BackendUnavailableError, match=r"--pipeline\.model\.backend gsplat"):
+        resolve("numba")(splats, scene.view, SETTINGS)
+
+
+def test_absgrad_is_left_alone_unless_asked_for():
+    scene = random_scene(28).to(torch.float32)
+    out = render(scene, RenderSettings())
+    out.rgb.sum().backward()
+    assert not hasattr(out.means2d, "absgrad")

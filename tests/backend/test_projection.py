@@ -1,0 +1,173 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+import torch
+from gsplat.cuda._torch_impl import _fully_fused_projection, _quat_scale_to_covar_preci
+from scenes import PARAMETERS, TestScene, one_gaussian, random_scene
+from torch import Tensor
+
+from desplat_ns.backend import RenderSettings, View
+from desplat_ns.backend.projection import ProjectedSplats, project, view_colors
+
+EPS = torch.finfo(torch.float64).eps
+
+
+def gsplats_projection(scene: TestScene, settings: RenderSettings) -> tuple[Tensor, ...]:
+    """gsplat's own, for one camera: radii, means2d, depths, conics, compensations."""
+    covars, _ = _quat_scale_to_covar_preci(scene.quats, scene.scales, True, False)
+    assert covars is not None
+    out = _fully_fused_projection(
+        scene.means,
+        covars,
+        scene.viewmat[None],
+        scene.K[None],
+        *scene.size,
+        eps2d=settings.eps2d,
+        near_plane=settings.near_plane,
+        far_plane=settings.far_plane,
+        calc_compensations=True,
+    )
+    return tuple(t[0] for t in out if t is not None)
+
+
+def project_scene(scene: TestScene, settings: RenderSettings) -> ProjectedSplats:
+    return project(scene.splats, scene.view, settings)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_projection_is_gsplats(seed):
+    settings = RenderSettings(antialiased=True)
+    scene = random_scene(seed, count=300, size=(64, 48)).to(torch.float64)
+    got = project_scene(scene, settings)
+    radii, means2d, depths, conics, compensations = gsplats_projection(scene, settings)
+    seen = got.radii > 0
+    # What gsplat sees is seen here; beyond, only what reaches in with more than 3 sigma.
+    assert (seen | (radii == 0)).all()
+    assert torch.equal(got.radii[radii > 0], radii[radii > 0])
+    # About 100 rounded operations; determinants of these ellipses lose another factor of 30.
+    for mine, theirs in (
+        (got.means2d[0], means2d),
+        (got.depths, depths),
+        (got.conics, conics),
+        (got.opacities, scene.opacities * compensations),
+    ):
+        assert ((mine - theirs).abs()[seen] <= 3000 * EPS * theirs.abs()[seen].max()).all()
+
+
+def test_a_gaussian_on_the_axis_projects_to_the_values_worked_out_by_hand():
+    # Turned by 90 degrees about z: the x axis of length 0.25 shows along y. 16 / 2 = 8 pixels
+    # for each world unit: variances (0.125 * 8)^2 + 0.3 and (0.25 * 8)^2 + 0.3.
+    half = math.sqrt(0.5)
+    scene = one_gaussian(
+        quats=torch.tensor([[half, 0.0, 0.0, half]], dtype=torch.float64) * 3,
+        scales=torch.tensor([[0.25, 0.125, 0.5]]),
+    ).to(torch.float64)
+    got = project_scene(scene, RenderSettings(antialiased=True))
+    assert got.means2d.tolist() == [[[4.5, 4.5]]]
+    assert got.depths.tolist() == [2.0]
+    assert got.conics[0].tolist() == pytest.approx([1 / 1.3, 0, 1 / 4.3], abs=20 * EPS)
+    assert got.opacities.item() == pytest.approx(0.5 * math.sqrt(4 / (1.3 * 4.3)))
+    assert got.radii.tolist() == [math.ceil(3 * math.sqrt(4.3))]
+
+
+def test_the_slope_in_the_jacobian_stops_beyond_the_border():
+    # x / z = 10, the image ends at 4.5 / 16 and the margin at 0.3 of that beyond: 0.365625.
+    far_out = one_gaussian(means=torch.tensor([[20.0, 0.0, 2.0]])).to(torch.float64)
+    got = project_scene(far_out, RenderSettings())
+    slope = 1.3 * 4.5 / 16
+    assert got.means2d[0, 0, 0].item() == pytest.approx(16 * 10 + 4.5)
+    assert 1 / got.conics[0, 0].item() == pytest.approx(1 + slope**2 + 0.3)
+    assert got.radii.item() == 0
+
+
+@pytest.mark.parametrize(("pixels", "seen"), [(8.4, True), (8.6, False)])
+@pytest.mark.parametrize("towards", [(1, 0), (-1, 0), (0, 1), (0, -1)])
+def test_only_what_reaches_into_the_image_is_seen(pixels, seen, towards):
+    # The border is 4.5 pixels from the centre. The longer axis is 3.63 pixels at 3 sigma, rounded
+    # up to 4; at 3.33 sigma, where an opaque Gaussian ends, it is 4.03.
+    mean = [[pixels / 8 * towards[0], pixels / 8 * towards[1], 2.0]]
+    scene = one_gaussian(means=torch.tensor(mean)).to(torch.float64)
+    assert project_scene(scene, RenderSettings()).radii.tolist() == [4 if seen else 0]
+
+
+def test_needles_keep_a_positive_definite_conic_in_float32():
+    rng = torch.Generator().manual_seed(0)
+    count = 2000
+    scene = one_gaussian(
+        means=torch.tensor([[0.0, 0.0, 2.0]]).expand(count, 3),
+        quats=torch.randn(count, 4, generator=rng),
+        scales=torch.tensor([[300.0, 1e-7, 1e-7]]).expand(count, 3),
+        opacities=torch.full((count,), 0.5),
+        colors=torch.rand(count, 3, generator=rng),
+    ).to(torch.float32)
+    got = project_scene(scene, RenderSettings())
+    xx, xy, yy = got.conics.unbind(-1)
+    assert (got.radii > 0).all()
+    assert (xx * yy - xy * xy > 0).all()
+
+
+@pytest.mark.parametrize("antialiased", [False, True])
+@pytest.mark.parametrize("sh_degree", [None, 3])
+def test_gradients_are_those_of_finite_differences(antialiased, sh_degree):
+    scene = random_scene(2, count=3, sh_degree=sh_degree).to(torch.float64)
+    settings = RenderSettings(antialiased=antialiased)
+
+    def outputs(*values: Tensor) -> tuple[Tensor, ...]:
+        *parameters, viewmat, K = values
+        changed = TestScene(*parameters, viewmat=viewmat, K=K, size=scene.size, sh_degree=sh_degree)
+        got = project_scene(changed, settings)
+        return got.means2d, got.conics, got.depths, got.opacities, got.colors
+
+    inputs = (*scene.parameters, scene.viewmat.requires_grad_(), scene.K.requires_grad_())
+    assert torch.autograd.gradcheck(outputs, inputs, fast_mode=sh_degree is not None)
+
+
+def test_evaluated_colours_are_shifted_by_a_half_and_never_negative():
+    coefficients = torch.tensor([[[1.0, 0.0, -5.0]]])
+    scene = dataclasses.replace(one_gaussian(colors=coefficients), sh_degree=0).to(torch.float64)
+    colors = view_colors(scene.splats, scene.view)
+    assert colors[0].tolist() == pytest.approx([0.5 + 0.28209479177387814, 0.5, 0.0])
+
+
+def test_lower_degrees_leave_higher_coefficients_alone():
+    scene = random_scene(4, count=5, sh_degree=3).to(torch.float64)
+    lower = dataclasses.replace(scene, sh_degree=1)
+    cut = dataclasses.replace(lower, colors=scene.colors[:, :4])
+    assert torch.equal(view_colors(lower.splats, lower.view), view_colors(cut.splats, cut.view))
+
+
+@pytest.mark.parametrize("antialiased", [False, True])
+def test_culled_gaussians_receive_zero_and_never_nan(antialiased):
+    scene = random_scene(6, count=8, sh_degree=2).to(torch.float32)
+    with torch.no_grad():
+        centre = -scene.viewmat[:3, :3].T @ scene.viewmat[:3, 3]
+        scene.means[0] = centre
+        scene.means[1] = math.nan
+        scene.quats[2] = 0
+        scene.scales[3] = math.inf
+        scene.scales[4] = 1e30
+        scene.colors[5, 3, 1] = math.nan
+    scene.viewmat.requires_grad_()
+    got = project_scene(scene, RenderSettings(antialiased=antialiased))
+    assert got.radii[:6].tolist() == [0] * 6
+    outputs = (got.means2d, got.conics, got.depths, got.opacities, got.colors)
+    # As a backend does: what is culled sends no gradient back.
+    seen = (got.radii > 0).float()
+    total = sum((t.reshape(8, -1).sum(-1) * seen).sum() for t in outputs)
+    assert isinstance(total, Tensor)
+    total.backward()
+    for name in PARAMETERS:
+        gradient = getattr(scene, name).grad
+        assert gradient.isfinite().all(), name
+        assert gradient[:6].abs().max() == 0, name
+    assert scene.viewmat.grad is not None and scene.viewmat.grad.isfinite().all()
+
+
+def test_a_camera_that_sees_nothing_valid_is_no_error():
+    view = View(torch.eye(4), torch.eye(3), 5, 4)
+    scene = random_scene(8, count=3).to(torch.float32)
+    got = project(scene.splats, dataclasses.replace(view, K=torch.eye(3) * 1e-9), RenderSettings())
+    assert got.radii.shape == (3,)

@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from functools import partial
+from typing import Any
+
+import jaxtyping
+import pytest
+import torch
+
+from desplat_ns.backend import BACKEND_NAMES, available, registry, resolve
+from desplat_ns.errors import BackendUnavailableError
+
+
+def hinder(monkeypatch: pytest.MonkeyPatch, **reasons: str | None) -> None:
+    """Pretend that these backends cannot (text) or can (None) run here."""
+    table = {
+        name: registry._Entry(e.module, e.class_name, partial(reasons.get, name))
+        for name, e in registry._BACKENDS.items()
+    }
+    monkeypatch.setattr(registry, "_BACKENDS", table)
+    registry._fastest.cache_clear()
+
+
+@pytest.fixture(autouse=True)
+def _fresh_choice():
+    yield
+    registry._fastest.cache_clear()
+
+
+def test_each_backend_is_resolved_under_its_own_name():
+    for name, reason in available().items():
+        assert name in BACKEND_NAMES
+        if reason is None:
+            assert resolve(name).name == name  # pyright: ignore[reportArgumentType]
+
+
+def test_the_torch_backend_runs_everywhere():
+    assert available()["torch"] is None
+
+
+def test_gsplat_without_cuda_says_what_to_type(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(BackendUnavailableError) as error:
+        resolve("gsplat")
+    assert str(error.value) == (
+        "Backend 'gsplat' needs a CUDA device and torch sees none. Add "
+        "`--pipeline.model.backend numba`, or install a CUDA build of torch."
+    )
+
+
+def test_gsplat_without_kernels_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr("desplat_ns.backend.gsplat_cuda.kernels_are_built", lambda: False)
+    with pytest.raises(BackendUnavailableError, match="nvcc"):
+        resolve("gsplat")
+
+
+def test_a_numba_that_is_missing_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "desplat_ns.backend.numba_tiles", None)
+    with pytest.raises(BackendUnavailableError, match="pip install numba"):
+        resolve("numba")
+
+
+def test_an_unknown_name_lists_the_known_ones():
+    unknown: Any = "cuda"
+    jaxtyping.config.update("jaxtyping_disable", True)  # it would reject what is no Literal
+    try:
+        with pytest.raises(BackendUnavailableError, match="auto, gsplat, torch, numba"):
+            resolve(unknown)
+    finally:
+        jaxtyping.config.update("jaxtyping_disable", False)
+
+
+@pytest.mark.parametrize(
+    ("reasons", "chosen"),
+    [
+        ({"gsplat": "no", "numba": "no"}, "torch"),
+        ({"gsplat": None, "numba": None}, "gsplat"),
+        ({"gsplat": "no", "numba": None}, "numba"),
+    ],
+)
+def test_auto_takes_the_fastest_that_can_run(monkeypatch, reasons, chosen):
+    hinder(monkeypatch, **reasons)
+    assert registry._fastest() == chosen
+
+
+def test_auto_says_once_which_backend_it_took_and_why_not_a_faster_one(monkeypatch, capfd):
+    hinder(monkeypatch, gsplat="needs CUDA.", numba="is not installed.")
+    for _ in range(3):
+        assert resolve("auto").name == "torch"
+    said = capfd.readouterr().out
+    assert said.count("Rasterizer backend: torch.") == 1
+    assert said.count("Backend 'numba' is not installed.") == 1
+
+
+def test_backends_are_imported_only_when_asked_for():
+    code = (
+        "import sys, desplat_ns.backend\n"
+        "print([m for m in sys.modules if m.startswith(('gsplat', 'numba', 'nerfstudio'))\n"
+        " or m.startswith('desplat_ns.backend.') and m.endswith(('_tiles', '_cuda'))])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

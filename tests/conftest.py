@@ -1,0 +1,69 @@
+"""Fixtures and settings for every test.
+
+`desplat_ns` is imported inside the fixtures only: this file is read before jaxtyping's import hook
+is in place, and what is imported before the hook goes unchecked.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+# Before anything loads OpenMP: waiting threads sleep instead of spinning.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
+import pytest
+import torch
+from hypothesis import HealthCheck, settings
+
+if TYPE_CHECKING:
+    from desplat_ns.synthetic import Scene
+
+torch.set_num_threads(1)  # the tensors of tests are small: more threads only wait for each other
+
+# The first example pays for compilation, so a time limit per example would fail at random.
+settings.register_profile(
+    "desplat", deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("desplat")
+
+DATA_VARIABLE = "DESPLAT_NS_DATA"
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what is marked `gpu` where torch sees no CUDA device."""
+    if item.get_closest_marker("gpu") and not torch.cuda.is_available():
+        pytest.skip("needs a CUDA device; torch sees none")
+
+
+@pytest.fixture(scope="session")
+def data_folder() -> Callable[[str], Path]:
+    """`data_folder("fox")`: that real scene, or a skip that says how to provide it."""
+
+    def find(name: str) -> Path:
+        root = os.environ.get(DATA_VARIABLE)
+        if not root:
+            pytest.skip(f"set {DATA_VARIABLE} to the folder that holds the scene '{name}'")
+        folder = Path(root).expanduser() / name
+        if not folder.is_dir():
+            pytest.skip(f"{DATA_VARIABLE}={root} holds no scene '{name}'")
+        return folder
+
+    return find
+
+
+@pytest.fixture(scope="session")
+def checkout() -> Path:
+    """Root of the source tree."""
+    return Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def tiny_scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    """A generated capture of six 48x32 views with known truth; shared: do not write into it."""
+    from desplat_ns.synthetic import SceneSpec, write_scene
+
+    return write_scene(SceneSpec.tiny(), tmp_path_factory.mktemp("tiny_scene"))

@@ -1,0 +1,183 @@
+"""Our COLMAP parser gives what nerfstudio's gives, without its prompt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
+
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig, with_pycolmap
+from desplat_ns.errors import CaptureError, ConfigError
+
+CAMERA_FIELDS = (
+    "camera_to_worlds",
+    "fx",
+    "fy",
+    "cx",
+    "cy",
+    "width",
+    "height",
+    "distortion_params",
+    "camera_type",
+)
+TOLERANCE: dict[str, Any] = {"rtol": 1e-5, "atol": 1e-5}
+"""Upstream turns quaternions into matrices itself; then some dozen operations in float32."""
+
+OPTIONS = [
+    {},
+    {"orientation_method": "none", "center_method": "none", "auto_scale_poses": False},
+    {"orientation_method": "pca", "center_method": "focus", "scale_factor": 2.0},
+    {"assume_colmap_world_coordinate_convention": False, "orientation_method": "vertical"},
+    {"eval_mode": "fraction", "train_split_fraction": 0.8},
+]
+
+
+def by_position(metadata: dict) -> dict[str, torch.Tensor]:
+    """Points in an order that does not depend on the order in which they were read."""
+    order = torch.from_numpy(np.lexsort(metadata["points3D_xyz"].numpy().T.round(4)))
+    return {key: value[order] for key, value in metadata.items() if key.startswith("points3D")}
+
+
+def assert_same_outputs(data: Path, **options) -> None:
+    upstream = ColmapDataParserConfig(
+        data=data, colmap_path=Path("sparse/0"), downscale_factor=1, **options
+    ).setup()
+    ours = DeSplatColmapDataParserConfig(data=data, downscale_factor=1, **options).setup()
+    for split in ("train", "val", "test"):
+        one, other = (parser.get_dataparser_outputs(split) for parser in (upstream, ours))
+        assert one.image_filenames == other.image_filenames
+        for name in CAMERA_FIELDS:
+            torch.testing.assert_close(
+                getattr(other.cameras, name), getattr(one.cameras, name), **TOLERANCE
+            )
+        torch.testing.assert_close(
+            other.dataparser_transform, one.dataparser_transform, **TOLERANCE
+        )
+        assert other.dataparser_scale == pytest.approx(one.dataparser_scale, rel=1e-5)
+        torch.testing.assert_close(other.scene_box.aabb, one.scene_box.aabb)
+        assert set(one.metadata) == set(other.metadata)
+        points, same = by_position(one.metadata), by_position(other.metadata)
+        for key, value in points.items():
+            torch.testing.assert_close(same[key], value, **TOLERANCE)
+
+
+@pytest.mark.parametrize("options", OPTIONS, ids=str)
+def test_outputs_equal_upstreams_on_a_generated_scene(tiny_scene, options):
+    assert_same_outputs(tiny_scene.folder, **options)
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize("options", OPTIONS[:3], ids=str)
+def test_outputs_equal_upstreams_on_fox(data_folder, options):
+    assert_same_outputs(data_folder("fox"), **options)
+
+
+def test_cameras_scale_by_the_rounded_size(capture):
+    data = capture(cameras=["1 PINHOLE 9 7 10 11 4.5 3.5"])
+    outputs = DeSplatColmapDataParserConfig(data=data, downscale_factor=2).setup()
+    camera = outputs.get_dataparser_outputs("train").cameras[0]
+    assert (camera.width.item(), camera.height.item()) == (4, 3)
+    # 10 * 4/9, 11 * 3/7; the principal point stays in the middle.
+    assert camera.fx.item() == pytest.approx(40 / 9)
+    assert camera.fy.item() == pytest.approx(33 / 7)
+    assert (camera.cx.item(), camera.cy.item()) == pytest.approx((2.0, 1.5))
+
+
+def test_nothing_is_written_into_the_capture(capture):
+    data = capture()
+    before = sorted(data.rglob("*"))
+    parser = DeSplatColmapDataParserConfig(data=data, downscale_factor=2).setup()
+    parser.get_dataparser_outputs("train")
+    assert sorted(data.rglob("*")) == before
+
+
+def test_complete_copies_need_no_originals(capture, photo_writer):
+    data = capture()
+    for photo in (data / "images").iterdir():
+        photo_writer(data / "images_2" / photo.name, 4, 3)
+        photo.unlink()
+    parser = DeSplatColmapDataParserConfig(data=data, downscale_factor=2).setup()
+    outputs = parser.get_dataparser_outputs("train")
+    assert {path.parent.name for path in outputs.image_filenames} == {"images_2"}
+
+
+def test_upstreams_default_path_becomes_a_search(tmp_path: Path):
+    swapped = with_pycolmap(ColmapDataParserConfig(data=tmp_path, eval_interval=3))
+    assert isinstance(swapped, DeSplatColmapDataParserConfig)
+    assert (swapped.data, swapped.eval_interval) == (tmp_path, 3)
+    assert swapped.colmap_path == Path("colmap/sparse")
+    named = with_pycolmap(ColmapDataParserConfig(colmap_path=Path("mine")))
+    assert named.colmap_path == Path("mine")
+
+
+def test_list_files_decide_the_splits_and_test_stands_in_for_val(capture):
+    data = capture()
+    (data / "train_list.txt").write_text("a.png\nc.png\n")
+    (data / "test_list.txt").write_text("b.png\n")
+    parser = DeSplatColmapDataParserConfig(data=data).setup()
+    names = {
+        split: [path.name for path in parser.get_dataparser_outputs(split).image_filenames]
+        for split in ("train", "val", "test")
+    }
+    assert names == {"train": ["a.png", "c.png"], "val": ["b.png"], "test": ["b.png"]}
+
+
+def test_a_list_that_names_no_photo_is_an_error(capture):
+    data = capture()
+    (data / "train_list.txt").write_text("nothing.png\n")
+    with pytest.raises(CaptureError, match=r"train photos .*nothing\.png.*_list\.txt"):
+        DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs("train")
+
+
+def test_missing_photos_are_listed_at_once(capture):
+    data = capture([f"{i}.png" for i in range(16)])
+    for i in range(1, 15):
+        (data / "images" / f"{i}.png").unlink()
+    with pytest.raises(CaptureError, match=r"13 of 14 photos .*1\.png, 2\.png.* and 3 more"):
+        DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs("train")
+
+
+def test_a_missing_images_folder_is_named(capture):
+    data = capture()
+    parser = DeSplatColmapDataParserConfig(data=data, images_path=Path("pictures")).setup()
+    with pytest.raises(CaptureError, match=r"photos folder .*pictures does not.*--images-path"):
+        parser.get_dataparser_outputs("train")
+
+
+def test_no_points_is_an_error_unless_random_ones_are_asked_for(capture):
+    data = capture(points=[])
+    with pytest.raises(CaptureError, match=r"no 3D points .*--load-3D-points False"):
+        DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs("train")
+    parser = DeSplatColmapDataParserConfig(data=data, load_3D_points=False).setup()
+    assert "points3D_xyz" not in parser.get_dataparser_outputs("train").metadata
+
+
+def test_one_photo_is_not_a_scene(capture):
+    with pytest.raises(CaptureError, match=r"one photo only \(a\.png\)"):
+        DeSplatColmapDataParserConfig(
+            data=capture(["a.png"], points=[])
+        ).setup().get_dataparser_outputs()
+
+
+def test_one_standpoint_is_not_a_scene(capture):
+    data = capture(["a.png", "b.png"])
+    file = data / "sparse" / "0" / "images.txt"
+    file.write_text(file.read_text().replace("-1 0 0 1 b.png", "0 0 0 1 b.png"))
+    with pytest.raises(CaptureError, match="from the same point"):
+        DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs()
+
+
+def test_missing_masks_are_named(capture):
+    parser = DeSplatColmapDataParserConfig(data=capture(), masks_path=Path("masks")).setup()
+    with pytest.raises(CaptureError, match=r"masks folder .*--masks-path"):
+        parser.get_dataparser_outputs("train")
+
+
+def test_matches_of_points_are_not_offered(capture):
+    parser = DeSplatColmapDataParserConfig(data=capture(), max_2D_matches_per_3D_point=3).setup()
+    with pytest.raises(ConfigError, match="--max-2D-matches-per-3D-point"):
+        parser.get_dataparser_outputs("train")

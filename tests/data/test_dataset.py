@@ -1,0 +1,121 @@
+"""Photos come at the size of their cameras, whatever their own; what does not fit is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.dataset import CaptureDataset, check_size
+from desplat_ns.errors import CaptureError
+
+CAMERAS = ("1 PINHOLE 8 6 10 10 4 3", "2 PINHOLE 12 4 10 10 6 2", "3 PINHOLE 8 6 10 10 4 3")
+
+
+def dataset_of(data: Path, scale_factor: float = 1.0, **options) -> CaptureDataset:
+    parser = DeSplatColmapDataParserConfig(data=data, eval_mode="all", **options).setup()
+    return CaptureDataset(parser.get_dataparser_outputs("train"), scale_factor)
+
+
+def test_photos_of_differing_sizes_keep_them(capture, photo_writer):
+    data = capture(cameras=CAMERAS)
+    pixels = photo_writer(data / "images" / "b.png", 12, 4)
+    dataset = dataset_of(data)
+    dataset.check_photos()
+    assert [tuple(dataset.get_data(i)["image"].shape) for i in range(3)] == [
+        (6, 8, 3),
+        (4, 12, 3),
+        (6, 8, 3),
+    ]
+    np.testing.assert_array_equal(dataset.get_numpy_image(1), pixels)
+
+
+def test_uint8_and_float32_are_the_same_photo(capture):
+    dataset = dataset_of(capture())
+    whole, real = (dataset.get_data(0, kind)["image"] for kind in ("uint8", "float32"))
+    assert (whole.dtype, real.dtype) == (torch.uint8, torch.float32)
+    torch.testing.assert_close(whole / 255.0, real)
+
+
+def test_a_downscale_factor_takes_means(capture):
+    data = capture()
+    with Image.open(data / "images" / "a.png") as photo:
+        pixels = np.asarray(photo).astype(np.float64)
+    reduced = dataset_of(data, downscale_factor=2).get_data(0, "uint8")["image"].numpy()
+    expected = pixels.reshape(3, 2, 4, 2, 3).mean(axis=(1, 3))
+    assert np.abs(reduced - expected).max() <= 0.5 + 1e-6
+
+
+def test_camera_res_scale_factor_reduces_photos_too(capture):
+    dataset = dataset_of(capture(), scale_factor=0.5)
+    assert dataset.get_data(0)["image"].shape == (3, 4, 3)
+
+
+def test_masks_come_as_booleans_at_the_cameras_size(capture):
+    data = capture()
+    (data / "masks").mkdir()
+    for name in "abc":
+        mask = np.zeros((6, 8), dtype=np.uint8)
+        mask[:, 4:] = 255
+        Image.fromarray(mask).save(data / "masks" / f"{name}.png")
+    mask = dataset_of(data, masks_path=Path("masks"), downscale_factor=2).get_data(0)["mask"]
+    assert (mask.shape, mask.dtype) == ((3, 4, 1), torch.bool)
+    assert mask[0, :, 0].tolist() == [False, False, True, True]
+
+
+def test_rgba_photos_stay_rgba(capture):
+    data = capture()
+    Image.new("RGBA", (8, 6), (10, 20, 30, 40)).save(data / "images" / "a.png")
+    assert dataset_of(data).get_data(0, "uint8")["image"][0, 0].tolist() == [10, 20, 30, 40]
+
+
+def test_what_undistortion_does_to_the_cameras_does_not_change_the_photos(capture):
+    dataset = dataset_of(capture())
+    dataset.cameras.width[0] = 7
+    assert dataset.get_data(0)["image"].shape == (6, 8, 3)
+
+
+def test_a_photo_that_exif_turns_is_an_error_with_both_sizes(capture, photo_writer):
+    data = capture()
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    photo_writer(data / "images" / "b.png", exif=exif)
+    with pytest.raises(CaptureError, match=r"b\.png is 6x8 .* 8x6 .*EXIF.*mogrify -auto-orient"):
+        dataset_of(data).check_photos()
+
+
+def test_a_missing_or_corrupt_photo_is_named(capture):
+    data = capture()
+    dataset = dataset_of(data)
+    (data / "images" / "b.png").write_bytes(b"\x89PNG nothing")
+    with pytest.raises(CaptureError, match=r"b\.png cannot be read"):
+        dataset.check_photos()
+    (data / "images" / "b.png").unlink()
+    with pytest.raises(CaptureError, match=r"1 of 3 photos .*b\.png"):
+        dataset.check_photos()
+
+
+@pytest.mark.parametrize(
+    ("found", "camera", "fits"),
+    [
+        ((270, 480), (270, 480), True),
+        ((270, 480), (135, 240), True),
+        ((1297, 840), (648, 420), True),
+        ((4032, 3024), (1008, 756), True),
+        ((8, 6), (7, 5), True),
+        ((480, 270), (270, 480), False),
+        ((135, 240), (270, 480), False),
+        ((3024, 4032), (1008, 756), False),
+        ((1000, 800), (500, 300), False),
+    ],
+)
+def test_photos_fit_cameras_of_their_shape_and_no_larger(found, camera, fits: bool):
+    if fits:
+        check_size(Path("a.png"), found, camera)
+    else:
+        with pytest.raises(CaptureError, match=f"a.png is {found[0]}x{found[1]} "):
+            check_size(Path("a.png"), found, camera)

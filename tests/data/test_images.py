@@ -1,0 +1,187 @@
+"""Photos come in upright and with their own colours; damage is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image, ImageOps
+
+from desplat_ns.data.images import (
+    image_size,
+    read_image,
+    read_mask,
+    resize_image,
+    resize_mask,
+    write_image,
+)
+from desplat_ns.errors import CaptureError, DeSplatError
+
+
+def noise(height: int, width: int, channels: int = 3, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 256, (height, width, channels), dtype=np.uint8)
+
+
+def area_mean(image: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Independent reference: overlap lengths of every old and new pixel, float64."""
+
+    def overlaps(old: int, new: int) -> np.ndarray:
+        ratio = old / new
+        edges = np.arange(new)[:, None] * ratio
+        left = np.maximum(np.arange(old)[None], edges)
+        right = np.minimum(np.arange(old)[None] + 1, edges + ratio)
+        return np.maximum(right - left, 0) / ratio
+
+    rows, columns = overlaps(image.shape[0], height), overlaps(image.shape[1], width)
+    return np.einsum("yh,xw,hwc->yxc", rows, columns, image.astype(np.float64))
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_every_exif_orientation_comes_in_as_pil_shows_it(tmp_path: Path, orientation: int):
+    path = tmp_path / "turned.png"
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    Image.fromarray(noise(6, 8)).save(path, exif=exif)
+    with Image.open(path) as stored:
+        expected = np.asarray(ImageOps.exif_transpose(stored))
+    np.testing.assert_array_equal(read_image(path), expected)
+    assert image_size(path) == (expected.shape[1], expected.shape[0])
+
+
+def test_a_jpeg_decodes_as_in_pil(tmp_path: Path):
+    path = tmp_path / "photo.jpg"
+    Image.fromarray(noise(32, 48)).save(path, quality=90)
+    with Image.open(path) as stored:
+        expected = np.asarray(stored).astype(int)
+    # One step of 8 bits: decoders may round the inverse DCT differently.
+    assert np.abs(read_image(path).astype(int) - expected).max() <= 1
+
+
+def test_grey_becomes_three_equal_channels(tmp_path: Path):
+    grey = noise(4, 5, 1)[..., 0]
+    Image.fromarray(grey).save(tmp_path / "grey.png")
+    np.testing.assert_array_equal(read_image(tmp_path / "grey.png"), np.stack([grey] * 3, -1))
+
+
+def test_grey_with_alpha_becomes_rgba(tmp_path: Path):
+    both = noise(4, 5, 2)
+    Image.fromarray(both, mode="LA").save(tmp_path / "la.png")
+    np.testing.assert_array_equal(read_image(tmp_path / "la.png"), both[..., [0, 0, 0, 1]])
+
+
+def test_alpha_is_kept_and_not_multiplied_into_the_colours(tmp_path: Path):
+    rgba = noise(4, 5, 4)
+    Image.fromarray(rgba).save(tmp_path / "rgba.png")
+    np.testing.assert_array_equal(read_image(tmp_path / "rgba.png"), rgba)
+
+
+def test_16_bit_samples_are_divided_by_257(tmp_path: Path):
+    # 65535 = 255 * 257; 257 k + 128 lies below the middle of k and k + 1, 257 k + 129 above it.
+    samples = np.array([[0, 257, 257 * 100 + 128, 257 * 100 + 129, 65535]], dtype=np.uint16)
+    Image.fromarray(samples).save(tmp_path / "deep.png")
+    assert read_image(tmp_path / "deep.png")[0, :, 0].tolist() == [0, 1, 100, 101, 255]
+
+
+def test_linear_floats_get_the_srgb_curve_and_no_nan(tmp_path: Path):
+    path = tmp_path / "light.exr"
+    values = np.array([[0.0, 0.5, 1.0, 7.0, np.nan]], dtype=np.float32)
+    write_image(path, np.stack([values] * 3, -1))
+    # 1.055 * 0.5 ** (1 / 2.4) - 0.055 = 0.73536, times 255 = 187.5
+    assert read_image(path)[0, :, 0].tolist() == [0, 188, 255, 255, 0]
+
+
+def test_floats_that_are_not_said_to_be_linear_keep_their_values(tmp_path: Path):
+    path = str(tmp_path / "float.tif")
+    file = oiio.ImageOutput.create(path)
+    file.open(path, oiio.ImageSpec(2, 1, 3, oiio.FLOAT))
+    file.write_image(np.array([[[0.2] * 3, [0.6] * 3]], dtype=np.float32))
+    file.close()
+    assert read_image(Path(path))[0, :, 0].tolist() == [51, 153]
+
+
+@pytest.mark.parametrize("damage", ["cut", "header", "text", "empty"])
+def test_a_damaged_photo_is_named(tmp_path: Path, damage: str):
+    path = tmp_path / "broken.jpg"
+    Image.fromarray(noise(64, 64)).save(path)
+    whole = path.read_bytes()
+    path.write_bytes(
+        {"cut": whole[: len(whole) // 2], "header": whole[:40], "text": b"hello", "empty": b""}[
+            damage
+        ]
+    )
+    with pytest.raises(CaptureError, match=r"broken\.jpg cannot be read: .+ Copy it again"):
+        read_image(path)
+
+
+def test_a_missing_photo_is_named(tmp_path: Path):
+    with pytest.raises(CaptureError, match=r"nowhere\.png does not exist"):
+        read_image(tmp_path / "nowhere.png")
+
+
+@pytest.mark.parametrize(("width", "height"), [(4, 3), (2, 6), (5, 4), (7, 5), (8, 1)])
+def test_reducing_takes_the_mean_of_the_covered_area(width: int, height: int):
+    image = noise(6, 8)
+    reduced = resize_image(image, width, height)
+    # Half a step for rounding, and as much again for float32 sums that fall on the other side.
+    assert np.abs(reduced - area_mean(image, width, height)).max() <= 0.5 + 48 * 255 * 2**-23
+
+
+def test_reducing_by_two_hand_worked():
+    image = np.array([[0, 10, 100, 100], [20, 30, 100, 104]], dtype=np.uint8)[..., None]
+    assert resize_image(np.repeat(image, 3, -1), 2, 1)[0, :, 0].tolist() == [15, 101]
+
+
+@given(
+    value=st.integers(0, 255),
+    height=st.integers(2, 9),
+    width=st.integers(2, 9),
+    data=st.data(),
+    channels=st.sampled_from([3, 4]),
+)
+def test_reducing_keeps_a_constant_colour(value, height, width, data, channels):
+    image = np.full((height, width, channels), max(value, 1), dtype=np.uint8)
+    new = data.draw(st.integers(1, width)), data.draw(st.integers(1, height))
+    assert (resize_image(image, *new) == max(value, 1)).all()
+
+
+def test_what_is_transparent_does_not_bleed():
+    image = np.array([[[200, 0, 0, 255], [0, 255, 0, 0]]], dtype=np.uint8)
+    assert resize_image(image, 1, 1)[0, 0].tolist() == [200, 0, 0, 128]
+
+
+def test_a_reduced_mask_is_true_where_half_the_area_is():
+    mask = np.array([[1, 1, 1, 0], [0, 0, 0, 0]], dtype=bool)
+    assert resize_mask(mask, 2, 1).tolist() == [[True, False]]
+
+
+def test_a_mask_is_where_the_picture_is_not_black(tmp_path: Path):
+    Image.fromarray(np.array([[0, 1, 255]], dtype=np.uint8)).save(tmp_path / "mask.png")
+    assert read_mask(tmp_path / "mask.png").tolist() == [[False, True, True]]
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_what_is_written_reads_back(tmp_path: Path, channels: int):
+    image = noise(4, 5, channels)
+    path = tmp_path / "new" / "picture.png"
+    write_image(path, image)
+    expected = np.repeat(image, 3, -1) if channels == 1 else image
+    np.testing.assert_array_equal(read_image(path), expected)
+
+
+def test_floats_and_booleans_are_written_as_8_bits(tmp_path: Path):
+    write_image(tmp_path / "f.png", np.array([[[-1.0], [0.2], [2.0]]], dtype=np.float64))
+    write_image(tmp_path / "b.png", np.array([[True, False]]))
+    assert read_image(tmp_path / "f.png")[0, :, 0].tolist() == [0, 51, 255]
+    assert read_image(tmp_path / "b.png")[0, :, 0].tolist() == [255, 0]
+
+
+def test_a_picture_that_cannot_be_written_is_named(tmp_path: Path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(DeSplatError, match=r"p\.png cannot be written"):
+        write_image(tmp_path / "file" / "p.png", noise(2, 2))
+    with pytest.raises(DeSplatError, match=r"p\.nonsense cannot be written"):
+        write_image(tmp_path / "p.nonsense", noise(2, 2))

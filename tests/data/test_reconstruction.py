@@ -1,0 +1,162 @@
+"""COLMAP models are found, the largest is taken, and what cannot be used is named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import PIL.Image  # noqa: F401  before pycolmap, see desplat_ns.data.reconstruction
+import pycolmap
+import pytest
+from nerfstudio.cameras.cameras import CameraType
+
+from desplat_ns.data.reconstruction import find_models, read_reconstruction
+from desplat_ns.errors import CaptureError
+
+SPARSE = Path("sparse")
+
+
+def test_text_comes_in_as_written(capture):
+    data = capture(["b.png", "folder/a.png"])
+    found = read_reconstruction(data, SPARSE)
+    assert found.folder == data / "sparse" / "0"
+    assert [(f.name, f.image_id) for f in found.frames] == [("b.png", 1), ("folder/a.png", 2)]
+    second = found.frames[1]
+    expected = np.concatenate([np.eye(3), [[-1], [0], [0]]], axis=1)
+    np.testing.assert_array_equal(second.world_to_camera, expected)
+    assert (second.width, second.height) == (8, 6)
+    assert second.camera_type == CameraType.PERSPECTIVE
+    assert second.intrinsics == {"fx": 10.0, "fy": 11.0, "cx": 4.0, "cy": 3.0}
+    np.testing.assert_array_equal(found.points.xyz, [[0.5, -1, 4], [1, 2, 3]])
+    np.testing.assert_array_equal(found.points.rgb, [[10, 20, 30], [200, 100, 50]])
+    np.testing.assert_array_equal(found.points.error, [0.25, 0.5])
+    np.testing.assert_array_equal(found.points.num_views, [2, 1])
+
+
+def test_binary_equals_text(capture, tmp_path: Path):
+    data = capture()
+    binary = tmp_path / "binary" / "sparse" / "0"
+    binary.mkdir(parents=True)
+    pycolmap.Reconstruction(data / "sparse" / "0").write_binary(binary)
+    text, same = (read_reconstruction(d, SPARSE) for d in (data, tmp_path / "binary"))
+    assert [f.name for f in text.frames] == [f.name for f in same.frames]
+    for one, other in zip(text.frames, same.frames, strict=True):
+        np.testing.assert_array_equal(one.world_to_camera, other.world_to_camera)
+        assert one.intrinsics == other.intrinsics
+    np.testing.assert_array_equal(text.points.xyz, same.points.xyz)
+
+
+@pytest.mark.parametrize("place", ["sparse", "sparse/0", "sparse/2", "colmap/sparse/0"])
+def test_the_usual_places_are_searched(tmp_path: Path, model_writer, place: str):
+    model_writer(tmp_path / place, ["a.png", "b.png"])
+    assert find_models(tmp_path, SPARSE) == [tmp_path / place]
+
+
+def test_a_named_model_is_taken_even_if_another_is_larger(tmp_path: Path, model_writer):
+    model_writer(tmp_path / "mine", ["a.png", "b.png"])
+    model_writer(tmp_path / "sparse" / "0", ["a.png", "b.png", "c.png"])
+    assert read_reconstruction(tmp_path, Path("mine")).folder == tmp_path / "mine"
+
+
+def test_the_largest_of_several_is_taken_and_said(tmp_path: Path, model_writer, capsys):
+    for name, count in (("0", 2), ("1", 4), ("2", 3)):
+        model_writer(tmp_path / "sparse" / name, [f"{i}.png" for i in range(count)])
+    assert len(read_reconstruction(tmp_path, SPARSE).frames) == 4
+    said = capsys.readouterr().out
+    assert f"{tmp_path / 'sparse' / '1'} with 4 photos, the largest of 3" in said
+    assert "0: 2, 2: 3" in said
+    assert said.count("\n") == 1
+
+
+def binary_with(data: Path, change: Callable[[pycolmap.Reconstruction], object]) -> None:
+    """Turn the text model of a capture into a binary one after a change."""
+    folder = data / "sparse" / "0"
+    model = pycolmap.Reconstruction(folder)
+    change(model)
+    for file in folder.iterdir():
+        file.unlink()
+    model.write_binary(folder)
+
+
+def test_points_with_nan_are_left_out_and_counted(capture, capsys):
+    data = capture()
+    binary_with(data, lambda model: setattr(model.points3D[1], "xyz", [np.nan, 0, 0]))
+    found = read_reconstruction(data, SPARSE)
+    np.testing.assert_array_equal(found.points.xyz, [[1, 2, 3]])
+    np.testing.assert_array_equal(found.points.rgb, [[200, 100, 50]])
+    assert "1 of 2 points" in capsys.readouterr().out
+
+
+def test_nan_in_a_text_file_which_colmap_cannot_read_is_shown(capture):
+    data = capture(points=["1 nan 0 0 1 2 3 0.5 1 0", "2 1 2 3 4 5 6 0.5 1 1"])
+    with pytest.raises(CaptureError, match=r"1 lines of points3D\.txt .*the first: 1 nan 0 0"):
+        read_reconstruction(data, SPARSE)
+
+
+def test_a_pose_with_nan_is_named(capture):
+    data = capture()
+    nowhere = pycolmap.Rigid3d(pycolmap.Rotation3d(), np.array([np.nan, 0, 0]))
+    binary_with(data, lambda model: setattr(model.frames[2], "rig_from_world", nowhere))
+    with pytest.raises(CaptureError, match=r"Photo b\.png .*NaN"):
+        read_reconstruction(data, SPARSE)
+
+
+@pytest.mark.parametrize(
+    ("camera", "expected", "kind"),
+    [
+        ("SIMPLE_PINHOLE 8 6 10 4 3", {"fx": 10, "fy": 10}, CameraType.PERSPECTIVE),
+        ("SIMPLE_RADIAL 8 6 10 4 3 0.1", {"fy": 10, "k1": 0.1}, CameraType.PERSPECTIVE),
+        ("RADIAL 8 6 10 4 3 0.1 0.2", {"k1": 0.1, "k2": 0.2}, CameraType.PERSPECTIVE),
+        (
+            "OPENCV 8 6 10 11 4 3 0.1 0.2 0.3 0.4",
+            {"fx": 10, "fy": 11, "k1": 0.1, "k2": 0.2, "p1": 0.3, "p2": 0.4},
+            CameraType.PERSPECTIVE,
+        ),
+        (
+            "OPENCV_FISHEYE 8 6 10 11 4 3 0.1 0.2 0.3 0.4",
+            {"k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4},
+            CameraType.FISHEYE,
+        ),
+    ],
+)
+def test_camera_models_give_their_parameters_by_name(capture, camera, expected, kind):
+    frame = read_reconstruction(capture(cameras=[f"1 {camera}"]), SPARSE).frames[0]
+    assert expected.items() <= frame.intrinsics.items()
+    assert frame.camera_type == kind
+
+
+def test_an_unsupported_camera_is_named(capture):
+    data = capture(cameras=["1 FOV 8 6 10 10 4 3 0.5"])
+    with pytest.raises(CaptureError, match=r"model FOV; supported are .*colmap image_undistorter"):
+        read_reconstruction(data, SPARSE)
+
+
+def test_no_reconstruction_says_where_it_was_looked_for(tmp_path: Path):
+    with pytest.raises(CaptureError, match=r"looked in sparse, colmap/sparse.*--colmap-path"):
+        read_reconstruction(tmp_path, SPARSE)
+    with pytest.raises(CaptureError, match=r"looked in mine\)"):
+        read_reconstruction(tmp_path, Path("mine"))
+    with pytest.raises(CaptureError, match=r"nowhere does not exist.*--data"):
+        read_reconstruction(tmp_path / "nowhere", SPARSE)
+
+
+@pytest.mark.parametrize("part", ["cameras", "images", "points3D"])
+def test_a_damaged_model_is_named(tmp_path: Path, model_writer, part: str):
+    text = model_writer(tmp_path / "text", [f"{i}.png" for i in range(3)])
+    model = tmp_path / "data" / "sparse" / "0"
+    model.mkdir(parents=True)
+    pycolmap.Reconstruction(text).write_binary(model)
+    for extra in ("rigs.bin", "frames.bin"):  # older COLMAPs write none, so nothing checks the rest
+        (model / extra).unlink(missing_ok=True)
+    file = model / f"{part}.bin"
+    file.write_bytes(b"\x05" + file.read_bytes()[1:20])
+    with pytest.raises(CaptureError, match="sparse/0 cannot be read"):
+        read_reconstruction(tmp_path / "data", SPARSE)
+
+
+def test_a_model_without_posed_photos_is_named(capture):
+    data = capture(points=[])
+    (data / "sparse" / "0" / "images.txt").write_text("")
+    with pytest.raises(CaptureError, match="no photo with a pose"):
+        read_reconstruction(data, SPARSE)

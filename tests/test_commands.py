@@ -1,0 +1,334 @@
+"""nerfstudio's own commands on a tiny generated scene: trained once, then used in every way."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+if TYPE_CHECKING:
+    from nerfstudio.engine.trainer import TrainerConfig
+
+    from desplat_ns.synthetic import Scene
+
+pytestmark = pytest.mark.slow
+
+STEPS = 24
+NUM_TRAIN, NUM_TEST, SIZE = 6, 2, (48, 32)
+OUTPUTS = {
+    "rgb",
+    "rgb_static",
+    "rgb_composite",
+    "rgb_distractor",
+    "alpha_distractor",
+    "distractor_mask",
+    "depth",
+    "accumulation",
+    "background",
+}
+
+
+def _config(scene: Path | None, output: Path) -> TrainerConfig:
+    """`ns-train desplat` on a scene, as short as it can be with a few refinements in it."""
+    from nerfstudio.configs.method_configs import all_methods
+
+    from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+
+    assert scene is not None
+    config: Any = copy.deepcopy(all_methods["desplat"])
+    config.pipeline.datamanager.dataparser = RobustNerfDataParserConfig(data=scene)
+    config.max_num_iterations, config.vis = STEPS, "tensorboard"
+    config.steps_per_eval_image, config.steps_per_eval_all_images = 10, 20
+    config.output_dir, config.experiment_name, config.timestamp = output, "tiny", "run"
+    model = config.pipeline.model
+    model.backend, model.num_downscales, model.schedule_scale = "torch", 0, 0.02
+    model.distractors.per_view = 40
+    return config
+
+
+@pytest.fixture(scope="module")
+def trained(tiny_scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """config.yml of a trained run."""
+    from nerfstudio.scripts import train
+
+    config = _config(tiny_scene.folder, tmp_path_factory.mktemp("runs"))
+    train.main(config)
+    return config.get_base_dir() / "config.yml"
+
+
+@pytest.fixture(scope="module")
+def checkpoint(trained: Path) -> dict[str, Any]:
+    """What the run saved, read as torch reads untrusted files."""
+    (path,) = (trained.parent / "nerfstudio_models").glob("*.ckpt")
+    return torch.load(path, map_location="cpu", weights_only=True)
+
+
+@pytest.fixture
+def ffmpeg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """imageio-ffmpeg's program under the name that nerfstudio asks for."""
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    (folder / "ffmpeg").symlink_to(imageio_ffmpeg.get_ffmpeg_exe())
+    monkeypatch.setenv("PATH", str(folder), prepend=":")
+
+
+def _picture(path: Path) -> np.ndarray:
+    with Image.open(path) as image:
+        return np.asarray(image.convert("RGB"))
+
+
+# --- ns-train -----------------------------------------------------------------------------------
+
+
+def test_a_checkpoint_holds_gaussians_and_their_scene_and_no_metric_network(checkpoint: dict):
+    state = checkpoint["pipeline"]
+    assert checkpoint["step"] == STEPS - 1
+    assert state["_extra_state"]["effects"] == {"distractors": True}
+    assert len(state["_extra_state"]["train_images"]) == NUM_TRAIN
+    assert not [key for key in state if "lpips" in key]
+
+
+def test_resuming_brings_optimizers_back_and_goes_on(
+    tiny_scene: Scene, trained: Path, checkpoint: dict, tmp_path: Path
+):
+    config = _config(tiny_scene.folder, tmp_path)
+    config.load_dir = trained.parent / "nerfstudio_models"
+    config.max_num_iterations = STEPS + 2
+    trainer: Any = config.setup(local_rank=0, world_size=1)
+    trainer.setup()
+    assert {"means", "distractor_means"} <= trainer.optimizers.optimizers.keys()
+    for name, optimizer in trainer.optimizers.optimizers.items():
+        saved = checkpoint["optimizers"][name]["state"]
+        found = optimizer.state_dict()["state"]
+        assert saved.keys() == found.keys()
+        for index, moments in saved.items():
+            assert torch.equal(found[index]["exp_avg"].cpu(), moments["exp_avg"])
+            assert torch.equal(found[index]["exp_avg_sq"].cpu(), moments["exp_avg_sq"])
+    trainer.train()
+    assert (trainer.checkpoint_dir / f"step-{STEPS + 1:09d}.ckpt").exists()
+
+
+# --- ns-eval ------------------------------------------------------------------------------------
+
+
+def test_ns_eval_writes_every_figure(trained: Path, tmp_path: Path, checkpoint: dict):
+    from nerfstudio.scripts.eval import ComputePSNR
+
+    output = tmp_path / "metrics.json"
+    ComputePSNR(trained, output, render_output_path=tmp_path / "pictures").main()
+    results = json.loads(output.read_text(), parse_constant=pytest.fail)["results"]
+    means = checkpoint["pipeline"]["_model.gauss_params.means"]
+    assert results["num_static_gaussians"] == len(means)
+    assert results["num_distractor_gaussians"] > 0
+    assert results["num_images"] == NUM_TEST
+    assert 5 < results["psnr"] < 60
+    assert math.isfinite(results["psnr_std"])
+    assert 0 <= results["mask_iou"] <= 1
+    assert 0 <= results["alpha_outside_masks"] <= 1
+    assert results["num_masks"] == NUM_TRAIN
+    assert results["backend"] == "torch"
+    assert results["protocol"] == "full image, static Gaussians only"
+    assert ("lpips" in results) != ("lpips_reason" in results)
+    assert 0 < results["seconds_per_image_render"] <= results["seconds_per_image_with_metrics"]
+    assert {"desplat_ns", "nerfstudio", "gsplat", "torch"} <= results["versions"].keys()
+    assert [image["width"] for image in results["images"]] == [SIZE[0]] * NUM_TEST
+    assert len(list((tmp_path / "pictures").glob("*.png"))) == NUM_TEST
+
+
+# --- ns-render ----------------------------------------------------------------------------------
+
+
+def test_every_output_of_both_splits_is_rendered(trained: Path, tmp_path: Path):
+    from nerfstudio.scripts.render import DatasetRender
+
+    DatasetRender(trained, output_path=tmp_path, split="train+test", image_format="png").main()
+    for split, count in (("train", NUM_TRAIN), ("test", NUM_TEST)):
+        folder = tmp_path / split
+        assert {path.name for path in folder.iterdir()} == OUTPUTS | {"gt-rgb"}
+        for name in OUTPUTS:
+            pictures = [_picture(path) for path in sorted((folder / name).iterdir())]
+            assert [p.shape for p in pictures] == [(SIZE[1], SIZE[0], 3)] * count
+        for path in (folder / "rgb").iterdir():
+            assert (_picture(path) == _picture(folder / "rgb_static" / path.name)).all()
+    shown = {
+        split: [_picture(path).any() for path in (tmp_path / split / "rgb_distractor").iterdir()]
+        for split in ("train", "test")
+    }
+    assert all(shown["train"])
+    assert not any(shown["test"])
+
+
+@pytest.mark.parametrize("pose_source", ["eval", "train"])
+def test_a_path_between_views_shows_the_static_scene(
+    trained: Path, tmp_path: Path, pose_source: Any, ffmpeg: None
+):
+    from nerfstudio.scripts.render import RenderInterpolated
+
+    RenderInterpolated(
+        trained,
+        output_path=tmp_path / "path.mp4",
+        pose_source=pose_source,
+        interpolation_steps=2,
+        output_format="images",
+        image_format="png",
+        rendered_output_names=["rgb", "rgb_composite"],
+    ).main()
+    frames = [_picture(path) for path in sorted((tmp_path / "path").iterdir())]
+    assert len(frames) >= 2
+    for frame in frames:
+        rgb, composite = np.split(frame, 2, axis=1)
+        assert (rgb == composite).all()
+
+
+def test_a_film_is_written(trained: Path, tmp_path: Path, ffmpeg: None):
+    from nerfstudio.scripts.render import RenderInterpolated
+
+    film = tmp_path / "film.mp4"
+    RenderInterpolated(trained, output_path=film, interpolation_steps=3).main()
+    assert film.stat().st_size > 0
+
+
+# --- ns-export ----------------------------------------------------------------------------------
+
+
+def test_the_exported_splat_holds_the_static_gaussians_alone(
+    trained: Path, tmp_path: Path, checkpoint: dict
+):
+    pytest.importorskip("open3d", exc_type=ImportError)  # its wheels may lack system libraries
+    from nerfstudio.scripts.exporter import ExportGaussianSplat
+    from plyfile import PlyData
+
+    ExportGaussianSplat(trained, tmp_path).main()
+    vertices = PlyData.read(tmp_path / "splat.ply")["vertex"].data
+    saved = {
+        key.rpartition(".")[2]: value.numpy()
+        for key, value in checkpoint["pipeline"].items()
+        if ".gauss_params." in key
+    }
+    visible = saved["opacities"][:, 0] >= -5.5373  # logit(1/255), where upstream draws the line
+    assert len(vertices) == visible.sum() > 0
+    for columns, name in [
+        (["x", "y", "z"], "means"),
+        (["f_dc_0", "f_dc_1", "f_dc_2"], "features_dc"),
+        (["opacity"], "opacities"),
+        (["scale_0", "scale_1", "scale_2"], "scales"),
+        (["rot_0", "rot_1", "rot_2", "rot_3"], "quats"),
+    ]:
+        exported = np.stack([vertices[column] for column in columns], axis=-1)
+        assert np.array_equal(exported, saved[name][visible])
+
+
+# --- ns-viewer ----------------------------------------------------------------------------------
+
+
+class _Started(Exception):
+    """Raised in place of the viewer's endless wait."""
+
+
+@pytest.fixture(scope="module")
+def viewer(trained: Path) -> Iterator[Any]:
+    """`ns-viewer`, started without a browser."""
+    from nerfstudio.scripts.viewer import run_viewer
+    from nerfstudio.viewer.viewer import Viewer
+
+    started: list[Any] = []
+
+    class Recorded(Viewer):
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            super().__init__(*args, **kwargs)
+            started.append(self)
+
+    def stop(seconds: float) -> None:
+        raise _Started
+
+    settings = run_viewer.ViewerConfigWithoutNumRays(websocket_host="127.0.0.1")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_viewer, "ViewerState", Recorded)
+        patch.setattr(run_viewer, "time", SimpleNamespace(sleep=stop))
+        with pytest.raises(_Started):
+            run_viewer.RunViewer(trained, settings).main()
+    yield started[0]
+    started[0].viser_server.stop()
+
+
+@pytest.fixture
+def frame(viewer: Any) -> Callable[[], tuple[dict[str, torch.Tensor], np.ndarray]]:
+    """Renders training view 2 as the viewer does for a browser: the outputs, the picture sent."""
+    from nerfstudio.cameras.cameras import CameraType
+    from nerfstudio.viewer.render_state_machine import RenderStateMachine
+    from nerfstudio.viewer.utils import CameraState
+
+    sent: list[np.ndarray] = []
+    aspect = SIZE[0] / SIZE[1]
+    browser: Any = SimpleNamespace(
+        camera=SimpleNamespace(aspect=aspect),
+        scene=SimpleNamespace(set_background_image=lambda image, **_: sent.append(image)),
+    )
+    camera = viewer.pipeline.datamanager.train_dataset.cameras[2]
+    fov = 2 * math.atan(float(camera.cy) / float(camera.fy))
+    state = CameraState(fov, aspect, camera.camera_to_worlds, CameraType.PERSPECTIVE, idx=2)
+    machine = RenderStateMachine(viewer, 10.0, browser)
+    viewer.pipeline.layer.value = "static"
+
+    def render() -> tuple[dict[str, torch.Tensor], np.ndarray]:
+        outputs = machine._render_img(state)
+        machine._send_output_to_viewer(outputs)
+        return outputs, sent[-1]
+
+    return render
+
+
+def test_the_viewer_shows_each_layer_and_at_first_the_static_scene(viewer: Any, frame: Any):
+    pipeline = viewer.pipeline
+    assert {path for path, _ in viewer.viewer_elements} >= {
+        "Custom Elements/layer",
+        "Custom Elements/training_view",
+    }
+    outputs, picture = frame()
+    assert torch.equal(outputs["rgb"], outputs["rgb_static"])
+    assert not outputs["alpha_distractor"].any()
+    assert picture.any()
+    pipeline.training_view.value = 2
+    for layer, output in (
+        ("composite", "rgb_composite"),
+        ("distractors", "rgb_distractor"),
+        ("mask", "distractor_mask"),
+    ):
+        pipeline.layer.value = layer
+        outputs, picture = frame()
+        expected = outputs[output].expand_as(outputs["rgb"]).float()
+        assert torch.equal(outputs["rgb"], expected.clamp(0, 1))
+        assert outputs["alpha_distractor"].any()
+        assert picture.dtype == np.uint8
+    pipeline.layer.value = "static"
+    assert not frame()[0]["alpha_distractor"].any()
+
+
+def test_every_training_view_has_distractors_of_its_own_in_the_viewer(viewer: Any, frame: Any):
+    viewer.pipeline.layer.value = "distractors"
+    pictures = []
+    for view in (0, 2, NUM_TRAIN - 1):
+        viewer.pipeline.training_view.value = view
+        pictures.append(frame()[0]["rgb"])
+    assert not torch.equal(pictures[0], pictures[1])
+    assert not torch.equal(pictures[1], pictures[2])
+
+
+def test_every_output_can_be_chosen_in_the_viewers_own_menu(viewer: Any, frame: Any):
+    frame()
+    menu = viewer.control_panel._output_render
+    assert set(menu.options) >= OUTPUTS
+    for output in [*sorted(OUTPUTS), "rgb"]:
+        menu.value = output
+        viewer.output_type_changed = True  # as the menu's callback does
+        assert frame()[1].shape[2] == 3

@@ -1,0 +1,180 @@
+"""Training cameras carry their number, held-out ones none; CUDA is never needed."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+import pycolmap
+import pytest
+import torch
+from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
+from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
+from nerfstudio.data.utils.dataloaders import FixedIndicesEvalDataloader
+
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.dataset import CaptureDataset
+from desplat_ns.data.nerfstudio import PromptFreeNerfstudio
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.datamanager import DeSplatDataManager, DeSplatDataManagerConfig, without_prompts
+from desplat_ns.errors import CaptureError, CheckpointError
+
+
+def manager(dataparser, test_mode: str = "val", **options) -> DeSplatDataManager:
+    config = DeSplatDataManagerConfig(dataparser=dataparser, **options)
+    return config.setup(device="cpu", test_mode=test_mode)
+
+
+@pytest.fixture
+def copy(tiny_scene, tmp_path: Path) -> Path:
+    """The tiny scene (6 clean, 6 clutter, 2 extra) in a folder that may be changed."""
+    return Path(shutil.copytree(tiny_scene.folder, tmp_path / "scene"))
+
+
+def distort(data: Path) -> None:
+    """Give every camera of a capture barrel distortion, k1 = 0.2 (COLMAP's OPENCV model)."""
+    folder = data / "sparse" / "0"
+    model = pycolmap.Reconstruction(folder)
+    shutil.rmtree(folder)
+    folder.mkdir()
+    model.write_text(folder)
+    file = folder / "cameras.txt"
+    lines = file.read_text().splitlines()
+    cameras = [
+        line.replace("PINHOLE", "OPENCV") + " 0.2 0 0 0" for line in lines if "#" not in line
+    ]
+    file.write_text("\n".join(cameras) + "\n")
+
+
+def shifted(x: float) -> np.ndarray:
+    pose = np.eye(4)
+    pose[0, 3] = x
+    return pose
+
+
+def test_training_cameras_say_which_view_they_are(tiny_scene):
+    data = manager(RobustNerfDataParserConfig(data=tiny_scene.folder))
+    seen = set()
+    for step in range(6):
+        camera, batch = data.next_train(step)
+        assert camera.metadata is not None
+        assert camera.metadata["train_idx"].tolist() == [[batch["image_idx"]]]
+        assert batch["image"].dtype == torch.uint8
+        seen.add(batch["image_idx"])
+    assert seen == set(range(6))
+
+
+def test_held_out_cameras_say_nothing(tiny_scene):
+    data = manager(RobustNerfDataParserConfig(data=tiny_scene.folder))
+    cameras = [camera for camera, _ in data.fixed_indices_eval_dataloader]
+    cameras.append(data.next_eval(0)[0])
+    assert len(cameras) == 3
+    assert all("train_idx" not in (camera.metadata or {}) for camera in cameras)
+
+
+@pytest.mark.parametrize("test_mode", ["test", "inference"])
+def test_ns_render_dataset_sees_the_number_in_training_views_only(tiny_scene, test_mode: str):
+    data = manager(RobustNerfDataParserConfig(data=tiny_scene.folder), test_mode)
+    train = list(FixedIndicesEvalDataloader(data.train_dataset, device="cpu"))
+    test = list(FixedIndicesEvalDataloader(data.eval_dataset, device="cpu"))
+    numbers = [(camera.metadata or {})["train_idx"].item() for camera, _ in train]
+    assert numbers == list(range(6))
+    assert all("train_idx" not in (camera.metadata or {}) for camera, _ in test)
+    assert train[0][1]["image"].shape == (32, 48, 3)
+
+
+def test_without_cuda_nothing_is_pinned(tiny_scene, monkeypatch):
+    def fail(self):
+        raise RuntimeError("pinned")
+
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr(torch.Tensor, "pin_memory", fail)
+    data = manager(RobustNerfDataParserConfig(data=tiny_scene.folder), cache_images="cpu")
+    assert data.next_train(0)[1]["image"].device.type == "cpu"
+
+
+def test_upstreams_parsers_are_swapped_where_they_would_ask(tiny_scene):
+    data = manager(ColmapDataParserConfig(data=tiny_scene.folder))
+    assert type(data.config.dataparser) is DeSplatColmapDataParserConfig
+    assert isinstance(data.train_dataset, CaptureDataset)
+    assert without_prompts(NerfstudioDataParserConfig())._target is PromptFreeNerfstudio
+    own = RobustNerfDataParserConfig()
+    assert without_prompts(own) is own
+
+
+def test_names_follow_the_numbers_and_not_the_size(tiny_scene):
+    names = [
+        manager(
+            RobustNerfDataParserConfig(data=tiny_scene.folder, downscale_factor=factor)
+        ).train_image_names
+        for factor in (1, 2)
+    ]
+    assert names[0] == names[1]
+    assert [Path(name).stem for name in names[0]] == [f"clutter_{i:04d}" for i in range(1, 7)]
+
+
+@pytest.mark.parametrize("strategy", ["random", "fps"])
+def test_a_restored_sampler_goes_on_in_the_same_order(tiny_scene, tmp_path: Path, strategy: str):
+    parser = ColmapDataParserConfig(data=tiny_scene.folder)  # fpsample needs 8 photos or more
+    one = manager(parser, train_cameras_sampling_strategy=strategy)
+    for step in range(4):
+        one.next_train(step)
+    torch.save(one.sampler_state(), tmp_path / "state.pt")
+    rng = np.random.get_state()
+    expected = [one.next_train(step)[1]["image_idx"] for step in range(20)]
+    other = manager(parser, train_cameras_sampling_strategy=strategy, train_cameras_sampling_seed=7)
+    other.load_sampler_state(torch.load(tmp_path / "state.pt", weights_only=True))
+    np.random.set_state(rng)  # farthest-point sampling draws from it; the trainer restores it
+    assert [other.next_train(step)[1]["image_idx"] for step in range(20)] == expected
+
+
+def test_the_sampler_of_another_capture_is_refused(tiny_scene):
+    data = manager(RobustNerfDataParserConfig(data=tiny_scene.folder))
+    state = {**data.sampler_state(), "num_views": 5}
+    with pytest.raises(CheckpointError, match=r"trained on 5 photos; .* gives 6"):
+        data.load_sampler_state(state)
+
+
+def test_one_training_photo_is_an_error(copy: Path):
+    (copy / "one.txt").write_text(next((copy / "images").glob("clutter_*")).name)
+    parser = RobustNerfDataParserConfig(
+        data=copy, train_split_mode="filename", train_split_file=Path("one.txt")
+    )
+    with pytest.raises(CaptureError, match="has 1 training photos; two or more"):
+        manager(parser)
+
+
+def test_no_evaluation_photo_is_an_error(copy: Path):
+    images = sorted((copy / "images").iterdir())
+    frames = [
+        {"file_path": f"images/{path.name}", "transform_matrix": shifted(float(i)).tolist()}
+        for i, path in enumerate(images)
+    ]
+    meta = {"fl_x": 50, "fl_y": 50, "cx": 24, "cy": 16, "w": 48, "h": 32, "frames": frames}
+    (copy / "transforms.json").write_text(json.dumps(meta))
+    with pytest.raises(CaptureError, match=r"has no evaluation photos: all 14 .*--eval-mode"):
+        manager(NerfstudioDataParserConfig(data=copy, train_split_fraction=1.0))
+
+
+def test_a_photo_that_does_not_fit_its_camera_stops_before_training(copy: Path):
+    photo = next((copy / "images").glob("extra_*"))
+    PIL.Image.new("RGB", (32, 48)).save(photo)
+    with pytest.raises(CaptureError, match=f"{photo.name} is 32x48 .* 48x32 "):
+        manager(RobustNerfDataParserConfig(data=copy))
+
+
+def test_distorted_photos_are_undistorted_as_upstream(copy: Path):
+    plain = manager(RobustNerfDataParserConfig(data=copy)).next_train(0)[1]
+    distort(copy)
+    data = manager(RobustNerfDataParserConfig(data=copy))
+    batch = data.next_train(0)[1]
+    index = batch["image_idx"]
+    assert index == plain["image_idx"]
+    height, width, _ = batch["image"].shape
+    camera = data.train_dataset.cameras[index]
+    assert (camera.width.item(), camera.height.item()) == (width, height)  # cropped by upstream
+    assert not torch.equal(batch["image"], plain["image"][:height, :width])
+    torch.testing.assert_close(data.train_dataset.get_data(index, "uint8")["image"], plain["image"])

@@ -1,0 +1,26 @@
+"""What ends a command is told in a sentence, not in a traceback."""
+
+import sys
+
+import pytest
+
+from desplat_ns.errors import CaptureError, print_user_errors_plainly
+
+
+@pytest.fixture
+def hook(monkeypatch):
+    others: list[BaseException] = []
+    monkeypatch.setattr(sys, "excepthook", lambda kind, error, trace: others.append(error))
+    print_user_errors_plainly()
+    return lambda error: (sys.excepthook(type(error), error, None), others)[1]
+
+
+def test_a_users_mistake_is_told_plainly(hook, capsys):
+    assert hook(CaptureError("no photos in 'x'")) == []
+    assert capsys.readouterr().err.strip() == "Error: no photos in 'x'"
+
+
+def test_any_other_error_goes_where_it_went_before(hook, capsys):
+    error = ValueError("ours")
+    assert hook(error) == [error]
+    assert capsys.readouterr().err == ""

@@ -1,0 +1,146 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from pytorch_msssim import ssim as msssim_ssim
+from skimage.metrics import structural_similarity
+
+from desplat_ns import fast_ssim
+from desplat_ns.fast_ssim import ssim
+
+SIZES = [(11, 11), (11, 40), (12, 13), (26, 27), (37, 171), (27, 340)]
+"""The smallest image, one row of windows, and sizes around those of a block (16 x 160 pixels)."""
+
+FLAT = 1e-5
+"""SSIM of float32 images of contrast 0.05 and more: variances are differences of numbers near 1
+with rounding errors of about 11 * 2^-24, over 0.05^2; the mean of many is off by less."""
+
+
+def images(height: int, width: int, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
+    """A smooth image with noise, and itself with more noise."""
+    rng = torch.Generator().manual_seed(seed)
+    noise = torch.rand(height, width, 3, generator=rng)
+    wave = torch.sin(torch.arange(height)[:, None, None] / 5) * torch.linspace(0, 1, width)[:, None]
+    target = (0.3 * noise + 0.3 + 0.3 * wave).clamp(0, 1)
+    return (target + 0.1 * torch.randn(target.shape, generator=rng)).clamp(0, 1), target
+
+
+def exact(pred: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
+    """pytorch_msssim in float64, whose window itself is rounded to float32."""
+    planes = (image.double().movedim(-1, 0)[None] for image in (pred, target))
+    return msssim_ssim(*planes, data_range=1.0)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_value_and_gradient_agree_with_pytorch_msssim_in_float64(size):
+    pred, target = images(*size)
+    leaf, double = pred.clone().requires_grad_(), pred.double().requires_grad_()
+    got, want = ssim(leaf, target), exact(double, target)
+    assert got.item() == pytest.approx(want.item(), abs=FLAT)
+    (3 * got).backward()
+    (3 * want).backward()
+    assert leaf.grad is not None and double.grad is not None
+    # A gradient divides by a variance once more than the value does.
+    error = (leaf.grad - double.grad).abs().max()
+    assert error <= 10 * FLAT * double.grad.abs().max()
+
+
+def test_it_agrees_with_scikit_image():
+    pred, target = images(40, 50)
+    full = structural_similarity(
+        pred.double().numpy(),
+        target.double().numpy(),
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
+        data_range=1.0,
+        channel_axis=-1,
+        full=True,
+    )[1]
+    # Its window has 11 taps as well; away from the border they see the same pixels.
+    assert ssim(pred, target).item() == pytest.approx(np.mean(full[5:-5, 5:-5]), abs=FLAT)
+
+
+def test_flat_images_give_the_value_worked_out_by_hand():
+    # Without variance, SSIM = (2 a b + C1) / (a^2 + b^2 + C1), C1 = 1e-4.
+    a, b = torch.full((20, 30, 3), 0.5), torch.full((20, 30, 3), 0.25)
+    want = (2 * 0.125 + 1e-4) / (0.25 + 0.0625 + 1e-4)
+    # The variance is 0 up to rounding, 2^-24 * 20, over C2 = 9e-4.
+    assert ssim(a, b).item() == pytest.approx(want, abs=20 * 2**-24 / 9e-4)
+
+
+@given(seed=st.integers(0, 1000))
+def test_it_is_symmetric_at_most_one_and_one_for_equal_images(seed):
+    pred, target = images(15, 18, seed)
+    value = ssim(pred, target).item()
+    assert value <= 1
+    assert ssim(target, pred).item() == pytest.approx(value, abs=FLAT)
+    assert ssim(target, target).item() == pytest.approx(1, abs=FLAT)
+
+
+def test_equal_images_have_no_gradient():
+    pred, target = images(24, 24)
+    largest = []
+    for image in (pred, target):
+        leaf = image.clone().requires_grad_()
+        ssim(leaf, target).backward()
+        assert leaf.grad is not None
+        largest.append(leaf.grad.abs().max().item())
+    assert largest[1] <= 10 * FLAT * largest[0]
+
+
+def test_strided_images_give_the_same():
+    pred, target = images(21, 34)
+    strided = pred.movedim(-1, 0).contiguous().movedim(0, -1)
+    assert not strided.is_contiguous()
+    assert torch.equal(ssim(strided, target), ssim(pred, target))
+
+
+def fast_calls(monkeypatch) -> list[int]:
+    """Counts the calls that the compiled kernels answer."""
+    calls: list[int] = []
+    score = fast_ssim._score
+    monkeypatch.setattr(fast_ssim, "_score", lambda *a: calls.append(1) or score(*a))
+    return calls
+
+
+@pytest.mark.parametrize("kind", ["float64", "one channel", "differentiable target"])
+def test_what_the_kernels_cannot_do_pytorch_msssim_does(monkeypatch, kind):
+    calls = fast_calls(monkeypatch)
+    pred, target = images(16, 16)
+    if kind == "float64":
+        pred, target = pred.double(), target.double()
+    elif kind == "one channel":
+        pred, target = pred[..., :1], target[..., :1]
+    else:
+        target.requires_grad_()
+    assert ssim(pred, target).item() == pytest.approx(exact(pred, target).item(), abs=FLAT)
+    assert not calls
+
+
+@pytest.mark.filterwarnings("ignore:Skipping Gaussian Smoothing")
+def test_images_smaller_than_the_window_are_scored(monkeypatch):
+    calls = fast_calls(monkeypatch)
+    pred, target = images(10, 30)
+    assert ssim(pred, target).item() == pytest.approx(exact(pred, target).item(), abs=FLAT)
+    assert not calls
+
+
+def test_without_numba_the_value_is_the_same(monkeypatch):
+    pytest.importorskip("numba")
+    pred, target = images(20, 20)
+    calls = fast_calls(monkeypatch)
+    fast = ssim(pred, target).item()
+    assert calls
+    monkeypatch.setattr(fast_ssim, "numba_ssim", None)
+    assert ssim(pred, target).item() == pytest.approx(fast, abs=FLAT)
+
+
+def test_images_of_different_shapes_are_refused():
+    pred, target = images(20, 20)
+    # Without jaxtyping's hook, which tests run with, it is a ValueError.
+    with pytest.raises((ValueError, TypeError)):
+        ssim(pred, target[:19])

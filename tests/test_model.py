@@ -1,0 +1,252 @@
+"""Wiring: which layers are drawn when, what the loss sees, what a checkpoint brings back."""
+
+from typing import Any
+
+import pytest
+import torch
+from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.data.scene_box import SceneBox
+from nerfstudio.models.splatfacto import SplatfactoModel
+
+from desplat_ns.compositing import composite_alpha, composite_color, over_background
+from desplat_ns.distractors import DistractorConfig
+from desplat_ns.effects import EffectsConfig
+from desplat_ns.errors import BackendUnavailableError, CaptureError
+from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+
+WIDTH, HEIGHT, NUM_VIEWS = 24, 20, 3
+ALL_OUTPUTS = {
+    "rgb",
+    "rgb_static",
+    "rgb_composite",
+    "rgb_distractor",
+    "alpha_distractor",
+    "distractor_mask",
+    "depth",
+    "accumulation",
+    "background",
+}
+
+
+def cameras() -> Cameras:
+    """Three cameras in a row that look at the origin from z = 3."""
+    poses = torch.eye(4)[:3].repeat(NUM_VIEWS, 1, 1)
+    poses[:, 2, 3] = 3.0
+    poses[:, 0, 3] = torch.tensor([-0.2, 0.0, 0.2])
+    return Cameras(poses, 20.0, 20.0, WIDTH / 2, HEIGHT / 2, WIDTH, HEIGHT)
+
+
+def camera(train_idx: int | None = None, **metadata: Any) -> Cameras:
+    one = cameras()[:1]
+    if train_idx is not None:
+        one = cameras()[train_idx : train_idx + 1]
+        metadata["train_idx"] = torch.tensor([[train_idx]])
+    one.metadata = metadata
+    return one
+
+
+def make_model(points: torch.Tensor | None = None, **config: Any) -> DeSplatModel:
+    torch.manual_seed(0)
+    if points is None:
+        points = torch.rand(30, 3) - 0.5
+    config = {"num_downscales": 0, "backend": "torch", "background_color": "black"} | config
+    config.setdefault("distractors", DistractorConfig(per_view=20))
+    return DeSplatModelConfig(**config).setup(
+        scene_box=SceneBox(torch.tensor([[-1.0] * 3, [1.0] * 3])),
+        num_train_data=NUM_VIEWS,
+        metadata={"train_cameras": cameras()},
+        seed_points=(points, torch.full((len(points), 3), 128, dtype=torch.uint8)),
+    )
+
+
+class Trainer:
+    """The part of nerfstudio's training loop that touches the model."""
+
+    def __init__(self, model: DeSplatModel):
+        self.model = model
+        self.optimizers = {
+            name: torch.optim.Adam(params, lr=1e-2)
+            for name, params in model.get_param_groups().items()
+            if params
+        }
+        self.photo = torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(1))
+
+    def step(self, step: int, view: int = 0) -> dict[str, Any]:
+        model = self.model
+        model.train()
+        model.step, model.optimizers = step, self.optimizers
+        for optimizer in self.optimizers.values():
+            optimizer.zero_grad()
+        outputs = model(camera(view))
+        losses = model.get_loss_dict(outputs, {"image": self.photo})
+        sum(losses.values()).backward()
+        for optimizer in self.optimizers.values():
+            optimizer.step()
+        model.step_post_backward(step)
+        return {"outputs": outputs, "losses": losses}
+
+
+def test_training_draws_the_distractors_of_that_view_over_the_static_scene():
+    model = make_model()
+    outputs = Trainer(model).step(0, view=1)["outputs"]
+    both = composite_color(
+        outputs["rgb_distractor"], outputs["alpha_distractor"], outputs["rgb_static"]
+    )
+    alpha = composite_alpha(outputs["alpha_distractor"], outputs["accumulation"])
+    expected = over_background(both, alpha, torch.zeros(3)).clamp(0, 1)
+    assert torch.allclose(outputs["rgb"], expected, atol=1e-6)
+    assert outputs["alpha_distractor"].mean() > 0.05
+    moved = [model.distractors.params_of(view)["means"].grad is not None for view in range(3)]
+    assert moved == [False, True, False]
+
+
+def test_evaluation_shows_the_static_scene_and_the_layers_of_a_training_view():
+    model = make_model().eval()
+    outputs = model.get_outputs_for_camera(camera(2))
+    assert set(outputs) == ALL_OUTPUTS
+    assert torch.equal(outputs["rgb"], outputs["rgb_static"])
+    assert outputs["alpha_distractor"].mean() > 0.05
+    assert outputs["distractor_mask"].dtype == torch.bool
+    assert torch.equal(outputs["distractor_mask"], outputs["alpha_distractor"] > 0.5)
+    assert (outputs["depth"] > 2).all() and (outputs["depth"] < 4).all()
+
+
+@pytest.mark.parametrize("metadata", [{}, {"cam_idx": 0}])
+def test_a_view_that_is_no_training_view_has_no_distractors(metadata):
+    outputs = make_model().eval().get_outputs_for_camera(camera(**metadata))
+    assert set(outputs) == ALL_OUTPUTS
+    assert not outputs["alpha_distractor"].any()
+    assert torch.equal(outputs["rgb_composite"], outputs["rgb_static"])
+
+
+def test_an_effect_that_is_off_leaves_no_trace():
+    model = make_model(effects=EffectsConfig(distractors=False))
+    assert model.distractors is None
+    assert not any("distractor" in name for name in model.get_param_groups())
+    assert not any("distractor" in name for name in model.state_dict())
+    result = Trainer(model).step(0)
+    assert not any("distractor" in name for name in result["outputs"])
+    assert set(result["losses"]) == {"main_loss", "scale_reg"}
+
+
+def test_the_loss_is_equation_5():
+    model = make_model(distractors=DistractorConfig(per_view=20, lambda_d=0.5, lambda_s=0.25))
+    result = Trainer(model).step(0)
+    outputs, losses = result["outputs"], result["losses"]
+    assert losses["distractor_opacity"].item() == pytest.approx(
+        0.5 * outputs["alpha_distractor"].double().mean().item(), rel=1e-5
+    )
+    assert losses["static_transparency"].item() == pytest.approx(
+        0.25 * (1 - outputs["accumulation"].double()).mean().item(), rel=1e-5
+    )
+
+
+def test_the_opacity_terms_are_not_part_of_an_evaluation():
+    model = make_model().eval()
+    outputs = model.get_outputs_for_camera(camera(0))
+    losses = model.get_loss_dict(outputs, {"image": torch.rand(HEIGHT, WIDTH, 3)})
+    assert "distractor_opacity" not in losses
+
+
+def test_distractors_wait_for_the_static_warmup():
+    model = make_model(distractors=DistractorConfig(per_view=20, static_warmup=5))
+    trainer = Trainer(model)
+    assert not trainer.step(4)["outputs"]["alpha_distractor"].any()
+    assert trainer.step(5)["outputs"]["alpha_distractor"].any()
+
+
+def test_a_view_without_distractors_is_rasterized_once(monkeypatch):
+    model = make_model()
+    trainer = Trainer(model)
+    drawn: list[int] = []
+    rasterize = model.rasterizer
+
+    class Counting:
+        name = "counting"
+
+        def __call__(self, splats, view, settings):
+            drawn.append(len(splats.means))
+            return rasterize(splats, view, settings)
+
+    monkeypatch.setattr(model, "_rasterizer", Counting())
+    trainer.step(0)
+    assert drawn == [30, 20]
+    for parameter in model.distractors.params_of(0).values():
+        parameter.data, parameter.grad = parameter.data[:0], None
+    drawn.clear()
+    trainer.step(1)
+    assert drawn == [30]
+
+
+def test_every_step_number_shrinks_with_the_schedule():
+    config = DeSplatModelConfig(
+        schedule_scale=0.1, distractors=DistractorConfig(static_warmup=5000)
+    ).scaled()
+    assert config.warmup_length == 50
+    assert config.refine_every == 10
+    assert config.resolution_schedule == 300
+    assert config.sh_degree_interval == 100
+    assert config.stop_screen_size_at == 400
+    assert config.stop_split_at == 1500
+    assert config.distractors.stop_densify_at == 1500
+    assert config.distractors.static_warmup == 500
+    assert config.distractors.refine_every_visits == 1
+
+
+def test_the_static_opacity_is_reset_and_that_of_distractors_is_not():
+    config = {"refine_every": 1, "warmup_length": 0, "cull_alpha_thresh": 0.1}
+    model = make_model(reset_alpha_every=4, **config)
+    with torch.no_grad():
+        model.gauss_params["opacities"].fill_(3.0)
+        model.distractors.params_of(0)["opacities"].fill_(3.0)
+    Trainer(model).step(4)
+    assert (torch.sigmoid(model.opacities) < 0.21).all()
+    assert (torch.sigmoid(model.distractors.params_of(0)["opacities"]) > 0.9).all()
+
+
+def test_a_checkpoint_comes_back_into_the_parameters_that_the_optimizers_hold():
+    source = make_model(warmup_length=0, refine_every=1)
+    trainer = Trainer(source)
+    for step in range(1, 8):
+        trainer.step(step, view=step % 3)
+    target = make_model(points=torch.rand(9, 3), warmup_length=0)
+    held = list(target.parameters())
+    target.load_state_dict(source.state_dict())
+    assert all(a is b for a, b in zip(held, target.parameters(), strict=True))
+    for (name, a), b in zip(source.named_parameters(), target.parameters(), strict=True):
+        assert torch.equal(a, b), name
+    assert target.densifier.visits == source.densifier.visits
+    assert torch.equal(target.strategy_state["grad2d"], source.strategy_state["grad2d"])
+
+
+def test_exporters_see_static_gaussians_only():
+    model = make_model()
+    assert isinstance(model, SplatfactoModel)
+    assert set(model.gauss_params) == {
+        "means",
+        "scales",
+        "quats",
+        "features_dc",
+        "features_rest",
+        "opacities",
+    }
+    assert model.num_points == 30
+    assert torch.allclose(model.colors, torch.full((30, 3), 128 / 255), atol=1e-6)
+
+
+@pytest.mark.parametrize("number", [0, 3])
+def test_too_few_points_are_refused(number):
+    with pytest.raises(CaptureError, match=rf"{number} 3D points.*at least 4.*random-init"):
+        make_model(points=torch.rand(number, 3))
+
+
+def test_coincident_points_start_with_a_finite_size():
+    assert torch.isfinite(make_model(points=torch.zeros(6, 3)).scales).all()
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
+def test_a_model_trained_on_a_gpu_renders_without_one_but_does_not_train(capsys):
+    model = make_model(backend="gsplat")
+    assert model.eval().get_outputs_for_camera(camera())["rgb"].shape == (HEIGHT, WIDTH, 3)
+    with pytest.raises(BackendUnavailableError, match="gsplat"):
+        Trainer(make_model(backend="gsplat")).step(0)

@@ -1,0 +1,144 @@
+"""State beyond the model: generators, moments and schedule positions come back."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from nerfstudio.engine.optimizers import AdamOptimizerConfig, Optimizers
+from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig, MultiStepSchedulerConfig
+from torch.nn import Parameter
+
+from desplat_ns.errors import CheckpointError
+from desplat_ns.resume import load_optimizers, load_schedulers, restore_rng, rng_state
+from desplat_ns.schedules import scaled_optimizers
+
+FILE = Path("step-000000005.ckpt")
+
+
+def draws() -> list[Any]:
+    """One number from every generator; the second numpy normal is the cached one."""
+    normals = [np.random.normal(), np.random.normal()]
+    return [torch.rand(3).tolist(), np.random.rand(), *normals, random.random(), random.gauss(0, 1)]
+
+
+@given(seed=st.integers(0, 2**32 - 1), drawn=st.integers(0, 5))
+def test_restored_generators_draw_the_same_numbers(seed, drawn):
+    for seeded in (random.seed, np.random.seed, torch.manual_seed):
+        seeded(seed)
+    for _ in range(drawn):
+        np.random.normal()
+        random.gauss(0, 1)
+    state = rng_state()
+    expected = draws()
+    draws()
+    restore_rng(state)
+    assert draws() == expected
+
+
+def test_the_state_of_the_generators_loads_weights_only(tmp_path):
+    torch.save(rng_state(), tmp_path / "rng.pt")
+    expected = draws()
+    restore_rng(torch.load(tmp_path / "rng.pt", weights_only=True))
+    assert draws() == expected
+
+
+def build(scheduler: Any = None, sizes: tuple[int, ...] = (3,), name: str = "means") -> Optimizers:
+    parameters = [Parameter(torch.ones(size, 2)) for size in sizes]
+    group = {"optimizer": AdamOptimizerConfig(lr=1e-2), "scheduler": scheduler}
+    return Optimizers(scaled_optimizers({name: group}, 1.0), {name: parameters})
+
+
+def run(optimizers: Optimizers, steps: int) -> None:
+    for _ in range(steps):
+        for optimizer in optimizers.optimizers.values():
+            for group in optimizer.param_groups:
+                for parameter in group["params"]:
+                    parameter.grad = torch.ones_like(parameter)
+            optimizer.step()
+        for scheduler in optimizers.schedulers.values():
+            scheduler.step()
+
+
+def saved(optimizers: Optimizers) -> tuple[dict[str, Any], dict[str, Any]]:
+    return (
+        {name: o.state_dict() for name, o in optimizers.optimizers.items()},
+        {name: s.state_dict() for name, s in optimizers.schedulers.items()},
+    )
+
+
+@pytest.mark.parametrize(
+    "scheduler",
+    [
+        None,
+        ExponentialDecaySchedulerConfig(lr_final=1e-4, max_steps=10),
+        MultiStepSchedulerConfig(milestones=(2, 4), gamma=0.5),
+    ],
+)
+def test_moments_and_rates_come_back_exactly(scheduler):
+    first, second = build(scheduler), build(scheduler)
+    run(first, 5)
+    moments, positions = saved(first)
+    load_optimizers(second, moments, FILE)
+    load_schedulers(second, positions, 5)
+    theirs, ours = first.optimizers["means"], second.optimizers["means"]
+    assert ours.param_groups[0]["lr"] == theirs.param_groups[0]["lr"]
+    (a,), (b,) = theirs.state.values(), ours.state.values()
+    for moment in ("exp_avg", "exp_avg_sq", "step"):
+        assert torch.equal(a[moment], b[moment])
+    run(first, 3)
+    run(second, 3)
+    assert ours.param_groups[0]["lr"] == theirs.param_groups[0]["lr"]
+
+
+def test_after_loading_the_optimizer_still_moves_the_models_parameters():
+    first, second = build(), build()
+    run(first, 2)
+    load_optimizers(second, saved(first)[0], FILE)
+    parameter = second.parameters["means"][0]
+    before = parameter.detach().clone()
+    run(second, 1)
+    assert (parameter < before).all()
+
+
+def test_a_schedule_that_the_checkpoint_lacks_starts_at_the_steps_done():
+    first = build(None)
+    second = build(ExponentialDecaySchedulerConfig(lr_final=1e-4, max_steps=10))
+    run(first, 5)
+    load_optimizers(second, saved(first)[0], FILE)
+    load_schedulers(second, {}, 5)
+    # half way from 1e-2 to 1e-4
+    assert second.optimizers["means"].param_groups[0]["lr"] == pytest.approx(1e-3, rel=1e-12)
+
+
+def test_other_groups_are_named_in_both_directions():
+    moments = saved(build(name="distractors"))[0]
+    with pytest.raises(CheckpointError, match="no optimizer state for means and state for distrac"):
+        load_optimizers(build(), moments, FILE)
+
+
+def test_moments_of_another_shape_are_refused_before_anything_changes():
+    first, second = build(sizes=(3, 5)), build(sizes=(3, 4))
+    run(first, 1)
+    with pytest.raises(CheckpointError, match=r"exp_avg of shape \(5, 2\).*has \(4, 2\)"):
+        load_optimizers(second, saved(first)[0], FILE)
+    assert not second.optimizers["means"].state
+
+
+def test_another_number_of_tensors_in_a_group_is_refused():
+    with pytest.raises(CheckpointError, match="has 2 tensors in the group 'means', this run has 1"):
+        load_optimizers(build(), saved(build(sizes=(3, 5)))[0], FILE)
+
+
+def test_a_parameter_without_rows_needs_no_moments():
+    first, second = build(sizes=(0, 5)), build(sizes=(0, 5))
+    run(first, 1)
+    load_optimizers(second, saved(first)[0], FILE)
+    run(second, 1)
+    assert second.parameters["means"][0].shape == (0, 2)

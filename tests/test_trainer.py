@@ -1,0 +1,379 @@
+"""The trainer on a stub pipeline: schedules of the run's length, exact resume, clean stops."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import random
+import signal
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+import yaml
+from nerfstudio.configs.base_config import LocalWriterConfig, LoggingConfig, MachineConfig
+from nerfstudio.engine.optimizers import AdamOptimizerConfig
+from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
+from nerfstudio.pipelines.base_pipeline import Pipeline, VanillaPipelineConfig
+from nerfstudio.utils import writer
+from torch.nn import Parameter
+
+from desplat_ns.checkpoint import checkpoints_in, load_checkpoint
+from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.trainer import DeSplatTrainerConfig
+
+NOMINAL = 24
+
+
+class StubDatamanager:
+    """Draws training views without replacement, as the real one does."""
+
+    def __init__(self) -> None:
+        self.train_dataset = [0, 1, 2, 3, 4]
+        self.eval_dataset = None
+        self.left: list[int] = []
+
+    def next_view(self) -> int:
+        self.left = self.left or list(self.train_dataset)
+        return self.left.pop(random.randrange(len(self.left)))
+
+    def sampler_state(self) -> dict[str, Any]:
+        return {"left": list(self.left)}
+
+    def load_sampler_state(self, state: dict[str, Any]) -> None:
+        self.left = list(state["left"])
+
+    def get_train_rays_per_batch(self) -> int:
+        return 1
+
+
+class StubPipeline(Pipeline):
+    """Two groups of parameters whose loss depends on every random generator."""
+
+    def __init__(self, config: StubPipelineConfig, **_: Any) -> None:
+        super().__init__()
+        self.groups = torch.nn.ParameterDict(
+            {name: Parameter(torch.ones(config.size)) for name in config.groups}
+        )
+        self.datamanager: Any = StubDatamanager()
+        self.at_step: Callable[[int], None] = lambda step: None
+        self.trained: list[int] = []
+
+    @property
+    def device(self) -> Any:
+        return "cpu"
+
+    def get_train_loss_dict(self, step: int) -> Any:
+        self.at_step(step)
+        self.trained.append(step)
+        target = torch.rand(4) + self.datamanager.next_view() + np.random.normal()
+        losses = [((p - target[: p.numel()]) ** 2).mean() for p in self.groups.values()]
+        return {}, {"loss": torch.stack(losses).sum()}, {}
+
+    def get_param_groups(self) -> dict[str, list[Parameter]]:
+        return {name: [parameter] for name, parameter in self.groups.items()}
+
+    def load_pipeline(self, loaded_state: dict[str, Any], step: int) -> None:
+        torch.nn.Module.load_state_dict(self, loaded_state)
+
+    def get_training_callbacks(self, training_callback_attributes: Any) -> list[Any]:
+        return []
+
+    def get_eval_image_metrics_and_images(self, step: int) -> Any:
+        draws = torch.rand(3).sum().item() + np.random.rand() + random.random()
+        return {"num_rays": 1, "draws": draws}, {}
+
+    get_eval_loss_dict = get_train_loss_dict
+
+    def get_average_eval_image_metrics(
+        self, step: int | None = None, output_path: Path | None = None, get_std: bool = False
+    ) -> Any:
+        return {}
+
+
+@dataclass
+class StubModelConfig:
+    """The field of the model's configuration that the trainer settles."""
+
+    schedule_scale: float | None = None
+
+
+@dataclass
+class StubPipelineConfig(VanillaPipelineConfig):
+    """Configures a StubPipeline."""
+
+    _target: type = field(default_factory=lambda: StubPipeline)
+    datamanager: Any = field(default_factory=lambda: SimpleNamespace(data=None))
+    model: Any = field(default_factory=StubModelConfig)
+    groups: tuple[str, ...] = ("means", "scales")
+    size: int = 4
+
+
+def decay() -> dict[str, Any]:
+    scheduler = ExponentialDecaySchedulerConfig(lr_final=1e-4, max_steps=NOMINAL)
+    return {"optimizer": AdamOptimizerConfig(lr=1e-2), "scheduler": scheduler}
+
+
+@pytest.fixture
+def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> DeSplatTrainerConfig:
+    monkeypatch.setattr(writer, "EVENT_WRITERS", [])  # nerfstudio keeps them for the process
+    constant = {"optimizer": AdamOptimizerConfig(lr=1e-2), "scheduler": None}
+    return DeSplatTrainerConfig(
+        method_name="stub",
+        output_dir=tmp_path,
+        timestamp="first",
+        machine=MachineConfig(device_type="cpu"),
+        logging=LoggingConfig(local_writer=LocalWriterConfig(enable=False)),
+        pipeline=StubPipelineConfig(),
+        optimizers={"means": decay(), "scales": constant, "extra": constant},
+        vis="tensorboard",
+        nominal_num_iterations=NOMINAL,
+        max_num_iterations=12,
+        steps_per_save=5,
+        save_only_latest_checkpoint=False,
+    )
+
+
+def set_up(config: DeSplatTrainerConfig, seed: int = 1) -> Any:
+    """A DeSplatTrainer with its StubPipeline, ready to train."""
+    for seeded in (random.seed, np.random.seed, torch.manual_seed):
+        seeded(seed)
+    trainer = config.setup()
+    trainer.setup()
+    return trainer
+
+
+def train(config: DeSplatTrainerConfig, seed: int = 1) -> Any:
+    trainer = set_up(config, seed)
+    trainer.train()
+    return trainer
+
+
+def resumed(config: DeSplatTrainerConfig, **changes: Any) -> DeSplatTrainerConfig:
+    """The configuration of a new run that goes on from this one's."""
+    defaults: dict[str, Any] = {"timestamp": "second", "load_dir": config.get_checkpoint_dir()}
+    return dataclasses.replace(
+        config,
+        pipeline=StubPipelineConfig(),
+        optimizers=config.optimizers,
+        **{**defaults, **changes},
+    )
+
+
+def assert_same(a: Any, b: Any, where: str = "") -> None:
+    """Equality to the last bit, all the way down."""
+    assert type(a) is type(b), where
+    if isinstance(a, dict):
+        assert a.keys() == b.keys(), where
+        for key in a:
+            assert_same(a[key], b[key], f"{where}/{key}")
+    elif isinstance(a, (list, tuple)):
+        assert len(a) == len(b), where
+        for i, (left, right) in enumerate(zip(a, b, strict=True)):
+            assert_same(left, right, f"{where}/{i}")
+    elif isinstance(a, torch.Tensor):
+        assert torch.equal(a, b), where
+    else:
+        assert a == b, where
+
+
+def test_a_resumed_run_equals_one_in_one_go_to_the_last_bit(config):
+    train(config)
+    straight = load_checkpoint(config.get_checkpoint_dir() / "step-000000011.ckpt")
+    second = resumed(config, load_step=5)
+    trainer = train(second, seed=99)
+    assert trainer.pipeline.trained == list(range(6, 12))
+    assert straight["optimizers"]["means"]["state"][0]["exp_avg"].abs().min() > 0
+    assert_same(straight, load_checkpoint(second.get_checkpoint_dir() / "step-000000011.ckpt"))
+
+
+def test_evaluation_on_the_way_does_not_change_the_training(config):
+    def parameters(name: str, **changes: Any) -> torch.Tensor:
+        run = dataclasses.replace(config, timestamp=name, **changes)
+        trainer = set_up(run)
+        trainer.pipeline.datamanager.eval_dataset = [0]
+        trainer.train()
+        return trainer.pipeline.groups["means"]
+
+    often, never = parameters("often", steps_per_eval_image=2), parameters("never")
+    assert torch.equal(often, never)
+
+
+def test_the_number_of_steps_is_the_total_of_a_resumed_run(config):
+    config.max_num_iterations = 6
+    assert train(config).pipeline.trained == list(range(6))
+    second = resumed(config, max_num_iterations=10)
+    trainer = train(second)
+    assert trainer.pipeline.trained == [6, 7, 8, 9]
+    assert second.max_num_iterations == trainer.config.max_num_iterations == 10
+    names = [path.name for path in checkpoints_in(second.get_checkpoint_dir())]
+    assert names == ["step-000000009.ckpt"]
+
+
+def test_a_short_run_goes_on_with_the_schedules_of_the_longer_one(config):
+    rates: dict[str, list[float]] = {"long": [], "continued": []}
+
+    def watched(config: DeSplatTrainerConfig, name: str) -> None:
+        trainer = set_up(config)
+        group = trainer.optimizers.optimizers["means"].param_groups[0]
+        trainer.pipeline.at_step = lambda step: rates[name].append(group["lr"])
+        trainer.train()
+
+    watched(dataclasses.replace(config, timestamp="long", pipeline=StubPipelineConfig()), "long")
+    train(dataclasses.replace(config, max_num_iterations=6, pipeline=StubPipelineConfig()))
+    watched(resumed(config), "continued")
+    # half the nominal number of steps: 1e-2 to 1e-4 over 12 steps
+    assert rates["long"][6] == pytest.approx(1e-3, rel=1e-12)
+    assert rates["continued"] == rates["long"][6:]
+
+
+def test_the_options_of_a_resumed_run_set_its_rates(config):
+    train(config)
+    slower = {"optimizer": AdamOptimizerConfig(lr=1e-5, eps=1e-12), "scheduler": None}
+    optimizers = {**config.optimizers, "scales": slower}
+    second = dataclasses.replace(resumed(config), optimizers=optimizers)
+    trainer = set_up(second)
+    group = trainer.optimizers.optimizers["scales"].param_groups[0]
+    assert (group["lr"], group["eps"]) == (1e-5, 1e-12)
+    assert len(trainer.optimizers.optimizers["scales"].state) == 1  # the moments came along
+
+
+def test_with_nothing_left_to_train_it_says_so_and_changes_nothing(config, capsys):
+    train(config)
+    before = {p: p.read_bytes() for p in config.get_checkpoint_dir().iterdir()}
+    same_folder = resumed(config, timestamp="first", max_num_iterations=12)
+    assert train(same_folder).pipeline.trained == []
+    assert {p: p.read_bytes() for p in config.get_checkpoint_dir().iterdir()} == before
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Nothing left to train" in said
+    assert "give a larger --max-num-iterations" in said
+
+
+def test_only_the_latest_checkpoint_stays_when_asked(config):
+    config.save_only_latest_checkpoint = True
+    train(config)
+    assert [p.name for p in config.get_checkpoint_dir().iterdir()] == ["step-000000011.ckpt"]
+
+
+def test_config_yml_holds_the_schedule_scale_that_was_resolved(config):
+    config.save_config()
+    text = (config.get_base_dir() / "config.yml").read_text()
+    saved = yaml.load(text, Loader=yaml.Loader)
+    assert saved.pipeline.model.schedule_scale == 0.5
+    assert config.setup().config.pipeline.model.schedule_scale == 0.5
+
+
+def test_a_schedule_scale_that_was_given_is_kept(config):
+    config.pipeline.model.schedule_scale = 0.25
+    trainer = set_up(config)
+    assert trainer.config.pipeline.model.schedule_scale == 0.25
+    scheduler = trainer.optimizers.schedulers["means"]
+    assert isinstance(scheduler, torch.optim.lr_scheduler.LambdaLR)
+    # 24 steps become 6: 1e-4 / 1e-2 is reached there, its root half way
+    assert [scheduler.lr_lambdas[0](step) for step in (0, 3, 6, 7)] == pytest.approx(
+        [1.0, 0.1, 0.01, 0.01], rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_schedule_scale_that_is_not_positive_is_refused(config, scale):
+    config.pipeline.model.schedule_scale = scale
+    with pytest.raises(ConfigError, match=r"--pipeline\.model\.schedule-scale"):
+        config.setup()
+
+
+def test_a_run_told_to_stop_saves_the_step_it_finished(config):
+    trainer = set_up(config)
+
+    def stop_at_7(step: int) -> None:
+        trainer.stop_training = step == 7
+
+    trainer.pipeline.at_step = stop_at_7
+    trainer.train()
+    assert trainer.pipeline.trained == list(range(8))
+    newest = checkpoints_in(config.get_checkpoint_dir())[-1]
+    assert newest.name == "step-000000007.ckpt"
+    second = resumed(config)
+    assert train(second).pipeline.trained == [8, 9, 10, 11]
+
+
+def test_ctrl_c_finishes_the_step_saves_and_can_be_resumed(config):
+    trainer = set_up(config)
+    handler = signal.getsignal(signal.SIGINT)
+    trainer.pipeline.at_step = lambda step: (
+        os.kill(os.getpid(), signal.SIGINT) if step == 3 else None
+    )
+    trainer.train()
+    assert trainer.pipeline.trained == [0, 1, 2, 3]
+    assert checkpoints_in(config.get_checkpoint_dir())[-1].name == "step-000000003.ckpt"
+    assert signal.getsignal(signal.SIGINT) is handler
+
+
+def test_a_second_ctrl_c_ends_the_run_at_once(config):
+    trainer = set_up(config)
+
+    def twice(step: int) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    trainer.pipeline.at_step = twice
+    with pytest.raises(KeyboardInterrupt):
+        trainer.train()
+    assert trainer.pipeline.trained == []
+    assert not config.get_checkpoint_dir().exists()
+
+
+def test_a_damaged_newest_checkpoint_resumes_from_the_one_before(config):
+    train(config)
+    newest = config.get_checkpoint_dir() / "step-000000011.ckpt"
+    newest.write_bytes(newest.read_bytes()[:1000])
+    assert train(resumed(config)).pipeline.trained == [11]
+
+
+def test_the_runs_folder_and_a_single_file_can_be_loaded(config):
+    train(config)
+    by_folder = set_up(resumed(config, load_dir=config.get_base_dir()))
+    assert by_folder._start_step == 12
+    file = config.get_checkpoint_dir() / "step-000000005.ckpt"
+    by_file = set_up(resumed(config, load_dir=None, load_checkpoint=file))
+    assert by_file._start_step == 6
+
+
+def test_a_checkpoint_with_other_groups_is_refused_and_unharmed(config):
+    train(config)
+    before = {p: p.read_bytes() for p in config.get_checkpoint_dir().iterdir()}
+    second = resumed(config)
+    second.pipeline = StubPipelineConfig(groups=("means", "scales", "extra"))
+    trainer = second.setup()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(StubPipeline, "load_pipeline", lambda *_: None)
+        with pytest.raises(CheckpointError, match=r"no optimizer state for extra.*effects"):
+            trainer.setup()
+    assert {p: p.read_bytes() for p in config.get_checkpoint_dir().iterdir()} == before
+
+
+def test_ns_eval_loads_the_same_checkpoint(config):
+    from nerfstudio.utils.eval_utils import eval_load_checkpoint
+
+    trained = train(config).pipeline
+    config.load_dir = config.get_checkpoint_dir()
+    pipeline = StubPipeline(StubPipelineConfig())
+    _, step = eval_load_checkpoint(config, pipeline)
+    assert step == 11
+    assert torch.equal(pipeline.groups["means"], trained.groups["means"])
+
+
+def test_a_full_disk_ends_the_run_with_its_reason(config, monkeypatch):
+    trainer = set_up(config)
+
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(torch, "save", full)
+    with pytest.raises(CheckpointError, match=r"No space left on device.*Free some space"):
+        trainer.train()

@@ -1,0 +1,98 @@
+"""Splatfacto's modules without a network and without CUDA: the same parameters, no LPIPS inside."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import torch
+import torchmetrics.image.lpip as torchmetrics_lpip
+from nerfstudio.data.scene_box import SceneBox
+from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel, SplatfactoModelConfig
+from nerfstudio.viewer import control_panel
+from torchmetrics import Metric
+
+from desplat_ns.metrics import LazyLpips
+from desplat_ns.upstream import (
+    give_masks_a_colormap_in_the_viewer,
+    splatfacto_modules_without_cuda,
+    splatfacto_modules_without_downloads,
+)
+
+COLORS = torch.tensor([[0, 128, 255]] * 6, dtype=torch.uint8)
+
+
+class _Model(SplatfactoModel):
+    def populate_modules(self) -> None:
+        with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
+            super().populate_modules()
+
+
+def _model(seed_points: Any, **config: Any) -> _Model:
+    box = SceneBox(torch.tensor([[-1.0] * 3, [1.0] * 3]))
+    settings = SplatfactoModelConfig(_target=_Model, num_random=50, **config)
+    return settings.setup(scene_box=box, num_train_data=2, seed_points=seed_points)
+
+
+def _points() -> torch.Tensor:
+    return torch.rand((6, 3), generator=torch.Generator().manual_seed(0))
+
+
+def test_lpips_waits_until_it_is_needed_and_stays_out_of_the_checkpoint():
+    model = _model((_points(), COLORS))
+    assert isinstance(model.lpips, LazyLpips)
+    assert model.lpips.reason is None
+    assert not [key for key in model.state_dict() if "lpips" in key]
+
+
+def test_torchmetrics_is_itself_again_afterwards():
+    real = torchmetrics_lpip.LearnedPerceptualImagePatchSimilarity
+    assert issubclass(real, Metric)
+    with pytest.raises(KeyError), splatfacto_modules_without_downloads():
+        assert torchmetrics_lpip.LearnedPerceptualImagePatchSimilarity is LazyLpips
+        raise KeyError
+    assert torchmetrics_lpip.LearnedPerceptualImagePatchSimilarity is real
+
+
+def test_gaussians_start_in_the_colours_of_their_points():
+    model = _model((_points(), COLORS))
+    assert torch.allclose(SH2RGB(model.features_dc), COLORS / 255, atol=1e-6)
+    assert not model.features_rest.any()
+    assert model.seed_points is not None
+    assert torch.equal(model.seed_points[1], COLORS)
+
+
+def test_without_spherical_harmonics_colours_go_through_the_sigmoid():
+    model = _model((_points(), COLORS), sh_degree=0)
+    assert torch.allclose(torch.sigmoid(model.features_dc), COLORS / 255, atol=1e-6)
+
+
+def test_every_parameter_is_trainable_and_in_upstreams_order():
+    model = _model((_points(), COLORS))
+    names = ["means", "scales", "quats", "features_dc", "features_rest", "opacities"]
+    assert sorted(model.gauss_params.keys()) == sorted(names)
+    assert all(p.requires_grad and p.dtype == torch.float32 for p in model.gauss_params.values())
+
+
+def test_training_never_moves_the_data_parsers_own_points():
+    points = _points()
+    model = _model((points, COLORS))
+    model.means.data += 1.0
+    assert torch.equal(points, _points())
+
+
+@pytest.mark.parametrize("seed_points", [None, (_points(), COLORS)])
+def test_a_random_start_stays_random(seed_points: Any):
+    model = _model(seed_points, random_init=True)
+    assert model.means.shape == (50, 3)
+    assert model.features_dc.shape == (50, 3)
+
+
+def test_masks_get_a_colormap_and_everything_else_keeps_its_own():
+    panel: Any = control_panel
+    kinds = [(3, torch.float32), (1, torch.float32), (5, torch.float32)]
+    before = [panel._get_colormap_options(*kind) for kind in kinds]
+    give_masks_a_colormap_in_the_viewer()
+    give_masks_a_colormap_in_the_viewer()
+    assert panel._get_colormap_options(1, torch.bool) == ["default"]
+    assert [panel._get_colormap_options(*kind) for kind in kinds] == before
