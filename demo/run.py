@@ -38,8 +38,8 @@ SHORT_RUN = (
     *("--pipeline.model.distractors.lambda-d", "0.1"),
     *("--pipeline.model.refine-every", "400"),
 )
-"""What a run this short needs: the static scene takes shape before distractors explain the rest and
-pay more for it; and fewer, better founded densifications. (Steps are those of the full schedule.)"""
+"""What a run this short needs: the static scene takes shape before distractors explain the rest,
+and they pay more for it; fewer, better founded densifications. Steps are of the full schedule."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--steps", type=int, default=1200, help="training steps (%(default)s)")
+    parser.add_argument("--steps", type=int, default=1000, help="training steps (%(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the scene (%(default)s)")
     parser.add_argument("--scene", type=Path, default=HERE / "scene", help="made anew each time")
     parser.add_argument("--output", type=Path, default=HERE / "output", help="made anew each time")

@@ -1,4 +1,4 @@
-"""How the layers are put over one another: distractors over the static scene, the background last."""
+"""How layers are put over one another: distractors over the static scene, the background last."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ NEVER = 2**62
 """A step that no training reaches."""
 
 RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) >= (1, 5)
-"""gsplat 1.5 gives radii as [C, N, 2] where 1.4 gives [C, N]; each one's strategy takes only its own."""
+"""gsplat 1.5 gives radii as [C, N, 2], 1.4 as [C, N]; each one's strategy takes only its own."""
 
 
 def strategy_info(rendering: Rendering, view: View) -> dict[str, Any]:

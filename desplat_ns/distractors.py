@@ -19,12 +19,12 @@ from desplat_ns.gaussians import resize_rows
 PARAMETER_NAMES = ("means", "scales", "quats", "rgbs", "opacities")
 
 PLASTIC_NUMBER = 1.32471795724474602596
-"""Real root of x^3 = x + 1: its powers give the plane's most even additive recurrence (R2 sequence)."""
+"""Real root of x^3 = x + 1: its powers give an even additive recurrence in the plane (R2)."""
 
 
 @dataclass
 class DistractorConfig:
-    """Distractor Gaussians. Step numbers belong to the method's full schedule and shrink with it."""
+    """Distractor Gaussians. Numbers of steps are the full schedule's and shrink with it."""
 
     per_view: int = 1000
     """Distractor Gaussians that every training view starts with. B.3."""
@@ -33,7 +33,7 @@ class DistractorConfig:
     lambda_s: float = 0.01
     """Weight of the mean transparency of the static scene, Eq. 5. B.3."""
     static_warmup: int = 0
-    """Steps for which the static scene trains alone, before distractors are shown. The paper has none."""
+    """Steps for which the static scene trains alone, without distractors. The paper has none."""
     stop_densify_at: int = 15000
     """Step at which distractors are no longer cloned, split or pruned. B.3."""
     refine_every_visits: int = 10
@@ -43,9 +43,9 @@ class DistractorConfig:
     initial_opacity: float = 0.1
     """Opacity at the start. Splatfacto's value."""
     depth: float = 0.02
-    """Distance from the camera at the start, world units, whatever the scene's scale: distractors are
-    composited over the static scene, so their depth sets only how many pixels a step of the optimizer
-    moves them. Must lie beyond the near plane."""
+    """Distance from the camera at the start, world units, whatever the scene's scale: distractors
+    are composited over the static scene, so their depth only sets how many pixels a step of the
+    optimizer moves them. Must lie beyond the near plane."""
 
 
 class DistractorGaussians(nn.Module):
@@ -111,7 +111,7 @@ class DistractorGaussians(nn.Module):
     def keep_colors_in_range(self, view: int) -> None:
         """Put colours that a step moved beyond [0, 1] back on the border.
 
-        The clamp in rendering has no gradient beyond the border: a colour left there could not return.
+        The clamp in rendering has no gradient beyond the border: a colour left there would stay.
         """
         self.params_of(view)["rgbs"].clamp_(0, 1)
 

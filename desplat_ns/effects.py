@@ -10,5 +10,5 @@ class EffectsConfig:
     """Switches, all in one place."""
 
     distractors: bool = True
-    """Explain what stands in the way by a set of Gaussians for each training view. Off gives the plain
-    baseline, Splatfacto's loss and schedule."""
+    """Explain what stands in the way by a set of Gaussians for each training view. Off gives the
+    plain baseline, Splatfacto's loss and schedule."""

@@ -1,4 +1,4 @@
-"""From raw parameters, as the optimizers see them, to activated splats, as a rasterizer takes them."""
+"""From raw parameters, as optimizers see them, to activated splats, as a rasterizer takes them."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ def activate_distractors(params: RawParameters) -> Splats:
     """Distractor Gaussians of one view; colours are RGB clamped to [0, 1].
 
     Args:
-        params: means [N, 3], scales [N, 3] (log), quats [N, 4], rgbs [N, 3], opacities [N, 1] (logit).
+        params: means [N, 3], scales [N, 3] (log), quats [N, 4], rgbs [N, 3],
+            opacities [N, 1] (logit).
 
     Source: App. A, "RGB Colour Representation for Distractor Gaussians".
     """

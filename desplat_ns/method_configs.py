@@ -71,7 +71,7 @@ desplat = MethodSpecification(
         pipeline=DeSplatPipelineConfig(
             datamanager=DeSplatDataManagerConfig(
                 dataparser=NerfstudioDataParserConfig(load_3D_points=True),
-                cache_images_type="uint8"
+                cache_images_type="uint8",
             ),
             model=DeSplatModelConfig(),
         ),
@@ -79,5 +79,5 @@ desplat = MethodSpecification(
         viewer=ViewerConfig(num_rays_per_chunk=1 << 15),
         vis="viewer",
     ),
-    description="DeSplat: a clean static scene from photos with things in the way, on a GPU or a CPU.",
+    description="DeSplat: a clean static scene from photos with things in the way, on GPU or CPU.",
 )

@@ -17,7 +17,6 @@ from torch import Tensor, nn
 from desplat_ns.backend import BackendName, Rasterizer, resolve
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.cameras import train_index, view_of
-from desplat_ns.compositing import composite_alpha, composite_color, over_background
 from desplat_ns.densification import DistractorDensifier, strategy_info, to_device
 from desplat_ns.distractors import DistractorConfig, DistractorGaussians
 from desplat_ns.effects import EffectsConfig
@@ -25,6 +24,7 @@ from desplat_ns.errors import BackendUnavailableError, CaptureError
 from desplat_ns.gaussians import activate_distractors, activate_static, resize_rows
 from desplat_ns.losses import distractor_opacity_loss, static_transparency_loss
 from desplat_ns.metrics import image_metrics
+from desplat_ns.outputs import layered_outputs, static_outputs
 from desplat_ns.schedules import scaled_steps
 from desplat_ns.upstream import (
     splatfacto_modules_without_cuda,
@@ -32,8 +32,18 @@ from desplat_ns.upstream import (
 )
 from desplat_ns.viewer import LayerControl
 
-MASK_THRESHOLD = 0.5
-"""A pixel counts as covered where the distractors' opacity is greater. App. C.1."""
+STATIC_STEPS = (
+    "warmup_length",
+    "refine_every",
+    "resolution_schedule",
+    "sh_degree_interval",
+    "stop_screen_size_at",
+    "stop_split_at",
+)
+"""Splatfacto's settings that are numbers of steps; `reset_alpha_every` counts refinements."""
+
+DISTRACTOR_STEPS = ("static_warmup", "stop_densify_at", "refine_every_visits")
+"""The distractors' settings that are numbers of steps, or of visits."""
 
 MIN_SEED_POINTS = 4
 """Splatfacto sizes each Gaussian by its three nearest neighbours."""
@@ -57,23 +67,16 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     backend: BackendName = "auto"
     """Rasterizer. auto takes gsplat where CUDA works, else the fastest that runs on the CPU."""
     schedule_scale: float | None = None
-    """Factor on every number of steps; by default max-num-iterations over the method's own number, at
-    most 1."""
+    """Factor on every number of steps; by default max-num-iterations over the method's own number,
+    at most 1."""
 
     def scaled(self) -> DeSplatModelConfig:
         """A copy whose numbers of steps are shrunk by `schedule_scale`."""
         scale = self.schedule_scale or 1.0
-        steps = (
-            "warmup_length refine_every resolution_schedule sh_degree_interval stop_screen_size_at "
-            "stop_split_at"
-        ).split()
         distractors = replace(
-            self.distractors,
-            **_scaled(
-                self.distractors, ("static_warmup", "stop_densify_at", "refine_every_visits"), scale
-            ),
+            self.distractors, **_scaled(self.distractors, DISTRACTOR_STEPS, scale)
         )
-        return replace(self, distractors=distractors, **_scaled(self, steps, scale))
+        return replace(self, distractors=distractors, **_scaled(self, STATIC_STEPS, scale))
 
 
 def _scaled(config: Any, names: Iterable[str], scale: float) -> dict[str, int]:
@@ -85,6 +88,7 @@ class DeSplatModel(SplatfactoModel):
 
     config: DeSplatModelConfig
     distractors: DistractorGaussians | None
+    lpips: Any  # a LazyLpips in the place of torchmetrics' module
 
     def __init__(self, config: DeSplatModelConfig, *args: Any, **kwargs: Any):
         self._rasterizer: Rasterizer | None = None
@@ -97,9 +101,10 @@ class DeSplatModel(SplatfactoModel):
             super().populate_modules()
         self.gauss_params["scales"].data.clamp_(min=math.log(MIN_SEED_SCALE))
         self.strategy.verbose = False
-        self.strategy.pause_refine_after_reset = scaled_steps(
-            self.num_train_data, self.config.schedule_scale or 1.0
-        ) + self.config.refine_every
+        self.strategy.pause_refine_after_reset = (
+            scaled_steps(self.num_train_data, self.config.schedule_scale or 1.0)
+            + self.config.refine_every
+        )
         self.distractors = None
         self.layer_control = LayerControl(0)
         if self.config.effects.distractors:
@@ -122,15 +127,13 @@ class DeSplatModel(SplatfactoModel):
                 "points, or add `--pipeline.model.random-init True`."
             )
 
-    # --- rendering ---------------------------------------------------------------------------
-
     @property
     def rasterizer(self) -> Rasterizer:
         """The backend, chosen when first needed.
 
         Raises:
-            BackendUnavailableError: in training, if the configured backend cannot run here. What was
-                trained elsewhere is rendered with what there is.
+            BackendUnavailableError: in training, if the configured backend cannot run here. What
+                was trained elsewhere is rendered with what there is.
         """
         if self._rasterizer is None:
             try:
@@ -156,9 +159,12 @@ class DeSplatModel(SplatfactoModel):
         if index is None and not self.training:
             index = self.layer_control.train_idx()
         distractor = self._render_distractors(view, index)
-        outputs = self._static_outputs(static, view)
+        background = self._get_background_color()
+        if not self.training:
+            background = background.expand(view.height, view.width, 3)
+        outputs = static_outputs(static, background)
         if self.distractors is not None:
-            outputs |= self._layered_outputs(static, distractor, outputs["background"])
+            outputs |= layered_outputs(static, distractor, background)
         if self.training and self.distractors is not None:
             outputs["rgb"] = outputs["rgb_composite"]
         return outputs if self.training else self.layer_control.apply(outputs)
@@ -214,44 +220,12 @@ class DeSplatModel(SplatfactoModel):
             return None
         return min(self.step // self.config.sh_degree_interval, self.config.sh_degree)
 
-    def _static_outputs(self, static: Rendering, view: View) -> dict[str, Tensor]:
-        background = self._get_background_color()
-        if not self.training:
-            background = background.expand(view.height, view.width, 3)
-        outputs = {
-            "rgb": over_background(static.rgb, static.alpha, background).clamp(0, 1),
-            "accumulation": static.alpha,
-            "background": background,
-        }
-        if static.depth is not None:
-            farthest = static.depth.detach().max()
-            outputs["depth"] = torch.where(static.alpha > 0, static.depth, farthest)
-        return outputs
-
-    def _layered_outputs(
-        self, static: Rendering, distractor: Rendering | None, background: Tensor
-    ) -> dict[str, Tensor]:
-        alpha_s = static.alpha
-        rgb_d = torch.zeros_like(static.rgb) if distractor is None else distractor.rgb
-        alpha_d = torch.zeros_like(alpha_s) if distractor is None else distractor.alpha
-        both = composite_color(rgb_d, alpha_d, static.rgb)
-        composite = over_background(both, composite_alpha(alpha_d, alpha_s), background)
-        return {
-            "rgb_static": over_background(static.rgb, alpha_s, background).clamp(0, 1),
-            "rgb_composite": composite.clamp(0, 1),
-            "rgb_distractor": rgb_d,
-            "alpha_distractor": alpha_d,
-            "distractor_mask": alpha_d > MASK_THRESHOLD,
-        }
-
     @torch.no_grad()
     def get_outputs_for_camera(
         self, camera: Cameras, obb_box: OrientedBox | None = None
     ) -> dict[str, Tensor]:
         """`get_outputs` without gradients, within a box if one is given."""
         return super().get_outputs_for_camera(camera, obb_box)  # pyright: ignore[reportReturnType]
-
-    # --- training ----------------------------------------------------------------------------
 
     def get_training_callbacks(
         self, training_callback_attributes: TrainingCallbackAttributes
@@ -279,7 +253,7 @@ class DeSplatModel(SplatfactoModel):
 
     def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
         """Splatfacto's figures of a training step and the number of distractors."""
-        metrics = super().get_metrics_dict(outputs, batch)
+        metrics: dict[str, Any] = super().get_metrics_dict(outputs, batch)
         if self.distractors is not None:
             metrics["distractor_count"] = sum(self.distractors.counts())
         return metrics
@@ -292,8 +266,6 @@ class DeSplatModel(SplatfactoModel):
             self.distractors.keep_colors_in_range(index)
             self.densifier.after_step(self.distractors, index, self.optimizers, step, info)
 
-    # --- evaluation --------------------------------------------------------------------------
-
     def get_image_metrics_and_images(
         self, outputs: dict[str, Tensor], batch: dict[str, Any]
     ) -> tuple[dict[str, float], dict[str, Tensor]]:
@@ -303,8 +275,6 @@ class DeSplatModel(SplatfactoModel):
         )
         figures = image_metrics(outputs["rgb"], photo, self.lpips)
         return figures, {"img": torch.cat([photo, outputs["rgb"]], dim=1)}
-
-    # --- checkpoints -------------------------------------------------------------------------
 
     def update_to_step(self, step: int) -> None:
         """Take up a checkpoint's step: it decides on the SH degree."""
@@ -323,7 +293,7 @@ class DeSplatModel(SplatfactoModel):
         if self.distractors is not None:
             self.densifier.load_state_dict(state["densifier"], self.device)
 
-    def load_state_dict(self, dict: Any, **kwargs: Any) -> Any:  # noqa: A002 (upstream's name)
+    def load_state_dict(self, dict: Any, **kwargs: Any) -> Any:
         """nn.Module's: Splatfacto's replaces the parameters that the optimizers hold."""
         return nn.Module.load_state_dict(self, dict, **kwargs)
 

@@ -40,7 +40,8 @@ class Scene:
         n = len(params["means"])
         for optimizer in self.optimizers.values():
             optimizer.zero_grad()
-        sum((p * torch.arange(1.0, n + 1)[:, None]).sum() for p in params.values()).backward()
+        weighted = [(p * torch.arange(1.0, n + 1)[:, None]).sum() for p in params.values()]
+        torch.stack(weighted).sum().backward()
         for optimizer in self.optimizers.values():
             optimizer.step()
         means2d: Any = torch.zeros(1, n, 2)

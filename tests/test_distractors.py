@@ -15,9 +15,7 @@ def cameras(scale: float = 1.0, fx: float = 70.0, width: int = 90, height: int =
     rotation, _ = torch.linalg.qr(torch.randn(2, 3, 3, generator=generator))
     rotation = rotation * torch.det(rotation).sign()[:, None, None]
     positions = torch.randn(2, 3, 1, generator=generator) * scale
-    return Cameras(
-        torch.cat([rotation, positions], dim=2), fx, 1.3 * fx, 40.0, 90.0, width, height
-    )
+    return Cameras(torch.cat([rotation, positions], dim=2), fx, 1.3 * fx, 40.0, 90.0, width, height)
 
 
 def pixels_of(cams: Cameras, distractors: DistractorGaussians, view: int):
@@ -43,7 +41,8 @@ def test_they_fill_their_own_view_beyond_the_near_plane(cams):
 
 
 def test_their_size_is_half_their_spacing_on_the_image():
-    distractors = DistractorGaussians(DistractorConfig(per_view=144), cameras(width=120, height=120))
+    square = cameras(width=120, height=120)
+    distractors = DistractorGaussians(DistractorConfig(per_view=144), square)
     # 144 in 120 x 120 pixels: 10 pixels apart, sigma 5 pixels at focal length sqrt(70 * 91).
     sigma = distractors.params_of(0)["scales"].exp() / 0.02 * (70 * 91) ** 0.5
     assert torch.allclose(sigma, torch.full_like(sigma, 5.0), rtol=1e-5)

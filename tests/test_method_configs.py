@@ -1,12 +1,14 @@
 """The registered numbers are those of App. B.3 and of Splatfacto."""
 
+from typing import Any
+
 import pytest
 from nerfstudio.configs.method_configs import method_configs as upstream
 
 from desplat_ns.method_configs import desplat
 
-CONFIG = desplat.config
-SPLATFACTO = upstream["splatfacto"]
+CONFIG: Any = desplat.config
+SPLATFACTO: Any = upstream["splatfacto"]
 
 
 def learning_rate(group: str) -> float:

@@ -1,14 +1,15 @@
 """Numbers that every backend shares, each with its reason."""
 
 ALPHA_CUTOFF = 1.0 / 255.0
-"""A Gaussian that adds less than this at a pixel is skipped there: below one step of an 8-bit image."""
+"""A Gaussian with less opacity at a pixel is skipped there: below one step of an 8-bit image."""
 
 ALPHA_MAX = 0.999
-"""Opacity of one Gaussian at one pixel is clamped here, forward and backward, so that 1 / (1 - alpha)
-stays bounded. gsplat 1.4 and 1.5 use this value."""
+"""Opacity of one Gaussian at one pixel is clamped here, forward and backward, so that
+1 / (1 - alpha) stays bounded. gsplat 1.4 and 1.5 use this value."""
 
 TRANSMITTANCE_MIN = 1e-4
-"""Blending stops before the Gaussian that would bring the transmittance to this value or below (gsplat)."""
+"""Blending stops before the Gaussian that would bring the transmittance down to this value, or
+below (gsplat)."""
 
 DET_MIN = 0.0
 """2D covariances with a determinant at or below this, after the low-pass, are culled."""

@@ -1,13 +1,13 @@
 """View-dependent colours max(SH + 1/2, 0), compiled, with their gradients.
 
-On the unit sphere each harmonic is a polynomial of the direction (x, y, z): a list of terms
-c x^i y^j z^k, read off `spherical_harmonics.py`'s definition once. With colour = sum_k B_k(d) f_k and
-v = dL/dcolour (0 where the colour was cut off at 0), d = r / |r|, r = mean - camera,
+On the unit sphere each harmonic is a polynomial of the direction (x, y, z): a list of terms c x^i
+y^j z^k, read off `spherical_harmonics.py`'s definition once. With colour = sum_k B_k(d) f_k and v =
+dL/dcolour (0 where the colour was cut off at 0), d = r / |r|, r = mean - camera,
 
     dL/df_k = B_k v,    dL/dd = sum_k (f_k . v) grad B_k,    dL/dr = (dL/dd - d (d . dL/dd)) / |r|.
 
-Directions are worked on in batches that lie in planes, as in numba_projection; the coefficients, which
-are most of the memory, are read and written once, in their order.
+Directions are worked on in batches that lie in planes, as in numba_projection; the coefficients,
+which are most of the memory, are read and written once, in their order.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
 
 BATCH = 64
 LANE = BATCH + 16
-"""As in numba_projection."""
+"""As in numba_ewa."""
 
 _POWERS = MAX_DEGREE + 1
 """Planes of x^0 ... x^4, then as many of y and of z."""
@@ -57,8 +57,7 @@ def _azimuth(order: int) -> Polynomial:
     """Real part of (x + i y)^order, or the imaginary part of (x + i y)^-order."""
     m = abs(order)
     return {
-        (m - j, j, 0): math.comb(m, j) * (-1.0) ** (j // 2)
-        for j in range(int(order < 0), m + 1, 2)
+        (m - j, j, 0): math.comb(m, j) * (-1.0) ** (j // 2) for j in range(int(order < 0), m + 1, 2)
     }
 
 
@@ -77,7 +76,8 @@ def _legendre(degree: int, order: int) -> Polynomial:
 
 @cache
 def sh_terms(degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Terms of all harmonics up to `degree`: [terms, 4] harmonic and powers, [terms] coefficients."""
+    """Terms of all harmonics up to `degree`: [terms, 4] harmonic and powers, [terms]
+    coefficients."""
     places, coefficients = [], []
     for n in range(degree + 1):
         for m in range(-n, n + 1):

@@ -1,6 +1,7 @@
 """The `numba` backend: Gaussian splatting on a CPU, fast enough to train with.
 
-    project      numba_projection.py, numba_sh.py      the formulas of projection.py, compiled
+    project      numba_projection.py, numba_ewa.py     the formulas of projection.py, compiled
+    colour       numba_sh.py                           spherical harmonics and their gradients
     bin          numba_binning.py, numba_ellipses.py   exact ellipse/tile lists, front to back
     draw, pull   numba_passes.py, numba_pixels.py      tile kernels with an analytic backward pass
 
@@ -81,17 +82,17 @@ def rasterize(
 
 
 def _project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedSplats:
-    """`projection.project`, compiled where the camera needs no gradient and all colours are finite.
-
-    Poisoned colours are rare, and finding whose they are would cost every other scene its time.
-    """
+    """`projection.project`, compiled where the camera needs no gradient."""
     check_inputs(splats, view)
-    if view.viewmat.requires_grad or view.K.requires_grad or not splats.colors.sum().isfinite():
+    if view.viewmat.requires_grad or view.K.requires_grad:
         return project(splats, view, settings)
     means2d, conics, depths, opacities, radii = Project.apply(
         splats.means, splats.quats, splats.scales, splats.opacities, make_camera(view, settings)
     )  # type: ignore[misc]  # torch does not annotate Function.apply
     colors = splats.colors
+    if not colors.detach().sum().isfinite():
+        # In place: `Project` holds the same memory, so these get no gradient either.
+        radii.masked_fill_(~colors.detach().flatten(1).sum(-1).isfinite(), 0)
     if splats.sh_degree is not None:
         center = -view.viewmat[:3, :3].T @ view.viewmat[:3, 3]
         colors = EvaluateColors.apply(splats.means, colors, radii, center, splats.sh_degree)
