@@ -10,7 +10,7 @@ from nerfstudio.plugins.types import MethodSpecification
 
 from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.errors import print_user_errors_plainly
-from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig
 from desplat_ns.schedules import ScaledExponentialDecaySchedulerConfig
 from desplat_ns.trainer import DeSplatTrainerConfig

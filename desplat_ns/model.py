@@ -1,29 +1,27 @@
-"""DeSplat as a nerfstudio model: configuration and wiring; the formulas are elsewhere."""
+"""DeSplat as a nerfstudio model: wiring; settings and formulas are elsewhere."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import torch
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import OrientedBox
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackAttributes
-from nerfstudio.models.splatfacto import SplatfactoModel, SplatfactoModelConfig
+from nerfstudio.models.splatfacto import SplatfactoModel
 from torch import Tensor, nn
 
-from desplat_ns.backend import BackendName, Rasterizer, resolve
+from desplat_ns.backend import Rasterizer, resolve
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.cameras import train_index, view_of
 from desplat_ns.densification import DistractorDensifier, strategy_info, to_device
-from desplat_ns.distractors import DistractorConfig, DistractorGaussians
-from desplat_ns.effects import EffectsConfig
+from desplat_ns.distractors import DistractorGaussians
 from desplat_ns.errors import BackendUnavailableError, CaptureError
 from desplat_ns.gaussians import activate_distractors, activate_static, resize_rows
 from desplat_ns.losses import distractor_opacity_loss, static_transparency_loss
 from desplat_ns.metrics import image_metrics
+from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.outputs import layered_outputs, static_outputs
 from desplat_ns.schedules import scaled_steps
 from desplat_ns.upstream import (
@@ -32,55 +30,11 @@ from desplat_ns.upstream import (
 )
 from desplat_ns.viewer import LayerControl
 
-STATIC_STEPS = (
-    "warmup_length",
-    "refine_every",
-    "resolution_schedule",
-    "sh_degree_interval",
-    "stop_screen_size_at",
-    "stop_split_at",
-)
-"""Splatfacto's settings that are numbers of steps; `reset_alpha_every` counts refinements."""
-
-DISTRACTOR_STEPS = ("static_warmup", "stop_densify_at", "refine_every_visits")
-"""The distractors' settings that are numbers of steps, or of visits."""
-
 MIN_SEED_POINTS = 4
 """Splatfacto sizes each Gaussian by its three nearest neighbours."""
 
 MIN_SEED_SCALE = 1e-6
 """World units. Coincident 3D points have neighbours at distance 0, whose logarithm is no scale."""
-
-
-@dataclass
-class DeSplatModelConfig(SplatfactoModelConfig):
-    """DeSplat on top of Splatfacto.
-
-    Every number of steps belongs to the full schedule; `schedule_scale` shrinks them all.
-    """
-
-    _target: type = field(default_factory=lambda: DeSplatModel)
-    effects: EffectsConfig = field(default_factory=EffectsConfig)
-    """Which effects the scene calls for."""
-    distractors: DistractorConfig = field(default_factory=DistractorConfig)
-    """Distractor Gaussians."""
-    backend: BackendName = "auto"
-    """Rasterizer. auto takes gsplat where CUDA works, else the fastest that runs on the CPU."""
-    schedule_scale: float | None = None
-    """Factor on every number of steps; by default max-num-iterations over the method's own number,
-    at most 1."""
-
-    def scaled(self) -> DeSplatModelConfig:
-        """A copy whose numbers of steps are shrunk by `schedule_scale`."""
-        scale = self.schedule_scale or 1.0
-        distractors = replace(
-            self.distractors, **_scaled(self.distractors, DISTRACTOR_STEPS, scale)
-        )
-        return replace(self, distractors=distractors, **_scaled(self, STATIC_STEPS, scale))
-
-
-def _scaled(config: Any, names: Iterable[str], scale: float) -> dict[str, int]:
-    return {name: scaled_steps(getattr(config, name), scale) for name in names}
 
 
 class DeSplatModel(SplatfactoModel):

@@ -12,7 +12,8 @@ from desplat_ns.compositing import composite_alpha, composite_color, over_backgr
 from desplat_ns.distractors import DistractorConfig
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import BackendUnavailableError, CaptureError
-from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.model import DeSplatModel
+from desplat_ns.model_config import DeSplatModelConfig
 
 WIDTH, HEIGHT, NUM_VIEWS = 24, 20, 3
 ALL_OUTPUTS = {
@@ -181,21 +182,6 @@ def test_a_view_without_distractors_is_rasterized_once(monkeypatch):
     drawn.clear()
     trainer.step(1)
     assert drawn == [30]
-
-
-def test_every_step_number_shrinks_with_the_schedule():
-    config = DeSplatModelConfig(
-        schedule_scale=0.1, distractors=DistractorConfig(static_warmup=5000)
-    ).scaled()
-    assert config.warmup_length == 50
-    assert config.refine_every == 10
-    assert config.resolution_schedule == 300
-    assert config.sh_degree_interval == 100
-    assert config.stop_screen_size_at == 400
-    assert config.stop_split_at == 1500
-    assert config.distractors.stop_densify_at == 1500
-    assert config.distractors.static_warmup == 500
-    assert config.distractors.refine_every_visits == 1
 
 
 def test_the_static_opacity_is_reset_and_that_of_distractors_is_not():

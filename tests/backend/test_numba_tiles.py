@@ -76,7 +76,8 @@ def test_python_threads_may_render_at_the_same_time():
 
 def test_ten_thousand_gaussians_in_one_tile_agree_with_the_reference():
     scene = random_scene(23, count=10_000, size=(8, 6), opacity=(0.005, 0.02))
-    want = render_reference(scene.to(torch.float64), SETTINGS)
+    with torch.no_grad():
+        want = render_reference(scene.to(torch.float64), SETTINGS)
     got = render(scene)
     allowed = tolerance(torch.float32, scene.size, want.sharpness)
     # Ten thousand alphas of about 0.01: many lie next to the cutoff, each worth 1/255 at most

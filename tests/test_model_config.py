@@ -1,0 +1,27 @@
+"""Every number of steps shrinks with the length of the run."""
+
+from desplat_ns.distractors import DistractorConfig
+from desplat_ns.model_config import DeSplatModelConfig
+
+
+def test_every_step_number_shrinks_with_the_schedule():
+    config = DeSplatModelConfig(
+        schedule_scale=0.1, distractors=DistractorConfig(static_warmup=5000)
+    ).scaled()
+    assert config.warmup_length == 50
+    assert config.refine_every == 10
+    assert config.resolution_schedule == 300
+    assert config.sh_degree_interval == 100
+    assert config.stop_screen_size_at == 400
+    assert config.stop_split_at == 1500
+    assert config.distractors.stop_densify_at == 1500
+    assert config.distractors.static_warmup == 500
+    assert config.distractors.refine_every_visits == 1
+
+
+def test_in_a_very_short_run_refinements_keep_their_distance_and_resets_their_share():
+    config = DeSplatModelConfig(schedule_scale=0.02).scaled()
+    assert config.refine_every == 10
+    # 3,000 of 30,000 steps between resets; here 60 of 600.
+    assert config.reset_alpha_every * config.refine_every == 60
+    assert DeSplatModelConfig(refine_every=5).scaled().refine_every == 5
