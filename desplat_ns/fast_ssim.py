@@ -32,6 +32,13 @@ def ssim(pred: Float[Tensor, "H W C"], target: Float[Tensor, "H W C"]) -> Float[
     return msssim_ssim(*planes, data_range=1.0)
 
 
+def ssim_of_planes(
+    target: Float[Tensor, "1 C H W"], pred: Float[Tensor, "1 C H W"]
+) -> Float[Tensor, ""]:
+    """`ssim` as Splatfacto calls it: photo first, channels first."""
+    return ssim(pred[0].movedim(0, -1), target[0].movedim(0, -1))
+
+
 def _is_fast(pred: Tensor, target: Tensor) -> bool:
     return (
         numba_ssim is not None

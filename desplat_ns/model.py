@@ -18,6 +18,7 @@ from desplat_ns.cameras import train_index, view_of
 from desplat_ns.densification import DistractorDensifier, strategy_info, to_device
 from desplat_ns.distractors import DistractorGaussians
 from desplat_ns.errors import BackendUnavailableError, CaptureError
+from desplat_ns.fast_ssim import ssim_of_planes
 from desplat_ns.gaussians import activate_distractors, activate_static, resize_rows
 from desplat_ns.losses import distractor_opacity_loss, static_transparency_loss
 from desplat_ns.metrics import image_metrics
@@ -54,6 +55,8 @@ class DeSplatModel(SplatfactoModel):
         with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
         self.gauss_params["scales"].data.clamp_(min=math.log(MIN_SEED_SCALE))
+        del self.ssim  # a module, whose place only another module could take
+        self.ssim = ssim_of_planes
         self.strategy.verbose = False
         self.strategy.pause_refine_after_reset = (
             scaled_steps(self.num_train_data, self.config.schedule_scale or 1.0)
