@@ -16,7 +16,7 @@ def test_every_step_number_shrinks_with_the_schedule():
     assert config.stop_split_at == 1500
     assert config.distractors.stop_densify_at == 1500
     assert config.distractors.static_warmup == 500
-    assert config.distractors.refine_every_visits == 1
+    assert config.distractors.refine_every_visits == 5
 
 
 def test_in_a_very_short_run_refinements_keep_their_distance_and_resets_their_share():
