@@ -17,6 +17,8 @@ from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians import resize_rows
 
 PARAMETER_NAMES = ("means", "scales", "quats", "rgbs", "opacities")
+"""Raw values, under the names that gsplat's strategy reads: scales are logarithms, opacities
+logits."""
 
 PLASTIC_NUMBER = 1.32471795724474602596
 """Real root of x^3 = x + 1: its powers give an even additive recurrence in the plane (R2)."""
@@ -63,14 +65,10 @@ class DistractorGaussians(nn.Module):
             cameras: the training cameras, shape [V].
 
         Raises:
-            ConfigError: if the distractors would start in front of the near plane.
+            ConfigError: if a setting lies outside its range.
         """
         super().__init__()
-        if config.depth <= RenderSettings.near_plane:
-            raise ConfigError(
-                f"Distractors would start at depth {config.depth}, in front of the near plane at "
-                f"{RenderSettings.near_plane}. Raise `--pipeline.model.distractors.depth`."
-            )
+        _check(config)
         self.views = nn.ModuleList()
         for i in range(len(cameras)):
             start = fill_view(view_of(cameras[i : i + 1]), config)
@@ -114,6 +112,24 @@ class DistractorGaussians(nn.Module):
         The clamp in rendering has no gradient beyond the border: a colour left there would stay.
         """
         self.params_of(view)["rgbs"].clamp_(0, 1)
+
+
+def _check(config: DistractorConfig) -> None:
+    near = RenderSettings.near_plane
+    for name, found, fits, needed in (
+        ("depth", config.depth, config.depth > near, f"beyond the near plane at {near}"),
+        ("per-view", config.per_view, config.per_view >= 0, "0 or more"),
+        (
+            "initial-opacity",
+            config.initial_opacity,
+            0 < config.initial_opacity < 1,
+            "inside (0, 1)",
+        ),
+    ):
+        if not fits:
+            raise ConfigError(
+                f"`--pipeline.model.distractors.{name}` is {found}; it has to be {needed}."
+            )
 
 
 def fill_view(view: View, config: DistractorConfig) -> dict[str, nn.Parameter]:

@@ -9,22 +9,22 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import OrientedBox
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackAttributes
+from nerfstudio.model_components.lib_bilagrid import color_correct
 from nerfstudio.models.splatfacto import SplatfactoModel
 from torch import Tensor, nn
 
 from desplat_ns.backend import Rasterizer, resolve
-from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
+from desplat_ns.backend.protocol import Rendering, RenderSettings, View
 from desplat_ns.cameras import train_index, view_of
 from desplat_ns.densification import DistractorDensifier, strategy_info, to_device
 from desplat_ns.distractors import DistractorGaussians
-from desplat_ns.errors import BackendUnavailableError, CaptureError
+from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
 from desplat_ns.fast_ssim import ssim_of_planes
 from desplat_ns.gaussians import activate_distractors, activate_static, resize_rows
 from desplat_ns.losses import distractor_opacity_loss, static_transparency_loss
 from desplat_ns.metrics import image_metrics
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.outputs import layered_outputs, static_outputs
-from desplat_ns.schedules import scaled_steps
 from desplat_ns.upstream import (
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
@@ -58,10 +58,7 @@ class DeSplatModel(SplatfactoModel):
         del self.ssim  # a module, whose place only another module could take
         self.ssim = ssim_of_planes
         self.strategy.verbose = False
-        self.strategy.pause_refine_after_reset = (
-            scaled_steps(self.num_train_data, self.config.schedule_scale or 1.0)
-            + self.config.refine_every
-        )
+        self.strategy.pause_refine_after_reset = self.config.pause_after_reset(self.num_train_data)
         self.distractors = None
         self.layer_control = LayerControl(0)
         if self.config.effects.distractors:
@@ -74,9 +71,9 @@ class DeSplatModel(SplatfactoModel):
         self._distractors_drawn: tuple[int, dict[str, Any]] | None = None
 
     def _check_seed_points(self) -> None:
-        if self.config.random_init:
+        if self.config.random_init or self.seed_points is None:  # both start at random
             return
-        found = 0 if self.seed_points is None else len(self.seed_points[0])
+        found = len(self.seed_points[0])
         if found < MIN_SEED_POINTS:
             raise CaptureError(
                 f"The capture has {found} 3D points; static Gaussians start at the points of the "
@@ -94,11 +91,11 @@ class DeSplatModel(SplatfactoModel):
         """
         if self._rasterizer is None:
             try:
-                self._rasterizer = resolve(self.config.backend)
+                self._rasterizer = resolve(self.config.backend, self.device.type)
             except BackendUnavailableError:
                 if self.training:
                     raise
-                self._rasterizer = resolve("auto")
+                return resolve("auto", self.device.type)
         return self._rasterizer
 
     def get_outputs(self, camera: Cameras) -> dict[str, Tensor]:
@@ -110,9 +107,9 @@ class DeSplatModel(SplatfactoModel):
             distractors also rgb_static, rgb_composite, rgb_distractor (weighted by its alpha),
             alpha_distractor and distractor_mask (bool).
         """
-        view = self._view_of(camera)
-        static = self._render_static(view)
         index = train_index(camera)
+        view = self._view_of(camera, index)
+        static = self._render_static(view)
         if index is None and not self.training:
             index = self.layer_control.train_idx()
         distractor = self._render_distractors(view, index)
@@ -122,14 +119,23 @@ class DeSplatModel(SplatfactoModel):
         outputs = static_outputs(static, background)
         if self.distractors is not None:
             outputs |= layered_outputs(static, distractor, background)
-        if self.training and self.distractors is not None:
+        if not self.training:
+            return self.layer_control.apply(outputs)
+        if self.distractors is not None:
             outputs["rgb"] = outputs["rgb_composite"]
-        return outputs if self.training else self.layer_control.apply(outputs)
+        if self.config.use_bilateral_grid and index is not None:
+            rgb = outputs["rgb"][None]
+            outputs["rgb"] = self._apply_bilateral_grid(rgb, index, view.height, view.width)[0]
+        return outputs
 
-    def _view_of(self, camera: Cameras) -> View:
+    def _view_of(self, camera: Cameras, index: int | None) -> View:
+        """The view of a camera; training views have the pose that the pose optimizer found."""
         assert camera.shape[0] == 1, "one camera at a time"
-        pose = self.camera_optimizer.apply_to_camera(camera) if self.training else None
-        view = view_of(camera, None if pose is None else pose[0], self._get_downscale_factor())
+        pose = camera.camera_to_worlds
+        if index is not None:
+            camera.metadata = {**(camera.metadata or {}), "cam_idx": index}
+            pose = self.camera_optimizer.apply_to_camera(camera)
+        view = view_of(camera, pose[0], self._get_downscale_factor())
         self.last_size = (view.height, view.width)
         return view
 
@@ -145,7 +151,7 @@ class DeSplatModel(SplatfactoModel):
         keep = None if crop is None else crop.within(self.means).reshape(-1)
         depth = self.config.output_depth_during_training or not self.training
         splats = activate_static(self.gauss_params, self._sh_degree(), keep)
-        rendering = self._rasterize(splats, view, self._settings(depth))
+        rendering = self.rasterizer(splats, view, self._settings(depth))
         if self.training:
             self.info = strategy_info(rendering, view)
             self.strategy.step_pre_backward(
@@ -162,15 +168,12 @@ class DeSplatModel(SplatfactoModel):
         if self.distractors.count_of(index) == 0:
             return None
         splats = activate_distractors(self.distractors.params_of(index))
-        rendering = self._rasterize(splats, view, self._settings(depth=False))
+        rendering = self.rasterizer(splats, view, self._settings(depth=False))
         if self.training:
             info = strategy_info(rendering, view)
             self.densifier.before_backward(info)
             self._distractors_drawn = (index, info)
         return rendering
-
-    def _rasterize(self, splats: Splats, view: View, settings: RenderSettings) -> Rendering:
-        return self.rasterizer(splats, view, settings)
 
     def _sh_degree(self) -> int | None:
         if self.config.sh_degree == 0:
@@ -188,7 +191,7 @@ class DeSplatModel(SplatfactoModel):
         self, training_callback_attributes: TrainingCallbackAttributes
     ) -> list[TrainingCallback]:
         """Splatfacto's, after making sure that the backend runs: better now than at step 0."""
-        assert self.rasterizer is not None
+        _ = self.rasterizer  # raises where it cannot run
         return super().get_training_callbacks(training_callback_attributes)
 
     def get_param_groups(self) -> dict[str, list[nn.Parameter]]:
@@ -218,6 +221,11 @@ class DeSplatModel(SplatfactoModel):
     def step_post_backward(self, step: int) -> None:
         """Densify after an optimizer step: the static set, then the set of the view just seen."""
         super().step_post_backward(step)
+        if self.num_points == 0:
+            raise DeSplatError(
+                f"At step {step} the last static Gaussian was pruned: nothing is left to train. "
+                "The photos or their poses do not fit together, or a learning rate is too high."
+            )
         if self._distractors_drawn is not None and self.distractors is not None:
             index, info = self._distractors_drawn
             self.distractors.keep_colors_in_range(index)
@@ -231,6 +239,9 @@ class DeSplatModel(SplatfactoModel):
             self.get_gt_img(batch["image"]), outputs["background"]
         )
         figures = image_metrics(outputs["rgb"], photo, self.lpips)
+        if self.config.color_corrected_metrics:
+            corrected = image_metrics(color_correct(outputs["rgb"], photo), photo, self.lpips)
+            figures |= {f"cc_{name}": value for name, value in corrected.items()}
         return figures, {"img": torch.cat([photo, outputs["rgb"]], dim=1)}
 
     def update_to_step(self, step: int) -> None:

@@ -27,6 +27,10 @@ MIN_REFINE_EVERY = 10
 """Steps. A refinement judges by gradients averaged since the last one; over fewer views noise
 clones Gaussians without end (150 steps at an interval of 1 made 104,000 out of 4,700)."""
 
+MIN_RESET_EVERY = 4
+"""Refinements. Splatfacto rests after each reset of the opacities; were resets closer than this,
+there would be no refinement between two of them."""
+
 MIN_REFINE_VISITS = 5
 """The same for distractors, which need these visits to settle: refined at every visit, 40 views of
 135 x 240 pixels came to 16,000 Gaussians each within 37 visits."""
@@ -71,9 +75,17 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         return replace(
             self,
             **steps,
-            reset_alpha_every=max(1, round(reset / steps["refine_every"])),
+            reset_alpha_every=max(MIN_RESET_EVERY, round(reset / steps["refine_every"])),
             distractors=replace(self.distractors, **visits),
         )
+
+    def pause_after_reset(self, num_views: int) -> int:
+        """Steps without refinement after a reset of the opacities, Splatfacto's rule: until every
+        view could be seen once (scaled as all steps) and one interval more.
+
+        Call it on what `scaled` gave.
+        """
+        return scaled_steps(num_views, self.schedule_scale or 1.0) + self.refine_every
 
 
 def _scaled(config: Any, names: Iterable[str], scale: float) -> dict[str, int]:

@@ -16,7 +16,7 @@ class LayerControl:
     """Two controls in the viewer's "Custom Elements": which layer, and whose distractors.
 
     Without a viewer it does nothing. nerfstudio 1.1.5 looks for controls among the pipeline's
-    attributes, so the pipeline shows `layer` and `view` as its own.
+    attributes, so the pipeline shows them as its own `layer` and `training_view`.
     """
 
     def __init__(self, num_views: int) -> None:

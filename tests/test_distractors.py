@@ -81,9 +81,18 @@ def test_a_checkpoint_with_other_numbers_loads_into_the_same_parameters():
     assert target.counts() == [7, 7]
 
 
-def test_starting_in_front_of_the_near_plane_is_refused():
-    with pytest.raises(ConfigError, match=r"0\.005.*near plane.*distractors\.depth"):
-        DistractorGaussians(DistractorConfig(depth=0.005), cameras())
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        ({"depth": 0.005}, r"distractors\.depth` is 0\.005.*near plane at 0\.01"),
+        ({"depth": float("nan")}, r"distractors\.depth` is nan"),
+        ({"per_view": -1}, r"per-view` is -1; it has to be 0 or more"),
+        ({"initial_opacity": 1.0}, r"initial-opacity` is 1\.0"),
+    ],
+)
+def test_settings_outside_their_range_are_refused(config, message):
+    with pytest.raises(ConfigError, match=message):
+        DistractorGaussians(DistractorConfig(**config), cameras())
 
 
 def test_no_distractors_per_view_is_allowed():

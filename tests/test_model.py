@@ -4,14 +4,17 @@ from typing import Any
 
 import pytest
 import torch
+from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
 from nerfstudio.cameras.cameras import Cameras
-from nerfstudio.data.scene_box import SceneBox
+from nerfstudio.data.scene_box import OrientedBox, SceneBox
+from nerfstudio.model_components.lib_bilagrid import color_correct
 from nerfstudio.models.splatfacto import SplatfactoModel
 
 from desplat_ns.compositing import composite_alpha, composite_color, over_background
 from desplat_ns.distractors import DistractorConfig
 from desplat_ns.effects import EffectsConfig
-from desplat_ns.errors import BackendUnavailableError, CaptureError
+from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
+from desplat_ns.metrics import psnr
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 
@@ -71,7 +74,7 @@ class Trainer:
     def __init__(self, model: DeSplatModel):
         self.model = model
         self.optimizers = {
-            name: torch.optim.Adam(params, lr=1e-2)
+            name: torch.optim.Adam(params, lr=1e-4 if "means" in name else 1e-2)
             for name, params in model.get_param_groups().items()
             if params
         }
@@ -210,6 +213,69 @@ def test_a_checkpoint_comes_back_into_the_parameters_that_the_optimizers_hold():
     assert torch.equal(target.strategy_state["grad2d"], source.strategy_state["grad2d"])
 
 
+@pytest.mark.parametrize(
+    "config",
+    [
+        {"sh_degree": 0},
+        {"use_absgrad": False, "densify_grad_thresh": 1e-5},
+        {"rasterize_mode": "antialiased"},
+        {"output_depth_during_training": True},
+        {"random_init": True, "num_random": 50, "random_scale": 1.0},
+    ],
+)
+def test_splatfactos_options_train_and_refine(config):
+    model = make_model(warmup_length=0, refine_every=2, **config)
+    trainer = Trainer(model)
+    losses = [trainer.step(step)["losses"]["main_loss"].item() for step in range(20)]
+    assert min(losses[1:]) < losses[0]
+    assert all(torch.isfinite(p).all() for p in model.parameters())
+
+
+def test_the_bilateral_grid_of_a_view_is_learned():
+    model = make_model(use_bilateral_grid=True)
+    before = model.bil_grids.grids.detach().clone()
+    Trainer(model).step(0, view=1)
+    assert (model.bil_grids.grids != before).flatten(1).any(dim=1)[1]
+
+
+def test_a_corrected_pose_is_that_of_training_views_only():
+    model = make_model(camera_optimizer=CameraOptimizerConfig(mode="SO3xR3")).eval()
+    straight = model.get_outputs_for_camera(camera(1))
+    held_out = model.get_outputs_for_camera(camera())
+    with torch.no_grad():
+        model.camera_optimizer.pose_adjustment[:, 0] = 0.3
+    assert not torch.allclose(model.get_outputs_for_camera(camera(1))["rgb"], straight["rgb"])
+    assert torch.equal(model.get_outputs_for_camera(camera())["rgb"], held_out["rgb"])
+
+
+def test_a_crop_box_leaves_out_what_lies_beyond_it():
+    model = make_model().eval()
+    box = OrientedBox(R=torch.eye(3), T=torch.tensor([0.5, 0.0, 0.0]), S=torch.ones(3))
+    right = model.get_outputs_for_camera(camera(), obb_box=box)["accumulation"]
+    assert right[:, WIDTH // 2 :].sum() > 3 * right[:, : WIDTH // 2].sum()
+    nowhere = OrientedBox(R=torch.eye(3), T=torch.full((3,), 9.0), S=torch.ones(3))
+    assert not model.get_outputs_for_camera(camera(), obb_box=nowhere)["accumulation"].any()
+
+
+def test_color_corrected_figures_stand_beside_the_plain_ones():
+    model = make_model(color_corrected_metrics=True).eval()
+    outputs = model.get_outputs_for_camera(camera())
+    photo = torch.rand(HEIGHT, WIDTH, 3)
+    figures, _ = model.get_image_metrics_and_images(outputs, {"image": photo})
+    assert figures["psnr"] == psnr(outputs["rgb"], photo)
+    assert figures["cc_psnr"] == psnr(color_correct(outputs["rgb"], photo), photo)
+
+
+def test_an_empty_static_scene_ends_the_run():
+    model = make_model(warmup_length=9, refine_every=1)
+    trainer = Trainer(model)
+    trainer.step(9)
+    with torch.no_grad():
+        model.gauss_params["opacities"].fill_(-9.0)
+    with pytest.raises(DeSplatError, match="step 10 the last static Gaussian was pruned"):
+        trainer.step(10)
+
+
 def test_exporters_see_static_gaussians_only():
     model = make_model()
     assert isinstance(model, SplatfactoModel)
@@ -223,6 +289,17 @@ def test_exporters_see_static_gaussians_only():
     }
     assert model.num_points == 30
     assert torch.allclose(model.colors, torch.full((30, 3), 128 / 255), atol=1e-6)
+
+
+def test_without_any_points_training_starts_at_random():
+    config = DeSplatModelConfig(num_random=50, backend="torch")
+    model = config.setup(
+        scene_box=SceneBox(torch.tensor([[-1.0] * 3, [1.0] * 3])),
+        num_train_data=NUM_VIEWS,
+        metadata={"train_cameras": cameras()},
+        seed_points=None,
+    )
+    assert model.num_points == 50
 
 
 @pytest.mark.parametrize("number", [0, 3])

@@ -1,5 +1,7 @@
 """Every number of steps shrinks with the length of the run."""
 
+import pytest
+
 from desplat_ns.distractors import DistractorConfig
 from desplat_ns.model_config import DeSplatModelConfig
 
@@ -25,3 +27,14 @@ def test_in_a_very_short_run_refinements_keep_their_distance_and_resets_their_sh
     # 3,000 of 30,000 steps between resets; here 60 of 600.
     assert config.reset_alpha_every * config.refine_every == 60
     assert DeSplatModelConfig(refine_every=5).scaled().refine_every == 5
+
+
+@pytest.mark.parametrize("steps", [60, 100, 250, 1000, 3000, 30000])
+def test_a_run_of_any_length_refines_between_two_resets(steps):
+    config = DeSplatModelConfig(schedule_scale=steps / 30000).scaled()
+    reset = config.reset_alpha_every * config.refine_every
+    pause = config.pause_after_reset(num_views=40)
+    refinements = [step for step in range(0, reset, config.refine_every) if step >= pause]
+    assert len(refinements) >= 2
+    if steps == 30000:
+        assert (reset, pause) == (3000, 140)

@@ -314,7 +314,15 @@ def test_ctrl_c_finishes_the_step_saves_and_can_be_resumed(config):
     assert signal.getsignal(signal.SIGINT) is handler
 
 
-def test_a_second_ctrl_c_ends_the_run_at_once(config):
+@pytest.fixture
+def python_handles_sigint():
+    """What an interactive shell gives; a job started in the background ignores the signal."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_a_second_ctrl_c_ends_the_run_at_once(config, python_handles_sigint):
     trainer = set_up(config)
 
     def twice(step: int) -> None:

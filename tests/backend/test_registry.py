@@ -16,7 +16,7 @@ from desplat_ns.errors import BackendUnavailableError
 def hinder(monkeypatch: pytest.MonkeyPatch, **reasons: str | None) -> None:
     """Pretend that these backends cannot (text) or can (None) run here."""
     table = {
-        name: registry._Entry(e.module, e.class_name, partial(reasons.get, name))
+        name: registry._Entry(e.module, e.class_name, partial(lambda n, _: reasons.get(n), name))
         for name, e in registry._BACKENDS.items()
     }
     monkeypatch.setattr(registry, "_BACKENDS", table)
@@ -48,6 +48,24 @@ def test_gsplat_without_cuda_says_what_to_type(monkeypatch):
         "Backend 'gsplat' needs a CUDA device and torch sees none. Add "
         "`--pipeline.model.backend numba`, or install a CUDA build of torch."
     )
+
+
+def test_a_backend_of_the_other_device_says_what_to_type(monkeypatch):
+    with pytest.raises(BackendUnavailableError, match=r"'numba' .* on cuda.*device-type cpu"):
+        resolve("numba", "cuda")
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    with pytest.raises(BackendUnavailableError, match=r"'gsplat' .* on the cpu.*device-type cuda"):
+        resolve("gsplat", "cpu")
+
+
+def test_auto_follows_the_device(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr("desplat_ns.backend.gsplat_cuda.kernels_are_built", lambda: True)
+    assert registry._fastest("cuda") == "gsplat"
+    assert registry._fastest("cpu") != "gsplat"
+    monkeypatch.setattr("desplat_ns.backend.gsplat_cuda.kernels_are_built", lambda: False)
+    registry._fastest.cache_clear()
+    assert registry._fastest("cuda") == "torch"
 
 
 def test_gsplat_without_kernels_says_what_to_install(monkeypatch):
@@ -83,7 +101,7 @@ def test_an_unknown_name_lists_the_known_ones():
 )
 def test_auto_takes_the_fastest_that_can_run(monkeypatch, reasons, chosen):
     hinder(monkeypatch, **reasons)
-    assert registry._fastest() == chosen
+    assert registry._fastest("cpu") == chosen
 
 
 def test_auto_says_once_which_backend_it_took_and_why_not_a_faster_one(monkeypatch, capfd):
