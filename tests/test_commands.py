@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 import torch
+import yaml
 from PIL import Image
 
 if TYPE_CHECKING:
@@ -143,6 +144,21 @@ def test_ns_eval_writes_every_figure(trained: Path, tmp_path: Path, checkpoint: 
     assert {"desplat_ns", "nerfstudio", "gsplat", "torch"} <= results["versions"].keys()
     assert [image["width"] for image in results["images"]] == [SIZE[0]] * NUM_TEST
     assert len(list((tmp_path / "pictures").glob("*.png"))) == NUM_TEST
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
+def test_a_run_from_a_gpu_machine_is_evaluated_without_one(trained: Path, tmp_path: Path):
+    from nerfstudio.scripts.eval import ComputePSNR
+
+    config = yaml.load(trained.read_text(), Loader=yaml.Loader)
+    config.machine.device_type = "cuda"
+    config.pipeline.model.backend = "gsplat"
+    there = tmp_path / "config.yml"
+    there.write_text(yaml.dump(config))
+    ComputePSNR(there, tmp_path / "metrics.json").main()
+    results = json.loads((tmp_path / "metrics.json").read_text())["results"]
+    assert results["device"] == "cpu"
+    assert results["backend"] in ("numba", "torch")
 
 
 # --- ns-render ----------------------------------------------------------------------------------
