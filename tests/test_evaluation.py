@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from rich.progress import Progress
 from torch import nn
 
 import desplat_ns
@@ -102,7 +103,10 @@ def test_a_stopwatch_goes_forward():
     assert 0 <= first <= watch.seconds()
 
 
-def test_progress_can_be_advanced_to_its_end():
+def test_progress_counts_what_is_done(monkeypatch):
+    advanced = []
+    monkeypatch.setattr(Progress, "advance", lambda self, task: advanced.append(task))
     with progress_over(2, "Testing") as advance:
         advance()
         advance()
+    assert len(advanced) == 2
