@@ -6,10 +6,11 @@ is in place, and what is imported before the hook goes unchecked.
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 # Before anything loads OpenMP: waiting threads sleep instead of spinning.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
@@ -19,6 +20,8 @@ import torch
 from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
+    from nerfstudio.engine.trainer import TrainerConfig
+
     from desplat_ns.synthetic import Scene
 
 torch.set_num_threads(1)  # the tensors of tests are small: more threads only wait for each other
@@ -67,3 +70,38 @@ def tiny_scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     from desplat_ns.synthetic import SceneSpec, write_scene
 
     return write_scene(SceneSpec.tiny(), tmp_path_factory.mktemp("tiny_scene"))
+
+
+@pytest.fixture(scope="session")
+def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
+    """`ns-train desplat` on the tiny scene into a folder: 24 steps, a few refinements."""
+
+    def configure(output: Path) -> TrainerConfig:
+        from nerfstudio.configs.method_configs import all_methods
+
+        from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+
+        assert tiny_scene.folder is not None
+        config: Any = copy.deepcopy(all_methods["desplat"])
+        config.pipeline.datamanager.dataparser = RobustNerfDataParserConfig(data=tiny_scene.folder)
+        config.max_num_iterations, config.vis = 24, "tensorboard"
+        config.steps_per_eval_image, config.steps_per_eval_all_images = 10, 20
+        config.output_dir, config.experiment_name, config.timestamp = output, "tiny", "run"
+        model = config.pipeline.model
+        model.backend, model.num_downscales, model.schedule_scale = "torch", 0, 0.02
+        model.distractors.per_view = 40
+        return config
+
+    return configure
+
+
+@pytest.fixture(scope="session")
+def trained(
+    tiny_run: Callable[[Path], TrainerConfig], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """config.yml of a run of `ns-train` on the tiny scene; shared: do not write beside it."""
+    from nerfstudio.scripts import train
+
+    config = tiny_run(tmp_path_factory.mktemp("runs"))
+    train.main(config)
+    return config.get_base_dir() / "config.yml"

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,8 +16,6 @@ from PIL import Image
 
 if TYPE_CHECKING:
     from nerfstudio.engine.trainer import TrainerConfig
-
-    from desplat_ns.synthetic import Scene
 
 pytestmark = pytest.mark.slow
 
@@ -36,34 +32,6 @@ OUTPUTS = {
     "accumulation",
     "background",
 }
-
-
-def _config(scene: Path | None, output: Path) -> TrainerConfig:
-    """`ns-train desplat` on a scene, as short as it can be with a few refinements in it."""
-    from nerfstudio.configs.method_configs import all_methods
-
-    from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-
-    assert scene is not None
-    config: Any = copy.deepcopy(all_methods["desplat"])
-    config.pipeline.datamanager.dataparser = RobustNerfDataParserConfig(data=scene)
-    config.max_num_iterations, config.vis = STEPS, "tensorboard"
-    config.steps_per_eval_image, config.steps_per_eval_all_images = 10, 20
-    config.output_dir, config.experiment_name, config.timestamp = output, "tiny", "run"
-    model = config.pipeline.model
-    model.backend, model.num_downscales, model.schedule_scale = "torch", 0, 0.02
-    model.distractors.per_view = 40
-    return config
-
-
-@pytest.fixture(scope="module")
-def trained(tiny_scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """config.yml of a trained run."""
-    from nerfstudio.scripts import train
-
-    config = _config(tiny_scene.folder, tmp_path_factory.mktemp("runs"))
-    train.main(config)
-    return config.get_base_dir() / "config.yml"
 
 
 @pytest.fixture(scope="module")
@@ -100,9 +68,9 @@ def test_a_checkpoint_holds_gaussians_and_their_scene_and_no_metric_network(chec
 
 
 def test_resuming_brings_optimizers_back_and_goes_on(
-    tiny_scene: Scene, trained: Path, checkpoint: dict, tmp_path: Path
+    tiny_run: Callable[[Path], TrainerConfig], trained: Path, checkpoint: dict, tmp_path: Path
 ):
-    config = _config(tiny_scene.folder, tmp_path)
+    config: Any = tiny_run(tmp_path)
     config.load_dir = trained.parent / "nerfstudio_models"
     config.max_num_iterations = STEPS + 2
     trainer: Any = config.setup(local_rank=0, world_size=1)
@@ -242,109 +210,3 @@ def test_the_exported_splat_holds_the_static_gaussians_alone(
     ]:
         exported = np.stack([vertices[column] for column in columns], axis=-1)
         assert np.array_equal(exported, saved[name][visible])
-
-
-# --- ns-viewer ----------------------------------------------------------------------------------
-
-
-class _Started(Exception):
-    """Raised in place of the viewer's endless wait."""
-
-
-@pytest.fixture(scope="module")
-def viewer(trained: Path) -> Iterator[Any]:
-    """`ns-viewer`, started without a browser."""
-    from nerfstudio.scripts.viewer import run_viewer
-    from nerfstudio.viewer.viewer import Viewer
-
-    started: list[Any] = []
-
-    class Recorded(Viewer):
-        def __init__(self, *args: Any, **kwargs: Any) -> None:
-            super().__init__(*args, **kwargs)
-            started.append(self)
-
-    def stop(seconds: float) -> None:
-        raise _Started
-
-    settings = run_viewer.ViewerConfigWithoutNumRays(websocket_host="127.0.0.1")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_viewer, "ViewerState", Recorded)
-        patch.setattr(run_viewer, "time", SimpleNamespace(sleep=stop))
-        with pytest.raises(_Started):
-            run_viewer.RunViewer(trained, settings).main()
-    yield started[0]
-    started[0].viser_server.stop()
-
-
-@pytest.fixture
-def frame(viewer: Any) -> Callable[[], tuple[dict[str, torch.Tensor], np.ndarray]]:
-    """Renders training view 2 as the viewer does for a browser: the outputs, the picture sent."""
-    from nerfstudio.cameras.cameras import CameraType
-    from nerfstudio.viewer.render_state_machine import RenderStateMachine
-    from nerfstudio.viewer.utils import CameraState
-
-    sent: list[np.ndarray] = []
-    aspect = SIZE[0] / SIZE[1]
-    browser: Any = SimpleNamespace(
-        camera=SimpleNamespace(aspect=aspect),
-        scene=SimpleNamespace(set_background_image=lambda image, **_: sent.append(image)),
-    )
-    camera = viewer.pipeline.datamanager.train_dataset.cameras[2]
-    fov = 2 * math.atan(float(camera.cy) / float(camera.fy))
-    state = CameraState(fov, aspect, camera.camera_to_worlds, CameraType.PERSPECTIVE, idx=2)
-    machine = RenderStateMachine(viewer, 10.0, browser)
-    viewer.pipeline.layer.value = "static"
-
-    def render() -> tuple[dict[str, torch.Tensor], np.ndarray]:
-        outputs = machine._render_img(state)
-        machine._send_output_to_viewer(outputs)
-        return outputs, sent[-1]
-
-    return render
-
-
-def test_the_viewer_shows_each_layer_and_at_first_the_static_scene(viewer: Any, frame: Any):
-    pipeline = viewer.pipeline
-    assert {path for path, _ in viewer.viewer_elements} >= {
-        "Custom Elements/layer",
-        "Custom Elements/training_view",
-    }
-    outputs, picture = frame()
-    assert torch.equal(outputs["rgb"], outputs["rgb_static"])
-    assert not outputs["alpha_distractor"].any()
-    assert picture.any()
-    pipeline.training_view.value = 2
-    for layer, output in (
-        ("composite", "rgb_composite"),
-        ("distractors", "rgb_distractor"),
-        ("mask", "distractor_mask"),
-    ):
-        pipeline.layer.value = layer
-        outputs, picture = frame()
-        expected = outputs[output].expand_as(outputs["rgb"]).float()
-        assert torch.equal(outputs["rgb"], expected.clamp(0, 1))
-        assert outputs["alpha_distractor"].any()
-        assert picture.dtype == np.uint8
-    pipeline.layer.value = "static"
-    assert not frame()[0]["alpha_distractor"].any()
-
-
-def test_every_training_view_has_distractors_of_its_own_in_the_viewer(viewer: Any, frame: Any):
-    viewer.pipeline.layer.value = "distractors"
-    pictures = []
-    for view in (0, 2, NUM_TRAIN - 1):
-        viewer.pipeline.training_view.value = view
-        pictures.append(frame()[0]["rgb"])
-    assert not torch.equal(pictures[0], pictures[1])
-    assert not torch.equal(pictures[1], pictures[2])
-
-
-def test_every_output_can_be_chosen_in_the_viewers_own_menu(viewer: Any, frame: Any):
-    frame()
-    menu = viewer.control_panel._output_render
-    assert set(menu.options) >= OUTPUTS
-    for output in [*sorted(OUTPUTS), "rgb"]:
-        menu.value = output
-        viewer.output_type_changed = True  # as the menu's callback does
-        assert frame()[1].shape[2] == 3
