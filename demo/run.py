@@ -78,12 +78,15 @@ def parse_arguments() -> argparse.Namespace:
 
 def start_anew(folder: Path) -> None:
     """Empty a folder of an earlier demo. Raises DemoError where it holds anything else."""
+    if folder.is_file():
+        raise DemoError(f"{folder} is a file. Name a folder with --scene or --output.")
     if folder.exists() and any(folder.iterdir()) and not (folder / MARK).exists():
         raise DemoError(
             f"{folder} is not empty and was not made by the demo, which would empty it. Name "
             "another folder with --scene or --output, or remove this one."
         )
-    shutil.rmtree(folder, ignore_errors=True)
+    if folder.exists():
+        shutil.rmtree(folder)
     folder.mkdir(parents=True)
     (folder / MARK).touch()
 

@@ -118,6 +118,7 @@ class DeSplatModel(SplatfactoModel):
             background = background.expand(view.height, view.width, 3)
         outputs = static_outputs(static, background)
         if self.distractors is not None:
+            outputs["rgb_static"] = outputs["rgb"]
             outputs |= layered_outputs(static, distractor, background)
         if not self.training:
             return self.layer_control.apply(outputs)

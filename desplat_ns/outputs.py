@@ -36,11 +36,11 @@ def layered_outputs(
     distractor: Rendering | None,
     background: Float[Tensor, "*background 3"],
 ) -> dict[str, Tensor]:
-    """Each layer and the composite, [H, W, C] with colours in [0, 1].
+    """The distractors' layer and the composite, [H, W, C] with colours in [0, 1].
 
-    rgb_static; rgb_composite, distractors over the static scene over the background; rgb_distractor
-    (weighted by its alpha, on black); alpha_distractor; distractor_mask (bool). Without distractors
-    (None) their layer is empty.
+    rgb_composite, distractors over the static scene over the background; rgb_distractor (weighted
+    by its alpha, on black); alpha_distractor; distractor_mask (bool). Without distractors (None)
+    their layer is empty.
     """
     alpha_s = static.alpha
     rgb_d = torch.zeros_like(static.rgb) if distractor is None else distractor.rgb
@@ -48,7 +48,6 @@ def layered_outputs(
     both = composite_color(rgb_d, alpha_d, static.rgb)
     composite = over_background(both, composite_alpha(alpha_d, alpha_s), background)
     return {
-        "rgb_static": over_background(static.rgb, alpha_s, background).clamp(0, 1),
         "rgb_composite": composite.clamp(0, 1),
         "rgb_distractor": rgb_d,
         "alpha_distractor": alpha_d,
