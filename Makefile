@@ -2,10 +2,12 @@
 #
 #   make demo    a generated scene is trained, evaluated and drawn: demo/output/
 #   make test    the tests, on the CPU
+#   make bench   every backend is timed and the figures written to docs/performance.md (15 minutes)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
 #
 # Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
+#           BENCH_ARGS='--quick --output folder'
 # UV= (empty) uses pip although uv is installed.
 
 VENV ?= .venv
@@ -13,6 +15,7 @@ UV ?= $(shell command -v uv 2>/dev/null)
 PYTHONS = $(or $(PYTHON),python3.11 python3.12 python3.10 python3)
 PYTEST_ARGS ?=
 DEMO_ARGS ?=
+BENCH_ARGS ?=
 
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
@@ -22,16 +25,19 @@ export OMP_WAIT_POLICY ?= passive
 # The checks need nothing from the network.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 
-.PHONY: demo test check lint clean distclean env help
+.PHONY: demo bench test check lint clean distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,10s/^# \{0,1\}//p' Makefile
+	@sed -n '3,12s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
 demo: $(STAMP)
 	$(PY) demo/run.py $(DEMO_ARGS)
+
+bench: $(STAMP)
+	$(PY) -m benchmarks $(BENCH_ARGS)
 
 test: $(STAMP)
 	$(PY) -m pytest $(PYTEST_ARGS)
@@ -45,7 +51,7 @@ check: lint test
 
 clean:
 	rm -rf build dist *.egg-info demo/output demo/scene outputs .pytest_cache .ruff_cache .hypothesis
-	find desplat_ns tests demo -name __pycache__ -type d -prune -exec rm -rf {} +
+	find desplat_ns tests demo benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean
 	rm -rf $(VENV)

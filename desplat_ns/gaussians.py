@@ -27,14 +27,14 @@ def activate_static(
     """
     p = dict(params) if keep is None else {name: value[keep] for name, value in params.items()}
     if sh_degree is None:
-        colors = torch.sigmoid(p["features_dc"])
+        colors = sigmoid(p["features_dc"])
     else:
         colors = torch.cat([p["features_dc"][:, None], p["features_rest"]], dim=1)
     return Splats(
         means=p["means"],
         quats=p["quats"],
         scales=torch.exp(p["scales"]),
-        opacities=torch.sigmoid(p["opacities"]).squeeze(-1),
+        opacities=sigmoid(p["opacities"]).squeeze(-1),
         colors=colors,
         sh_degree=sh_degree,
     )
@@ -53,9 +53,34 @@ def activate_distractors(params: RawParameters) -> Splats:
         means=params["means"],
         quats=params["quats"],
         scales=torch.exp(params["scales"]),
-        opacities=torch.sigmoid(params["opacities"]).squeeze(-1),
+        opacities=sigmoid(params["opacities"]).squeeze(-1),
         colors=clamp_colors(params["rgbs"]),
     )
+
+
+def sigmoid(logits: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
+    """1 / (1 + exp(-x)), with the same bits for any number of threads.
+
+    `torch.sigmoid` (2.15) rounds the last few elements of each thread's share differently on a CPU.
+    """
+    return _Sigmoid.apply(logits) if logits.device.type == "cpu" else torch.sigmoid(logits)  # type: ignore[return-value]
+
+
+class _Sigmoid(torch.autograd.Function):
+    """Never overflows: with e = exp(-|x|), 1 / (1 + e) or e / (1 + e)."""
+
+    @staticmethod
+    def forward(ctx, x):  # type: ignore[override]
+        e = torch.exp(-x.abs())
+        y = torch.where(x >= 0, 1.0, e) / (1 + e)
+        ctx.save_for_backward(y)
+        return y
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad):  # type: ignore[override]
+        (y,) = ctx.saved_tensors
+        return grad * y * (1 - y)
 
 
 def clamp_colors(rgbs: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:

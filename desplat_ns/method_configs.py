@@ -5,12 +5,12 @@ from __future__ import annotations
 import torch
 from nerfstudio.configs.base_config import MachineConfig, ViewerConfig
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
-from nerfstudio.engine.optimizers import AdamOptimizerConfig
 from nerfstudio.plugins.types import MethodSpecification
 
 from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.errors import print_user_errors_plainly
 from desplat_ns.model_config import DeSplatModelConfig
+from desplat_ns.optimizers import FusedAdamConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig
 from desplat_ns.schedules import ScaledExponentialDecaySchedulerConfig
 from desplat_ns.trainer import DeSplatTrainerConfig
@@ -22,14 +22,14 @@ STEPS = 30_000
 
 
 def _constant(lr: float) -> dict:
-    return {"optimizer": AdamOptimizerConfig(lr=lr, eps=1e-15), "scheduler": None}
+    return {"optimizer": FusedAdamConfig(lr=lr, eps=1e-15), "scheduler": None}
 
 
 def _decaying(lr: float, lr_final: float, warmup_steps: int = 0) -> dict:
     decay = ScaledExponentialDecaySchedulerConfig(
         lr_final=lr_final, max_steps=STEPS, warmup_steps=warmup_steps, lr_pre_warmup=0.0
     )
-    return {"optimizer": AdamOptimizerConfig(lr=lr, eps=1e-15), "scheduler": decay}
+    return {"optimizer": FusedAdamConfig(lr=lr, eps=1e-15), "scheduler": decay}
 
 
 def static_optimizers() -> dict:

@@ -88,7 +88,7 @@ def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
         config.steps_per_eval_image, config.steps_per_eval_all_images = 10, 20
         config.output_dir, config.experiment_name, config.timestamp = output, "tiny", "run"
         model = config.pipeline.model
-        model.backend, model.num_downscales, model.schedule_scale = "torch", 0, 0.02
+        model.num_downscales, model.schedule_scale = 0, 0.02
         model.distractors.per_view = 40
         return config
 

@@ -6,6 +6,7 @@ import pytest
 from nerfstudio.configs.method_configs import method_configs as upstream
 
 from desplat_ns.method_configs import desplat
+from desplat_ns.optimizers import FusedAdamConfig
 
 CONFIG: Any = desplat.config
 SPLATFACTO: Any = upstream["splatfacto"]
@@ -38,7 +39,8 @@ def test_the_other_distractor_learning_rates_are_splatfactos(group):
 @pytest.mark.parametrize("group", sorted(SPLATFACTO.optimizers))
 def test_static_optimizers_are_splatfactos(group):
     ours, theirs = CONFIG.optimizers[group], SPLATFACTO.optimizers[group]
-    assert vars(ours["optimizer"]) == vars(theirs["optimizer"])
+    assert isinstance(ours["optimizer"], FusedAdamConfig)
+    assert vars(ours["optimizer"]) == vars(theirs["optimizer"]) | {"fused": True}
     if theirs["scheduler"] is None:
         assert ours["scheduler"] is None
     else:

@@ -65,14 +65,14 @@ class Lists(NamedTuple):
     records: np.ndarray
     """[R * stride] mean, conic, opacity, features (colours, then depth, then zeros)."""
     first_slot: np.ndarray
-    """[R + 1] entries of rank r own the slots first_slot[r] ... first_slot[r + 1] - 1."""
+    """[R + 1] rank r owns the slots first_slot[r] ... first_slot[r + 1] - 1 of `entries`."""
     first_entry: np.ndarray
     """[tiles + 1] entries of tile t are first_entry[t] ... first_entry[t + 1] - 1, front to
     back."""
     ranks: np.ndarray
     """[E] rank of the entry's Gaussian."""
-    slots: np.ndarray
-    """[E] where the entry's gradients go."""
+    entries: np.ndarray
+    """[E] the entries of rank 0, then those of rank 1, ..."""
     spans: np.ndarray
     """[2 * BLOCKS * E] rows of the tile to look at: first rows of all entries in block 0, end rows
     in block 0, first rows in block 1, ..."""
@@ -192,7 +192,7 @@ def _sum_up(counts, first_entry):
 def _fill(lists, grid, first_row, edges, outlines, places, counter, workers):
     """Write the entries of each chunk at the places that `_sum_up` gave it."""
     # Taken apart here: numba counts references, atomically, where an array leaves a tuple.
-    ids, first_slot, ranks, slots = lists.ids, lists.first_slot, lists.ranks, lists.slots
+    ids, first_slot, ranks, entries = lists.ids, lists.first_slot, lists.ranks, lists.entries
     for _ in numba.prange(workers):
         chunk = take(counter)
         while chunk < places.shape[0]:
@@ -202,7 +202,7 @@ def _fill(lists, grid, first_row, edges, outlines, places, counter, workers):
                     for tx in range(edges[2 * row], edges[2 * row + 1]):
                         entry = places[chunk, ty * grid.tiles_x + tx]
                         places[chunk, ty * grid.tiles_x + tx] = entry + 1
-                        ranks[entry], slots[entry] = rank, slot
+                        ranks[entry], entries[slot] = rank, entry
                         slot += 1
                     ty += 1
             chunk = take(counter)
@@ -256,10 +256,10 @@ def tile_lists(
     edges = np.empty(2 * _running_sum(first_row), np.int32)
     _count(*common, edges, counts, first_slot, outlines, new_counter(), num_workers())
     _running_sum(first_slot)
-    entries = _sum_up(counts, first_entry)
-    ranks, slots = np.empty((2, entries), np.int32)
-    spans = np.empty(2 * BLOCKS * entries, np.uint8)
-    lists = Lists(ids, records, first_slot, first_entry, ranks, slots, spans)
+    number = _sum_up(counts, first_entry)
+    ranks, entries = np.empty((2, number), np.int32)
+    spans = np.empty(2 * BLOCKS * number, np.uint8)
+    lists = Lists(ids, records, first_slot, first_entry, ranks, entries, spans)
     _fill(lists, grid, first_row, edges, outlines, counts, new_counter(), num_workers())
     _write_spans(lists, grid, outlines, new_counter(), num_workers())
     return lists, stride

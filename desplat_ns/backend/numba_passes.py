@@ -13,13 +13,14 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from desplat_ns.backend.numba_ellipses import BLOCK, BLOCKS, FEATURES, TILE
+from desplat_ns.backend.numba_ellipses import BLOCK, BLOCKS, FEATURES, OPACITY, TILE
 from desplat_ns.backend.numba_pixels import (
     AREA,
     COLUMN,
     F0,
     GEOMETRY,
     LAST,
+    NO_SUMS,
     PLANE,
     PLANES_BEFORE_FEATURES,
     Q,
@@ -29,14 +30,22 @@ from desplat_ns.backend.numba_pixels import (
     Y,
     blend,
     blend_more,
-    gather_q,
-    pull_features,
-    pull_shape,
+    gather_more,
+    pull,
+    pull_more,
+    write_row,
 )
-from desplat_ns.backend.numba_runtime import kernel, take
+from desplat_ns.backend.numba_runtime import kernel, prefetch, take
 
 ROWS_CHUNK = 512
 """Gaussians whose rows one worker sums at a time."""
+
+AHEAD = 4
+"""Records are asked for so many entries before they are drawn: a list visits them all over memory,
+and half of the time would go into waiting for them."""
+
+RUNS = AREA // BLOCK
+"""Runs of BLOCK pixels in a tile."""
 
 
 class Frame(NamedTuple):
@@ -55,6 +64,12 @@ class Frame(NamedTuple):
 
 
 @kernel()
+def _fetch(records, rank, stride):
+    prefetch(records, rank * stride)
+    prefetch(records, rank * stride + stride - 1)
+
+
+@kernel()
 def _span(spans, entry, block):
     """Pixels of a tile, (start, stop), that an entry must look at in one block of columns."""
     entries = spans.size // (2 * BLOCKS)
@@ -63,21 +78,27 @@ def _span(spans, entry, block):
 
 
 @kernel()
-def _pixel(p, tile, grid):
-    """Image column and row of the p-th pixel of a tile; they may lie outside the image."""
-    column = (tile % grid.tiles_x) * TILE + (p // COLUMN) * BLOCK + p % BLOCK
-    return column, (tile // grid.tiles_x) * TILE + (p % COLUMN) // BLOCK
+def _run(run, tile, grid):
+    """Image column and row of the first pixel of the run-th BLOCK pixels of a tile.
+
+    They follow one another along the row, and may lie outside the image.
+    """
+    column = (tile % grid.tiles_x) * TILE + (run // TILE) * BLOCK
+    return column, (tile // grid.tiles_x) * TILE + run % TILE
 
 
 @kernel()
 def _open_tile(s, tile, grid):
     """Clear the planes of a tile; pixels outside the image are finished from the start."""
     s[:] = 0
-    for p in range(AREA):
-        x, y = _pixel(p, tile, grid)
-        s[X + np.uint64(p)], s[Y + np.uint64(p)] = x + 0.5, y + 0.5
-        s[T + np.uint64(p)] = 1.0 if x < grid.width and y < grid.height else -1.0
-        s[LAST + np.uint64(p)] = -1
+    for run in range(RUNS):
+        x, y = _run(run, tile, grid)
+        inside = min(max(grid.width - x, 0), BLOCK) if y < grid.height else 0
+        for k in range(BLOCK):
+            p = np.uint64(run * BLOCK + k)
+            s[X + p], s[Y + p] = x + k + np.float32(0.5), y + np.float32(0.5)
+            s[T + p] = 1.0 if k < inside else -1.0
+            s[LAST + p] = -1
 
 
 @kernel()
@@ -93,8 +114,10 @@ def _draw_tile(s, tile, lists, stride, limits):
     """Draw the list of a tile front to back until every pixel is finished."""
     records, ranks, spans = lists.records, lists.ranks, lists.spans
     first = lists.first_entry[tile]
-    for place in range(lists.first_entry[tile + 1] - first):
+    number = lists.first_entry[tile + 1] - first
+    for place in range(number):
         base = ranks[first + place] * stride
+        _fetch(records, ranks[first + min(place + AHEAD, number - 1)], stride)
         for block in range(BLOCKS):
             start, stop = _span(spans, first + place, block)
             if start < stop:
@@ -108,18 +131,20 @@ def _draw_tile(s, tile, lists, stride, limits):
 def _write_tile(s, tile, grid, frame, channels):
     """Copy the planes of a tile into the frame."""
     colors, depth, alpha, transmittance, last = frame
-    for p in range(AREA):
-        x, y = _pixel(p, tile, grid)
-        t = abs(s[T + np.uint64(p)])
-        transmittance[tile * AREA + p] = t
-        last[tile * AREA + p] = s[LAST + np.uint64(p)]
-        if x < grid.width and y < grid.height:
-            at = y * grid.width + x
-            alpha[at] = 1 - t
-            for k in range(channels):
-                colors[at * channels + k] = s[F0 + np.uint64(PLANE * k + p)]
+    for p in range(np.uint64(AREA)):
+        transmittance[tile * AREA + p] = abs(s[T + p])
+        last[tile * AREA + p] = s[LAST + p]
+    for run in range(RUNS):
+        x, y = _run(run, tile, grid)
+        if y >= grid.height:
+            continue
+        for k in range(min(BLOCK, grid.width - x)):
+            p, at = np.uint64(run * BLOCK + k), y * grid.width + x + k
+            alpha[at] = 1 - abs(s[T + p])
+            for channel in range(channels):
+                colors[at * channels + channel] = s[F0 + np.uint64(PLANE * channel) + p]
             if depth.size > 0:
-                depth[at] = s[F0 + np.uint64(PLANE * channels + p)]
+                depth[at] = s[F0 + np.uint64(PLANE * channels) + p]
 
 
 @kernel(parallel=True)
@@ -141,39 +166,46 @@ def _reopen_tile(s, tile, grid, frame, pulled, channels):
     _open_tile(s, tile, grid)
     transmittance, last = frame.transmittance, frame.last
     colors, depth, alpha = pulled.colors, pulled.depth, pulled.alpha
-    furthest = -1
-    for p in range(AREA):
-        x, y = _pixel(p, tile, grid)
-        s[T + np.uint64(p)] = transmittance[tile * AREA + p]
-        s[LAST + np.uint64(p)] = last[tile * AREA + p]
-        furthest = max(furthest, np.int64(last[tile * AREA + p]))
-        if x < grid.width and y < grid.height:
-            at = y * grid.width + x
-            s[U + np.uint64(p)] = s[Q + np.uint64(p)] = alpha[at]
-            for k in range(channels):
-                s[F0 + np.uint64(PLANE * k + p)] = colors[at * channels + k]
+    furthest = np.float32(-1)
+    for p in range(np.uint64(AREA)):
+        s[T + p] = transmittance[tile * AREA + p]
+        s[LAST + p] = last[tile * AREA + p]
+        furthest = max(furthest, last[tile * AREA + p])
+    for run in range(RUNS):
+        x, y = _run(run, tile, grid)
+        if y >= grid.height:
+            continue
+        for k in range(min(BLOCK, grid.width - x)):
+            p, at = np.uint64(run * BLOCK + k), y * grid.width + x + k
+            s[U + p] = s[Q + p] = alpha[at]
+            for channel in range(channels):
+                s[F0 + np.uint64(PLANE * channel) + p] = colors[at * channels + channel]
             if depth.size > 0:
-                s[F0 + np.uint64(PLANE * channels + p)] = depth[at]
-    return furthest
+                s[F0 + np.uint64(PLANE * channels) + p] = depth[at]
+    return np.int64(furthest)
 
 
 @kernel()
 def _pull_tile(s, tile, furthest, lists, stride, limits, grads):
     """Walk the list of a tile back to front; each entry writes its own row of gradients."""
-    records, ranks, spans, slots = lists.records, lists.ranks, lists.spans, lists.slots
+    records, ranks, spans = lists.records, lists.ranks, lists.spans
     first, width = lists.first_entry[tile], GEOMETRY + stride - FEATURES
+    more = stride > FEATURES + 4
     for place in range(lists.first_entry[tile + 1] - first - 1, -1, -1):
-        row = slots[first + place] * width
-        for k in range(row, row + width):
+        row, sums = (first + place) * width, NO_SUMS
+        for k in range(row + GEOMETRY + 4, row + width):
             grads[k] = 0
         base = ranks[first + place] * stride
+        _fetch(records, ranks[first + max(place - AHEAD, 0)], stride)
         for block in range(BLOCKS):
             start, stop = _span(spans, first + place, block)
             if start < stop and place <= furthest:
-                gather_q(s, records, base, stride, start, stop)
-                order = np.float32(place)
-                pull_shape(s, records, base, order, start, stop, limits, grads, row)
-                pull_features(s, stride, start, stop, grads, row)
+                if more:
+                    gather_more(s, records, base, stride, start, stop)
+                sums = pull(s, records, base, np.float32(place), start, stop, limits, sums)
+                if more:
+                    pull_more(s, stride, start, stop, grads, row)
+        write_row(sums, records[base + OPACITY], grads, row)
 
 
 @kernel(parallel=True)
@@ -192,7 +224,7 @@ def pull_frame(lists, stride, grid, frame, pulled, channels, limits, grads, coun
 def sum_rows(lists, grads, width, sums, counter, workers):
     """Sum the rows of each Gaussian in float64, always in the same order, into its row of
     `sums`."""
-    ids, first_slot = lists.ids, lists.first_slot
+    ids, first_slot, entries = lists.ids, lists.first_slot, lists.entries
     for _ in numba.prange(workers):
         total = np.empty(width, np.float64)
         start = take(counter) * ROWS_CHUNK
@@ -201,8 +233,9 @@ def sum_rows(lists, grads, width, sums, counter, workers):
                 for k in range(width):
                     total[k] = 0
                 for slot in range(first_slot[rank], first_slot[rank + 1]):
+                    row = entries[slot] * width
                     for k in range(width):
-                        total[k] += grads[slot * width + k]
+                        total[k] += grads[row + k]
                 for k in range(width):
                     sums[ids[rank] * width + k] = total[k]
             start = take(counter) * ROWS_CHUNK

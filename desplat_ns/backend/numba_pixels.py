@@ -74,6 +74,9 @@ _PER_K = np.float32(1 / -0.7213475204444817)
 
 _ONE, _HALF, _ZERO = np.float32(1), np.float32(0.5), np.float32(0)
 
+NO_SUMS = (_ZERO,) * (GEOMETRY + 4)
+"""Where the sums over pixels of an entry start."""
+
 _LOOSE = {"reassoc", "contract", "nsz"}
 """Lets the compiler reorder the sums over pixels (which the loop needs to be vectorised); never
 used on what decides whether a Gaussian is drawn."""
@@ -132,7 +135,7 @@ def _four(values, at):
     return values[at], values[at + 1], values[at + 2], values[at + 3]
 
 
-@kernel(fastmath={"nsz"})
+@kernel(fastmath={"nsz"}, forceinline=True)
 def blend(s, records, base, place, start, stop, limits):
     """Draw one Gaussian, with its first four features, over pixels start ... stop - 1."""
     mean_x, mean_y, a, b, c, opacity = _shape(records, base)
@@ -167,34 +170,36 @@ def blend_more(s, records, base, stride, start, stop):
 
 
 @kernel(fastmath=_LOOSE)
-def gather_q(s, records, base, stride, start, stop):
-    """q of one Gaussian at pixels start ... stop - 1.
-
-    A loop of its own, like the one in `pull_features`: in `pull_shape` both would leave too few
-    registers, and spilling them costs more than reading the planes again.
-    """
-    f0, f1, f2, f3 = _four(records, base + FEATURES)
+def gather_more(s, records, base, stride, start, stop):
+    """Leave u and what features after the fourth add to q in the plane Q."""
     for p in range(np.uint64(start), np.uint64(stop)):
-        s[Q + p] = s[U + p] + f0 * s[F0 + p] + f1 * s[F1 + p] + f2 * s[F2 + p] + f3 * s[F3 + p]
+        s[Q + p] = s[U + p]
     for k in range(4, stride - FEATURES):
         value, plane = records[base + FEATURES + k], F0 + np.uint64(PLANE * k)
         for p in range(np.uint64(start), np.uint64(stop)):
             s[Q + p] += s[plane + p] * value
 
 
-@kernel(fastmath=_LOOSE)
-def pull_shape(s, records, base, place, start, stop, limits, grads, row):
-    """Add what mean, conic and opacity of one Gaussian get to a row; step back over it."""
+@kernel(fastmath=_LOOSE, forceinline=True)
+def pull(s, records, base, place, start, stop, limits, sums):
+    """Step back over one Gaussian at pixels start ... stop - 1; add to its `sums` and return them.
+
+    One loop, although it takes more registers than there are without AVX-512: two or three shorter
+    ones load and store more, and each ends in a branch that the processor guesses wrong. The plane
+    Q holds the rest of q: u, and what `gather_more` has added.
+    """
     mean_x, mean_y, a, b, c, opacity = _shape(records, base)
+    f0, f1, f2, f3 = _four(records, base + FEATURES)
     alpha_max, cutoff, _ = limits
-    sum_x = sum_y = abs_x = abs_y = xx = xy = yy = total = _ZERO
+    sum_x, sum_y, abs_x, abs_y, xx, xy, yy, total, v0, v1, v2, v3 = sums
     for p in range(np.uint64(start), np.uint64(stop)):
         falloff, gx, gy, dx, dy = _falloff_at(s, p, mean_x, mean_y, a, b, c)
         raw = opacity * falloff
         alpha = min(raw, alpha_max)
         drawn = (alpha >= cutoff) & (s[LAST + p] >= place)
         per_clear = _ONE / (_ONE - alpha)
-        end, later, q = s[T + p], s[SUM + p], s[Q + p]
+        end, later = s[T + p], s[SUM + p]
+        q = s[Q + p] + f0 * s[F0 + p] + f1 * s[F1 + p] + f2 * s[F2 + p] + f3 * s[F3 + p]
         t = end * per_clear
         weight = alpha * t
         weight = weight if drawn else _ZERO
@@ -203,27 +208,28 @@ def pull_shape(s, records, base, place, start, stop, limits, grads, row):
         s[T + p] = t if drawn else end
         s[SUM + p] = later + weight * q
         s[WEIGHT + p] = weight
+        v0, v1 = v0 + weight * s[F0 + p], v1 + weight * s[F1 + p]
+        v2, v3 = v2 + weight * s[F2 + p], v3 + weight * s[F3 + p]
         hx, hy, hdx = h * gx, h * gy, h * dx
         sum_x, sum_y, total = sum_x + hx, sum_y + hy, total + h
         abs_x, abs_y = abs_x + abs(hx), abs_y + abs(hy)
         xx, xy, yy = xx + hdx * dx, xy + hdx * dy, yy + h * dy * dy
+    return sum_x, sum_y, abs_x, abs_y, xx, xy, yy, total, v0, v1, v2, v3
+
+
+@kernel()
+def write_row(sums, opacity, grads, row):
+    """Turn the sums of `pull` into the gradients of an entry."""
+    sum_x, sum_y, abs_x, abs_y, xx, xy, yy, total, v0, v1, v2, v3 = sums
     by_mean = (_PER_K * sum_x, _PER_K * sum_y, -_PER_K * abs_x, -_PER_K * abs_y)
-    found = (*by_mean, _HALF * xx, xy, _HALF * yy, -total / opacity)
-    for k in range(GEOMETRY):
-        grads[row + k] += found[k]
+    found = (*by_mean, _HALF * xx, xy, _HALF * yy, -total / opacity, v0, v1, v2, v3)
+    for k in range(GEOMETRY + 4):
+        grads[row + k] = found[k]
 
 
 @kernel(fastmath=_LOOSE)
-def pull_features(s, stride, start, stop, grads, row):
-    """Add what its features get, from the weights that `pull_shape` has just left."""
-    v0 = v1 = v2 = v3 = _ZERO
-    for p in range(np.uint64(start), np.uint64(stop)):
-        weight = s[WEIGHT + p]
-        v0, v1 = v0 + weight * s[F0 + p], v1 + weight * s[F1 + p]
-        v2, v3 = v2 + weight * s[F2 + p], v3 + weight * s[F3 + p]
-    found = (v0, v1, v2, v3)
-    for k in range(4):
-        grads[row + GEOMETRY + k] += found[k]
+def pull_more(s, stride, start, stop, grads, row):
+    """Add what features after the fourth get, from the weights that `pull` has just left."""
     for k in range(4, stride - FEATURES):
         plane, total = F0 + np.uint64(PLANE * k), _ZERO
         for p in range(np.uint64(start), np.uint64(stop)):

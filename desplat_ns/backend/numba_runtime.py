@@ -116,6 +116,18 @@ def new_counter() -> np.ndarray:
     return np.zeros(1, np.int64)
 
 
+_scratch = np.empty(0, np.float32)
+
+
+def scratch(size: int) -> np.ndarray:
+    """`size` float32 of any value, from one buffer that every caller gets: use them up within one
+    `launching`. Fresh memory for each step would have to be mapped, page by page, each time."""
+    global _scratch
+    if _scratch.size < size:
+        _scratch = np.empty(size + size // 4, np.float32)
+    return _scratch[:size]
+
+
 def _instruction(function: Callable[..., Any]) -> Any:
     return intrinsic(inspect.unwrap(function))
 
@@ -160,3 +172,20 @@ def take(typingctx, counter):
         return builder.atomic_rmw("add", array.data, ir.Constant(ir.IntType(64), 1), "monotonic")
 
     return types.int64(types.Array(types.int64, 1, "C")), codegen
+
+
+@_instruction
+def prefetch(typingctx, array, at):
+    """Ask for the cache line of array[at] (float32), for use a little later; never faults."""
+
+    def codegen(context, builder, signature, args):
+        array = context.make_array(signature.args[0])(context, builder, args[0])
+        place = builder.bitcast(builder.gep(array.data, [args[1]]), ir.IntType(8).as_pointer())
+        number, options = ir.IntType(32), (0, 3, 1)  # to read; keep in every cache; data
+        kind = ir.FunctionType(ir.VoidType(), [place.type, number, number, number])
+        name = "llvm.prefetch.p0"
+        call = builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
+        builder.call(call, [place, *(number(option) for option in options)])
+        return context.get_dummy_value()
+
+    return types.void(types.Array(types.float32, 1, "C"), types.int64), codegen

@@ -24,7 +24,7 @@ from desplat_ns.backend.numba_ellipses import FEATURES, TILE
 from desplat_ns.backend.numba_passes import Frame, draw_frame, pull_frame, sum_rows
 from desplat_ns.backend.numba_pixels import AREA, GEOMETRY, Limits
 from desplat_ns.backend.numba_projection import Project, make_camera
-from desplat_ns.backend.numba_runtime import launching, new_counter, num_workers
+from desplat_ns.backend.numba_runtime import launching, new_counter, num_workers, scratch
 from desplat_ns.backend.numba_sh import EvaluateColors
 from desplat_ns.backend.projection import ProjectedSplats, project
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
@@ -182,8 +182,8 @@ def _pull(
     """Gradients [n, GEOMETRY + features] of all Gaussians; 0 for those not drawn."""
     width = GEOMETRY + stride - FEATURES
     sums = np.zeros((n, width), np.float32)
-    grads = np.empty(lists.ranks.size * width, np.float32)
     with launching(pull_frame):
+        grads = scratch(lists.ranks.size * width)
         pull_frame(
             lists, stride, grid, *frames, channels, _LIMITS, grads, new_counter(), num_workers()
         )

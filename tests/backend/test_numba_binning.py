@@ -104,11 +104,11 @@ def test_negative_depths_come_first():
     assert lists_of(gaussians).ids.tolist() == [1, 3, 2, 0]
 
 
-def test_each_entry_has_a_slot_of_its_own_next_to_those_of_its_gaussian():
+def test_the_entries_of_each_gaussian_lie_in_its_slots():
     lists = lists_of(random_gaussians(4, 200, 20.0))
-    assert (np.sort(lists.slots) == np.arange(lists.slots.size)).all()
-    assert (lists.slots >= lists.first_slot[lists.ranks]).all()
-    assert (lists.slots < lists.first_slot[lists.ranks + 1]).all()
+    assert (np.sort(lists.entries) == np.arange(lists.entries.size)).all()
+    owners = np.repeat(np.arange(lists.ids.size), np.diff(lists.first_slot))
+    assert (lists.ranks[lists.entries] == owners).all()
 
 
 def test_culled_faint_and_broken_gaussians_are_left_out():

@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("numba")
 from desplat_ns.backend.numba_binning import Grid, Lists
 from desplat_ns.backend.numba_ellipses import BLOCK, TILE
-from desplat_ns.backend.numba_passes import _open_tile, _pixel, sum_rows
+from desplat_ns.backend.numba_passes import RUNS, _open_tile, _run, sum_rows
 from desplat_ns.backend.numba_pixels import (
     AREA,
     LAST,
@@ -21,16 +21,16 @@ from desplat_ns.backend.numba_runtime import new_counter
 GRID = Grid(20, 18, 2, 2)
 
 
-def test_the_pixels_of_a_tile_are_a_rearrangement_of_its_square():
-    seen = [_pixel(p, 3, GRID) for p in range(AREA)]
-    square = {(x, y) for x in range(16, 32) for y in range(16, 32)}
-    assert set(seen) == square
+def test_the_runs_of_a_tile_are_a_rearrangement_of_its_square():
+    starts = [_run(run, 3, GRID) for run in range(RUNS)]
+    seen = [(x + k, y) for x, y in starts for k in range(BLOCK)]
+    assert set(seen) == {(x, y) for x in range(16, 32) for y in range(16, 32)}
     assert len(seen) == AREA
-    assert seen[:BLOCK] == [(16 + k, 16) for k in range(BLOCK)]
-    assert seen[BLOCK] == (16, 17)
+    assert starts[:2] == [(16, 16), (16, 17)]
+    assert starts[TILE] == (16 + BLOCK, 16)
 
 
-def test_pixels_outside_the_image_are_finished_from_the_start():
+def test_runs_outside_the_image_are_finished_from_the_start():
     s = np.full(PLANE * (PLANES_BEFORE_FEATURES + 4), np.nan, np.float32)
     _open_tile(s, 3, GRID)
     is_open = s[int(T) : int(T) + AREA] > 0
@@ -46,9 +46,10 @@ def test_rows_are_summed_in_float64_under_the_index_of_their_gaussian():
     ids, first_slot = np.array([2, 0], np.int32), np.array([0, 3, 4], np.int32)
     empty = np.zeros(0, np.int32)
     spans = np.zeros(0, np.uint8)
-    lists = Lists(ids, np.zeros(0, np.float32), first_slot, empty, empty, empty, spans)
+    entries = np.array([3, 0, 2, 1], np.int32)
+    lists = Lists(ids, np.zeros(0, np.float32), first_slot, empty, empty, entries, spans)
     # In float32, 2^24 + 1 - 2^24 is 0.
-    grads = np.array([2**24, 1, 1, 2, -(2**24), 3, 5, 6], np.float32)
+    grads = np.array([1, 2, 5, 6, -(2**24), 3, 2**24, 1], np.float32)
     sums = np.zeros((3, 2), np.float32)
     sum_rows(lists, grads, 2, sums.reshape(-1), new_counter(), 1)
     assert sums.tolist() == [[5, 6], [0, 0], [1, 6]]

@@ -7,13 +7,14 @@ import pytest
 
 pytest.importorskip("numba")
 from desplat_ns.backend import numba_pixels
-from desplat_ns.backend.numba_ellipses import FEATURES
+from desplat_ns.backend.numba_ellipses import FEATURES, OPACITY
 from desplat_ns.backend.numba_pixels import (
     AREA,
     F0,
     F1,
     GEOMETRY,
     LAST,
+    NO_SUMS,
     PLANE,
     PLANES_BEFORE_FEATURES,
     SUM,
@@ -24,9 +25,10 @@ from desplat_ns.backend.numba_pixels import (
     Y,
     blend,
     blend_more,
-    gather_q,
-    pull_features,
-    pull_shape,
+    gather_more,
+    pull,
+    pull_more,
+    write_row,
 )
 
 LIMITS = Limits(np.float32(0.999), np.float32(1 / 255), np.float32(1e-4))
@@ -118,9 +120,10 @@ def draw(values, features, v, u):
     rows = np.zeros((len(values), GEOMETRY + features), np.float32)
     for place in reversed(range(len(values))):
         flat = rows[place]
-        gather_q(s, values[place], 0, stride, 0, 8)
-        pull_shape(s, values[place], 0, np.float32(place), 0, 8, LIMITS, flat, 0)
-        pull_features(s, stride, 0, 8, flat, 0)
+        gather_more(s, values[place], 0, stride, 0, 8)
+        sums = pull(s, values[place], 0, np.float32(place), 0, 8, LIMITS, NO_SUMS)
+        write_row(sums, values[place][OPACITY], flat, 0)
+        pull_more(s, stride, 0, 8, flat, 0)
     return total, rows
 
 

@@ -9,7 +9,15 @@ import pytest
 
 pytest.importorskip("numba")
 from desplat_ns.backend import numba_runtime
-from desplat_ns.backend.numba_runtime import fma, kernel, launching, nearest, take
+from desplat_ns.backend.numba_runtime import (
+    fma,
+    kernel,
+    launching,
+    nearest,
+    prefetch,
+    scratch,
+    take,
+)
 
 
 def double(x):
@@ -114,3 +122,23 @@ def test_fma_rounds_once():
 @pytest.mark.parametrize(("x", "rounded"), [(-0.4, 0), (-0.6, -1), (-7.5, -8), (3.49, 3)])
 def test_nearest_rounds_to_the_nearest_integer(x, rounded):
     assert call_nearest(np.float32(x)) == rounded
+
+
+@numba.njit
+def call_prefetch(array, at):
+    prefetch(array, at)
+
+
+def test_prefetching_beyond_the_array_does_no_harm():
+    array = np.arange(3, dtype=np.float32)
+    for at in (0, 2, -1_000_000_000, 1_000_000_000):
+        call_prefetch(array, at)
+    assert array.tolist() == [0, 1, 2]
+
+
+def test_scratch_memory_is_kept_and_grows_where_it_must():
+    first = scratch(1000)
+    assert first.size == 1000 and first.dtype == np.float32
+    assert np.shares_memory(first, scratch(10))
+    larger = scratch(3 * numba_runtime._scratch.size)
+    assert np.shares_memory(larger, scratch(1000))

@@ -1,0 +1,76 @@
+"""Peak memory of one forward + backward, in a process of its own.
+
+python -m benchmarks.memory NAME COUNT WIDTH HEIGHT      prints MiB, or n/a
+"""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+
+TINY = (200, 64, 48)
+"""Count, width and height of the scene that pays for imports, compilation and thread pools."""
+
+
+def measure_peak(name: str, size: tuple[int, int, int]) -> float | None:
+    """MiB above what the process held before, of contender `name` on the scene of `size`.
+
+    In a subprocess with all cores. None where the system does not tell (no Linux /proc).
+    """
+    arguments = [sys.executable, "-m", "benchmarks.memory", name, *map(str, size)]
+    found = subprocess.run(arguments, cwd=CHECKOUT, check=True, capture_output=True, text=True)
+    answer = found.stdout.split()[-1]
+    return None if answer == "n/a" else float(answer)
+
+
+def status_mib(key: str) -> float:
+    """A size of this process, by its name in /proc/self/status. Raises OSError without one."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith(f"{key}:"):
+            return int(line.split()[1]) / 1024
+    raise OSError(f"/proc/self/status has no {key}")
+
+
+def _return_free_memory() -> None:
+    """Give back what the allocator keeps for later, which would hide as much of the peak."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def peak_in_this_process(name: str, size: tuple[int, int, int]) -> float:
+    """As `measure_peak`, here and now. Raises OSError where the system does not tell."""
+    from benchmarks.contenders import contenders
+    from benchmarks.rasterizing import SETTINGS, forward_and_both
+    from benchmarks.scenes import Scene, make_scene, tensors_of
+    from desplat_ns.backend import Rendering
+
+    (contender,) = (c for c in contenders()[0] if c.name == name)
+
+    def run(scene: Scene) -> None:
+        splats = scene.splats()
+
+        def render() -> Rendering:
+            return contender.rasterizer(splats, scene.view, SETTINGS)
+
+        forward_and_both(render, tensors_of(splats))[1]()
+
+    run(make_scene(*TINY))
+    scene = make_scene(*size)
+    _return_free_memory()
+    Path("/proc/self/clear_refs").write_text("5")  # VmHWM starts anew
+    before = status_mib("VmRSS")
+    run(scene)
+    return status_mib("VmHWM") - before
+
+
+if __name__ == "__main__":
+    try:
+        count, width, height = map(int, sys.argv[2:5])
+        print(f"{peak_in_this_process(sys.argv[1], (count, width, height)):.1f}")
+    except OSError:
+        print("n/a")

@@ -1,0 +1,98 @@
+"""Measure everything and write the report.
+
+python -m benchmarks            (or: make bench; BENCH_ARGS='--quick --output somewhere')
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.accuracy import measure_errors
+from benchmarks.contenders import Contender, contenders
+from benchmarks.growth import measure_growth
+from benchmarks.machine import CHECKOUT, describe_machine
+from benchmarks.memory import measure_peak
+from benchmarks.pairs import count_pairs
+from benchmarks.peak import peak_rates
+from benchmarks.rasterizing import time_rasterizers
+from benchmarks.report import write_report
+from benchmarks.results import Results
+from benchmarks.scenes import Scene, make_scene
+from benchmarks.steps import time_adam, time_steps
+from benchmarks.timing import thread_counts
+
+SIZES = {(20_000, 480, 270): (6, 5), (100_000, 648, 420): (6, 3)}
+"""Gaussians, width, height; and how many turns every case has, and every slow one."""
+
+QUICK_SIZES = {(500, 64, 48): (1, 1)}
+
+_started = time.perf_counter()
+
+
+def say(text: str) -> None:
+    """Print what is measured now, with the seconds so far."""
+    print(f"[{time.perf_counter() - _started:4.0f} s] {text}", flush=True)
+
+
+def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--quick", action="store_true", help="tiny scenes, one round: a check only")
+    parser.add_argument(
+        "--output", type=Path, help="folder for performance.md and its plot (docs; needed if quick)"
+    )
+    chosen = parser.parse_args(arguments)
+    if chosen.output is None:
+        if chosen.quick:
+            parser.error("--quick measures nothing to keep: name a folder with --output")
+        chosen.output = CHECKOUT / "docs"
+    return chosen
+
+
+def measure(quick: bool) -> Results:
+    """The whole run."""
+    everyone, missing = contenders()
+    results = Results(describe_machine(), missing)
+    say("peak of a core")
+    results.peaks = peak_rates(0.02 if quick else 0.5)
+    for size, rounds in (QUICK_SIZES if quick else SIZES).items():
+        measure_scene(results, make_scene(*size), everyone, rounds)
+        if quick:
+            continue
+        for contender in (c for c in everyone if c.device == "cpu"):
+            say(f"{results.scenes[-1]}: peak memory of {contender.name}")
+            results.memory[results.scenes[-1], contender.name] = measure_peak(contender.name, size)
+    say("growth")
+    (grown,) = (c for c in everyone if c.name == "numba")
+    results.growth = measure_growth(grown, 1 if quick else 5, quick)
+    return results
+
+
+def measure_scene(
+    results: Results, scene: Scene, everyone: list[Contender], rounds: tuple[int, int]
+) -> None:
+    """All that needs no process of its own."""
+    results.scenes.append(scene.name)
+    say(f"{scene.name}: pairs")
+    results.pairs[scene.name] = count_pairs(scene)
+    say(f"{scene.name}: errors")
+    results.errors += measure_errors(scene, everyone)
+    for number in thread_counts():
+        say(f"{scene.name}: rasterizers, threads: {number}")
+        results.rows += time_rasterizers(scene, everyone, number, rounds)
+        say(f"{scene.name}: training steps, threads: {number}")
+        results.steps += time_steps(scene, everyone, number, rounds)
+    results.adam[scene.name] = time_adam(scene, rounds[0])
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point."""
+    chosen = parse_arguments(arguments)
+    path = write_report(measure(chosen.quick), chosen.output)
+    say(f"written: {path}")
