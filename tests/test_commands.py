@@ -91,9 +91,9 @@ def test_resuming_brings_optimizers_back_and_goes_on(
 
 
 def test_ns_eval_writes_every_figure(trained: Path, tmp_path: Path, checkpoint: dict):
-    from desplat_ns.backend import resolve
-
     from nerfstudio.scripts.eval import ComputePSNR
+
+    from desplat_ns.backend import resolve
 
     output = tmp_path / "metrics.json"
     ComputePSNR(trained, output, render_output_path=tmp_path / "pictures").main()
