@@ -14,13 +14,14 @@ import torch
 from torch import Tensor
 
 from benchmarks.yardstick import Yardstick
+from benchmarks.yardstick_squares import SquaresYardstick
 from desplat_ns.backend import Rasterizer, Rendering, registry, resolve
 from desplat_ns.backend.projection import ProjectedSplats
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 
-YARDSTICK = "yardstick"
+YARDSTICK, SQUARES = Yardstick.name, SquaresYardstick.name
 
-_SEAMS = {"numba": "_project", "torch": "project", YARDSTICK: "project"}
+_SEAMS = {"numba": "_project", "torch": "project", YARDSTICK: "project", SQUARES: "project"}
 """The name under which a rasterizer's module calls the projection. All call lists `tile_lists`, so
 that these two parts can be timed, or left out, without copying a rasterizer."""
 
@@ -86,6 +87,11 @@ def contenders() -> tuple[list[Contender], dict[str, str]]:
         else:
             missing[name] = reason
     return found, missing
+
+
+def squares_yardstick() -> Contender:
+    """Takes part in the timing of rasterizers only: its picture is another one."""
+    return Contender(SQUARES, "cpu", SquaresYardstick())
 
 
 PROJECTED = ("means2d", "conics", "depths", "opacities", "colors")

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.accuracy import measure_errors
-from benchmarks.contenders import Contender, contenders
+from benchmarks.contenders import Contender, contenders, squares_yardstick
 from benchmarks.growth import measure_growth
 from benchmarks.machine import CHECKOUT, describe_machine
 from benchmarks.memory import measure_peak
@@ -26,6 +26,9 @@ from benchmarks.timing import thread_counts
 
 SIZES = {(20_000, 480, 270): (6, 5), (100_000, 648, 420): (6, 3)}
 """Gaussians, width, height; and how many turns every case has, and every slow one."""
+
+SQUARES_UP_TO = 50_000
+"""Gaussians. The yardstick on squares would take 7 GiB for 100,000."""
 
 QUICK_SIZES = {(500, 64, 48): (1, 1)}
 
@@ -83,9 +86,11 @@ def measure_scene(
     results.pairs[scene.name] = count_pairs(scene)
     say(f"{scene.name}: errors")
     results.errors += measure_errors(scene, everyone)
+    small = len(scene.params["means"]) <= SQUARES_UP_TO
+    racers = [*everyone, squares_yardstick()] if small else everyone
     for number in thread_counts():
         say(f"{scene.name}: rasterizers, threads: {number}")
-        results.rows += time_rasterizers(scene, everyone, number, rounds)
+        results.rows += time_rasterizers(scene, racers, number, rounds)
         say(f"{scene.name}: training steps, threads: {number}")
         results.steps += time_steps(scene, everyone, number, rounds)
     results.adam[scene.name] = time_adam(scene, rounds[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from benchmarks.accuracy import FLIP_BUDGET
-from benchmarks.contenders import YARDSTICK
+from benchmarks.contenders import SQUARES, YARDSTICK
 from benchmarks.peak import FLOPS_FORWARD
 from benchmarks.rasterizing import BLENDING, WHOLE
 from benchmarks.results import Results
@@ -43,6 +43,18 @@ def targets(results: Results) -> list[Target]:
             _flips(results, scene),
         ]
     return found
+
+
+def _against_squares(results: Results, scene: str) -> list[Target]:
+    """Where the yardstick on gsplat's squares took part."""
+    ours = results.row(scene, "numba", BLENDING).both.cpu_ms
+    text = f"{scene}: blending alone, at least {SPEEDUP} x the yardstick on gsplat's squares"
+    ratios = [
+        row.both.cpu_ms / ours
+        for row in results.rows
+        if (row.scene, row.contender, row.part, row.threads) == (scene, SQUARES, BLENDING, 1)
+    ]
+    return [Target(text, f"{ratio:.1f} x", ratio >= SPEEDUP) for ratio in ratios]
 
 
 def _in_step(results: Results, scene: str) -> Target:

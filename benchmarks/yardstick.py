@@ -29,10 +29,17 @@ class Yardstick:
         """Rasterize `splats` seen from `view`."""
         projected = project(splats, view, settings)
         lists = tile_lists(projected, view.width, view.height)
-        image = blend(projected, lists, (view.width, view.height))
-        rgb, alpha, depth = image[..., :-2], image[..., -2:-1], image[..., -1:]
-        depth = depth / alpha.clamp(min=1e-10) if settings.depth else None
-        return Rendering(rgb, alpha, depth, projected.means2d, projected.radii)
+        return draw(projected, lists, view, settings)
+
+
+def draw(
+    projected: ProjectedSplats, lists: TileLists, view: View, settings: RenderSettings
+) -> Rendering:
+    """What is left of rasterization once the lists are there."""
+    image = blend(projected, lists, (view.width, view.height))
+    rgb, alpha, depth = image[..., :-2], image[..., -2:-1], image[..., -1:]
+    depth = depth / alpha.clamp(min=1e-10) if settings.depth else None
+    return Rendering(rgb, alpha, depth, projected.means2d, projected.radii)
 
 
 def blend(projected: ProjectedSplats, lists: TileLists, size: tuple[int, int]) -> Tensor:

@@ -8,6 +8,7 @@ import torch
 from benchmarks.contenders import cotangents, images_of
 from benchmarks.scenes import PARAMETERS, make_scene, tensors_of
 from benchmarks.yardstick import Yardstick
+from benchmarks.yardstick_squares import SquaresYardstick
 from desplat_ns.backend import Rasterizer, RenderSettings, Splats, View, resolve
 
 SETTINGS = RenderSettings(depth=True)
@@ -56,3 +57,15 @@ def test_nothing_is_drawn_without_gaussians():
     scene.params["opacities"].fill_(-20.0)
     out = Yardstick()(scene.splats(), scene.view, SETTINGS)
     assert out.rgb.shape == (20, 20, 3) and out.rgb.abs().max() == 0
+
+
+def test_on_squares_only_what_lies_beyond_3_sigma_is_missing():
+    scene = make_scene(400, 70, 45)
+    exact = Yardstick()(scene.splats(), scene.view, SETTINGS)
+    squares = SquaresYardstick()(scene.splats(), scene.view, SETTINGS)
+    # An opaque Gaussian still has exp(-4.5) = 0.011 there.
+    assert (exact.alpha - squares.alpha).abs().max() <= 0.011
+    faint = scene.splats()
+    faint = Splats(faint.means, faint.quats, faint.scales, 0.3 * faint.opacities, faint.colors, 3)
+    got, wanted = (y(faint, scene.view, SETTINGS) for y in (SquaresYardstick(), Yardstick()))
+    assert torch.allclose(got.rgb, wanted.rgb, atol=1e-6)  # 0.3 exp(-4.5) is below the cutoff
