@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from benchmarks.scenes import Scene
+from benchmarks.yardstick_squares import squares
 from desplat_ns.backend import numba_tiles
 from desplat_ns.backend.constants import ALPHA_CUTOFF
 from desplat_ns.backend.numba_binning import Gaussians, Grid, Lists, tile_lists
@@ -18,7 +19,7 @@ from desplat_ns.backend.numba_passes import _draw_tile, _open_tile
 from desplat_ns.backend.numba_pixels import PLANE, PLANES_BEFORE_FEATURES, WEIGHT, blend
 from desplat_ns.backend.projection import ProjectedSplats
 from desplat_ns.backend.protocol import RenderSettings
-from desplat_ns.backend.tile_lists import TILE
+from desplat_ns.backend.tile_lists import TILE, tile_grid
 
 
 @dataclass(frozen=True)
@@ -60,10 +61,7 @@ def lists_of(projected: ProjectedSplats, width: int, height: int) -> tuple[Lists
 def square_entries(projected: ProjectedSplats, width: int, height: int) -> int:
     """Tiles that the squares of 3 sigma touch, summed over all Gaussians."""
     seen = projected.radii > 0
-    means, radii = projected.means2d[0, seen], projected.radii[seen, None]
-    limit = torch.tensor([-(-width // TILE), -(-height // TILE)])
-    low = torch.minimum(((means - radii) / TILE).floor().clamp(min=0), limit)
-    high = torch.minimum(((means + radii) / TILE).ceil().clamp(min=0), limit)
+    low, high = squares(projected.means2d[0, seen], projected.radii[seen], tile_grid(width, height))
     return int((high - low).prod(dim=-1).sum())
 
 

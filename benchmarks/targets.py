@@ -36,6 +36,7 @@ def targets(results: Results) -> list[Target]:
             for goal, kind in ((SPEEDUP, ""), (STRETCH, " (stretch)")):
                 text = f"{scene}: forward + backward, {part}, at least {goal} x{kind}"
                 found.append(Target(text, f"{speedup:.1f} x", speedup >= goal))
+        found += _against_squares(results, scene)
         found += [
             _in_step(results, scene),
             _fma_share(results, scene),

@@ -6,11 +6,12 @@ That is what a plain rasterizer usually starts from; the lists are half as long 
 from __future__ import annotations
 
 import torch
+from torch import Tensor
 
 from benchmarks.yardstick import draw
 from desplat_ns.backend.projection import ProjectedSplats, project
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
-from desplat_ns.backend.tile_lists import TILE, TileLists, _pairs, tile_grid
+from desplat_ns.backend.tile_lists import TILE, TileLists, pairs_of_boxes, sorted_lists, tile_grid
 
 
 class SquaresYardstick:
@@ -28,20 +29,16 @@ class SquaresYardstick:
 @torch.no_grad()
 def tile_lists(projected: ProjectedSplats, width: int, height: int) -> TileLists:
     """For each tile, the Gaussians whose square touches it, nearest first."""
-    columns, rows = tile_grid(width, height)
+    grid = tile_grid(width, height)
     seen = (projected.radii > 0).nonzero()[:, 0]
     seen = seen[torch.sort(projected.depths[seen], stable=True).indices]
-    means, radii = projected.means2d[0, seen], projected.radii[seen, None]
-    limit = torch.tensor([columns, rows])
-    low = torch.minimum(((means - radii) / TILE).floor().clamp(min=0), limit).long()
-    high = torch.minimum(((means + radii) / TILE).ceil().clamp(min=0), limit).long()
-    tile, rank = _pairs(low, torch.maximum(low, high), columns)
-    key = torch.sort(tile * len(seen) + rank).values
-    counts = torch.bincount(tile, minlength=columns * rows)
-    return TileLists(
-        gaussians=seen[key % max(len(seen), 1)],
-        starts=counts.cumsum(0) - counts,
-        counts=counts,
-        columns=columns,
-        rows=rows,
-    )
+    low, high = squares(projected.means2d[0, seen], projected.radii[seen], grid)
+    return sorted_lists(*pairs_of_boxes(low, high, grid[0]), seen, grid)
+
+
+def squares(means2d: Tensor, radii: Tensor, grid: tuple[int, int]) -> tuple[Tensor, Tensor]:
+    """First and one past the last tile (column, row) of each square, [N, 2]."""
+    limit, radii = torch.tensor(grid), radii[:, None]
+    low = torch.minimum(((means2d - radii) / TILE).floor().clamp(min=0), limit).long()
+    high = torch.minimum(((means2d + radii) / TILE).ceil().clamp(min=0), limit).long()
+    return low, torch.maximum(low, high)

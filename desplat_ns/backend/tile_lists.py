@@ -55,12 +55,22 @@ def tile_lists(projected: ProjectedSplats, width: int, height: int) -> TileLists
     low, high = _tile_bounds(means, conics, reach, columns, rows)
     tiles, ranks = [], []
     for chunk in _chunks((high - low).prod(dim=-1)):
-        tile, rank = _pairs(low[chunk], high[chunk], columns)
+        tile, rank = pairs_of_boxes(low[chunk], high[chunk], columns)
         rank = rank + chunk.start
         near = _least_sigma(means[rank], conics[rank], tile, columns) <= reach[rank]
         tiles.append(tile[near])
         ranks.append(rank[near])
-    tile, rank = torch.cat(tiles), torch.cat(ranks)
+    return sorted_lists(torch.cat(tiles), torch.cat(ranks), seen, (columns, rows))
+
+
+def sorted_lists(
+    tile: Int[Tensor, " pairs"],
+    rank: Int[Tensor, " pairs"],
+    seen: Int[Tensor, " ranks"],
+    grid: tuple[int, int],
+) -> TileLists:
+    """Lists of (tile, rank) pairs in any order. `seen` are the Gaussians by rank, front to back."""
+    columns, rows = grid
     # One key per pair, (tile, depth, index): what to sort is 64 bits wide once instead of twice.
     key = torch.sort(tile * len(seen) + rank).values
     counts = torch.bincount(tile, minlength=columns * rows)
@@ -123,7 +133,7 @@ def _chunks(counts: Tensor) -> list[slice]:
     return [slice(end - size, end) for size, end in zip(sizes, ends, strict=True)]
 
 
-def _pairs(low: Tensor, high: Tensor, columns: int) -> tuple[Tensor, Tensor]:
+def pairs_of_boxes(low: Tensor, high: Tensor, columns: int) -> tuple[Tensor, Tensor]:
     """Every tile of every box: its number, and the box's index."""
     extent = high - low
     counts = extent.prod(dim=-1)
