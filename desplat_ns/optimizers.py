@@ -10,9 +10,6 @@ from nerfstudio.engine.optimizers import AdamOptimizerConfig
 from torch import nn
 from torch.optim import Optimizer
 
-OPTIONS = ("lr", "eps", "weight_decay")
-"""What torch's Adam takes of nerfstudio's configuration."""
-
 
 @dataclass
 class FusedAdamConfig(AdamOptimizerConfig):
