@@ -12,6 +12,7 @@ from typing import Any
 import gsplat
 import torch
 from gsplat.strategy import DefaultStrategy
+from jaxtyping import Bool
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from torch import Tensor, nn
 from torch.optim import Optimizer
@@ -100,6 +101,45 @@ class DistractorDensifier:
         )
         for name, one in borrowed.items():
             optimizers[f"distractor_{name}"].param_groups[0]["params"][view] = one.parameter
+
+    @torch.no_grad()
+    def exchange(
+        self,
+        distractors: DistractorGaussians,
+        view: int,
+        optimizers: dict[str, Optimizer],
+        keep: Bool[Tensor, " N"],
+        new: dict[str, Tensor],
+    ) -> None:
+        """Leave `view` those of its distractors that `keep` marks, and give it the `new` ones.
+
+        Args:
+            optimizers: nerfstudio's, by group name.
+            new: raw parameters, by `PARAMETER_NAMES`; any number of rows.
+        """
+        added = len(new["means"])
+        if added == 0 and bool(keep.all()):
+            return
+
+        def changed(old: Tensor, rows: Tensor | None = None) -> Tensor:
+            rows = old.new_zeros(added, *old.shape[1:]) if rows is None else rows
+            return torch.cat([old[keep], rows])
+
+        params = distractors.params_of(view)
+        for name in PARAMETER_NAMES:
+            optimizer = optimizers[f"distractor_{name}"]
+            old, params[name] = params[name], nn.Parameter(changed(params[name].data, new[name]))
+            moments = optimizer.state.pop(old, {})
+            if moments:
+                optimizer.state[params[name]] = {
+                    key: value if key == "step" else changed(value)
+                    for key, value in moments.items()
+                }
+            optimizer.param_groups[0]["params"][view] = params[name]
+        running = self.running[view]
+        for key, value in running.items():
+            if isinstance(value, Tensor):
+                running[key] = changed(value)
 
     def state_dict(self) -> dict[str, Any]:
         """Visits and running statistics, for a checkpoint."""

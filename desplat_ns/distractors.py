@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from jaxtyping import Float
@@ -29,7 +29,21 @@ class DistractorConfig:
     """Distractor Gaussians. Numbers of steps are the full schedule's and shrink with it."""
 
     per_view: int = 1000
-    """Distractor Gaussians that every training view starts with. B.3."""
+    """Distractor Gaussians that cover one training view. B.3."""
+    start: Literal["everywhere", "residual"] = "everywhere"
+    """Where distractors start: spread over the whole of every view, or, visit by visit, where a
+    photo shows what the other views do not; then those elsewhere are removed, too. The paper has
+    everywhere."""
+    weak_excess: float = 0.04
+    """With start residual: by how much a residual (colours in [0, 1]) has to exceed the expected
+    one for a place to belong to something in the way."""
+    strong_excess: float = 0.1
+    """With start residual: excess that something in the way has to reach in one place at least."""
+    stop_placing_at: int = 27000
+    """With start residual: step from which none is placed or removed for its place any more."""
+    static_alone: bool = False
+    """Train the static scene by a photometric loss of its own, on the pixels that no distractor
+    covers; the composite's loss then trains distractors only. The paper has one loss for both."""
     lambda_d: float = 0.01
     """Weight of the mean distractor opacity, Eq. 5. B.3."""
     lambda_s: float = 0.01
@@ -43,7 +57,7 @@ class DistractorConfig:
     cull_alpha_thresh: float = 0.1
     """Distractors with less opacity are pruned. Splatfacto's threshold."""
     initial_opacity: float = 0.1
-    """Opacity at the start. Splatfacto's value."""
+    """Opacity of a distractor at its start. Splatfacto's value."""
     depth: float = 0.02
     """Distance from the camera at the start, world units, whatever the scene's scale: distractors
     are composited over the static scene, so their depth only sets how many pixels a step of the
@@ -72,7 +86,8 @@ class DistractorGaussians(nn.Module):
         self.views = nn.ModuleList()
         for i in range(len(cameras)):
             start = fill_view(view_of(cameras[i : i + 1]), config)
-            self.views.append(nn.ParameterDict(start))
+            params = {name: nn.Parameter(start[name]) for name in PARAMETER_NAMES}
+            self.views.append(nn.ParameterDict(params))
 
     def params_of(self, view: int) -> nn.ParameterDict:
         """Parameters of one training view."""
@@ -120,6 +135,12 @@ def _check(config: DistractorConfig) -> None:
         ("depth", config.depth, config.depth > near, f"beyond the near plane at {near}"),
         ("per-view", config.per_view, config.per_view >= 0, "0 or more"),
         (
+            "strong-excess",
+            config.strong_excess,
+            config.strong_excess >= config.weak_excess > 0,
+            f"positive and not below weak-excess, {config.weak_excess}",
+        ),
+        (
             "initial-opacity",
             config.initial_opacity,
             0 < config.initial_opacity < 1,
@@ -132,29 +153,49 @@ def _check(config: DistractorConfig) -> None:
             )
 
 
-def fill_view(view: View, config: DistractorConfig) -> dict[str, nn.Parameter]:
-    """Distractors at one depth, spread evenly over the whole image, as wide as half their spacing.
+def fill_view(view: View, config: DistractorConfig) -> dict[str, Tensor]:
+    """Distractors at one depth, spread evenly over the whole image; none if they start by residual.
 
     Colours are random (torch's generator).
 
     Source: B.3 ("1000 distractor points in every training image"); the spread is ours.
     """
-    n = config.per_view
+    n = config.per_view if config.start == "everywhere" else 0
+    size = torch.tensor([view.width, view.height])
+    return distractors_at(
+        view, config, even_points(n).to(view.K) * size.to(view.K), torch.rand(n, 3)
+    )
+
+
+def distractors_at(
+    view: View,
+    config: DistractorConfig,
+    pixels: Float[Tensor, "n 2"],
+    rgbs: Float[Tensor, "n 3"],
+) -> dict[str, Tensor]:
+    """Raw parameters of distractors at `config.depth` in front of a camera.
+
+    As wide as half the spacing of `config.per_view` that cover the image.
+
+    Args:
+        pixels: where they are seen, x and y.
+        rgbs: in [0, 1].
+    """
+    n = len(pixels)
     fx, fy, cx, cy = view.K[0, 0], view.K[1, 1], view.K[0, 2], view.K[1, 2]
-    unit = even_points(n).to(view.K)
-    x = (unit[:, 0] * view.width - cx) / fx
-    y = (unit[:, 1] * view.height - cy) / fy
+    x, y = (pixels[:, 0] - cx) / fx, (pixels[:, 1] - cy) / fy
     in_camera = torch.stack([x, y, torch.ones_like(x)], dim=-1) * config.depth
     rotation, translation = view.viewmat[:3, :3], view.viewmat[:3, 3]
-    spacing = math.sqrt(view.width * view.height / max(n, 1)) / float(torch.sqrt(fx * fy))
-    start = {
+    area = view.width * view.height
+    spacing = math.sqrt(area / max(config.per_view, 1)) / float(torch.sqrt(fx * fy))
+    like = {"dtype": view.K.dtype, "device": view.K.device}
+    return {
         "means": (in_camera - translation) @ rotation,
-        "scales": torch.full((n, 3), math.log(0.5 * spacing * config.depth)),
-        "quats": torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(n, 1),
-        "rgbs": torch.rand(n, 3),
-        "opacities": torch.full((n, 1), config.initial_opacity).logit(),
+        "scales": torch.full((n, 3), math.log(0.5 * spacing * config.depth), **like),
+        "quats": torch.tensor([1.0, 0.0, 0.0, 0.0], **like).repeat(n, 1),
+        "rgbs": rgbs.to(**like),
+        "opacities": torch.full((n, 1), config.initial_opacity, **like).logit(),
     }
-    return {name: nn.Parameter(start[name]) for name in PARAMETER_NAMES}
 
 
 def even_points(n: int) -> Float[Tensor, "n 2"]:

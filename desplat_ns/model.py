@@ -17,14 +17,19 @@ from desplat_ns.backend import Rasterizer, resolve
 from desplat_ns.backend.protocol import Rendering, RenderSettings, View
 from desplat_ns.cameras import train_index, view_of
 from desplat_ns.densification import DistractorDensifier, strategy_info, to_device
-from desplat_ns.distractors import DistractorGaussians
+from desplat_ns.distractors import DistractorConfig, DistractorGaussians
 from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
 from desplat_ns.fast_ssim import ssim_of_planes
 from desplat_ns.gaussians import activate_distractors, activate_static, resize_rows
-from desplat_ns.losses import distractor_opacity_loss, static_transparency_loss
+from desplat_ns.losses import (
+    distractor_opacity_loss,
+    static_photometric_loss,
+    static_transparency_loss,
+)
 from desplat_ns.metrics import image_metrics
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.outputs import layered_outputs, static_outputs
+from desplat_ns.separation import Sighting, find_regions, owned_share, pixels_of, replacement
 from desplat_ns.upstream import (
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
@@ -69,6 +74,7 @@ class DeSplatModel(SplatfactoModel):
             )
             self.layer_control = LayerControl(self.num_train_data)
         self._distractors_drawn: tuple[int, dict[str, Any]] | None = None
+        self._seen: Sighting | None = None
 
     def _check_seed_points(self) -> None:
         if self.config.random_init or self.seed_points is None:  # both start at random
@@ -113,20 +119,27 @@ class DeSplatModel(SplatfactoModel):
         if index is None and not self.training:
             index = self.layer_control.train_idx()
         distractor = self._render_distractors(view, index)
+        if self.training and index is not None:
+            self.drawn = (index, view)
         background = self._get_background_color()
         if not self.training:
             background = background.expand(view.height, view.width, 3)
         outputs = static_outputs(static, background)
         if self.distractors is not None:
             outputs["rgb_static"] = outputs["rgb"]
-            outputs |= layered_outputs(static, distractor, background)
+            alone = (
+                self.training and distractor is not None and self.config.distractors.static_alone
+            )
+            beneath = static.detached() if alone else static
+            outputs |= layered_outputs(beneath, distractor, background)
         if not self.training:
             return self.layer_control.apply(outputs)
         if self.distractors is not None:
             outputs["rgb"] = outputs["rgb_composite"]
         if self.config.use_bilateral_grid and index is not None:
-            rgb = outputs["rgb"][None]
-            outputs["rgb"] = self._apply_bilateral_grid(rgb, index, view.height, view.width)[0]
+            for name in outputs.keys() & {"rgb", "rgb_static"}:
+                toned = self._apply_bilateral_grid(outputs[name][None], index, *self.last_size)
+                outputs[name] = toned[0]
         return outputs
 
     def _view_of(self, camera: Cameras, index: int | None) -> View:
@@ -203,14 +216,51 @@ class DeSplatModel(SplatfactoModel):
     def get_loss_dict(
         self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
     ) -> dict[str, Tensor]:
-        """Eq. 5: Splatfacto's photometric loss on what was drawn, and the two opacity terms."""
+        """Eq. 5: Splatfacto's photometric loss on what was drawn, and the two opacity terms.
+
+        docs/separation.md says what `distractors.start` and `static_alone` change.
+        """
         losses = super().get_loss_dict(outputs, batch, metrics_dict)
-        if self.training and self.distractors is not None:
-            weights = self.config.distractors
-            alpha_d, alpha_s = outputs["alpha_distractor"], outputs["accumulation"]
-            losses["distractor_opacity"] = weights.lambda_d * distractor_opacity_loss(alpha_d)
-            losses["static_transparency"] = weights.lambda_s * static_transparency_loss(alpha_s)
+        if not self.training or self.distractors is None:
+            return losses
+        config = self.config.distractors
+        alpha_d, alpha_s = outputs["alpha_distractor"], outputs["accumulation"]
+        photo = self.composite_with_background(
+            self.get_gt_img(batch["image"]), outputs["background"]
+        )
+        free = self._regions(config, outputs, photo) if config.start == "residual" else None
+        losses["distractor_opacity"] = config.lambda_d * distractor_opacity_loss(alpha_d, free)
+        losses["static_transparency"] = config.lambda_s * static_transparency_loss(alpha_s)
+        if config.static_alone and self._distractors_drawn is not None:
+            owned = owned_share(alpha_d)
+            if "mask" in batch:
+                mask = self._downscale_if_required(batch["mask"]).to(owned.device)
+                owned = owned.masked_fill(mask == 0, 1.0)
+            losses["static_photometric"] = static_photometric_loss(
+                outputs["rgb_static"], photo, owned, self.config.ssim_lambda
+            )
         return losses
+
+    @torch.no_grad()
+    def _regions(
+        self, config: DistractorConfig, outputs: dict[str, Any], photo: Tensor
+    ) -> Tensor | None:
+        """Pixels [H, W, 1] of a region in which distractors may start; None in the warm-up."""
+        regions = find_regions(
+            outputs["rgb_static"],
+            photo,
+            self.gauss_params["opacities"],
+            self.info,
+            self.strategy_state,
+            self.num_train_data,
+            config,
+        )
+        if self.step < config.static_warmup:
+            return None
+        if self.step < config.stop_placing_at:
+            index, view = self.drawn
+            self._seen = Sighting(index, view, photo, outputs["alpha_distractor"], regions)
+        return pixels_of(regions, *photo.shape[:2])
 
     def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
         """Splatfacto's figures of a training step and the number of distractors."""
@@ -231,6 +281,13 @@ class DeSplatModel(SplatfactoModel):
             index, info = self._distractors_drawn
             self.distractors.keep_colors_in_range(index)
             self.densifier.after_step(self.distractors, index, self.optimizers, step, info)
+        self._place_distractors()
+
+    def _place_distractors(self) -> None:
+        seen, self._seen = self._seen, None
+        if seen is not None and self.distractors is not None:
+            keep, new = replacement(seen, self.distractors, self.config.distractors)
+            self.densifier.exchange(self.distractors, seen.index, self.optimizers, keep, new)
 
     def get_image_metrics_and_images(
         self, outputs: dict[str, Tensor], batch: dict[str, Any]

@@ -35,7 +35,12 @@ MIN_REFINE_VISITS = 5
 """The same for distractors, which need these visits to settle: refined at every visit, 40 views of
 135 x 240 pixels came to 16,000 Gaussians each within 37 visits."""
 
-DISTRACTOR_STEPS = ("static_warmup", "stop_densify_at", "refine_every_visits")
+DISTRACTOR_STEPS = (
+    "static_warmup",
+    "stop_densify_at",
+    "stop_placing_at",
+    "refine_every_visits",
+)
 """The distractors' settings that are numbers of steps, or of visits."""
 
 

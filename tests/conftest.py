@@ -74,12 +74,16 @@ def tiny_scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 @pytest.fixture(scope="session")
 def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
-    """`ns-train desplat` on the tiny scene into a folder: 24 steps, a few refinements."""
+    """`ns-train desplat` on the tiny scene into a folder: 24 steps, a few refinements.
+
+    With distractors from the first step on, as in the paper: 24 steps leave no time for a warm-up.
+    """
 
     def configure(output: Path) -> TrainerConfig:
         from nerfstudio.configs.method_configs import all_methods
 
         from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+        from desplat_ns.distractors import DistractorConfig
 
         assert tiny_scene.folder is not None
         config: Any = copy.deepcopy(all_methods["desplat"])
@@ -89,7 +93,7 @@ def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
         config.output_dir, config.experiment_name, config.timestamp = output, "tiny", "run"
         model = config.pipeline.model
         model.num_downscales, model.schedule_scale = 0, 0.02
-        model.distractors.per_view = 40
+        model.distractors = DistractorConfig(per_view=40)
         return config
 
     return configure

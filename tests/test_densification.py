@@ -164,3 +164,45 @@ def test_running_statistics_survive_a_checkpoint():
     scene.densifier = copy
     scene.visit(13, grad=1.0)
     assert scene.distractors.counts() == [8, 4]
+
+
+def new_rows(count: int, scene: Scene) -> dict[str, torch.Tensor]:
+    return {name: torch.full((count, *p.shape[1:]), 7.0) for name, p in scene.params().items()}
+
+
+def test_exchanged_distractors_start_without_moments_and_the_others_keep_theirs():
+    scene = Scene()
+    scene.visit(11, grad=[0.1, 0.2, 0.3, 0.4])
+    means, moments = scene.params()["means"].detach().clone(), scene.moment("means").clone()
+    keep = torch.tensor([True, False, True, True])
+    scene.densifier.exchange(scene.distractors, 0, scene.optimizers, keep, new_rows(2, scene))
+    assert scene.distractors.counts() == [5, 4]
+    assert torch.equal(scene.params()["means"][:3], means[keep])
+    assert (scene.params()["means"][3:] == 7).all()
+    assert torch.equal(scene.moment("means")[:3], moments[keep])
+    assert (scene.moment("means")[3:] == 0).all()
+    grad2d = scene.densifier.running[0]["grad2d"]
+    assert torch.allclose(grad2d, torch.tensor([0.1, 0.3, 0.4, 0.0, 0.0]))
+    scene.visit(12)  # the optimizers hold the new parameters
+    assert not torch.equal(scene.params()["means"][3:], torch.full((2, 3), 7.0))
+
+
+def test_a_view_can_lose_all_its_distractors_and_get_new_ones():
+    scene = Scene()
+    scene.visit(11)
+    nobody = torch.zeros(4, dtype=torch.bool)
+    scene.densifier.exchange(scene.distractors, 0, scene.optimizers, nobody, new_rows(0, scene))
+    assert scene.distractors.counts() == [0, 4]
+    nobody = torch.zeros(0, dtype=torch.bool)
+    scene.densifier.exchange(scene.distractors, 0, scene.optimizers, nobody, new_rows(3, scene))
+    assert scene.distractors.counts() == [3, 4]
+    scene.visit(12)
+    assert not (scene.params()["means"] == 7).any()
+
+
+def test_nothing_to_exchange_leaves_the_parameters_themselves():
+    scene = Scene()
+    before = scene.params()["means"]
+    everyone = torch.ones(4, dtype=torch.bool)
+    scene.densifier.exchange(scene.distractors, 0, scene.optimizers, everyone, new_rows(0, scene))
+    assert scene.params()["means"] is before

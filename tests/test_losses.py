@@ -3,7 +3,12 @@
 import pytest
 import torch
 
-from desplat_ns.losses import distractor_opacity_loss, static_transparency_loss
+from desplat_ns.fast_ssim import ssim
+from desplat_ns.losses import (
+    distractor_opacity_loss,
+    static_photometric_loss,
+    static_transparency_loss,
+)
 
 
 def test_values_worked_out_by_hand():
@@ -22,3 +27,38 @@ def test_each_pixel_has_the_same_share_of_the_gradient():
 def test_a_wrong_shape_is_rejected():
     with pytest.raises(Exception, match="alpha_d"):
         distractor_opacity_loss(torch.rand(3, 5))
+
+
+def test_opacity_costs_nothing_where_it_is_free():
+    alpha = torch.full((2, 2, 1), 0.8, requires_grad=True)
+    free = torch.tensor([[True, False], [False, False]])[..., None]
+    loss = distractor_opacity_loss(alpha, free)
+    loss.backward()
+    assert loss.item() == pytest.approx(0.6)
+    assert alpha.grad is not None
+    assert torch.equal(alpha.grad, torch.where(free, 0.0, 0.25))
+
+
+def test_the_static_loss_of_a_photo_without_distractors_is_splatfactos():
+    static, photo = torch.rand(2, 20, 30, 3, generator=torch.Generator().manual_seed(0))
+    owned = torch.zeros(20, 30, 1)
+    expected = 0.8 * (static - photo).abs().mean() + 0.2 * (1 - ssim(static, photo))
+    assert static_photometric_loss(static, photo, owned, 0.2).item() == pytest.approx(
+        expected.item(), rel=1e-6
+    )
+
+
+def test_owned_pixels_have_no_gradient_by_l1_and_their_colour_does_not_matter():
+    static = torch.rand(30, 40, 3, dtype=torch.float64, requires_grad=True)
+    photo = torch.rand(30, 40, 3, dtype=torch.float64)
+    owned = torch.zeros(30, 40, 1, dtype=torch.float64)
+    owned[5:20, 5:20] = 1.0
+    owned[:, 35:] = 0.25
+    loss = static_photometric_loss(static, photo, owned, 0.0)
+    loss.backward()
+    assert static.grad is not None
+    assert torch.allclose(static.grad.abs(), ((1 - owned) / 3600).expand(-1, -1, 3), rtol=1e-12)
+    assert loss.item() == pytest.approx((((static - photo).abs() * (1 - owned)).mean()).item())
+    painted = torch.where(owned == 1, torch.tensor(1.0).double(), photo)
+    again = static_photometric_loss(static, painted, owned, 0.2)
+    assert again.item() == static_photometric_loss(static, photo, owned, 0.2).item()

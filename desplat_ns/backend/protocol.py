@@ -7,7 +7,7 @@ Conventions are gsplat's: EWA splatting, pixel centres at +0.5, OpenCV camera ax
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 from jaxtyping import Float, Int
@@ -76,6 +76,10 @@ class Rendering:
     """Projected means in pixels, part of the graph: densification reads their gradient."""
     radii: Int[Tensor, " N"]
     """Extent on the image in pixels (3 sigma, rounded up); 0 where culled."""
+
+    def detached(self) -> Rendering:
+        """The same layer, without gradients for its colours and its opacity."""
+        return replace(self, rgb=self.rgb.detach(), alpha=self.alpha.detach())
 
 
 @runtime_checkable

@@ -1,0 +1,1 @@
+"""How well static scene and distractors are told apart: the runs behind docs/separation.md."""

@@ -1,0 +1,125 @@
+"""The two layers at one pixel: the smallest model that shows what separates them and what does not.
+
+Every view sees the same static colour s through its own distractor of colour r and opacity a, and
+compares c = a r + (1 - a) s with its photo y. In a few views y is an occluder's colour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+VIEWS, OCCLUDED = 40, 8
+TRUTH, OCCLUDER = 0.3, 0.9
+"""Colours in [0, 1] of the scene and of what stands in front of it in `OCCLUDED` of the views."""
+
+STATIC_RATE, COLOR_RATE, OPACITY_RATE = 2.5e-3, 0.025, 0.05
+"""Learning rates of s, r and the logit of a, as in B.3."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How one pixel is trained."""
+
+    label: str
+    lambda_d: float = 0.01
+    warmup: int = 0
+    """Steps without distractors."""
+    alone: bool = False
+    """s has a loss of its own, where a is below 0.5; the composite trains r and a."""
+    placed: bool = False
+    """Distractors exist only where the residual after the warm-up exceeds 0.1, in the photo's
+    colour and half opaque."""
+
+
+RULES = (
+    Rules("one loss, lambda_d 0.01 (paper)"),
+    Rules("one loss, lambda_d 0.1", lambda_d=0.1),
+    Rules("one loss, lambda_d 0.1, warm-up", lambda_d=0.1, warmup=400),
+    Rules("s alone, lambda_d 0.1, warm-up, placed", 0.1, warmup=400, alone=True, placed=True),
+)
+
+
+@dataclass
+class Trace:
+    """Per step: the error of s, mean opacity in the free views and in the occluded ones."""
+
+    error: list[float]
+    haze: list[float]
+    found: list[float]
+
+
+def photos() -> torch.Tensor:
+    """What each view shows at the pixel [V], with the noise of a texture not learned yet."""
+    generator = torch.Generator().manual_seed(0)
+    noise = 0.03 * torch.randn(VIEWS, generator=generator)
+    colors = torch.full((VIEWS,), TRUTH)
+    colors[:OCCLUDED] = OCCLUDER
+    return colors + noise
+
+
+def simulate(rules: Rules, steps: int = 3000) -> Trace:
+    """Train one pixel: a random view in each step, Adam as in training."""
+    generator = torch.Generator().manual_seed(1)
+    y = photos()
+    s = torch.tensor(0.5, requires_grad=True)
+    r = torch.rand(VIEWS, generator=generator).unbind()
+    r = [v.clone().requires_grad_() for v in r]
+    logit = [torch.tensor(0.1).logit().requires_grad_() for _ in range(VIEWS)]
+    optimizer = torch.optim.Adam(
+        [
+            {"params": [s], "lr": STATIC_RATE},
+            {"params": r, "lr": COLOR_RATE},
+            {"params": logit, "lr": OPACITY_RATE},
+        ],
+        eps=1e-15,
+    )
+    exists = [not rules.placed] * VIEWS
+    trace = Trace([], [], [])
+    for step in range(steps):
+        v = int(torch.randint(VIEWS, (), generator=generator))
+        if rules.placed and step >= rules.warmup and not exists[v]:
+            exists[v] = bool((s - y[v]).abs() > 0.1)
+            with torch.no_grad():
+                r[v].copy_(y[v])
+                logit[v].zero_()
+        optimizer.zero_grad(set_to_none=True)
+        _loss(rules, s, r[v], logit[v], y[v], step >= rules.warmup and exists[v]).backward()
+        optimizer.step()
+        opacity = torch.stack([one.sigmoid() for one in logit]).detach() * torch.tensor(exists)
+        opacity *= step >= rules.warmup
+        trace.error.append(abs(s.item() - TRUTH))
+        trace.haze.append(float(opacity[OCCLUDED:].mean()))
+        trace.found.append(float(opacity[:OCCLUDED].mean()))
+    return trace
+
+
+def _loss(rules: Rules, s, r, logit, y, drawn: bool) -> torch.Tensor:
+    if not drawn:
+        return (s - y).abs()
+    a = logit.sigmoid()
+    beneath = s.detach() if rules.alone else s
+    loss = (a * r + (1 - a) * beneath - y).abs() + rules.lambda_d * a
+    return loss + (s - y).abs() * (a.detach() < 0.5) if rules.alone else loss
+
+
+def draw(path: Path) -> None:
+    """Three panels: the static colour's error, opacity where nothing is, where something is."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 3.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(1, 3)
+    for rules in RULES:
+        trace = simulate(rules)
+        for axes, values in zip(panels, (trace.error, trace.haze, trace.found), strict=True):
+            axes.plot(values, label=rules.label, lw=1.2)
+    titles = ("error of the static colour", "opacity in free views", "opacity in occluded views")
+    for axes, title in zip(panels, titles, strict=True):
+        axes.set(title=title, xlabel=f"steps ({VIEWS} views)", ylim=(0, None))
+        axes.grid(True, alpha=0.25)
+    panels[1].legend(frameon=False, fontsize=7)
+    figure.savefig(path, dpi=110, metadata={"Software": None})

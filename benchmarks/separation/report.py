@@ -1,0 +1,116 @@
+"""Write docs/separation.md and its figure from the records."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from statistics import median
+from string import Template
+from typing import Any
+
+from benchmarks.machine import CHECKOUT
+from benchmarks.separation import one_pixel
+from benchmarks.separation.runs import ABLATIONS, SEEDS, SETTINGS, Run
+from benchmarks.tables import table
+
+TEMPLATE = Path(__file__).with_name("separation.md.template")
+FOLDER = CHECKOUT / "docs"
+REPORT, FIGURE = "separation.md", "separation.png"
+NOT_YET = "not measured"
+
+Records = dict[str, dict[str, Any]]
+
+
+class Figures:
+    """Medians over the seeds that were measured."""
+
+    def __init__(self, records: Records):
+        self.records = records
+
+    def values(self, run: tuple[str, str, int, int], figure: str) -> list[float]:
+        """One value for each seed that was measured."""
+        names = [Run(*run, seed).name for seed in SEEDS]
+        found = [self.records[name] for name in names if name in self.records]
+        return [record[figure] for record in found if figure in record]
+
+    def gaps(self, setting: str, scene: str, clean: str, downscale: int, steps: int) -> list[float]:
+        """Share of the way from "off" to the clean twins, seed by seed."""
+        runs = ((setting, scene), ("off", scene), ("off", clean))
+        values = [self.values((*run, downscale, steps), "psnr") for run in runs]
+        return [(ours - off) / (top - off) for ours, off, top in zip(*values, strict=False)]
+
+    def cell(self, run: tuple[str, str, int, int], figure: str, form: str) -> str:
+        return spread(self.values(run, figure), form)
+
+
+def spread(values: list[float], form: str) -> str:
+    """Median, and in brackets the least and the largest of several."""
+    if not values:
+        return ""
+    text = format(median(values), form)
+    if len(values) == 1:
+        return text
+    return f"{text} ({format(min(values), form)} - {format(max(values), form)})"
+
+
+def scene_table(
+    figures: Figures, settings: str, scene: str, clean: str, downscale: int, steps: int
+) -> str:
+    """One row for each setting that was measured."""
+    rows = []
+    for name in settings.split():
+        run = (name, scene, downscale, steps)
+        if not figures.values(run, "psnr"):
+            continue
+        rows.append(
+            [
+                SETTINGS[name].what,
+                figures.cell(run, "psnr", ".2f"),
+                spread(figures.gaps(name, scene, clean, downscale, steps), ".2f"),
+                figures.cell(run, "ssim", ".3f"),
+                figures.cell(run, "mask_iou", ".2f"),
+                figures.cell(run, "alpha_outside_masks", ".3f"),
+                figures.cell(run, "num_static_gaussians", ",.0f"),
+                figures.cell(run, "num_distractor_gaussians", ",.0f"),
+            ]
+        )
+    twins = ("off", clean, downscale, steps)
+    if figures.values(twins, "psnr"):
+        psnr, ssim = (
+            figures.cell(twins, f, form) for f, form in (("psnr", ".2f"), ("ssim", ".3f"))
+        )
+        count = figures.cell(twins, "num_static_gaussians", ",.0f")
+        rows.append(["off, trained on the clean twins", psnr, "1", ssim, "", "", count, ""])
+    head = ["", "PSNR", "gap closed", "SSIM", "mask IoU", "alpha outside", "static", "distractors"]
+    return table(head, rows) if rows else f"*{NOT_YET} yet*"
+
+
+def still_table(figures: Figures) -> str:
+    """What the method costs where nothing moves."""
+    rows = []
+    for steps in (1000, 3000, 30000):
+        off, ours = (figures.values((s, "still", 2, steps), "psnr") for s in ("off", "desplat"))
+        differences = [b - a for a, b in zip(off, ours, strict=False)]
+        if differences:
+            cells = (spread(off, ".2f"), spread(ours, ".2f"), spread(differences, "+.2f"))
+            rows.append([f"{steps:,}", *cells])
+    head = ["steps", "off", "`desplat`", "difference"]
+    return table(head, rows) if rows else f"*{NOT_YET} yet*"
+
+
+def write_report(records: Records, folder: Path = FOLDER) -> Path:
+    """Fill in the template; returns where the document is."""
+    figures = Figures(records)
+    main = "off trimmed paper desplat truth"
+
+    def filled(match: re.Match[str]) -> str:
+        settings, scene, clean, downscale, steps = match[1].split("/")
+        chosen = {"main": main, "ablations": f"desplat {ABLATIONS}", "short": "off desplat"}
+        return scene_table(figures, chosen[settings], scene, clean, int(downscale), int(steps))
+
+    text = re.sub(r"\{\{table ([^}]*)\}\}", filled, TEMPLATE.read_text())
+    text = Template(text).substitute(still=still_table(figures))
+    path = folder / REPORT
+    path.write_text(text)
+    one_pixel.draw(folder / FIGURE)
+    return path

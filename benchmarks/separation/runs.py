@@ -1,0 +1,104 @@
+"""Which runs there are: a setting on a scene, at a size, for a number of steps, with a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+DISTRACTORS = "--pipeline.model.distractors"
+OFF = ("--pipeline.model.effects.distractors", "False")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A method and its options."""
+
+    method: str
+    options: tuple[str, ...] = ()
+    what: str = ""
+
+
+SETTINGS = {
+    "off": Setting("desplat", OFF, "distractors off"),
+    "trimmed": Setting("masked-by-residual", (), "off, trimmed loss"),
+    "paper": Setting("desplat-paper", (), "`desplat-paper`"),
+    "desplat": Setting("desplat", (), "**`desplat`**"),
+    "truth": Setting("masked-by-truth", (), "off, true masks as weights"),
+    "no-warmup": Setting("desplat", (f"{DISTRACTORS}.static-warmup", "0"), "without warm-up"),
+    "shared-loss": Setting(
+        "desplat", (f"{DISTRACTORS}.static-alone", "False"), "one loss for both sets"
+    ),
+    "everywhere": Setting(
+        "desplat", (f"{DISTRACTORS}.start", "everywhere"), "distractors start everywhere"
+    ),
+    "lambda-paper": Setting("desplat", (f"{DISTRACTORS}.lambda-d", "0.01"), "lambda_d 0.01"),
+}
+"""By name. The last four are `desplat` with one thing taken away."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A capture and how to read it; `folder` in DESPLAT_NS_DATA, or None for a generated one."""
+
+    folder: str | None
+    parser: tuple[str, ...]
+
+
+SCENES = {
+    "clutter": Scene("fox_cluttered", ("robustnerf-data",)),
+    "clean": Scene("fox_cluttered", ("robustnerf-data", "--train-split-clean-clutter-ratio", "0")),
+    "still": Scene("fox", ("colmap",)),
+    "yard": Scene(None, ("robustnerf-data",)),
+    "yard-clean": Scene(None, ("robustnerf-data", "--train-split-clean-clutter-ratio", "0")),
+}
+"""By name. In `still` nothing moves; `yard` is the generated scene, on which nothing was chosen."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One training run and its evaluation."""
+
+    setting: str
+    scene: str
+    downscale: int
+    steps: int
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.setting}-{self.scene}-{self.downscale}-{self.steps}-{self.seed}"
+
+
+SEEDS = (42, 43, 44)
+
+
+def _runs(settings: str, scenes: str, downscale: int, steps: int, seeds: int) -> Iterator[Run]:
+    for seed in SEEDS[:seeds]:
+        for scene in scenes.split():
+            for setting in settings.split():
+                yield Run(setting, scene, downscale, steps, seed)
+
+
+ABLATIONS = "no-warmup shared-loss everywhere lambda-paper"
+PLAN = (
+    *_runs("off desplat paper trimmed truth", "clutter", 2, 1000, 3),
+    *_runs("off", "clean", 2, 1000, 3),
+    *_runs("off desplat", "still", 2, 1000, 3),
+    *_runs("off desplat paper trimmed truth", "clutter", 2, 3000, 3),
+    *_runs("off", "clean", 2, 3000, 3),
+    *_runs("off desplat", "still", 2, 3000, 3),
+    *_runs("off desplat", "yard", 1, 1000, 3),
+    *_runs("off", "yard-clean", 1, 1000, 3),
+    *_runs(ABLATIONS, "clutter", 2, 1000, 1),
+    *_runs(ABLATIONS, "clutter", 2, 3000, 1),
+    *_runs("off desplat", "yard", 1, 3000, 1),
+    *_runs("off", "yard-clean", 1, 3000, 1),
+    *_runs("off desplat", "clutter", 1, 3000, 1),
+    *_runs("off", "clean", 1, 3000, 1),
+    *_runs("off desplat", "clutter", 1, 7000, 1),
+    *_runs("off", "clean", 1, 7000, 1),
+    *_runs("off desplat paper truth", "clutter", 2, 30000, 1),
+    *_runs("off", "clean", 2, 30000, 1),
+    *_runs("off desplat", "still", 2, 30000, 1),
+)
+"""Everything in the document, the quick and the important first."""

@@ -1,0 +1,138 @@
+"""What one photo shows and the other views do not: its residual beyond the expected one.
+
+A residual alone cannot tell an occluder from a place that the static scene has not learned yet, or
+never will. But such a place is missed in every view that sees it, and an occluder stands in one.
+So each static Gaussian remembers how large the residual around it usually is (a running median over
+the views that see it, which an occluder in fewer than half of them does not move), and what the
+Gaussians in a part of the image remember is what is expected there.
+
+All of it happens on a grid of about `CELLS` cells, whatever the photo's size, and in residuals
+relative to the view's own level: exposure, training progress and resets move all cells alike.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+CELLS = 8000
+"""Cells per image: 2 x 2 pixels at 135 x 240."""
+
+WINDOW = 5
+"""Cells (an odd number) over which residuals are averaged, so that texture does not count."""
+
+LEVEL_QUANTILE = 0.25
+"""A view's level is this quantile of its residuals: right as long as occluders cover less than
+three quarters of it."""
+
+MEDIAN_STEP = 0.1
+"""Step of a Gaussian's running median, in units of the residual's logarithm."""
+
+MIN_VIEWS = 5
+"""Where fewer training views see a place, none is judged by the others."""
+
+MIN_RESIDUAL = 1e-4
+"""Below this, residuals (colours in [0, 1]) are equal."""
+
+
+def grid_of(width: int, height: int, cells: int = CELLS) -> tuple[int, int]:
+    """Columns and rows of about `cells` square cells, none smaller than a pixel."""
+    size = max(1.0, math.sqrt(width * height / cells))
+    return max(1, round(width / size)), max(1, round(height / size))
+
+
+def pooled(image: Float[Tensor, "H W C"], grid: tuple[int, int]) -> Float[Tensor, "C rows columns"]:
+    """Means over the cells of a grid of (columns, rows)."""
+    return F.adaptive_avg_pool2d(image.permute(2, 0, 1)[None], (grid[1], grid[0]))[0]
+
+
+def local_residual(
+    static: Float[Tensor, "H W 3"], photo: Float[Tensor, "H W 3"], grid: tuple[int, int]
+) -> Float[Tensor, "rows columns"]:
+    """Mean absolute difference of the colours around each cell, colours in [0, 1].
+
+    The difference is averaged over 3 x 3 pixels before its absolute value is taken: what is only
+    not sharp yet cancels out.
+    """
+    difference = (static - photo).permute(2, 0, 1)[None]
+    smooth = F.avg_pool2d(difference, 3, 1, 1, count_include_pad=False)[0]
+    cells = pooled(smooth.abs().mean(0)[..., None], grid)
+    return _averaged(cells)[0].clamp(min=MIN_RESIDUAL)
+
+
+class ExpectedResidual:
+    """What the static Gaussians remember of the residuals around them, and in how many views.
+
+    A Gaussian's usual residual is a running median of log(residual / level of its view). Both
+    memories lie in the running state of gsplat's strategy, under `USUAL` and `SEEN`: clones and
+    splits inherit them, and checkpoints hold them.
+    """
+
+    USUAL, SEEN, VISITS = "usual_residual", "times_seen", "visits"
+
+    def __init__(self, state: dict, count: int, like: Tensor):
+        """Take the memories of `count` Gaussians out of `state`; they start there if need be."""
+        if state.get(self.USUAL) is None:
+            state[self.USUAL] = torch.zeros(count, device=like.device)
+            state[self.SEEN] = torch.zeros(count, device=like.device)
+            state[self.VISITS] = 0
+        self.state = state
+
+    def excess(
+        self,
+        residual: Float[Tensor, "rows columns"],
+        means2d: Float[Tensor, "N 2"],
+        visible: Bool[Tensor, " N"],
+        opacities: Float[Tensor, " N"],
+        num_views: int,
+    ) -> Float[Tensor, "rows columns"]:
+        """The residual beyond the expected one, of a view that is then remembered as well.
+
+        0 where too few views see the place for any of them to be the odd one out.
+
+        Args:
+            residual: `local_residual` of the view.
+            means2d: projected centres, in cells.
+            opacities: in [0, 1]; what is transparent has no say.
+            num_views: that are visited in turn.
+        """
+        level = residual.flatten().quantile(LEVEL_QUANTILE)
+        relative = (residual / level).log()
+        seen, cell = _seen(means2d, visible, residual.shape)
+        usual = self.state[self.USUAL][seen]
+        self.state[self.VISITS] += 1
+        self.state[self.SEEN][seen] += 1
+        views = self.state[self.SEEN][seen] * (num_views / self.state[self.VISITS])
+        values = torch.stack([usual, views])
+        expected, judges = _means_by_cell(values, opacities[seen], cell, residual.shape)
+        step = MEDIAN_STEP * torch.sign(relative.flatten()[cell] - usual)
+        self.state[self.USUAL][seen] = usual + step
+        return torch.where(judges >= MIN_VIEWS, residual - level * expected.exp(), 0.0)
+
+
+def _averaged(cells: Float[Tensor, "C rows columns"]) -> Float[Tensor, "C rows columns"]:
+    return F.avg_pool2d(cells[None], WINDOW, 1, WINDOW // 2, count_include_pad=False)[0]
+
+
+def _seen(
+    means2d: Tensor, visible: Tensor, shape: torch.Size
+) -> tuple[Int[Tensor, " seen"], Int[Tensor, " seen"]]:
+    """Which Gaussians have their centre in the image, and in which cell (flat index)."""
+    rows, columns = shape
+    x, y = means2d.floor().long().unbind(-1)
+    seen = (visible & (x >= 0) & (x < columns) & (y >= 0) & (y < rows)).nonzero()[:, 0]
+    return seen, y[seen] * columns + x[seen]
+
+
+def _means_by_cell(
+    values: Float[Tensor, "C seen"], weights: Tensor, cell: Tensor, shape: torch.Size
+) -> Float[Tensor, "C rows columns"]:
+    """Weighted means of the values around each cell; 0 where there are none."""
+    rows = torch.cat([weights * values, weights[None]])
+    sums = rows.new_zeros(len(rows), shape[0] * shape[1]).index_add_(1, cell, rows)
+    around = _averaged(sums.view(len(rows), *shape))
+    return around[:-1] / around[-1].clamp(min=1e-4)

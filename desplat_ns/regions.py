@@ -1,0 +1,54 @@
+"""From a noisy map of excess residuals to the regions that something covers."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+MIN_AREA = 0.002
+"""Share of the image: a smaller region is left to the static scene."""
+
+
+def outlier_regions(
+    excess: Float[Tensor, "rows columns"], weak: float, strong: float
+) -> Bool[Tensor, "rows columns"]:
+    """Connected cells above `weak` of which one is above `strong`, closed by a cell, without holes.
+
+    Two thresholds, because the inside of an occluder is in places coloured like what it covers,
+    and because noise above the lower one alone is no reason. Regions of less than `MIN_AREA` are
+    dropped.
+
+    Source: hysteresis of Canny 1986.
+    """
+    values = excess.detach().cpu().numpy()
+    count, labels = _components(values > weak)
+    keep = np.zeros(count, bool)
+    keep[labels[values > strong]] = True
+    region = _without_holes(_closed(keep[labels] & (labels > 0)))
+    count, labels = _components(region)
+    areas = np.bincount(labels.ravel(), minlength=count)
+    large = areas >= MIN_AREA * labels.size
+    large[0] = False
+    return torch.from_numpy(large[labels]).to(excess.device)
+
+
+def _components(mask: np.ndarray) -> tuple[int, np.ndarray]:
+    """Number of labels, and labels from 1 on of cells that touch, by a side or a corner."""
+    return cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+
+
+def _closed(mask: np.ndarray) -> np.ndarray:
+    """Gaps of up to two cells closed; beyond the border it goes on as at the border."""
+    padded = np.pad(mask.astype(np.uint8), 2, mode="edge")
+    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    return closed[2:-2, 2:-2] > 0
+
+
+def _without_holes(mask: np.ndarray) -> np.ndarray:
+    """Filled where the outside of the image cannot be reached, by sides, through empty cells."""
+    empty = np.pad(~mask, 1, constant_values=True).astype(np.uint8)
+    _, labels = cv2.connectedComponents(empty, connectivity=4)
+    return (labels != labels[0, 0])[1:-1, 1:-1]

@@ -1,0 +1,125 @@
+"""What keeps the two sets apart when there are few visits: regions, placement, the static loss.
+
+Eq. 5 alone leaves the sets a choice: while a distractor is faint, both get the same gradient, and
+once the composite fits, neither gets any (docs/separation.md works it out for one pixel). What is
+added here decides: distractors start only where a photo shows what the other views do not, go
+where it does not, and the static scene has to fit by itself all pixels that they do not cover.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from desplat_ns.backend.protocol import View
+from desplat_ns.distractors import DistractorConfig, DistractorGaussians, distractors_at
+from desplat_ns.excess import ExpectedResidual, grid_of, local_residual, pooled
+from desplat_ns.regions import outlier_regions
+
+COVERED_SHARE = 0.5
+"""A distractor is placed where more than this share of its cell is in a region, and where the
+distractors' mean opacity is less than it."""
+
+OWNED_MARGIN = 1.0
+"""Cells of `grid_of` by which the pixels that distractors own reach beyond their edge: an edge is
+half-transparent, and its leak would be learned."""
+
+
+@dataclass
+class Sighting:
+    """One training view as a step saw it."""
+
+    index: int
+    view: View
+    photo: Float[Tensor, "H W 3"]
+    alpha_d: Float[Tensor, "H W 1"]
+    regions: Bool[Tensor, "rows columns"]
+
+
+def find_regions(
+    static: Float[Tensor, "H W 3"],
+    photo: Float[Tensor, "H W 3"],
+    opacities: Float[Tensor, "N 1"],
+    info: dict[str, Any],
+    state: dict[str, Any],
+    num_views: int,
+    config: DistractorConfig,
+) -> Bool[Tensor, "rows columns"]:
+    """Regions of a photo that show what other views do not, on the grid of `grid_of`.
+
+    Args:
+        static: the static scene, rendered.
+        opacities: logits of the static Gaussians.
+        info: of the static rendering, as gsplat's strategies read it.
+        state: running state of the static set's strategy; remembers the view.
+        num_views: number of training views.
+    """
+    count, grid = len(opacities), grid_of(info["width"], info["height"])
+    scale = photo.new_tensor([grid[0] / info["width"], grid[1] / info["height"]])
+    residual = local_residual(static.detach(), photo, grid)
+    excess = ExpectedResidual(state, count, photo).excess(
+        residual,
+        info["means2d"].detach().reshape(count, 2) * scale,
+        info["radii"].reshape(count, -1).amin(-1) > 0,
+        torch.sigmoid(opacities.detach()[:, 0]),
+        num_views,
+    )
+    return outlier_regions(excess, config.weak_excess, config.strong_excess)
+
+
+def pixels_of(
+    regions: Bool[Tensor, "rows columns"], height: int, width: int
+) -> Bool[Tensor, "H W 1"]:
+    """The pixels whose cell is in a region."""
+    cells = regions[None, None].to(torch.float32)
+    return F.interpolate(cells, size=(height, width))[0, 0, :, :, None] > 0
+
+
+def owned_share(alpha_d: Float[Tensor, "H W 1"]) -> Float[Tensor, "H W 1"]:
+    """How far distractors own a pixel, in [0, 1]: the largest of their opacities around it."""
+    height, width = alpha_d.shape[:2]
+    margin = round(OWNED_MARGIN * width / grid_of(width, height)[0])
+    planes = alpha_d.detach().permute(2, 0, 1)
+    return F.max_pool2d(planes, 2 * margin + 1, 1, margin).permute(1, 2, 0)
+
+
+def missing_distractors(seen: Sighting, config: DistractorConfig) -> dict[str, Tensor]:
+    """New distractors in the photo's colours for the regions that none covers yet.
+
+    One for each cell of a grid of `config.per_view` cells.
+    """
+    columns, rows = grid_of(seen.view.width, seen.view.height, max(1, config.per_view))
+    in_region = pooled(seen.regions[..., None].to(torch.float32), (columns, rows))[0]
+    covered = pooled(seen.alpha_d.detach(), (columns, rows))[0]
+    wanted = (in_region >= COVERED_SHARE) & (covered < COVERED_SHARE)
+    row, column = wanted.nonzero(as_tuple=True)
+    x = (column + 0.5) * seen.view.width / columns
+    y = (row + 0.5) * seen.view.height / rows
+    colors = pooled(seen.photo, (columns, rows))[:, row, column].T.contiguous()
+    return distractors_at(seen.view, config, torch.stack([x, y], dim=-1), colors)
+
+
+def lie_in(
+    regions: Bool[Tensor, "rows columns"], means: Float[Tensor, "N 3"], view: View
+) -> Bool[Tensor, " N"]:
+    """Which Gaussians have their centre in a region; beyond the border its nearest cell counts."""
+    rows, columns = regions.shape
+    in_camera = means.detach() @ view.viewmat[:3, :3].T + view.viewmat[:3, 3]
+    x, y, z = in_camera.unbind(-1)
+    column = (x / z * view.K[0, 0] + view.K[0, 2]) / view.width * columns
+    row = (y / z * view.K[1, 1] + view.K[1, 2]) / view.height * rows
+    return regions[row.long().clamp(0, rows - 1), column.long().clamp(0, columns - 1)]
+
+
+@torch.no_grad()
+def replacement(
+    seen: Sighting, distractors: DistractorGaussians, config: DistractorConfig
+) -> tuple[Bool[Tensor, " N"], dict[str, Tensor]]:
+    """Which distractors of the view stay, and the new ones."""
+    means = distractors.params_of(seen.index)["means"]
+    return lie_in(seen.regions, means, seen.view), missing_distractors(seen, config)

@@ -1,0 +1,151 @@
+"""A residual counts by what the other views leave at the same place."""
+
+import math
+
+import pytest
+import torch
+
+from desplat_ns.excess import (
+    LEVEL_QUANTILE,
+    MEDIAN_STEP,
+    MIN_RESIDUAL,
+    MIN_VIEWS,
+    ExpectedResidual,
+    grid_of,
+    local_residual,
+    pooled,
+)
+
+ROWS, COLUMNS = 20, 30
+
+
+def one_gaussian_per_cell() -> torch.Tensor:
+    y, x = torch.meshgrid(torch.arange(ROWS), torch.arange(COLUMNS), indexing="ij")
+    return torch.stack([x, y], dim=-1).reshape(-1, 2) + 0.5
+
+
+class Memory:
+    """Static Gaussians, one in each cell, and the views they have seen."""
+
+    def __init__(self) -> None:
+        self.state: dict = {}
+        self.num_views = 40
+        self.means2d = one_gaussian_per_cell()
+        self.visible = torch.ones(len(self.means2d), dtype=torch.bool)
+        self.opacities = torch.full((len(self.means2d),), 0.8)
+
+    def see(self, residual: torch.Tensor) -> torch.Tensor:
+        expected = ExpectedResidual(self.state, len(self.means2d), residual)
+        return expected.excess(residual, self.means2d, self.visible, self.opacities, self.num_views)
+
+
+def flat(value: float = 0.02) -> torch.Tensor:
+    return torch.full((ROWS, COLUMNS), value)
+
+
+def with_block(value: float) -> torch.Tensor:
+    """Residuals of 0.02, and `value` in a block of 8 x 8 cells."""
+    residual = flat()
+    residual[6:14, 10:18] = value
+    return residual
+
+
+def test_a_place_that_every_view_misses_is_expected_and_an_occluder_in_one_view_is_not():
+    memory = Memory()
+    for _ in range(40):
+        memory.see(with_block(0.2))
+    hard = memory.see(with_block(0.2))[8:12, 12:16]
+    assert hard.abs().max() < 0.03
+    memory = Memory()
+    for view in range(40):
+        memory.see(with_block(0.2) if view % 8 == 0 else flat())
+    occluder = memory.see(with_block(0.2))[8:12, 12:16]
+    assert torch.allclose(occluder, torch.full_like(occluder, 0.18), atol=0.01)
+
+
+def test_a_worse_photo_is_no_surprise():
+    """All residuals three times as large, as after a reset: nothing sticks out."""
+    memory = Memory()
+    for _ in range(10):
+        memory.see(flat())
+    assert memory.see(flat(0.06)).abs().max() < 1e-6
+
+
+def test_an_occluder_over_most_of_a_view_is_still_measured_against_the_rest():
+    memory = Memory()
+    residual = flat()
+    residual[: int(0.7 * ROWS)] = 0.3
+    assert (memory.see(residual)[:10] > 0.25).all()
+
+
+def test_what_is_not_seen_does_not_learn():
+    memory = Memory()
+    memory.visible[100:] = False
+    memory.see(torch.rand(ROWS, COLUMNS) + 0.1)
+    usual = memory.state[ExpectedResidual.USUAL]
+    assert usual[:100].abs().max() == pytest.approx(MEDIAN_STEP)
+    assert (usual[100:] == 0).all()
+
+
+def test_transparent_gaussians_have_no_say():
+    memory = Memory()
+    memory.see(flat())  # makes the memory
+    memory.state[ExpectedResidual.USUAL].fill_(math.log(5.0))
+    assert memory.see(flat()).max() < -0.05
+    memory.state[ExpectedResidual.USUAL].fill_(math.log(5.0))
+    memory.opacities.fill_(1e-9)
+    assert memory.see(flat()).abs().max() < 1e-3
+
+
+def test_gaussians_beyond_the_image_are_left_out():
+    memory = Memory()
+    memory.means2d[0] = torch.tensor([-0.5, 3.0])
+    memory.means2d[1] = torch.tensor([float(COLUMNS), 3.0])
+    memory.means2d[2] = torch.tensor([3.0, -7e8])
+    memory.see(flat(0.02) + torch.rand(ROWS, COLUMNS))
+    assert (memory.state[ExpectedResidual.USUAL][:3] == 0).all()
+
+
+def test_the_level_is_a_low_quantile():
+    assert LEVEL_QUANTILE < 0.5
+
+
+def test_texture_cancels_out_and_a_shade_does_not():
+    checker = (torch.arange(48)[:, None] + torch.arange(60)) % 2 * 0.2
+    gray = torch.full((48, 60, 3), 0.5)
+    grid = grid_of(60, 48, 300)
+    textured = local_residual(gray, gray + (checker - 0.1)[..., None], grid)
+    shaded = local_residual(gray, gray + 0.1, grid)
+    assert torch.allclose(shaded, torch.full_like(shaded, 0.1), atol=1e-6)
+    assert textured.max() < 0.04
+    assert (local_residual(gray, gray, grid) == torch.tensor(MIN_RESIDUAL)).all()
+
+
+@pytest.mark.parametrize(
+    ("width", "height"), [(240, 135), (1920, 1080), (20, 10), (1, 1), (9, 900)]
+)
+def test_a_grid_has_square_cells_not_smaller_than_a_pixel(width, height):
+    columns, rows = grid_of(width, height)
+    assert 1 <= columns <= width
+    assert 1 <= rows <= height
+    if width * height > 8000 * 4 and min(width, height) > 100:
+        assert columns * rows == pytest.approx(8000, rel=0.02)
+        assert columns / rows == pytest.approx(width / height, rel=0.02)
+
+
+def test_pooling_takes_means():
+    image = torch.arange(24.0).reshape(4, 6, 1)
+    assert torch.equal(pooled(image, (3, 2)), image.reshape(2, 2, 3, 2).mean((1, 3))[None])
+
+
+def test_a_place_that_few_views_see_is_not_judged():
+    memory = Memory()
+    memory.visible[:] = False
+    for _ in range(40 - MIN_VIEWS + 1):
+        memory.see(flat())
+    memory.visible[:] = True
+    for _ in range(MIN_VIEWS - 2):
+        memory.see(flat())
+    assert memory.see(flat()).abs().max() == 0
+    memory.see(flat())
+    assert memory.see(with_block(0.2))[8:12, 12:16].min() > 0.15

@@ -1,0 +1,128 @@
+"""The model with distractors placed by residual, and a static scene that is trained alone."""
+
+from typing import Any
+
+import pytest
+import torch
+from test_model import HEIGHT, WIDTH, Trainer, distractors_of, make_model
+
+from desplat_ns.distractors import DistractorConfig
+from desplat_ns.excess import ExpectedResidual
+from desplat_ns.model import DeSplatModel
+
+NO_DENSIFICATION: dict[str, Any] = {"warmup_length": 10_000}
+
+
+def config(**changes: Any) -> DistractorConfig:
+    values = {"per_view": 120, "initial_opacity": 0.5, "start": "residual", "static_alone": True}
+    return DistractorConfig(**values | changes)
+
+
+def a_dense_model(**changes: Any) -> DeSplatModel:
+    """A static scene that fills the views, so that every cell has somebody to remember it."""
+    side = torch.linspace(-1.5, 1.5, 12)
+    x, y = torch.meshgrid(side, side, indexing="ij")
+    points = torch.stack([x, y, torch.zeros_like(x)], dim=-1).reshape(-1, 3)
+    return make_model(points, distractors=config(**changes), **NO_DENSIFICATION)
+
+
+class Crossing(Trainer):
+    """Three views of a grey scene; in view 0 something magenta stands in the way."""
+
+    def __init__(self, model: DeSplatModel):
+        super().__init__(model)
+        self.gray = torch.full((HEIGHT, WIDTH, 3), 0.5)
+        self.crossed = self.gray.clone()
+        self.crossed[5:15, 6:16] = torch.tensor([1.0, 0.0, 1.0])
+
+    def visit(self, step: int, view: int) -> dict[str, Any]:
+        self.photo = self.crossed if view == 0 else self.gray
+        return self.step(step, view)
+
+
+@pytest.fixture
+def judged_by_few(monkeypatch):
+    monkeypatch.setattr("desplat_ns.excess.MIN_VIEWS", 2)
+
+
+@pytest.mark.usefixtures("judged_by_few")
+def test_distractors_appear_where_one_photo_differs_and_nowhere_else():
+    model = a_dense_model(static_warmup=60)
+    trainer = Crossing(model)
+    assert model.distractors is not None
+    for step in range(60):
+        trainer.visit(step, 1 + step % 2)
+    assert model.distractors.counts() == [0, 0, 0]
+    trainer.visit(60, 0)
+    placed, *others = model.distractors.counts()
+    assert placed > 5
+    for step in range(61, 91):
+        trainer.visit(step, step % 3)
+    assert others == model.distractors.counts()[1:] == [0, 0]
+    alpha = trainer.visit(91, 0)["outputs"]["alpha_distractor"][..., 0]
+    assert alpha[7:13, 8:14].mean() > 0.7
+    assert alpha[:, 19:].mean() < 0.1
+    colors = distractors_of(model, 0)["rgbs"]
+    assert ((colors - torch.tensor([1.0, 0.0, 1.0])).abs().amax(-1) < 0.2).sum() > 5
+
+
+@pytest.mark.usefixtures("judged_by_few")
+def test_alone_the_static_scene_gets_no_gradient_from_the_composite():
+    """Its gradient is that of its own losses, whatever the distractors do."""
+    model = a_dense_model(start="everywhere", static_warmup=0)
+    trainer = Crossing(model)
+    trainer.photo = trainer.crossed
+    result = trainer.step(0)
+    losses = result["losses"]
+    assert "static_photometric" in losses
+    outputs = model(_camera())
+    names = ("main_loss", "distractor_opacity")
+    losses = model.get_loss_dict(outputs, {"image": trainer.crossed})
+    composite = torch.stack([losses[name] for name in names]).sum()
+    static = [model.gauss_params["features_dc"], model.gauss_params["opacities"]]
+    grads = torch.autograd.grad(composite, static, retain_graph=True, allow_unused=True)
+    assert all(g is None or not g.any() for g in grads)
+    own = torch.autograd.grad(losses["static_photometric"], static)
+    assert all(g.any() for g in own)
+
+
+def _camera():
+    from test_model import camera
+
+    return camera(0)
+
+
+def test_without_distractors_in_the_view_the_loss_is_splatfactos():
+    model = a_dense_model(static_warmup=1000)
+    losses = Trainer(model).step(0)["losses"]
+    assert "static_photometric" not in losses
+    assert losses["distractor_opacity"] == 0
+
+
+def test_pixels_that_a_mask_leaves_out_are_owned_by_nobody():
+    model = a_dense_model(start="everywhere", static_warmup=0)
+    trainer = Trainer(model)
+    trainer.step(0)
+    outputs = model(_camera())
+    mask = torch.zeros(HEIGHT, WIDTH, 1)
+    losses = model.get_loss_dict(outputs, {"image": trainer.photo, "mask": mask})
+    assert losses["static_photometric"].item() == pytest.approx(0.0, abs=1e-6)
+
+
+def test_what_views_remember_follows_densification_and_checkpoints():
+    points = torch.rand(60, 3) - 0.5
+    options: dict[str, Any] = {"warmup_length": 2, "refine_every": 3, "densify_grad_thresh": 1e-9}
+    model = make_model(points, distractors=config(static_warmup=1000), **options)
+    trainer = Trainer(model)
+    before = model.num_points
+    for step in range(12):
+        trainer.step(step, step % 3)
+    assert model.num_points != before
+    memory = model.get_extra_state()["static_strategy"]
+    assert len(memory[ExpectedResidual.USUAL]) == len(memory[ExpectedResidual.SEEN])
+    assert len(memory[ExpectedResidual.USUAL]) == model.num_points
+    assert memory[ExpectedResidual.VISITS] == 12
+    fresh = make_model(points, distractors=config(static_warmup=1000), **options)
+    fresh.load_state_dict(model.state_dict())
+    restored = fresh.strategy_state
+    assert torch.equal(restored[ExpectedResidual.USUAL], memory[ExpectedResidual.USUAL])

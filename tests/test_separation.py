@@ -1,0 +1,151 @@
+"""Regions become distractors; what distractors cover is not the static scene's to fit."""
+
+import dataclasses
+
+import pytest
+import torch
+from nerfstudio.cameras.cameras import Cameras
+
+from desplat_ns.backend.protocol import View
+from desplat_ns.cameras import view_of
+from desplat_ns.distractors import DistractorConfig, DistractorGaussians
+from desplat_ns.separation import (
+    Sighting,
+    find_regions,
+    lie_in,
+    missing_distractors,
+    owned_share,
+    pixels_of,
+    replacement,
+)
+
+WIDTH, HEIGHT = 60, 40
+CONFIG = DistractorConfig(per_view=600, start="residual", initial_opacity=0.5, depth=0.5)
+"""Cells of 2 x 2 pixels."""
+
+
+def cameras() -> Cameras:
+    turn = torch.tensor([[0.0, 0, 1, 2], [0, 1, 0, -1], [-1, 0, 0, 3]])  # not the identity
+    return Cameras(turn[None], 50.0, 55.0, 29.0, 21.0, WIDTH, HEIGHT)
+
+
+def the_view() -> View:
+    return view_of(cameras())
+
+
+def sighting(regions: torch.Tensor, alpha: float = 0.0) -> Sighting:
+    photo = torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(0))
+    return Sighting(0, the_view(), photo, torch.full((HEIGHT, WIDTH, 1), alpha), regions)
+
+
+def block() -> torch.Tensor:
+    regions = torch.zeros(HEIGHT, WIDTH, dtype=torch.bool)
+    regions[10:20, 30:50] = True
+    return regions
+
+
+def pixels(means: torch.Tensor, view: View) -> torch.Tensor:
+    in_camera = means @ view.viewmat[:3, :3].T + view.viewmat[:3, 3]
+    projected = in_camera @ view.K.T
+    return projected[:, :2] / projected[:, 2:]
+
+
+def test_new_distractors_lie_on_the_cells_of_the_region_in_the_photos_colours():
+    seen = sighting(block())
+    new = missing_distractors(seen, CONFIG)
+    found = pixels(new["means"], seen.view)
+    assert len(found) == 5 * 10
+    x, y = torch.meshgrid(torch.arange(31.0, 50, 2), torch.arange(11.0, 20, 2), indexing="xy")
+    expected = torch.stack([x, y], dim=-1).reshape(-1, 2)
+    assert torch.allclose(found, expected, atol=1e-3)
+    patch = seen.photo[10:12, 30:32].mean((0, 1))
+    assert torch.allclose(new["rgbs"][0], patch, atol=1e-6)
+    assert torch.allclose(new["opacities"].sigmoid(), torch.tensor(0.5))
+
+
+def test_as_many_pixels_wide_as_those_that_cover_the_whole_view():
+    whole = DistractorGaussians(dataclasses.replace(CONFIG, start="everywhere"), cameras())
+    new = missing_distractors(sighting(block()), CONFIG)
+    assert torch.allclose(new["scales"], whole.params_of(0)["scales"][:50], atol=1e-6)
+
+
+def test_none_is_placed_where_distractors_cover_already():
+    assert len(missing_distractors(sighting(block(), alpha=0.6), CONFIG)["means"]) == 0
+    assert len(missing_distractors(sighting(block(), alpha=0.4), CONFIG)["means"]) == 50
+
+
+def test_a_view_without_regions_gets_none_and_keeps_none():
+    distractors = DistractorGaussians(dataclasses.replace(CONFIG, start="everywhere"), cameras())
+    keep, new = replacement(sighting(torch.zeros_like(block())), distractors, CONFIG)
+    assert not keep.any()
+    assert len(new["means"]) == 0
+
+
+def test_those_in_the_region_stay():
+    everywhere = dataclasses.replace(CONFIG, start="everywhere")
+    distractors = DistractorGaussians(everywhere, cameras())
+    means = distractors.params_of(0)["means"].detach()
+    keep = lie_in(block(), means, the_view())
+    x, y = pixels(means, the_view()).unbind(-1)
+    assert torch.equal(keep, (x >= 30) & (x < 50) & (y >= 10) & (y < 20))
+    assert 30 < keep.sum() < 70
+
+
+def test_beyond_the_border_the_nearest_cell_counts():
+    view = the_view()
+    regions = torch.zeros(HEIGHT, WIDTH, dtype=torch.bool)
+    regions[:, -1] = True
+    camera_to_world = torch.linalg.inv(view.viewmat)
+    at = torch.tensor([[0.9, 0.0, 1.0, 1.0], [-0.9, 0.0, 1.0, 1.0]]) @ camera_to_world.T
+    assert lie_in(regions, at[:, :3], view).tolist() == [True, False]
+
+
+def test_residual_starts_with_no_distractors():
+    assert DistractorGaussians(CONFIG, cameras()).counts() == [0]
+
+
+def test_what_distractors_own_reaches_a_cell_beyond_their_edge():
+    alpha = torch.zeros(135, 240, 1)
+    alpha[50:60, 100:120] = 0.6
+    alpha[90:100] = 0.4
+    owned = torch.zeros(135, 240, 1)
+    owned[48:62, 98:122] = 0.6
+    owned[88:102] = 0.4
+    assert torch.equal(owned_share(alpha), owned)
+
+
+@pytest.mark.parametrize("size", [(80, 120), (77, 111)])
+def test_pixels_of_a_region(size):
+    found = pixels_of(block(), *size)
+    rows, columns = (torch.arange(n) * m // n for n, m in zip(size, (HEIGHT, WIDTH), strict=True))
+    assert torch.equal(found[..., 0], block()[rows][:, columns])
+
+
+def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
+    generator = torch.Generator().manual_seed(0)
+    scene = torch.rand(HEIGHT // 4, WIDTH // 4, 3, generator=generator)
+    scene = scene.repeat_interleave(4, 0).repeat_interleave(4, 1)
+    y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
+    means2d = torch.stack([x, y], dim=-1).reshape(1, -1, 2) + 0.5
+    count = means2d.shape[1]
+    info = {
+        "means2d": means2d,
+        "radii": torch.ones(1, count).int(),
+        "width": WIDTH,
+        "height": HEIGHT,
+    }
+    opacities, state = torch.zeros(count, 1), {}
+
+    def regions(photo: torch.Tensor) -> torch.Tensor:
+        blurred = scene + 0.03 * torch.randn(scene.shape, generator=generator)
+        return find_regions(blurred, photo, opacities, info, state, 40, CONFIG)
+
+    for _ in range(5):
+        assert not regions(scene).any()
+    photo = scene.clone()
+    photo[10:30, 20:40] = torch.tensor([0.9, 0.1, 0.9])
+    found = regions(photo)
+    assert found.shape == (HEIGHT, WIDTH)
+    true = torch.zeros_like(found)
+    true[10:30, 20:40] = True
+    assert (found & true).sum() / (found | true).sum() > 0.7
