@@ -3,11 +3,12 @@
 #   make demo    a generated scene is trained, evaluated and drawn: demo/output/
 #   make test    the tests, on the CPU
 #   make bench   every backend is timed and the figures written to docs/performance.md (15 minutes)
+#   make study   the runs behind docs/separation.md that are missing, and the document (hours; resumes)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
 #
 # Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
-#           BENCH_ARGS='--quick --output folder'
+#           BENCH_ARGS='--quick --output folder'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
 
 VENV ?= .venv
@@ -16,6 +17,7 @@ PYTHONS = $(or $(PYTHON),python3.11 python3.12 python3.10 python3)
 PYTEST_ARGS ?=
 DEMO_ARGS ?=
 BENCH_ARGS ?=
+STUDY_ARGS ?=
 
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
@@ -25,11 +27,11 @@ export OMP_WAIT_POLICY ?= passive
 # The checks need nothing from the network.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 
-.PHONY: demo bench test check lint clean distclean env help
+.PHONY: demo bench study test check lint clean distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,12s/^# \{0,1\}//p' Makefile
+	@sed -n '3,13s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -38,6 +40,9 @@ demo: $(STAMP)
 
 bench: $(STAMP)
 	$(PY) -m benchmarks $(BENCH_ARGS)
+
+study: $(STAMP)
+	$(PY) -m benchmarks.separation $(STUDY_ARGS)
 
 test: $(STAMP)
 	$(PY) -m pytest $(PYTEST_ARGS)

@@ -33,13 +33,9 @@ MARK = ".made-by-demo"
 """Tells the demo's folders from others, which it must not empty."""
 
 
-SHORT_RUN = (
-    *("--pipeline.model.distractors.static-warmup", "3000"),
-    *("--pipeline.model.distractors.lambda-d", "0.1"),
-    *("--pipeline.model.refine-every", "400"),
-)
-"""What a run this short needs: the static scene takes shape before distractors explain the rest,
-and they pay more for it; fewer, better founded densifications. Steps are of the full schedule."""
+SHORT_RUN = ("--pipeline.model.refine-every", "400")
+"""What a run this short does better with: fewer, better founded densifications. Steps of the full
+schedule."""
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ class DistractorConfig:
     weak_excess: float = 0.04
     """With start residual: by how much a residual (colours in [0, 1]) has to exceed the expected
     one for a place to belong to something in the way."""
-    strong_excess: float = 0.1
+    strong_excess: float = 0.25
     """With start residual: excess that something in the way has to reach in one place at least."""
     stop_placing_at: int = 27000
     """With start residual: step from which none is placed or removed for its place any more."""

@@ -17,7 +17,7 @@ from desplat_ns.backend import Rasterizer, resolve
 from desplat_ns.backend.protocol import Rendering, RenderSettings, View
 from desplat_ns.cameras import train_index, view_of
 from desplat_ns.densification import DistractorDensifier, strategy_info, to_device
-from desplat_ns.distractors import DistractorConfig, DistractorGaussians
+from desplat_ns.distractors import DistractorGaussians
 from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
 from desplat_ns.fast_ssim import ssim_of_planes
 from desplat_ns.gaussians import activate_distractors, activate_static, resize_rows
@@ -29,7 +29,7 @@ from desplat_ns.losses import (
 from desplat_ns.metrics import image_metrics
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.outputs import layered_outputs, static_outputs
-from desplat_ns.separation import Sighting, find_regions, owned_share, pixels_of, replacement
+from desplat_ns.separation import Placement, Sighting, owned_share
 from desplat_ns.upstream import (
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
@@ -72,9 +72,9 @@ class DeSplatModel(SplatfactoModel):
             self.densifier = DistractorDensifier(
                 self.config.distractors, self.config, self.num_train_data
             )
+            self.placement = Placement(self.config.distractors, self.num_train_data)
             self.layer_control = LayerControl(self.num_train_data)
         self._distractors_drawn: tuple[int, dict[str, Any]] | None = None
-        self._seen: Sighting | None = None
 
     def _check_seed_points(self) -> None:
         if self.config.random_init or self.seed_points is None:  # both start at random
@@ -228,7 +228,12 @@ class DeSplatModel(SplatfactoModel):
         photo = self.composite_with_background(
             self.get_gt_img(batch["image"]), outputs["background"]
         )
-        free = self._regions(config, outputs, photo) if config.start == "residual" else None
+        free = None
+        if config.start == "residual":
+            seen = Sighting(*self.drawn, photo, alpha_d)
+            opacities, state = self.gauss_params["opacities"], self.strategy_state
+            static = outputs["rgb_static"]
+            free = self.placement.look(self.step, seen, static, opacities, self.info, state)
         losses["distractor_opacity"] = config.lambda_d * distractor_opacity_loss(alpha_d, free)
         losses["static_transparency"] = config.lambda_s * static_transparency_loss(alpha_s)
         if config.static_alone and self._distractors_drawn is not None:
@@ -240,27 +245,6 @@ class DeSplatModel(SplatfactoModel):
                 outputs["rgb_static"], photo, owned, self.config.ssim_lambda
             )
         return losses
-
-    @torch.no_grad()
-    def _regions(
-        self, config: DistractorConfig, outputs: dict[str, Any], photo: Tensor
-    ) -> Tensor | None:
-        """Pixels [H, W, 1] of a region in which distractors may start; None in the warm-up."""
-        regions = find_regions(
-            outputs["rgb_static"],
-            photo,
-            self.gauss_params["opacities"],
-            self.info,
-            self.strategy_state,
-            self.num_train_data,
-            config,
-        )
-        if self.step < config.static_warmup:
-            return None
-        if self.step < config.stop_placing_at:
-            index, view = self.drawn
-            self._seen = Sighting(index, view, photo, outputs["alpha_distractor"], regions)
-        return pixels_of(regions, *photo.shape[:2])
 
     def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
         """Splatfacto's figures of a training step and the number of distractors."""
@@ -281,13 +265,8 @@ class DeSplatModel(SplatfactoModel):
             index, info = self._distractors_drawn
             self.distractors.keep_colors_in_range(index)
             self.densifier.after_step(self.distractors, index, self.optimizers, step, info)
-        self._place_distractors()
-
-    def _place_distractors(self) -> None:
-        seen, self._seen = self._seen, None
-        if seen is not None and self.distractors is not None:
-            keep, new = replacement(seen, self.distractors, self.config.distractors)
-            self.densifier.exchange(self.distractors, seen.index, self.optimizers, keep, new)
+        if self.distractors is not None:
+            self.placement.place(self.distractors, self.densifier, self.optimizers)
 
     def get_image_metrics_and_images(
         self, outputs: dict[str, Tensor], batch: dict[str, Any]

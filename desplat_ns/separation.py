@@ -15,8 +15,10 @@ import torch
 import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
+from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
+from desplat_ns.densification import DistractorDensifier
 from desplat_ns.distractors import DistractorConfig, DistractorGaussians, distractors_at
 from desplat_ns.excess import ExpectedResidual, grid_of, local_residual, pooled
 from desplat_ns.regions import outlier_regions
@@ -38,7 +40,8 @@ class Sighting:
     view: View
     photo: Float[Tensor, "H W 3"]
     alpha_d: Float[Tensor, "H W 1"]
-    regions: Bool[Tensor, "rows columns"]
+    regions: Bool[Tensor, "rows columns"] | None = None
+    """On the grid of `grid_of`; None as long as nobody looked for them."""
 
 
 def find_regions(
@@ -93,6 +96,7 @@ def missing_distractors(seen: Sighting, config: DistractorConfig) -> dict[str, T
 
     One for each cell of a grid of `config.per_view` cells.
     """
+    assert seen.regions is not None
     columns, rows = grid_of(seen.view.width, seen.view.height, max(1, config.per_view))
     in_region = pooled(seen.regions[..., None].to(torch.float32), (columns, rows))[0]
     covered = pooled(seen.alpha_d.detach(), (columns, rows))[0]
@@ -116,10 +120,50 @@ def lie_in(
     return regions[row.long().clamp(0, rows - 1), column.long().clamp(0, columns - 1)]
 
 
-@torch.no_grad()
-def replacement(
-    seen: Sighting, distractors: DistractorGaussians, config: DistractorConfig
-) -> tuple[Bool[Tensor, " N"], dict[str, Tensor]]:
-    """Which distractors of the view stay, and the new ones."""
-    means = distractors.params_of(seen.index)["means"]
-    return lie_in(seen.regions, means, seen.view), missing_distractors(seen, config)
+class Placement:
+    """Moves each view's distractors to its regions, once the optimizers have stepped."""
+
+    def __init__(self, config: DistractorConfig, num_views: int):
+        self.config = config
+        self.num_views = num_views
+        self._seen: Sighting | None = None
+
+    @torch.no_grad()
+    def look(
+        self,
+        step: int,
+        seen: Sighting,
+        static: Float[Tensor, "H W 3"],
+        opacities: Float[Tensor, "N 1"],
+        info: dict[str, Any],
+        state: dict[str, Any],
+    ) -> Bool[Tensor, "H W 1"] | None:
+        """Find the view's regions, for `place`; the arguments are those of `find_regions`.
+
+        Returns:
+            The pixels in regions; None in the warm-up, in which views are only remembered.
+        """
+        seen.regions = find_regions(
+            static, seen.photo, opacities, info, state, self.num_views, self.config
+        )
+        if step < self.config.static_warmup:
+            return None
+        if step < self.config.stop_placing_at:
+            self._seen = seen
+        return pixels_of(seen.regions, *seen.photo.shape[:2])
+
+    @torch.no_grad()
+    def place(
+        self,
+        distractors: DistractorGaussians,
+        densifier: DistractorDensifier,
+        optimizers: dict[str, Optimizer],
+    ) -> None:
+        """Give the view that was looked at new distractors, and remove those out of place."""
+        seen, self._seen = self._seen, None
+        if seen is None:
+            return
+        assert seen.regions is not None
+        keep = lie_in(seen.regions, distractors.params_of(seen.index)["means"], seen.view)
+        new = missing_distractors(seen, self.config)
+        densifier.exchange(distractors, seen.index, optimizers, keep, new)

@@ -16,7 +16,6 @@ from desplat_ns.separation import (
     missing_distractors,
     owned_share,
     pixels_of,
-    replacement,
 )
 
 WIDTH, HEIGHT = 60, 40
@@ -72,13 +71,6 @@ def test_as_many_pixels_wide_as_those_that_cover_the_whole_view():
 def test_none_is_placed_where_distractors_cover_already():
     assert len(missing_distractors(sighting(block(), alpha=0.6), CONFIG)["means"]) == 0
     assert len(missing_distractors(sighting(block(), alpha=0.4), CONFIG)["means"]) == 50
-
-
-def test_a_view_without_regions_gets_none_and_keeps_none():
-    distractors = DistractorGaussians(dataclasses.replace(CONFIG, start="everywhere"), cameras())
-    keep, new = replacement(sighting(torch.zeros_like(block())), distractors, CONFIG)
-    assert not keep.any()
-    assert len(new["means"]) == 0
 
 
 def test_those_in_the_region_stay():

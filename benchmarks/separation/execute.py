@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
 from benchmarks.machine import CHECKOUT
 from benchmarks.separation.baselines import METHODS
+from benchmarks.separation.hard_cases import make_case
 from benchmarks.separation.runs import SCENES, SETTINGS, Run
 from desplat_ns.errors import DeSplatError
 from desplat_ns.synthetic import SceneSpec, write_scene
@@ -31,25 +34,35 @@ _writing = Lock()
 
 
 def data_of(run: Run, folder: Path) -> Path:
-    """The scene's folder; a generated one is made under `folder` at its first use.
+    """The scene's folder; what is generated is made under `folder` at its first use.
 
     Raises:
         DeSplatError: the real scenes are not there.
     """
-    name = SCENES[run.scene].folder
-    if name is None:
-        scene = folder / "yard"
-        with _writing:
-            if not scene.exists():
-                write_scene(SceneSpec(), scene)
-        return scene
-    data = Path(os.environ.get("DESPLAT_NS_DATA", "")) / name
-    if not data.is_dir():
-        raise DeSplatError(
-            f"The scene '{name}' is not at '{data}'. Set DESPLAT_NS_DATA to the folder that holds "
-            "it, or choose runs on the scene 'yard' with --only."
-        )
-    return data
+    scene = SCENES[run.scene]
+    with _writing:
+        if scene.folder is None:
+            return _made(folder / "yard", lambda path: write_scene(SceneSpec(), path))
+        data = Path(os.environ.get("DESPLAT_NS_DATA", "")) / scene.folder
+        if not data.is_dir():
+            raise DeSplatError(
+                f"The scene '{scene.folder}' is not at '{data}'. Set DESPLAT_NS_DATA to the folder "
+                "that holds it, or choose runs on the generated scene: --only '*-yard*'."
+            )
+        case = scene.case
+        if case is None:
+            return data
+        return _made(folder / case, lambda path: make_case(case, data.resolve(), path))
+
+
+def _made(path: Path, make: Callable[[Path], object]) -> Path:
+    """What `make` writes; beside its place first, so that a stopped study leaves nothing half."""
+    if not path.exists():
+        draft = path.with_name(f"{path.name}.draft")
+        shutil.rmtree(draft, ignore_errors=True)
+        make(draft)
+        draft.rename(path)
+    return path
 
 
 def execute(run: Run, folder: Path) -> tuple[dict[str, Any], float]:

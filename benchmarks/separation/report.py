@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmarks.machine import CHECKOUT
 from benchmarks.separation import one_pixel
-from benchmarks.separation.runs import ABLATIONS, SEEDS, SETTINGS, Run
+from benchmarks.separation.runs import ABLATIONS, HARD, SEEDS, SETTINGS, Run
 from benchmarks.tables import table
 
 TEMPLATE = Path(__file__).with_name("separation.md.template")
@@ -98,6 +98,24 @@ def still_table(figures: Figures) -> str:
     return table(head, rows) if rows else f"*{NOT_YET} yet*"
 
 
+def hard_table(figures: Figures, steps: int) -> str:
+    """One row for each kind of difficult occluder."""
+    rows = []
+    for scene in HARD:
+        off, ours = ((setting, scene, 2, steps) for setting in ("off", "desplat"))
+        if not figures.values(ours, "psnr"):
+            continue
+        gap = figures.gaps("desplat", scene, "clean", 2, steps)
+        cells = [figures.cell(run, "psnr", ".2f") for run in (off, ours)]
+        scores = [
+            figures.cell(ours, "mask_iou", ".2f"),
+            figures.cell(ours, "alpha_outside_masks", ".3f"),
+        ]
+        rows.append([scene, *cells, spread(gap[:1], ".2f"), *scores])
+    head = ["", "off", "`desplat`", "gap closed", "mask IoU", "alpha outside"]
+    return table(head, rows) if rows else f"*{NOT_YET} yet*"
+
+
 def write_report(records: Records, folder: Path = FOLDER) -> Path:
     """Fill in the template; returns where the document is."""
     figures = Figures(records)
@@ -109,7 +127,11 @@ def write_report(records: Records, folder: Path = FOLDER) -> Path:
         return scene_table(figures, chosen[settings], scene, clean, int(downscale), int(steps))
 
     text = re.sub(r"\{\{table ([^}]*)\}\}", filled, TEMPLATE.read_text())
-    text = Template(text).substitute(still=still_table(figures))
+    text = Template(text).substitute(
+        still=still_table(figures),
+        hard_1000=hard_table(figures, 1000),
+        hard_3000=hard_table(figures, 3000),
+    )
     path = folder / REPORT
     path.write_text(text)
     one_pixel.draw(folder / FIGURE)

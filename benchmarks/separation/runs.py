@@ -36,12 +36,19 @@ SETTINGS = {
 """By name. The last four are `desplat` with one thing taken away."""
 
 
+HARD = ("white", "black", "large", "small", "recurring")
+"""One kind of difficult occluder each."""
+
+
 @dataclass(frozen=True)
 class Scene:
-    """A capture and how to read it; `folder` in DESPLAT_NS_DATA, or None for a generated one."""
+    """A capture and how to read it."""
 
     folder: str | None
+    """In DESPLAT_NS_DATA; None for the scene that `desplat_ns.synthetic` generates."""
     parser: tuple[str, ...]
+    case: str | None = None
+    """Of `hard_cases`, whose occluders take the place of the folder's."""
 
 
 SCENES = {
@@ -50,6 +57,7 @@ SCENES = {
     "still": Scene("fox", ("colmap",)),
     "yard": Scene(None, ("robustnerf-data",)),
     "yard-clean": Scene(None, ("robustnerf-data", "--train-split-clean-clutter-ratio", "0")),
+    **{name: Scene("fox_cluttered", ("robustnerf-data",), name) for name in HARD},
 }
 """By name. In `still` nothing moves; `yard` is the generated scene, on which nothing was chosen."""
 
@@ -90,7 +98,9 @@ PLAN = (
     *_runs("off desplat", "yard", 1, 1000, 3),
     *_runs("off", "yard-clean", 1, 1000, 3),
     *_runs(ABLATIONS, "clutter", 2, 1000, 1),
+    *_runs("off desplat", " ".join(HARD), 2, 1000, 1),
     *_runs(ABLATIONS, "clutter", 2, 3000, 1),
+    *_runs("off desplat", " ".join(HARD), 2, 3000, 1),
     *_runs("off desplat", "yard", 1, 3000, 1),
     *_runs("off", "yard-clean", 1, 3000, 1),
     *_runs("off desplat", "clutter", 1, 3000, 1),
