@@ -64,7 +64,7 @@ def separating_distractors() -> DistractorConfig:
     return DistractorConfig(
         start="residual",
         static_alone=True,
-        static_warmup=10_000,
+        static_warmup=6_000,
         lambda_d=0.1,
         initial_opacity=0.5,
     )

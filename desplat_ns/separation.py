@@ -83,6 +83,12 @@ def pixels_of(
     return F.interpolate(cells, size=(height, width))[0, 0, :, :, None] > 0
 
 
+def interior(regions: Bool[Tensor, "rows columns"]) -> Bool[Tensor, "rows columns"]:
+    """Regions without their outermost cells; the image's border is no edge."""
+    outside = F.pad((~regions).to(torch.float32), (1, 1, 1, 1))
+    return F.max_pool2d(outside[None], 3, 1)[0] == 0
+
+
 def owned_share(alpha_d: Float[Tensor, "H W 1"]) -> Float[Tensor, "H W 1"]:
     """How far distractors own a pixel, in [0, 1]: the largest of their opacities around it."""
     height, width = alpha_d.shape[:2]
@@ -141,7 +147,9 @@ class Placement:
         """Find the view's regions, for `place`; the arguments are those of `find_regions`.
 
         Returns:
-            The pixels in regions; None in the warm-up, in which views are only remembered.
+            The pixels inside regions, in which opacity is free; None in the warm-up, in which views
+            are only remembered. Edges are not free: residuals are averaged over some cells, so a
+            region reaches beyond what stands there.
         """
         seen.regions = find_regions(
             static, seen.photo, opacities, info, state, self.num_views, self.config
@@ -150,7 +158,7 @@ class Placement:
             return None
         if step < self.config.stop_placing_at:
             self._seen = seen
-        return pixels_of(seen.regions, *seen.photo.shape[:2])
+        return pixels_of(interior(seen.regions), *seen.photo.shape[:2])
 
     @torch.no_grad()
     def place(

@@ -12,6 +12,7 @@ from desplat_ns.distractors import DistractorConfig, DistractorGaussians
 from desplat_ns.separation import (
     Sighting,
     find_regions,
+    interior,
     lie_in,
     missing_distractors,
     owned_share,
@@ -104,6 +105,14 @@ def test_what_distractors_own_reaches_a_cell_beyond_their_edge():
     owned[48:62, 98:122] = 0.6
     owned[88:102] = 0.4
     assert torch.equal(owned_share(alpha), owned)
+
+
+def test_the_interior_of_a_region_leaves_out_its_edge_but_not_the_images():
+    expected = torch.zeros_like(block())
+    expected[11:19, 31:49] = True
+    assert torch.equal(interior(block()), expected)
+    assert interior(torch.ones(5, 7, dtype=torch.bool)).all()
+    assert not interior(torch.zeros(5, 7, dtype=torch.bool)).any()
 
 
 @pytest.mark.parametrize("size", [(80, 120), (77, 111)])

@@ -11,6 +11,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Lock
+from typing import Any
 
 from benchmarks.machine import CHECKOUT
 from benchmarks.separation import records
@@ -29,13 +30,21 @@ def parse_arguments() -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--jobs", type=int, default=1, help="runs beside each other (%(default)s)")
-    parser.add_argument("--only", default="*", help="runs whose name matches, e.g. '*-clutter-2-*'")
+    parser.add_argument(
+        "--only", nargs="+", default=["*"], help="runs whose names match, e.g. '*-clutter-2-*'"
+    )
     parser.add_argument("--list", action="store_true", help="name the missing runs and stop")
     parser.add_argument("--report", action="store_true", help="only write the document")
     parser.add_argument(
         "--output", type=Path, default=CHECKOUT / "outputs" / "separation", help="of the runs"
     )
     return parser.parse_args()
+
+
+def wanted_runs(patterns: list[str], known: dict[str, dict[str, Any]]) -> list[Run]:
+    """The runs that are not recorded, in the order of the patterns and of the plan."""
+    named = {run: None for p in patterns for run in PLAN if fnmatch.fnmatch(run.name, p)}
+    return [run for run in named if not records.is_done(run, known)]
 
 
 def measure(run: Run, folder: Path) -> bool:
@@ -55,8 +64,7 @@ def main() -> int:
     """Entry point."""
     chosen = parse_arguments()
     known = records.load()
-    wanted = [r for r in PLAN if fnmatch.fnmatch(r.name, chosen.only)]
-    missing = [r for r in wanted if not records.is_done(r, known)]
+    missing = wanted_runs(chosen.only, known)
     if chosen.list:
         print("\n".join(r.name for r in missing))
         return 0
