@@ -24,6 +24,13 @@ class PinholeCamera:
         """Optical centre in the world, metres."""
         return -self.viewmat[:3, :3].T @ self.viewmat[:3, 3]
 
+    def with_size(self, width: int, height: int) -> PinholeCamera:
+        """The same pose and the same angle of view along the longer side, in another format."""
+        scale = max(width, height) / max(self.width, self.height)
+        fx, fy = scale * self.K[0, 0], scale * self.K[1, 1]
+        K = np.array([[fx, 0, width / 2], [0, fy, height / 2], [0, 0, 1.0]])
+        return PinholeCamera(K, self.viewmat, width, height)
+
     def rays(self, supersample: int) -> Float[np.ndarray, "3 h w"]:
         """Directions in the world through `supersample`^2 samples of each pixel, on a regular grid.
 

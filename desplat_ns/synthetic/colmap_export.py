@@ -45,14 +45,22 @@ def write_reconstruction(
 ) -> None:
     """Write cameras, images and points3D as binary files into `folder`, which is made if needed.
 
-    All photos share the first photo's intrinsics.
+    Photos with the same intrinsics and size share a camera.
     """
     reconstruction = pycolmap.Reconstruction()
-    reconstruction.add_camera_with_trivial_rig(to_colmap(photos[0].camera, camera_id=1))
+    camera_ids: dict[tuple[float, ...], int] = {}
     tracks = [pycolmap.Track() for _ in range(xyz.shape[1])]
     for image_id, photo in enumerate(photos, start=1):
+        lens = (photo.camera.width, photo.camera.height, *photo.camera.K.ravel().tolist())
+        if lens not in camera_ids:
+            camera_ids[lens] = len(camera_ids) + 1
+            camera = to_colmap(photo.camera, camera_ids[lens])
+            reconstruction.add_camera_with_trivial_rig(camera)
         image = pycolmap.Image(
-            name=photo.name, keypoints=photo.pixels.T, camera_id=1, image_id=image_id
+            name=photo.name,
+            keypoints=photo.pixels.T,
+            camera_id=camera_ids[lens],
+            image_id=image_id,
         )
         pose = pycolmap.Rigid3d(photo.camera.viewmat[:3])
         reconstruction.add_image_with_trivial_frame(image, pose)

@@ -93,3 +93,15 @@ def sample_points(views: Sequence[View], count: int, rng: np.random.Generator) -
     cloud = PointCloud(points, np.concatenate(rgb, axis=1), *found)
     tracked = np.flatnonzero(cloud.is_seen.sum(axis=0) >= FEW_VIEWS)
     return cloud.keep(np.sort(rng.permutation(tracked)[:count]))
+
+
+def mean_colors(
+    cloud: PointCloud, images: Sequence[UInt8[np.ndarray, "_ _ 3"]]
+) -> UInt8[np.ndarray, "3 N"]:
+    """Each point's colour, averaged over the pictures that see it: one picture for each view."""
+    total = np.zeros(cloud.rgb.shape)
+    for seen, rows, columns, image in zip(
+        cloud.is_seen, cloud.rows, cloud.columns, images, strict=True
+    ):
+        total += np.where(seen, image[rows, columns].T, 0)
+    return np.round(total / cloud.is_seen.sum(axis=0)).astype(np.uint8)

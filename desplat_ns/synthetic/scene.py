@@ -1,67 +1,24 @@
-"""The capture: twins with and without occluders, extra views, points; in memory or on disk."""
+"""The capture: twins with and without occluders, extra views, points."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from desplat_ns.data.images import write_image
 from desplat_ns.errors import ConfigError
 from desplat_ns.synthetic.cameras import PinholeCamera, arc
-from desplat_ns.synthetic.colmap_export import RegisteredPhoto, write_reconstruction
-from desplat_ns.synthetic.occluders import Effect, OccluderSpec, occluders_for_view
-from desplat_ns.synthetic.points import PointCloud, sample_points
-from desplat_ns.synthetic.render import Samples, draw, sky, to_pixels, to_uint8
+from desplat_ns.synthetic.daylight import Daylight, develop, draw_daylights
+from desplat_ns.synthetic.occluders import Effect, occluders_for_view
+from desplat_ns.synthetic.points import FEW_VIEWS, PointCloud, mean_colors, sample_points
+from desplat_ns.synthetic.render import Samples, draw, sky, to_pixels
+from desplat_ns.synthetic.spec import SceneSpec
 from desplat_ns.synthetic.yard import furniture, walls_and_ground
 
-
-@dataclass(frozen=True)
-class SceneSpec:
-    """Everything that decides what is generated; the same spec gives the same bits."""
-
-    num_views: int = 24
-    """Training views; each comes with occluders (`clutter`) and without (`clean`)."""
-    num_extras: int = 6
-    """Views for evaluation (`extra`), never with occluders."""
-    width: int = 288
-    """Of every picture, in pixels."""
-    height: int = 192
-    """Of every picture, in pixels."""
-    supersample: int = 2
-    """Each pixel is the mean of this number squared of samples."""
-    arc_degrees: float = 90.0
-    """Arc around the yard on which the cameras stand."""
-    wall_height: float = 6.0
-    """Metres. Above walls lower than some 4 metres the sky shows."""
-    occluders: OccluderSpec = field(default_factory=OccluderSpec)
-    num_points: int = 4000
-    """Points of the reconstruction, at most."""
-    point_noise: float = 0.004
-    """Standard deviation of the error of a point's position, metres along each axis."""
-    pixel_noise: float = 0.3
-    """Standard deviation of the error of an observation, pixels along each axis."""
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.num_views < 3 or self.num_extras < 1:
-            raise ConfigError(
-                f"A scene of {self.num_views} views and {self.num_extras} extras is too small: "
-                "set num_views to 3 or more and num_extras to 1 or more."
-            )
-        if min(self.width, self.height) < 16 or self.supersample < 1:
-            raise ConfigError(
-                f"Pictures of {self.width}x{self.height} with supersample {self.supersample} "
-                "cannot be drawn: set width and height to 16 or more, supersample to 1 or more."
-            )
-
-    @classmethod
-    def tiny(cls, seed: int = 0) -> SceneSpec:
-        """Six views of 48x32 pixels, for tests."""
-        return cls(num_views=6, num_extras=2, width=48, height=32, num_points=300, seed=seed)
+LEAST_SKY = 0.01
+"""A sky that fills less than this fraction of the photos is a mistake in the spec."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +33,8 @@ class Frame:
     """Of the static scene at pixel centres, metres along the optical axis; infinity in the sky."""
     coverage: Float[np.ndarray, "H W"]
     """Fraction of each pixel that occluders hide; 0 in clean and extra pictures."""
+    daylight: Daylight | None = None
+    """Light and sky that it was taken in, where the spec asks for any."""
 
     @property
     def mask(self) -> Bool[np.ndarray, "H W"]:
@@ -93,6 +52,8 @@ class Scene:
     extra: list[Frame]
     points: PointCloud
     """Its views are the training views, then the extras; occluders are left out of account."""
+    unlit: list[Frame] = field(default_factory=list)
+    """With daylight: the extras as they are without, under canonical light and a plain sky."""
     folder: Path | None = None
     """Where it was written, if it was."""
 
@@ -102,18 +63,69 @@ class Scene:
         return np.stack(hidden)
 
 
-def _rng(spec: SceneSpec, *purpose: int) -> np.random.Generator:
-    """A generator of its own for each purpose, so that one more draw here changes nothing there."""
-    return np.random.default_rng([spec.seed, *purpose])
-
-
 def make_cameras(spec: SceneSpec) -> tuple[list[PinholeCamera], list[PinholeCamera]]:
     """Training cameras and extras; the extras stand between training cameras."""
     half, size = np.radians(spec.arc_degrees) / 2, (spec.width, spec.height)
     train = np.linspace(-half, half, spec.num_views)
     gaps = np.linspace(1, spec.num_views - 3, spec.num_extras).round().astype(int)
     extra = (train[gaps] + train[gaps + 1]) / 2
-    return arc(train, size, _rng(spec, 0)), arc(extra, size, _rng(spec, 1))
+    return (
+        _vary_sizes(spec, arc(train, size, spec.rng(0)), spec.rng(6)),
+        _vary_sizes(spec, arc(extra, size, spec.rng(1)), spec.rng(7)),
+    )
+
+
+def _vary_sizes(
+    spec: SceneSpec, cameras: list[PinholeCamera], rng: np.random.Generator
+) -> list[PinholeCamera]:
+    """The same cameras, each size of the spec equally often, in random order."""
+    if not spec.other_sizes:
+        return cameras
+    order = rng.permutation(np.arange(len(cameras)) % len(spec.sizes))
+    return [camera.with_size(*spec.sizes[i]) for camera, i in zip(cameras, order, strict=True)]
+
+
+@dataclass(frozen=True)
+class _Drawing:
+    """What a camera sees of the static scene under a plain sky."""
+
+    camera: PinholeCamera
+    samples: Samples
+    centers: Samples
+    """One sample at the centre of each pixel, without shadows."""
+    daylight: Daylight | None
+
+    def frame(self, name: str, supersample: int, daylight: Daylight | None) -> Frame:
+        image = develop(self.samples, self.camera, supersample, daylight)
+        depth = self.centers.depth
+        return Frame(name, self.camera, image, depth, np.zeros_like(depth), daylight)
+
+
+def _draw_static(
+    spec: SceneSpec, cameras: list[PinholeCamera], rng: np.random.Generator
+) -> list[_Drawing]:
+    things = furniture()
+    world = walls_and_ground(spec.wall_height) + things
+    daylights: list[Daylight | None] = [None] * len(cameras)
+    if spec.daylight is not None:
+        daylights = [*draw_daylights(spec.daylight, len(cameras), rng)]
+    drawings = []
+    for camera, daylight in zip(cameras, daylights, strict=True):
+        behind = sky(camera, spec.supersample)
+        samples = draw(world, camera, spec.supersample, behind, things)
+        centers = draw(world, camera, 1, sky(camera, 1))
+        drawings.append(_Drawing(camera, samples, centers, daylight))
+    return drawings
+
+
+def _check_sky(spec: SceneSpec, drawings: list[_Drawing]) -> None:
+    share = float(np.mean([np.isinf(drawing.centers.depth).mean() for drawing in drawings]))
+    if spec.daylight is not None and spec.daylight.sky and share < LEAST_SKY:
+        raise ConfigError(
+            f"daylight asks for a sky of each photo's own, and the sky fills {share:.1%} of the "
+            f"photos: wall_height is {spec.wall_height}. Lower it (2.6 lets the sky in), or "
+            "choose DaylightSpec(sky=False)."
+        )
 
 
 class _Crowd:
@@ -129,82 +141,65 @@ class _Crowd:
         worn_out = self.points.hidden_by(view, new) & (self.views_left <= 0)
         return Effect(float(new.mean()), worn_out.sum() / max(1, self.points.is_seen[view].sum()))
 
-    def join(self, view: int, twin: Frame, clean: Samples, behind: Samples) -> Frame:
+    def join(self, view: int, name: str, drawing: _Drawing) -> Frame:
         """The twin of a clean picture: occluders are drawn over its samples."""
-        spec, camera = self.spec, twin.camera
+        spec, camera = self.spec, drawing.camera
         chosen = occluders_for_view(
             spec.occluders,
             camera,
             view,
-            lambda primitives: self._effect(view, draw(primitives, camera, 1, behind).is_new),
-            _rng(spec, 2, view),
+            lambda parts: self._effect(view, draw(parts, camera, 1, drawing.centers).is_new),
+            spec.rng(2, view),
         )
-        samples = draw(chosen, camera, spec.supersample, clean)
+        samples = draw(chosen, camera, spec.supersample, drawing.samples)
         coverage = to_pixels(samples.is_new[None].astype(np.float32), spec.supersample)[..., 0]
         self.views_left -= self.points.hidden_by(view, coverage > 0)
-        image = to_uint8(to_pixels(samples.rgb, spec.supersample))
-        return Frame(f"clutter_{view + 1:04d}", camera, image, twin.depth, coverage)
+        image = develop(samples, camera, spec.supersample, drawing.daylight)
+        return Frame(name, camera, image, drawing.centers.depth, coverage, drawing.daylight)
+
+
+def _name(spec: SceneSpec, kind: str, index: int) -> str:
+    """RobustNeRF's names say what a photo shows; those of tourists' photos are mere numbers."""
+    if spec.layout == "robustnerf":
+        return f"{kind}_{index + 1:04d}"
+    return f"photo_{index + 1 + (spec.num_views if kind == 'extra' else 0):04d}"
 
 
 def make_scene(spec: SceneSpec) -> Scene:
     """Draw the capture that `spec` describes.
 
-    Raises ConfigError where the occluders asked for cannot be placed.
+    Poses, points and occluders are the same with and without daylight: it changes colours only.
+
+    Raises ConfigError where the occluders asked for cannot be placed, and where a sky is asked for
+    that no photo shows.
     """
-    things = furniture()
-    world = walls_and_ground(spec.wall_height) + things
     train, extra = make_cameras(spec)
-    frames: dict[str, list[Frame]] = {"clean": [], "extra": []}
-    drawn: list[tuple[Samples, Samples]] = []
-    for kind, cameras in (("clean", train), ("extra", extra)):
-        for view, camera in enumerate(cameras):
-            samples = draw(world, camera, spec.supersample, sky(camera, spec.supersample), things)
-            plain = draw(world, camera, 1, sky(camera, 1))
-            image, none = to_uint8(to_pixels(samples.rgb, spec.supersample)), 0 * plain.rgb[0]
-            name = f"{kind}_{view + 1:04d}"
-            frames[kind].append(Frame(name, camera, image, plain.depth, none))
-            drawn.append((samples, plain))
-    views = [(f.camera, f.image, f.depth) for f in frames["clean"] + frames["extra"]]
-    points = sample_points(views, spec.num_points, _rng(spec, 3))
+    drawings = _draw_static(spec, train, spec.rng(8)) + _draw_static(spec, extra, spec.rng(9))
+    _check_sky(spec, drawings)
+    names = [_name(spec, "clean", i) for i in range(len(train))]
+    names += [_name(spec, "extra", i) for i in range(len(extra))]
+    plain = [d.frame(n, spec.supersample, None) for n, d in zip(names, drawings, strict=True)]
+    views = [(frame.camera, frame.image, frame.depth) for frame in plain]
+    points = sample_points(views, spec.num_points, spec.rng(3))
     crowd = _Crowd(spec, points)
-    clutter = [crowd.join(i, frame, *drawn[i]) for i, frame in enumerate(frames["clean"])]
-    return Scene(spec, frames["clean"], clutter, frames["extra"], points)
+    clutter = [
+        crowd.join(i, _name(spec, "clutter", i), d) for i, d in enumerate(drawings[: len(train)])
+    ]
+    if spec.daylight is None:
+        clean, extras, unlit = plain[: len(train)], plain[len(train) :], []
+    else:
+        lit = [
+            d.frame(n, spec.supersample, d.daylight) for n, d in zip(names, drawings, strict=True)
+        ]
+        clean, extras, unlit = lit[: len(train)], lit[len(train) :], plain[len(train) :]
+        points = replace(points, rgb=mean_colors(points, [frame.image for frame in lit]))
+    scene = Scene(spec, clean, clutter, extras, points, unlit)
+    return _without_lost_points(scene) if spec.layout == "phototourism" else scene
 
 
-def _register(scene: Scene) -> list[RegisteredPhoto]:
-    """Photos with their noisy observations; points hidden by occluders are not observed."""
-    rng, points = _rng(scene.spec, 4), scene.points
-    photos = []
-    plain = enumerate(scene.clean + scene.extra)
-    for view, frame in [*enumerate(scene.clutter), *plain]:
-        hidden = points.hidden_by(view, frame.coverage > 0)
-        ids = np.flatnonzero(points.is_seen[view] & ~hidden)
-        pixels, _ = frame.camera.project(points.xyz[:, ids])
-        pixels = pixels + rng.normal(scale=scene.spec.pixel_noise, size=pixels.shape)
-        photos.append(RegisteredPhoto(f"{frame.name}.png", frame.camera, ids, pixels))
-    return photos
-
-
-def write_scene(spec: SceneSpec, folder: Path) -> Scene:
-    """Make a scene and write it to `folder` as RobustNeRF names things; return its truth.
-
-    `images/{clean,clutter,extra}_NNNN.png`, `masks/clutter_NNNN.png` (255 = occluder),
-    `sparse/0/*.bin` (COLMAP) and `scene.json` (the spec).
-    Raises ConfigError where `folder` already holds pictures.
-    """
-    if any((folder / "images").glob("*")):
-        raise ConfigError(
-            f"{folder / 'images'} already holds pictures and nothing was written. Remove "
-            f"{folder} or name another folder."
-        )
-    scene = make_scene(spec)
-    for frame in scene.clean + scene.clutter + scene.extra:
-        write_image(folder / "images" / f"{frame.name}.png", frame.image)
-    for frame in scene.clutter:
-        write_image(folder / "masks" / f"{frame.name}.png", frame.mask)
-    noise = _rng(spec, 5).normal(scale=spec.point_noise, size=scene.points.xyz.shape)
-    write_reconstruction(
-        folder / "sparse" / "0", _register(scene), scene.points.xyz + noise, scene.points.rgb
-    )
-    (folder / "scene.json").write_text(json.dumps(asdict(spec), indent=2) + "\n")
-    return replace(scene, folder=folder)
+def _without_lost_points(scene: Scene) -> Scene:
+    """Where no clean twins are registered, points that occluders hide too often are not found."""
+    shown = scene.points.is_seen.copy()
+    shown[: len(scene.clutter)] &= ~scene.is_occluded()
+    kept = np.flatnonzero(shown.sum(axis=0) >= FEW_VIEWS)
+    return replace(scene, points=scene.points.keep(kept))

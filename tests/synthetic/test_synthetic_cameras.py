@@ -54,3 +54,12 @@ def test_an_arc_has_one_camera_for_each_azimuth_and_all_differ():
     azimuths = np.arctan2(positions[:, 0], -positions[:, 1])
     np.testing.assert_allclose(azimuths, np.linspace(-1, 1, 5), atol=1e-12)
     assert len(set(positions[:, 2])) == 5
+
+
+def test_another_format_keeps_the_pose_and_the_angle_along_the_longer_side(camera):
+    upright = camera.with_size(32, 48)
+    np.testing.assert_array_equal(upright.viewmat, camera.viewmat)
+    assert (upright.width, upright.height) == (32, 48)
+    assert upright.K.tolist() == [[50, 0, 16], [0, 50, 24], [0, 0, 1]]
+    smaller = camera.with_size(24, 16)
+    assert smaller.K.tolist() == [[25, 0, 12], [0, 25, 8], [0, 0, 1]]

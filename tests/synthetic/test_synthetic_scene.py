@@ -135,11 +135,3 @@ def test_a_folder_with_pictures_is_left_alone(scene):
     with pytest.raises(ConfigError, match="already holds pictures"):
         write_scene(SMALL, scene.folder)
     assert files(scene.folder) == before
-
-
-@pytest.mark.parametrize(
-    "change", [{"num_views": 2}, {"num_extras": 0}, {"width": 8}, {"supersample": 0}]
-)
-def test_scenes_that_cannot_be_drawn_are_an_error_that_names_the_field(change):
-    with pytest.raises(ConfigError, match=next(iter(change))):
-        SceneSpec(**change)
