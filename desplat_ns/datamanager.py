@@ -87,6 +87,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         numbers = torch.arange(len(dataset))[:, None]
         dataset.cameras.metadata = {**(dataset.cameras.metadata or {}), "train_idx": numbers}
         dataset.metadata["train_cameras"] = dataset.cameras
+        dataset.metadata["train_image_names"] = _names(dataset)
         return dataset
 
     def create_eval_dataset(self) -> CaptureDataset:
@@ -108,9 +109,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
     @property
     def train_image_names(self) -> list[str]:
         """Names of the training photos in the order of `train_idx`, below their common folder."""
-        paths = [path.absolute() for path in self.train_dataset.image_filenames]
-        folder = Path(os.path.commonpath([path.parent for path in paths]))
-        return [path.relative_to(folder).as_posix() for path in paths]
+        return _names(self.train_dataset)
 
     def sampler_state(self) -> dict[str, Any]:
         """The order in which views come next, as numbers and lists only."""
@@ -159,3 +158,9 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         if not torch.cuda.is_available():
             cache_images_device = "gpu"
         return super()._load_images(split, cache_images_device)
+
+
+def _names(dataset: CaptureDataset) -> list[str]:
+    paths = [path.absolute() for path in dataset.image_filenames]
+    folder = Path(os.path.commonpath([path.parent for path in paths]))
+    return [path.relative_to(folder).as_posix() for path in paths]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import Splats
@@ -14,27 +14,23 @@ RawParameters = nn.ParameterDict | Mapping[str, Tensor]
 """Values before activation, by name."""
 
 
-def activate_static(
-    params: RawParameters, sh_degree: int | None, keep: Bool[Tensor, " N"] | None = None
-) -> Splats:
+def activate_static(params: RawParameters, sh_degree: int | None) -> Splats:
     """Static Gaussians with Splatfacto's activations: exp(scales), sigmoid(opacities), SH colours.
 
     Args:
         params: Splatfacto's `gauss_params`: means [N, 3], scales [N, 3] (log), quats [N, 4],
             features_dc [N, 3], features_rest [N, K - 1, 3], opacities [N, 1] (logit).
         sh_degree: degree to evaluate now; None where colours are stored as logits, without SH.
-        keep: Gaussians to take, all if None.
     """
-    p = dict(params) if keep is None else {name: value[keep] for name, value in params.items()}
     if sh_degree is None:
-        colors = sigmoid(p["features_dc"])
+        colors = sigmoid(params["features_dc"])
     else:
-        colors = torch.cat([p["features_dc"][:, None], p["features_rest"]], dim=1)
+        colors = torch.cat([params["features_dc"][:, None], params["features_rest"]], dim=1)
     return Splats(
-        means=p["means"],
-        quats=p["quats"],
-        scales=torch.exp(p["scales"]),
-        opacities=sigmoid(p["opacities"]).squeeze(-1),
+        means=params["means"],
+        quats=params["quats"],
+        scales=torch.exp(params["scales"]),
+        opacities=sigmoid(params["opacities"]).squeeze(-1),
         colors=colors,
         sh_degree=sh_degree,
     )

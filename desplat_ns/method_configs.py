@@ -5,14 +5,17 @@ from __future__ import annotations
 
 import torch
 from nerfstudio.configs.base_config import MachineConfig, ViewerConfig
+from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 from nerfstudio.plugins.types import MethodSpecification
 
 from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.distractors import DistractorConfig
+from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import print_user_errors_plainly
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.optimizers import FusedAdamConfig
+from desplat_ns.photo_tourism.config import BackgroundConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig
 from desplat_ns.schedules import ScaledExponentialDecaySchedulerConfig
 from desplat_ns.trainer import DeSplatTrainerConfig
@@ -21,6 +24,9 @@ print_user_errors_plainly()
 
 STEPS = 30_000
 """Length of the full schedule, B.3."""
+
+PHOTO_TOURISM_STEPS = 200_000
+"""The same for Photo Tourism."""
 
 
 def _constant(lr: float) -> dict:
@@ -59,6 +65,18 @@ def distractor_optimizers() -> dict:
     }
 
 
+def image_effect_optimizers() -> dict:
+    """B.3, for appearance and background where they are on."""
+    return {
+        "appearance_mlp": _constant(5e-4),
+        "image_embeddings": _constant(1e-3),
+        "appearance_features": _constant(5e-3),
+        "background_encoder": _decaying(2e-3, 1e-4),
+        "background_sh_dc": _decaying(2e-3, 2e-4),
+        "background_sh_rest": _decaying(1e-4, 1e-5),
+    }
+
+
 def separating_distractors() -> DistractorConfig:
     """What separates in short runs as in long ones: docs/separation.md says why and how well."""
     return DistractorConfig(
@@ -70,13 +88,28 @@ def separating_distractors() -> DistractorConfig:
     )
 
 
-def _method(name: str, distractors: DistractorConfig, description: str) -> MethodSpecification:
+def photo_tourism_model(background: bool) -> DeSplatModelConfig:
+    """B.3, Photo Tourism: with the background model, or with appearance alone (DeSplat-A)."""
+    return DeSplatModelConfig(
+        effects=EffectsConfig(appearance="affine", background=background),
+        distractors=DistractorConfig(lambda_d=0.01, lambda_s=0.0 if background else 0.01),
+        background=BackgroundConfig(lambda_bg=0.15 if background else 0.0),
+    )
+
+
+def _method(
+    name: str,
+    description: str,
+    model: DeSplatModelConfig,
+    dataparser: DataParserConfig,
+    steps: int = STEPS,
+) -> MethodSpecification:
     return MethodSpecification(
         config=DeSplatTrainerConfig(
             method_name=name,
             machine=MachineConfig(device_type="cuda" if torch.cuda.is_available() else "cpu"),
-            max_num_iterations=STEPS,
-            nominal_num_iterations=STEPS,
+            max_num_iterations=steps,
+            nominal_num_iterations=steps,
             mixed_precision=False,
             steps_per_save=2000,
             steps_per_eval_batch=0,
@@ -84,12 +117,11 @@ def _method(name: str, distractors: DistractorConfig, description: str) -> Metho
             steps_per_eval_all_images=1000,
             pipeline=DeSplatPipelineConfig(
                 datamanager=DeSplatDataManagerConfig(
-                    dataparser=NerfstudioDataParserConfig(load_3D_points=True),
-                    cache_images_type="uint8",
+                    dataparser=dataparser, cache_images_type="uint8"
                 ),
-                model=DeSplatModelConfig(distractors=distractors),
+                model=model,
             ),
-            optimizers=static_optimizers() | distractor_optimizers(),
+            optimizers=static_optimizers() | distractor_optimizers() | image_effect_optimizers(),
             viewer=ViewerConfig(num_rays_per_chunk=1 << 15),
             vis="viewer",
         ),
@@ -99,12 +131,30 @@ def _method(name: str, distractors: DistractorConfig, description: str) -> Metho
 
 desplat = _method(
     "desplat",
-    separating_distractors(),
     "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU.",
+    DeSplatModelConfig(distractors=separating_distractors()),
+    NerfstudioDataParserConfig(load_3D_points=True),
 )
 
 desplat_paper = _method(
     "desplat-paper",
-    DistractorConfig(),
     "DeSplat with the settings of the paper (App. B.3) to the letter, to compare with.",
+    DeSplatModelConfig(),
+    NerfstudioDataParserConfig(load_3D_points=True),
+)
+
+desplat_phototourism = _method(
+    "desplat-phototourism",
+    "DeSplat for photos of changing light: appearance and background models.",
+    photo_tourism_model(background=True),
+    NerfstudioDataParserConfig(load_3D_points=True),
+    PHOTO_TOURISM_STEPS,
+)
+
+desplat_phototourism_a = _method(
+    "desplat-phototourism-a",
+    "DeSplat for photos of changing light: the appearance model alone (DeSplat-A).",
+    photo_tourism_model(background=False),
+    NerfstudioDataParserConfig(load_3D_points=True),
+    PHOTO_TOURISM_STEPS,
 )

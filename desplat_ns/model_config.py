@@ -11,6 +11,7 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from desplat_ns.backend import BackendName
 from desplat_ns.distractors import DistractorConfig
 from desplat_ns.effects import EffectsConfig
+from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.schedules import scaled_steps
 
 STATIC_STEPS = (
@@ -62,6 +63,10 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     """Which effects the scene calls for."""
     distractors: DistractorConfig = field(default_factory=DistractorConfig)
     """Distractor Gaussians."""
+    appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
+    """Per-image appearance, where `effects.appearance` has it."""
+    background: BackgroundConfig = field(default_factory=BackgroundConfig)
+    """Background model, where `effects.background` has it."""
     backend: BackendName = "auto"
     """Rasterizer. auto takes gsplat where CUDA works, else the fastest that runs on the CPU."""
     schedule_scale: float | None = None

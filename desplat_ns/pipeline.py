@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -28,6 +28,8 @@ from desplat_ns.evaluation import (
 )
 from desplat_ns.mask_scores import score_masks
 from desplat_ns.metrics import LPIPS_NET
+from desplat_ns.photo_tourism.embedding_file import digest_of, load_embeddings, save_embeddings
+from desplat_ns.photo_tourism.evaluation import EvaluationConfig, HalvesProtocol, uses_halves
 from desplat_ns.scene_record import SceneRecord, check_same_scene
 from desplat_ns.upstream import give_masks_a_colormap_in_the_viewer
 
@@ -43,6 +45,8 @@ class DeSplatPipelineConfig(VanillaPipelineConfig):
     """Configuration of the pipeline."""
 
     _target: type = field(default_factory=lambda: DeSplatPipeline)
+    evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
+    """How `ns-eval` scores images."""
 
 
 class DeSplatPipeline(VanillaPipeline):
@@ -66,8 +70,29 @@ class DeSplatPipeline(VanillaPipeline):
         control = cast(Any, self.model).layer_control
         return control.view if control.num_views > 0 else None
 
-    def _static_scene(self) -> AbstractContextManager[None]:
-        return cast(Any, self.model).layer_control.suspended()
+    @property
+    def appearance(self) -> ViewerDropdown | None:
+        """The viewer's choice of whose light is shown; None where there is no appearance model."""
+        worn = cast(Any, self.model).worn
+        return worn.first if worn.names else None
+
+    @property
+    def appearance_mixed(self) -> ViewerDropdown | None:
+        """The viewer's choice of a second image to mix in; None as above."""
+        worn = cast(Any, self.model).worn
+        return worn.second if worn.names else None
+
+    @property
+    def appearance_share(self) -> ViewerSlider | None:
+        """The viewer's share of the second image; None as above."""
+        worn = cast(Any, self.model).worn
+        return worn.share if worn.names else None
+
+    @contextmanager
+    def _static_scene(self) -> Iterator[None]:
+        model = cast(Any, self.model)
+        with model.layer_control.suspended(), model.worn.suspended():
+            yield
 
     # --- evaluation --------------------------------------------------------------------------
 
@@ -92,29 +117,58 @@ class DeSplatPipeline(VanillaPipeline):
         """Means over the images, sizes and times; what `ns-eval` writes and TensorBoard plots.
 
         `get_std` is how nerfstudio 1.1.5 marks a call by `ns-eval`: only then are there standard
-        deviations (of two images or more), texts, per-image figures and mask scores; in training
-        every value is a number, as its event writers need. `output_path`: a folder for the photo
-        and the rendering of every image, side by side.
+        deviations (of two images or more), texts, per-image figures and mask scores, and only then
+        does the protocol of `evaluation` hold; in training every value is a number, as its event
+        writers need, and images are scored whole in the average light. `output_path`: a folder for
+        the photo and the rendering of every image, side by side.
 
         Raises:
             CaptureError: there is no image to evaluate.
+            CheckpointError: embeddings to load that are not there or not this model's.
+            ConfigError: the protocol does not fit the model.
             DeSplatError: called by `ns-eval`, and a figure of an image is not a finite number.
         """
         self.eval()
         with self._static_scene():
-            images = self._score_images(data_loader, image_prefix, output_path, warm_up=get_std)
+            halves = self._halves_protocol() if get_std else None
+            images = self._score_images(
+                data_loader, image_prefix, output_path, halves, warm_up=get_std
+            )
             results: dict[str, Any] = {**summarize(images, get_std)}
             results |= gaussian_counts(self.model)
             if get_std:
                 _check_finite(images)
                 results |= self._mask_scores()
                 results |= self._texts()
+                results["protocol"] = PROTOCOL if halves is None else halves.describe()
                 results["images"] = per_image(images)
+            self._save_embeddings(halves)
         self.train()
         return results
 
+    def _halves_protocol(self) -> HalvesProtocol | None:
+        config, model = cast(Any, self.config).evaluation, cast(Any, self.model)
+        if not uses_halves(config, model.config.effects.appearance):
+            return None
+        known = {}
+        if config.load_embeddings is not None:
+            digest = digest_of(model.image_effects)
+            known = load_embeddings(config.load_embeddings, digest, model.device)
+        return HalvesProtocol(config, known)
+
+    def _save_embeddings(self, halves: HalvesProtocol | None) -> None:
+        path = cast(Any, self.config).evaluation.save_embeddings
+        if halves is not None and path is not None:
+            digest = digest_of(cast(Any, self.model).image_effects)
+            save_embeddings(path, halves.embeddings, digest)
+
     def _score_images(
-        self, data_loader: Any, prefix: str, output_path: Path | None, warm_up: bool
+        self,
+        data_loader: Any,
+        prefix: str,
+        output_path: Path | None,
+        halves: HalvesProtocol | None,
+        warm_up: bool,
     ) -> list[ScoredImage]:
         loader = list(data_loader)
         if not loader:
@@ -130,7 +184,10 @@ class DeSplatPipeline(VanillaPipeline):
         with progress_over(len(loader), "Evaluating all images...") as advance:
             for index, (camera, batch) in enumerate(loader):
                 name = names[int(batch.get("image_idx", index))]
-                scored, pictures = self._score_image(camera, batch, name)
+                if halves is None:
+                    scored, pictures = self._score_image(camera, batch, name)
+                else:
+                    scored, pictures = halves.score(self.model, camera, batch, name)
                 images.append(scored)
                 _save(pictures, output_path, f"{prefix}_{{}}_{index:04d}.png")
                 advance()
@@ -160,7 +217,6 @@ class DeSplatPipeline(VanillaPipeline):
     def _texts(self) -> dict[str, Any]:
         model = cast(Any, self.model)
         texts: dict[str, Any] = {
-            "protocol": PROTOCOL,
             "backend": model.rasterizer.name,
             "device": str(self.device),
             "versions": versions(),

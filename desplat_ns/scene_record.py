@@ -69,6 +69,8 @@ def check_same_scene(saved: SceneRecord, here: SceneRecord) -> None:
 
 def _check_effects(saved: Mapping[str, Any], here: Mapping[str, Any]) -> None:
     # An effect that either side has not heard of is off there.
+    off = {"appearance": "off"}
+    saved, here = ({**off, **side} for side in (saved, here))
     names = sorted({*saved, *here})
     differing = [name for name in names if saved.get(name, False) != here.get(name, False)]
     if not differing:

@@ -32,11 +32,6 @@ def test_without_sh_colours_are_logits():
     assert torch.allclose(splats.colors, torch.sigmoid(torch.full((2, 3), 0.5)))
 
 
-def test_a_crop_takes_some_of_them():
-    splats = activate_static(static_params(), 0, keep=torch.tensor([False, True]))
-    assert torch.equal(splats.means, torch.tensor([[3.0, 4.0, 5.0]]))
-
-
 def test_distractor_colours_are_clamped_and_a_colour_on_the_border_still_learns():
     rgbs = torch.tensor([[-0.5, 0.0, 0.25], [1.0, 1.5, 0.75]], requires_grad=True)
     params = static_params() | {"rgbs": rgbs}

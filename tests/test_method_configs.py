@@ -7,7 +7,13 @@ import pytest
 from nerfstudio.configs.method_configs import method_configs as upstream
 
 from desplat_ns.distractors import DistractorConfig
-from desplat_ns.method_configs import desplat, desplat_paper, separating_distractors
+from desplat_ns.method_configs import (
+    desplat,
+    desplat_paper,
+    desplat_phototourism,
+    desplat_phototourism_a,
+    separating_distractors,
+)
 from desplat_ns.optimizers import FusedAdamConfig
 
 CONFIG: Any = desplat_paper.config
@@ -70,3 +76,54 @@ def test_the_methods_differ_in_their_distractors_alone():
     assert ours.optimizers == CONFIG.optimizers
     assert ours.max_num_iterations == CONFIG.max_num_iterations
     assert (ours.method_name, CONFIG.method_name) == ("desplat", "desplat-paper")
+
+
+TOURISM: Any = desplat_phototourism.config
+TOURISM_A: Any = desplat_phototourism_a.config
+
+
+@pytest.mark.parametrize("config", [TOURISM, TOURISM_A])
+@pytest.mark.parametrize(
+    ("group", "rate", "final"),
+    [
+        ("appearance_mlp", 0.0005, None),
+        ("image_embeddings", 0.001, None),
+        ("appearance_features", 0.005, None),
+        ("background_encoder", 0.002, 0.0001),
+        ("background_sh_dc", 0.002, 0.0002),
+        ("background_sh_rest", 0.0001, 0.00001),
+    ],
+)
+def test_learning_rates_of_photo_tourism_in_b3(config, group, rate, final):
+    found = config.optimizers[group]
+    assert found["optimizer"].lr == rate
+    assert (found["scheduler"] and found["scheduler"].lr_final) == final
+
+
+@pytest.mark.parametrize(
+    ("config", "background", "lambdas"),
+    [(TOURISM, True, (0.0, 0.01, 0.15)), (TOURISM_A, False, (0.01, 0.01, 0.0))],
+)
+def test_weights_and_sizes_of_photo_tourism_in_b3(config, background, lambdas):
+    model = config.pipeline.model
+    found = (model.distractors.lambda_s, model.distractors.lambda_d, model.background.lambda_bg)
+    assert found == lambdas
+    assert (model.effects.appearance, model.effects.background) == ("affine", background)
+    assert config.max_num_iterations == 200_000
+    appearance, behind = model.appearance, model.background
+    assert (appearance.embedding_dim, appearance.fourier_frequencies) == (32, 4)
+    assert (appearance.hidden_layers, appearance.hidden_width) == (2, 128)
+    assert (behind.hidden_layers, behind.hidden_width, behind.sh_degree) == (3, 128, 4)
+    assert behind.max_error == 0.003
+    assert (config.pipeline.evaluation.steps, config.pipeline.evaluation.learning_rate) == (
+        128,
+        0.01,
+    )
+
+
+def test_the_rest_of_photo_tourism_is_the_papers():
+    changed = {"effects", "distractors", "background"}
+    for config in (TOURISM, TOURISM_A):
+        ours, paper = vars(config.pipeline.model), vars(CONFIG.pipeline.model)
+        assert {name for name in ours if ours[name] != paper[name]} <= changed
+        assert config.optimizers == CONFIG.optimizers

@@ -18,7 +18,8 @@ from torch import nn
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import CaptureError, CheckpointError, DeSplatError
 from desplat_ns.metrics import LazyLpips, image_metrics
-from desplat_ns.pipeline import PROTOCOL, DeSplatPipeline
+from desplat_ns.photo_tourism.worn import WornAppearance
+from desplat_ns.pipeline import PROTOCOL, DeSplatPipeline, DeSplatPipelineConfig
 from desplat_ns.viewer import LayerControl
 
 HEIGHT, WIDTH = 16, 20
@@ -48,6 +49,7 @@ class _Model(nn.Module):
         self.gauss_params = nn.ParameterDict({"means": torch.zeros(points, 3)})
         self.distractors = _Distractors() if effects.distractors else None
         self.layer_control = LayerControl(2 if effects.distractors else 0)
+        self.worn = WornAppearance([])
         self.rasterizer = SimpleNamespace(name="torch")
         self.lpips = _NoLpips()
         self.device = torch.device("cpu")
@@ -136,6 +138,7 @@ def _pipeline(
     pipeline = DeSplatPipeline.__new__(DeSplatPipeline)
     nn.Module.__init__(pipeline)
     parts: Any = pipeline
+    parts.config = DeSplatPipelineConfig()
     parts.datamanager = manager or _Manager()
     parts._model = _Model(EffectsConfig(distractors=distractors), points)
     return pipeline

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from nerfstudio.viewer.utils import parse_object
 from nerfstudio.viewer.viewer_elements import ViewerElement
 from torch import nn
 
+from desplat_ns.photo_tourism.worn import WornAppearance
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.viewer import LAYERS, LayerControl
 
@@ -78,12 +80,13 @@ def test_an_error_does_not_leave_the_control_suspended():
     assert control.train_idx() == 0
 
 
-def _pipeline(num_views: int) -> DeSplatPipeline:
+def _pipeline(num_views: int, images: Sequence[str] = ()) -> DeSplatPipeline:
     pipeline = DeSplatPipeline.__new__(DeSplatPipeline)
     nn.Module.__init__(pipeline)
     model: Any = nn.Module()
     model.device = torch.device("cpu")
     model.layer_control = LayerControl(num_views)
+    model.worn = WornAppearance(images)
     pipeline._model = model
     return pipeline
 
@@ -91,6 +94,12 @@ def _pipeline(num_views: int) -> DeSplatPipeline:
 def test_nerfstudios_viewer_finds_both_controls_on_the_pipeline():
     found = parse_object(_pipeline(5), ViewerElement, "Custom Elements")
     assert {path for path, _ in found} == {"Custom Elements/layer", "Custom Elements/training_view"}
+
+
+def test_an_appearance_model_adds_three_controls():
+    found = parse_object(_pipeline(0, ["a.jpg", "b.jpg"]), ViewerElement, "Custom Elements")
+    names = {"appearance", "appearance_mixed", "appearance_share"}
+    assert {path for path, _ in found} == {f"Custom Elements/{name}" for name in names}
 
 
 def test_no_controls_are_shown_where_there_are_no_distractors():

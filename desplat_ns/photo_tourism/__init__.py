@@ -1,0 +1,1 @@
+"""What tourists' photos need besides: appearance, background, their data and their protocol."""

@@ -1,0 +1,147 @@
+"""The colours that static Gaussians have in one image: affine toning (Eq. 6-7), or a change of SH.
+
+Both models read the image's embedding and features of each Gaussian, leave every colour as it is at
+the start, and give spherical-harmonics coefficients again, so that every backend and every PLY
+viewer can show the result. Letters in shapes: N Gaussians, K bases, E and Z numbers per embedding.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from desplat_ns.backend.spherical_harmonics import C0
+from desplat_ns.photo_tourism.config import AppearanceConfig
+from desplat_ns.photo_tourism.mlp import hidden_layers, zero_head
+
+CENTRAL_QUANTILE = 0.97
+"""Share of the points that set the scale of Fourier features: a few far ones do not count."""
+
+
+def fourier_features(points: Float[Tensor, "N 3"], frequencies: int) -> Float[Tensor, "N Z"]:
+    """Sines and cosines of pi 2^m p for m = 1 .. frequencies; Z = 6 frequencies.
+
+    p are the points, centred on their mean and divided by the `CENTRAL_QUANTILE` of their largest
+    coordinates, so that most lie within [-1, 1].
+
+    Source: the start of z_i, App. B.3, as WildGaussians (its supplementary) describes it.
+    """
+    centred = points - points.mean(dim=0)
+    radius = centred.abs().amax(dim=1).sort().values[int(CENTRAL_QUANTILE * (len(points) - 1))]
+    unit = centred / radius.clamp(min=torch.finfo(points.dtype).tiny)
+    turns = torch.arange(1, frequencies + 1, device=points.device, dtype=points.dtype).exp2()
+    angles = (math.pi * unit[:, :, None] * turns).flatten(1)
+    return torch.cat([angles.sin(), angles.cos()], dim=1)
+
+
+def toned_color(
+    color: Float[Tensor, "N 3"], gamma: Float[Tensor, "N 3"], beta: Float[Tensor, "N 3"]
+) -> Float[Tensor, "N 3"]:
+    """gamma c + beta, colours in [0, 1].
+
+    Source: Eq. 7.
+    """
+    return gamma * color + beta
+
+
+def toned_coefficients(
+    coefficients: Float[Tensor, "N K 3"],
+    gamma: Float[Tensor, "N 3"],
+    beta: Float[Tensor, "N 3"],
+) -> Float[Tensor, "N K 3"]:
+    """SH coefficients whose colour, SH + 1/2, is the toned colour of the given ones everywhere.
+
+    gamma (S + 1/2) + beta = S' + 1/2 for all directions: every coefficient times gamma, and the
+    zeroth shifted by (beta + gamma / 2 - 1/2) / C0. It is the colour before it is clamped at 0 that
+    is toned.
+
+    Source: Eq. 7.
+    """
+    zeroth = toned_color(C0 * coefficients[:, 0] + 0.5, gamma, beta) - 0.5
+    return torch.cat([(zeroth / C0)[:, None], gamma[:, None] * coefficients[:, 1:]], dim=1)
+
+
+class _Appearance(nn.Module):
+    """An MLP from an image's embedding and what is known of each Gaussian."""
+
+    def __init__(self, config: AppearanceConfig, per_gaussian: int, outputs: int):
+        super().__init__()
+        width = config.hidden_width
+        inputs = config.embedding_dim + per_gaussian
+        self.body = hidden_layers(inputs, config.hidden_layers, width)
+        self.head = zero_head(width, outputs)
+
+    def _predict(
+        self, embedding: Float[Tensor, " E"], own: Float[Tensor, "N F"]
+    ) -> Float[Tensor, "N outputs"]:
+        """The embedding is the same in every row: its part of layer one is worked out once."""
+        first = self.body[0]
+        assert isinstance(first, nn.Linear)
+        of_image, of_gaussian = first.weight.split([len(embedding), own.shape[1]], dim=1)
+        bias = first.bias + of_image @ embedding
+        hidden = nn.functional.linear(own, of_gaussian, bias)
+        return self.head(self.body[1:](hidden))
+
+
+class AffineAppearance(_Appearance):
+    """beta and gamma of each Gaussian in one image, applied to its evaluated colour.
+
+    Source: Eq. 6-7; sizes of B.3.
+    """
+
+    def __init__(self, config: AppearanceConfig):
+        """Build the MLP; until it is trained, beta = 0 and gamma = 1."""
+        super().__init__(config, 6 * config.fourier_frequencies + 3, 6)
+
+    def tones(
+        self,
+        embedding: Float[Tensor, " E"],
+        features: Float[Tensor, "N Z"],
+        zeroth: Float[Tensor, "N 3"],
+    ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N 3"]]:
+        """(beta, gamma) for e_j, z_i and the zeroth SH coefficient.
+
+        Source: Eq. 6.
+        """
+        shift, scale = self._predict(embedding, torch.cat([features, zeroth], dim=1)).split(3, 1)
+        return shift, 1 + scale
+
+    def forward(
+        self,
+        embedding: Float[Tensor, " E"],
+        features: Float[Tensor, "N Z"],
+        coefficients: Float[Tensor, "N K 3"],
+        sh_degree: int,
+    ) -> Float[Tensor, "N K 3"]:
+        """The coefficients as the image shows them; `sh_degree` plays no part."""
+        beta, gamma = self.tones(embedding, features, coefficients[:, 0])
+        return toned_coefficients(coefficients, gamma, beta)
+
+
+class ShAppearance(_Appearance):
+    """What an image adds to each Gaussian's SH coefficients.
+
+    Source: Splatfacto-W, Sec. 3, whose MLP predicts the coefficients from embedding and features.
+    Here the Gaussian's own coefficients stay as what all images have in common, so that training
+    starts at the points' colours.
+    """
+
+    def __init__(self, config: AppearanceConfig, sh_degree: int):
+        """Build the MLP; until it is trained, it adds 0."""
+        self.num_bases = (sh_degree + 1) ** 2
+        super().__init__(config, 6 * config.fourier_frequencies, 3 * self.num_bases)
+
+    def forward(
+        self,
+        embedding: Float[Tensor, " E"],
+        features: Float[Tensor, "N Z"],
+        coefficients: Float[Tensor, "N K 3"],
+        sh_degree: int,
+    ) -> Float[Tensor, "N K 3"]:
+        """The coefficients as the image shows them, up to `sh_degree`; those above stay."""
+        added = self._predict(embedding, features).unflatten(1, (self.num_bases, 3))
+        used = (sh_degree + 1) ** 2
+        return torch.cat([coefficients[:, :used] + added[:, :used], coefficients[:, used:]], dim=1)

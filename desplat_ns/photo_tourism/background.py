@@ -1,0 +1,94 @@
+"""What lies behind all Gaussians: spherical harmonics that depend on the image (Eq. 8-11)."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from desplat_ns.backend.protocol import View
+from desplat_ns.backend.spherical_harmonics import sh_basis
+from desplat_ns.compositing import composite_alpha
+from desplat_ns.photo_tourism.config import BackgroundConfig
+from desplat_ns.photo_tourism.mlp import hidden_layers, zero_head
+
+MASK_THRESHOLD = 0.6
+"""Share of a pixel's 3 x 3 neighbours that the background has to explain. Eq. 9."""
+
+
+def pixel_rays(view: View) -> Float[Tensor, "H W 3"]:
+    """Unit directions in the world from the camera through the centre of each pixel."""
+    like = view.viewmat
+    x = torch.arange(view.width, device=like.device, dtype=like.dtype) + 0.5
+    y = torch.arange(view.height, device=like.device, dtype=like.dtype) + 0.5
+    column = (x - view.K[0, 2]) / view.K[0, 0]
+    row = (y - view.K[1, 2]) / view.K[1, 1]
+    v, u = torch.meshgrid(row, column, indexing="ij")
+    in_camera = torch.stack([u, v, torch.ones_like(u)], dim=-1)
+    return F.normalize(in_camera @ view.viewmat[:3, :3], dim=-1)
+
+
+def background_color(
+    coefficients: Float[Tensor, "K 3"], rays: Float[Tensor, "H W 3"], degree: int
+) -> Float[Tensor, "H W 3"]:
+    """SH + 1/2 along each ray, up to `degree`, clamped to [0, 1].
+
+    Source: App. A, c_BG of Eq. 8; the 1/2 is that of the Gaussians' colours.
+    """
+    used = (degree + 1) ** 2
+    basis = sh_basis(degree, rays.reshape(-1, 3))
+    return (basis @ coefficients[:used] + 0.5).clamp(0, 1).view_as(rays)
+
+
+class Background(nn.Module):
+    """The SH coefficients of an image's background.
+
+    Source: Eq. 8; sizes of B.3.
+    """
+
+    def __init__(self, config: BackgroundConfig, embedding_dim: int):
+        """Build the MLP; until it is trained, the background is grey."""
+        super().__init__()
+        width = config.hidden_width
+        self.encoder = hidden_layers(embedding_dim, config.hidden_layers, width)
+        self.sh_dc = zero_head(width, 3)
+        self.sh_rest = zero_head(width, 3 * ((config.sh_degree + 1) ** 2 - 1))
+
+    def forward(self, embedding: Float[Tensor, " E"]) -> Float[Tensor, "K 3"]:
+        """b = f_BG(e_j), of degree 0 and of the other degrees by a head each."""
+        hidden = self.encoder(embedding)
+        return torch.cat([self.sh_dc(hidden), self.sh_rest(hidden)]).view(-1, 3)
+
+
+@torch.no_grad()
+def explained_by_background(
+    background: Float[Tensor, "H W 3"], photo: Float[Tensor, "H W 3"], max_error: float
+) -> Bool[Tensor, "H W 1"]:
+    """The set P: pixels with M > 0.6, M being the share of 3 x 3 pixels of small error.
+
+    The error is the mean absolute difference of the channels, colours in [0, 1]. Beyond the image's
+    border nothing is explained.
+
+    Source: Eq. 10-11, and P below Eq. 9.
+    """
+    error = (background - photo).abs().mean(dim=-1)
+    small = (error <= max_error).to(photo.dtype)
+    share = F.avg_pool2d(small[None, None], 3, 1, 1, count_include_pad=True)
+    return share[0, 0, :, :, None] > MASK_THRESHOLD
+
+
+def background_opacity_loss(
+    alpha_d: Float[Tensor, "H W 1"],
+    alpha_s: Float[Tensor, "H W 1"],
+    explained: Bool[Tensor, "H W 1"],
+) -> Float[Tensor, ""]:
+    """L_bg: opacity of both sets where the background explains the photo without them.
+
+    Divided by the number of all pixels, so that its weight does not depend on the photo's size; the
+    other terms of Eq. 12 are means as well.
+
+    Source: Eq. 9.
+    """
+    alpha = composite_alpha(alpha_d, alpha_s)
+    return torch.where(explained, alpha.abs(), 0).mean()

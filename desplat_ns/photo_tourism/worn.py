@@ -1,0 +1,110 @@
+"""Whose appearance an image without one of its own wears: in the viewer, in ns-render, in a PLY."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import torch
+from jaxtyping import Float
+from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
+from torch import Tensor
+
+from desplat_ns.errors import ConfigError
+from desplat_ns.photo_tourism.embeddings import ImageEmbeddings
+
+VARIABLE = "DESPLAT_NS_APPEARANCE"
+"""Environment variable: `photo.jpg`, or `photo.jpg:0.7,other.jpg:0.3` for a mix of two. (Commands
+of nerfstudio's leave no other way to say it.)"""
+
+OWN = "its own, else the average"
+"""What the viewer's choice shows at the start."""
+
+
+def parse_worn(text: str, names: Sequence[str]) -> list[tuple[int, float]]:
+    """(training image, share) pairs of a text such as `VARIABLE` holds; the shares sum to 1.
+
+    Raises:
+        ConfigError: an image that is not a training image, or shares that make no mix.
+    """
+    parts = []
+    for part in filter(None, text.split(",")):
+        name, share = part.strip(), "1"
+        if name not in names and ":" in name:
+            name, _, share = name.rpartition(":")
+        if name not in names:
+            raise ConfigError(
+                f"{VARIABLE} names '{name}', which is no training image. It takes one of "
+                f"{len(names)}: {', '.join(names[:5])}{', ...' * (len(names) > 5)}."
+            )
+        try:
+            parts.append((names.index(name), float(share)))
+        except ValueError as error:
+            raise ConfigError(
+                f"{VARIABLE} gives '{name}' the share '{share}', which is no number. Write for "
+                f"example {names[0]}:0.5."
+            ) from error
+    total = sum(share for _, share in parts)
+    if not total > 0 or any(share < 0 for _, share in parts):
+        raise ConfigError(f"{VARIABLE} is '{text}': its shares must not be negative, nor all zero.")
+    return [(index, share / total) for index, share in parts]
+
+
+class WornAppearance:
+    """The choice of an appearance: the viewer's controls, the environment, or an evaluation's."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        """Controls for the training images of these names."""
+        self.names = list(names)
+        choices = [OWN, *names]
+        self.first: ViewerDropdown[str] = ViewerDropdown(
+            "Appearance", OWN, choices, hint="Training image whose light the scene is shown in"
+        )
+        self.second: ViewerDropdown[str] = ViewerDropdown(
+            "Mixed with", OWN, choices, hint="A second training image to mix in"
+        )
+        self.share: ViewerSlider[float] = ViewerSlider(
+            "Share of the second", 0.0, 0.0, 1.0, 0.05, hint="0: the first alone; 1: the second"
+        )
+        text = os.environ.get(VARIABLE, "")
+        self._from_environment = parse_worn(text, self.names) if text and self.names else []
+        self._fixed: Tensor | None = None
+        self._suspended = False
+
+    @contextmanager
+    def fixed(self, embedding: Float[Tensor, " E"]) -> Iterator[None]:
+        """Within, every image without one of its own has this embedding."""
+        before, self._fixed = self._fixed, embedding
+        try:
+            yield
+        finally:
+            self._fixed = before
+
+    @contextmanager
+    def suspended(self) -> Iterator[None]:
+        """Within, nothing is worn: an evaluation must not depend on an open viewer."""
+        before, self._suspended = self._suspended, True
+        try:
+            yield
+        finally:
+            self._suspended = before
+
+    def embedding(
+        self, embeddings: ImageEmbeddings, image: int | None = None
+    ) -> Float[Tensor, " E"]:
+        """What is worn; else that of training image `image`; else the average."""
+        if self._fixed is not None:
+            return self._fixed
+        mix = [] if self._suspended else self._mix()
+        if mix:
+            return torch.stack([share * embeddings.of(i) for i, share in mix]).sum(dim=0)
+        return embeddings.mean() if image is None else embeddings.of(image)
+
+    def _mix(self) -> list[tuple[int, float]]:
+        share = self.share.value if self.second.value != OWN else 0.0
+        if self.first.value == OWN:
+            share = 1.0
+        chosen = [(self.first.value, 1 - share), (self.second.value, share)]
+        mix = [(self.names.index(name), part) for name, part in chosen if name != OWN and part > 0]
+        return mix or self._from_environment

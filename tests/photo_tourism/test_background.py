@@ -1,0 +1,118 @@
+"""The background: rays, Eq. 8 to 11, and what their gradients reach."""
+
+import math
+
+import pytest
+import torch
+from torch.autograd import gradcheck
+
+from desplat_ns.backend.protocol import View
+from desplat_ns.backend.spherical_harmonics import C0
+from desplat_ns.photo_tourism.background import (
+    Background,
+    background_color,
+    background_opacity_loss,
+    explained_by_background,
+    pixel_rays,
+)
+from desplat_ns.photo_tourism.config import BackgroundConfig
+
+
+def view(width: int = 5, height: int = 4) -> View:
+    K = torch.tensor([[3.0, 0.0, 2.5], [0.0, 4.0, 2.0], [0.0, 0.0, 1.0]], dtype=torch.float64)
+    angle = 0.3
+    viewmat = torch.eye(4, dtype=torch.float64)
+    viewmat[:3, :3] = torch.tensor(
+        [
+            [math.cos(angle), 0.0, math.sin(angle)],
+            [0.0, 1.0, 0.0],
+            [-math.sin(angle), 0.0, math.cos(angle)],
+        ]
+    )
+    viewmat[:3, 3] = torch.tensor([0.1, -0.2, 0.3])
+    return View(viewmat, K, width, height)
+
+
+def test_rays_project_to_the_centres_of_their_pixels():
+    one = view()
+    rays = pixel_rays(one)
+    centre = -one.viewmat[:3, :3].T @ one.viewmat[:3, 3]
+    points = centre + 7.0 * rays
+    in_camera = points @ one.viewmat[:3, :3].T + one.viewmat[:3, 3]
+    pixels = in_camera @ one.K.T
+    pixels = pixels[..., :2] / pixels[..., 2:]
+    v, u = torch.meshgrid(torch.arange(4) + 0.5, torch.arange(5) + 0.5, indexing="ij")
+    torch.testing.assert_close(pixels, torch.stack([u, v], dim=-1).double())
+    torch.testing.assert_close(rays.norm(dim=-1), torch.ones(4, 5, dtype=torch.float64))
+
+
+def test_a_constant_background():
+    coefficients = torch.zeros(25, 3, dtype=torch.float64)
+    coefficients[0] = torch.tensor([0.1, 0.2, -0.3], dtype=torch.float64) / C0
+    image = background_color(coefficients, pixel_rays(view()), 4)
+    expected = torch.tensor([0.6, 0.7, 0.2], dtype=torch.float64).expand(4, 5, 3)
+    torch.testing.assert_close(image, expected)
+
+
+def test_degrees_above_the_active_one_are_not_seen():
+    coefficients = torch.zeros(25, 3, dtype=torch.float64)
+    coefficients[4:] = 0.1
+    rays = pixel_rays(view())
+    grey = background_color(coefficients, rays, 1)
+    torch.testing.assert_close(grey, torch.full_like(grey, 0.5))
+    assert (background_color(coefficients, rays, 2) - 0.5).abs().max() > 0.01
+
+
+def test_gradients_of_the_background():
+    coefficients = 0.05 * torch.randn(25, 3, dtype=torch.float64)
+    rays = pixel_rays(view())
+    assert gradcheck(lambda b: background_color(b, rays, 4), [coefficients.requires_grad_()])
+
+
+def test_the_mlp_has_the_sizes_of_b3_and_starts_grey():
+    model = Background(BackgroundConfig(), 32)
+    shapes = [tuple(p.shape) for n, p in model.named_parameters() if n.endswith("weight")]
+    assert shapes == [(128, 32), (128, 128), (128, 128), (3, 128), (72, 128)]
+    assert torch.equal(model(torch.randn(32)), torch.zeros(25, 3))
+
+
+def test_pixels_count_as_explained_by_six_of_nine_neighbours():
+    """5 of 9 are 0.56, 6 of 9 are 0.67: the threshold 0.6 lies between."""
+    background = torch.zeros(5, 5, 3)
+    photo = torch.ones(5, 5, 3)
+    neighbours = [(1, 1), (1, 2), (1, 3), (2, 1), (2, 2)]
+    for row, column in neighbours:
+        photo[row, column] = 0
+    assert not explained_by_background(background, photo, 0.003)[2, 2]
+    photo[3, 3] = 0
+    assert explained_by_background(background, photo, 0.003)[2, 2]
+
+
+def test_the_error_may_reach_the_threshold_and_is_a_mean_over_channels():
+    background, photo = torch.zeros(3, 3, 3), torch.zeros(3, 3, 3)
+    photo[..., 0] = 0.75
+    assert explained_by_background(background, photo, 0.25)[1, 1]
+    assert not explained_by_background(background, photo, 0.2499)[1, 1]
+
+
+def test_the_loss_is_the_composite_opacity_where_it_is_explained():
+    alpha_d = torch.tensor([[[0.5], [0.1]], [[0.2], [0.0]]], dtype=torch.float64)
+    alpha_s = torch.tensor([[[0.4], [0.9]], [[0.5], [1.0]]], dtype=torch.float64)
+    explained = torch.tensor([[[True], [False]], [[True], [False]]])
+    expected = ((0.5 + 0.5 * 0.4) + (0.2 + 0.8 * 0.5)) / 4
+    assert float(background_opacity_loss(alpha_d, alpha_s, explained)) == pytest.approx(expected)
+
+
+def test_the_loss_pulls_at_both_opacities():
+    alphas = [torch.rand(4, 5, 1, dtype=torch.float64).requires_grad_() for _ in range(2)]
+    explained = torch.rand(4, 5, 1) > 0.5
+    assert gradcheck(lambda d, s: background_opacity_loss(d, s, explained), alphas)
+    grads = torch.autograd.grad(background_opacity_loss(alphas[0], alphas[1], explained), alphas)
+    for grad in grads:
+        assert (grad[explained] > 0).all()
+        assert (grad[~explained] == 0).all()
+
+
+def test_the_set_of_explained_pixels_has_no_gradient():
+    background = torch.zeros(3, 3, 3, requires_grad=True)
+    assert not explained_by_background(background, torch.zeros(3, 3, 3), 0.1).requires_grad

@@ -1,0 +1,148 @@
+"""The model with per-image effects: what is drawn, trained, saved and exported."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import torch
+from test_model import HEIGHT, WIDTH, Trainer, camera, make_model
+
+from desplat_ns.effects import EffectsConfig
+from desplat_ns.gaussians import activate_static
+from desplat_ns.model import DeSplatModel
+from desplat_ns.photo_tourism.image_effects import FEATURES
+
+EFFECTS = {"appearance_mlp", "image_embeddings", "background_encoder", "background_sh_dc"}
+EFFECTS |= {"background_sh_rest", FEATURES}
+
+
+def model_with(appearance: str = "off", background: bool = False, **config: Any) -> DeSplatModel:
+    effects = EffectsConfig(appearance=appearance, background=background)  # type: ignore[arg-type]
+    return make_model(effects=effects, **config)
+
+
+def moved(model: DeSplatModel) -> DeSplatModel:
+    """As if trained: embeddings that differ, heads that are not zero."""
+    assert model.image_effects is not None
+    generator = torch.Generator().manual_seed(5)
+    for parameter in model.image_effects.parameters():
+        parameter.data += 0.2 * torch.randn(parameter.shape, generator=generator)
+    return model
+
+
+def draw(model: DeSplatModel, view: int | None, where: int = 0) -> torch.Tensor:
+    """Training view `where`'s pose, drawn as view `view`."""
+    one = camera(where)
+    one.metadata = {} if view is None else {"train_idx": torch.tensor([[view]])}
+    return model.get_outputs_for_camera(one)["rgb"]
+
+
+@pytest.mark.parametrize(
+    ("appearance", "background", "groups"),
+    [
+        ("off", False, set()),
+        ("affine", False, {"appearance_mlp", "image_embeddings", FEATURES}),
+        ("sh", False, {"appearance_mlp", "image_embeddings", FEATURES}),
+        ("off", True, EFFECTS - {"appearance_mlp", FEATURES}),
+        ("affine", True, EFFECTS),
+    ],
+)
+def test_an_effect_that_is_off_has_no_parameters(appearance, background, groups):
+    model = model_with(appearance, background)
+    assert model.get_param_groups().keys() & EFFECTS == groups
+    in_groups = {id(p) for group in model.get_param_groups().values() for p in group}
+    assert all(id(p) in in_groups for n, p in model.named_parameters() if "effects" in n)
+
+
+@pytest.mark.parametrize("appearance", ["affine", "sh"])
+@pytest.mark.parametrize("sh_degree", [0, 3])
+def test_the_start_looks_as_without(appearance, sh_degree):
+    plain = model_with(sh_degree=sh_degree).eval()
+    model = model_with(appearance, sh_degree=sh_degree).eval()
+    torch.testing.assert_close(draw(model, 1), draw(plain, 1), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("appearance", ["affine", "sh"])
+@pytest.mark.parametrize("sh_degree", [0, 3])
+def test_each_training_image_has_a_light_of_its_own_and_the_average_is_another(
+    appearance, sh_degree
+):
+    model = moved(model_with(appearance, sh_degree=sh_degree)).eval()
+    images = [draw(model, view) for view in (0, 1, None)]
+    for i in range(3):
+        assert (images[i] - images[i - 1]).abs().max() > 1e-3
+
+
+def test_without_appearance_one_background_serves_all_images():
+    model = moved(model_with("off", background=True)).eval()
+    assert model.image_effects is not None
+    assert len(model.image_effects.embeddings.weight) == 1
+    assert torch.equal(draw(model, 0), draw(model, None))
+    background = model.get_outputs_for_camera(camera(0))["background"]
+    assert background.shape == (HEIGHT, WIDTH, 3)
+
+
+def test_the_background_lies_behind_everything():
+    model = moved(model_with("affine", background=True)).eval()
+    outputs = model.get_outputs_for_camera(camera(0))
+    empty = outputs["accumulation"][..., 0] == 0
+    assert empty.any()
+    assert torch.equal(outputs["rgb"][empty], outputs["background"][empty])
+
+
+@pytest.mark.parametrize("appearance", ["affine", "sh"])
+def test_a_step_trains_every_group_but_other_images_embeddings(appearance):
+    model = moved(model_with(appearance, background=True))
+    trainer = Trainer(model)
+    model.config.sh_degree_interval = 1
+    before = {n: p.detach().clone() for n, p in model.named_parameters()}
+    losses = trainer.step(10, view=1)["losses"]
+    assert "background_opacity" in losses
+    assert model.image_effects is not None
+    grad = model.image_effects.embeddings.weight.grad
+    assert grad is not None and (grad[1] != 0).any() and (grad[[0, 2]] == 0).all()
+    for name, parameter in model.named_parameters():
+        if "image_effects" in name or FEATURES in name:
+            assert not torch.equal(parameter, before[name]), name
+
+
+def test_features_follow_clones_splits_and_prunes():
+    model = model_with("affine", warmup_length=0, refine_every=2, densify_grad_thresh=1e-9)
+    trainer = Trainer(model)
+    count = model.num_points
+    for step in range(9):
+        trainer.step(step, view=step % 3)
+    assert model.num_points != count
+    features = model.gauss_params[FEATURES]
+    assert len(features) == model.num_points
+    state = trainer.optimizers[FEATURES].state[features]
+    assert len(state["exp_avg"]) == model.num_points
+
+
+def test_baked_coefficients_render_to_the_worn_appearance():
+    model = moved(model_with("affine", sh_degree=3)).eval()
+    model.step = 10_000  # all degrees are active
+    model.gauss_params["features_rest"].data.normal_(std=0.1)
+    assert model.image_effects is not None
+    with model.worn.fixed(model.image_effects.embeddings.of(1)):
+        baked = {"features_dc": model.shs_0, "features_rest": model.shs_rest}
+    expected = draw(model, 1)
+    splats = activate_static({**model.gauss_params, **baked}, 3)
+    view = model.view_of_camera(camera(0), None)
+    rendering = model.rasterizer(splats, view, model.render_settings(depth=False))
+    image = rendering.rgb + (1 - rendering.alpha) * model.background_of(view, None)
+    torch.testing.assert_close(image.detach().clamp(0, 1), expected, rtol=0, atol=1e-5)
+
+
+def test_a_checkpoint_brings_everything_back():
+    model = moved(model_with("affine", background=True))
+    other = model_with("affine", background=True)
+    other.load_state_dict(model.state_dict())
+    assert torch.equal(draw(other.eval(), 1), draw(model.eval(), 1))
+
+
+def test_effects_work_without_distractors():
+    effects = EffectsConfig(distractors=False, appearance="affine", background=True)
+    model = make_model(effects=effects)
+    assert "background_opacity" in Trainer(model).step(0)["losses"]
