@@ -110,6 +110,7 @@ def check_size(path: Path, found: Size, camera: Size) -> None:
 def _fits(found: Size, camera: Size) -> bool:
     if found[0] < camera[0] or found[1] < camera[1]:
         return False
-    ratio = min(found[0] / camera[0], found[1] / camera[1])
+    # Of the longer side: the shorter one may have been rounded up to one pixel.
+    ratio = found[1] / camera[1] if camera[1] > camera[0] else found[0] / camera[0]
     off = max(abs(found[0] / ratio - camera[0]), abs(found[1] / ratio - camera[1]))
     return off <= SIZE_TOLERANCE + 1

@@ -107,10 +107,14 @@ def test_a_missing_or_corrupt_photo_is_named(capture):
         ((1297, 840), (648, 420), True),
         ((4032, 3024), (1008, 756), True),
         ((8, 6), (7, 5), True),
+        ((1, 8), (1, 4), True),  # a side of one pixel stays
+        ((1, 800), (1, 100), True),
+        ((5, 80), (1, 10), True),
         ((480, 270), (270, 480), False),
         ((135, 240), (270, 480), False),
         ((3024, 4032), (1008, 756), False),
         ((1000, 800), (500, 300), False),
+        ((100, 800), (1, 100), False),
     ],
 )
 def test_photos_fit_cameras_of_their_shape_and_no_larger(found, camera, fits: bool):
