@@ -99,6 +99,16 @@ def test_a_missing_or_corrupt_photo_is_named(capture):
         dataset.check_photos()
 
 
+def test_photos_too_small_to_be_scored_are_named(capture):
+    dataset = dataset_of(capture(cameras=CAMERAS))
+    dataset.check_sides(1)  # b.png is 12x4
+    with pytest.raises(CaptureError, match=r"3 of 3 photos .* 8 pixels .*1/4 .*a\.png \(8x6\), "):
+        dataset.check_sides(2)
+    narrow = dataset_of(capture(cameras=("1 PINHOLE 1 6 10 10 1 3", *CAMERAS[1:])))
+    with pytest.raises(CaptureError, match=r"1 of 3 photos .* 2 pixels .*a\.png \(1x6\)\."):
+        narrow.check_sides(0)
+
+
 @pytest.mark.parametrize(
     ("found", "camera", "fits"),
     [
