@@ -74,7 +74,7 @@ def test_photos_of_one_root_never_go_with_the_reconstruction_of_the_other(scene)
 def test_other_folders_can_be_named(scene):
     data = scene(images="photos", sparse="model")
     parser = parser_of(data, images_path=Path("photos"), colmap_path=Path("model"))
-    assert names(parser, "test") == ["c.jpg"]
+    assert names(parser, "train") == ["a.jpg", "b.jpg"]
 
 
 def test_no_reconstruction_says_where_it_was_looked_for(scene):
@@ -116,8 +116,9 @@ def test_what_was_done_is_said_once(scene, capsys):
 def test_the_split_file_is_found_in_dense_and_above_it(scene, folder: str):
     data = scene()
     (data / "scene.tsv").rename(data / folder / "scene.tsv")
-    assert names(parser_of(data), "test") == ["c.jpg"]
-    assert names(parser_of(data / "dense"), "test") == ["c.jpg"]
+    # d.jpg would be used by a split that is drawn.
+    assert names(parser_of(data), "train") == ["a.jpg", "b.jpg"]
+    assert names(parser_of(data / "dense"), "train") == ["a.jpg", "b.jpg"]
 
 
 def test_of_several_split_files_one_can_be_named(scene, split_writer):
