@@ -21,11 +21,12 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import (
     Nerfstudio,
     NerfstudioDataParserConfig,
 )
+from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismDataParserConfig
 
 from desplat_ns.data.colmap import with_pycolmap
 from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.nerfstudio import PromptFreeNerfstudio
-from desplat_ns.errors import CaptureError, CheckpointError
+from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 
 
 @dataclass
@@ -41,7 +42,17 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
 
 
 def without_prompts(config: DataParserConfig) -> DataParserConfig:
-    """The same dataparser, read our way where upstream's would ask questions."""
+    """The same dataparser, read our way where upstream's would ask questions.
+
+    Raises:
+        ConfigError: upstream's phototourism-data (1.1.5), one hyphen from ours: it gives no 3D
+            points and splits by its own rule, so figures would be wrong without a word.
+    """
+    if type(config) is PhototourismDataParserConfig:
+        raise ConfigError(
+            "nerfstudio's dataparser phototourism-data gives no 3D points to start from and does "
+            "not read NeRF-W's split. Use photo-tourism-data, with two hyphens."
+        )
     if type(config) is ColmapDataParserConfig:
         return with_pycolmap(config)
     if type(config) is NerfstudioDataParserConfig and config._target is Nerfstudio:

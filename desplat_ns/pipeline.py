@@ -54,6 +54,9 @@ class DeSplatPipeline(VanillaPipeline):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
+        manager, model = cast(Any, self.datamanager), cast(Any, self.model)
+        manager.train_dataset.check_sides(model.config.num_downscales)
+        manager.eval_dataset.check_sides(0)
         give_masks_a_colormap_in_the_viewer()
 
     # --- viewer ------------------------------------------------------------------------------

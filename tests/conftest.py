@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 # Before anything loads OpenMP: waiting threads sleep instead of spinning.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import HealthCheck, settings
+from PIL import Image
 
 if TYPE_CHECKING:
     from nerfstudio.engine.trainer import TrainerConfig
@@ -33,6 +35,8 @@ settings.register_profile(
 settings.load_profile("desplat")
 
 DATA_VARIABLE = "DESPLAT_NS_DATA"
+POINTS = ("1 0.5 -1 4 10 20 30 0.25 1 0 2 0", "2 1 2 3 200 100 50 0.5 1 1")
+"""COLMAP's lines for two points, seen in the first photos."""
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -109,3 +113,42 @@ def trained(
     config = tiny_run(tmp_path_factory.mktemp("runs"))
     train.main(config)
     return config.get_base_dir() / "config.yml"
+
+
+def write_model(
+    folder: Path,
+    names: Sequence[str],
+    cameras: Sequence[str] = ("1 PINHOLE 8 6 10 11 4 3",),
+    points: Sequence[str] = POINTS,
+) -> Path:
+    """COLMAP's text format: photo i stands at x = i, looks along +z, has camera min(i, last)."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "cameras.txt").write_text("\n".join(cameras) + "\n")
+    lines = []
+    for i, name in enumerate(names):
+        camera_id = min(i + 1, len(cameras))
+        observed = "1 1 1 2 2 2" if i == 0 else "1 1 1"
+        lines += [f"{i + 1} 1 0 0 0 {-i} 0 0 {camera_id} {name}", observed]
+    (folder / "images.txt").write_text("\n".join(lines) + "\n")
+    (folder / "points3D.txt").write_text("\n".join(points) + "\n")
+    return folder
+
+
+def write_photo(
+    path: Path, width: int = 8, height: int = 6, seed: int = 0, **options
+) -> np.ndarray:
+    """A photo of noise; returns its pixels."""
+    pixels = np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(pixels).save(path, **options)
+    return pixels
+
+
+@pytest.fixture
+def model_writer() -> Callable[..., Path]:
+    return write_model
+
+
+@pytest.fixture
+def photo_writer() -> Callable[..., np.ndarray]:
+    return write_photo

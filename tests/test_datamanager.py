@@ -13,6 +13,7 @@ import pytest
 import torch
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
+from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismDataParserConfig
 from nerfstudio.data.utils.dataloaders import FixedIndicesEvalDataloader
 
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
@@ -20,7 +21,8 @@ from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.nerfstudio import PromptFreeNerfstudio
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.datamanager import DeSplatDataManager, DeSplatDataManagerConfig, without_prompts
-from desplat_ns.errors import CaptureError, CheckpointError
+from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
+from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 
 
 def manager(dataparser, test_mode: str = "val", **options) -> DeSplatDataManager:
@@ -102,6 +104,13 @@ def test_upstreams_parsers_are_swapped_where_they_would_ask(tiny_scene):
     assert isinstance(data.train_dataset, CaptureDataset)
     assert without_prompts(NerfstudioDataParserConfig())._target is PromptFreeNerfstudio
     own = RobustNerfDataParserConfig()
+    assert without_prompts(own) is own
+
+
+def test_upstreams_phototourism_parser_is_refused_and_ours_named():
+    with pytest.raises(ConfigError, match=r"phototourism-data gives no .* photo-tourism-data"):
+        without_prompts(PhototourismDataParserConfig())
+    own = PhotoTourismDataParserConfig()
     assert without_prompts(own) is own
 
 

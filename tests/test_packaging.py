@@ -147,6 +147,16 @@ def test_methods_are_registered_under_their_own_names(entry_points: list[EntryPo
     assert {point.name for point in methods} == {p.load().config.method_name for p in methods}
 
 
+def test_no_dataparser_takes_a_name_of_nerfstudios(entry_points: list[EntryPoint]) -> None:
+    """A plugin's dataparser replaces nerfstudio's of the same name, for every method."""
+    from nerfstudio.configs.dataparser_configs import dataparsers
+
+    group = "nerfstudio.dataparser_configs"
+    ours = {point.name for point in entry_points if point.group == group}
+    assert ours == {"robustnerf-data", "photo-tourism-data"}
+    assert not ours & set(dataparsers)
+
+
 def test_the_clean_environment_holds_the_wheels_package(clean_python: Path) -> None:
     found = subprocess.run(
         [clean_python, "-c", "import desplat_ns; print(desplat_ns.__file__)"],
@@ -169,5 +179,6 @@ def test_ns_train_knows_desplat_from_the_wheel_alone(clean_python: Path) -> None
         text=True,
     )
     assert shown.returncode == 0, shown.stderr[-2000:]
-    for option in ("--max-num-iterations", "--pipeline.model.backend", "robustnerf-data"):
+    dataparsers = ("robustnerf-data", "photo-tourism-data")
+    for option in ("--max-num-iterations", "--pipeline.model.backend", *dataparsers):
         assert option in shown.stdout

@@ -314,3 +314,10 @@ def test_a_checkpoint_of_another_method_is_refused():
     del state["_extra_state"]
     with pytest.raises(CheckpointError, match="not saved by `desplat`"):
         _pipeline().load_pipeline(state, 7)
+
+
+def test_photos_too_small_for_the_first_steps_stop_before_training(tiny_run, tmp_path: Path):
+    config = tiny_run(tmp_path)
+    config.pipeline.model.num_downscales = 5
+    with pytest.raises(CaptureError, match=r"photos .* 64 pixels .*1/32 .*\(48x32\)"):
+        config.pipeline.setup(device="cpu")

@@ -75,6 +75,16 @@ class DeSplatColmapDataParser(ColmapDataParser):
     _last_note: str = ""
 
     @cached_property
+    def images_path(self) -> Path:
+        """Folder of the photos, relative to the data."""
+        return self.config.images_path
+
+    @cached_property
+    def colmap_path(self) -> Path:
+        """Where the reconstruction is looked for, relative to the data."""
+        return self.config.colmap_path
+
+    @cached_property
     def reconstruction(self) -> Reconstruction:
         """The COLMAP model.
 
@@ -82,7 +92,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
             CaptureError: see `read_reconstruction`; or one photo only, or no points.
         """
         config = self.config
-        found = read_reconstruction(config.data, config.colmap_path)
+        found = read_reconstruction(config.data, self.colmap_path)
         if len(found.frames) < 2:
             raise CaptureError(
                 f"The reconstruction {found.folder} has one photo only ({found.frames[0].name}); "
@@ -107,7 +117,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
             CaptureError: photos that are not there.
         """
         config = self.config
-        images = config.data / config.images_path
+        images = config.data / self.images_path
         factor = downscale_factor(config.downscale_factor, self.reconstruction.frames)
         sources, note = photo_sources(images, frames, factor, config.downscale_rounding_mode)
         check_files([source.path for source in sources], images, "photos", "--images-path")
@@ -127,7 +137,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
             for name in _LIST_FILES.get(split, ())
             if (self.config.data / f"{name}_list.txt").exists()
         ]
-        folder = self.config.data / self.config.images_path
+        folder = self.config.data / self.images_path
         paths = [folder / name for name in names]
         try:
             picked = self._get_image_indices(paths, listed[0] if listed else split)
@@ -253,6 +263,17 @@ def make_cameras(
         distortion_params=torch.stack(distortion, dim=-1),
         camera_type=torch.tensor([[frame.camera_type.value] for frame in frames]),
     )
+
+
+def true_masks(folder: Path, frames: Sequence[Frame]) -> dict[str, list[Path | None]]:
+    """Metadata `distractor_mask_filenames`: the mask of each photo, None where it has none.
+
+    Empty where no photo has one. A mask is a .png with the photo's name below `folder`, white where
+    a distractor is. Evaluation compares the model's masks with them; training never sees them.
+    """
+    paths = [folder / Path(frame.name).with_suffix(".png") for frame in frames]
+    masks = [path if path.is_file() else None for path in paths]
+    return {"distractor_mask_filenames": masks} if any(masks) else {}
 
 
 def _side_files(

@@ -23,6 +23,9 @@ from desplat_ns.errors import CaptureError
 Size = tuple[int, int]
 """(width, height) in pixels."""
 
+MIN_SIDE = 2
+"""Pixels; pytorch-msssim (1.0) takes a side of one pixel for a missing dimension."""
+
 
 class CaptureDataset(InputDataset):
     """nerfstudio's dataset, read with OpenImageIO: upright, any format, reduced by area.
@@ -50,6 +53,26 @@ class CaptureDataset(InputDataset):
             )
         for path, size in zip(self.image_filenames, self.sizes, strict=True):
             check_size(path, image_size(path), size)
+
+    def check_sides(self, num_downscales: int) -> None:
+        """Make sure that all photos can be scored (SSIM) when they are reduced to 1/2^d.
+
+        Raises:
+            CaptureError: photos whose shorter side then has fewer than `MIN_SIDE` pixels.
+        """
+        least = MIN_SIDE << num_downscales
+        small = [
+            f"{path} ({width}x{height})"
+            for path, (width, height) in zip(self.image_filenames, self.sizes, strict=True)
+            if min(width, height) < least
+        ]
+        if small:
+            raise CaptureError(
+                f"{len(small)} of {len(self)} photos are used with fewer than {least} pixels on a "
+                f"side, which is too small to be scored (training begins at 1/{2**num_downscales} "
+                f"of the size): {list_names(small)}. Leave them out of the split, or use a smaller "
+                "--downscale-factor or --pipeline.model.num-downscales."
+            )
 
     def get_numpy_image(self, image_idx: int) -> UInt8[np.ndarray, "H W C"]:
         """The photo at its camera's size.
@@ -110,6 +133,7 @@ def check_size(path: Path, found: Size, camera: Size) -> None:
 def _fits(found: Size, camera: Size) -> bool:
     if found[0] < camera[0] or found[1] < camera[1]:
         return False
-    ratio = min(found[0] / camera[0], found[1] / camera[1])
+    # Of the longer side: the shorter one may have been rounded up to one pixel.
+    ratio = found[1] / camera[1] if camera[1] > camera[0] else found[0] / camera[0]
     off = max(abs(found[0] / ratio - camera[0]), abs(found[1] / ratio - camera[1]))
     return off <= SIZE_TOLERANCE + 1

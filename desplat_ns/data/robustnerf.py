@@ -10,7 +10,11 @@ from typing import Annotated, Any, Literal
 import tyro
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
-from desplat_ns.data.colmap import DeSplatColmapDataParser, DeSplatColmapDataParserConfig
+from desplat_ns.data.colmap import (
+    DeSplatColmapDataParser,
+    DeSplatColmapDataParserConfig,
+    true_masks,
+)
 from desplat_ns.data.reconstruction import Frame
 from desplat_ns.data.splits import (
     describe,
@@ -84,13 +88,8 @@ class RobustNerfDataParser(DeSplatColmapDataParser):
 
     def metadata_of(self, frames: Sequence[Frame]) -> dict[str, Any]:
         """As upstream's, plus `distractor_mask_filenames`: list[Path | None], one per photo."""
-        metadata = super().metadata_of(frames)
         folder = self.config.data / self.config.distractor_masks_path
-        paths = [folder / Path(frame.name).with_suffix(".png") for frame in frames]
-        masks = [path if path.is_file() else None for path in paths]
-        if any(masks):
-            metadata["distractor_mask_filenames"] = masks
-        return metadata
+        return super().metadata_of(frames) | true_masks(folder, frames)
 
     def _training_views(self, names: Sequence[str]) -> list[int]:
         config = self.config

@@ -59,12 +59,12 @@ def views_by_ratio(names: Sequence[str], ratio: float, seed: int) -> list[int]:
             "1 (only clutter)."
         )
     clean, clutter = _by_viewpoint(names, "clean"), _by_viewpoint(names, "clutter")
-    twins = _shuffled(clean.keys() & clutter.keys(), seed)
+    twins = shuffled(clean.keys() & clutter.keys(), seed)
     num_cluttered = round(ratio * len(twins))
     picked = [clutter[key] for key in twins[:num_cluttered]]
     picked += [clean[key] for key in twins[num_cluttered:]]
     for one_sort, share in ((clutter, ratio), (clean, 1.0 - ratio)):
-        singles = _shuffled(one_sort.keys() - set(twins), seed)
+        singles = shuffled(one_sort.keys() - set(twins), seed)
         picked += [one_sort[key] for key in singles[: round(share * len(singles))]]
     return sorted(i for group in picked for i in group)
 
@@ -134,18 +134,19 @@ def describe(names: Sequence[str]) -> str:
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in ("clean", "clutter", "extra"))
 
 
+def shuffled(keys: set[str], seed: int) -> list[str]:
+    """The keys in an order that depends on them and on `seed` alone."""
+    ordered = sorted(keys)
+    random.Random(seed).shuffle(ordered)
+    return ordered
+
+
 def _by_viewpoint(names: Sequence[str], kind: Kind) -> dict[str, list[int]]:
     groups: dict[str, list[int]] = {}
     for i, name in enumerate(names):
         if kind_of(name) == kind:
             groups.setdefault(viewpoint_of(name), []).append(i)
     return groups
-
-
-def _shuffled(keys: set[str], seed: int) -> list[str]:
-    ordered = sorted(keys)
-    random.Random(seed).shuffle(ordered)
-    return ordered
 
 
 def _matches(names: Sequence[str], line: str) -> list[int]:

@@ -99,6 +99,16 @@ def test_a_missing_or_corrupt_photo_is_named(capture):
         dataset.check_photos()
 
 
+def test_photos_too_small_to_be_scored_are_named(capture):
+    dataset = dataset_of(capture(cameras=CAMERAS))
+    dataset.check_sides(1)  # b.png is 12x4
+    with pytest.raises(CaptureError, match=r"3 of 3 photos .* 8 pixels .*1/4 .*a\.png \(8x6\), "):
+        dataset.check_sides(2)
+    narrow = dataset_of(capture(cameras=("1 PINHOLE 1 6 10 10 1 3", *CAMERAS[1:])))
+    with pytest.raises(CaptureError, match=r"1 of 3 photos .* 2 pixels .*a\.png \(1x6\)\."):
+        narrow.check_sides(0)
+
+
 @pytest.mark.parametrize(
     ("found", "camera", "fits"),
     [
@@ -107,10 +117,14 @@ def test_a_missing_or_corrupt_photo_is_named(capture):
         ((1297, 840), (648, 420), True),
         ((4032, 3024), (1008, 756), True),
         ((8, 6), (7, 5), True),
+        ((1, 8), (1, 4), True),  # a side of one pixel stays
+        ((1, 800), (1, 100), True),
+        ((5, 80), (1, 10), True),
         ((480, 270), (270, 480), False),
         ((135, 240), (270, 480), False),
         ((3024, 4032), (1008, 756), False),
         ((1000, 800), (500, 300), False),
+        ((100, 800), (1, 100), False),
     ],
 )
 def test_photos_fit_cameras_of_their_shape_and_no_larger(found, camera, fits: bool):

@@ -1,0 +1,243 @@
+"""Photo Tourism scenes: COLMAP's undistorted photos and NeRF-W's split."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+from nerfstudio.data.dataparsers.colmap_dataparser import MAX_AUTO_RESOLUTION
+from nerfstudio.plugins.registry_dataparser import DataParserSpecification
+
+from desplat_ns.data.checks import announce, check_files
+from desplat_ns.data.colmap import (
+    DeSplatColmapDataParser,
+    DeSplatColmapDataParserConfig,
+    true_masks,
+)
+from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
+from desplat_ns.data.reconstruction import Frame, find_models
+from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.photo_tourism.split_file import (
+    PhotoSplit,
+    draw_split,
+    find_split_file,
+    match_split,
+    read_split_file,
+)
+
+_Hidden = tyro.conf.Suppress
+
+ROOTS = (Path("dense"), Path())
+"""Where photos and reconstruction lie side by side, relative to the data, in this order."""
+
+TEST_FRACTION = 0.1
+"""Share of photos that is held out where there is no split file."""
+
+
+@dataclass
+class PhotoTourismDataParserConfig(DeSplatColmapDataParserConfig):
+    """Photo Tourism scene: dense/images, dense/sparse and NeRF-W's split file."""
+
+    _target: type = field(default_factory=lambda: PhotoTourismDataParser)
+    images_path: Path = ROOTS[0] / "images"
+    """Photos, relative to the data; without this option images beside the reconstruction,
+    dense/images or images."""
+    colmap_path: Path = ROOTS[0] / "sparse"
+    """Reconstruction, relative to the data; without this option dense/sparse or sparse, or the
+    largest model in there (sparse/0, sparse/1, ...)."""
+    split_file: Path | None = None
+    """NeRF-W's split file, relative to the data: filename, id, split, with tabs between. Without
+    this option the .tsv file in the data or in dense/ that has these columns."""
+    test_fraction: float | None = None
+    """Hold out this share of all photos, drawn at random, whatever split files there are. Without
+    this option, 0.1 where there is no split file."""
+    seed: int = 0
+    """Chooses the photos that --test-fraction holds out."""
+    downscale_factor: int | None = None
+    """All photos at 1/N of their size. Without this option every photo by itself is halved until it
+    has at most 1600 pixels a side; smaller ones keep their size."""
+    distractor_masks_path: Path = Path("masks")
+    """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
+    Evaluation compares the model's masks with them; training never sees them."""
+    eval_mode: Annotated[Literal["fraction", "filename", "interval", "all"], _Hidden] = "filename"
+    """Not used: the split file or --test-fraction decides."""
+    train_split_fraction: Annotated[float, _Hidden] = 0.9
+    """Not used: the split file or --test-fraction decides."""
+    eval_interval: Annotated[int, _Hidden] = 8
+    """Not used: the split file or --test-fraction decides."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where a scene's photos and reconstruction lie, relative to the data."""
+
+    images: Path
+    colmap: Path
+
+
+class PhotoTourismDataParser(DeSplatColmapDataParser):
+    """See `PhotoTourismDataParserConfig`."""
+
+    config: PhotoTourismDataParserConfig
+
+    @cached_property
+    def layout(self) -> Layout:
+        """See `find_layout`."""
+        return find_layout(self.config)
+
+    @cached_property
+    def images_path(self) -> Path:
+        """Folder of the photos, relative to the data."""
+        return self.layout.images
+
+    @cached_property
+    def colmap_path(self) -> Path:
+        """Where the reconstruction is looked for, relative to the data."""
+        return self.layout.colmap
+
+    @cached_property
+    def split(self) -> PhotoSplit:
+        """Training and test photos of the reconstruction; says once how they were chosen.
+
+        Raises:
+            CaptureError: a split file that does not fit, see `split_file`.
+            ConfigError: options that contradict each other, or are out of range.
+        """
+        config = self.config
+        names = [frame.name for frame in self.reconstruction.frames]
+        if config.split_file is not None and config.test_fraction is not None:
+            raise ConfigError(
+                f"--split-file {config.split_file} and --test-fraction {config.test_fraction} "
+                "contradict each other; give one of them."
+            )
+        path = self._split_file()
+        if path is None:
+            return self._drawn(names)
+        listed = read_split_file(path)
+        split = match_split(names, listed)
+        unlisted = len(names) - len(split.train) - len(split.test)
+        announce(
+            f"Split by {path}: {len(split.train)} photos train, {len(split.test)} test."
+            + (f" {unlisted} more in the reconstruction are not listed: not used." * bool(unlisted))
+            + (f" {listed.num_skipped} rows without an id: ignored." * bool(listed.num_skipped))
+        )
+        return split
+
+    def views(self, names: Sequence[str], split: str) -> list[int]:
+        """Indices of the training photos or, for any other split, of the test photos."""
+        return self.split.train if split == "train" else self.split.test
+
+    def sources(self, frames: Sequence[Frame]) -> list[PhotoSource]:
+        """Files of these photos and the sizes at which they are used.
+
+        Raises:
+            CaptureError: photos of either split that are not there.
+        """
+        return [self._sources[frame.name] for frame in frames]
+
+    def metadata_of(self, frames: Sequence[Frame]) -> dict[str, Any]:
+        """As upstream's, plus `distractor_mask_filenames`: list[Path | None], one per photo."""
+        folder = self.config.data / self.config.distractor_masks_path
+        return super().metadata_of(frames) | true_masks(folder, frames)
+
+    @cached_property
+    def _sources(self) -> dict[str, PhotoSource]:
+        """Of all photos that are used, so that an error lists what is missing from both splits."""
+        frames = [self.reconstruction.frames[i] for i in self.split.train + self.split.test]
+        if self.config.downscale_factor is not None:
+            sources = super().sources(frames)
+        else:
+            sources = self._reduced_where_large(frames)
+        return {frame.name: source for frame, source in zip(frames, sources, strict=True)}
+
+    def _reduced_where_large(self, frames: Sequence[Frame]) -> list[PhotoSource]:
+        folder = self.config.data / self.images_path
+        rounding = self.config.downscale_rounding_mode
+        factors = [downscale_factor(None, [frame]) for frame in frames]
+        sources = [
+            photo_sources(folder, [frame], factor, rounding)[0][0]
+            for frame, factor in zip(frames, factors, strict=True)
+        ]
+        check_files([source.path for source in sources], folder, "photos", "--images-path")
+        num_large = sum(factor > 1 for factor in factors)
+        if num_large:
+            announce(
+                f"{num_large} of {len(frames)} photos have sides of more than {MAX_AUTO_RESOLUTION}"
+                " pixels and are halved until they do not; --downscale-factor 1 leaves them."
+            )
+        return sources
+
+    def _split_file(self) -> Path | None:
+        config = self.config
+        if config.test_fraction is not None:
+            return None
+        if config.split_file is not None:
+            return config.data / config.split_file
+        data = config.data.resolve()
+        # Who names dense/ itself as the data has the split file one folder up.
+        above = [config.data / ".."] if data.name == "dense" else []
+        return find_split_file([config.data, config.data / "dense", *above])
+
+    def _drawn(self, names: Sequence[str]) -> PhotoSplit:
+        config = self.config
+        given = config.test_fraction
+        fraction = TEST_FRACTION if given is None else given
+        split = draw_split(names, fraction, config.seed)
+        why = f"{config.data} has no split file" if given is None else "drawn, as asked for"
+        announce(
+            f"Split: {why}; {len(split.train)} photos train, {len(split.test)} test "
+            f"(--test-fraction {fraction:g} --seed {config.seed}): "
+            f"{', '.join(names[i] for i in split.test)}."
+        )
+        return split
+
+
+def find_layout(config: PhotoTourismDataParserConfig) -> Layout:
+    """Photos and reconstruction side by side in one of `ROOTS`; options come before that.
+
+    Photos of one root never go with the reconstruction of the other: there they are undistorted,
+    here perhaps not. A root that has both comes before one that has a reconstruction only.
+
+    Raises:
+        CaptureError: no such folder, or no reconstruction.
+    """
+    default = PhotoTourismDataParserConfig()
+    data = config.data
+    layouts = [
+        Layout(
+            config.images_path if config.images_path != default.images_path else root / "images",
+            config.colmap_path if config.colmap_path != default.colmap_path else root / "sparse",
+        )
+        for root in ROOTS
+    ]
+    with_model = [layout for layout in layouts if _has_model(data, layout.colmap)]
+    complete = [layout for layout in with_model if (data / layout.images).is_dir()]
+    for found in (complete, with_model):
+        if found:
+            return found[0]
+    if not data.is_dir():
+        raise CaptureError(f"The folder {data} does not exist. Give the scene's with --data.")
+    looked = ", ".join(dict.fromkeys(layout.colmap.as_posix() for layout in layouts))
+    raise CaptureError(
+        f"No COLMAP reconstruction in {data} (looked in {looked}, and in folders inside them). "
+        "Needed: cameras, images and points3D as .bin or .txt, beside a folder `images`. Name the "
+        "scene's folder with --data, or the reconstruction with --colmap-path and the photos with "
+        "--images-path, relative to --data."
+    )
+
+
+def _has_model(data: Path, colmap: Path) -> bool:
+    try:
+        return bool(find_models(data, colmap))
+    except CaptureError:
+        return False
+
+
+photo_tourism_dataparser = DataParserSpecification(
+    config=PhotoTourismDataParserConfig(),
+    description="Photo Tourism scene: dense/images, dense/sparse, NeRF-W's split file.",
+)

@@ -1,0 +1,212 @@
+"""Which photos of a Photo Tourism scene train and which are held out: NeRF-W's TSV, or a draw.
+
+The TSV has one row for each photo, with the columns `filename`, `id` (the photo's number in the
+reconstruction, empty where it is not in it), `split` (train or test) and `dataset` (not read).
+Source: NeRF in the Wild, Martin-Brualla et al., CVPR 2021; the split files of its project page.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from desplat_ns.data.checks import list_names
+from desplat_ns.data.splits import shuffled
+from desplat_ns.errors import CaptureError, ConfigError
+
+COLUMNS = ("filename", "id", "split")
+"""What a split file must have, in any order and beside others."""
+
+PATTERNS = ("*.tsv", "nerfw_split.csv")
+"""Names of split files: NeRF-W's, and the same file as nerfbaselines saves it (with tabs)."""
+
+EMPTY = {"", "nan"}
+"""Values of `filename` and `id` that mean "not in the reconstruction"."""
+
+
+@dataclass(frozen=True)
+class SplitFile:
+    """What a split file says."""
+
+    path: Path
+    train: list[str]
+    """File names, in the file's order."""
+    test: list[str]
+    num_skipped: int
+    """Rows without an id or without a file name."""
+
+
+@dataclass(frozen=True)
+class PhotoSplit:
+    """Photos by their index in the reconstruction, ascending."""
+
+    train: list[int]
+    test: list[int]
+
+
+def find_split_file(folders: Sequence[Path]) -> Path | None:
+    """The one split file in these folders, None where there is no file of such a name.
+
+    Raises:
+        CaptureError: several fit, or there are files of such a name and none fits.
+    """
+    found = {p.resolve(): p for f in folders for name in PATTERNS for p in sorted(f.glob(name))}
+    fitting: list[Path] = []
+    problems: list[str] = []
+    for path in found.values():
+        try:
+            read_rows(path)
+            fitting.append(path)
+        except CaptureError as error:
+            problems.append(str(error))
+    if len(fitting) > 1:
+        raise CaptureError(
+            f"{len(fitting)} split files were found: {list_names(map(str, fitting))}. Say with "
+            "--split-file, relative to --data, which one counts."
+        )
+    if not fitting and problems:
+        raise CaptureError(
+            f"{' '.join(problems)} Name another file with --split-file, or hold out photos that "
+            "are drawn at random with --test-fraction 0.1."
+        )
+    return fitting[0] if fitting else None
+
+
+def read_split_file(path: Path) -> SplitFile:
+    """Photos that train and photos for testing; rows without an id or a file name do not count.
+
+    Raises:
+        CaptureError: as `read_rows`; a split that is neither train nor test; a file name twice;
+            fewer than two photos that train, or none for testing.
+    """
+    names: dict[str, list[str]] = {"train": [], "test": []}
+    skipped = 0
+    for line, row in read_rows(path):
+        if row["filename"].lower() in EMPTY or row["id"].lower() in EMPTY:
+            skipped += 1
+            continue
+        split = row["split"].lower()
+        if split not in names:
+            raise CaptureError(
+                f"Line {line} of the split file {path} gives {row['filename']} the split "
+                f"'{row['split']}'; it must be train or test. To leave a photo out, delete its row."
+            )
+        names[split].append(PurePosixPath(row["filename"]).as_posix())
+    listed = SplitFile(path, names["train"], names["test"], skipped)
+    _check_counts(listed)
+    return listed
+
+
+def read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
+    """Line numbers and values of `COLUMNS`, stripped, missing ones empty; blank lines are skipped.
+
+    Raises:
+        CaptureError: no such file, not UTF-8, not a table, or columns that are missing.
+    """
+    if not path.is_file():
+        raise CaptureError(
+            f"The split file {path} does not exist. Name a file with the columns "
+            f"{', '.join(COLUMNS)} with --split-file, relative to --data."
+        )
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file, dialect="excel-tab", strict=True)
+            header = [(name or "").strip() for name in reader.fieldnames or []]
+            _check_columns(path, header)
+            reader.fieldnames = header
+            return [
+                (reader.line_num, {name: (row[name] or "").strip() for name in COLUMNS})
+                for row in reader
+            ]
+    except UnicodeDecodeError as error:
+        raise CaptureError(
+            f"The split file {path} is not UTF-8 text ({error.reason} at byte {error.start}). "
+            "Save it as UTF-8, with tabs between the columns."
+        ) from error
+    except (csv.Error, OSError) as error:
+        raise CaptureError(
+            f"The split file {path} cannot be read: {error}. It must be a text file with one row "
+            "for each photo and tabs between the columns."
+        ) from error
+
+
+def match_split(names: Sequence[str], listed: SplitFile) -> PhotoSplit:
+    """Find the listed photos among `names` (paths inside the images folder).
+
+    A row may give the path or, where that is unambiguous, the file name alone.
+
+    Raises:
+        CaptureError: rows that name no photo of the reconstruction, several, or one once more.
+    """
+    places: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        places.setdefault(PurePosixPath(name).name, []).append(i)
+    places |= {name: [i] for i, name in enumerate(names)}
+    rows = listed.train + listed.test
+    found = [places.get(name, []) for name in rows]
+    wrong = [name for name, where in zip(rows, found, strict=True) if len(where) != 1]
+    if wrong:
+        raise CaptureError(
+            f"{len(wrong)} of {len(rows)} photos in the split file {listed.path} are not in the "
+            f"reconstruction, or not unambiguously: {list_names(wrong)}. The reconstruction has "
+            f"{list_names(names)}. Take the split file that belongs to it, or delete these rows."
+        )
+    indices = [where[0] for where in found]
+    twice = [names[i] for i, count in Counter(indices).items() if count > 1]
+    if twice:
+        raise CaptureError(_listed_twice(listed.path, twice))
+    num_train = len(listed.train)
+    return PhotoSplit(sorted(indices[:num_train]), sorted(indices[num_train:]))
+
+
+def draw_split(names: Sequence[str], test_fraction: float, seed: int) -> PhotoSplit:
+    """Hold out round(`test_fraction` n) of n photos, at least one, and never all.
+
+    The choice depends on the names and on `seed` alone, not on their order; a larger fraction keeps
+    those of a smaller one.
+
+    Raises:
+        ConfigError: `test_fraction` is not between 0 and 1.
+    """
+    if not 0.0 < test_fraction < 1.0:
+        raise ConfigError(
+            f"--test-fraction is {test_fraction}; it must lie between 0 and 1, for example 0.1 to "
+            "hold out every tenth photo."
+        )
+    num_test = min(max(1, round(test_fraction * len(names))), len(names) - 1)
+    test = set(shuffled(set(names), seed)[:num_test])
+    return PhotoSplit(
+        train=[i for i, name in enumerate(names) if name not in test],
+        test=[i for i, name in enumerate(names) if name in test],
+    )
+
+
+def _check_columns(path: Path, header: Sequence[str]) -> None:
+    missing = [name for name in COLUMNS if name not in header]
+    if missing:
+        raise CaptureError(
+            f"The split file {path} has no column {', '.join(missing)}. Found: "
+            f"{', '.join(header) or 'nothing'}; needed: {', '.join(COLUMNS)}, with tabs between."
+        )
+
+
+def _check_counts(listed: SplitFile) -> None:
+    twice = [name for name, n in Counter(listed.train + listed.test).items() if n > 1]
+    if twice:
+        raise CaptureError(_listed_twice(listed.path, twice))
+    if len(listed.train) < 2 or not listed.test:
+        raise CaptureError(
+            f"The split file {listed.path} lists {len(listed.train)} photos to train on and "
+            f"{len(listed.test)} to test on ({listed.num_skipped} rows have no id or no file name "
+            "and do not count). Needed: at least two to train on and one to test on."
+        )
+
+
+def _listed_twice(path: Path, names: Sequence[str]) -> str:
+    return (
+        f"The split file {path} lists {len(names)} photos more than once: {list_names(names)}. "
+        "Keep one row for each photo."
+    )
