@@ -39,6 +39,10 @@ class DistractorConfig:
     one for a place to belong to something in the way."""
     strong_excess: float = 0.25
     """With start residual: excess that something in the way has to reach in one place at least."""
+    leave_out_at: int = 12000
+    """With start residual and static_alone: step from which the static scene's own loss leaves out
+    whole regions. Until then only what distractors cover, so that the scene gets a chance to learn
+    what several photos show."""
     stop_placing_at: int = 27000
     """With start residual: step from which none is placed or removed for its place any more."""
     static_alone: bool = False

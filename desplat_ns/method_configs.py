@@ -16,6 +16,7 @@ from desplat_ns.errors import print_user_errors_plainly
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.optimizers import FusedAdamConfig
 from desplat_ns.photo_tourism.config import BackgroundConfig
+from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig
 from desplat_ns.schedules import ScaledExponentialDecaySchedulerConfig
 from desplat_ns.trainer import DeSplatTrainerConfig
@@ -147,7 +148,7 @@ desplat_phototourism = _method(
     "desplat-phototourism",
     "DeSplat for photos of changing light: appearance and background models.",
     photo_tourism_model(background=True),
-    NerfstudioDataParserConfig(load_3D_points=True),
+    PhotoTourismDataParserConfig(),
     PHOTO_TOURISM_STEPS,
 )
 
@@ -155,6 +156,6 @@ desplat_phototourism_a = _method(
     "desplat-phototourism-a",
     "DeSplat for photos of changing light: the appearance model alone (DeSplat-A).",
     photo_tourism_model(background=False),
-    NerfstudioDataParserConfig(load_3D_points=True),
+    PhotoTourismDataParserConfig(),
     PHOTO_TOURISM_STEPS,
 )

@@ -130,16 +130,17 @@ class DeSplatModel(StaticModel):
         """The opacity terms of Eq. 5; with `static_alone` also the static scene's own term."""
         config, losses = self.config.distractors, {}
         alpha_d, alpha_s = outputs["alpha_distractor"], outputs["accumulation"]
-        free = None
+        free = left_out = None
         if config.start == "residual":
             seen = Sighting(*self.drawn, photo, alpha_d)
             opacities, state = self.gauss_params["opacities"], self.strategy_state
             static = outputs["rgb_static"]
             free = self.placement.look(self.step, seen, static, opacities, self.info, state)
+            left_out = seen.left_out
         losses["distractor_opacity"] = config.lambda_d * distractor_opacity_loss(alpha_d, free)
         losses["static_transparency"] = config.lambda_s * static_transparency_loss(alpha_s)
         if config.static_alone and self._distractors_drawn is not None:
-            owned = owned_share(alpha_d)
+            owned = owned_share(alpha_d, left_out)
             if "mask" in batch:
                 mask = self._downscale_if_required(batch["mask"]).to(owned.device)
                 owned = owned.masked_fill(mask == 0, 1.0)

@@ -38,6 +38,7 @@ MIN_REFINE_VISITS = 5
 
 DISTRACTOR_STEPS = (
     "static_warmup",
+    "leave_out_at",
     "stop_densify_at",
     "stop_placing_at",
     "refine_every_visits",

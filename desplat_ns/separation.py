@@ -42,6 +42,8 @@ class Sighting:
     alpha_d: Float[Tensor, "H W 1"]
     regions: Bool[Tensor, "rows columns"] | None = None
     """On the grid of `grid_of`; None as long as nobody looked for them."""
+    left_out: Bool[Tensor, "rows columns"] | None = None
+    """Those that the static scene's own loss leaves out; None for none."""
 
 
 def find_regions(
@@ -89,12 +91,18 @@ def interior(regions: Bool[Tensor, "rows columns"]) -> Bool[Tensor, "rows column
     return F.max_pool2d(outside[None], 3, 1)[0] == 0
 
 
-def owned_share(alpha_d: Float[Tensor, "H W 1"]) -> Float[Tensor, "H W 1"]:
-    """How far distractors own a pixel, in [0, 1]: the largest of their opacities around it."""
+def owned_share(
+    alpha_d: Float[Tensor, "H W 1"], regions: Bool[Tensor, "rows columns"] | None = None
+) -> Float[Tensor, "H W 1"]:
+    """How far distractors own a pixel, in [0, 1]: the largest of their opacities around it.
+
+    A pixel in one of `regions` is theirs whatever they cover of it.
+    """
     height, width = alpha_d.shape[:2]
     margin = round(OWNED_MARGIN * width / grid_of(width, height)[0])
     planes = alpha_d.detach().permute(2, 0, 1)
-    return F.max_pool2d(planes, 2 * margin + 1, 1, margin).permute(1, 2, 0)
+    owned = F.max_pool2d(planes, 2 * margin + 1, 1, margin).permute(1, 2, 0)
+    return owned if regions is None else owned.masked_fill(pixels_of(regions, height, width), 1.0)
 
 
 def missing_distractors(seen: Sighting, config: DistractorConfig) -> dict[str, Tensor]:
@@ -158,6 +166,8 @@ class Placement:
             return None
         if step < self.config.stop_placing_at:
             self._seen = seen
+        if step >= self.config.leave_out_at:
+            seen.left_out = seen.regions
         return pixels_of(interior(seen.regions), *seen.photo.shape[:2])
 
     @torch.no_grad()

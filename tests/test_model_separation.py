@@ -92,6 +92,22 @@ def _camera():
     return camera(0)
 
 
+@pytest.mark.usefixtures("judged_by_few")
+@pytest.mark.parametrize("leave_out_at", [61, 10_000])
+def test_a_region_is_left_out_of_the_static_loss_after_a_while(leave_out_at):
+    model = a_dense_model(static_warmup=60, leave_out_at=leave_out_at)
+    trainer = Crossing(model)
+    for step in range(60):
+        trainer.visit(step, 1 + step % 2)
+    trainer.visit(60, 0)  # distractors are placed
+    for group in trainer.optimizers.values():
+        for options in group.param_groups:
+            options["lr"] = 0.0
+    model.distractors.params_of(0)["opacities"].data.fill_(-20.0)  # but cover nothing yet
+    loss = trainer.visit(61, 0)["losses"]["static_photometric"]
+    assert (loss < 0.05) == (leave_out_at == 61)
+
+
 def test_without_distractors_in_the_view_the_loss_is_splatfactos():
     model = a_dense_model(static_warmup=1000)
     losses = Trainer(model).step(0)["losses"]

@@ -9,6 +9,7 @@ from nerfstudio.cameras.cameras import Cameras
 from desplat_ns.backend.protocol import View
 from desplat_ns.cameras import view_of
 from desplat_ns.distractors import DistractorConfig, DistractorGaussians
+from desplat_ns.excess import grid_of
 from desplat_ns.separation import (
     Sighting,
     find_regions,
@@ -105,6 +106,16 @@ def test_what_distractors_own_reaches_a_cell_beyond_their_edge():
     owned[48:62, 98:122] = 0.6
     owned[88:102] = 0.4
     assert torch.equal(owned_share(alpha), owned)
+
+
+def test_a_region_is_owned_whatever_covers_it():
+    height, width = 90, 160
+    columns, rows = grid_of(width, height)
+    regions = torch.zeros(rows, columns, dtype=torch.bool)
+    regions[:, : columns // 2] = True
+    owned = owned_share(torch.full((height, width, 1), 0.25), regions)
+    assert torch.equal(owned == 1, pixels_of(regions, height, width))
+    assert (owned[owned != 1] == 0.25).all()
 
 
 def test_the_interior_of_a_region_leaves_out_its_edge_but_not_the_images():
