@@ -103,7 +103,7 @@ def test_a_region_is_left_out_of_the_static_loss_after_a_while(leave_out_at):
     for group in trainer.optimizers.values():
         for options in group.param_groups:
             options["lr"] = 0.0
-    model.distractors.params_of(0)["opacities"].data.fill_(-20.0)  # but cover nothing yet
+    distractors_of(model, 0)["opacities"].data.fill_(-20.0)  # but cover nothing yet
     loss = trainer.visit(61, 0)["losses"]["static_photometric"]
     assert (loss < 0.05) == (leave_out_at == 61)
 
