@@ -62,7 +62,8 @@ def _picture(path: Path) -> np.ndarray:
 def test_a_checkpoint_holds_gaussians_and_their_scene_and_no_metric_network(checkpoint: dict):
     state = checkpoint["pipeline"]
     assert checkpoint["step"] == STEPS - 1
-    assert state["_extra_state"]["effects"] == {"distractors": True}
+    effects = {"distractors": True, "appearance": "off", "background": False}
+    assert state["_extra_state"]["effects"] == effects
     assert len(state["_extra_state"]["train_images"]) == NUM_TRAIN
     assert not [key for key in state if "lpips" in key]
 

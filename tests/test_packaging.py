@@ -11,6 +11,7 @@ import sys
 import sysconfig
 import venv
 import zipfile
+from collections.abc import Callable
 from configparser import ConfigParser
 from email.message import Message
 from importlib.metadata import EntryPoint
@@ -136,6 +137,7 @@ def test_entry_points_lead_to_specifications(entry_points: list[EntryPoint]) -> 
     kinds = {
         "nerfstudio.method_configs": MethodSpecification,
         "nerfstudio.dataparser_configs": DataParserSpecification,
+        "console_scripts": Callable,
     }
     assert {point.group for point in entry_points} == set(kinds)
     for point in entry_points:

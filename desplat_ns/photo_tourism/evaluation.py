@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
@@ -61,7 +61,7 @@ def uses_halves(config: EvaluationConfig, appearance: str) -> bool:
     return config.protocol == "half" or (config.protocol == "auto" and appearance != "off")
 
 
-def left_half(image: Float[Tensor, "H W C"]) -> Float[Tensor, "H left C"]:
+def left_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H left C"]:
     """Columns [:W // 2].
 
     Source: App. B.1; for odd W the column in the middle belongs to the right half.
@@ -69,7 +69,7 @@ def left_half(image: Float[Tensor, "H W C"]) -> Float[Tensor, "H left C"]:
     return image[:, : image.shape[1] // 2]
 
 
-def right_half(image: Float[Tensor, "H W C"]) -> Float[Tensor, "H right C"]:
+def right_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H right C"]:
     """Columns [W // 2:].
 
     Source: App. B.1.

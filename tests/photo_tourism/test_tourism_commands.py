@@ -1,0 +1,203 @@
+"""nerfstudio's commands on a small generated Photo Tourism scene, trained once."""
+
+from __future__ import annotations
+
+import copy
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+import yaml
+from PIL import Image
+
+pytestmark = pytest.mark.slow
+
+STEPS, SIZES = 24, {(48, 32), (32, 48)}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """config.yml of `ns-train desplat-phototourism`, 24 steps; do not write beside it."""
+    from nerfstudio.configs.method_configs import all_methods
+    from nerfstudio.scripts import train
+
+    from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
+    from desplat_ns.synthetic import SceneSpec, write_scene
+
+    spec = replace(
+        SceneSpec.tourism(),
+        num_views=5,
+        num_extras=2,
+        width=48,
+        height=32,
+        num_points=300,
+        other_sizes=((32, 48),),
+    )
+    scene = write_scene(spec, tmp_path_factory.mktemp("tourism"))
+    assert scene.folder is not None
+    config: Any = copy.deepcopy(all_methods["desplat-phototourism"])
+    config.pipeline.datamanager.dataparser = PhotoTourismDataParserConfig(data=scene.folder)
+    config.max_num_iterations, config.vis = STEPS, "tensorboard"
+    config.steps_per_eval_image, config.steps_per_eval_all_images = 10, 20
+    config.output_dir = tmp_path_factory.mktemp("runs")
+    config.experiment_name, config.timestamp = "tiny", "run"
+    config.pipeline.evaluation.steps = 5
+    model = config.pipeline.model
+    model.num_downscales, model.schedule_scale, model.distractors.per_view = 0, 0.02, 40
+    train.main(config)
+    return config.get_base_dir() / "config.yml"
+
+
+def evaluate(run: Path, output: Path, **options: Any) -> dict[str, Any]:
+    """Results of `desplat-eval`, the protocol's options given by name."""
+    from desplat_ns.photo_tourism.eval_command import Evaluate
+    from desplat_ns.photo_tourism.evaluation import EvaluationConfig
+
+    Evaluate(run, output, evaluation=EvaluationConfig(**options)).main()
+    return json.loads(output.read_text())["results"]
+
+
+def test_plain_ns_eval_follows_the_protocol(run: Path, tmp_path: Path):
+    from nerfstudio.scripts.eval import ComputePSNR
+
+    output = tmp_path / "metrics.json"
+    ComputePSNR(run, output, render_output_path=tmp_path / "pictures").main()
+    results = json.loads(output.read_text(), parse_constant=pytest.fail)["results"]
+    assert results["protocol"].startswith("right half")
+    assert "5 steps of Adam at 0.01 on its left half" in results["protocol"]
+    assert {"psnr", "psnr_before", "ssim", "ssim_before"} <= results.keys()
+    assert results["psnr"] != results["psnr_before"]
+    assert {(i["width"], i["height"]) for i in results["images"]} <= SIZES
+    assert len(list((tmp_path / "pictures").glob("*.png"))) == 2
+
+
+def test_embeddings_are_saved_and_give_the_same_figures_again(run: Path, tmp_path: Path):
+    path = tmp_path / "embeddings.npz"
+    first = evaluate(run, tmp_path / "a.json", steps=5, save_embeddings=path)
+    again = evaluate(run, tmp_path / "b.json", load_embeddings=path)
+    assert [i["psnr"] for i in again["images"]] == [i["psnr"] for i in first["images"]]
+    assert "loaded from embeddings.npz" in again["protocol"]
+
+
+def test_the_full_protocol_scores_whole_images(run: Path, tmp_path: Path):
+    results = evaluate(run, tmp_path / "full.json", protocol="full")
+    assert results["protocol"] == "full image, static Gaussians only"
+    assert "psnr_before" not in results
+
+
+def test_half_without_appearance_and_a_run_without_it_are_refused(run: Path, tmp_path: Path):
+    from desplat_ns.errors import CheckpointError
+
+    config = yaml.load(run.read_text(), Loader=yaml.Loader)
+    config.pipeline.model.effects.appearance = "off"
+    there = tmp_path / "config.yml"
+    there.write_text(yaml.dump(config))
+    with pytest.raises(CheckpointError, match=r"effects\.appearance affine"):
+        evaluate(there, tmp_path / "m.json")
+
+
+def test_resuming_goes_on_with_every_group(run: Path, tmp_path: Path):
+    config: Any = yaml.load(run.read_text(), Loader=yaml.Loader)
+    config.load_dir = run.parent / "nerfstudio_models"
+    config.output_dir, config.max_num_iterations = tmp_path, STEPS + 2
+    trainer: Any = config.setup(local_rank=0, world_size=1)
+    trainer.setup()
+    groups = {"image_embeddings", "appearance_mlp", "appearance_features", "background_sh_dc"}
+    assert groups <= trainer.optimizers.optimizers.keys()
+    before = {n: p.detach().clone() for n, p in trainer.pipeline.model.named_parameters()}
+    trainer.train()
+    moved = [n for n, p in trainer.pipeline.model.named_parameters() if "image_effects" in n]
+    after = dict(trainer.pipeline.model.named_parameters())
+    assert moved and any(not torch.equal(after[n], before[n]) for n in moved)
+
+
+def test_the_exported_splat_wears_the_chosen_appearance(run: Path, tmp_path: Path, monkeypatch):
+    """The PLY, rendered, is the image that the model draws in that light."""
+    pytest.importorskip("open3d", exc_type=ImportError)  # its wheels may lack system libraries
+    from nerfstudio.scripts.exporter import ExportGaussianSplat
+    from nerfstudio.utils.eval_utils import eval_setup
+    from plyfile import PlyData
+
+    from desplat_ns.photo_tourism.worn import VARIABLE
+
+    monkeypatch.setenv(VARIABLE, "photo_0001.png:1,photo_0003.png:3")
+    ExportGaussianSplat(run, tmp_path).main()
+    pipeline: Any = eval_setup(run, test_mode="test")[1]
+    model: Any = pipeline.model
+    camera, _ = pipeline.datamanager.fixed_indices_eval_dataloader[0]
+    outputs = model.get_outputs_for_camera(camera)
+    vertices = PlyData.read(tmp_path / "splat.ply")["vertex"].data
+    rendering = model.rasterizer(
+        splats_of(vertices, model._sh_degree()),
+        model.view_of_camera(camera, None),
+        model.render_settings(depth=False),
+    )
+    shown = (rendering.rgb + (1 - rendering.alpha) * outputs["background"]).clamp(0, 1)
+    torch.testing.assert_close(shown, outputs["rgb"], rtol=0, atol=2e-3)
+    monkeypatch.delenv(VARIABLE)
+    ExportGaussianSplat(run, tmp_path / "mean").main()
+    mean = PlyData.read(tmp_path / "mean" / "splat.ply")["vertex"].data
+    assert np.abs(mean["f_dc_0"] - vertices["f_dc_0"]).max() > 1e-6
+
+
+def splats_of(vertices: Any, sh_degree: int) -> Any:
+    """A PLY's Gaussians, read as any viewer reads them."""
+    from desplat_ns.backend.protocol import Splats
+
+    def columns(*names: str) -> torch.Tensor:
+        return torch.from_numpy(np.stack([vertices[name] for name in names], axis=-1))
+
+    rest = [name for name in vertices.dtype.names if name.startswith("f_rest_")]
+    zeroth = columns("f_dc_0", "f_dc_1", "f_dc_2")[:, None]
+    colors = torch.cat([zeroth, columns(*rest).unflatten(1, (3, -1)).transpose(1, 2)], dim=1)
+    return Splats(
+        means=columns("x", "y", "z"),
+        quats=columns("rot_0", "rot_1", "rot_2", "rot_3"),
+        scales=columns("scale_0", "scale_1", "scale_2").exp(),
+        opacities=columns("opacity")[:, 0].sigmoid(),
+        colors=colors.contiguous(),
+        sh_degree=sh_degree,
+    )
+
+
+def test_ns_render_wears_what_the_environment_says(run: Path, tmp_path: Path, monkeypatch):
+    from nerfstudio.scripts.render import DatasetRender
+
+    from desplat_ns.photo_tourism.worn import VARIABLE
+
+    pictures = []
+    for worn in ("", "photo_0002.png"):
+        monkeypatch.setenv(VARIABLE, worn)
+        folder = tmp_path / f"worn{worn}"
+        options: dict[str, Any] = {"split": "test", "image_format": "png"}
+        DatasetRender(run, output_path=folder, rendered_output_names=["rgb"], **options).main()
+        shown = sorted((folder / "test" / "rgb").iterdir())
+        assert len(shown) == 2
+        pictures.append(np.asarray(Image.open(shown[0]).convert("RGB")))
+    assert (pictures[0] != pictures[1]).any()
+
+
+def test_the_strip_shows_one_view_in_several_lights(run: Path, tmp_path: Path):
+    from desplat_ns.photo_tourism.eval_command import Evaluate
+    from desplat_ns.photo_tourism.evaluation import EvaluationConfig
+
+    options = EvaluationConfig(steps=1)
+    path = tmp_path / "new" / "strip.png"
+    Evaluate(run, tmp_path / "m.json", strip=path, strip_images=3, evaluation=options).main()
+    width, height = Image.open(path).size
+    assert width > 3 * 32
+    assert height > 2 * 32
+
+
+def test_the_command_names_what_is_not_there(tmp_path: Path):
+    from desplat_ns.errors import ConfigError
+    from desplat_ns.photo_tourism.eval_command import Evaluate
+
+    with pytest.raises(ConfigError, match=r"no '.*absent\.yml'"):
+        Evaluate(tmp_path / "absent.yml").main()
+    with pytest.raises(ConfigError, match=r"ending \.json"):
+        Evaluate(tmp_path / "absent.yml", output_path=tmp_path / "figures.txt").main()
