@@ -29,16 +29,20 @@ def pixel_rays(view: View) -> Float[Tensor, "H W 3"]:
     return F.normalize(in_camera @ view.viewmat[:3, :3], dim=-1)
 
 
+def pixel_basis(view: View, degree: int) -> Float[Tensor, "H W used"]:
+    """The (degree + 1)^2 spherical harmonics along each pixel's ray."""
+    basis = sh_basis(degree, pixel_rays(view).reshape(-1, 3))
+    return basis.unflatten(0, (view.height, view.width))
+
+
 def background_color(
-    coefficients: Float[Tensor, "K 3"], rays: Float[Tensor, "H W 3"], degree: int
+    coefficients: Float[Tensor, "K 3"], basis: Float[Tensor, "H W used"]
 ) -> Float[Tensor, "H W 3"]:
-    """SH + 1/2 along each ray, up to `degree`, clamped to [0, 1].
+    """SH + 1/2 along each ray, by as many of the coefficients as `basis` has, clamped to [0, 1].
 
     Source: App. A, c_BG of Eq. 8; the 1/2 is that of the Gaussians' colours.
     """
-    used = (degree + 1) ** 2
-    basis = sh_basis(degree, rays.reshape(-1, 3))
-    return (basis @ coefficients[:used] + 0.5).clamp(0, 1).view_as(rays)
+    return (basis @ coefficients[: basis.shape[-1]] + 0.5).clamp(0, 1)
 
 
 class Background(nn.Module):

@@ -11,7 +11,7 @@ from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance
-from desplat_ns.photo_tourism.background import Background, background_color, pixel_rays
+from desplat_ns.photo_tourism.background import Background, background_color, pixel_basis
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.embeddings import ImageEmbeddings
 
@@ -49,6 +49,7 @@ class ImageEffects(nn.Module):
             Background(background, appearance.embedding_dim) if effects.background else None
         )
         self.background_degree = background.sh_degree
+        self._last: tuple[View, int, Tensor] | None = None
 
     def toned(
         self, splats: Splats, features: Float[Tensor, "N Z"], embedding: Float[Tensor, " E"]
@@ -72,11 +73,14 @@ class ImageEffects(nn.Module):
     ) -> Float[Tensor, "H W 3"]:
         """The background of the image that `embedding` describes, seen from `view`.
 
-        Call it where there is one only. `degree` is cut to that of the background.
+        Call it where there is one only. `degree` is cut to that of the background. The harmonics
+        of the last view are kept: an embedding is optimized on one.
         """
         assert self.background is not None
-        coefficients = self.background(embedding)
-        return background_color(coefficients, pixel_rays(view), min(degree, self.background_degree))
+        degree = min(degree, self.background_degree)
+        if self._last is None or self._last[0] is not view or self._last[1] != degree:
+            self._last = (view, degree, pixel_basis(view, degree))
+        return background_color(self.background(embedding), self._last[2])
 
     def param_groups(self) -> dict[str, list[nn.Parameter]]:
         """An optimizer group for each learning rate of B.3; none for what is off."""

@@ -129,3 +129,12 @@ def test_fourier_features_of_coincident_points_are_finite():
 def test_the_constant_of_the_basis():
     basis = sh_basis(0, torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64))
     assert float(basis[0, 0]) == pytest.approx(C0)
+
+
+def test_many_gaussians_pass_in_parts(monkeypatch):
+    model = trained(AffineAppearance(SMALL))
+    inputs = numbers(5), numbers(NUM, FEATURES, seed=1), numbers(NUM, 3, seed=2)
+    whole = model.tones(*inputs)
+    monkeypatch.setattr("desplat_ns.photo_tourism.appearance.ROWS_AT_ONCE", 4)
+    for part, expected in zip(model.tones(*inputs), whole, strict=True):
+        torch.testing.assert_close(part, expected)

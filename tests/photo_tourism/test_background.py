@@ -13,6 +13,7 @@ from desplat_ns.photo_tourism.background import (
     background_color,
     background_opacity_loss,
     explained_by_background,
+    pixel_basis,
     pixel_rays,
 )
 from desplat_ns.photo_tourism.config import BackgroundConfig
@@ -49,7 +50,7 @@ def test_rays_project_to_the_centres_of_their_pixels():
 def test_a_constant_background():
     coefficients = torch.zeros(25, 3, dtype=torch.float64)
     coefficients[0] = torch.tensor([0.1, 0.2, -0.3], dtype=torch.float64) / C0
-    image = background_color(coefficients, pixel_rays(view()), 4)
+    image = background_color(coefficients, pixel_basis(view(), 4))
     expected = torch.tensor([0.6, 0.7, 0.2], dtype=torch.float64).expand(4, 5, 3)
     torch.testing.assert_close(image, expected)
 
@@ -57,16 +58,15 @@ def test_a_constant_background():
 def test_degrees_above_the_active_one_are_not_seen():
     coefficients = torch.zeros(25, 3, dtype=torch.float64)
     coefficients[4:] = 0.1
-    rays = pixel_rays(view())
-    grey = background_color(coefficients, rays, 1)
+    grey = background_color(coefficients, pixel_basis(view(), 1))
     torch.testing.assert_close(grey, torch.full_like(grey, 0.5))
-    assert (background_color(coefficients, rays, 2) - 0.5).abs().max() > 0.01
+    assert (background_color(coefficients, pixel_basis(view(), 2)) - 0.5).abs().max() > 0.01
 
 
 def test_gradients_of_the_background():
     coefficients = 0.05 * torch.randn(25, 3, dtype=torch.float64)
-    rays = pixel_rays(view())
-    assert gradcheck(lambda b: background_color(b, rays, 4), [coefficients.requires_grad_()])
+    basis = pixel_basis(view(), 4)
+    assert gradcheck(lambda b: background_color(b, basis), [coefficients.requires_grad_()])
 
 
 def test_the_mlp_has_the_sizes_of_b3_and_starts_grey():
