@@ -19,6 +19,9 @@ MAX_CAMERA = 1e8
 """Intrinsics (pixels) and entries of a rotation beyond this are no camera's, and their powers would
 overflow float32."""
 
+MIN_FOCAL = 1e-12
+"""Pixels. The image's border is size / focal from the axis, which would overflow."""
+
 
 @torch.no_grad()
 def sound(splats: Splats) -> Bool[Tensor, " N"]:
@@ -95,8 +98,10 @@ def _check_camera(view: View) -> None:
                         + ("." if is_translation else f" of at most {MAX_CAMERA:g}.")
                     )
     for i in (0, 1):
-        if (focal := view.K[i, i].item()) <= 0:
-            raise ValueError(f"K[{i}, {i}] is {focal}; a focal length is positive.")
+        if (focal := view.K[i, i].item()) < MIN_FOCAL:
+            raise ValueError(
+                f"K[{i}, {i}] is {focal}; a focal length is {MIN_FOCAL:g} pixels at least."
+            )
 
 
 def _check_colors(splats: Splats, n: int) -> None:

@@ -14,6 +14,9 @@ from typing import Protocol, runtime_checkable
 from jaxtyping import Float, Int
 from torch import Tensor
 
+MAX_FAR = 1e20
+"""World units. The slope of an expected depth is up to the depth over its least weight, 1e-10."""
+
 
 @dataclass(frozen=True)
 class Splats:
@@ -51,6 +54,7 @@ class RenderSettings:
     near_plane: float = 0.01
     """World units, > 0; what lies nearer is culled. nerfstudio's value."""
     far_plane: float = 1e10
+    """World units, beyond the near plane and at most MAX_FAR; what lies further off is culled."""
     eps2d: float = 0.3
     """Added to the diagonal of the 2D covariance, pixels^2, >= 0 (EWA low-pass)."""
     antialiased: bool = False
@@ -64,7 +68,11 @@ class RenderSettings:
     def __post_init__(self) -> None:
         for name, fits, needed in (
             ("near_plane", 0 < self.near_plane < math.inf, "positive and finite"),
-            ("far_plane", self.far_plane > self.near_plane, "beyond the near plane"),
+            (
+                "far_plane",
+                self.near_plane < self.far_plane <= MAX_FAR,
+                f"beyond the near plane and at most {MAX_FAR:g}",
+            ),
             ("eps2d", 0 <= self.eps2d < math.inf, "0 or more, and finite"),
         ):
             if not fits:

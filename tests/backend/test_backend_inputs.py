@@ -97,8 +97,8 @@ def test_colours_that_no_gradient_can_carry_are_culled(name, color):
 
 
 BAD_CAMERAS = [
-    ("K", (0, 0), 0.0, "K[0, 0] is 0.0; a focal length is positive"),
-    ("K", (1, 1), -16.0, "K[1, 1] is -16.0; a focal length is positive"),
+    ("K", (0, 0), 0.0, "K[0, 0] is 0.0; a focal length is 1e-12 pixels at least"),
+    ("K", (1, 1), -16.0, "K[1, 1] is -16.0; a focal length is 1e-12 pixels at least"),
     ("K", (0, 2), math.nan, "K[0, 2] is nan"),
     ("K", (1, 2), 1e30, "K[1, 2] is 1e+30"),
     ("K", (0, 0), math.inf, "K[0, 0] is inf"),
@@ -125,6 +125,7 @@ def test_a_camera_that_cannot_be_is_named(name, matrix, place, value, said):
         ("near_plane", math.inf),
         ("far_plane", 0.001),
         ("far_plane", math.nan),
+        ("far_plane", math.inf),
         ("eps2d", -0.1),
         ("eps2d", math.nan),
         ("eps2d", math.inf),
