@@ -228,6 +228,11 @@ CASES: tuple[Case, ...] = (
     # Sizes
     *(seen(f"log-scales of {p}", scales=log_scales(p)) for p in (-40, -20, -5, 5, 10, 15)),
     *(broken(f"log-scales of {p}", scales=log_scales(p)) for p in (20, 40)),
+    *(
+        broken(f"a needle of 4e9 pixels, along its axis {k}",
+               scales=[[5e8 if k == axis else 0.1 for axis in range(3)]])
+        for k in range(3)
+    ),
     seen("scales of 0", scales=[[0.0, 0.0, 0.0]]),
     seen("denormal scales", scales=[[1e-40, 2e-40, 1e-41]]),
     seen("a needle, 1e6 : 1", scales=[[1.0, 1e-6, 1e-6]], quats=NEEDLE),

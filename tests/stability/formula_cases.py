@@ -34,9 +34,14 @@ class Pair:
         return (self.got.detach().double() - self.want).abs().max().item()
 
     @property
-    def within(self) -> bool:
+    def share(self) -> float:
+        """Largest error as a share of its bound; 0 / 0 is 0."""
         off = (self.got.detach().double() - self.want).abs()
-        return bool(self.got.isfinite().all()) and bool((off <= self.bound).all())
+        return torch.where(off > 0, off / self.bound, 0.0).max().item()
+
+    @property
+    def within(self) -> bool:
+        return bool(self.got.isfinite().all()) and self.share <= 1
 
 
 @dataclass(frozen=True)
