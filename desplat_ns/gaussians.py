@@ -15,7 +15,7 @@ RawParameters = nn.ParameterDict | Mapping[str, Tensor]
 
 MAX_LOG_SCALE = 80.0
 """exp of more (88.7) overflows float32, and the 0 that comes back for a culled Gaussian would
-become NaN. A scale of e^80 is culled by every backend."""
+become NaN. The torch and numba backends cull a scale of e^80."""
 
 
 def activate_static(params: RawParameters, sh_degree: int | None) -> Splats:

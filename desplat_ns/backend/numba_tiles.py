@@ -46,7 +46,7 @@ class NumbaRasterizer:
 
         Raises:
             BackendUnavailableError: the splats are not on the CPU.
-            ValueError: shapes do not fit together.
+            ValueError: shapes do not fit together, or the camera cannot be.
         """
         if splats.means.device.type != "cpu":
             raise BackendUnavailableError(
