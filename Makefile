@@ -3,6 +3,7 @@
 #   make demo    a generated scene is trained, evaluated and drawn: demo/output/
 #   make test    the tests, on the CPU
 #   make bench   every backend is timed and the figures written to docs/performance.md (15 minutes)
+#   make stability  hard cases measured, docs/stability.md; every wrong sign is tried (an hour)
 #   make study   the runs behind docs/separation.md that are missing, and the document (hours; resumes)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
@@ -27,11 +28,11 @@ export OMP_WAIT_POLICY ?= passive
 # The checks need nothing from the network.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 
-.PHONY: demo bench study test check lint clean distclean env help
+.PHONY: demo bench stability study test check lint clean distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,13s/^# \{0,1\}//p' Makefile
+	@sed -n '3,14s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -40,6 +41,10 @@ demo: $(STAMP)
 
 bench: $(STAMP)
 	$(PY) -m benchmarks $(BENCH_ARGS)
+
+stability: $(STAMP)
+	$(PY) -m benchmarks.mutations
+	$(PY) -m benchmarks.stability
 
 study: $(STAMP)
 	$(PY) -m benchmarks.separation $(STUDY_ARGS)

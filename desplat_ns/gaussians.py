@@ -13,6 +13,10 @@ from desplat_ns.backend.protocol import Splats
 RawParameters = nn.ParameterDict | Mapping[str, Tensor]
 """Values before activation, by name."""
 
+MAX_LOG_SCALE = 80.0
+"""exp of more (88.7) overflows float32, and the 0 that comes back for a culled Gaussian would
+become NaN. The torch and numba backends cull a scale of e^80."""
+
 
 def activate_static(params: RawParameters, sh_degree: int | None) -> Splats:
     """Static Gaussians with Splatfacto's activations: exp(scales), sigmoid(opacities), SH colours.
@@ -29,7 +33,7 @@ def activate_static(params: RawParameters, sh_degree: int | None) -> Splats:
     return Splats(
         means=params["means"],
         quats=params["quats"],
-        scales=torch.exp(params["scales"]),
+        scales=_exp(params["scales"]),
         opacities=sigmoid(params["opacities"]).squeeze(-1),
         colors=colors,
         sh_degree=sh_degree,
@@ -48,10 +52,15 @@ def activate_distractors(params: RawParameters) -> Splats:
     return Splats(
         means=params["means"],
         quats=params["quats"],
-        scales=torch.exp(params["scales"]),
+        scales=_exp(params["scales"]),
         opacities=sigmoid(params["opacities"]).squeeze(-1),
         colors=clamp_colors(params["rgbs"]),
     )
+
+
+def _exp(log_scales: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
+    """exp, finite for whatever is finite; no gradient beyond MAX_LOG_SCALE."""
+    return torch.exp(log_scales.clamp(max=MAX_LOG_SCALE))
 
 
 def sigmoid(logits: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:

@@ -27,6 +27,18 @@ def test_static_values_worked_out_by_hand():
     assert torch.equal(splats.colors[:, 0], torch.full((2, 3), 0.5))
 
 
+def test_a_log_scale_that_overflows_has_a_finite_scale_and_no_gradient():
+    """exp(100) is infinite in float32, and what is culled sends 0 back: 0 * infinity is NaN."""
+    params = static_params(4)
+    params["scales"] = torch.tensor([[100.0], [88.8], [40.0], [-200.0]]).repeat(1, 3)
+    params["scales"].requires_grad_()
+    distractors = params | {"rgbs": torch.zeros(4, 3)}
+    for splats in (activate_static(params, 0), activate_distractors(distractors)):
+        assert splats.scales.isfinite().all()
+        (slope,) = torch.autograd.grad((splats.scales * 0).sum(), params["scales"])
+        assert torch.equal(slope, torch.zeros(4, 3))
+
+
 def test_without_sh_colours_are_logits():
     splats = activate_static(static_params(), sh_degree=None)
     assert torch.allclose(splats.colors, torch.sigmoid(torch.full((2, 3), 0.5)))

@@ -1,9 +1,11 @@
-"""What a backend checks before it draws: shapes, and Gaussians whose values make no sense."""
+"""What a backend checks before it draws: shapes, the camera, and Gaussians that make no sense."""
 
 from __future__ import annotations
 
+import sys
+
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Splats, View
@@ -13,20 +15,51 @@ MIN_QUAT_NORM = 1e-12
 """Quaternions shorter than this have no direction; their Gaussians are culled. Its square is a
 normal float32."""
 
+MAX_CAMERA = 1e8
+"""Intrinsics (pixels) and entries of a rotation beyond this are no camera's, and their powers would
+overflow float32."""
+
+MIN_FOCAL = 1e-12
+"""Pixels. The image's border is size / focal from the axis, which would overflow."""
+
 
 @torch.no_grad()
 def sound(splats: Splats) -> Bool[Tensor, " N"]:
-    """Gaussians of finite values whose quaternion has a direction."""
+    """Gaussians of finite values whose quaternion has a direction; of colours, see `sound_colors`.
+
+    A backend culls the others: they are not drawn, and their gradients are 0.
+    """
     norm2 = splats.quats.square().sum(-1)
     total = splats.means.sum(-1) + splats.scales.sum(-1) + splats.opacities
     good = torch.isfinite(total + norm2) & (norm2 > MIN_QUAT_NORM**2)
-    if not torch.isfinite(splats.colors.sum()):
-        good &= torch.isfinite(splats.colors.flatten(1).sum(-1))
-    return good
+    good_colors = sound_colors(splats.colors)
+    return good if good_colors is None else good & good_colors
+
+
+@torch.no_grad()
+def sound_colors(
+    colors: Float[Tensor, "N C"] | Float[Tensor, "N K 3"],
+) -> Bool[Tensor, " N"] | None:
+    """Gaussians whose colours have a finite sum of squares, None if all have: the usual case, in
+    one pass over the memory.
+
+    Gradients are sums of products of colours: where those overflow, infinities meet and give NaN.
+    In float32 that leaves colours of up to 1e19.
+    """
+    flat = colors.flatten()
+    if torch.dot(flat, flat).isfinite():
+        return None
+    return colors.flatten(1).square().sum(-1).isfinite()
 
 
 def check_inputs(splats: Splats, view: View) -> None:
-    """Say which tensor does not fit. Raises ValueError; nothing is read from the device."""
+    """Say which tensor does not fit, or which number of the camera makes no sense.
+
+    Numbers are looked at on a CPU only: elsewhere they would have to be waited for.
+
+    Raises:
+        ValueError: what was found and what is needed.
+    """
     n = splats.means.shape[0]
     shapes: dict[str, tuple[Tensor, tuple[int, ...]]] = {
         "means": (splats.means, (n, 3)),
@@ -50,6 +83,25 @@ def check_inputs(splats: Splats, view: View) -> None:
             raise ValueError(f"{name} is on {tensor.device}, means on {splats.means.device}.")
     if view.width < 1 or view.height < 1:
         raise ValueError(f"The image is {view.width} x {view.height}; it needs a pixel at least.")
+    if view.K.device.type == "cpu":
+        _check_camera(view)
+
+
+def _check_camera(view: View) -> None:
+    for name, matrix in (("viewmat", view.viewmat), ("K", view.K)):
+        for i, row in enumerate(matrix.tolist()):
+            for j, value in enumerate(row):
+                is_translation = name == "viewmat" and j == 3
+                if not abs(value) <= (sys.float_info.max if is_translation else MAX_CAMERA):
+                    raise ValueError(
+                        f"{name}[{i}, {j}] is {value:g}; needed is a finite number"
+                        + ("." if is_translation else f" of at most {MAX_CAMERA:g}.")
+                    )
+    for i in (0, 1):
+        if (focal := view.K[i, i].item()) < MIN_FOCAL:
+            raise ValueError(
+                f"K[{i}, {i}] is {focal}; a focal length is {MIN_FOCAL:g} pixels at least."
+            )
 
 
 def _check_colors(splats: Splats, n: int) -> None:

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
-from desplat_ns.backend.inputs import check_inputs
+from desplat_ns.backend.inputs import check_inputs, sound_colors
 from desplat_ns.backend.numba_binning import Gaussians, Grid, Lists, tile_lists
 from desplat_ns.backend.numba_ellipses import FEATURES, TILE
 from desplat_ns.backend.numba_passes import Frame, draw_frame, pull_frame, sum_rows
@@ -46,7 +46,7 @@ class NumbaRasterizer:
 
         Raises:
             BackendUnavailableError: the splats are not on the CPU.
-            ValueError: shapes do not fit together.
+            ValueError: shapes do not fit together, or the camera cannot be.
         """
         if splats.means.device.type != "cpu":
             raise BackendUnavailableError(
@@ -90,9 +90,10 @@ def _project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedS
         splats.means, splats.quats, splats.scales, splats.opacities, make_camera(view, settings)
     )  # type: ignore[misc]  # torch does not annotate Function.apply
     colors = splats.colors
-    if not colors.detach().sum().isfinite():
+    good_colors = sound_colors(colors)
+    if good_colors is not None:
         # In place: `Project` holds the same memory, so these get no gradient either.
-        radii.masked_fill_(~colors.detach().flatten(1).sum(-1).isfinite(), 0)
+        radii.masked_fill_(~good_colors, 0)
     if splats.sh_degree is not None:
         center = -view.viewmat[:3, :3].T @ view.viewmat[:3, 3]
         colors = EvaluateColors.apply(splats.means, colors, radii, center, splats.sh_degree)

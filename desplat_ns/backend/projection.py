@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from desplat_ns.backend.constants import ALPHA_CUTOFF, DET_MIN
-from desplat_ns.backend.inputs import check_inputs, sound
+from desplat_ns.backend.inputs import check_inputs, sound, sound_colors
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.spherical_harmonics import sh_basis
 
@@ -62,7 +62,7 @@ def project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedSp
     are 0. Differentiable in `splats` and in `view`.
 
     Raises:
-        ValueError: shapes, dtypes or devices do not fit together.
+        ValueError: shapes, dtypes or devices do not fit together; a camera that cannot be.
     """
     check_inputs(splats, view)
     usable = _usable(splats, view, settings)
@@ -131,7 +131,7 @@ def _with_culled_replaced(splats: Splats, view: View, usable: Tensor) -> Splats:
     rotation, translation = view.viewmat[:3, :3].detach(), view.viewmat[:3, 3].detach()
     ahead = (rotation.new_tensor([0.0, 0.0, 1.0]) - translation) @ rotation
     colors = splats.colors
-    if not torch.isfinite(colors.detach().sum()):
+    if sound_colors(colors) is not None:
         colors = colors.masked_fill(culled if colors.ndim == 2 else culled[..., None], 0)
     return Splats(
         means=torch.where(culled, ahead, splats.means),

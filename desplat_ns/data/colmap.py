@@ -38,6 +38,10 @@ _LIST_FILES = {
 }
 """`<name>_list.txt` files that say which photos a split has, the first that exists."""
 
+FAR = 100.0
+"""Captures that lie nearer, in units of their spread, keep every bit of nerfstudio's arithmetic,
+which costs them 1e-5 of the spread at most."""
+
 
 @dataclass
 class DeSplatColmapDataParserConfig(ColmapDataParserConfig):
@@ -63,9 +67,20 @@ class OrientedPoses:
 
     camera_to_worlds: Float[Tensor, "n 3 4"]
     """OpenGL axes, oriented, centred and scaled."""
-    transform: Float[Tensor, "3 4"]
-    """COLMAP's world to the oriented world, before scaling."""
+    local_transform: Float[Tensor, "3 4"]
+    """COLMAP's world, with `origin` subtracted, to the oriented world, before scaling."""
     scale: float
+    origin: np.ndarray
+    """[3], float64: 0 unless COLMAP's world lies far out (see `far_origin`)."""
+
+    @property
+    def transform(self) -> Float[Tensor, "3 4"]:
+        """COLMAP's world to the oriented world, before scaling; float32, as nerfstudio has it."""
+        if not self.origin.any():
+            return self.local_transform
+        exact = self.local_transform.double()
+        exact[:, 3] -= exact[:, :3] @ torch.from_numpy(self.origin)
+        return exact.float()
 
 
 class DeSplatColmapDataParser(ColmapDataParser):
@@ -192,7 +207,9 @@ class DeSplatColmapDataParser(ColmapDataParser):
                 "--max-2D-matches-per-3D-point is not used by desplat; leave it at 0."
             )
         oriented = self.oriented
-        return points_metadata(self.reconstruction.points, oriented.transform, oriented.scale)
+        return points_metadata(
+            self.reconstruction.points, oriented.local_transform, oriented.scale, oriented.origin
+        )
 
 
 def orient_poses(frames: Sequence[Frame], config: ColmapDataParserConfig) -> OrientedPoses:
@@ -204,6 +221,10 @@ def orient_poses(frames: Sequence[Frame], config: ColmapDataParserConfig) -> Ori
     world_to_camera = np.tile(np.eye(4), (len(frames), 1, 1))
     world_to_camera[:, :3] = [frame.world_to_camera for frame in frames]
     camera_to_world = np.linalg.inv(world_to_camera)
+    origin = np.zeros(3)
+    if config.center_method != "none":
+        origin = far_origin(camera_to_world[:, :3, 3])
+    camera_to_world[:, :3, 3] -= origin
     camera_to_world[:, :3, 1:3] *= -1  # OpenCV's axes to OpenGL's
     poses, transform = camera_utils.auto_orient_and_center_poses(
         torch.from_numpy((applied @ camera_to_world).astype(np.float32)),
@@ -221,14 +242,32 @@ def orient_poses(frames: Sequence[Frame], config: ColmapDataParserConfig) -> Ori
         scale /= farthest
     poses[:, :3, 3] *= scale
     transform = transform @ torch.from_numpy(applied).to(transform.dtype)
-    return OrientedPoses(poses[:, :3, :4], transform, scale)
+    return OrientedPoses(poses[:, :3, :4], transform, scale, origin)
+
+
+def far_origin(places: np.ndarray) -> np.ndarray:
+    """The middle of places [n, 3] that lie FAR times their spread from the origin, else 0.
+
+    It is subtracted while numbers are still float64: float32 has a quarter of a metre left for
+    what lies 3,000 km out (geo-referenced captures).
+    """
+    middle = places.mean(axis=0)
+    is_far = np.abs(middle).max() > FAR * np.abs(places - middle).max()
+    return middle if is_far else np.zeros(3)
 
 
 def points_metadata(
-    points: Points, transform: Float[Tensor, "3 4"], scale: float
+    points: Points,
+    transform: Float[Tensor, "3 4"],
+    scale: float,
+    origin: np.ndarray | float = 0.0,
 ) -> dict[str, Tensor]:
-    """Points in the oriented, scaled world, under the keys that nerfstudio's models read."""
-    xyz = torch.from_numpy(points.xyz.astype(np.float32))
+    """Points in the oriented, scaled world, under the keys that nerfstudio's models read.
+
+    Args:
+        transform: of places from which `origin` was subtracted, before scaling.
+    """
+    xyz = torch.from_numpy((points.xyz - origin).astype(np.float32))
     return {
         "points3D_xyz": (xyz @ transform[:, :3].T + transform[:, 3]) * scale,
         "points3D_rgb": torch.from_numpy(points.rgb),

@@ -74,9 +74,63 @@ def test_a_value_that_is_not_finite_makes_its_gaussian_unsound(name, value):
     assert sound(scene.splats).tolist() == [True, False, True]
 
 
-def test_large_finite_colours_are_sound():
+def test_large_colours_are_sound_as_long_as_their_squares_are_finite():
     scene = random_scene(1, count=3).to(torch.float32)
     with torch.no_grad():
-        scene.colors.fill_(3e38)
-        scene.colors[:, 1:] = 0
-    assert sound(scene.splats).all()
+        scene.colors[:, 0] = torch.tensor([1e18, -1e19, 3e19])
+    assert sound(scene.splats).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize("name", ["torch", "numba"])
+@pytest.mark.parametrize("color", [3e38, -1e38, 2e19, 1e18])
+def test_colours_that_no_gradient_can_carry_are_culled(name, color):
+    """Three of 1e38 add up to infinity, and infinity minus infinity is NaN."""
+    scene = random_scene(1, count=20).to(torch.float32)
+    with torch.no_grad():
+        scene.colors[0] = color
+        scene.opacities[0] = 0.9
+    got = resolve(name)(scene.splats, scene.view, RenderSettings())
+    got.rgb.sum().backward()
+    assert got.rgb.isfinite().all()
+    assert all(p.grad is not None and p.grad.isfinite().all() for p in scene.parameters)
+    assert (got.radii[0].item() == 0) == (abs(color) > 1.9e19)
+
+
+BAD_CAMERAS = [
+    ("K", (0, 0), 0.0, "K[0, 0] is 0.0; a focal length is 1e-12 pixels at least"),
+    ("K", (1, 1), -16.0, "K[1, 1] is -16.0; a focal length is 1e-12 pixels at least"),
+    ("K", (0, 2), math.nan, "K[0, 2] is nan"),
+    ("K", (1, 2), 1e30, "K[1, 2] is 1e+30"),
+    ("K", (0, 0), math.inf, "K[0, 0] is inf"),
+    ("viewmat", (0, 3), math.nan, "viewmat[0, 3] is nan"),
+    ("viewmat", (2, 3), -math.inf, "viewmat[2, 3] is -inf"),
+    ("viewmat", (1, 1), 2e19, "viewmat[1, 1] is 2e+19"),
+]
+
+
+@pytest.mark.parametrize("name", ["torch", "numba"])
+@pytest.mark.parametrize(("matrix", "place", "value", "said"), BAD_CAMERAS)
+def test_a_camera_that_cannot_be_is_named(name, matrix, place, value, said):
+    scene = random_scene(1, count=3).to(torch.float64)
+    getattr(scene, matrix)[place] = value
+    with pytest.raises(ValueError, match=re.escape(said)):
+        resolve(name)(scene.splats, scene.view, RenderSettings())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("near_plane", 0.0),
+        ("near_plane", math.nan),
+        ("near_plane", math.inf),
+        ("far_plane", 0.001),
+        ("far_plane", math.nan),
+        ("far_plane", math.inf),
+        ("eps2d", -0.1),
+        ("eps2d", math.nan),
+        ("eps2d", math.inf),
+    ],
+)
+def test_settings_out_of_range_are_named(name, value):
+    with pytest.raises(ValueError, match=f"{name} is {value}"):
+        RenderSettings(**{name: value})

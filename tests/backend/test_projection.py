@@ -9,7 +9,7 @@ from gsplat.cuda._torch_impl import _fully_fused_projection, _quat_scale_to_cova
 from scenes import PARAMETERS, TestScene, one_gaussian, random_scene
 from torch import Tensor
 
-from desplat_ns.backend import RenderSettings, View
+from desplat_ns.backend import RenderSettings, View, resolve
 from desplat_ns.backend.projection import ProjectedSplats, project, view_colors
 
 EPS = torch.finfo(torch.float64).eps
@@ -171,3 +171,14 @@ def test_a_camera_that_sees_nothing_valid_is_no_error():
     scene = random_scene(8, count=3).to(torch.float32)
     got = project(scene.splats, dataclasses.replace(view, K=torch.eye(3) * 1e-9), RenderSettings())
     assert got.radii.shape == (3,)
+
+
+@pytest.mark.parametrize("name", ["torch", "numba"])
+@pytest.mark.parametrize("thin", [0.0, 1e-20, 1e-9])
+def test_without_a_low_pass_what_has_no_area_on_the_image_is_culled(name, thin):
+    """1 / det^2 would overflow float32: infinity times 0 is NaN."""
+    scene = one_gaussian(scales=torch.tensor([[0.125, thin, thin]])).to(torch.float32)
+    got = resolve(name)(scene.splats, scene.view, RenderSettings(eps2d=1e-20))
+    got.rgb.sum().backward()
+    assert got.radii.item() == 0
+    assert all(p.grad is not None and (p.grad == 0).all() for p in scene.parameters)

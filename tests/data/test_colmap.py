@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pycolmap
 import pytest
 import torch
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
@@ -181,3 +183,46 @@ def test_matches_of_points_are_not_offered(capture):
     parser = DeSplatColmapDataParserConfig(data=capture(), max_2D_matches_per_3D_point=3).setup()
     with pytest.raises(ConfigError, match="--max-2D-matches-per-3D-point"):
         parser.get_dataparser_outputs("train")
+
+
+OUT = np.array([1.2e6, -3.4e6, 250.0])
+"""Metres: a national grid's coordinates."""
+
+
+def moved_out(source: Path, target: Path, offset: np.ndarray) -> Path:
+    """The same capture with its world's origin elsewhere."""
+    shutil.copytree(source, target)
+    (model,) = {path.parent for path in target.rglob("cameras.*")}
+    reconstruction = pycolmap.Reconstruction(str(model))
+    reconstruction.transform(pycolmap.Sim3d(1.0, pycolmap.Rotation3d(), offset))
+    reconstruction.write(str(model))
+    return target
+
+
+@pytest.mark.parametrize("center", ["poses", "focus"])
+def test_a_geo_referenced_capture_is_as_sharp_as_one_at_the_origin(tiny_scene, tmp_path, center):
+    near, far = (
+        DeSplatColmapDataParserConfig(data=data, downscale_factor=1, center_method=center)
+        .setup()
+        .get_dataparser_outputs("train")
+        for data in (tiny_scene.folder, moved_out(tiny_scene.folder, tmp_path / "far", OUT))
+    )
+    # Cameras lie within 1 of the origin. In float32, 3.4e6 metres would be rounded to 0.25.
+    assert torch.allclose(
+        far.cameras.camera_to_worlds, near.cameras.camera_to_worlds, rtol=0, atol=1e-5
+    )
+    moved = by_position(far.metadata)
+    for name, value in by_position(near.metadata).items():
+        assert torch.allclose(moved[name].double(), value.double(), rtol=1e-4, atol=1e-4), name
+    turn, shift = near.dataparser_transform[:, :3].double(), near.dataparser_transform[:, 3]
+    want = shift.double() - turn @ torch.from_numpy(OUT)
+    assert torch.allclose(far.dataparser_transform[:, 3].double(), want, rtol=1e-5)
+
+
+def test_without_centring_places_are_as_they_were_given(tiny_scene, tmp_path):
+    data = moved_out(tiny_scene.folder, tmp_path / "far", np.array([500.0, 0.0, 0.0]))
+    options: dict[str, Any] = {"orientation_method": "none", "center_method": "none"}
+    parser = DeSplatColmapDataParserConfig(
+        data=data, downscale_factor=1, auto_scale_poses=False, **options
+    ).setup()
+    assert parser.get_dataparser_outputs("train").cameras.camera_to_worlds[:, 0, 3].min() > 400
