@@ -4,31 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
-import subprocess
-import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from benchmarks.machine import CHECKOUT
+from benchmarks.commands import QUIET, made, run_command
 from benchmarks.separation.baselines import METHODS
 from benchmarks.separation.hard_cases import make_case
 from benchmarks.separation.runs import SCENES, SETTINGS, Run
 from desplat_ns.errors import DeSplatError
 from desplat_ns.synthetic import SceneSpec, write_scene
-
-ENVIRONMENT = {
-    "NERFSTUDIO_METHOD_CONFIGS": METHODS,
-    "PYTHONPATH": str(CHECKOUT),
-    "OMP_NUM_THREADS": "1",
-    "NUMBA_NUM_THREADS": "1",
-    "OMP_WAIT_POLICY": "passive",
-}
-"""One thread, so that runs beside each other disturb each other little."""
-
 
 _writing = Lock()
 
@@ -42,7 +28,7 @@ def data_of(run: Run, folder: Path) -> Path:
     scene = SCENES[run.scene]
     with _writing:
         if scene.folder is None:
-            return _made(folder / "yard", lambda path: write_scene(SceneSpec(), path))
+            return made(folder / "yard", lambda path: write_scene(SceneSpec(), path))
         data = Path(os.environ.get("DESPLAT_NS_DATA", "")) / scene.folder
         if not data.is_dir():
             raise DeSplatError(
@@ -52,17 +38,7 @@ def data_of(run: Run, folder: Path) -> Path:
         case = scene.case
         if case is None:
             return data
-        return _made(folder / case, lambda path: make_case(case, data.resolve(), path))
-
-
-def _made(path: Path, make: Callable[[Path], object]) -> Path:
-    """What `make` writes; beside its place first, so that a stopped study leaves nothing half."""
-    if not path.exists():
-        draft = path.with_name(f"{path.name}.draft")
-        shutil.rmtree(draft, ignore_errors=True)
-        make(draft)
-        draft.rename(path)
-    return path
+        return made(folder / case, lambda path: make_case(case, data.resolve(), path))
 
 
 def execute(run: Run, folder: Path) -> tuple[dict[str, Any], float]:
@@ -76,24 +52,12 @@ def execute(run: Run, folder: Path) -> tuple[dict[str, Any], float]:
     output.mkdir(parents=True, exist_ok=True)
     train: list[object] = ["ns-train", setting.method, "--data", data_of(run, folder)]
     train += ["--max-num-iterations", run.steps, "--machine.seed", run.seed]
-    train += ["--output-dir", output, "--experiment-name", "x", "--timestamp", "run"]
-    train += ["--vis", "tensorboard", "--steps-per-eval-image", 0]
-    train += ["--steps-per-eval-all-images", 0, *setting.options, *scene.parser]
+    train += ["--output-dir", output, *QUIET, *setting.options, *scene.parser]
     train += ["--downscale-factor", run.downscale] if run.downscale > 1 else []
     started = time.perf_counter()
-    _call(train, output / "train.log")
+    run_command(train, output / "train.log", NERFSTUDIO_METHOD_CONFIGS=METHODS)
     seconds = time.perf_counter() - started
     config = output / "x" / setting.method / "run" / "config.yml"
-    _call(["ns-eval", "--load-config", config, "--output-path", metrics], output / "eval.log")
+    evaluate: list[object] = ["ns-eval", "--load-config", config, "--output-path", metrics]
+    run_command(evaluate, output / "eval.log", NERFSTUDIO_METHOD_CONFIGS=METHODS)
     return json.loads(metrics.read_text())["results"], seconds
-
-
-def _call(line: list[object], log: Path) -> None:
-    program, *arguments = map(str, line)
-    command = [str(Path(sys.executable).with_name(program)), *arguments]
-    with log.open("w") as file:
-        done = subprocess.run(
-            command, stdout=file, stderr=subprocess.STDOUT, env=os.environ | ENVIRONMENT
-        )
-    if done.returncode != 0:
-        raise DeSplatError(f"`{program}` failed. Its log: {log}")
