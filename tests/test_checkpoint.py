@@ -233,7 +233,7 @@ print(json.dumps({"rounds": rounds, "hits": hits, "saved": first}))
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="kills forked processes, needs POSIX")
 def test_a_kill_while_saving_leaves_the_newest_checkpoint_intact(tmp_path):
     command = [sys.executable, "-c", SAVE_UNTIL_KILLED, str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout.splitlines()[-1])
     assert result["hits"] >= 3, f"no kill hit a save: {result}"

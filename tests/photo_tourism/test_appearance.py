@@ -138,3 +138,16 @@ def test_many_gaussians_pass_in_parts(monkeypatch):
     monkeypatch.setattr("desplat_ns.photo_tourism.appearance.ROWS_AT_ONCE", 4)
     for part, expected in zip(model.tones(*inputs), whole, strict=True):
         torch.testing.assert_close(part, expected)
+
+
+@pytest.mark.parametrize("make", [AffineAppearance, lambda c: ShAppearance(c, 3)])
+def test_huge_embeddings_give_finite_colours_and_gradients(make):
+    model = trained(make(SMALL)).float()
+    inputs = [
+        torch.full((5,), 1e4, requires_grad=True),
+        numbers(NUM, FEATURES, seed=2).float().requires_grad_(),
+        numbers(NUM, BASES, 3).float().requires_grad_(),
+    ]
+    seen = model(*inputs, 3)
+    assert seen.isfinite().all()
+    assert all(g.isfinite().all() for g in torch.autograd.grad(seen.square().mean(), inputs))

@@ -116,3 +116,15 @@ def test_the_loss_pulls_at_both_opacities():
 def test_the_set_of_explained_pixels_has_no_gradient():
     background = torch.zeros(3, 3, 3, requires_grad=True)
     assert not explained_by_background(background, torch.zeros(3, 3, 3), 0.1).requires_grad
+
+
+def test_a_huge_embedding_gives_a_finite_background():
+    model = Background(BackgroundConfig(), 4)
+    for head in (model.sh_dc, model.sh_rest):
+        torch.nn.init.normal_(head.weight)
+    embedding = torch.full((4,), 1e4, requires_grad=True)
+    basis = pixel_basis(view(), 4).float()
+    image = background_color(model(embedding), basis)
+    assert image.isfinite().all() and image.min() >= 0 and image.max() <= 1
+    (grad,) = torch.autograd.grad(model(embedding).sum(), embedding)
+    assert grad.isfinite().all()
