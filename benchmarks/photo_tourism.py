@@ -77,7 +77,7 @@ SETTINGS = {
 }
 """By name. lambda_s and lambda_bg are the method's."""
 
-STEPS = {"yard": 1500, "sacre": 2000}
+STEPS = {"yard": 1000, "sacre": 1000}
 """Training steps by scene: the generated one, and eight photos of Sacre Coeur."""
 
 RUNS = [(setting, scene) for scene in STEPS for setting in SETTINGS]
