@@ -3,7 +3,7 @@
     python -m benchmarks.photo_tourism --jobs 2        (it resumes where it was stopped)
 
 Trained and evaluated through nerfstudio's commands, one thread each. DESPLAT_NS_DATA names the
-folder that holds the real scene; without it, only the generated one is measured.
+folder that holds the real scene; without it, its runs fail, and say so.
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ class DeSplatModel(StaticModel):
         if self.distractors is not None:
             losses |= self._distractor_losses(outputs, batch, photo)
         if self.config.effects.background:
-            losses["background_opacity"] = self._background_loss(outputs, photo)
+            losses["background_opacity"] = self._background_loss(outputs, batch, photo)
         return losses
 
     def _distractor_losses(
@@ -149,11 +149,15 @@ class DeSplatModel(StaticModel):
             )
         return losses
 
-    def _background_loss(self, outputs: dict[str, Any], photo: Tensor) -> Tensor:
+    def _background_loss(
+        self, outputs: dict[str, Any], batch: dict[str, Any], photo: Tensor
+    ) -> Tensor:
         """The background's term of Eq. 12."""
         config, alpha_s = self.config.background, outputs["accumulation"]
         alpha_d = outputs.get("alpha_distractor", torch.zeros_like(alpha_s))
         explained = explained_by_background(outputs["background"], photo, config.max_error)
+        if "mask" in batch:
+            explained &= self._downscale_if_required(batch["mask"]).to(explained.device) != 0
         return config.lambda_bg * background_opacity_loss(alpha_d, alpha_s, explained)
 
     def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:

@@ -15,6 +15,9 @@ from desplat_ns.errors import CheckpointError
 
 FORMAT = 1
 
+_UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile)
+"""What numpy raises, one way or another, for a file that is no archive of ours."""
+
 
 def digest_of(module: nn.Module) -> str:
     """SHA-256 over a module's parameters: embeddings mean nothing to any other model."""
@@ -52,7 +55,15 @@ def load_embeddings(path: Path, model_digest: str, device: torch.device) -> dict
             found = {name: saved[name] for name in ("model", "names", "embeddings")}
     except FileNotFoundError as error:
         raise CheckpointError(f"There is no file of embeddings at '{path}'. {advice}") from error
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        EOFError,
+        BadZipFile,
+    ) as error:
         raise CheckpointError(
             f"'{path}' is no file of embeddings, or a damaged one ({error}). {advice}"
         ) from error

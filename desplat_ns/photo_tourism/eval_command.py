@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 import tyro
@@ -32,10 +32,18 @@ class Evaluate:
     """Picture of the first test view in the light of several training photos."""
     strip_images: int = 5
     """How many."""
-    evaluation: tyro.conf.OmitArgPrefixes[EvaluationConfig] = field(
-        default_factory=EvaluationConfig
-    )
-    """The protocol, instead of the run's own."""
+    protocol: Literal["auto", "half", "full"] | None = None
+    """half: optimize each image's embedding on its left half, score its right half. full: score
+    whole images in the training images' average light. auto: half where there is an appearance
+    model. This and the next two: without them, as saved with the run."""
+    steps: int | None = None
+    """Steps of Adam for an embedding."""
+    learning_rate: float | None = None
+    """Of the embedding."""
+    load_embeddings: Path | None = None
+    """Take the embeddings from this file instead of optimizing them."""
+    save_embeddings: Path | None = None
+    """Write the test images' embeddings into this file (.npz)."""
 
     def main(self) -> None:
         """Evaluate, write, say where.
@@ -50,6 +58,8 @@ class Evaluate:
                 f"There is no '{self.load_config}'. Give the config.yml of a run: "
                 "outputs/<experiment>/<method>/<timestamp>/config.yml."
             )
+        if self.strip is not None and self.strip_images < 1:
+            raise ConfigError(f"--strip-images is {self.strip_images}; a strip shows 1 or more.")
         config, pipeline, checkpoint, _ = eval_setup(
             self.load_config, update_config_callback=self._with_protocol
         )
@@ -70,7 +80,9 @@ class Evaluate:
             self._write_strip(pipeline, self.strip)
 
     def _with_protocol(self, config: Any) -> Any:
-        config.pipeline.evaluation = self.evaluation
+        options = {f.name: getattr(self, f.name) for f in fields(EvaluationConfig)}
+        given = {name: value for name, value in options.items() if value is not None}
+        config.pipeline.evaluation = replace(config.pipeline.evaluation, **given)
         return config
 
     def _write_strip(self, pipeline: Any, path: Path) -> None:

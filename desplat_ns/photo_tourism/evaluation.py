@@ -21,6 +21,9 @@ from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.evaluation import ScoredImage, Stopwatch
 from desplat_ns.fast_ssim import ssim
 
+MIN_WIDTH = 4
+"""Pixels of a photo whose halves can be scored: SSIM needs two each way."""
+
 
 @dataclass
 class EvaluationConfig:
@@ -55,10 +58,18 @@ def uses_halves(config: EvaluationConfig, appearance: str) -> bool:
     if config.protocol == "half" and appearance == "off":
         raise ConfigError(
             "The half protocol optimizes an image's embedding, and this model has none: its "
-            "effects.appearance is off. Evaluate with `--protocol full`, or train with "
+            "effects.appearance is off. Evaluate by `desplat-eval --protocol full`, or train with "
             "`--pipeline.model.effects.appearance affine`."
         )
-    return config.protocol == "half" or (config.protocol == "auto" and appearance != "off")
+    halves = config.protocol == "half" or (config.protocol == "auto" and appearance != "off")
+    files = [path for path in (config.load_embeddings, config.save_embeddings) if path is not None]
+    if files and not halves:
+        raise ConfigError(
+            f"Embeddings of test images are to be read from or written to '{files[0]}', but whole "
+            "images are scored, without any. Leave the file out, or take the half protocol of a "
+            "model with appearance."
+        )
+    return halves
 
 
 def left_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H left C"]:
@@ -108,7 +119,11 @@ def fit_embedding(
 
 
 def embedding_from_left_half(
-    model: Any, camera: Cameras, photo: Float[Tensor, "H W 3"], config: EvaluationConfig
+    model: Any,
+    camera: Cameras,
+    photo: Float[Tensor, "H W 3"],
+    config: EvaluationConfig,
+    mask: Shaped[Tensor, "H W 1"] | None = None,
 ) -> Float[Tensor, " E"]:
     """The embedding that explains the left half of a photo best.
 
@@ -118,21 +133,23 @@ def embedding_from_left_half(
 
     Args:
         model: a `DeSplatModel` with an appearance model.
-        photo: the whole photo or its left half; columns from W // 2 on are not looked at.
+        photo: the whole photo; columns from W // 2 on are not looked at.
+        mask: of the whole photo; what it leaves out does not count, as in training.
 
     Raises:
-        CaptureError: the photo is one pixel wide and has no left half.
+        CaptureError: the photo is narrower than `MIN_WIDTH`.
     """
     view = view_of(camera)
-    if view.width < 2:
+    if view.width < MIN_WIDTH:
         raise CaptureError(
-            "A photo to evaluate is one pixel wide and has no left half to optimize its embedding "
-            "on. Leave it out of the test images, or evaluate with `--protocol full`."
+            f"A photo to evaluate is {view.width} pixels wide; its halves need {MIN_WIDTH // 2} "
+            "each. Leave it out of the test images, or evaluate by `desplat-eval --protocol full`."
         )
-    draw, target = model.as_function_of_embedding(view), left_half(photo)
-    ssim_weight = model.config.ssim_lambda
+    draw, ssim_weight = model.as_function_of_embedding(view), model.config.ssim_lambda
+    seen = 1.0 if mask is None else left_half(mask.to(photo))
+    target = left_half(photo) * seen
     return fit_embedding(
-        lambda embedding: photometric_loss(left_half(draw(embedding)), target, ssim_weight),
+        lambda embedding: photometric_loss(left_half(draw(embedding)) * seen, target, ssim_weight),
         model.image_effects.embeddings.mean(),
         config.steps,
         config.learning_rate,
@@ -192,6 +209,7 @@ class HalvesProtocol:
         watch.start()
         self.embeddings[name] = self._embedding(model, camera, batch, name, average["background"])
         fit_seconds = watch.seconds()
+        watch.start()
         figures, pictures = score_right_half(model, camera, batch, self.embeddings[name])
         figures |= {f"{key}_before": value for key, value in before.items()}
         figures["embedding_seconds"] = fit_seconds
@@ -203,7 +221,8 @@ class HalvesProtocol:
     ) -> Tensor:
         if self.config.load_embeddings is None:
             photo = model.composite_with_background(model.get_gt_img(batch["image"]), behind)
-            return embedding_from_left_half(model, camera, photo, self.config)
+            mask = batch.get("mask")
+            return embedding_from_left_half(model, camera, photo, self.config, mask)
         if name not in self.known:
             raise ConfigError(
                 f"{self.config.load_embeddings} holds no embedding of '{name}', only of "

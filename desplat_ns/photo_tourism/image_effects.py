@@ -73,14 +73,21 @@ class ImageEffects(nn.Module):
     ) -> Float[Tensor, "H W 3"]:
         """The background of the image that `embedding` describes, seen from `view`.
 
-        Call it where there is one only. `degree` is cut to that of the background. The harmonics
-        of the last view are kept: an embedding is optimized on one.
+        Call it where there is one only. `degree` is cut to that of the background.
         """
         assert self.background is not None
-        degree = min(degree, self.background_degree)
+        basis = self._basis(view, min(degree, self.background_degree))
+        return background_color(self.background(embedding), basis)
+
+    def _basis(self, view: View, degree: int) -> Tensor:
+        """The harmonics of a view; outside of training the last one's are kept, since an embedding
+        is optimized on one view."""
+        if self.training:
+            self._last = None
+            return pixel_basis(view, degree)
         if self._last is None or self._last[0] is not view or self._last[1] != degree:
             self._last = (view, degree, pixel_basis(view, degree))
-        return background_color(self.background(embedding), self._last[2])
+        return self._last[2]
 
     def param_groups(self) -> dict[str, list[nn.Parameter]]:
         """An optimizer group for each learning rate of B.3; none for what is off."""

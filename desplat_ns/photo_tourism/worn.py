@@ -18,8 +18,8 @@ VARIABLE = "DESPLAT_NS_APPEARANCE"
 """Environment variable: `photo.jpg`, or `photo.jpg:0.7,other.jpg:0.3` for a mix of two. (Commands
 of nerfstudio's leave no other way to say it.)"""
 
-OWN = "its own, else the average"
-"""What the viewer's choice shows at the start."""
+OWN = "none chosen"
+"""What the viewer's choice shows at the start: `VARIABLE`'s image, its own, or the average."""
 
 
 def parse_worn(text: str, names: Sequence[str]) -> list[tuple[int, float]]:
@@ -67,8 +67,6 @@ class WornAppearance:
         self.share: ViewerSlider[float] = ViewerSlider(
             "Share of the second", 0.0, 0.0, 1.0, 0.05, hint="0: the first alone; 1: the second"
         )
-        text = os.environ.get(VARIABLE, "")
-        self._from_environment = parse_worn(text, self.names) if text and self.names else []
         self._fixed: Tensor | None = None
         self._suspended = False
 
@@ -103,8 +101,7 @@ class WornAppearance:
 
     def _mix(self) -> list[tuple[int, float]]:
         share = self.share.value if self.second.value != OWN else 0.0
-        if self.first.value == OWN:
-            share = 1.0
         chosen = [(self.first.value, 1 - share), (self.second.value, share)]
         mix = [(self.names.index(name), part) for name, part in chosen if name != OWN and part > 0]
-        return mix or self._from_environment
+        text = os.environ.get(VARIABLE, "") if self.names else ""
+        return mix or (parse_worn(text, self.names) if text else [])

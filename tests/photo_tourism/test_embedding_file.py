@@ -49,3 +49,12 @@ def test_an_archive_of_something_else_is_named(tmp_path: Path):
     np.savez(tmp_path / "e.npz", rows=np.zeros(3))
     with pytest.raises(CheckpointError, match="no file of embeddings"):
         load_embeddings(tmp_path / "e.npz", "digest", CPU)
+
+
+def test_a_single_array_is_no_archive(tmp_path: Path):
+    import numpy as np
+
+    with (tmp_path / "e.npz").open("wb") as file:
+        np.save(file, np.zeros(3))
+    with pytest.raises(CheckpointError, match="no file of embeddings"):
+        load_embeddings(tmp_path / "e.npz", "digest", CPU)

@@ -163,9 +163,29 @@ def test_steps_and_rate_have_a_range(values: dict[str, Any]):
         uses_halves(EvaluationConfig(**values), "affine")
 
 
-def test_a_photo_one_pixel_wide_is_refused(model):
-    with pytest.raises(CaptureError, match="one pixel wide"):
-        embedding_from_left_half(model, held_out(1), torch.rand(HEIGHT, 1, 3), SHORT)
+@pytest.mark.parametrize("width", [1, 2, 3])
+def test_a_photo_without_halves_is_refused(model, width):
+    with pytest.raises(CaptureError, match=f"{width} pixels wide"):
+        embedding_from_left_half(model, held_out(width), torch.rand(HEIGHT, width, 3), SHORT)
+
+
+def test_the_narrowest_photo_is_scored(model):
+    batch = {"image": torch.rand(HEIGHT, 4, 3)}
+    scored, _ = HalvesProtocol(SHORT).score(model, held_out(4), batch, "a")
+    assert scored.metrics["psnr"] > 0
+
+
+def test_what_a_mask_leaves_out_does_not_reach_the_embedding(model):
+    photo, mask = torch.rand(HEIGHT, WIDTH, 3), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
+    mask[:, :5] = False
+    other = torch.where(mask, photo, 1 - photo)
+    fits = [embedding_from_left_half(model, held_out(), p, SHORT, mask) for p in (photo, other)]
+    assert torch.equal(*fits)
+
+
+def test_files_of_embeddings_need_halves():
+    with pytest.raises(ConfigError, match=r"e\.npz"):
+        uses_halves(EvaluationConfig("full", save_embeddings=Path("e.npz")), "affine")
 
 
 def test_an_image_without_a_loaded_embedding_is_named(model):

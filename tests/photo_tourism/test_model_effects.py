@@ -137,9 +137,22 @@ def test_baked_coefficients_render_to_the_worn_appearance():
 
 def test_a_checkpoint_brings_everything_back():
     model = moved(model_with("affine", background=True))
+    model.gauss_params[FEATURES].data.normal_()
     other = model_with("affine", background=True)
     other.load_state_dict(model.state_dict())
     assert torch.equal(draw(other.eval(), 1), draw(model.eval(), 1))
+
+
+def test_what_a_mask_leaves_out_is_no_sky():
+    model = model_with("affine", background=True)
+    Trainer(model).step(0)
+    outputs = model(camera(0))
+    photo = outputs["background"].detach().clone()  # explained everywhere
+    whole = model.get_loss_dict(outputs, {"image": photo})["background_opacity"]
+    mask = torch.zeros(HEIGHT, WIDTH, 1, dtype=torch.bool)
+    masked = model.get_loss_dict(outputs, {"image": photo, "mask": mask})["background_opacity"]
+    assert whole > 0
+    assert masked == 0
 
 
 def test_effects_work_without_distractors():

@@ -54,6 +54,15 @@ def test_an_evaluation_sees_neither(embeddings, monkeypatch):
     torch.testing.assert_close(worn.embedding(embeddings), embeddings.weight[0])
 
 
+def test_a_name_of_another_scene_matters_only_where_it_is_worn(embeddings, monkeypatch):
+    monkeypatch.setenv(VARIABLE, "elsewhere.jpg")
+    worn = WornAppearance(NAMES)
+    with worn.suspended():
+        worn.embedding(embeddings)
+    with pytest.raises(ConfigError, match=r"elsewhere\.jpg"):
+        worn.embedding(embeddings)
+
+
 def test_names_may_hold_colons():
     assert parse_worn("b:1.jpg", NAMES) == [(1, 1.0)]
     assert parse_worn("b:1.jpg:2,a.jpg:2", NAMES) == [(1, 0.5), (0, 0.5)]
