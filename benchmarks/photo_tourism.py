@@ -52,10 +52,12 @@ class Setting:
     appearance: str
     background: bool
     distractors: bool = True
+    extra: tuple[str, ...] = ()
 
     @property
     def options(self) -> list[str]:
         return [
+            *self.extra,
             *(f"{EFFECTS}.appearance", self.appearance),
             *(f"{EFFECTS}.background", str(self.background)),
             *(f"{EFFECTS}.distractors", str(self.distractors)),
@@ -73,6 +75,18 @@ SETTINGS = {
         "distractors, affine, background (`desplat-phototourism`)", FULL, "affine", True
     ),
     "sh-background": Setting("distractors, sh, background", FULL, "sh", True),
+    "desplat": Setting(
+        "affine, background, and the distractors of `desplat`",
+        "desplat",
+        "affine",
+        True,
+        extra=(
+            "--pipeline.model.distractors.lambda-s",
+            "0",
+            "--pipeline.model.num-downscales",
+            "0",
+        ),
+    ),
     "no-distractors": Setting("affine, background", FULL, "affine", True, distractors=False),
 }
 """By name. lambda_s and lambda_bg are the method's."""
