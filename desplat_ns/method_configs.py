@@ -1,5 +1,6 @@
 """The registered methods: `desplat-paper` has the numbers of App. B.3 and Splatfacto's and nothing
-else; `desplat` changes what `separating_distractors` lists."""
+else, `desplat-phototourism` and `-a` those of B.3's Photo Tourism; `desplat` changes what
+`separating_distractors` lists."""
 
 from __future__ import annotations
 
