@@ -117,12 +117,9 @@ class DistractorDensifier:
             optimizers: nerfstudio's, by group name.
             new: raw parameters, by `PARAMETER_NAMES`; any number of rows.
         """
-        added = len(new["means"])
-        if added == 0 and bool(keep.all()):
-            return
 
         def changed(old: Tensor, rows: Tensor | None = None) -> Tensor:
-            rows = old.new_zeros(added, *old.shape[1:]) if rows is None else rows
+            rows = old.new_zeros(len(new["means"]), *old.shape[1:]) if rows is None else rows
             return torch.cat([old[keep], rows])
 
         params = distractors.params_of(view)

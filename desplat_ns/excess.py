@@ -58,8 +58,7 @@ def local_residual(
     The difference is averaged over 3 x 3 pixels before its absolute value is taken: what is only
     not sharp yet cancels out.
     """
-    difference = (static - photo).permute(2, 0, 1)[None]
-    smooth = F.avg_pool2d(difference, 3, 1, 1, count_include_pad=False)[0]
+    smooth = _box3((static - photo).permute(2, 0, 1))
     cells = pooled(smooth.abs().mean(0)[..., None], grid)
     return _averaged(cells)[0].clamp(min=MIN_RESIDUAL)
 
@@ -101,38 +100,47 @@ class ExpectedResidual:
             num_views: that are visited in turn.
         """
         level = residual.flatten().quantile(LEVEL_QUANTILE)
-        relative = (residual / level).log()
-        seen, cell = _seen(means2d, visible, residual.shape)
-        usual = self.state[self.USUAL][seen]
+        relative = F.pad((residual / level).log().flatten(), (0, 1))
+        inside, cell = _cells_of(means2d, visible, residual.shape)
+        usual, times_seen = self.state[self.USUAL], self.state[self.SEEN]
         self.state[self.VISITS] += 1
-        self.state[self.SEEN][seen] += 1
-        views = self.state[self.SEEN][seen] * (num_views / self.state[self.VISITS])
-        values = torch.stack([usual, views])
-        expected, judges = _means_by_cell(values, opacities[seen], cell, residual.shape)
-        step = MEDIAN_STEP * torch.sign(relative.flatten()[cell] - usual)
-        self.state[self.USUAL][seen] = usual + step
+        times_seen += inside
+        views = times_seen * (num_views / self.state[self.VISITS])
+        expected, judges = _means_by_cell([usual, views], opacities, cell, residual.shape)
+        off = torch.sign(relative.index_select(0, cell) - usual)
+        usual += MEDIAN_STEP * off * inside
         return torch.where(judges >= MIN_VIEWS, residual - level * expected.exp(), 0.0)
+
+
+def _box3(image: Float[Tensor, "C H W"]) -> Float[Tensor, "C H W"]:
+    """Means over 3 x 3 pixels, the border repeated; sums of slices are faster than avg_pool2d."""
+    padded = F.pad(image[None], (1, 1, 1, 1), mode="replicate")[0]
+    rows = padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]
+    return (rows[..., :-2] + rows[..., 1:-1] + rows[..., 2:]) / 9
 
 
 def _averaged(cells: Float[Tensor, "C rows columns"]) -> Float[Tensor, "C rows columns"]:
     return F.avg_pool2d(cells[None], WINDOW, 1, WINDOW // 2, count_include_pad=False)[0]
 
 
-def _seen(
+def _cells_of(
     means2d: Tensor, visible: Tensor, shape: torch.Size
-) -> tuple[Int[Tensor, " seen"], Int[Tensor, " seen"]]:
-    """Which Gaussians have their centre in the image, and in which cell (flat index)."""
+) -> tuple[Bool[Tensor, " N"], Int[Tensor, " N"]]:
+    """Which Gaussians have their centre in the image, and their cells as flat indices.
+
+    All others are in one cell more, behind the last. Nothing is gathered: most are in the image.
+    """
     rows, columns = shape
-    x, y = means2d.floor().long().unbind(-1)
-    seen = (visible & (x >= 0) & (x < columns) & (y >= 0) & (y < rows)).nonzero()[:, 0]
-    return seen, y[seen] * columns + x[seen]
+    x, y = means2d.floor().unbind(-1)
+    inside = visible & (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+    return inside, torch.where(inside, y * columns + x, rows * columns).long()
 
 
 def _means_by_cell(
-    values: Float[Tensor, "C seen"], weights: Tensor, cell: Tensor, shape: torch.Size
+    values: list[Float[Tensor, " N"]], weights: Tensor, cell: Tensor, shape: torch.Size
 ) -> Float[Tensor, "C rows columns"]:
     """Weighted means of the values around each cell; 0 where there are none."""
-    rows = torch.cat([weights * values, weights[None]])
-    sums = rows.new_zeros(len(rows), shape[0] * shape[1]).index_add_(1, cell, rows)
-    around = _averaged(sums.view(len(rows), *shape))
+    rows = torch.stack([*(weights * v for v in values), weights])
+    sums = rows.new_zeros(len(rows), shape[0] * shape[1] + 1).index_add_(1, cell, rows)
+    around = _averaged(sums[:, :-1].reshape(len(rows), *shape))
     return around[:-1] / around[-1].clamp(min=1e-4)

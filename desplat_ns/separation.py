@@ -106,17 +106,23 @@ def owned_share(
     return owned if regions is None else owned.masked_fill(pixels_of(regions, height, width), 1.0)
 
 
-def missing_distractors(seen: Sighting, config: DistractorConfig) -> dict[str, Tensor]:
-    """New distractors in the photo's colours for the regions that none covers yet.
-
-    One for each cell of a grid of `config.per_view` cells.
-    """
+def uncovered_regions(
+    seen: Sighting, config: DistractorConfig
+) -> Bool[Tensor, "grid_rows grid_columns"]:
+    """Cells of a grid of `config.per_view` that are in a region and that no distractor covers."""
     assert seen.regions is not None
-    columns, rows = grid_of(seen.view.width, seen.view.height, max(1, config.per_view))
-    in_region = pooled(seen.regions[..., None].to(torch.float32), (columns, rows))[0]
-    covered = pooled(seen.alpha_d.detach(), (columns, rows))[0]
-    wanted = (in_region >= COVERED_SHARE) & (covered < COVERED_SHARE)
-    row, column = wanted.nonzero(as_tuple=True)
+    grid = grid_of(seen.view.width, seen.view.height, max(1, config.per_view))
+    in_region = pooled(seen.regions[..., None].to(torch.float32), grid)[0]
+    covered = pooled(seen.alpha_d.detach(), grid)[0]
+    return (in_region >= COVERED_SHARE) & (covered < COVERED_SHARE)
+
+
+def distractors_in(
+    cells: Bool[Tensor, "grid_rows grid_columns"], seen: Sighting, config: DistractorConfig
+) -> dict[str, Tensor]:
+    """New distractors in the photo's colours, one for each cell that is set."""
+    rows, columns = cells.shape
+    row, column = cells.nonzero(as_tuple=True)
     x = (column + 0.5) * seen.view.width / columns
     y = (row + 0.5) * seen.view.height / rows
     colors = pooled(seen.photo, (columns, rows))[:, row, column].T.contiguous()
@@ -184,5 +190,7 @@ class Placement:
             return
         assert seen.regions is not None
         keep = lie_in(seen.regions, distractors.params_of(seen.index)["means"], seen.view)
-        new = missing_distractors(seen, self.config)
-        densifier.exchange(distractors, seen.index, optimizers, keep, new)
+        uncovered = uncovered_regions(seen, self.config)
+        if bool(uncovered.any()) or not bool(keep.all()):
+            new = distractors_in(uncovered, seen, self.config)
+            densifier.exchange(distractors, seen.index, optimizers, keep, new)

@@ -198,11 +198,3 @@ def test_a_view_can_lose_all_its_distractors_and_get_new_ones():
     assert scene.distractors.counts() == [3, 4]
     scene.visit(12)
     assert not (scene.params()["means"] == 7).any()
-
-
-def test_nothing_to_exchange_leaves_the_parameters_themselves():
-    scene = Scene()
-    before = scene.params()["means"]
-    everyone = torch.ones(4, dtype=torch.bool)
-    scene.densifier.exchange(scene.distractors, 0, scene.optimizers, everyone, new_rows(0, scene))
-    assert scene.params()["means"] is before

@@ -12,12 +12,13 @@ from desplat_ns.distractors import DistractorConfig, DistractorGaussians
 from desplat_ns.excess import grid_of
 from desplat_ns.separation import (
     Sighting,
+    distractors_in,
     find_regions,
     interior,
     lie_in,
-    missing_distractors,
     owned_share,
     pixels_of,
+    uncovered_regions,
 )
 
 WIDTH, HEIGHT = 60, 40
@@ -53,7 +54,7 @@ def pixels(means: torch.Tensor, view: View) -> torch.Tensor:
 
 def test_new_distractors_lie_on_the_cells_of_the_region_in_the_photos_colours():
     seen = sighting(block())
-    new = missing_distractors(seen, CONFIG)
+    new = distractors_in(uncovered_regions(seen, CONFIG), seen, CONFIG)
     found = pixels(new["means"], seen.view)
     assert len(found) == 5 * 10
     x, y = torch.meshgrid(torch.arange(31.0, 50, 2), torch.arange(11.0, 20, 2), indexing="xy")
@@ -66,13 +67,14 @@ def test_new_distractors_lie_on_the_cells_of_the_region_in_the_photos_colours():
 
 def test_as_many_pixels_wide_as_those_that_cover_the_whole_view():
     whole = DistractorGaussians(dataclasses.replace(CONFIG, start="everywhere"), cameras())
-    new = missing_distractors(sighting(block()), CONFIG)
+    seen = sighting(block())
+    new = distractors_in(uncovered_regions(seen, CONFIG), seen, CONFIG)
     assert torch.allclose(new["scales"], whole.params_of(0)["scales"][:50], atol=1e-6)
 
 
 def test_none_is_placed_where_distractors_cover_already():
-    assert len(missing_distractors(sighting(block(), alpha=0.6), CONFIG)["means"]) == 0
-    assert len(missing_distractors(sighting(block(), alpha=0.4), CONFIG)["means"]) == 50
+    assert not uncovered_regions(sighting(block(), alpha=0.6), CONFIG).any()
+    assert uncovered_regions(sighting(block(), alpha=0.4), CONFIG).sum() == 50
 
 
 def test_those_in_the_region_stay():
