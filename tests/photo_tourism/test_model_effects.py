@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import pytest
@@ -108,27 +109,39 @@ def test_a_step_trains_every_group_but_other_images_embeddings(appearance):
 
 
 def test_features_follow_clones_splits_and_prunes():
+    """Each Gaussian's own number stands in its colour and in its features, and stays in both."""
     model = model_with("affine", warmup_length=0, refine_every=2, densify_grad_thresh=1e-9)
     trainer = Trainer(model)
-    count = model.num_points
+    own = torch.arange(model.num_points, dtype=torch.float32)
+    for name in ("features_dc", FEATURES):
+        model.gauss_params[name].data[:, 0] = own / len(own)
+        trainer.optimizers[name].param_groups[0]["lr"] = 0.0
     for step in range(9):
+        if step == 5:
+            model.gauss_params["opacities"].data[::3] = -20.0  # to be pruned
         trainer.step(step, view=step % 3)
-    assert model.num_points != count
-    features = model.gauss_params[FEATURES]
-    assert len(features) == model.num_points
+    colors, features = model.gauss_params["features_dc"], model.gauss_params[FEATURES]
+    assert len(features) == model.num_points > len(own)
+    assert len(colors[:, 0].unique()) < len(own)
+    assert torch.equal(features[:, 0], colors[:, 0])
     state = trainer.optimizers[FEATURES].state[features]
     assert len(state["exp_avg"]) == model.num_points
 
 
-def test_baked_coefficients_render_to_the_worn_appearance():
-    model = moved(model_with("affine", sh_degree=3)).eval()
+@pytest.mark.parametrize("appearance", ["affine", "sh"])
+@pytest.mark.parametrize("sh_degree", [0, 3])
+def test_baked_coefficients_render_to_the_worn_appearance(appearance, sh_degree):
+    model = moved(model_with(appearance, sh_degree=sh_degree)).eval()
     model.step = 10_000  # all degrees are active
     model.gauss_params["features_rest"].data.normal_(std=0.1)
     assert model.image_effects is not None
     with model.worn.fixed(model.image_effects.embeddings.of(1)):
-        baked = {"features_dc": model.shs_0, "features_rest": model.shs_rest}
+        dc, rest = model.shs_0, model.shs_rest
     expected = draw(model, 1)
-    splats = activate_static({**model.gauss_params, **baked}, 3)
+    assert not torch.allclose(draw(model, 2), expected, atol=0.01)
+    splats = activate_static(model.gauss_params, sh_degree)
+    baked = torch.cat([dc[:, None], rest], dim=1)
+    splats = dataclasses.replace(splats, colors=baked)
     view = model.view_of_camera(camera(0), None)
     rendering = model.rasterizer(splats, view, model.render_settings(depth=False))
     image = rendering.rgb + (1 - rendering.alpha) * model.background_of(view, None)
