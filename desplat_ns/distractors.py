@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import torch
@@ -54,6 +54,10 @@ class DistractorConfig:
     """Weight of the mean transparency of the static scene, Eq. 5. B.3."""
     static_warmup: int = 0
     """Steps for which the static scene trains alone, without distractors. The paper has none."""
+    max_warmup_visits: int = 15
+    """That warm-up ends after so many visits of each view at the latest, and `leave_out_at` comes
+    after twice as many, however long the run: seen often enough, what stands in one photo alone is
+    learned as well, and its residual is gone."""
     stop_densify_at: int = 15000
     """Step at which distractors are no longer cloned, split or pruned. B.3."""
     refine_every_visits: int = 10
@@ -66,6 +70,16 @@ class DistractorConfig:
     """Distance from the camera at the start, world units, whatever the scene's scale: distractors
     are composited over the static scene, so their depth only sets how many pixels a step of the
     optimizer moves them. Must lie beyond the near plane."""
+
+
+    def for_views(self, num_views: int) -> DistractorConfig:
+        """A copy whose warm-up is as short as `max_warmup_visits` of `num_views` views want it."""
+        most = self.max_warmup_visits * num_views
+        return replace(
+            self,
+            static_warmup=min(self.static_warmup, most),
+            leave_out_at=min(self.leave_out_at, 2 * most),
+        )
 
 
 class DistractorGaussians(nn.Module):

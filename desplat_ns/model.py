@@ -34,6 +34,7 @@ class DeSplatModel(StaticModel):
     def populate_modules(self) -> None:
         """The static scene, and distractors in front of every training camera."""
         super().populate_modules()
+        self.config.distractors = self.config.distractors.for_views(self.num_train_data)
         self.distractors = None
         self.layer_control = LayerControl(0)
         if self.config.effects.distractors:

@@ -164,6 +164,11 @@ def test_distractors_wait_for_the_static_warmup():
     assert trainer.step(5)["outputs"]["alpha_distractor"].any()
 
 
+def test_the_static_warmup_is_counted_in_visits_too():
+    model = make_model(distractors=DistractorConfig(static_warmup=50, max_warmup_visits=2))
+    assert model.config.distractors.static_warmup == 2 * 3
+
+
 def test_a_view_without_distractors_is_rasterized_once(monkeypatch):
     model = make_model()
     trainer = Trainer(model)
