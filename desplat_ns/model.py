@@ -38,7 +38,7 @@ class DeSplatModel(StaticModel):
         super().populate_modules()
         self.distractors = None
         self.layer_control = LayerControl(0)
-        self.names: list[str] = self.kwargs["metadata"].get("train_image_names", [])
+        self.names: list[str] = self.kwargs.get("metadata", {}).get("train_image_names", [])
         self.culled = CulledCount(self.num_train_data)
         self.losses: dict[str, Tensor] = {}
         self._step_dropped = False

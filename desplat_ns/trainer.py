@@ -111,7 +111,8 @@ class DeSplatTrainer(Trainer):
     def _may_step(self, grad_scaler: Any) -> bool:
         """Whether the step at hand is sound; too many that were not, and the run stops."""
         may = self._guard.is_sound(self.step, self._model, self.optimizers, grad_scaler)
-        self.stop_training |= self._guard.exhausted
+        if self._guard.exhausted:
+            self.stop_training = True
         return may
 
     def train(self) -> None:

@@ -1,5 +1,7 @@
 """Warnings about distractors that hide the scene, and silence where they do not."""
 
+import re
+
 import pytest
 import torch
 
@@ -57,7 +59,9 @@ def test_something_that_stays_in_most_photos_is_told_once_with_photos_and_option
     one.look(STEP, wall())
     text = said(capsys)
     assert "of the static scene is behind distractors in most of the photos" in text
-    assert "photo_0" in text and "photo_03.jpg" not in text
+    named = [int(number) for number in re.findall(r"photo_(\d\d)\.jpg", text)]
+    assert len(named) == 5 and min(named) >= 4
+    assert "and 11 more" in text
     assert "--pipeline.model.distractors.strong-excess (now 0.25)" in text
     one.look(2 * STEP, wall())
     assert said(capsys) == ""
