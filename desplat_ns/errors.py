@@ -26,6 +26,10 @@ class ConfigError(DeSplatError):
     """Options that contradict each other or lie outside their range."""
 
 
+class TrainingError(DeSplatError):
+    """Training cannot go on: what it computes, or its state, is not finite any more."""
+
+
 def print_user_errors_plainly() -> None:
     """From now on, a `DeSplatError` that ends the program prints its message without a traceback.
 

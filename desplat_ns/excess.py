@@ -68,7 +68,8 @@ class ExpectedResidual:
 
     A Gaussian's usual residual is a running median of log(residual / level of its view). Both
     memories lie in the running state of gsplat's strategy, under `USUAL` and `SEEN`: clones and
-    splits inherit them, and checkpoints hold them.
+    splits inherit them, and checkpoints hold them. Tensors are replaced and never written into, so
+    that a copy of the dict brings back what was remembered before a view.
     """
 
     USUAL, SEEN, VISITS = "usual_residual", "times_seen", "visits"
@@ -102,13 +103,13 @@ class ExpectedResidual:
         level = residual.flatten().quantile(LEVEL_QUANTILE)
         relative = F.pad((residual / level).log().flatten(), (0, 1))
         inside, cell = _cells_of(means2d, visible, residual.shape)
-        usual, times_seen = self.state[self.USUAL], self.state[self.SEEN]
+        usual, times_seen = self.state[self.USUAL], self.state[self.SEEN] + inside
         self.state[self.VISITS] += 1
-        times_seen += inside
+        self.state[self.SEEN] = times_seen
         views = times_seen * (num_views / self.state[self.VISITS])
         expected, judges = _means_by_cell([usual, views], opacities, cell, residual.shape)
         off = torch.sign(relative.index_select(0, cell) - usual)
-        usual += MEDIAN_STEP * off * inside
+        self.state[self.USUAL] = usual + MEDIAN_STEP * off * inside
         return torch.where(judges >= MIN_VIEWS, residual - level * expected.exp(), 0.0)
 
 

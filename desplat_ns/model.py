@@ -12,8 +12,9 @@ from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.cameras import train_index
 from desplat_ns.densification import DistractorDensifier, strategy_info, to_device
 from desplat_ns.distractors import DistractorGaussians
-from desplat_ns.errors import DeSplatError
+from desplat_ns.errors import DeSplatError, TrainingError
 from desplat_ns.gaussians import activate_distractors
+from desplat_ns.guards import culled_always, too_many_culled
 from desplat_ns.losses import (
     distractor_opacity_loss,
     static_photometric_loss,
@@ -24,6 +25,7 @@ from desplat_ns.photo_tourism.background import background_opacity_loss, explain
 from desplat_ns.separation import Placement, Sighting, owned_share
 from desplat_ns.static_model import StaticModel
 from desplat_ns.viewer import LayerControl
+from desplat_ns.watch import CulledCount, SeparationWatch, view_name
 
 
 class DeSplatModel(StaticModel):
@@ -37,6 +39,10 @@ class DeSplatModel(StaticModel):
         self.config.distractors = self.config.distractors.for_views(self.num_train_data)
         self.distractors = None
         self.layer_control = LayerControl(0)
+        self.names: list[str] = self.kwargs.get("metadata", {}).get("train_image_names", [])
+        self.culled = CulledCount(self.num_train_data)
+        self.losses: dict[str, Tensor] = {}
+        self._step_dropped = False
         if self.config.effects.distractors:
             cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
             self.distractors = DistractorGaussians(self.config.distractors, cameras)
@@ -45,6 +51,7 @@ class DeSplatModel(StaticModel):
             )
             self.placement = Placement(self.config.distractors, self.num_train_data)
             self.layer_control = LayerControl(self.num_train_data)
+            self.watch = SeparationWatch(self.config.distractors, self.names, self.num_train_data)
         self._distractors_drawn: tuple[int, dict[str, Any]] | None = None
 
     def get_outputs(self, camera: Cameras) -> dict[str, Tensor]:
@@ -57,6 +64,8 @@ class DeSplatModel(StaticModel):
             alpha_distractor and distractor_mask (bool).
         """
         index = train_index(camera)
+        if self.training:
+            self._remembered, self._step_dropped = dict(self.strategy_state), False
         view = self.view_of_camera(camera, index)
         if index is None and not self.training:
             index = self.layer_control.train_idx()
@@ -123,6 +132,7 @@ class DeSplatModel(StaticModel):
             losses |= self._distractor_losses(outputs, batch, photo)
         if self.config.effects.background:
             losses["background_opacity"] = self._background_loss(outputs, batch, photo)
+        self.losses = {name: value.detach() for name, value in losses.items()}
         return losses
 
     def _distractor_losses(
@@ -131,6 +141,7 @@ class DeSplatModel(StaticModel):
         """The opacity terms of Eq. 5; with `static_alone` also the static scene's own term."""
         config, losses = self.config.distractors, {}
         alpha_d, alpha_s = outputs["alpha_distractor"], outputs["accumulation"]
+        self.watch.see(self.step, *self.drawn, alpha_d)
         free = left_out = None
         if config.start == "residual":
             seen = Sighting(*self.drawn, photo, alpha_d)
@@ -162,14 +173,54 @@ class DeSplatModel(StaticModel):
         return config.lambda_bg * background_opacity_loss(alpha_d, alpha_s, explained)
 
     def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
-        """Splatfacto's figures of a training step and the number of distractors."""
+        """Splatfacto's figures of a training step, the number of distractors, and how many of both
+        were culled in every view when last counted."""
         metrics: dict[str, Any] = super().get_metrics_dict(outputs, batch)
+        metrics["culled_static"] = self.culled.static
         if self.distractors is not None:
             metrics["distractor_count"] = sum(self.distractors.counts())
+            metrics["culled_distractors"] = self.culled.distractors
         return metrics
+
+    def view_name(self) -> str:
+        """The training photo of the step at hand."""
+        return view_name(self.names, self.drawn[0])
+
+    def drop_step(self) -> None:
+        """Forget all that the step at hand left behind; `step_post_backward` then does nothing.
+
+        A refinement or reset that was due falls out.
+        """
+        self.strategy_state.clear()
+        self.strategy_state.update(self._remembered)
+        self._step_dropped = True
+        if self.distractors is not None:
+            self.placement.forget()
+
+    def gaussian_groups(self) -> set[str]:
+        """Parameter groups with one row for each Gaussian."""
+        groups = set(self.gauss_params.keys())
+        return groups if self.distractors is None else groups | set(self.distractors.param_groups())
+
+    @torch.no_grad()
+    def culled_static(self) -> int:
+        """Static Gaussians that no view shows, in the average light."""
+        effects = self.image_effects
+        embedding = None if effects is None else effects.embeddings.mean()
+        return int(culled_always(self._splats(self.gauss_params, embedding)).sum())
+
+    @torch.no_grad()
+    def culled_distractors(self) -> int:
+        """Distractors that their view cannot show."""
+        if self.distractors is None:
+            return 0
+        splats = [activate_distractors(params) for params in self.distractors.views]  # type: ignore
+        return sum(int(culled_always(one).sum()) for one in splats)
 
     def step_post_backward(self, step: int) -> None:
         """Densify after an optimizer step: the static set, then the set of the view just seen."""
+        if self._step_dropped:
+            return
         super().step_post_backward(step)
         if self.num_points == 0:
             raise DeSplatError(
@@ -182,6 +233,20 @@ class DeSplatModel(StaticModel):
             self.densifier.after_step(self.distractors, index, self.optimizers, step, info)
         if self.distractors is not None:
             self.placement.place(self.distractors, self.densifier, self.optimizers)
+            self.watch.look(step, self.means)
+        if step % self.culled.interval == 0:
+            self._count_culled(step)
+
+    def _count_culled(self, step: int) -> None:
+        """Raises TrainingError where most static Gaussians are culled in every view."""
+        self.culled.take(step, self.culled_static(), self.culled_distractors())
+        found = too_many_culled(self.culled.static, self.num_points)
+        if found is not None:
+            raise TrainingError(
+                f"At step {step} {found}. A learning rate is too high: give a lower "
+                "--optimizers.GROUP.optimizer.lr. Checkpoints saved before are untouched; "
+                "`--load-dir` goes on from the newest."
+            )
 
     def get_extra_state(self) -> dict[str, Any]:
         """What a checkpoint holds besides parameters: densification's running statistics."""

@@ -177,6 +177,10 @@ class Placement:
             seen.left_out = seen.regions
         return pixels_of(interior(seen.regions), *seen.photo.shape[:2])
 
+    def forget(self) -> None:
+        """Do not place anything for the view that was looked at last."""
+        self._seen = None
+
     @torch.no_grad()
     def place(
         self,

@@ -31,6 +31,7 @@ from desplat_ns.checkpoint import (
     save_atomically,
 )
 from desplat_ns.errors import ConfigError
+from desplat_ns.guards import GuardedOptimizers, StepGuard, check_parameters
 from desplat_ns.schedules import scaled_optimizers, schedule_scale
 
 
@@ -41,6 +42,9 @@ class DeSplatTrainerConfig(TrainerConfig):
     _target: type = field(default_factory=lambda: DeSplatTrainer)
     nominal_num_iterations: int = 30000
     """The method's own number of steps (B.3); shorter runs shrink every schedule by their ratio."""
+    max_skipped_steps: int = 10
+    """A step whose loss or gradient is not finite is skipped; after so many, in all, the run is
+    saved and stops."""
 
     def resolve_schedule_scale(self) -> float:
         """Settle the model's `schedule_scale`, from the numbers of steps where it is None.
@@ -75,7 +79,7 @@ class DeSplatTrainerConfig(TrainerConfig):
 
 
 class DeSplatTrainer(Trainer):
-    """nerfstudio's Trainer with scaled schedules, atomic checkpoints and exact resume.
+    """nerfstudio's Trainer with scaled schedules, guarded steps, atomic checkpoints, exact resume.
 
     Ctrl+C ends the run after the step at hand and saves; a second one ends it at once.
     """
@@ -86,6 +90,7 @@ class DeSplatTrainer(Trainer):
         self, config: DeSplatTrainerConfig, local_rank: int = 0, world_size: int = 1
     ) -> None:
         super().__init__(config, local_rank, world_size)
+        self._guard = StepGuard(config.max_skipped_steps)
         self._steps_done = 0
         self._loaded_from: Path | None = None
         self._saved_rng: dict[str, Any] | None = None
@@ -97,7 +102,18 @@ class DeSplatTrainer(Trainer):
         if scale != 1.0:
             CONSOLE.print(f"Schedules are scaled by {scale:g}, for a run of this length.")
         optimizers = scaled_optimizers(self.config.optimizers, scale)
-        return Optimizers(optimizers, self.pipeline.get_param_groups())
+        return GuardedOptimizers(optimizers, self.pipeline.get_param_groups(), self._may_step)
+
+    @property
+    def _model(self) -> Any:
+        return getattr(self.pipeline, "model", None)
+
+    def _may_step(self, grad_scaler: Any) -> bool:
+        """Whether the step at hand is sound; too many that were not, and the run stops."""
+        may = self._guard.is_sound(self.step, self._model, self.optimizers, grad_scaler)
+        if self._guard.exhausted:
+            self.stop_training = True
+        return may
 
     def train(self) -> None:
         """Train until `max_num_iterations` steps are done in all, those of the checkpoint included.
@@ -144,9 +160,13 @@ class DeSplatTrainer(Trainer):
     def save_checkpoint(self, step: int) -> None:
         """Save the state after `step`, whole or not at all; older ones go only afterwards.
 
-        Raises CheckpointError where it cannot be written.
+        Raises CheckpointError where it cannot be written, TrainingError where no training could go
+        on from it.
         """
         path = checkpoint_path(self.checkpoint_dir, step)
+        check_parameters(
+            self._model, self.optimizers, step, self.checkpoint_dir, self._guard.skipped_last
+        )
         save_atomically(self._state(step), path)
         if self.config.save_only_latest_checkpoint:
             remove_others(path)
@@ -219,14 +239,20 @@ class DeSplatTrainer(Trainer):
         )
 
     def _after_train(self) -> None:
-        """Save and report. A run stopped before a step has not done it, contrary to nerfstudio's
-        count, which would then skip that step on resume; before the first there is nothing to save.
+        """Save and report; raise the guard's error if it stopped the run.
+
+        A run stopped before a step has not done it, contrary to nerfstudio's count, which would
+        then skip that step on resume; before the first there is nothing to save.
         """
         self.step = self._steps_done - 1
         if self._steps_done == 0:
             self.training_state = "completed"
             CONSOLE.print("Stopped before the first step: nothing to save.")
             return
+        if self._guard.exhausted:
+            self.training_state = "completed"
+            self.save_checkpoint(self.step)
+            raise self._guard.error(checkpoint_path(self.checkpoint_dir, self.step))
         super()._after_train()
 
     def _train_complete_viewer(self) -> None:
