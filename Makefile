@@ -3,7 +3,7 @@
 #   make demo    a generated scene is trained, evaluated and drawn: demo/output/
 #   make test    the tests, on the CPU
 #   make bench   every backend is timed and the figures written to docs/performance.md (15 minutes)
-#   make stability  hard cases measured, docs/stability.md; every wrong sign is tried (an hour)
+#   make stability  hard cases measured, docs/stability.md; wrong signs, kills, a long run (2 hours)
 #   make study   the runs behind docs/separation.md that are missing, and the document (hours; resumes)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
@@ -44,6 +44,8 @@ bench: $(STAMP)
 
 stability: $(STAMP)
 	$(PY) -m benchmarks.mutations
+	$(PY) -m benchmarks.faults
+	$(PY) -m benchmarks.soak
 	$(PY) -m benchmarks.stability
 
 study: $(STAMP)

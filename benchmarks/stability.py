@@ -2,7 +2,9 @@
 
     python -m benchmarks.stability            (--quick --output somewhere: a check only)
 
-What notices which wrong sign comes from docs/stability.json, which `benchmarks.mutations` writes.
+What notices which wrong sign comes from docs/stability.json, which `benchmarks.mutations` writes;
+kills, damaged files and the long run from docs/faults.json and docs/soak.json (`benchmarks.faults`,
+`benchmarks.soak`).
 """
 
 # ruff: noqa: E402  # the tests' folders have to be on the path first
@@ -21,6 +23,7 @@ from string import Template
 
 import torch
 
+from benchmarks.fault_tables import fault_figures
 from benchmarks.machine import CHECKOUT
 from benchmarks.mutations import MUTATIONS, record
 from benchmarks.tables import table
@@ -152,6 +155,7 @@ def write_report(folder: Path, cases: Sequence[Case], inputs: int) -> Path:
         fuzz=fuzz,
         slowest=f"{slowest:.1f}",
         **mutation_figures(),
+        **fault_figures(CHECKOUT / "docs"),
     )
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / REPORT

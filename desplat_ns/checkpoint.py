@@ -137,6 +137,13 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
             f"{path} is not a checkpoint of a training run: it has no {', '.join(missing)}. Give "
             "a step-NNNNNNNNN.ckpt that ns-train wrote."
         )
+    step, parts = state["step"], [state["pipeline"], state["optimizers"]]
+    if type(step) is not int or step < 0 or not all(isinstance(part, dict) for part in parts):
+        raise CheckpointError(
+            f"{path} is not a checkpoint of a training run: its step is {step!r}, its pipeline and "
+            f"optimizers are {' and '.join(type(part).__name__ for part in parts)}. Give another "
+            "one with `--load-checkpoint FILE`."
+        )
     return state
 
 
@@ -161,6 +168,17 @@ def load_newest(folder: Path) -> tuple[Path, dict[str, Any]]:
     if failures:
         raise CheckpointError(f"No checkpoint in {folder} is intact. {failures[0]}")
     raise CheckpointError(f"No checkpoint to load. {_contents(folder)}")
+
+
+def load_for_evaluation(folder: Path, step: int | None) -> tuple[Path, dict[str, Any]]:
+    """The checkpoint of `step`, or without one the newest intact one, and its contents.
+
+    Raises CheckpointError where there is none.
+    """
+    if step is not None or not folder.is_dir():
+        path = checkpoint_path(folder, step or 0)
+        return path, load_checkpoint(path)
+    return load_newest(folder)
 
 
 def checkpoint_folder(load_dir: Path, relative_model_dir: Path) -> Path:

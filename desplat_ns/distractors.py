@@ -15,6 +15,7 @@ from desplat_ns.backend.protocol import RenderSettings, View
 from desplat_ns.cameras import view_of
 from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians import resize_rows
+from desplat_ns.option_checks import check_finite_options
 
 PARAMETER_NAMES = ("means", "scales", "quats", "rgbs", "opacities")
 """Raw values, under the names that gsplat's strategy reads: scales are logarithms, opacities
@@ -70,7 +71,6 @@ class DistractorConfig:
     """Distance from the camera at the start, world units, whatever the scene's scale: distractors
     are composited over the static scene, so their depth only sets how many pixels a step of the
     optimizer moves them. Must lie beyond the near plane."""
-
 
     def for_views(self, num_views: int) -> DistractorConfig:
         """A copy whose warm-up is as short as `max_warmup_visits` of `num_views` views want it."""
@@ -148,6 +148,7 @@ class DistractorGaussians(nn.Module):
 
 
 def _check(config: DistractorConfig) -> None:
+    check_finite_options(config, "--pipeline.model.distractors")
     near = RenderSettings.near_plane
     for name, found, fits, needed in (
         ("depth", config.depth, config.depth > near, f"beyond the near plane at {near}"),

@@ -31,7 +31,10 @@ from desplat_ns.metrics import LPIPS_NET
 from desplat_ns.photo_tourism.embedding_file import digest_of, load_embeddings, save_embeddings
 from desplat_ns.photo_tourism.evaluation import EvaluationConfig, HalvesProtocol, uses_halves
 from desplat_ns.scene_record import SceneRecord, check_same_scene
-from desplat_ns.upstream import give_masks_a_colormap_in_the_viewer
+from desplat_ns.upstream import (
+    give_masks_a_colormap_in_the_viewer,
+    load_evaluated_checkpoints_like_resumed_ones,
+)
 
 PROTOCOL = "full image, static Gaussians only"
 """How evaluation images are scored; the JSON names it beside every figure."""
@@ -58,6 +61,7 @@ class DeSplatPipeline(VanillaPipeline):
         manager.train_dataset.check_sides(model.config.num_downscales)
         manager.eval_dataset.check_sides(0)
         give_masks_a_colormap_in_the_viewer()
+        load_evaluated_checkpoints_like_resumed_ones()
 
     # --- viewer ------------------------------------------------------------------------------
 

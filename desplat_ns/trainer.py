@@ -30,9 +30,15 @@ from desplat_ns.checkpoint import (
     remove_others,
     save_atomically,
 )
-from desplat_ns.errors import ConfigError
+from desplat_ns.data.checks import announce
+from desplat_ns.errors import CheckpointError, ConfigError
 from desplat_ns.guards import GuardedOptimizers, StepGuard, check_parameters
+from desplat_ns.option_checks import check_finite_options
 from desplat_ns.schedules import scaled_optimizers, schedule_scale
+from desplat_ns.upstream import train_on_where_logs_cannot_be_written
+
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+"""Ctrl+C, and what a batch system or a shutdown sends before it kills."""
 
 
 @dataclass
@@ -73,15 +79,19 @@ class DeSplatTrainerConfig(TrainerConfig):
         super().save_config()
 
     def setup(self, **kwargs: Any) -> Any:
-        """Build the trainer, the schedule scale settled before it builds the pipeline."""
+        """Build the trainer, the schedule scale settled before it builds the pipeline.
+
+        Raises ConfigError where an option is no finite number.
+        """
         self.resolve_schedule_scale()
+        check_finite_options(self)
         return super().setup(**kwargs)
 
 
 class DeSplatTrainer(Trainer):
     """nerfstudio's Trainer with scaled schedules, guarded steps, atomic checkpoints, exact resume.
 
-    Ctrl+C ends the run after the step at hand and saves; a second one ends it at once.
+    Ctrl+C, or SIGTERM, ends the run after the step at hand and saves; a second one ends it at once.
     """
 
     config: DeSplatTrainerConfig
@@ -90,6 +100,7 @@ class DeSplatTrainer(Trainer):
         self, config: DeSplatTrainerConfig, local_rank: int = 0, world_size: int = 1
     ) -> None:
         super().__init__(config, local_rank, world_size)
+        train_on_where_logs_cannot_be_written()
         self._guard = StepGuard(config.max_skipped_steps)
         self._steps_done = 0
         self._loaded_from: Path | None = None
@@ -160,14 +171,22 @@ class DeSplatTrainer(Trainer):
     def save_checkpoint(self, step: int) -> None:
         """Save the state after `step`, whole or not at all; older ones go only afterwards.
 
-        Raises CheckpointError where it cannot be written, TrainingError where no training could go
-        on from it.
+        Where it cannot be written on the way, that is said and training goes on: hours of it are
+        worth more than one save. Raises CheckpointError where the run's last one cannot, and
+        TrainingError where no training could go on from it.
         """
         path = checkpoint_path(self.checkpoint_dir, step)
         check_parameters(
             self._model, self.optimizers, step, self.checkpoint_dir, self._guard.skipped_last
         )
-        save_atomically(self._state(step), path)
+        try:
+            save_atomically(self._state(step), path)
+        except CheckpointError as error:
+            if self.training_state == "completed":  # nerfstudio sets it before the last save
+                raise
+            every = self.config.steps_per_save
+            announce(f"{error} Training goes on; the next try is in {every} steps.", warning=True)
+            return
         if self.config.save_only_latest_checkpoint:
             remove_others(path)
 
@@ -263,22 +282,33 @@ class DeSplatTrainer(Trainer):
 
     @contextmanager
     def _finish_on_interrupt(self) -> Iterator[None]:
-        """Within, the first Ctrl+C stops the run at the end of a step, where it can be saved."""
-        previous = signal.getsignal(signal.SIGINT)
+        """Within, the first of `STOP_SIGNALS` stops the run at the end of a step, and it is saved.
+
+        The next one ends it at once, and so does the first one while the viewer is kept open.
+        """
+        previous = {number: signal.getsignal(number) for number in STOP_SIGNALS}
         in_main_thread = threading.current_thread() is threading.main_thread()
-        if previous is None or not in_main_thread or self.world_size > 1:
+        if None in previous.values() or not in_main_thread or self.world_size > 1:
             yield
             return
 
-        def stop(*_: object) -> None:
-            signal.signal(signal.SIGINT, previous)
+        def restore() -> None:
+            for number, handler in previous.items():
+                signal.signal(number, handler)
+
+        def stop(number: int, _: object) -> None:
+            restore()
             if self._waiting_in_viewer:
-                raise KeyboardInterrupt
-            CONSOLE.print("[yellow]Stopping after this step; Ctrl+C again to stop at once.")
+                if number == signal.SIGINT:
+                    raise KeyboardInterrupt
+                signal.raise_signal(number)
+            name = "Ctrl+C" if number == signal.SIGINT else signal.Signals(number).name
+            CONSOLE.print(f"[yellow]Stopping after this step; {name} again to stop at once.")
             self.stop_training = True
 
-        signal.signal(signal.SIGINT, stop)
+        for number in previous:
+            signal.signal(number, stop)
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, previous)
+            restore()

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import torch
 import torchmetrics.image.lpip as torchmetrics_lpip
 from nerfstudio.models.splatfacto import RGB2SH, SplatfactoModel
+from nerfstudio.utils import writer
 from nerfstudio.viewer import control_panel
 
+from desplat_ns.checkpoint import load_for_evaluation
+from desplat_ns.data.checks import announce
 from desplat_ns.metrics import LazyLpips
 
 
@@ -75,3 +79,49 @@ def give_masks_a_colormap_in_the_viewer() -> None:
 
 def _colormap_options(dimensions: int, dtype: Any) -> list[Any]:
     return ["default"] if dtype == torch.bool else _upstream_colormap_options(dimensions, dtype)
+
+
+def train_on_where_logs_cannot_be_written() -> None:
+    """Let a run outlive its event files: on a full disk TensorBoard's writer raises OSError.
+
+    nerfstudio 1.1.5 (writer.py, `write_out_storage`) lets that end the training, and the steps
+    since the last checkpoint are lost. Here it is said once, and nothing more is logged to files.
+    """
+    upstream = writer.write_out_storage
+    if upstream.__module__ == __name__:
+        return
+
+    def write_out_storage() -> None:
+        try:
+            upstream()
+        except OSError as error:
+            announce(f"Nothing more is logged to files: {error}. Training goes on.", warning=True)
+            kept = [w for w in writer.EVENT_WRITERS if isinstance(w, writer.LocalWriter)]
+            writer.EVENT_WRITERS[:] = kept
+            writer.EVENT_STORAGE.clear()
+
+    writer.write_out_storage = write_out_storage
+
+
+def load_evaluated_checkpoints_like_resumed_ones() -> None:
+    """Let `ns-eval`, `ns-render`, `ns-viewer` and `ns-export` take the newest intact checkpoint.
+
+    nerfstudio 1.1.5 (eval_utils.py, `eval_load_checkpoint`) loads the newest as it is: truncated,
+    it ends in torch's error about a zip archive, and an empty folder in an IndexError. Runs of
+    other methods are loaded as before.
+    """
+    # Not at the top: it keeps the methods that are known when it is imported, this one not yet.
+    from nerfstudio.utils import eval_utils
+
+    upstream = eval_utils.eval_load_checkpoint
+    if upstream.__module__ == __name__:
+        return
+
+    def load(config: Any, pipeline: Any) -> tuple[Path, int]:
+        if not type(config).__module__.startswith("desplat_ns."):
+            return upstream(config, pipeline)
+        path, state = load_for_evaluation(config.load_dir, config.load_step)
+        pipeline.load_pipeline(state["pipeline"], state["step"])
+        return path, state["step"]
+
+    eval_utils.eval_load_checkpoint = load

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -130,6 +131,24 @@ def test_a_run_from_a_gpu_machine_is_evaluated_without_one(trained: Path, tmp_pa
     results = json.loads((tmp_path / "metrics.json").read_text())["results"]
     assert results["device"] == "cpu"
     assert results["backend"] in ("numba", "torch")
+
+
+def test_ns_eval_passes_over_a_truncated_newest_checkpoint(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    from nerfstudio.scripts.eval import ComputePSNR
+
+    config = yaml.load(trained.read_text(), Loader=yaml.Loader)
+    (saved,) = config.get_checkpoint_dir().glob("*.ckpt")
+    config.output_dir = tmp_path
+    folder = config.get_checkpoint_dir()
+    folder.mkdir(parents=True)
+    shutil.copy(saved, folder)
+    (folder / "step-000000099.ckpt").write_bytes(saved.read_bytes()[:5000])
+    (tmp_path / "config.yml").write_text(yaml.dump(config))
+    ComputePSNR(tmp_path / "config.yml", tmp_path / "metrics.json").main()
+    assert json.loads((tmp_path / "metrics.json").read_text())["checkpoint"].endswith(saved.name)
+    assert "step-000000099.ckptisdamaged" in "".join(capsys.readouterr().out.split())
 
 
 # --- ns-render ----------------------------------------------------------------------------------

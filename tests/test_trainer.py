@@ -6,7 +6,8 @@ import dataclasses
 import os
 import random
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,12 +21,13 @@ from nerfstudio.configs.base_config import LocalWriterConfig, LoggingConfig, Mac
 from nerfstudio.engine.optimizers import AdamOptimizerConfig
 from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
 from nerfstudio.pipelines.base_pipeline import Pipeline, VanillaPipelineConfig
-from nerfstudio.utils import writer
+from nerfstudio.utils import eval_utils, writer
 from torch.nn import Parameter
 
-from desplat_ns.checkpoint import checkpoints_in, load_checkpoint
+from desplat_ns.checkpoint import STAGING_FOLDER, checkpoints_in, load_checkpoint
 from desplat_ns.errors import CheckpointError, ConfigError
 from desplat_ns.trainer import DeSplatTrainerConfig
+from desplat_ns.upstream import load_evaluated_checkpoints_like_resumed_ones
 
 NOMINAL = 24
 
@@ -302,16 +304,23 @@ def test_a_run_told_to_stop_saves_the_step_it_finished(config):
     assert train(second).pipeline.trained == [8, 9, 10, 11]
 
 
-def test_ctrl_c_finishes_the_step_saves_and_can_be_resumed(config):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_finishes_the_step_saves_and_nothing_is_lost(config, number):
+    train(dataclasses.replace(config, timestamp="straight", pipeline=StubPipelineConfig()))
     trainer = set_up(config)
-    handler = signal.getsignal(signal.SIGINT)
-    trainer.pipeline.at_step = lambda step: (
-        os.kill(os.getpid(), signal.SIGINT) if step == 3 else None
-    )
+    handler = signal.getsignal(number)
+    trainer.pipeline.at_step = lambda step: os.kill(os.getpid(), number) if step == 3 else None
     trainer.train()
     assert trainer.pipeline.trained == [0, 1, 2, 3]
     assert checkpoints_in(config.get_checkpoint_dir())[-1].name == "step-000000003.ckpt"
-    assert signal.getsignal(signal.SIGINT) is handler
+    assert signal.getsignal(number) is handler
+    second = resumed(config)
+    assert train(second, seed=99).pipeline.trained == list(range(4, 12))
+    straight = config.get_base_dir().parent / "straight" / "nerfstudio_models"
+    assert_same(
+        load_checkpoint(straight / "step-000000011.ckpt"),
+        load_checkpoint(second.get_checkpoint_dir() / "step-000000011.ckpt"),
+    )
 
 
 @pytest.fixture
@@ -365,23 +374,94 @@ def test_a_checkpoint_with_other_groups_is_refused_and_unharmed(config):
     assert {p: p.read_bytes() for p in config.get_checkpoint_dir().iterdir()} == before
 
 
-def test_ns_eval_loads_the_same_checkpoint(config):
-    from nerfstudio.utils.eval_utils import eval_load_checkpoint
+class TestEvaluation:
+    """`ns-eval`, `ns-render`, `ns-viewer` and `ns-export` load by nerfstudio's function."""
 
-    trained = train(config).pipeline
-    config.load_dir = config.get_checkpoint_dir()
-    pipeline = StubPipeline(StubPipelineConfig())
-    _, step = eval_load_checkpoint(config, pipeline)
-    assert step == 11
-    assert torch.equal(pipeline.groups["means"], trained.groups["means"])
+    @pytest.fixture
+    def load(self, config) -> Callable[..., tuple[Path, int]]:
+        load_evaluated_checkpoints_like_resumed_ones()
+
+        def load(pipeline: Any = None, **changes: Any) -> tuple[Path, int]:
+            run = resumed(config, timestamp="first", **changes)
+            pipeline = pipeline or StubPipeline(StubPipelineConfig())
+            return eval_utils.eval_load_checkpoint(run, pipeline)
+
+        return load
+
+    def test_loads_the_same_checkpoint(self, config, load):
+        trained = train(config).pipeline
+        pipeline = StubPipeline(StubPipelineConfig())
+        assert load(pipeline)[1] == 11
+        assert torch.equal(pipeline.groups["means"], trained.groups["means"])
+
+    @pytest.mark.parametrize("left", [0, 1, 0.5, -1])
+    def test_takes_the_one_before_a_truncated_newest_and_says_so(self, config, load, left, capsys):
+        train(config)
+        newest = config.get_checkpoint_dir() / "step-000000011.ckpt"
+        whole = newest.read_bytes()
+        newest.write_bytes(whole[: int(left * len(whole)) if left == 0.5 else left])
+        path, step = load()
+        assert (path.name, step) == ("step-000000010.ckpt", 10)
+        said = " ".join(capsys.readouterr().out.split())
+        assert "step-000000011.ckpt is damaged" in said
+        assert "Going on from" in said
+
+    def test_takes_the_step_that_the_configuration_names(self, config, load):
+        train(config)
+        assert load(load_step=5)[1] == 5
+
+    @pytest.mark.parametrize("exists", [True, False])
+    def test_without_a_checkpoint_says_so(self, config, load, exists):
+        if exists:
+            config.get_checkpoint_dir().mkdir(parents=True)
+        with pytest.raises(CheckpointError, match=r"nerfstudio_models.* (is empty|does not exist)"):
+            load()
 
 
-def test_a_full_disk_ends_the_run_with_its_reason(config, monkeypatch):
+@contextmanager
+def full_disk(room: int) -> Iterator[None]:
+    """Within, no file can become larger than `room` bytes."""
+    resource = pytest.importorskip("resource", reason="needs a file size limit to fill the disk")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_save_that_fails_on_the_way_costs_no_step(config, capsys):
+    """Saves are due after steps 5 and 10 and at the end; the disk is full at 10."""
     trainer = set_up(config)
+    with ExitStack() as stack:
 
-    def full(*_: Any) -> None:
-        raise OSError(28, "No space left on device")
+        def fill(step: int) -> None:
+            if step == 8:
+                stack.enter_context(full_disk(1000))
+            elif step == 11:
+                stack.close()
 
-    monkeypatch.setattr(torch, "save", full)
-    with pytest.raises(CheckpointError, match=r"No space left on device.*Free some space"):
+        trainer.pipeline.at_step = fill
         trainer.train()
+    assert trainer.pipeline.trained == list(range(12))
+    names = [path.name for path in checkpoints_in(config.get_checkpoint_dir())]
+    assert names == ["step-000000005.ckpt", "step-000000011.ckpt"]
+    said = " ".join(capsys.readouterr().out.split())
+    assert "step-000000010.ckpt could not be written" in said
+    assert "Training goes on; the next try is in 5 steps" in said
+    assert "Nothing more is logged to files" in said
+
+
+def test_a_last_save_that_fails_ends_the_run_with_its_reason(config, capsys):
+    trainer = set_up(config)
+    with ExitStack() as stack:
+        trainer.pipeline.at_step = lambda step: (
+            stack.enter_context(full_disk(1000)) if step == 8 else None
+        )
+        with pytest.raises(CheckpointError, match=r"000011.ckpt could not be .*Free some space"):
+            trainer.train()  # capsys: what is printed goes to memory, which is not full
+    assert [p.name for p in config.get_base_dir().glob("nerfstudio_models/*")] == [
+        "step-000000005.ckpt"
+    ]
+    assert not (config.get_base_dir() / STAGING_FOLDER).exists()
+    assert train(resumed(config)).pipeline.trained == list(range(6, 12))

@@ -3,21 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+import torch
+from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.utils.rich_utils import CONSOLE
 from rich.markup import escape
+from torch import Tensor
 
 from desplat_ns.errors import CaptureError
 
 LISTED_NAMES = 10
 """So many names are listed in an error; the rest is counted."""
 
+LARGEST_SIDE = 1 << 16
+"""Pixels. No photo has a longer side; a camera that says so is damaged."""
+
 
 def announce(line: str, warning: bool = False) -> None:
-    """Print one line on nerfstudio's console; paths stay whole, brackets in them are kept."""
+    """Print one line on nerfstudio's console; paths stay whole, brackets in them are kept.
+
+    A console that cannot be written to, such as a log on a full disk, is no reason to stop.
+    """
     style = "yellow" if warning else None
-    CONSOLE.print(escape(line), style=style, soft_wrap=True, highlight=False)
+    with suppress(OSError):
+        CONSOLE.print(escape(line), style=style, soft_wrap=True, highlight=False)
 
 
 def list_names(names: Iterable[str]) -> str:
@@ -44,6 +56,47 @@ def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> 
         f"{len(missing)} of {len(paths)} {what} that the capture names are not in {folder}: "
         f"{names}. Put them there, or name their folder with {option}."
     )
+
+
+def check_cameras(cameras: Cameras, names: Sequence[str], source: Path) -> None:
+    """Make sure that poses, focal lengths and sizes are those of cameras.
+
+    Raises:
+        CaptureError: names the photos whose are not, and `source`, where they were read.
+    """
+    count = len(names)
+    numbers = [cameras.camera_to_worlds, cameras.fx, cameras.fy, cameras.cx, cameras.cy]
+    if cameras.distortion_params is not None:
+        numbers.append(cameras.distortion_params)
+    sound = torch.cat([n.reshape(count, -1) for n in numbers], dim=1).isfinite().all(dim=1)
+    for focal in (cameras.fx, cameras.fy):
+        sound &= focal.reshape(count) > 0
+    for side in (cameras.width, cameras.height):
+        sound &= (side.reshape(count) >= 1) & (side.reshape(count) <= LARGEST_SIDE)
+    bad = [name for name, fine in zip(names, sound.tolist(), strict=True) if not fine]
+    if bad:
+        raise CaptureError(
+            f"{len(bad)} of {count} photos in {source} have a pose or a camera that cannot be "
+            "(NaN, infinite or too large numbers, a focal length of 0, a size without pixels): "
+            f"{list_names(bad)}. Remove them, or make the reconstruction again."
+        )
+
+
+def without_infinite_points(metadata: dict[str, Any], source: Path) -> dict[str, Any]:
+    """The metadata without points whose place is not finite; says how many were left out."""
+    xyz = metadata.get("points3D_xyz")
+    if xyz is None or bool(xyz.isfinite().all()):
+        return metadata
+    keep = xyz.isfinite().all(dim=-1)
+    announce(
+        f"{int((~keep).sum())} of {len(xyz)} points in {source} have NaN, infinite or too large "
+        "coordinates and are left out.",
+        warning=True,
+    )
+    return {
+        key: value[keep] if key.startswith("points3D") and isinstance(value, Tensor) else value
+        for key, value in metadata.items()
+    }
 
 
 def _below(path: Path, folder: Path) -> str:

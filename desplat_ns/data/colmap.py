@@ -21,7 +21,12 @@ from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParser, Colm
 from nerfstudio.data.scene_box import SceneBox
 from torch import Tensor
 
-from desplat_ns.data.checks import announce, check_files
+from desplat_ns.data.checks import (
+    announce,
+    check_cameras,
+    check_files,
+    without_infinite_points,
+)
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
 from desplat_ns.data.reconstruction import (
     Frame,
@@ -191,9 +196,11 @@ class DeSplatColmapDataParser(ColmapDataParser):
         if self.config.load_3D_points:
             metadata.update(self._points_metadata())
         half = self.config.scene_scale
+        cameras = make_cameras(chosen, sources, oriented.camera_to_worlds[indices])
+        check_cameras(cameras, [frame.name for frame in chosen], self.reconstruction.folder)
         return DataparserOutputs(
             image_filenames=[source.path for source in sources],
-            cameras=make_cameras(chosen, sources, oriented.camera_to_worlds[indices]),
+            cameras=cameras,
             scene_box=SceneBox(aabb=torch.tensor([[-half] * 3, [half] * 3], dtype=torch.float32)),
             mask_filenames=masks[1] if masks is not None else None,
             dataparser_scale=oriented.scale,
@@ -207,9 +214,10 @@ class DeSplatColmapDataParser(ColmapDataParser):
                 "--max-2D-matches-per-3D-point is not used by desplat; leave it at 0."
             )
         oriented = self.oriented
-        return points_metadata(
+        found = points_metadata(
             self.reconstruction.points, oriented.local_transform, oriented.scale, oriented.origin
         )
+        return without_infinite_points(found, self.reconstruction.folder)
 
 
 def orient_poses(frames: Sequence[Frame], config: ColmapDataParserConfig) -> OrientedPoses:

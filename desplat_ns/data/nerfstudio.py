@@ -11,10 +11,16 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import Nerfstudio
 from torch import Tensor
 
-from desplat_ns.data.checks import announce
+from desplat_ns.data.checks import announce, check_cameras, without_infinite_points
 from desplat_ns.data.colmap import points_metadata
 from desplat_ns.data.reconstruction import find_models, read_reconstruction
 from desplat_ns.errors import CaptureError
+
+_UPSTREAM_ERRORS = (
+    OSError, AssertionError, LookupError, RuntimeError, ValueError, TypeError, AttributeError,
+    ArithmeticError,
+)  # fmt: skip
+"""What upstream raises, one way or another, for contents that it did not expect."""
 
 
 class PromptFreeNerfstudio(Nerfstudio):
@@ -30,8 +36,10 @@ class PromptFreeNerfstudio(Nerfstudio):
         self.prompted_user, self.create_pc = True, False
         try:
             outputs = super()._generate_dataparser_outputs(split)
-        except (OSError, AssertionError, LookupError, RuntimeError, ValueError) as error:
+        except _UPSTREAM_ERRORS as error:
             raise CaptureError(self._explain(error)) from error
+        names = [path.name for path in outputs.image_filenames]
+        check_cameras(outputs.cameras, names, self._transforms())
         if self.config.load_3D_points:
             _check_points(outputs, self._folder())
         return outputs
@@ -63,10 +71,13 @@ class PromptFreeNerfstudio(Nerfstudio):
         data = self.config.data
         return data.parent if data.suffix == ".json" else data
 
+    def _transforms(self) -> Path:
+        data = self.config.data
+        return data if data.suffix == ".json" else data / "transforms.json"
+
     def _explain(self, error: Exception) -> str:
         data = self.config.data
-        transforms = data if data.suffix == ".json" else data / "transforms.json"
-        if transforms.is_file():
+        if self._transforms().is_file():
             return f"The capture {data} cannot be used: {type(error).__name__}: {error}."
         message = f"The capture {data} has no transforms.json. "
         try:
@@ -94,12 +105,8 @@ def _check_points(outputs: DataparserOutputs, folder: Path) -> None:
         else:
             announce(f"{folder} names no 3D points: training starts at random.", warning=True)
         return
-    finite = torch.isfinite(xyz).all(dim=-1)
-    if not finite.all():
-        announce(f"{int((~finite).sum())} points with NaN are left out.", warning=True)
-        for key in ("points3D_xyz", "points3D_rgb"):
-            outputs.metadata[key] = outputs.metadata[key][finite]
-    if not finite.any():
+    outputs.metadata = without_infinite_points(outputs.metadata, folder)
+    if len(outputs.metadata["points3D_xyz"]) == 0:
         raise CaptureError(
             f"No 3D point named in {folder / 'transforms.json'} has finite coordinates. Make the "
             "point cloud again, or add --load-3D-points False to start from random points."

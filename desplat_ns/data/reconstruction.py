@@ -5,6 +5,7 @@ Letters in shapes: P points.
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +17,7 @@ import pycolmap
 from jaxtyping import Float, Int, UInt8
 from nerfstudio.cameras.cameras import CameraType
 
-from desplat_ns.data.checks import announce
+from desplat_ns.data.checks import LARGEST_SIDE, announce
 from desplat_ns.errors import CaptureError
 
 CAMERA_TYPES = {
@@ -135,6 +136,7 @@ def _is_model(folder: Path) -> bool:
 
 
 def _read_model(folder: Path) -> pycolmap.Reconstruction:
+    _check_points_file(folder / "points3D.bin")
     try:
         return pycolmap.Reconstruction(folder)
     except (ValueError, LookupError, RuntimeError, MemoryError) as error:
@@ -144,6 +146,31 @@ def _read_model(folder: Path) -> pycolmap.Reconstruction:
             f"The reconstruction {folder} cannot be read: {reason}. Mend it, copy it again or run "
             "COLMAP's mapper again; another one can be named with --colmap-path."
         ) from error
+
+
+def _check_points_file(path: Path) -> None:
+    """Make sure that a binary file of points holds as many as it says.
+
+    pycolmap 4.2.1 believes the file's counts and goes on reading behind its end, for ever where a
+    count is damaged. A point has 51 bytes, of which the last 8 count the observations that follow,
+    8 bytes each.
+    """
+    if not path.is_file():
+        return
+    data, end = path.read_bytes(), 8
+    try:
+        (count,) = struct.unpack_from("<Q", data)
+        for _ in range(count):
+            (observations,) = struct.unpack_from("<Q", data, end + 43)
+            end += 51 + 8 * observations
+    except (struct.error, OverflowError):
+        end = -1
+    if end != len(data):
+        raise CaptureError(
+            f"The reconstruction {path.parent} cannot be read: {path.name} has {len(data)} bytes, "
+            "which is not what its counts say. Copy it again or run COLMAP's mapper again; another "
+            "one can be named with --colmap-path."
+        )
 
 
 def _text_with_nan(folder: Path) -> str:
@@ -180,6 +207,11 @@ def _frame(image: pycolmap.Image, folder: Path) -> Frame:
         raise CaptureError(
             f"Photo {image.name} in {folder} has a pose or camera with NaN or infinite numbers. "
             "Remove it from the reconstruction, or run COLMAP's mapper again."
+        )
+    if not (1 <= camera.width <= LARGEST_SIDE and 1 <= camera.height <= LARGEST_SIDE):
+        raise CaptureError(
+            f"Photo {image.name} in {folder} has a camera of {camera.width}x{camera.height} "
+            f"pixels; a side has 1 to {LARGEST_SIDE}. Mend the camera, or run COLMAP again."
         )
     return Frame(
         name=Path(image.name).as_posix(),

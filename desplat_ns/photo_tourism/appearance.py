@@ -20,6 +20,8 @@ from desplat_ns.photo_tourism.mlp import hidden_layers, zero_head
 CENTRAL_QUANTILE = 0.97
 """Share of the points that set the scale of Fourier features: a few far ones do not count."""
 
+FARTHEST = 1e6
+"""Units of that scale. Farther points get the features of this distance, which are arbitrary."""
 
 ROWS_AT_ONCE = 4096
 """Gaussians that pass through the MLP together on a CPU: their activations fit the cache, which
@@ -34,9 +36,11 @@ def fourier_features(points: Float[Tensor, "N 3"], frequencies: int) -> Float[Te
 
     Source: the start of z_i, App. B.3, as WildGaussians (its supplementary) describes it.
     """
-    centred = points - points.mean(dim=0)
+    exact = points.double()  # sums of float32's largest numbers fit, too
+    centred = exact - exact.mean(dim=0)
     radius = centred.abs().amax(dim=1).sort().values[int(CENTRAL_QUANTILE * (len(points) - 1))]
     unit = centred / radius.clamp(min=torch.finfo(points.dtype).tiny)
+    unit = unit.clamp(-FARTHEST, FARTHEST).to(points.dtype)
     turns = torch.arange(1, frequencies + 1, device=points.device, dtype=points.dtype).exp2()
     angles = (math.pi * unit[:, :, None] * turns).flatten(1)
     return torch.cat([angles.sin(), angles.cos()], dim=1)

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+from desplat_ns.errors import ConfigError
+
+LIMITS = {
+    "embedding_dim": (1, 4096),
+    "fourier_frequencies": (1, 24),
+    "hidden_layers": (1, 64),
+    "hidden_width": (1, 16384),
+    "sh_degree": (0, 10),
+}
+"""What sizes may be: from the least that works to more than anyone has used."""
 
 
 @dataclass
@@ -35,3 +46,21 @@ class BackgroundConfig:
     max_error: float = 0.003
     """T_eps of Eq. 10 (colours in [0, 1]): how well the background alone has to explain a pixel for
     Gaussians there to be unwanted. B.3."""
+
+
+def check_sizes(config: AppearanceConfig | BackgroundConfig, option: str) -> None:
+    """Make sure that a model of these sizes can be built.
+
+    Args:
+        option: what `config` is called on the command line.
+
+    Raises:
+        ConfigError: names the size that lies outside of `LIMITS`.
+    """
+    for name in (field.name for field in fields(config) if field.name in LIMITS):
+        value, (least, most) = getattr(config, name), LIMITS[name]
+        if not least <= value <= most:
+            raise ConfigError(
+                f"`{option}.{name.replace('_', '-')}` is {value}; it has to be from {least} to "
+                f"{most}."
+            )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 import torch
@@ -14,9 +13,6 @@ from torch import Tensor, nn
 from desplat_ns.errors import CheckpointError
 
 FORMAT = 1
-
-_UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile)
-"""What numpy raises, one way or another, for a file that is no archive of ours."""
 
 
 def digest_of(module: nn.Module) -> str:
@@ -55,15 +51,9 @@ def load_embeddings(path: Path, model_digest: str, device: torch.device) -> dict
             found = {name: saved[name] for name in ("model", "names", "embeddings")}
     except FileNotFoundError as error:
         raise CheckpointError(f"There is no file of embeddings at '{path}'. {advice}") from error
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        TypeError,
-        AttributeError,
-        EOFError,
-        BadZipFile,
-    ) as error:
+    except (PermissionError, MemoryError):
+        raise
+    except Exception as error:  # damaged bytes raise whatever numpy stumbles over
         raise CheckpointError(
             f"'{path}' is no file of embeddings, or a damaged one ({error}). {advice}"
         ) from error
@@ -72,5 +62,15 @@ def load_embeddings(path: Path, model_digest: str, device: torch.device) -> dict
             f"The embeddings in '{path}' belong to another model, or to another step of this one. "
             f"{advice}"
         )
-    rows = torch.from_numpy(found["embeddings"]).to(device)
-    return dict(zip(map(str, found["names"]), rows, strict=True))
+    names, rows = found["names"], found["embeddings"]
+    is_matrix = rows.ndim == 2 and rows.dtype == np.float32 and names.shape == rows.shape[:1]
+    if not is_matrix or not np.isfinite(rows).all():
+        raise CheckpointError(
+            f"'{path}' is a damaged file of embeddings: {names.shape} names, {rows.dtype} numbers "
+            f"{rows.shape}, of which {_num_finite(rows)} are finite. {advice}"
+        )
+    return dict(zip(map(str, names), torch.from_numpy(rows).to(device), strict=True))
+
+
+def _num_finite(rows: np.ndarray) -> int:
+    return int(np.isfinite(rows).sum()) if np.issubdtype(rows.dtype, np.number) else 0

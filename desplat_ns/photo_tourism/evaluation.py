@@ -5,6 +5,7 @@ What the right half shows never reaches the embedding: the fit is given the left
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -50,10 +51,10 @@ def uses_halves(config: EvaluationConfig, appearance: str) -> bool:
         ConfigError: halves are asked for, but there is no appearance model; or steps or rate are
             out of range.
     """
-    if config.steps < 0 or not config.learning_rate > 0:
+    if config.steps < 0 or not 0 < config.learning_rate < math.inf:
         raise ConfigError(
-            f"An embedding takes 0 or more steps at a positive learning rate; found {config.steps} "
-            f"steps at {config.learning_rate}. B.3 has 128 at 0.01."
+            f"An embedding takes 0 or more steps at a positive learning rate; found --steps "
+            f"{config.steps} and --learning-rate {config.learning_rate}. B.3 has 128 at 0.01."
         )
     if config.protocol == "half" and appearance == "off":
         raise ConfigError(

@@ -12,7 +12,7 @@ from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance
 from desplat_ns.photo_tourism.background import Background, background_color, pixel_basis
-from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
+from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig, check_sizes
 from desplat_ns.photo_tourism.embeddings import ImageEmbeddings
 
 FEATURES = "appearance_features"
@@ -36,7 +36,12 @@ class ImageEffects(nn.Module):
         Args:
             num_images: training images.
             sh_degree: of the static Gaussians.
+
+        Raises:
+            ConfigError: sizes that no model can have.
         """
+        check_sizes(appearance, "--pipeline.model.appearance")
+        check_sizes(background, "--pipeline.model.background")
         super().__init__()
         per_image = num_images if effects.appearance != "off" else 1
         self.embeddings = ImageEmbeddings(per_image, appearance.embedding_dim)

@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
+import torch
+from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.utils.rich_utils import CONSOLE
 
-from desplat_ns.data.checks import announce, check_files, list_names
+from desplat_ns.data.checks import (
+    announce,
+    check_cameras,
+    check_files,
+    list_names,
+    without_infinite_points,
+)
 from desplat_ns.errors import CaptureError
 
 
@@ -34,3 +44,52 @@ def test_a_missing_folder_is_named_instead_of_all_its_files(tmp_path: Path):
 def test_brackets_in_paths_survive_the_console(capsys: pytest.CaptureFixture[str]):
     announce("/a/[bold]/" + "x" * 200)
     assert capsys.readouterr().out == "/a/[bold]/" + "x" * 200 + "\n"
+
+
+def test_a_console_that_cannot_be_written_to_stops_nothing(monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(CONSOLE, "print", full)
+    announce("unheard")
+
+
+def cameras(**changes: float) -> Cameras:
+    """Three cameras, of which the second is changed."""
+    numbers = {"fx": 10.0, "fy": 10.0, "cx": 4.0, "cy": 3.0, "width": 8.0, "height": 6.0}
+    columns: dict[str, Any] = {key: torch.full((3, 1), value) for key, value in numbers.items()}
+    for key, value in changes.items():
+        columns[key][1] = value
+    columns |= {key: columns[key].long() for key in ("width", "height")}
+    return Cameras(torch.eye(4)[:3].repeat(3, 1, 1), **columns)
+
+
+NAMES = ["a", "b", "c"]
+
+
+def test_ordinary_cameras_pass():
+    check_cameras(cameras(), NAMES, Path("x"))
+
+
+IMPOSSIBLE = (
+    {"fx": torch.nan}, {"fy": 0.0}, {"fx": -1.0}, {"cx": torch.inf}, {"width": 0}, {"height": 70000}
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("changes", IMPOSSIBLE)
+def test_a_camera_that_cannot_be_is_named(changes):
+    with pytest.raises(CaptureError, match=r"1 of 3 photos in x have .*: b\."):
+        check_cameras(cameras(**changes), NAMES, Path("x"))
+
+
+def test_points_that_are_not_finite_are_left_out_with_what_belongs_to_them(capsys):
+    metadata = {
+        "points3D_xyz": torch.tensor([[0.0, 0, 0], [torch.inf, 0, 0], [1, 1, 1]]),
+        "points3D_rgb": torch.arange(9).reshape(3, 3),
+        "other": torch.arange(3),
+    }
+    kept = without_infinite_points(metadata, Path("x"))
+    assert kept["points3D_xyz"].shape == (2, 3)
+    assert kept["points3D_rgb"].tolist() == [[0, 1, 2], [6, 7, 8]]
+    assert kept["other"].tolist() == [0, 1, 2]
+    assert "1 of 3 points in x" in capsys.readouterr().out

@@ -75,6 +75,33 @@ def test_damaged_transforms_are_named(processed: Path):
         outputs_of(processed)
 
 
+def damage(data: Path, **changes) -> None:
+    meta = json.loads((data / "transforms.json").read_text())
+    (data / "transforms.json").write_text(json.dumps({**meta, **changes}))
+
+
+@pytest.mark.parametrize("changes", [{"fl_x": float("nan")}, {"fl_y": 0}, {"cx": 1e39}, {"w": -8}])
+def test_a_camera_that_cannot_be_is_an_error(processed: Path, changes):
+    damage(processed, **changes)
+    with pytest.raises(CaptureError, match=r"photos in .*transforms\.json have .*0\.png"):
+        outputs_of(processed)
+
+
+def test_a_pose_with_nan_names_its_photo(processed: Path):
+    frames = json.loads((processed / "transforms.json").read_text())["frames"]
+    frames[1]["transform_matrix"][0][3] = float("nan")
+    damage(processed, frames=frames)
+    with pytest.raises(CaptureError, match=r"have a pose or a camera that cannot be"):
+        outputs_of(processed, orientation_method="none", center_method="none")
+
+
+@pytest.mark.parametrize("changes", [{"fl_x": {}}, {"frames": 1.5}, {"w": None}, {"frames": [3]}])
+def test_a_wrong_type_is_an_error_that_names_the_capture(processed: Path, changes):
+    damage(processed, **changes)
+    with pytest.raises(CaptureError, match="cannot be used"):
+        outputs_of(processed)
+
+
 def name_ply(data: Path, vertices: str, count: int) -> None:
     header = (
         f"ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\n"
@@ -99,7 +126,7 @@ def test_points_of_a_ply_with_nan_are_left_out(processed: Path, capsys):
     outputs = outputs_of(processed)
     assert outputs.metadata["points3D_xyz"].shape == (1, 3)
     assert outputs.metadata["points3D_rgb"].tolist() == [[4, 5, 6]]
-    assert "1 points with NaN" in capsys.readouterr().out
+    assert "1 of 2 points in" in capsys.readouterr().out
 
 
 def test_a_ply_without_finite_points_is_an_error(processed: Path):

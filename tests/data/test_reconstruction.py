@@ -160,3 +160,40 @@ def test_a_model_without_posed_photos_is_named(capture):
     (data / "sparse" / "0" / "images.txt").write_text("")
     with pytest.raises(CaptureError, match="no photo with a pose"):
         read_reconstruction(data, SPARSE)
+
+
+@pytest.fixture
+def binary(capture) -> Path:
+    """A capture whose model is binary, of two points."""
+    data = capture()
+    model = data / "sparse" / "0"
+    pycolmap.Reconstruction(model).write_binary(model)
+    for path in model.glob("*.txt"):
+        path.unlink()
+    return data
+
+
+@pytest.mark.parametrize("at", [0, 8 + 43], ids=["points", "observations"])
+@pytest.mark.parametrize("count", [1, 2**40, 2**63])
+def test_a_damaged_count_of_points_is_an_error_and_no_endless_loop(binary: Path, at, count):
+    path = binary / "sparse" / "0" / "points3D.bin"
+    data = bytearray(path.read_bytes())
+    data[at : at + 8] = count.to_bytes(8, "little")
+    path.write_bytes(data)
+    with pytest.raises(CaptureError, match=r"cannot be read: points3D\.bin has"):
+        read_reconstruction(binary, SPARSE)
+
+
+@pytest.mark.parametrize("left", [0, 8, 40, -1])
+def test_a_file_of_points_that_was_cut_off_is_an_error(binary: Path, left):
+    path = binary / "sparse" / "0" / "points3D.bin"
+    path.write_bytes(path.read_bytes()[:left])
+    with pytest.raises(CaptureError, match=r"cannot be read: points3D\.bin has"):
+        read_reconstruction(binary, SPARSE)
+
+
+@pytest.mark.parametrize("size", ["0 6", "18446744073709551615 6", "8 70000"])
+def test_a_camera_without_a_possible_size_is_named(capture, size):
+    data = capture(cameras=[f"1 PINHOLE {size} 10 11 4 3"])
+    with pytest.raises(CaptureError, match=r"pixels; a side has 1 to"):
+        read_reconstruction(data, SPARSE)

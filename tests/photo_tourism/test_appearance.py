@@ -126,6 +126,13 @@ def test_fourier_features_of_coincident_points_are_finite():
     assert fourier_features(torch.ones(4, 3), 4).isfinite().all()
 
 
+def test_fourier_features_of_points_at_the_end_of_float32_are_finite():
+    points = torch.rand(50, 3)
+    points[0], points[1] = 3e38, -3e38
+    assert fourier_features(points, 4).isfinite().all()
+    assert fourier_features(torch.tensor([[1e38] * 3, [2e38] * 3, [3e38] * 3]), 4).isfinite().all()
+
+
 def test_the_constant_of_the_basis():
     basis = sh_basis(0, torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64))
     assert float(basis[0, 0]) == pytest.approx(C0)

@@ -58,3 +58,30 @@ def test_a_single_array_is_no_archive(tmp_path: Path):
         np.save(file, np.zeros(3))
     with pytest.raises(CheckpointError, match="no file of embeddings"):
         load_embeddings(tmp_path / "e.npz", "digest", CPU)
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf")])
+def test_numbers_that_are_not_finite_are_refused(tmp_path: Path, number: float):
+    embeddings = {"a": torch.zeros(4), "b": torch.tensor([0.0, number, 0.0, 0.0])}
+    save_embeddings(tmp_path / "e.npz", embeddings, "digest")
+    with pytest.raises(CheckpointError, match=r"of which 7 are finite"):
+        load_embeddings(tmp_path / "e.npz", "digest", CPU)
+
+
+def test_a_damaged_flag_in_the_archive_is_named(tmp_path: Path):
+    """zipfile answers one flag with NotImplementedError and another with RuntimeError."""
+    path = tmp_path / "e.npz"
+    for bit in range(16):
+        save_embeddings(path, {"a": torch.zeros(4)}, "digest")
+        data = bytearray(path.read_bytes())
+        for header, flags in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+            at = data.find(header) + flags
+            while at >= flags:
+                data[at + bit // 8] ^= 1 << bit % 8
+                found = data.find(header, at)
+                at = found + flags if found >= 0 else -1
+        path.write_bytes(data)
+        try:
+            load_embeddings(path, "digest", CPU)
+        except CheckpointError as error:
+            assert "e.npz" in str(error)
