@@ -430,6 +430,7 @@ def full_disk(room: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")  # the log's
 def test_a_save_that_fails_on_the_way_costs_no_step(config, capsys):
     """Saves are due after steps 5 and 10 and at the end; the disk is full at 10."""
     trainer = set_up(config)
@@ -452,6 +453,7 @@ def test_a_save_that_fails_on_the_way_costs_no_step(config, capsys):
     assert "Nothing more is logged to files" in said
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")  # the log's
 def test_a_last_save_that_fails_ends_the_run_with_its_reason(config, capsys):
     trainer = set_up(config)
     with ExitStack() as stack:

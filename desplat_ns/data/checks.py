@@ -65,6 +65,8 @@ def check_cameras(cameras: Cameras, names: Sequence[str], source: Path) -> None:
         CaptureError: names the photos whose are not, and `source`, where they were read.
     """
     count = len(names)
+    if count == 0:  # a split without photos; others say so
+        return
     numbers = [cameras.camera_to_worlds, cameras.fx, cameras.fy, cameras.cx, cameras.cy]
     if cameras.distortion_params is not None:
         numbers.append(cameras.distortion_params)

@@ -69,6 +69,7 @@ NAMES = ["a", "b", "c"]
 
 def test_ordinary_cameras_pass():
     check_cameras(cameras(), NAMES, Path("x"))
+    check_cameras(cameras()[:0], [], Path("x"))
 
 
 IMPOSSIBLE = (

@@ -8,14 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from mpmath import mp, mpf
-from torch import Tensor
+from torch import Tensor, nn
 
 from desplat_ns.compositing import composite_alpha, composite_color, over_background
 from desplat_ns.fast_ssim import ssim
 from desplat_ns.gaussians import MAX_LOG_SCALE, activate_static, clamp_colors, sigmoid
 from desplat_ns.losses import distractor_opacity_loss, static_photometric_loss
+from desplat_ns.photo_tourism.appearance import AffineAppearance
+from desplat_ns.photo_tourism.config import AppearanceConfig
 
 SSIM_C1, SSIM_C2 = mpf("1e-4"), mpf("9e-4")
 """0.01^2 and 0.03^2 (Wang et al. 2004)."""
@@ -185,6 +188,51 @@ def all_opacity_free(dtype: torch.dtype) -> tuple[Pair, Pair]:
     return Pair(got, zero.sum(), 0.0), Pair(slope_of(got, alpha), zero, 0.0)
 
 
+def embeddings_far_out(dtype: torch.dtype) -> tuple[Pair, Pair]:
+    """beta and gamma of Eq. 6 and their gradients by the embedding, against 80-bit numbers.
+
+    A sum of n products has n roundings, and what a layer is given is off by those before it: in all
+    as many as there are terms along the way, of the size of the same sums without signs.
+    """
+    rng = torch.Generator().manual_seed(5)
+    config = AppearanceConfig(embedding_dim=4, fourier_frequencies=1, hidden_width=8)
+    mlp = AffineAppearance(config).to(dtype)
+    for parameter in mlp.parameters():
+        parameter.data = torch.randn(parameter.shape, generator=rng).to(dtype)
+    own = torch.rand(5, 9, generator=rng).to(dtype)
+    embedding = torch.tensor([1e4, -1e4, 1e4, 1e-4], dtype=dtype, requires_grad=True)
+    got = torch.cat(mlp.tones(embedding, own[:, :6], own[:, 6:]), dim=1)
+
+    layers = [_exact_layer(layer) for layer in (mlp.body[0], mlp.body[2], mlp.head)]
+    rows = torch.cat([embedding.detach().expand(5, 4), own], dim=1)
+    value, active = rows.double().numpy().astype(np.longdouble), []
+    size, terms = np.abs(value), 2
+    for weight, bias in layers:
+        value, size = value @ weight.T + bias, size @ np.abs(weight).T + np.abs(bias)
+        active.append(value > 0)
+        value = np.maximum(value, 0) if len(active) < len(layers) else value
+        terms += weight.shape[1] + 2
+    value[:, 3:] += 1  # gamma
+    slope = slope_size = np.ones_like(value)
+    for (weight, _), on in zip(layers[::-1], [None, *active[-2::-1]], strict=True):
+        slope = slope if on is None else slope * on
+        slope, slope_size = slope @ weight, slope_size @ np.abs(weight)
+        terms += weight.shape[0] + 2
+    slope, slope_size = slope[:, :4].sum(0), slope_size[:, :4].sum(0)
+
+    u, double = roundoff(dtype), lambda x: torch.from_numpy(np.asarray(x, np.float64))
+    return (
+        Pair(got, double(value), terms * u * (double(size) + 1)),
+        Pair(slope_of(got, embedding), double(slope), terms * u * double(slope_size)),
+    )
+
+
+def _exact_layer(layer: nn.Module) -> tuple[np.ndarray, np.ndarray]:
+    assert isinstance(layer, nn.Linear)
+    weight, bias = (p.detach().double().numpy() for p in (layer.weight, layer.bias))
+    return weight.astype(np.longdouble), bias.astype(np.longdouble)
+
+
 FORMULA_CASES = (
     FormulaCase(
         "alpha_d -> 1 and a gradient wanted behind",
@@ -209,6 +257,11 @@ FORMULA_CASES = (
     ),
     FormulaCase("flat images under SSIM", "finite and right within the bound", flat_images),
     FormulaCase("all pixels masked", "loss and gradient 0 within SSIM's bound", all_pixels_masked),
+    FormulaCase(
+        "embeddings at 1e4 in the appearance MLP",
+        "finite, within a rounding for each term of its sums",
+        embeddings_far_out,
+    ),
     FormulaCase("opacity free everywhere", "loss and gradient exactly 0", all_opacity_free),
 )
 """In the order of docs/stability.md."""
