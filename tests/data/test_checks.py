@@ -47,11 +47,15 @@ def test_brackets_in_paths_survive_the_console(capsys: pytest.CaptureFixture[str
 
 
 def test_a_console_that_cannot_be_written_to_stops_nothing(monkeypatch):
-    def full(*_, **__):
+    said = []
+
+    def full(line, **_):
+        said.append(line)
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(CONSOLE, "print", full)
     announce("unheard")
+    assert said == ["unheard"]
 
 
 def cameras(**changes: float) -> Cameras:
