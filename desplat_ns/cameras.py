@@ -40,6 +40,19 @@ def view_of(
     )
 
 
+def image_points(
+    means: Float[Tensor, "N 3"], view: View
+) -> tuple[Float[Tensor, " N"], Float[Tensor, " N"], Float[Tensor, " N"]]:
+    """Where points are seen: x and y as shares of the image's width and height, and their depth.
+
+    Points behind the camera (depth below 0) have places that mean nothing.
+    """
+    x, y, z = (means @ view.viewmat[:3, :3].T + view.viewmat[:3, 3]).unbind(-1)
+    u = (x / z * view.K[0, 0] + view.K[0, 2]) / view.width
+    v = (y / z * view.K[1, 1] + view.K[1, 2]) / view.height
+    return u, v, z
+
+
 def train_index(camera: Cameras) -> int | None:
     """Which training view this camera is, or None.
 

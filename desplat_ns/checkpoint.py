@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 import torch
-from nerfstudio.utils.rich_utils import CONSOLE
 
+from desplat_ns.data.checks import announce
 from desplat_ns.errors import CheckpointError
 
 CHECKPOINT_NAME = re.compile(r"step-(\d+)\.ckpt")
@@ -161,9 +161,9 @@ def load_newest(folder: Path) -> tuple[Path, dict[str, Any]]:
             failures.append(str(error))
             continue
         for failure in failures:
-            CONSOLE.print(f"[yellow]{failure}")
+            announce(failure, warning=True)
         if failures:
-            CONSOLE.print(f"[yellow]Going on from {path}, the newest intact one.")
+            announce(f"Going on from {path}, the newest intact one.", warning=True)
         return path, state
     if failures:
         raise CheckpointError(f"No checkpoint in {folder} is intact. {failures[0]}")

@@ -153,6 +153,7 @@ def _check(config: DistractorConfig) -> None:
     for name, found, fits, needed in (
         ("depth", config.depth, config.depth > near, f"beyond the near plane at {near}"),
         ("per-view", config.per_view, config.per_view >= 0, "0 or more"),
+        ("max-warmup-visits", config.max_warmup_visits, config.max_warmup_visits >= 0, "0 or more"),
         (
             "strong-excess",
             config.strong_excess,

@@ -16,13 +16,13 @@ from typing import Any
 import torch
 from jaxtyping import Bool, Float
 from nerfstudio.engine.optimizers import Optimizers
-from nerfstudio.utils.rich_utils import CONSOLE
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.backend.inputs import sound
 from desplat_ns.backend.protocol import RenderSettings, Splats
 from desplat_ns.checkpoint import checkpoints_in
+from desplat_ns.data.checks import announce
 from desplat_ns.errors import ConfigError, TrainingError
 from desplat_ns.gaussians import MAX_LOG_SCALE
 
@@ -154,10 +154,10 @@ class StepGuard:
         self.skipped += 1
         view = f", in the photo {model.view_name()}" if hasattr(model, "view_name") else ""
         self._last = f"At step {step}{view}: {fault} is not finite"
-        CONSOLE.print(
-            f"[yellow]{self._last}. The step is skipped ({self.skipped} of at most "
+        announce(
+            f"{self._last}. The step is skipped ({self.skipped} of at most "
             f"{self.max_skipped}); nothing has changed.",
-            markup=True,
+            warning=True,
         )
         if hasattr(model, "drop_step"):
             model.drop_step()

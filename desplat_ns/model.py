@@ -214,7 +214,8 @@ class DeSplatModel(StaticModel):
         """Distractors that their view cannot show."""
         if self.distractors is None:
             return 0
-        splats = [activate_distractors(params) for params in self.distractors.views]  # type: ignore
+        views = range(self.num_train_data)
+        splats = (activate_distractors(self.distractors.params_of(view)) for view in views)
         return sum(int(culled_always(one).sum()) for one in splats)
 
     def step_post_backward(self, step: int) -> None:

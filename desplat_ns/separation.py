@@ -18,6 +18,7 @@ from torch import Tensor
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
+from desplat_ns.cameras import image_points
 from desplat_ns.densification import DistractorDensifier
 from desplat_ns.distractors import DistractorConfig, DistractorGaussians, distractors_at
 from desplat_ns.excess import ExpectedResidual, grid_of, local_residual, pooled
@@ -134,11 +135,9 @@ def lie_in(
 ) -> Bool[Tensor, " N"]:
     """Which Gaussians have their centre in a region; beyond the border its nearest cell counts."""
     rows, columns = regions.shape
-    in_camera = means.detach() @ view.viewmat[:3, :3].T + view.viewmat[:3, 3]
-    x, y, z = in_camera.unbind(-1)
-    column = (x / z * view.K[0, 0] + view.K[0, 2]) / view.width * columns
-    row = (y / z * view.K[1, 1] + view.K[1, 2]) / view.height * rows
-    return regions[row.long().clamp(0, rows - 1), column.long().clamp(0, columns - 1)]
+    u, v, _ = image_points(means.detach(), view)
+    row, column = (v * rows).long(), (u * columns).long()
+    return regions[row.clamp(0, rows - 1), column.clamp(0, columns - 1)]
 
 
 class Placement:

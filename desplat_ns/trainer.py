@@ -222,7 +222,7 @@ class DeSplatTrainer(Trainer):
         self._load_randomness(state)
         self._start_step = self._steps_done = steps_done
         self._loaded_from = path
-        CONSOLE.print(f"Going on from {path}, {steps_done} steps are done.")
+        announce(f"Going on from {path}, {steps_done} steps are done.")
 
     def _load_randomness(self, state: dict[str, Any]) -> None:
         """The order of the views now, the generators when training starts.
@@ -250,11 +250,12 @@ class DeSplatTrainer(Trainer):
         return path, load_checkpoint(path)
 
     def _say_nothing_is_left(self) -> None:
-        CONSOLE.print(
-            f"[yellow]Nothing left to train: {self._loaded_from} has {self._steps_done} steps done "
+        announce(
+            f"Nothing left to train: {self._loaded_from} has {self._steps_done} steps done "
             f"and --max-num-iterations, the total, is {self.config.max_num_iterations}. To train "
             "on, give a larger --max-num-iterations. To evaluate or render, use the config.yml of "
-            "the run that wrote the checkpoint; nothing was saved for this one."
+            "the run that wrote the checkpoint; nothing was saved for this one.",
+            warning=True,
         )
 
     def _after_train(self) -> None:

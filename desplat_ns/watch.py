@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float
-from nerfstudio.utils.rich_utils import CONSOLE
 from torch import Tensor
 
 from desplat_ns.backend.protocol import RenderSettings, View
+from desplat_ns.cameras import image_points
+from desplat_ns.data.checks import announce
 from desplat_ns.distractors import DistractorConfig
 from desplat_ns.excess import grid_of
 from desplat_ns.outputs import MASK_THRESHOLD
@@ -77,11 +78,10 @@ def seen_and_hidden(
 
     Static Gaussians do not hide one another here: a distractor covers all that is behind it.
     """
-    view, (rows, columns) = sight.view, sight.covered.shape
-    x, y, z = (means @ view.viewmat[:3, :3].T + view.viewmat[:3, 3]).unbind(-1)
-    column = (x / z * view.K[0, 0] + view.K[0, 2]) / view.width * columns
-    row = (y / z * view.K[1, 1] + view.K[1, 2]) / view.height * rows
-    seen = z > RenderSettings.near_plane
+    rows, columns = sight.covered.shape
+    u, v, depth = image_points(means, sight.view)
+    column, row = u * columns, v * rows
+    seen = depth > RenderSettings.near_plane
     seen = seen & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     cell = torch.where(seen, row.floor() * columns + column.floor(), 0.0).long()
     return seen, seen & sight.covered.flatten()[cell]
@@ -183,7 +183,7 @@ class SeparationWatch:
     def _say(self, kind: str, text: str) -> None:
         if kind not in self._said:
             self._said.add(kind)
-            CONSOLE.print(f"[yellow]{text}")
+            announce(text, warning=True)
 
 
 def view_name(names: Sequence[str], index: int) -> str:
@@ -204,9 +204,10 @@ class CulledCount:
         self.static, self.distractors = static, distractors
         if static + distractors > 0 and not self._said:
             self._said = True
-            CONSOLE.print(
-                f"[yellow]Step {step}: {static} static Gaussians and {distractors} distractors "
+            announce(
+                f"Step {step}: {static} static Gaussians and {distractors} distractors "
                 "hold values that no view can show (not finite, or far beyond any scene). They are "
                 "culled and never come back. A learning rate may be too high; TensorBoard has "
-                "their number as culled_static and culled_distractors."
+                "their number as culled_static and culled_distractors.",
+                warning=True,
             )

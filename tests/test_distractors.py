@@ -87,6 +87,7 @@ def test_a_checkpoint_with_other_numbers_loads_into_the_same_parameters():
         ({"depth": 0.005}, r"distractors\.depth` is 0\.005.*near plane at 0\.01"),
         ({"depth": float("nan")}, r"distractors\.depth` is nan"),
         ({"per_view": -1}, r"per-view` is -1; it has to be 0 or more"),
+        ({"max_warmup_visits": -1}, r"max-warmup-visits` is -1; it has to be 0 or more"),
         ({"initial_opacity": 1.0}, r"initial-opacity` is 1\.0"),
     ],
 )

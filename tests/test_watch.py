@@ -36,7 +36,7 @@ def covered(index: int, left: float, width: float) -> torch.Tensor:
 
 def watch(**config) -> SeparationWatch:
     config = DistractorConfig(static_warmup=50, stop_densify_at=200, **config)
-    return SeparationWatch(config, [f"photo_{i:02}.jpg" for i in range(VIEWS)], VIEWS)
+    return SeparationWatch(config, [f"photo_{i:02}[a].jpg" for i in range(VIEWS)], VIEWS)
 
 
 def said(capsys: pytest.CaptureFixture[str]) -> str:
@@ -59,7 +59,7 @@ def test_something_that_stays_in_most_photos_is_told_once_with_photos_and_option
     one.look(STEP, wall())
     text = said(capsys)
     assert "of the static scene is behind distractors in most of the photos" in text
-    named = [int(number) for number in re.findall(r"photo_(\d\d)\.jpg", text)]
+    named = [int(number) for number in re.findall(r"photo_(\d\d)\[a\]\.jpg", text)]
     assert len(named) == 5 and min(named) >= 4
     assert "and 11 more" in text
     assert "--pipeline.model.distractors.strong-excess (now 0.25)" in text
