@@ -49,6 +49,10 @@ class DistractorConfig:
     static_alone: bool = False
     """Train the static scene by a photometric loss of its own, on the pixels that no distractor
     covers; the composite's loss then trains distractors only. The paper has one loss for both."""
+    clearance: float = 0.0
+    """Static Gaussians nearer to a training camera than this share of the depth at which the scene
+    starts there, by the seed points, are removed: they show what stands in that photo alone. The
+    paper removes none."""
     lambda_d: float = 0.01
     """Weight of the mean distractor opacity, Eq. 5. B.3."""
     lambda_s: float = 0.01
@@ -153,6 +157,7 @@ def _check(config: DistractorConfig) -> None:
     for name, found, fits, needed in (
         ("depth", config.depth, config.depth > near, f"beyond the near plane at {near}"),
         ("per-view", config.per_view, config.per_view >= 0, "0 or more"),
+        ("clearance", config.clearance, 0 <= config.clearance < 1, "at least 0 and below 1"),
         ("max-warmup-visits", config.max_warmup_visits, config.max_warmup_visits >= 0, "0 or more"),
         (
             "strong-excess",

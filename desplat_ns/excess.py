@@ -33,7 +33,11 @@ MEDIAN_STEP = 0.1
 """Step of a Gaussian's running median, in units of the residual's logarithm."""
 
 MIN_VIEWS = 5
-"""Where fewer training views see a place, none is judged by the others."""
+"""A Gaussian that fewer training views see has no say in what is expected: what floats in front of
+one camera remembers its photo alone, occluder and all."""
+
+MIN_WEIGHT = 1e-4
+"""Opacity per cell, of Gaussians with a say, below which there is none."""
 
 MIN_RESIDUAL = 1e-4
 """Below this, residuals (colours in [0, 1]) are equal."""
@@ -92,7 +96,7 @@ class ExpectedResidual:
     ) -> Float[Tensor, "rows columns"]:
         """The residual beyond the expected one, of a view that is then remembered as well.
 
-        0 where too few views see the place for any of them to be the odd one out.
+        0 where no Gaussian has a say: nobody knows what the other views would leave there.
 
         Args:
             residual: `local_residual` of the view.
@@ -107,10 +111,11 @@ class ExpectedResidual:
         self.state[self.VISITS] += 1
         self.state[self.SEEN] = times_seen
         views = times_seen * (num_views / self.state[self.VISITS])
-        expected, judges = _means_by_cell([usual, views], opacities, cell, residual.shape)
+        say = opacities * (views >= MIN_VIEWS)
+        expected, judged = _mean_by_cell(usual, say, cell, residual.shape)
         off = torch.sign(relative.index_select(0, cell) - usual)
         self.state[self.USUAL] = usual + MEDIAN_STEP * off * inside
-        return torch.where(judges >= MIN_VIEWS, residual - level * expected.exp(), 0.0)
+        return torch.where(judged, residual - level * expected.exp(), 0.0)
 
 
 def _box3(image: Float[Tensor, "C H W"]) -> Float[Tensor, "C H W"]:
@@ -137,11 +142,11 @@ def _cells_of(
     return inside, torch.where(inside, y * columns + x, rows * columns).long()
 
 
-def _means_by_cell(
-    values: list[Float[Tensor, " N"]], weights: Tensor, cell: Tensor, shape: torch.Size
-) -> Float[Tensor, "C rows columns"]:
-    """Weighted means of the values around each cell; 0 where there are none."""
-    rows = torch.stack([*(weights * v for v in values), weights])
-    sums = rows.new_zeros(len(rows), shape[0] * shape[1] + 1).index_add_(1, cell, rows)
-    around = _averaged(sums[:, :-1].reshape(len(rows), *shape))
-    return around[:-1] / around[-1].clamp(min=1e-4)
+def _mean_by_cell(
+    values: Float[Tensor, " N"], weights: Tensor, cell: Tensor, shape: torch.Size
+) -> tuple[Float[Tensor, "rows columns"], Bool[Tensor, "rows columns"]]:
+    """Weighted mean of the values around each cell, and where there is anything to average."""
+    rows = torch.stack([weights * values, weights])
+    sums = rows.new_zeros(2, shape[0] * shape[1] + 1).index_add_(1, cell, rows)
+    total, weight = _averaged(sums[:, :-1].reshape(2, *shape))
+    return total / weight.clamp(min=MIN_WEIGHT), weight > MIN_WEIGHT

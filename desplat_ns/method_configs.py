@@ -87,6 +87,7 @@ def separating_distractors() -> DistractorConfig:
         static_warmup=6_000,
         lambda_d=0.1,
         initial_opacity=0.5,
+        clearance=0.5,
     )
 
 

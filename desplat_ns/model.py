@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.cameras import train_index
+from desplat_ns.clearance import Clearance
 from desplat_ns.densification import DistractorDensifier, strategy_info, to_device
 from desplat_ns.distractors import DistractorGaussians
 from desplat_ns.errors import DeSplatError, TrainingError
@@ -36,7 +37,7 @@ class DeSplatModel(StaticModel):
     def populate_modules(self) -> None:
         """The static scene, and distractors in front of every training camera."""
         super().populate_modules()
-        self.config.distractors = self.config.distractors.for_views(self.num_train_data)
+        self.config = self.config.for_views(self.num_train_data)
         self.distractors = None
         self.layer_control = LayerControl(0)
         self.names: list[str] = self.kwargs.get("metadata", {}).get("train_image_names", [])
@@ -51,6 +52,9 @@ class DeSplatModel(StaticModel):
             )
             self.placement = Placement(self.config.distractors, self.num_train_data)
             self.layer_control = LayerControl(self.num_train_data)
+            seeds = None if self.config.random_init else self.seed_points
+            points = None if seeds is None else seeds[0].to(cameras.device)
+            self.clearance = Clearance(self.config.distractors.clearance, points, cameras)
             self.watch = SeparationWatch(self.config.distractors, self.names, self.num_train_data)
         self._distractors_drawn: tuple[int, dict[str, Any]] | None = None
 
@@ -222,6 +226,9 @@ class DeSplatModel(StaticModel):
         """Densify after an optimizer step: the static set, then the set of the view just seen."""
         if self._step_dropped:
             return
+        if self.distractors is not None:
+            opacities = self.gauss_params["opacities"].data
+            self.clearance.keep(*self.drawn, self.means, opacities, self.info)
         super().step_post_backward(step)
         if self.num_points == 0:
             raise DeSplatError(

@@ -90,6 +90,18 @@ class DeSplatModelConfig(SplatfactoModelConfig):
             distractors=replace(self.distractors, **visits),
         )
 
+    def for_views(self, num_views: int) -> DeSplatModelConfig:
+        """A copy whose distractors' warm-up suits the number of training views.
+
+        Training photos have their full size by its end: in small ones, occluders do not stand out
+        enough to be found, and are learned. Call it on what `scaled` gave.
+        """
+        distractors = self.distractors.for_views(num_views)
+        warmup, doublings = distractors.static_warmup, max(1, self.num_downscales)
+        schedule = max(1, warmup // doublings) if warmup > 0 else self.resolution_schedule
+        schedule = min(self.resolution_schedule, schedule)
+        return replace(self, distractors=distractors, resolution_schedule=schedule)
+
     def pause_after_reset(self, num_views: int) -> int:
         """Steps without refinement after a reset of the opacities, Splatfacto's rule: until every
         view could be seen once (scaled as all steps) and one interval more.

@@ -149,3 +149,17 @@ def test_a_place_that_few_views_see_is_not_judged():
     assert memory.see(flat()).abs().max() == 0
     memory.see(flat())
     assert memory.see(with_block(0.2))[8:12, 12:16].min() > 0.15
+
+
+def test_what_floats_in_front_of_one_camera_does_not_vouch_for_what_stands_in_its_photo():
+    """Nine floaters in every cell, seen by this view alone, remember that it is always missed."""
+    memory = Memory()
+    floaters = 9 * len(memory.means2d)
+    memory.means2d = memory.means2d.repeat(10, 1)
+    memory.opacities = memory.opacities.repeat(10)
+    memory.visible = torch.ones(len(memory.means2d), dtype=torch.bool)
+    for visit in range(400):
+        memory.visible[-floaters:] = visit % 40 == 0
+        found = memory.see(with_block(0.2) if visit % 40 == 0 else flat())
+        if visit % 40 == 0:
+            assert found[8:12, 12:16].min() > 0.15

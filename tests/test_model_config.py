@@ -38,3 +38,14 @@ def test_a_run_of_any_length_refines_between_two_resets(steps):
     assert len(refinements) >= 2
     if steps == 30000:
         assert (reset, pause) == (3000, 140)
+
+
+def test_photos_have_their_full_size_when_the_warm_up_ends():
+    config = DeSplatModelConfig(distractors=DistractorConfig(static_warmup=6000))
+    long = config.for_views(40)
+    assert long.distractors.static_warmup == 600
+    assert long.resolution_schedule * long.num_downscales == 600
+    assert config.for_views(1000).resolution_schedule == 3000
+    assert DeSplatModelConfig().for_views(40).resolution_schedule == 3000
+    whole = DeSplatModelConfig(num_downscales=0, distractors=config.distractors)
+    assert whole.for_views(1).resolution_schedule == 15

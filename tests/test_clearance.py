@@ -1,0 +1,69 @@
+"""Nothing static hangs right in front of a camera."""
+
+import pytest
+import torch
+from test_cameras import cameras
+from test_model import Trainer, make_model
+
+from desplat_ns.cameras import view_of
+from desplat_ns.clearance import EXTINGUISHED, Clearance, scene_starts
+from desplat_ns.distractors import DistractorConfig
+
+EYE = torch.tensor([1.0, 2.0, 3.0])
+"""Of `cameras()`, which looks along +y."""
+
+
+def wall(depth: float, n: int = 400) -> torch.Tensor:
+    """Points in a plane before the camera, all in its image."""
+    across = torch.rand(n, 2, generator=torch.Generator().manual_seed(0)) - 0.5
+    offsets = [across[:, 0] * depth, torch.full((n,), depth), 0.5 * across[:, 1] * depth]
+    return EYE + torch.stack(offsets, dim=-1)
+
+
+def test_the_scene_starts_at_the_nearest_points_but_for_some_that_are_astray():
+    points = torch.cat([wall(2.0), wall(5.0), wall(0.1, 3)])
+    assert scene_starts(points, cameras()) == [pytest.approx(2.0)]
+
+
+def test_points_that_a_view_does_not_show_say_nothing_about_it():
+    behind, aside = EYE - torch.tensor([0.0, 1.0, 0.0]), EYE + torch.tensor([9.0, 1.0, 0.0])
+    assert scene_starts(torch.stack([behind, aside]), cameras()) == [0.0]
+    points = torch.cat([wall(3.0), behind.expand(50, 3), aside.expand(50, 3)])
+    assert scene_starts(points, cameras()) == [pytest.approx(3.0)]
+
+
+def test_what_a_view_shows_nearer_goes_out_and_nothing_else():
+    ahead = torch.tensor([0.0, 1.0, 0.0])
+    means = torch.stack([EYE + ahead * depth for depth in (0.5, 0.99, 1.01, 4.0)])
+    opacities = torch.ones(4, 1)
+    clearance = Clearance(0.5, wall(2.0), cameras())
+    info = {"radii": torch.tensor([[3, 0, 3, 3]])}
+    clearance.keep(0, view_of(cameras()), means, opacities, info)
+    assert opacities.flatten().tolist() == [EXTINGUISHED, 1.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize("clearance", [0.0, 0.5])
+def test_a_gaussian_before_a_camera_is_pruned_when_clearance_says_so(clearance):
+    """Cameras at z = 3 look at points around the origin; one Gaussian hangs at 0.3 before one."""
+    points = torch.rand(200, 3, generator=torch.Generator().manual_seed(1)) - 0.5
+    model = make_model(
+        points,
+        distractors=DistractorConfig(per_view=20, clearance=clearance),
+        warmup_length=1,
+        refine_every=4,
+    )
+    trainer, last = Trainer(model), len(points) - 1
+    model.gauss_params["means"].data[last] = torch.tensor([0.0, 0.0, 2.7])
+    model.gauss_params["opacities"].data[:] = 2.0
+    for step in range(9):
+        trainer.step(step, step % 3)
+    hangs = model.means[:, 2] > 2.0
+    assert bool(hangs.any()) == (clearance == 0)
+    assert model.num_points > 100
+
+
+def test_without_seed_points_nothing_is_cleared():
+    config = DistractorConfig(per_view=20, clearance=0.5)
+    model = make_model(distractors=config, random_init=True, num_random=50)
+    assert model.clearance.depths == [0.0, 0.0, 0.0]
+    Trainer(model).step(0)
