@@ -7,6 +7,7 @@ far from each camera the scene starts.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import torch
@@ -20,6 +21,9 @@ from desplat_ns.cameras import image_points, view_of
 NEAREST_QUANTILE = 0.01
 """Of the depths of the points in a view; a few points of every reconstruction are astray."""
 
+MAX_POINTS = 100_000
+"""Of a larger reconstruction every so many points are looked at."""
+
 EXTINGUISHED = -10.0
 """Logit of an opacity that is never drawn; the next refinement prunes it."""
 
@@ -31,7 +35,7 @@ def scene_starts(points: Float[Tensor, "P 3"], cameras: Cameras) -> list[float]:
         points: of the reconstruction.
         cameras: the training cameras, shape [V].
     """
-    starts = []
+    starts, points = [], points[:: math.ceil(max(1, len(points)) / MAX_POINTS)]
     for i in range(len(cameras)):
         u, v, depth = image_points(points, view_of(cameras[i : i + 1]))
         seen = (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)

@@ -25,6 +25,13 @@ def test_the_scene_starts_at_the_nearest_points_but_for_some_that_are_astray():
     assert scene_starts(points, cameras()) == [pytest.approx(2.0)]
 
 
+def test_a_large_reconstruction_is_sampled(monkeypatch):
+    monkeypatch.setattr("desplat_ns.clearance.MAX_POINTS", 50)
+    points = torch.cat([wall(2.0, 201), wall(5.0)])
+    assert scene_starts(points, cameras()) == [pytest.approx(2.0)]
+    assert scene_starts(points[:0], cameras()) == [0.0]
+
+
 def test_points_that_a_view_does_not_show_say_nothing_about_it():
     behind, aside = EYE - torch.tensor([0.0, 1.0, 0.0]), EYE + torch.tensor([9.0, 1.0, 0.0])
     assert scene_starts(torch.stack([behind, aside]), cameras()) == [0.0]
