@@ -39,8 +39,7 @@ class DistractorConfig:
     """With start residual: by how much a residual (colours in [0, 1]) has to exceed the expected
     one for a place to belong to something in the way."""
     strong_excess: float = 0.25
-    """With start residual: excess that something in the way has to reach in one place at least;
-    after 30 visits of each view 0.6 of it are enough."""
+    """With start residual: excess that something in the way has to reach in one place at least."""
     leave_out_at: int = 12000
     """With start residual and static_alone: step from which the static scene's own loss leaves out
     whole regions. Until then only what distractors cover, so that the scene gets a chance to learn

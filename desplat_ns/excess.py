@@ -86,11 +86,6 @@ class ExpectedResidual:
             state[self.VISITS] = 0
         self.state = state
 
-    @property
-    def visits(self) -> int:
-        """How many views were remembered, each as often as it was seen."""
-        return self.state[self.VISITS]
-
     def excess(
         self,
         residual: Float[Tensor, "rows columns"],

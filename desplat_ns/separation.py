@@ -33,11 +33,6 @@ OWNED_MARGIN = 1.0
 half-transparent, and its leak would be learned."""
 
 
-CALM_VISITS, CALM_SHARE = 30, 0.6
-"""After so many visits of each view `strong_excess` counts by this share: what was not learned yet
-leaves little residual by then, and of what was missed the static scene has begun to learn some."""
-
-
 @dataclass
 class Sighting:
     """One training view as a step saw it."""
@@ -73,17 +68,14 @@ def find_regions(
     count, grid = len(opacities), grid_of(info["width"], info["height"])
     scale = photo.new_tensor([grid[0] / info["width"], grid[1] / info["height"]])
     residual = local_residual(static.detach(), photo, grid)
-    memory = ExpectedResidual(state, count, photo)
-    excess = memory.excess(
+    excess = ExpectedResidual(state, count, photo).excess(
         residual,
         info["means2d"].detach().reshape(count, 2) * scale,
         info["radii"].reshape(count, -1).amin(-1) > 0,
         torch.sigmoid(opacities.detach()[:, 0]),
         num_views,
     )
-    calm = memory.visits >= CALM_VISITS * num_views
-    strong = config.strong_excess * (CALM_SHARE if calm else 1)
-    return outlier_regions(excess, config.weak_excess, max(config.weak_excess, strong))
+    return outlier_regions(excess, config.weak_excess, config.strong_excess)
 
 
 def pixels_of(
