@@ -94,8 +94,11 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         """A copy whose distractors' warm-up suits the number of training views.
 
         Training photos have their full size by its end: in small ones, occluders do not stand out
-        enough to be found, and are learned. Call it on what `scaled` gave.
+        enough to be found, and are learned. Without distractors nothing changes. Call it on what
+        `scaled` gave.
         """
+        if not self.effects.distractors:
+            return self
         distractors = self.distractors.for_views(num_views)
         warmup, doublings = distractors.static_warmup, max(1, self.num_downscales)
         schedule = max(1, warmup // doublings) if warmup > 0 else self.resolution_schedule

@@ -3,6 +3,7 @@
 import pytest
 
 from desplat_ns.distractors import DistractorConfig
+from desplat_ns.effects import EffectsConfig
 from desplat_ns.model_config import DeSplatModelConfig
 
 
@@ -47,5 +48,9 @@ def test_photos_have_their_full_size_when_the_warm_up_ends():
     assert long.resolution_schedule * long.num_downscales == 600
     assert config.for_views(1000).resolution_schedule == 3000
     assert DeSplatModelConfig().for_views(40).resolution_schedule == 3000
+    off = DeSplatModelConfig(
+        distractors=config.distractors, effects=EffectsConfig(distractors=False)
+    )
+    assert off.for_views(40).resolution_schedule == 3000
     whole = DeSplatModelConfig(num_downscales=0, distractors=config.distractors)
     assert whole.for_views(1).resolution_schedule == 15
