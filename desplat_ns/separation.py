@@ -25,7 +25,7 @@ from desplat_ns.excess import ExpectedResidual, grid_of, local_residual, pooled
 from desplat_ns.regions import outlier_regions
 
 COVERED_SHARE = 0.5
-"""A distractor is placed where more than this share of its cell is in a region, and where the
+"""A distractor is placed where more than this share of its cell is inside a region, and where the
 distractors' mean opacity is less than it."""
 
 OWNED_MARGIN = 1.0
@@ -41,10 +41,10 @@ class Sighting:
     view: View
     photo: Float[Tensor, "H W 3"]
     alpha_d: Float[Tensor, "H W 1"]
-    regions: Bool[Tensor, "rows columns"] | None = None
-    """On the grid of `grid_of`; None as long as nobody looked for them."""
+    inside: Bool[Tensor, "rows columns"] | None = None
+    """Where its distractors belong, on the grid of `grid_of`; None as long as nobody looked."""
     left_out: Bool[Tensor, "rows columns"] | None = None
-    """Those that the static scene's own loss leaves out; None for none."""
+    """Regions that the static scene's own loss leaves out; None for none."""
 
 
 def find_regions(
@@ -110,12 +110,12 @@ def owned_share(
 def uncovered_regions(
     seen: Sighting, config: DistractorConfig
 ) -> Bool[Tensor, "grid_rows grid_columns"]:
-    """Cells of a grid of `config.per_view` that are in a region and that no distractor covers."""
-    assert seen.regions is not None
+    """Cells of a grid of `config.per_view` where distractors belong and none covers anything."""
+    assert seen.inside is not None
     grid = grid_of(seen.view.width, seen.view.height, max(1, config.per_view))
-    in_region = pooled(seen.regions[..., None].to(torch.float32), grid)[0]
+    inside = pooled(seen.inside[..., None].to(torch.float32), grid)[0]
     covered = pooled(seen.alpha_d.detach(), grid)[0]
-    return (in_region >= COVERED_SHARE) & (covered < COVERED_SHARE)
+    return (inside >= COVERED_SHARE) & (covered < COVERED_SHARE)
 
 
 def distractors_in(
@@ -161,20 +161,22 @@ class Placement:
         """Find the view's regions, for `place`; the arguments are those of `find_regions`.
 
         Returns:
-            The pixels inside regions, in which opacity is free; None in the warm-up, in which views
-            are only remembered. Edges are not free: residuals are averaged over some cells, so a
-            region reaches beyond what stands there.
+            The pixels in which opacity is free; None in the warm-up, in which views are only
+            remembered. Residuals are averaged over some cells, so a region reaches beyond what
+            stands there: distractors keep off its outermost cells, and are free one cell further
+            in.
         """
-        seen.regions = find_regions(
+        regions = find_regions(
             static, seen.photo, opacities, info, state, self.num_views, self.config
         )
         if step < self.config.static_warmup:
             return None
+        seen.inside = interior(regions)
         if step < self.config.stop_placing_at:
             self._seen = seen
         if step >= self.config.leave_out_at:
-            seen.left_out = seen.regions
-        return pixels_of(interior(seen.regions), *seen.photo.shape[:2])
+            seen.left_out = regions
+        return pixels_of(interior(seen.inside), *seen.photo.shape[:2])
 
     def forget(self) -> None:
         """Do not place anything for the view that was looked at last."""
@@ -191,8 +193,8 @@ class Placement:
         seen, self._seen = self._seen, None
         if seen is None:
             return
-        assert seen.regions is not None
-        keep = lie_in(seen.regions, distractors.params_of(seen.index)["means"], seen.view)
+        assert seen.inside is not None
+        keep = lie_in(seen.inside, distractors.params_of(seen.index)["means"], seen.view)
         uncovered = uncovered_regions(seen, self.config)
         if bool(uncovered.any()) or not bool(keep.all()):
             new = distractors_in(uncovered, seen, self.config)

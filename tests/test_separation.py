@@ -11,6 +11,7 @@ from desplat_ns.cameras import view_of
 from desplat_ns.distractors import DistractorConfig, DistractorGaussians
 from desplat_ns.excess import grid_of
 from desplat_ns.separation import (
+    Placement,
     Sighting,
     distractors_in,
     find_regions,
@@ -24,6 +25,7 @@ from desplat_ns.separation import (
 WIDTH, HEIGHT = 60, 40
 CONFIG = DistractorConfig(per_view=600, start="residual", initial_opacity=0.5, depth=0.5)
 """Cells of 2 x 2 pixels."""
+WARMED_UP = dataclasses.replace(CONFIG, static_warmup=5, leave_out_at=10)
 
 
 def cameras() -> Cameras:
@@ -35,9 +37,9 @@ def the_view() -> View:
     return view_of(cameras())
 
 
-def sighting(regions: torch.Tensor, alpha: float = 0.0) -> Sighting:
+def sighting(inside: torch.Tensor, alpha: float = 0.0) -> Sighting:
     photo = torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(0))
-    return Sighting(0, the_view(), photo, torch.full((HEIGHT, WIDTH, 1), alpha), regions)
+    return Sighting(0, the_view(), photo, torch.full((HEIGHT, WIDTH, 1), alpha), inside)
 
 
 def block() -> torch.Tensor:
@@ -135,31 +137,58 @@ def test_pixels_of_a_region(size):
     assert torch.equal(found[..., 0], block()[rows][:, columns])
 
 
+class WellKnownScene:
+    """Textured blocks, rendered with noise; every pixel has a Gaussian."""
+
+    def __init__(self) -> None:
+        self.generator = torch.Generator().manual_seed(0)
+        blocks = torch.rand(HEIGHT // 4, WIDTH // 4, 3, generator=self.generator)
+        self.photo = blocks.repeat_interleave(4, 0).repeat_interleave(4, 1)
+        y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
+        means2d = torch.stack([x, y], dim=-1).reshape(1, -1, 2) + 0.5
+        radii = torch.ones(means2d.shape[:2]).int()
+        self.info = {"means2d": means2d, "radii": radii, "width": WIDTH, "height": HEIGHT}
+        self.opacities, self.state = torch.zeros(means2d.shape[1], 1), {}
+
+    def rendered(self) -> torch.Tensor:
+        return self.photo + 0.03 * torch.randn(self.photo.shape, generator=self.generator)
+
+    def with_an_occluder(self) -> torch.Tensor:
+        photo = self.photo.clone()
+        photo[10:30, 20:40] = torch.tensor([0.9, 0.1, 0.9])
+        return photo
+
+
 def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
-    generator = torch.Generator().manual_seed(0)
-    scene = torch.rand(HEIGHT // 4, WIDTH // 4, 3, generator=generator)
-    scene = scene.repeat_interleave(4, 0).repeat_interleave(4, 1)
-    y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
-    means2d = torch.stack([x, y], dim=-1).reshape(1, -1, 2) + 0.5
-    count = means2d.shape[1]
-    info = {
-        "means2d": means2d,
-        "radii": torch.ones(1, count).int(),
-        "width": WIDTH,
-        "height": HEIGHT,
-    }
-    opacities, state = torch.zeros(count, 1), {}
+    scene = WellKnownScene()
 
     def regions(photo: torch.Tensor) -> torch.Tensor:
-        blurred = scene + 0.03 * torch.randn(scene.shape, generator=generator)
-        return find_regions(blurred, photo, opacities, info, state, 40, CONFIG)
+        rest = scene.opacities, scene.info, scene.state, 40, CONFIG
+        return find_regions(scene.rendered(), photo, *rest)
 
     for _ in range(5):
-        assert not regions(scene).any()
-    photo = scene.clone()
-    photo[10:30, 20:40] = torch.tensor([0.9, 0.1, 0.9])
-    found = regions(photo)
+        assert not regions(scene.photo).any()
+    found = regions(scene.with_an_occluder())
     assert found.shape == (HEIGHT, WIDTH)
     true = torch.zeros_like(found)
     true[10:30, 20:40] = True
     assert (found & true).sum() / (found | true).sum() > 0.7
+
+
+def test_distractors_keep_off_the_edge_of_a_region_and_are_free_further_in():
+    scene, placement = WellKnownScene(), Placement(WARMED_UP, 40)
+
+    def look(step: int, photo: torch.Tensor) -> tuple[Sighting, torch.Tensor | None]:
+        seen = Sighting(0, the_view(), photo, torch.zeros(HEIGHT, WIDTH, 1))
+        rest = scene.opacities, scene.info, scene.state
+        return seen, placement.look(step, seen, scene.rendered(), *rest)
+
+    for step in range(5):
+        assert look(step, scene.photo)[1] is None
+    seen, free = look(WARMED_UP.leave_out_at, scene.with_an_occluder())
+    assert seen.left_out is not None
+    assert seen.inside is not None
+    assert free is not None
+    assert torch.equal(seen.inside, interior(seen.left_out))
+    assert torch.equal(free, pixels_of(interior(seen.inside), HEIGHT, WIDTH))
+    assert 0 < free.sum() < seen.inside.sum() < seen.left_out.sum()
