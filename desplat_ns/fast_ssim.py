@@ -76,7 +76,7 @@ def _score(pred: Tensor, target: Tensor, with_gradient: bool) -> tuple[Tensor, T
     padded = 3 * (height + numba_ssim.MARGIN) * (length + numba_ssim.SIDE)
     slopes = np.empty(padded if with_gradient else 0, np.float32)
     size, workers = (height, length), num_workers()
-    with launching(numba_ssim.score_image):
+    with launching():
         numba_ssim.score_image(x, y, *size, slopes, sums, new_counter(), workers)
         value = torch.tensor(float(sums.sum()) / count)
         if not with_gradient:

@@ -133,7 +133,7 @@ class Project(torch.autograd.Function):
         out = torch.empty(1, n, 2), torch.empty(n, 3), torch.empty(n), torch.empty(n)
         radii = torch.empty(n, dtype=torch.int32)
         parameters = tuple(_flat(t) for t in (means, quats, scales, opacities))
-        with launching(_project):
+        with launching():
             projected = tuple(_flat(t) for t in out)
             _project(parameters, projected, radii.numpy(), camera, new_counter(), num_workers())
         ctx.mark_non_differentiable(radii)
@@ -147,6 +147,6 @@ class Project(torch.autograd.Function):
         n = radii.size
         out = torch.empty(n, 3), torch.empty(n, 4), torch.empty(n, 3), torch.empty(n)
         pulled, gradients = tuple(_flat(g) for g in grads[:4]), tuple(_flat(t) for t in out)
-        with launching(_pull):
+        with launching():
             _pull(parameters, pulled, gradients, radii, camera, new_counter(), num_workers())
         return *out, None

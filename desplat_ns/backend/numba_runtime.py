@@ -2,6 +2,9 @@
 
 - Kernels live at module level, so that numba can cache them on disk (it cannot for closures). Where
   no cache folder can be written they are compiled anew in each process instead of failing.
+- A process that compiled kernels would go on with others than those it puts into the cache: of the
+  loop that `prange` splits off it takes the copy from before the last optimization, which is slower
+  and rounds differently. So another process compiles them, and every process that works loads them.
 - Numbers that may differ between installations are arguments of the kernels, never globals: a
   cached kernel would keep the old value.
 - A kernel loops over `num_workers()` workers with `prange`; each takes its next piece of work from
@@ -14,6 +17,7 @@ from __future__ import annotations
 import importlib.util
 import inspect
 import os
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -36,7 +40,11 @@ nerfstudio's viewer renders from a thread of its own."""
 
 _NEWEST_SOURCE = max(path.stat().st_mtime for path in Path(__file__).parents[1].rglob("*numba*.py"))
 
-_announced = False
+_launched: list[Any] = []
+"""The kernels that Python launches; all others are parts of them."""
+
+_is_ready = False
+"""Whether this process has seen to it that its kernels are compiled."""
 
 
 def _prefer_safe_threads() -> None:
@@ -65,6 +73,8 @@ def kernel(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]
         except RuntimeError:  # "cannot cache function ...: no locator available"
             return numba.njit(**common)(function)
         _drop_stale(dispatcher)
+        if options.get("parallel"):
+            _launched.append(dispatcher)
         return dispatcher
 
     return decorate
@@ -87,23 +97,43 @@ def _drop_stale(dispatcher: Any) -> None:
 
 
 @contextmanager
-def launching(first_kernel: Any) -> Iterator[None]:
-    """Hold the launch lock; the first launch of a process says so if kernels must be compiled.
-
-    Args:
-        first_kernel: the kernel whose cached copy on disk stands for all of them.
-    """
-    global _announced
+def launching() -> Iterator[None]:
+    """Hold the launch lock; the first launch of a process has missing kernels compiled."""
     with _LAUNCH_LOCK:
-        if not _announced:
-            _announced = True
-            if not _cached_copies(first_kernel):
-                print(
-                    "Compiling the numba kernels for this CPU (about half a minute, once) ...",
-                    file=sys.stderr,
-                    flush=True,
-                )
+        if not _is_ready:
+            _have_compiled()
         yield
+
+
+def compile_here() -> None:
+    """Let this process compile what is missing."""
+    global _is_ready
+    _is_ready = True
+
+
+def _have_compiled() -> None:
+    """Have another process put missing kernels into the cache; this one loads them from there.
+
+    Where that fails, or where nothing can be cached, they are compiled here as they are called.
+    """
+    compile_here()
+    if all(_cached_copies(dispatcher) for dispatcher in _launched):
+        return
+    print(
+        "Compiling the numba kernels for this CPU (about half a minute, once) ...",
+        file=sys.stderr,
+        flush=True,
+    )
+    if all(dispatcher.stats.cache_path for dispatcher in _launched) and sys.executable:
+        paths = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONSAFEPATH": "1"}
+        with suppress(OSError):
+            subprocess.run(
+                [sys.executable, "-m", "desplat_ns.backend.compile_kernels"],
+                env={**os.environ, **paths},
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
 
 
 def num_workers() -> int:

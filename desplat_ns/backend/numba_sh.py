@@ -243,7 +243,7 @@ class EvaluateColors(torch.autograd.Function):
         out = torch.empty(means.shape[0], 3)
         inputs = (_flat(means), _flat(values), radii.numpy(), _flat(center), *sh_terms(degree))
         sizes = (values.shape[1], (degree + 1) ** 2)
-        with launching(_evaluate):
+        with launching():
             _evaluate(*inputs, sizes, out.view(-1).numpy(), new_counter(), num_workers())
         ctx.state = (inputs, sizes, out.view(-1).numpy(), values.shape)
         return out
@@ -254,6 +254,6 @@ class EvaluateColors(torch.autograd.Function):
         inputs, sizes, out, shape = ctx.state
         v_means, v_values = torch.empty(shape[0], 3), torch.empty(shape)
         found = (v_means.view(-1).numpy(), v_values.view(-1).numpy())
-        with launching(_pull):
+        with launching():
             _pull(*inputs, sizes, out, _flat(grad), *found, new_counter(), num_workers())
         return v_means, v_values, None, None, None

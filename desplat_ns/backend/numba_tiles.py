@@ -153,7 +153,7 @@ class _Rasterize(torch.autograd.Function):
         area = grid.tiles_x * grid.tiles_y * AREA
         state = (np.empty(area, np.float32), np.empty(area, np.float32))
         frame = Frame(_flat(rgb), _flat(depth), _flat(alpha), *state)
-        with launching(draw_frame):
+        with launching():
             lists, stride = tile_lists(gaussians, _flat(radii), grid, job.depth, ALPHA_CUTOFF)
             draw_frame(lists, stride, grid, frame, channels, _LIMITS, new_counter(), num_workers())
         ctx.state = (lists, stride, frame, channels, job)
@@ -183,7 +183,7 @@ def _pull(
     """Gradients [n, GEOMETRY + features] of all Gaussians; 0 for those not drawn."""
     width = GEOMETRY + stride - FEATURES
     sums = np.zeros((n, width), np.float32)
-    with launching(pull_frame):
+    with launching():
         grads = scratch(lists.ranks.size * width)
         pull_frame(
             lists, stride, grid, *frames, channels, _LIMITS, grads, new_counter(), num_workers()

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import threading
 
 import numba
@@ -56,21 +58,109 @@ def test_copies_older_than_any_file_of_kernels_are_dropped(tmp_path):
     assert new.exists()
 
 
-def test_the_first_launch_says_once_that_it_compiles(monkeypatch, capsys):
-    monkeypatch.setattr(numba_runtime, "_announced", False)
+class Launched:
+    """A kernel as `launching` sees it."""
+
+    class stats:
+        cache_path: str | None = "cache"
+
+
+class Uncached:
+    class stats:
+        cache_path = None
+
+
+@pytest.fixture
+def new_process(monkeypatch):
+    """As if nothing had been launched yet; gives the commands that are run."""
+    commands = []
+    monkeypatch.setattr(numba_runtime, "_is_ready", False)
+    monkeypatch.setattr(numba_runtime, "_launched", [Launched])
     monkeypatch.setattr(numba_runtime, "_cached_copies", lambda dispatcher: [])
+    monkeypatch.setattr(subprocess, "run", lambda command, **how: commands.append(command))
+    return commands
+
+
+def test_the_first_launch_has_kernels_compiled_once_and_says_so(new_process, capsys):
     for _ in range(2):
-        with launching(None):
+        with launching():
             pass
     assert capsys.readouterr().err.count("Compiling") == 1
+    assert new_process == [[sys.executable, "-m", "desplat_ns.backend.compile_kernels"]]
 
 
-def test_nothing_is_said_where_a_compiled_copy_lies_in_the_cache(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(numba_runtime, "_announced", False)
+def test_nothing_is_compiled_where_all_kernels_lie_in_the_cache(
+    new_process, monkeypatch, capsys, tmp_path
+):
     monkeypatch.setattr(numba_runtime, "_cached_copies", lambda dispatcher: [tmp_path])
-    with launching(None):
+    with launching():
         pass
     assert capsys.readouterr().err == ""
+    assert new_process == []
+
+
+def test_one_missing_kernel_is_reason_enough(new_process, monkeypatch, tmp_path):
+    other = Launched()
+    monkeypatch.setattr(numba_runtime, "_launched", [other, Launched])
+    copies = {other: [tmp_path], Launched: []}
+    monkeypatch.setattr(numba_runtime, "_cached_copies", copies.__getitem__)
+    with launching():
+        pass
+    assert len(new_process) == 1
+
+
+def test_no_other_process_compiles_what_it_could_not_hand_over(new_process, monkeypatch):
+    monkeypatch.setattr(numba_runtime, "_launched", [Launched, Uncached])
+    with launching():
+        pass
+    assert new_process == []
+
+
+def test_a_machine_that_starts_no_other_process_compiles_by_itself(new_process, monkeypatch):
+    def refuse(*args, **options):
+        raise OSError("no processes")
+
+    monkeypatch.setattr(subprocess, "run", refuse)
+    with launching():
+        pass
+
+
+GRADIENTS = """
+import hashlib, sys, torch
+from desplat_ns.backend.numba_tiles import NumbaRasterizer
+from desplat_ns.backend.protocol import RenderSettings, Splats, View
+from desplat_ns.fast_ssim import ssim
+
+torch.manual_seed(0)
+n, (width, height) = 500, (60, 40)
+leaves = [torch.rand(n, 3) - torch.tensor([0.5, 0.5, -1.0]), torch.randn(n, 4)]
+leaves += [0.02 + 0.05 * torch.rand(n, 3), torch.rand(n), torch.rand(n, 16, 3) - 0.5]
+for leaf in leaves:
+    leaf.requires_grad_()
+view = View(torch.eye(4), torch.tensor([[50.0, 0, 30], [0, 50, 20], [0, 0, 1]]), width, height)
+rgb = NumbaRasterizer()(Splats(*leaves, sh_degree=3), view, RenderSettings()).rgb
+photo = torch.rand(height, width, 3)
+((rgb - photo).abs().mean() - ssim(rgb, photo)).backward()
+results = [rgb.detach(), *(leaf.grad for leaf in leaves)]
+print([hashlib.sha1(result.numpy().tobytes()).hexdigest() for result in results])
+"""
+
+
+def test_the_process_that_finds_no_kernels_computes_what_later_ones_do(tmp_path):
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    first, second = (
+        subprocess.run(
+            [sys.executable, "-c", GRADIENTS],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        for _ in range(2)
+    )
+    assert "Compiling" in first.stderr
+    assert "Compiling" not in second.stderr
+    assert first.stdout == second.stdout
 
 
 @numba.njit
