@@ -70,9 +70,9 @@ def kernel(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]
         common: dict[str, Any] = {"nogil": True, "error_model": "numpy", **options}
         try:
             dispatcher = numba.njit(cache=True, **common)(function)
+            _drop_stale(dispatcher)
         except RuntimeError:  # "cannot cache function ...: no locator available"
-            return numba.njit(**common)(function)
-        _drop_stale(dispatcher)
+            dispatcher = numba.njit(**common)(function)
         if options.get("parallel"):
             _launched.append(dispatcher)
         return dispatcher

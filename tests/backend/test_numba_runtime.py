@@ -35,7 +35,9 @@ def test_a_kernel_works_where_no_cache_folder_can_be_written(monkeypatch):
         return compile_(*args, **options)
 
     monkeypatch.setattr(numba, "njit", refuse_to_cache)
-    assert kernel()(double)(4) == 8
+    monkeypatch.setattr(numba_runtime, "_launched", [])
+    assert kernel(parallel=True)(double)(4) == 8
+    assert [numba_runtime._cached_copies(one) for one in numba_runtime._launched] == [[]]
 
 
 def test_copies_older_than_any_file_of_kernels_are_dropped(tmp_path):
@@ -109,11 +111,12 @@ def test_one_missing_kernel_is_reason_enough(new_process, monkeypatch, tmp_path)
     assert len(new_process) == 1
 
 
-def test_no_other_process_compiles_what_it_could_not_hand_over(new_process, monkeypatch):
+def test_no_other_process_compiles_what_it_could_not_hand_over(new_process, monkeypatch, capsys):
     monkeypatch.setattr(numba_runtime, "_launched", [Launched, Uncached])
     with launching():
         pass
     assert new_process == []
+    assert "Compiling" in capsys.readouterr().err
 
 
 def test_a_machine_that_starts_no_other_process_compiles_by_itself(new_process, monkeypatch):
