@@ -26,6 +26,7 @@ def double(x):
     return 2 * x
 
 
+@pytest.mark.filterwarnings("ignore::numba.NumbaPerformanceWarning")
 def test_a_kernel_works_where_no_cache_folder_can_be_written(monkeypatch):
     compile_ = numba.njit
 
@@ -119,13 +120,18 @@ def test_no_other_process_compiles_what_it_could_not_hand_over(new_process, monk
     assert "Compiling" in capsys.readouterr().err
 
 
-def test_a_machine_that_starts_no_other_process_compiles_by_itself(new_process, monkeypatch):
+def test_a_machine_that_starts_no_other_process_compiles_by_itself(
+    new_process, monkeypatch, capsys
+):
     def refuse(*args, **options):
         raise OSError("no processes")
 
     monkeypatch.setattr(subprocess, "run", refuse)
+    reached = []
     with launching():
-        pass
+        reached.append("kernel")
+    assert reached == ["kernel"]
+    assert "Compiling" in capsys.readouterr().err
 
 
 GRADIENTS = """
