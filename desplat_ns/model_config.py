@@ -93,17 +93,17 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     def for_views(self, num_views: int) -> DeSplatModelConfig:
         """A copy whose distractors' warm-up suits the number of training views.
 
-        Training photos have their full size by its end: in small ones, occluders do not stand out
-        enough to be found, and are learned. Without distractors nothing changes. Call it on what
-        `scaled` gave.
+        A warm-up that ends before photos have their full size makes them start at half of it: in
+        smaller ones, occluders do not stand out enough to be found, and are learned. Call it on
+        what `scaled` gave.
         """
-        if not self.effects.distractors:
-            return self
         distractors = self.distractors.for_views(num_views)
-        warmup, doublings = distractors.static_warmup, max(1, self.num_downscales)
-        schedule = max(1, warmup // doublings) if warmup > 0 else self.resolution_schedule
-        schedule = min(self.resolution_schedule, schedule)
-        return replace(self, distractors=distractors, resolution_schedule=schedule)
+        full_size_at = self.num_downscales * self.resolution_schedule
+        if not (self.effects.distractors and 0 < distractors.static_warmup < full_size_at):
+            return replace(self, distractors=distractors)
+        return replace(
+            self, distractors=distractors, num_downscales=1, resolution_schedule=full_size_at
+        )
 
     def pause_after_reset(self, num_views: int) -> int:
         """Steps without refinement after a reset of the opacities, Splatfacto's rule: until every

@@ -1,5 +1,7 @@
 """Every number of steps shrinks with the length of the run."""
 
+from dataclasses import replace
+
 import pytest
 
 from desplat_ns.distractors import DistractorConfig
@@ -41,16 +43,31 @@ def test_a_run_of_any_length_refines_between_two_resets(steps):
         assert (reset, pause) == (3000, 140)
 
 
-def test_photos_have_their_full_size_when_the_warm_up_ends():
+def test_after_the_warm_up_photos_have_half_their_size_at_least():
     config = DeSplatModelConfig(distractors=DistractorConfig(static_warmup=6000))
     long = config.for_views(40)
     assert long.distractors.static_warmup == 600
-    assert long.resolution_schedule * long.num_downscales == 600
-    assert config.for_views(1000).resolution_schedule == 3000
-    assert DeSplatModelConfig().for_views(40).resolution_schedule == 3000
-    off = DeSplatModelConfig(
-        distractors=config.distractors, effects=EffectsConfig(distractors=False)
+    assert (long.num_downscales, long.resolution_schedule) == (1, 6000)
+    for scale in (1 / 30, 0.1):  # full size at the warm-up's end, as it is
+        short = replace(config, schedule_scale=scale).scaled()
+        assert (short.for_views(40).num_downscales, short.for_views(40).resolution_schedule) == (
+            2,
+            short.resolution_schedule,
+        )
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"distractors": DistractorConfig()},
+        {"effects": EffectsConfig(distractors=False)},
+        {"num_downscales": 0},
+    ],
+)
+def test_without_a_warm_up_photos_keep_splatfactos_sizes(options):
+    config = replace(
+        DeSplatModelConfig(distractors=DistractorConfig(static_warmup=6000)), **options
     )
-    assert off.for_views(40).resolution_schedule == 3000
-    whole = DeSplatModelConfig(num_downscales=0, distractors=config.distractors)
-    assert whole.for_views(1).resolution_schedule == 15
+    of_views = config.for_views(40)
+    assert of_views.num_downscales == config.num_downscales
+    assert of_views.resolution_schedule == 3000
