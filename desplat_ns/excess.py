@@ -86,6 +86,11 @@ class ExpectedResidual:
             state[self.VISITS] = 0
         self.state = state
 
+    @property
+    def visits(self) -> int:
+        """Views that were remembered so far, each as often as it was."""
+        return self.state[self.VISITS]
+
     def excess(
         self,
         residual: Float[Tensor, "rows columns"],

@@ -68,14 +68,19 @@ def find_regions(
     count, grid = len(opacities), grid_of(info["width"], info["height"])
     scale = photo.new_tensor([grid[0] / info["width"], grid[1] / info["height"]])
     residual = local_residual(static.detach(), photo, grid)
-    excess = ExpectedResidual(state, count, photo).excess(
+    expected = ExpectedResidual(state, count, photo)
+    settled = expected.visits >= config.settled_visits * num_views
+    excess = expected.excess(
         residual,
         info["means2d"].detach().reshape(count, 2) * scale,
         info["radii"].reshape(count, -1).amin(-1) > 0,
         torch.sigmoid(opacities.detach()[:, 0]),
         num_views,
     )
-    return outlier_regions(excess, config.weak_excess, config.strong_excess)
+    peak = config.strong_excess
+    if settled:
+        peak = min(peak, config.settled_excess)
+    return outlier_regions(excess, config.weak_excess, peak)
 
 
 def pixels_of(

@@ -158,6 +158,11 @@ class WellKnownScene:
         photo[10:30, 20:40] = torch.tensor([0.9, 0.1, 0.9])
         return photo
 
+    def with_a_pale_one(self) -> torch.Tensor:
+        photo = self.photo.clone()
+        photo[10:30, 20:40] += 0.2
+        return photo
+
 
 def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
     scene = WellKnownScene()
@@ -173,6 +178,22 @@ def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
     true = torch.zeros_like(found)
     true[10:30, 20:40] = True
     assert (found & true).sum() / (found | true).sum() > 0.7
+
+
+def test_a_pale_occluder_is_found_once_each_view_was_seen_often():
+    scene, views = WellKnownScene(), 5
+    config = dataclasses.replace(CONFIG, settled_visits=4)
+
+    def regions(photo: torch.Tensor) -> torch.Tensor:
+        rest = scene.opacities, scene.info, scene.state, views, config
+        return find_regions(scene.rendered(), photo, *rest)
+
+    for _ in range(4 * views - 1):
+        assert not regions(scene.photo).any()
+    assert not regions(scene.with_a_pale_one()).any()
+    found = regions(scene.with_a_pale_one())
+    assert found[12:28, 22:38].all()
+    assert not regions(scene.photo).any()
 
 
 def test_distractors_keep_off_the_edge_of_a_region_and_are_free_further_in():
