@@ -41,11 +41,11 @@ class DistractorConfig:
     strong_excess: float = 0.25
     """With start residual: excess that something in the way has to reach in one place at least."""
     settled_excess: float = 0.15
-    """What is enough after `settled_visits`: by then the scene's own excess has died away, and what
-    differs little from what it covers can be told from it."""
+    """What is enough after `settled_visits` and `stop_densify_at`: by then the scene's own excess
+    has died away, and what differs little from what it covers can be told from it."""
     settled_visits: int = 200
-    """With start residual: visits of each view, however long the run, after which `settled_excess`
-    is enough."""
+    """With start residual: visits of each view, however long the run, before `settled_excess` is
+    enough."""
     leave_out_at: int = 12000
     """With start residual and static_alone: step from which the static scene's own loss leaves out
     whole regions. Until then only what distractors cover, so that the scene gets a chance to learn

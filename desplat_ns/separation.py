@@ -47,7 +47,18 @@ class Sighting:
     """Regions that the static scene's own loss leaves out; None for none."""
 
 
+def peak_excess(step: int, visits: float, config: DistractorConfig) -> float:
+    """Excess that a region has to reach in one place, at a step, after `visits` of each view.
+
+    The lower one waits for the end of densification: a reset of the opacities lets the whole scene
+    stand out for a while.
+    """
+    settled = step >= config.stop_densify_at and visits >= config.settled_visits
+    return min(config.strong_excess, config.settled_excess) if settled else config.strong_excess
+
+
 def find_regions(
+    step: int,
     static: Float[Tensor, "H W 3"],
     photo: Float[Tensor, "H W 3"],
     opacities: Float[Tensor, "N 1"],
@@ -69,7 +80,7 @@ def find_regions(
     scale = photo.new_tensor([grid[0] / info["width"], grid[1] / info["height"]])
     residual = local_residual(static.detach(), photo, grid)
     expected = ExpectedResidual(state, count, photo)
-    settled = expected.visits >= config.settled_visits * num_views
+    peak = peak_excess(step, expected.visits / num_views, config)
     excess = expected.excess(
         residual,
         info["means2d"].detach().reshape(count, 2) * scale,
@@ -77,9 +88,6 @@ def find_regions(
         torch.sigmoid(opacities.detach()[:, 0]),
         num_views,
     )
-    peak = config.strong_excess
-    if settled:
-        peak = min(peak, config.settled_excess)
     return outlier_regions(excess, config.weak_excess, peak)
 
 
@@ -172,7 +180,7 @@ class Placement:
             in.
         """
         regions = find_regions(
-            static, seen.photo, opacities, info, state, self.num_views, self.config
+            step, static, seen.photo, opacities, info, state, self.num_views, self.config
         )
         if step < self.config.static_warmup:
             return None

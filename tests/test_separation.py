@@ -169,7 +169,7 @@ def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
 
     def regions(photo: torch.Tensor) -> torch.Tensor:
         rest = scene.opacities, scene.info, scene.state, 40, CONFIG
-        return find_regions(scene.rendered(), photo, *rest)
+        return find_regions(0, scene.rendered(), photo, *rest)
 
     for _ in range(5):
         assert not regions(scene.photo).any()
@@ -180,20 +180,20 @@ def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
     assert (found & true).sum() / (found | true).sum() > 0.7
 
 
-def test_a_pale_occluder_is_found_once_each_view_was_seen_often():
+def test_a_pale_occluder_is_found_once_each_view_was_seen_often_and_none_is_densified():
     scene, views = WellKnownScene(), 5
-    config = dataclasses.replace(CONFIG, settled_visits=4)
+    config = dataclasses.replace(CONFIG, settled_visits=4, stop_densify_at=1000)
 
-    def regions(photo: torch.Tensor) -> torch.Tensor:
+    def regions(step: int, photo: torch.Tensor) -> torch.Tensor:
         rest = scene.opacities, scene.info, scene.state, views, config
-        return find_regions(scene.rendered(), photo, *rest)
+        return find_regions(step, scene.rendered(), photo, *rest)
 
     for _ in range(4 * views - 1):
-        assert not regions(scene.photo).any()
-    assert not regions(scene.with_a_pale_one()).any()
-    found = regions(scene.with_a_pale_one())
-    assert found[12:28, 22:38].all()
-    assert not regions(scene.photo).any()
+        assert not regions(1000, scene.photo).any()
+    assert not regions(1000, scene.with_a_pale_one()).any()
+    assert not regions(999, scene.with_a_pale_one()).any()
+    assert regions(1000, scene.with_a_pale_one())[12:28, 22:38].all()
+    assert not regions(1000, scene.photo).any()
 
 
 def test_distractors_keep_off_the_edge_of_a_region_and_are_free_further_in():
