@@ -27,17 +27,25 @@ class Figures:
     def __init__(self, records: Records):
         self.records = records
 
+    def by_seed(self, run: tuple[str, str, int, int], figure: str) -> dict[int, float]:
+        """The values of the seeds that were measured."""
+        found = {seed: self.records.get(Run(*run, seed).name, {}) for seed in SEEDS}
+        return {seed: record[figure] for seed, record in found.items() if figure in record}
+
     def values(self, run: tuple[str, str, int, int], figure: str) -> list[float]:
         """One value for each seed that was measured."""
-        names = [Run(*run, seed).name for seed in SEEDS]
-        found = [self.records[name] for name in names if name in self.records]
-        return [record[figure] for record in found if figure in record]
+        return list(self.by_seed(run, figure).values())
+
+    def together(self, *runs: tuple[str, str, int, int]) -> list[tuple[float, ...]]:
+        """PSNR of several runs, for each seed of which all were measured."""
+        values = [self.by_seed(run, "psnr") for run in runs]
+        return [tuple(v[s] for v in values) for s in SEEDS if all(s in v for v in values)]
 
     def gaps(self, setting: str, scene: str, clean: str, downscale: int, steps: int) -> list[float]:
         """Share of the way from "off" to the clean twins, seed by seed."""
         runs = ((setting, scene), ("off", scene), ("off", clean))
-        values = [self.values((*run, downscale, steps), "psnr") for run in runs]
-        return [(ours - off) / (top - off) for ours, off, top in zip(*values, strict=False)]
+        values = self.together(*((*run, downscale, steps) for run in runs))
+        return [(ours - off) / (top - off) for ours, off, top in values]
 
     def cell(self, run: tuple[str, str, int, int], figure: str, form: str) -> str:
         return spread(self.values(run, figure), form)
@@ -89,10 +97,11 @@ def still_table(figures: Figures) -> str:
     """What the method costs where nothing moves."""
     rows = []
     for steps in (1000, 3000, 30000):
-        off, ours = (figures.values((s, "still", 2, steps), "psnr") for s in ("off", "desplat"))
-        differences = [b - a for a, b in zip(off, ours, strict=False)]
+        off, ours = ((setting, "still", 2, steps) for setting in ("off", "desplat"))
+        differences = [b - a for a, b in figures.together(off, ours)]
         if differences:
-            cells = (spread(off, ".2f"), spread(ours, ".2f"), spread(differences, "+.2f"))
+            cells = [figures.cell(run, "psnr", ".2f") for run in (off, ours)]
+            cells.append(spread(differences, "+.2f"))
             rows.append([f"{steps:,}", *cells])
     head = ["steps", "off", "`desplat`", "difference"]
     return table(head, rows) if rows else f"*{NOT_YET} yet*"
@@ -111,7 +120,7 @@ def hard_table(figures: Figures, steps: int) -> str:
             figures.cell(ours, "mask_iou", ".2f"),
             figures.cell(ours, "alpha_outside_masks", ".3f"),
         ]
-        rows.append([scene, *cells, spread(gap[:1], ".2f"), *scores])
+        rows.append([scene, *cells, spread(gap, ".2f"), *scores])
     head = ["", "off", "`desplat`", "gap closed", "mask IoU", "alpha outside"]
     return table(head, rows) if rows else f"*{NOT_YET} yet*"
 

@@ -88,7 +88,7 @@ def _runs(settings: str, scenes: str, downscale: int, steps: int, seeds: int) ->
 
 
 ABLATIONS = "no-warmup shared-loss everywhere lambda-paper"
-PLAN = (
+_WANTED = (
     *_runs("off desplat paper trimmed truth", "clutter", 2, 1000, 3),
     *_runs("off", "clean", 2, 1000, 3),
     *_runs("off desplat", "still", 2, 1000, 3),
@@ -99,6 +99,7 @@ PLAN = (
     *_runs("off", "yard-clean", 1, 1000, 3),
     *_runs(ABLATIONS, "clutter", 2, 1000, 1),
     *_runs("off desplat", " ".join(HARD), 2, 1000, 1),
+    *_runs("off desplat", "small", 2, 1000, 3),
     *_runs(ABLATIONS, "clutter", 2, 3000, 1),
     *_runs("off desplat", " ".join(HARD), 2, 3000, 1),
     *_runs("off desplat", "yard", 1, 3000, 1),
@@ -111,4 +112,5 @@ PLAN = (
     *_runs("off", "clean", 2, 30000, 1),
     *_runs("off desplat", "still", 2, 30000, 1),
 )
+PLAN = tuple(dict.fromkeys(_WANTED))
 """Everything in the document, the quick and the important first."""

@@ -76,6 +76,19 @@ def test_a_gap_is_closed_seed_by_seed_and_summed_up_by_its_median():
     assert "paper" not in text
 
 
+def test_a_seed_that_is_missing_in_one_run_is_left_out_of_the_gap():
+    found = fake(
+        {
+            ("off", "clutter"): [20.0, 21.0, 22.0],
+            ("off", "clean"): [30.0, 31.0, 32.0],
+            ("desplat", "clutter"): [25.0, 29.0, 25.0],
+        }
+    )
+    del found[Run("off", "clutter", 2, 1000, 43).name]
+    gaps = report.Figures(found).gaps("desplat", "clutter", "clean", 2, 1000)
+    assert gaps == pytest.approx([0.5, 0.3])
+
+
 def test_a_report_can_be_written_at_any_time(tmp_path, monkeypatch):
     monkeypatch.setattr(one_pixel, "draw", lambda path: path.touch())
     text = report.write_report({}, tmp_path).read_text()
