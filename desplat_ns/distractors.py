@@ -40,11 +40,12 @@ class DistractorConfig:
     one for a place to belong to something in the way."""
     strong_excess: float = 0.25
     """With start residual: excess that something in the way has to reach in one place at least."""
-    settled_excess: float = 0.15
-    """What is enough after `settled_visits` and `stop_densify_at`: by then the scene's own excess
-    has died away, and what differs little from what it covers can be told from it."""
+    settled_share: float = 0.6
+    """Share of `strong_excess` that is enough after `settled_visits` and `stop_densify_at`: by then
+    the scene's own excess has died away, and what differs little from what it covers can be told
+    from it."""
     settled_visits: int = 200
-    """With start residual: visits of each view, however long the run, before `settled_excess` is
+    """With start residual: visits of each view, however long the run, before `settled_share` is
     enough."""
     leave_out_at: int = 12000
     """With start residual and static_alone: step from which the static scene's own loss leaves out
@@ -165,7 +166,7 @@ def _check(config: DistractorConfig) -> None:
         ("per-view", config.per_view, config.per_view >= 0, "0 or more"),
         ("clearance", config.clearance, 0 <= config.clearance < 1, "at least 0 and below 1"),
         ("max-warmup-visits", config.max_warmup_visits, config.max_warmup_visits >= 0, "0 or more"),
-        ("settled-excess", config.settled_excess, config.settled_excess > 0, "positive"),
+        ("settled-share", config.settled_share, 0 < config.settled_share <= 1, "in (0, 1]"),
         ("settled-visits", config.settled_visits, config.settled_visits >= 0, "0 or more"),
         (
             "strong-excess",

@@ -54,7 +54,7 @@ def peak_excess(step: int, visits: float, config: DistractorConfig) -> float:
     stand out for a while.
     """
     settled = step >= config.stop_densify_at and visits >= config.settled_visits
-    return min(config.strong_excess, config.settled_excess) if settled else config.strong_excess
+    return config.strong_excess * (config.settled_share if settled else 1)
 
 
 def find_regions(

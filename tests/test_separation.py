@@ -18,6 +18,7 @@ from desplat_ns.separation import (
     interior,
     lie_in,
     owned_share,
+    peak_excess,
     pixels_of,
     uncovered_regions,
 )
@@ -194,6 +195,13 @@ def test_a_pale_occluder_is_found_once_each_view_was_seen_often_and_none_is_dens
     assert not regions(999, scene.with_a_pale_one()).any()
     assert regions(1000, scene.with_a_pale_one())[12:28, 22:38].all()
     assert not regions(1000, scene.photo).any()
+
+
+@pytest.mark.parametrize("strong", [0.25, 0.4])
+def test_the_advice_to_raise_strong_excess_helps_late_in_a_run_as_well(strong):
+    config = DistractorConfig(strong_excess=strong)
+    assert peak_excess(14999, 1000.0, config) == peak_excess(15000, 199.9, config) == strong
+    assert peak_excess(15000, 200.0, config) == pytest.approx(0.6 * strong)
 
 
 def test_distractors_keep_off_the_edge_of_a_region_and_are_free_further_in():
