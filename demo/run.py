@@ -33,18 +33,13 @@ MARK = ".made-by-demo"
 """Tells the demo's folders from others, which it must not empty."""
 
 
-SHORT_RUN = ("--pipeline.model.refine-every", "400")
-"""What a run this short does better with: fewer, better founded densifications. Steps of the full
-schedule."""
-
-
 @dataclass(frozen=True)
 class Run:
     """One training run, and where its results lie."""
 
     output: Path
     name: str
-    options: tuple[str, ...] = SHORT_RUN
+    options: tuple[str, ...] = ()
 
     @property
     def config(self) -> Path:
@@ -180,7 +175,7 @@ def main() -> None:
     run, plain = Run(output, "yard"), None
     seconds = train_and_evaluate(run, scene_folder, arguments.steps)
     if arguments.compare:
-        plain = Run(output, "plain", (*SHORT_RUN, "--pipeline.model.effects.distractors", "False"))
+        plain = Run(output, "plain", ("--pipeline.model.effects.distractors", "False"))
         train_and_evaluate(plain, scene_folder, arguments.steps)
     CONSOLE.print("[bold]3. Pictures[/bold]")
     with printing_to(output / "draw.log"):

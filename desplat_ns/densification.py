@@ -7,21 +7,20 @@ depth at which they start instead of against the scene.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import gsplat
 import torch
 from gsplat.strategy import DefaultStrategy
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.distractors import PARAMETER_NAMES, DistractorConfig, DistractorGaussians
-
-NEVER = 2**62
-"""A step that no training reaches."""
+from desplat_ns.strategy import refine
 
 RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) >= (1, 5)
 """gsplat 1.5 gives radii as [C, N, 2], 1.4 as [C, N]; each one's strategy takes only its own."""
@@ -43,31 +42,33 @@ def strategy_info(rendering: Rendering, view: View) -> dict[str, Any]:
 class DistractorDensifier:
     """Clones, splits and prunes the distractors of one view at a time.
 
-    Adam's moments follow: rows that stay keep theirs, new rows start at zero.
+    Every `refine_every` steps refinement falls due for all views; each has its own when it is next
+    seen, as nothing is known of it until then. Adam's moments follow: rows that stay keep theirs,
+    new rows start at zero.
     """
 
     def __init__(self, config: DistractorConfig, static: SplatfactoModelConfig, num_views: int):
         """Args:
-        config: thresholds of the distractors; steps already scaled.
+        config: thresholds of the distractors; steps as they are in this run.
         static: the thresholds that both sets share, and the warm-up before any refinement.
         num_views: number of training views.
         """
+        self.config = config
         self.start = max(static.warmup_length, config.static_warmup)
-        self.stop = config.stop_densify_at
         self.strategy = DefaultStrategy(
             prune_opa=config.cull_alpha_thresh,
-            grow_grad2d=static.densify_grad_thresh,
+            grow_grad2d=config.grow_grad or static.densify_grad_thresh,
             grow_scale3d=static.densify_size_thresh,
-            refine_start_iter=0,
-            refine_stop_iter=NEVER,
-            reset_every=NEVER,
-            refine_every=config.refine_every_visits,
             absgrad=static.use_absgrad,
         )
-        self.visits = [0] * num_views
+        self.rounds = [self._round(self.start)] * num_views
         self.running = [
             self.strategy.initialize_state(scene_scale=config.depth) for _ in range(num_views)
         ]
+
+    def _round(self, step: int) -> int:
+        """How often refinement fell due until `step`."""
+        return step // self.config.refine_every
 
     def before_backward(self, info: dict[str, Any]) -> None:
         """Keep the gradient of the projected means, which refinement reads."""
@@ -80,27 +81,56 @@ class DistractorDensifier:
         optimizers: dict[str, Optimizer],
         step: int,
         info: dict[str, Any],
+        pixels_of: Callable[[nn.ParameterDict], Float[Tensor, " N"]],
     ) -> None:
-        """Count a visit of `view`; refine its distractors when it was seen often enough.
+        """Take a visit of `view` into account; refine its distractors where that is due.
 
         Args:
             optimizers: nerfstudio's, by group name.
-            step: training step; nothing happens before the warm-up or from `stop_densify_at` on.
+            step: training step; nothing happens before the warm-up, and from `stop_densify_at` on
+                nothing but pruning, if that.
             info: of the rendering of this view's distractors in this step.
+            pixels_of: gives the contribution of each, in pixels; called only where it is needed.
         """
-        if not self.start < step < self.stop:
+        config, params = self.config, distractors.params_of(view)
+        densifying = step < config.stop_densify_at
+        if step <= self.start or not (densifying or config.cull_to_the_end):
             return
-        self.visits[view] += 1
-        params = distractors.params_of(view)
-        borrowed: dict[str, Any] = {
+        state = self.running[view]
+        if densifying:
+            self._sample(params, state, info)
+        due = self._round(step) > self.rounds[view]
+        if not due:
+            return
+        self.rounds[view] = self._round(step)
+        if config.min_pixels > 0 and densifying:
+            seen = pixels_of(params) >= config.min_pixels
+            none = {name: value.data[:0] for name, value in params.items()}
+            self.exchange(distractors, view, optimizers, seen, none)
+        borrowed = {
             name: _OneParameter(optimizers[f"distractor_{name}"], params[name])
             for name in PARAMETER_NAMES
         }
-        self.strategy.step_post_backward(
-            params, borrowed, self.running[view], self.visits[view], info
-        )
+        if densifying:
+            refine(self.strategy, params, borrowed, state)
+        else:
+            self.strategy._prune_gs(params, borrowed, state, 0)  # pyright: ignore[reportArgumentType]
         for name, one in borrowed.items():
             optimizers[f"distractor_{name}"].param_groups[0]["params"][view] = one.parameter
+
+    def _sample(
+        self, params: nn.ParameterDict, state: dict[str, Any], info: dict[str, Any]
+    ) -> None:
+        """Gather the gradients of a visit.
+
+        With `grow_grad` those of the sum of the loss over all pixels by a shift of one pixel,
+        which do not depend on the image's size. gsplat multiplies by half the width and height,
+        and the loss is a mean over width times height.
+        """
+        if self.config.grow_grad > 0:
+            twice_the_pixels = 2 * info["width"] * info["height"]
+            info = info | {"width": twice_the_pixels, "height": twice_the_pixels}
+        self.strategy._update_state(params, state, info)  # pyright: ignore[reportArgumentType]
 
     @torch.no_grad()
     def exchange(
@@ -139,12 +169,12 @@ class DistractorDensifier:
                 running[key] = changed(value)
 
     def state_dict(self) -> dict[str, Any]:
-        """Visits and running statistics, for a checkpoint."""
-        return {"visits": list(self.visits), "running": [dict(state) for state in self.running]}
+        """Refinements that were due and running statistics, for a checkpoint."""
+        return {"rounds": list(self.rounds), "running": [dict(state) for state in self.running]}
 
     def load_state_dict(self, state: dict[str, Any], device: torch.device) -> None:
         """Take up what `state_dict` gave, on `device`."""
-        self.visits = list(state["visits"])
+        self.rounds = list(state["rounds"])
         self.running = [to_device(running, device) for running in state["running"]]
 
 

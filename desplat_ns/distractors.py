@@ -72,8 +72,22 @@ class DistractorConfig:
     learned as well, and its residual is gone."""
     stop_densify_at: int = 15000
     """Step at which distractors are no longer cloned, split or pruned. B.3."""
-    refine_every_visits: int = 10
-    """A view's distractors are cloned, split and pruned each time it was seen this often."""
+    refine_every: int = 100
+    """Steps after which each view's distractors are cloned, split and pruned, when they are next
+    seen. As the static set's, not shrunk; never less than that."""
+    refine_visits: int = 1
+    """Visits of each view that they settle for in between, at least."""
+    max_refinements: int = 0
+    """Of a view's distractors in a run, at most, however long it is; 0 for any number."""
+    grow_grad: float = 0.0
+    """Distractors are cloned or split where a shift by one pixel changes the loss, summed over all
+    pixels, by more than this: in colours times pixels, whatever the size of the image. 0 for the
+    static set's own threshold, which is of the mean over the image."""
+    min_pixels: float = 0.0
+    """Distractors that make up less of the image are pruned, in pixels (`contributions`): where
+    opacity costs nothing, none gets faint. 0 for none."""
+    cull_to_the_end: bool = False
+    """Prune faint distractors after `stop_densify_at` as well."""
     cull_alpha_thresh: float = 0.1
     """Distractors with less opacity are pruned. Splatfacto's threshold."""
     initial_opacity: float = 0.1
@@ -83,12 +97,19 @@ class DistractorConfig:
     are composited over the static scene, so their depth only sets how many pixels a step of the
     optimizer moves them. Must lie beyond the near plane."""
 
-    def for_views(self, num_views: int) -> DistractorConfig:
-        """A copy whose warm-up is as short as `max_warmup_visits` of `num_views` views want it."""
+    def for_views(self, num_views: int, refine_every: int) -> DistractorConfig:
+        """A copy for a number of training views: its warm-up is as short as `max_warmup_visits`
+        want it, and its refinements are as far apart as those of the static set at least, as
+        `refine_visits` and as `max_refinements` want them."""
         most = self.max_warmup_visits * num_views
+        warmup = min(self.static_warmup, most)
+        every = max(self.refine_every, refine_every, self.refine_visits * num_views)
+        if self.max_refinements > 0:
+            every = max(every, math.ceil((self.stop_densify_at - warmup) / self.max_refinements))
         return replace(
             self,
-            static_warmup=min(self.static_warmup, most),
+            refine_every=every,
+            static_warmup=warmup,
             leave_out_at=min(self.leave_out_at, 2 * most),
         )
 
@@ -167,6 +188,11 @@ def _check(config: DistractorConfig) -> None:
         ("clearance", config.clearance, 0 <= config.clearance < 1, "at least 0 and below 1"),
         ("max-warmup-visits", config.max_warmup_visits, config.max_warmup_visits >= 0, "0 or more"),
         ("settled-share", config.settled_share, 0 < config.settled_share <= 1, "in (0, 1]"),
+        ("refine-every", config.refine_every, config.refine_every >= 1, "1 or more"),
+        ("refine-visits", config.refine_visits, config.refine_visits >= 1, "1 or more"),
+        ("max-refinements", config.max_refinements, config.max_refinements >= 0, "0 or more"),
+        ("grow-grad", config.grow_grad, config.grow_grad >= 0, "0 or more"),
+        ("min-pixels", config.min_pixels, config.min_pixels >= 0, "0 or more"),
         ("settled-visits", config.settled_visits, config.settled_visits >= 0, "0 or more"),
         (
             "strong-excess",

@@ -88,6 +88,10 @@ def separating_distractors() -> DistractorConfig:
         lambda_d=0.1,
         initial_opacity=0.5,
         clearance=0.5,
+        refine_visits=5,
+        max_refinements=8,
+        grow_grad=3.0,
+        min_pixels=1.0,
     )
 
 
@@ -135,14 +139,16 @@ def _method(
 desplat = _method(
     "desplat",
     "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU.",
-    DeSplatModelConfig(distractors=separating_distractors()),
+    DeSplatModelConfig(distractors=separating_distractors(), gaussians_per_pixel=0.025),
     NerfstudioDataParserConfig(load_3D_points=True),
 )
 
 desplat_paper = _method(
     "desplat-paper",
     "DeSplat with the settings of the paper (App. B.3) to the letter, to compare with.",
-    DeSplatModelConfig(),
+    DeSplatModelConfig(
+        distractors=DistractorConfig(cull_to_the_end=True), continue_cull_post_densification=True
+    ),
     NerfstudioDataParserConfig(load_3D_points=True),
 )
 

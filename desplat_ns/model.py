@@ -8,13 +8,14 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor, nn
 
+from desplat_ns.backend.contributions import contributions
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.cameras import train_index
 from desplat_ns.clearance import Clearance
 from desplat_ns.densification import DistractorDensifier, strategy_info, to_device
 from desplat_ns.distractors import DistractorGaussians
 from desplat_ns.errors import DeSplatError, TrainingError
-from desplat_ns.gaussians import activate_distractors
+from desplat_ns.gaussians import RawParameters, activate_distractors
 from desplat_ns.guards import culled_always, too_many_culled
 from desplat_ns.losses import (
     distractor_opacity_loss,
@@ -238,12 +239,21 @@ class DeSplatModel(StaticModel):
         if self._distractors_drawn is not None and self.distractors is not None:
             index, info = self._distractors_drawn
             self.distractors.keep_colors_in_range(index)
-            self.densifier.after_step(self.distractors, index, self.optimizers, step, info)
+            self.densifier.after_step(
+                self.distractors, index, self.optimizers, step, info, self._pixels_of
+            )
         if self.distractors is not None:
             self.placement.place(self.distractors, self.densifier, self.optimizers)
             self.watch.look(step, self.means)
         if step % self.culled.interval == 0:
             self._count_culled(step)
+
+    def _pixels_of(self, params: RawParameters) -> Tensor:
+        """Contributions [N] of distractors of the view just drawn, in pixels of its full size."""
+        _, view = self.drawn
+        settings = self.render_settings(depth=False)
+        drawn = contributions(self.rasterizer, activate_distractors(params), view, settings)
+        return drawn * self._get_downscale_factor() ** 2
 
     def _count_culled(self, step: int) -> None:
         """Raises TrainingError where most static Gaussians are culled in every view."""

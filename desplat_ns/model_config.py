@@ -13,10 +13,10 @@ from desplat_ns.distractors import DistractorConfig
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.schedules import scaled_steps
+from desplat_ns.strategy import NEVER
 
 STATIC_STEPS = (
     "warmup_length",
-    "refine_every",
     "resolution_schedule",
     "sh_degree_interval",
     "stop_screen_size_at",
@@ -24,24 +24,15 @@ STATIC_STEPS = (
 )
 """Splatfacto's settings that are numbers of steps."""
 
-MIN_REFINE_EVERY = 10
-"""Steps. A refinement judges by gradients averaged since the last one; over fewer views noise
-clones Gaussians without end (150 steps at an interval of 1 made 104,000 out of 4,700)."""
-
-MIN_RESET_EVERY = 4
-"""Refinements. Splatfacto rests after each reset of the opacities; were resets closer than this,
-there would be no refinement between two of them."""
-
-MIN_REFINE_VISITS = 5
-"""The same for distractors, which need these visits to settle: refined at every visit, 40 views of
-135 x 240 pixels came to 16,000 Gaussians each within 37 visits."""
+RESET_UNIT = 100
+"""Steps. Splatfacto counts its resets in refinements of this many steps; ours keep their place
+whatever the interval between refinements."""
 
 DISTRACTOR_STEPS = (
     "static_warmup",
     "leave_out_at",
     "stop_densify_at",
     "stop_placing_at",
-    "refine_every_visits",
 )
 """The distractors' settings that are numbers of steps, or of visits."""
 
@@ -74,44 +65,69 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     """Factor on every number of steps; by default max-num-iterations over the method's own number,
     at most 1."""
 
+    gaussians_per_pixel: float = 0.0
+    """Static Gaussians at most, per pixel of all training photos together: more than the photos can
+    hold in place become floaters. 0 for no limit, as in the paper. A capture that starts with more
+    keeps those, but does not grow."""
+    continue_cull_post_densification: bool = False
+    """Prune faint static Gaussians after `stop_split_at` as well. Splatfacto did so when the paper
+    was written (nerfstudio 1.1.4)."""
+
     def scaled(self) -> DeSplatModelConfig:
-        """A copy whose numbers of steps are shrunk by `schedule_scale`."""
+        """A copy whose numbers of steps are shrunk by `schedule_scale`.
+
+        `refine_every` is none of them: it is the size of a sample (strategy.py).
+        """
         scale = self.schedule_scale or 1.0
-        steps = _scaled(self, STATIC_STEPS, scale)
-        reset = scaled_steps(self.reset_alpha_every * self.refine_every, scale)
-        visits = _scaled(self.distractors, DISTRACTOR_STEPS, scale)
-        if scale < 1:
-            steps["refine_every"] = max(steps["refine_every"], MIN_REFINE_EVERY)
-            visits["refine_every_visits"] = max(visits["refine_every_visits"], MIN_REFINE_VISITS)
+        distractors = _scaled(self.distractors, DISTRACTOR_STEPS, scale)
         return replace(
             self,
-            **steps,
-            reset_alpha_every=max(MIN_RESET_EVERY, round(reset / steps["refine_every"])),
-            distractors=replace(self.distractors, **visits),
+            **_scaled(self, STATIC_STEPS, scale),
+            distractors=replace(self.distractors, **distractors),
         )
 
     def for_views(self, num_views: int) -> DeSplatModelConfig:
-        """A copy whose distractors' warm-up suits the number of training views.
+        """A copy whose distractors suit the number of training views. Call it on what `scaled`
+        gave."""
+        return replace(self, distractors=self.distractors.for_views(num_views, self.refine_every))
 
-        A warm-up that ends before photos have their full size makes them start at half of it: in
-        smaller ones, occluders do not stand out enough to be found, and are learned. Call it on
-        what `scaled` gave.
+    def downscale_factor(self, step: int) -> int:
+        """By how much photos are smaller at a step: 2^num_downscales at first, halved every
+        `resolution_schedule` steps.
+
+        With distractors that have a warm-up, whatever is below half the size is over by the middle
+        of it: in smaller photos occluders do not stand out enough to be found, and are learned.
+        Call it on what `scaled` and `for_views` gave.
         """
-        distractors = self.distractors.for_views(num_views)
-        full_size_at = self.num_downscales * self.resolution_schedule
-        if not (self.effects.distractors and 0 < distractors.static_warmup < full_size_at):
-            return replace(self, distractors=distractors)
-        return replace(
-            self, distractors=distractors, num_downscales=1, resolution_schedule=full_size_at
-        )
+        every = self.resolution_schedule
+        if step >= self.num_downscales * every:
+            return 1
+        warmup = self.distractors.static_warmup if self.effects.distractors else 0
+        if warmup == 0 or self.num_downscales == 1:
+            return 2 ** (self.num_downscales - step // every)
+        early = max(1, min(every, warmup // (2 * (self.num_downscales - 1))))
+        return 2 ** max(1, self.num_downscales - step // early)
+
+    @property
+    def reset_every(self) -> int:
+        """Steps from one reset of the static opacities to the next."""
+        return scaled_steps(self.reset_alpha_every * RESET_UNIT, self.schedule_scale or 1.0)
 
     def pause_after_reset(self, num_views: int) -> int:
-        """Steps without refinement after a reset of the opacities, Splatfacto's rule: until every
-        view could be seen once (scaled as all steps) and one interval more.
+        """Steps after a reset in which the scene recovers and nothing is sampled for refinement.
 
-        Call it on what `scaled` gave.
+        Splatfacto's rule, a round of the views and one interval, but half the time to the next
+        reset at most.
         """
-        return scaled_steps(num_views, self.schedule_scale or 1.0) + self.refine_every
+        return min(num_views + self.refine_every, self.reset_every // 2)
+
+    def most_gaussians(self, pixels: int) -> int:
+        """Static Gaussians beyond which the set does not grow.
+
+        Args:
+            pixels: of all training photos together.
+        """
+        return round(self.gaussians_per_pixel * pixels) if self.gaussians_per_pixel > 0 else NEVER
 
 
 def _scaled(config: Any, names: Iterable[str], scale: float) -> dict[str, int]:

@@ -27,6 +27,7 @@ from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
 from desplat_ns.photo_tourism.worn import WornAppearance
 from desplat_ns.seeds import check_seed_points, clamp_seed_scales
+from desplat_ns.strategy import StaticStrategy
 from desplat_ns.upstream import (
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
@@ -53,9 +54,25 @@ class StaticModel(SplatfactoModel):
         clamp_seed_scales(self.gauss_params)
         del self.ssim  # a module, whose place only another module could take
         self.ssim = ssim_of_planes
-        self.strategy.verbose = False
-        self.strategy.pause_refine_after_reset = self.config.pause_after_reset(self.num_train_data)
+        self._settle_strategy()
         self._add_image_effects()
+
+    def _settle_strategy(self) -> None:
+        """Refinement and resets as this run and this capture want them."""
+        config, cameras = self.config, self.kwargs["metadata"]["train_cameras"]
+        pixels = int((cameras.width * cameras.height).sum())
+        self.strategy = StaticStrategy.in_place_of(
+            self.strategy,
+            reset_every=config.reset_every,
+            pause_refine_after_reset=config.pause_after_reset(self.num_train_data),
+            most=config.most_gaussians(pixels),
+            cull_to_the_end=config.continue_cull_post_densification,
+            verbose=False,
+        )
+
+    def _get_downscale_factor(self) -> int:
+        """By how much photos are smaller than they are; Splatfacto's hook."""
+        return self.config.downscale_factor(self.step) if self.training else 1
 
     def _add_image_effects(self) -> None:
         config, self.image_effects = self.config, None

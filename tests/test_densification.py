@@ -19,7 +19,7 @@ class Scene:
     """Two views of `per_view` distractors, their optimizers and a densifier."""
 
     def __init__(self, per_view: int = 4, **config: Any):
-        config = {"refine_every_visits": 2, "stop_densify_at": 1000} | config
+        config = {"refine_every": 2, "stop_densify_at": 1000} | config
         self.config = DistractorConfig(per_view=per_view, initial_opacity=0.5, **config)
         poses = torch.eye(4)[:3].repeat(2, 1, 1)
         self.distractors = DistractorGaussians(
@@ -30,6 +30,8 @@ class Scene:
             for name, params in self.distractors.param_groups().items()
         }
         self.densifier = DistractorDensifier(self.config, STATIC, num_views=2)
+        self.pixels = torch.full((99,), 100.0)
+        """What each distractor makes up of the image."""
 
     def params(self, view: int = 0):
         return self.distractors.params_of(view)
@@ -52,7 +54,14 @@ class Scene:
             torch.zeros(10, 20, 3), torch.zeros(10, 20, 1), None, means2d, torch.ones(n).int()
         )
         info = strategy_info(rendering, VIEW)
-        self.densifier.after_step(self.distractors, view, self.optimizers, step, info)
+        self.densifier.after_step(
+            self.distractors,
+            view,
+            self.optimizers,
+            step,
+            info,
+            lambda held: self.pixels[: len(held["means"])],
+        )
 
     def moment(self, name: str, view: int = 0) -> torch.Tensor:
         return self.optimizers[f"distractor_{name}"].state[self.params(view)[name]]["exp_avg"]
@@ -115,21 +124,21 @@ def test_the_other_views_are_left_alone():
     for step in range(11, 21):
         scene.visit(step, view=0, grad=1.0)
     assert all(torch.equal(scene.params(1)[name], value) for name, value in other.items())
-    assert scene.densifier.visits == [10, 0]
+    assert scene.densifier.rounds == [10, 5]
 
 
-def test_each_view_waits_for_its_own_visits():
+def test_refinement_falls_due_for_all_views_and_each_has_it_when_it_is_next_seen():
     scene = Scene()
     scene.visit(11, view=0, grad=1.0)
     scene.visit(12, view=1, grad=1.0)
-    assert scene.distractors.counts() == [4, 4]
-    scene.visit(13, view=1, grad=1.0)
     assert scene.distractors.counts() == [4, 8]
+    scene.visit(13, view=0, grad=1.0)
+    assert scene.distractors.counts() == [8, 8]
 
 
 @pytest.mark.parametrize(("step", "refined"), [(10, False), (11, True), (999, True), (1000, False)])
 def test_refinement_keeps_to_its_time(step, refined):
-    scene = Scene(refine_every_visits=1)
+    scene = Scene(refine_every=1)
     scene.visit(step, grad=1.0)
     assert (scene.distractors.counts()[0] > 4) is refined
 
@@ -145,7 +154,7 @@ def test_opacity_is_never_reset():
 
 @pytest.mark.parametrize("survivors", [1, 0])
 def test_one_survivor_or_none_is_no_special_case(survivors):
-    scene = Scene(refine_every_visits=1)
+    scene = Scene(refine_every=1)
     with torch.no_grad():
         scene.params()["opacities"][survivors:] = -9.0
     scene.visit(11)
@@ -156,7 +165,7 @@ def test_one_survivor_or_none_is_no_special_case(survivors):
 
 
 def test_running_statistics_survive_a_checkpoint():
-    scene = Scene(refine_every_visits=3)
+    scene = Scene(refine_every=13)
     scene.visit(11, grad=1.0)
     scene.visit(12, grad=1.0)
     copy = DistractorDensifier(scene.config, STATIC, num_views=2)
@@ -198,3 +207,44 @@ def test_a_view_can_lose_all_its_distractors_and_get_new_ones():
     assert scene.distractors.counts() == [3, 4]
     scene.visit(12)
     assert not (scene.params()["means"] == 7).any()
+
+
+def test_what_makes_up_too_little_of_the_image_is_pruned_first():
+    scene = Scene(min_pixels=2.0)
+    scene.pixels[:4] = torch.tensor([3.0, 1.9, 2.0, 0.0])
+    scene.visit(11, grad=[0.0, 1.0, 0.0, 0.0])
+    means = scene.params()["means"].detach().clone()
+    assert scene.distractors.counts() == [4, 4]  # not due
+    scene.visit(12, grad=[0.0, 1.0, 0.0, 0.0])
+    assert scene.distractors.counts() == [2, 4]  # the steep one was not cloned
+    assert torch.allclose(scene.params()["means"], means[[0, 2]], atol=3e-3)
+
+
+@pytest.mark.parametrize("cull_to_the_end", [False, True])
+def test_after_densification_faint_ones_go_only_where_that_is_wanted(cull_to_the_end):
+    scene = Scene(stop_densify_at=20, cull_to_the_end=cull_to_the_end)
+    with torch.no_grad():
+        scene.params()["opacities"][1] = -5.0
+    for step in range(20, 24):
+        scene.visit(step, grad=1.0)
+    assert scene.distractors.counts() == [3 if cull_to_the_end else 4, 4]
+
+
+@pytest.mark.parametrize("size", [(20, 10), (200, 100), (30, 90)])
+def test_a_threshold_of_ones_own_does_not_depend_on_the_images_size(size):
+    """A Gaussian whose shift by a pixel changes the summed loss by 6: the mean's share shrinks."""
+    width, height = size
+    summed = torch.tensor([6.0, 4.0])
+    for threshold, expected in ((7.0, 2), (5.0, 3), (3.0, 4)):
+        scene = Scene(per_view=2, grow_grad=threshold)
+        params = scene.params()
+        means2d: Any = torch.zeros(1, 2, 2)
+        means2d.absgrad = torch.stack([torch.zeros(2), summed / (width * height)], dim=-1)[None]
+        image = torch.zeros(height, width, 3)
+        rendering = Rendering(image, image[..., :1], None, means2d, torch.ones(2).int())
+        info = strategy_info(rendering, View(torch.eye(4), torch.eye(3), width, height))
+        for step in (11, 12):
+            scene.densifier.after_step(
+                scene.distractors, 0, scene.optimizers, step, info, lambda _: torch.ones(2)
+            )
+        assert len(params["means"]) == expected

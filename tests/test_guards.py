@@ -109,7 +109,7 @@ class GuardedTrainer:
 def a_model() -> DeSplatModel:
     """Refined every third step, distractors every second visit, with all that is remembered."""
     distractors = DistractorConfig(
-        per_view=20, start="residual", static_alone=True, static_warmup=2, refine_every_visits=2
+        per_view=20, start="residual", static_alone=True, static_warmup=2, refine_every=2
     )
     steps: dict[str, Any] = {"warmup_length": 2, "refine_every": 3, "densify_grad_thresh": 1e-9}
     points = torch.rand(40, 3, generator=torch.Generator().manual_seed(2)) - 0.5
@@ -117,7 +117,7 @@ def a_model() -> DeSplatModel:
 
 
 def everywhere() -> DeSplatModel:
-    distractors = DistractorConfig(per_view=20, refine_every_visits=2)
+    distractors = DistractorConfig(per_view=20, refine_every=2)
     return make_model(distractors=distractors, warmup_length=2, refine_every=3)
 
 

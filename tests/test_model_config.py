@@ -1,59 +1,98 @@
 """Every number of steps shrinks with the length of the run."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from desplat_ns.distractors import DistractorConfig
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.model_config import DeSplatModelConfig
+from desplat_ns.strategy import NEVER
+
+SEPARATING = DistractorConfig(
+    static_warmup=6000, refine_visits=5, max_refinements=8, start="residual"
+)
 
 
-def test_every_step_number_shrinks_with_the_schedule():
-    config = DeSplatModelConfig(
-        schedule_scale=0.1, distractors=DistractorConfig(static_warmup=5000)
-    ).scaled()
+def run_of(steps: int, views: int, **options: Any) -> DeSplatModelConfig:
+    """The settings of a run of so many steps on so many views."""
+    whole = DeSplatModelConfig(schedule_scale=min(1.0, steps / 30000), **options)
+    return whole.scaled().for_views(views)
+
+
+def test_schedules_shrink_with_a_run_and_samples_do_not():
+    config = run_of(3000, 100, distractors=DistractorConfig(static_warmup=5000))
     assert config.warmup_length == 50
-    assert config.refine_every == 10
     assert config.resolution_schedule == 300
     assert config.sh_degree_interval == 100
     assert config.stop_screen_size_at == 400
     assert config.stop_split_at == 1500
     assert config.distractors.stop_densify_at == 1500
     assert config.distractors.static_warmup == 500
-    assert config.distractors.refine_every_visits == 5
+    assert config.refine_every == config.distractors.refine_every == 100
 
 
-def test_in_a_very_short_run_refinements_keep_their_distance_and_resets_their_share():
-    config = DeSplatModelConfig(schedule_scale=0.02).scaled()
-    assert config.refine_every == 10
-    # 3,000 of 30,000 steps between resets; here 60 of 600.
-    assert config.reset_alpha_every * config.refine_every == 60
-    assert DeSplatModelConfig(refine_every=5).scaled().refine_every == 5
+@pytest.mark.parametrize("every", [10, 100, 1000])
+def test_resets_keep_their_place_whatever_the_interval(every):
+    for steps, expected in ((1000, 100), (3000, 300), (30000, 3000)):
+        assert run_of(steps, 40, refine_every=every).reset_every == expected
+    assert run_of(60000, 40).reset_every == 3000
 
 
 @pytest.mark.parametrize("steps", [60, 100, 250, 1000, 3000, 30000])
-def test_a_run_of_any_length_refines_between_two_resets(steps):
-    config = DeSplatModelConfig(schedule_scale=steps / 30000).scaled()
-    reset = config.reset_alpha_every * config.refine_every
-    pause = config.pause_after_reset(num_views=40)
-    refinements = [step for step in range(0, reset, config.refine_every) if step >= pause]
-    assert len(refinements) >= 2
-    if steps == 30000:
-        assert (reset, pause) == (3000, 140)
+@pytest.mark.parametrize("views", [3, 40, 2000])
+def test_half_of_the_time_between_two_resets_at_least_is_sampled(steps, views):
+    config = run_of(steps, views)
+    pause = config.pause_after_reset(views)
+    assert 0 < pause <= max(1, config.reset_every / 2)
+    if (steps, views) == (30000, 40):
+        assert pause == 140  # Splatfacto's
 
 
-def test_after_the_warm_up_photos_have_half_their_size_at_least():
-    config = DeSplatModelConfig(distractors=DistractorConfig(static_warmup=6000))
-    long = config.for_views(40)
-    assert long.distractors.static_warmup == 600
-    assert (long.num_downscales, long.resolution_schedule) == (1, 6000)
-    for scale in (1 / 30, 0.1):  # full size at the warm-up's end, as it is
-        short = replace(config, schedule_scale=scale).scaled()
-        assert (short.for_views(40).num_downscales, short.for_views(40).resolution_schedule) == (
-            2,
-            short.resolution_schedule,
-        )
+def test_the_capture_says_how_many_gaussians_it_can_hold():
+    assert DeSplatModelConfig(gaussians_per_pixel=0.025).most_gaussians(40 * 135 * 240) == 32_400
+    assert DeSplatModelConfig().most_gaussians(1000) == NEVER
+
+
+@pytest.mark.parametrize(
+    ("steps", "views", "every"),
+    [
+        (1000, 8, 100),  # as the static set
+        (3000, 40, 200),  # five visits
+        (30000, 40, 1800),  # eight refinements in 14,400 steps
+        (30000, 400, 2000),
+    ],
+)
+def test_distractors_settle_between_refinements_and_their_number_is_bounded(steps, views, every):
+    assert run_of(steps, views, distractors=SEPARATING).distractors.refine_every == every
+
+
+def test_the_papers_distractors_are_refined_as_often_as_the_static_set():
+    for steps in (1000, 30000):
+        config = run_of(steps, 40)
+        assert config.distractors.refine_every == config.refine_every == 100
+        assert run_of(steps, 40, refine_every=300).distractors.refine_every == 300
+
+
+def test_photos_have_half_their_size_by_the_middle_of_the_warm_up():
+    sizes = [
+        run_of(30000, 40, distractors=SEPARATING).downscale_factor(step) for step in range(7000)
+    ]
+    assert [sizes.index(factor) for factor in (4, 2, 1)] == [0, 300, 6000]  # warm-up: 600
+
+
+@pytest.mark.parametrize("steps", [1000, 3000, 30000])
+def test_one_view_more_changes_the_sizes_of_photos_by_little(steps):
+    """Sum over all steps of |log2| of the ratio of the two factors: steps at another size."""
+
+    def octaves(views: int) -> list[int]:
+        config = run_of(steps, views, distractors=SEPARATING)
+        return [config.downscale_factor(step).bit_length() for step in range(steps // 4)]
+
+    for views in (*range(3, 60), 399, 400, 401):
+        pairs = zip(octaves(views), octaves(views + 1), strict=True)
+        assert sum(abs(a - b) for a, b in pairs) <= DistractorConfig().max_warmup_visits / 2 + 1
 
 
 @pytest.mark.parametrize(
@@ -68,6 +107,6 @@ def test_without_a_warm_up_photos_keep_splatfactos_sizes(options):
     config = replace(
         DeSplatModelConfig(distractors=DistractorConfig(static_warmup=6000)), **options
     )
-    of_views = config.for_views(40)
-    assert of_views.num_downscales == config.num_downscales
-    assert of_views.resolution_schedule == 3000
+    config = config.for_views(40)
+    sizes = [config.downscale_factor(step) for step in (0, 2999, 3000, 5999, 6000)]
+    assert sizes == ([1] * 5 if config.num_downscales == 0 else [4, 4, 2, 2, 1])

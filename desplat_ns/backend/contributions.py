@@ -1,0 +1,34 @@
+"""How much of an image each Gaussian makes up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from desplat_ns.backend.protocol import Rasterizer, RenderSettings, Splats, View
+
+GEOMETRY = ("means", "quats", "scales", "opacities")
+
+
+def contributions(
+    rasterizer: Rasterizer, splats: Splats, view: View, settings: RenderSettings
+) -> Float[Tensor, " N"]:
+    """Sum over all pixels of each Gaussian's blending weight alpha_i T_i, in pixels, >= 0.
+
+    The rendered colour is sum(w_i c_i) at every pixel, so this is the derivative of the image's sum
+    by c_i: one forward and one backward pass, through any backend.
+
+    Args:
+        splats: with final colours, no spherical harmonics.
+    """
+    assert splats.sh_degree is None, "the weight of a coefficient is not that of its Gaussian"
+    white = torch.ones_like(splats.means).requires_grad_()
+    geometry = {name: getattr(splats, name).detach() for name in GEOMETRY}
+    alone = Splats(**geometry, colors=white)
+    with torch.enable_grad():
+        rendered = rasterizer(alone, view, replace(settings, depth=False, absgrad=False))
+        (gradient,) = torch.autograd.grad(rendered.rgb[..., 0].sum(), white)
+    return gradient[:, 0]

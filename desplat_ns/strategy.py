@@ -1,0 +1,112 @@
+"""Adaptive density control of the static set: gsplat's, on a sample and within a limit of its own.
+
+An interval between refinements is no schedule but a sample. A refinement judges by gradients
+averaged since the last one, so the sample must not shrink with the length of a run: over a quarter
+of the views it is mostly noise, and noise is cloned into floaters (docs/separation.md, "How often,
+and how many").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from gsplat.strategy import DefaultStrategy
+from gsplat.strategy.ops import reset_opa
+from torch import Tensor, nn
+from torch.optim import Optimizer
+
+NEVER = 2**62
+"""A step that no training reaches, and a number of Gaussians that no set has."""
+
+
+def refine(
+    strategy: DefaultStrategy,
+    params: nn.ParameterDict,
+    optimizers: Mapping[str, Any],
+    state: dict[str, Any],
+    step: int = 0,
+) -> None:
+    """Clone, split and prune by what `state` has gathered, which then starts anew."""
+    strategy._grow_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
+    strategy._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
+    for name in ("grad2d", "count", "radii"):
+        if state.get(name) is not None:
+            state[name].zero_()
+
+
+@dataclass
+class StaticStrategy(DefaultStrategy):
+    """gsplat's DefaultStrategy for a run of any length on a capture of any size.
+
+    It refines when `refine_every` steps were sampled. The `pause_refine_after_reset` steps after a
+    reset of the opacities, in which the scene recovers, are not sampled; so the sample is the same
+    however close resets are.
+    """
+
+    most: int = NEVER
+    """Gaussians beyond which the set does not grow."""
+    cull_to_the_end: bool = False
+    """Prune after `refine_stop_iter` as well, every `refine_every` steps: nerfstudio 1.1.4 does,
+    1.1.5 does not."""
+
+    SAMPLED = "steps_sampled"
+
+    @classmethod
+    def in_place_of(cls, upstream: DefaultStrategy, **changes: Any) -> StaticStrategy:
+        """The settings of `upstream`, and some others."""
+        settings = {one.name: getattr(upstream, one.name) for one in fields(upstream)}
+        return cls(**settings | changes)
+
+    def step_post_backward(
+        self,
+        params: nn.ParameterDict,  # pyright: ignore[reportIncompatibleMethodOverride]
+        optimizers: dict[str, Optimizer],
+        state: dict[str, Any],
+        step: int,
+        info: dict[str, Any],
+        packed: bool = False,
+    ) -> None:
+        """After an optimizer step: take it into the sample, refine where that is complete, reset.
+
+        Args:
+            params: raw parameters of the set.
+            optimizers: by the same names.
+            state: what is gathered; replaced rows follow.
+            info: of the rendering, as gsplat's strategies read it.
+        """
+        if step >= self.refine_stop_iter:
+            if self.cull_to_the_end and step % self.refine_every == 0:
+                self._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
+            return
+        recovering = step >= self.reset_every and (
+            step % self.reset_every < self.pause_refine_after_reset
+        )
+        if not recovering:
+            self._update_state(params, state, info, packed)  # pyright: ignore[reportArgumentType]
+            state[self.SAMPLED] = state.get(self.SAMPLED, 0) + 1
+        if step > self.refine_start_iter and state.get(self.SAMPLED, 0) >= self.refine_every:
+            self._let_the_strongest_grow(state, step)
+            refine(self, params, optimizers, state, step)
+            state[self.SAMPLED] = 0
+        if step % self.reset_every == 0:
+            reset_opa(params, optimizers, state, value=self.prune_opa * 2.0)  # pyright: ignore[reportArgumentType]
+
+    def _let_the_strongest_grow(self, state: dict[str, Any], step: int) -> None:
+        """Where more would grow than there is room for, the smaller gradients have to wait.
+
+        Every clone and every split adds one. Splatfacto splits what is wide on the screen as well,
+        whatever its gradient; in small images that is most of a set.
+        """
+        gradients: Tensor = state["grad2d"] / state["count"].clamp_min(1)
+        grows = gradients > self.grow_grad2d
+        if step < self.refine_scale2d_stop_iter:
+            grows |= state["radii"] > self.grow_scale2d
+        room = max(0, self.most - len(gradients))
+        if int(grows.sum()) > room:
+            order = gradients.masked_fill(~grows, -1.0).argsort(descending=True, stable=True)
+            waiting = order[room:]
+            state["grad2d"][waiting] = 0.0
+            if step < self.refine_scale2d_stop_iter:
+                state["radii"][waiting] = state["radii"][waiting].clamp(max=self.grow_scale2d)

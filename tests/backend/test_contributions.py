@@ -1,0 +1,66 @@
+"""A Gaussian's contribution is the sum of its blending weights, whatever the backend."""
+
+import pytest
+import torch
+
+from desplat_ns.backend.contributions import contributions
+from desplat_ns.backend.protocol import RenderSettings, Splats, View
+from desplat_ns.backend.registry import resolve
+
+VIEW = View(torch.eye(4), torch.tensor([[20.0, 0, 16], [0, 20, 12], [0, 0, 1]]), 32, 24)
+
+
+def splats(opacities: list[float], depths: list[float], side: list[float]) -> Splats:
+    n = len(opacities)
+    means = torch.stack([torch.tensor(side), torch.zeros(n), torch.tensor(depths)], dim=-1)
+    return Splats(
+        means=means,
+        quats=torch.tensor([[1.0, 0, 0, 0]]).repeat(n, 1),
+        scales=torch.full((n, 3), 0.1),
+        opacities=torch.tensor(opacities),
+        colors=torch.rand(n, 3),
+    )
+
+
+@pytest.fixture(params=["torch", "numba"])
+def rasterizer(request):
+    return resolve(request.param, "cpu")
+
+
+def test_one_alone_makes_up_what_the_image_shows(rasterizer):
+    one = splats([0.7], [2.0], [0.0])
+    alpha = rasterizer(one, VIEW, RenderSettings()).alpha
+    found = contributions(rasterizer, one, VIEW, RenderSettings())
+    assert found[0].item() == pytest.approx(alpha.sum().item(), rel=1e-4)
+
+
+def test_what_stands_behind_makes_up_what_is_left(rasterizer):
+    both = splats([0.6, 0.9], [2.0, 2.001], [0.0, 0.0])
+    front, behind = contributions(rasterizer, both, VIEW, RenderSettings()).tolist()
+    alpha = rasterizer(both, VIEW, RenderSettings()).alpha.sum().item()
+    alone = contributions(rasterizer, splats([0.6], [2.0], [0.0]), VIEW, RenderSettings())
+    assert front == pytest.approx(alone.item(), rel=1e-4)
+    assert front + behind == pytest.approx(alpha, rel=1e-4)
+    assert (
+        behind
+        < contributions(rasterizer, splats([0.9], [2.001], [0.0]), VIEW, RenderSettings()).item()
+    )
+
+
+def test_what_the_view_does_not_show_makes_up_nothing(rasterizer):
+    found = contributions(
+        rasterizer,
+        splats([0.9, 0.9, 0.0], [2.0, -2.0, 3.0], [50.0, 0.0, 0.0]),
+        VIEW,
+        RenderSettings(),
+    )
+    assert found.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_nothing_is_left_behind_in_the_gradients(rasterizer):
+    one = splats([0.7], [2.0], [0.0])
+    one.opacities.requires_grad_()
+    with torch.no_grad():
+        found = contributions(rasterizer, one, VIEW, RenderSettings(depth=True, absgrad=True))
+    assert found.item() > 0 and not found.requires_grad
+    assert one.opacities.grad is None

@@ -1,0 +1,138 @@
+"""The static set refines on a whole sample, within a limit, and resets keep their place."""
+
+from typing import Any
+
+import pytest
+import torch
+from gsplat.strategy import DefaultStrategy
+from torch import nn
+
+from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.densification import strategy_info
+from desplat_ns.strategy import NEVER, StaticStrategy
+
+VIEW = View(torch.eye(4), torch.eye(3), width=20, height=10)
+
+
+class Scene:
+    """Four Gaussians, wide enough to be split, and a strategy that refines every third step."""
+
+    def __init__(self, **settings: Any):
+        defaults: dict[str, Any] = {
+            "refine_every": 3,
+            "refine_start_iter": 0,
+            "refine_stop_iter": 100,
+            "reset_every": NEVER,
+            "grow_grad2d": 0.5,
+            "prune_scale3d": 100.0,
+            "absgrad": True,
+        }
+        self.strategy = StaticStrategy(**defaults | settings)
+        sizes = {"means": 3, "scales": 3, "quats": 4, "opacities": 1}
+        self.params = nn.ParameterDict(
+            {k: nn.Parameter(torch.ones(4, n)) for k, n in sizes.items()}
+        )
+        self.optimizers: Any = {k: torch.optim.Adam([p]) for k, p in self.params.items()}
+        self.state = self.strategy.initialize_state()
+
+    def step(self, step: int, grad: list[float] | float = 0.0) -> int:
+        """One training step; returns how many Gaussians there are after it."""
+        n = len(self.params["means"])
+        means2d: Any = torch.zeros(1, n, 2)
+        means2d.absgrad = torch.zeros(1, n, 2)
+        means2d.absgrad[0, :, 0] = torch.as_tensor(grad) / 10  # times half the width
+        black = torch.zeros(10, 20, 3)
+        rendering = Rendering(black, black[..., :1], None, means2d, torch.ones(n).int())
+        info = strategy_info(rendering, VIEW)
+        self.strategy.step_post_backward(self.params, self.optimizers, self.state, step, info)
+        return len(self.params["means"])
+
+
+def test_it_refines_by_the_mean_of_a_whole_sample():
+    scene = Scene()
+    counts = [scene.step(step, [0.9, 0.0, 0.0, 0.0]) for step in range(1, 3)]
+    assert counts == [4, 4]
+    assert scene.step(3, [0.0, 0.0, 0.0, 3.0]) == 6  # means 0.6, 0, 0 and 1
+    assert [scene.step(step) for step in range(4, 8)] == [6, 6, 6, 6]  # the sum started anew
+
+
+def test_steps_after_a_reset_are_not_in_the_sample():
+    scene = Scene(reset_every=10, pause_refine_after_reset=4)
+    for step in (8, 9):
+        scene.step(step)
+    for step in (10, 11, 12, 13):  # recovering
+        assert scene.step(step, 100.0) == 4
+    assert scene.step(14, [1.0, 0.0, 0.0, 1.6]) == 5  # a third of it is 0.33 and 0.53
+
+
+@pytest.mark.parametrize("every", [2, 3, 7, 50])
+def test_resets_keep_their_place_whatever_the_interval(every):
+    scene = Scene(reset_every=10, pause_refine_after_reset=4, refine_every=every, prune_opa=0.1)
+    reset = []
+    for step in range(1, 35):
+        with torch.no_grad():
+            scene.params["opacities"].fill_(3.0)
+        scene.step(step)
+        if torch.sigmoid(scene.params["opacities"]).max() < 0.21:
+            reset.append(step)
+    assert reset == [10, 20, 30]
+
+
+def test_with_little_room_the_steepest_grow():
+    scene = Scene(most=6)
+    means = torch.arange(12.0).reshape(4, 3)
+    scene.params["means"].data.copy_(means)
+    scene.params["scales"].data.fill_(-30.0)  # small ones are cloned: clones keep their place
+    for step in (1, 2, 3):
+        count = scene.step(step, [0.6, 0.9, 0.7, 0.0])
+    assert count == 6
+    clones = scene.params["means"][4:]
+    assert torch.equal(clones, means[[1, 2]])
+
+
+@pytest.mark.parametrize("most", [5, 6, 7])
+def test_wide_ones_are_split_only_where_there_is_room_and_after_the_steep(most):
+    scene = Scene(most=most, refine_scale2d_stop_iter=100, grow_scale2d=0.01)
+    widths = torch.tensor([8.0, 7.0, 6.0, 5.5])
+    scene.params["scales"].data.copy_(widths.log()[:, None].expand(4, 3))
+    for step in (1, 2, 3):  # a radius of a pixel is 0.05 of the image: all are wide
+        count = scene.step(step, [0.9, 0.0, 0.1, 0.2])
+    assert count == most
+    left = scene.params["scales"].exp()[:, 0]
+    whole = [bool(torch.isclose(left, width).any()) for width in widths]
+    order = [0, 3, 2, 1]  # by gradient
+    assert [whole[i] for i in order] == [k >= most - 4 for k in range(4)]
+
+
+def test_without_room_nothing_grows_and_pruning_goes_on():
+    scene = Scene(most=2)
+    with torch.no_grad():
+        scene.params["opacities"][2] = -9.0
+    for step in (1, 2, 3):
+        count = scene.step(step, 5.0)
+    assert count == 3
+
+
+@pytest.mark.parametrize(("to_the_end", "left"), [(False, 4), (True, 3)])
+def test_faint_ones_go_after_densification_where_that_is_wanted(to_the_end, left):
+    scene = Scene(refine_stop_iter=10, cull_to_the_end=to_the_end)
+    with torch.no_grad():
+        scene.params["opacities"][2] = -9.0
+    assert scene.step(10, 5.0) == 4
+    assert scene.step(12, 5.0) == left  # a multiple of the interval; nothing grows
+
+
+def test_an_interrupted_sample_goes_on_from_a_checkpoint():
+    whole, first = Scene(), Scene()
+    for step in (1, 2):
+        first.step(step, 0.9)
+    second = Scene()
+    second.state = {k: v for k, v in first.state.items()}
+    assert second.step(3, 0.9) == 8
+    assert [whole.step(step, 0.9) for step in (1, 2, 3)] == [4, 4, 8]
+
+
+def test_it_takes_over_what_upstream_was_told():
+    upstream = DefaultStrategy(prune_opa=0.3, absgrad=True, reset_every=70)
+    ours = StaticStrategy.in_place_of(upstream, reset_every=7, most=9)
+    assert (ours.prune_opa, ours.absgrad, ours.reset_every, ours.most) == (0.3, True, 7, 9)
