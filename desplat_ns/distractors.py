@@ -72,10 +72,10 @@ class DistractorConfig:
     learned as well, and its residual is gone."""
     stop_densify_at: int = 15000
     """Step at which distractors are no longer cloned, split or pruned. B.3."""
-    refine_every: int = 100
+    refine_every: int = 1
     """Steps after which each view's distractors are cloned, split and pruned, when they are next
-    seen. As the static set's, not shrunk; never less than that."""
-    refine_visits: int = 1
+    seen; at least the static set's interval."""
+    refine_visits: int = 0
     """Visits of each view that they settle for in between, at least."""
     max_refinements: int = 0
     """Of a view's distractors in a run, at most, however long it is; 0 for any number."""
@@ -189,7 +189,7 @@ def _check(config: DistractorConfig) -> None:
         ("max-warmup-visits", config.max_warmup_visits, config.max_warmup_visits >= 0, "0 or more"),
         ("settled-share", config.settled_share, 0 < config.settled_share <= 1, "in (0, 1]"),
         ("refine-every", config.refine_every, config.refine_every >= 1, "1 or more"),
-        ("refine-visits", config.refine_visits, config.refine_visits >= 1, "1 or more"),
+        ("refine-visits", config.refine_visits, config.refine_visits >= 0, "0 or more"),
         ("max-refinements", config.max_refinements, config.max_refinements >= 0, "0 or more"),
         ("grow-grad", config.grow_grad, config.grow_grad >= 0, "0 or more"),
         ("min-pixels", config.min_pixels, config.min_pixels >= 0, "0 or more"),

@@ -99,8 +99,12 @@ def photo_tourism_model(background: bool) -> DeSplatModelConfig:
     """B.3, Photo Tourism: with the background model, or with appearance alone (DeSplat-A)."""
     return DeSplatModelConfig(
         effects=EffectsConfig(appearance="affine", background=background),
-        distractors=DistractorConfig(lambda_d=0.01, lambda_s=0.0 if background else 0.01),
+        distractors=DistractorConfig(
+            lambda_d=0.01, lambda_s=0.0 if background else 0.01, cull_to_the_end=True
+        ),
         background=BackgroundConfig(lambda_bg=0.15 if background else 0.0),
+        refine_every=100,
+        continue_cull_post_densification=True,
     )
 
 
@@ -139,7 +143,7 @@ def _method(
 desplat = _method(
     "desplat",
     "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU.",
-    DeSplatModelConfig(distractors=separating_distractors(), gaussians_per_pixel=0.025),
+    DeSplatModelConfig(distractors=separating_distractors(), gaussians_per_pixel=0.05),
     NerfstudioDataParserConfig(load_3D_points=True),
 )
 
@@ -147,7 +151,9 @@ desplat_paper = _method(
     "desplat-paper",
     "DeSplat with the settings of the paper (App. B.3) to the letter, to compare with.",
     DeSplatModelConfig(
-        distractors=DistractorConfig(cull_to_the_end=True), continue_cull_post_densification=True
+        distractors=DistractorConfig(cull_to_the_end=True),
+        refine_every=100,
+        continue_cull_post_densification=True,
     ),
     NerfstudioDataParserConfig(load_3D_points=True),
 )

@@ -38,7 +38,6 @@ class DeSplatModel(StaticModel):
     def populate_modules(self) -> None:
         """The static scene, and distractors in front of every training camera."""
         super().populate_modules()
-        self.config = self.config.for_views(self.num_train_data)
         self.distractors = None
         self.layer_control = LayerControl(0)
         self.names: list[str] = self.kwargs.get("metadata", {}).get("train_image_names", [])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -11,6 +12,7 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from desplat_ns.backend import BackendName
 from desplat_ns.distractors import DistractorConfig
 from desplat_ns.effects import EffectsConfig
+from desplat_ns.errors import ConfigError
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.schedules import scaled_steps
 from desplat_ns.strategy import NEVER
@@ -24,9 +26,9 @@ STATIC_STEPS = (
 )
 """Splatfacto's settings that are numbers of steps."""
 
-RESET_UNIT = 100
-"""Steps. Splatfacto counts its resets in refinements of this many steps; ours keep their place
-whatever the interval between refinements."""
+SPLATFACTOS_INTERVAL = 100
+"""Steps. Splatfacto counts its resets in refinements of this many steps, and lets the scene recover
+from one for as long (and a round of the views); ours do so whatever the interval."""
 
 DISTRACTOR_STEPS = (
     "static_warmup",
@@ -65,6 +67,13 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     """Factor on every number of steps; by default max-num-iterations over the method's own number,
     at most 1."""
 
+    refine_every: int = 0
+    """Steps between two refinements of the static set, at most; 0 for no bound. Splatfacto has 100,
+    in runs of any length."""
+    refinements: int = 12
+    """Refinements that a run has time for, however long it is: they are as many steps apart as
+    `stop_split_at` has by this number, and at least a round of the views. See docs/separation.md,
+    "How often, and how many"."""
     gaussians_per_pixel: float = 0.0
     """Static Gaussians at most, per pixel of all training photos together: more than the photos can
     hold in place become floaters. 0 for no limit, as in the paper. A capture that starts with more
@@ -74,10 +83,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     was written (nerfstudio 1.1.4)."""
 
     def scaled(self) -> DeSplatModelConfig:
-        """A copy whose numbers of steps are shrunk by `schedule_scale`.
-
-        `refine_every` is none of them: it is the size of a sample (strategy.py).
-        """
+        """A copy whose numbers of steps are shrunk by `schedule_scale`."""
         scale = self.schedule_scale or 1.0
         distractors = _scaled(self.distractors, DISTRACTOR_STEPS, scale)
         return replace(
@@ -87,9 +93,31 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         )
 
     def for_views(self, num_views: int) -> DeSplatModelConfig:
-        """A copy whose distractors suit the number of training views. Call it on what `scaled`
-        gave."""
-        return replace(self, distractors=self.distractors.for_views(num_views, self.refine_every))
+        """A copy whose intervals suit the number of training views. Call it on what `scaled` gave.
+
+        Between two refinements gradients are sampled, over every view once at least: over fewer
+        they are mostly noise.
+
+        Raises:
+            ConfigError: a setting lies outside its range.
+        """
+        self._check()
+        every = max(num_views, math.ceil(self.stop_split_at / self.refinements))
+        if self.refine_every > 0:
+            every = min(every, self.refine_every)
+        distractors = self.distractors.for_views(num_views, every)
+        return replace(self, refine_every=every, distractors=distractors)
+
+    def _check(self) -> None:
+        for name, value, least in (
+            ("refine-every", self.refine_every, 0),
+            ("refinements", self.refinements, 1),
+            ("gaussians-per-pixel", self.gaussians_per_pixel, 0),
+        ):
+            if not value >= least:
+                raise ConfigError(
+                    f"`--pipeline.model.{name}` is {value}; it has to be {least} or more."
+                )
 
     def downscale_factor(self, step: int) -> int:
         """By how much photos are smaller at a step: 2^num_downscales at first, halved every
@@ -111,15 +139,16 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     @property
     def reset_every(self) -> int:
         """Steps from one reset of the static opacities to the next."""
-        return scaled_steps(self.reset_alpha_every * RESET_UNIT, self.schedule_scale or 1.0)
+        steps = self.reset_alpha_every * SPLATFACTOS_INTERVAL
+        return scaled_steps(steps, self.schedule_scale or 1.0)
 
     def pause_after_reset(self, num_views: int) -> int:
         """Steps after a reset in which the scene recovers and nothing is sampled for refinement.
 
-        Splatfacto's rule, a round of the views and one interval, but half the time to the next
-        reset at most.
+        Splatfacto's rule, a round of the views and one of its intervals, but half the time to the
+        next reset at most.
         """
-        return min(num_views + self.refine_every, self.reset_every // 2)
+        return min(num_views + SPLATFACTOS_INTERVAL, self.reset_every // 2)
 
     def most_gaussians(self, pixels: int) -> int:
         """Static Gaussians beyond which the set does not grow.

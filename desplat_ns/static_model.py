@@ -49,6 +49,7 @@ class StaticModel(SplatfactoModel):
         """Static Gaussians at the 3D points, and what the effects need."""
         if not self.config.random_init:
             check_seed_points(self.seed_points)
+        self.config = self.config.for_views(self.num_train_data)
         with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
         clamp_seed_scales(self.gauss_params)

@@ -7,6 +7,7 @@ import pytest
 
 from desplat_ns.distractors import DistractorConfig
 from desplat_ns.effects import EffectsConfig
+from desplat_ns.errors import ConfigError
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.strategy import NEVER
 
@@ -21,7 +22,7 @@ def run_of(steps: int, views: int, **options: Any) -> DeSplatModelConfig:
     return whole.scaled().for_views(views)
 
 
-def test_schedules_shrink_with_a_run_and_samples_do_not():
+def test_schedules_shrink_with_a_run():
     config = run_of(3000, 100, distractors=DistractorConfig(static_warmup=5000))
     assert config.warmup_length == 50
     assert config.resolution_schedule == 300
@@ -30,7 +31,37 @@ def test_schedules_shrink_with_a_run_and_samples_do_not():
     assert config.stop_split_at == 1500
     assert config.distractors.stop_densify_at == 1500
     assert config.distractors.static_warmup == 500
-    assert config.refine_every == config.distractors.refine_every == 100
+
+
+@pytest.mark.parametrize(
+    ("steps", "views", "every"),
+    [
+        (1000, 8, 42),  # a twelfth of 500
+        (1000, 60, 60),  # a round
+        (3000, 60, 125),
+        (30000, 40, 1250),
+        (30000, 1700, 1700),
+        (60000, 40, 1250),
+    ],
+)
+def test_a_refinement_has_a_round_of_the_views_and_a_twelfth_of_the_time(steps, views, every):
+    assert run_of(steps, views).refine_every == every
+
+
+def test_refine_every_is_a_bound():
+    assert run_of(30000, 400, refine_every=100).refine_every == 100  # the paper's
+    assert run_of(1000, 8, refine_every=100).refine_every == 42
+    assert run_of(3000, 40, refine_every=5).refine_every == 5
+    assert run_of(3000, 40, refinements=3).refine_every == 500
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("refine_every", -1), ("refinements", 0), ("gaussians_per_pixel", -0.1)],
+)
+def test_settings_that_cannot_be_are_refused(option, value):
+    with pytest.raises(ConfigError, match=option.replace("_", "-")):
+        run_of(3000, 40, **{option: value})
 
 
 @pytest.mark.parametrize("every", [10, 100, 1000])
@@ -58,7 +89,8 @@ def test_the_capture_says_how_many_gaussians_it_can_hold():
 @pytest.mark.parametrize(
     ("steps", "views", "every"),
     [
-        (1000, 8, 100),  # as the static set
+        (1000, 8, 48),  # eight refinements from step 120 to 500
+        (1000, 60, 300),  # five visits
         (3000, 40, 200),  # five visits
         (30000, 40, 1800),  # eight refinements in 14,400 steps
         (30000, 400, 2000),
@@ -68,11 +100,10 @@ def test_distractors_settle_between_refinements_and_their_number_is_bounded(step
     assert run_of(steps, views, distractors=SEPARATING).distractors.refine_every == every
 
 
-def test_the_papers_distractors_are_refined_as_often_as_the_static_set():
-    for steps in (1000, 30000):
-        config = run_of(steps, 40)
-        assert config.distractors.refine_every == config.refine_every == 100
-        assert run_of(steps, 40, refine_every=300).distractors.refine_every == 300
+@pytest.mark.parametrize(("steps", "every"), [(1000, 42), (3000, 100), (30000, 100)])
+def test_the_papers_distractors_are_refined_as_often_as_its_static_set(steps, every):
+    config = run_of(steps, 40, refine_every=100)
+    assert config.distractors.refine_every == config.refine_every == every
 
 
 def test_photos_have_half_their_size_by_the_middle_of_the_warm_up():

@@ -85,7 +85,7 @@ def _distractors(config: DistractorConfig) -> Any:
 def _run(config: Any) -> Any:
     trainer = config.setup()
     model = trainer.config.pipeline.model
-    return [model.schedule_scale, float(model.scaled().refine_every)]
+    return [model.schedule_scale, float(model.scaled().for_views(3).refine_every)]
 
 
 def _decay(config: ScaledExponentialDecaySchedulerConfig) -> Any:
