@@ -1,6 +1,6 @@
 """The registered methods: `desplat-paper` has the numbers of App. B.3 and Splatfacto's and nothing
 else, `desplat-phototourism` and `-a` those of B.3's Photo Tourism; `desplat` changes what
-`separating_distractors` lists."""
+`separating_distractors` lists and refines seldom."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ desplat = _method(
 
 desplat_paper = _method(
     "desplat-paper",
-    "DeSplat with the settings of the paper (App. B.3) to the letter, to compare with.",
+    "DeSplat with the settings of the paper (App. B.3), to compare with.",
     DeSplatModelConfig(
         distractors=DistractorConfig(cull_to_the_end=True),
         refine_every=100,

@@ -70,7 +70,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     refine_every: int = 0
     """Steps between two refinements of the static set, at most; 0 for no bound. Splatfacto has 100,
     in runs of any length."""
-    refinements: int = 12
+    refinements: int = 15
     """Refinements that a run has time for, however long it is: they are as many steps apart as
     `stop_split_at` has by this number, and at least a round of the views. See docs/separation.md,
     "How often, and how many"."""

@@ -42,7 +42,7 @@ class StaticStrategy(DefaultStrategy):
 
     It refines when `refine_every` steps were sampled. The `pause_refine_after_reset` steps after a
     reset of the opacities, in which the scene recovers, are not sampled; so the sample is the same
-    however close resets are.
+    however close resets are. (gsplat 1.5.3 never resets: `0 & step > 0` in its condition.)
     """
 
     most: int = NEVER

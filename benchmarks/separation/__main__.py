@@ -50,13 +50,13 @@ def wanted_runs(patterns: list[str], known: dict[str, dict[str, Any]]) -> list[R
 def measure(run: Run, folder: Path) -> bool:
     """Do one run and keep its figures; False where it failed, which is said."""
     try:
-        results, seconds = execute(run, folder)
+        results = execute(run, folder)
     except DeSplatError as error:
         print(f"{run.name}: {error}", file=sys.stderr, flush=True)
         return False
     with _lock:
-        records.add(run, results, seconds)
-    print(f"{run.name}: {results['psnr']:.2f} dB, {seconds:.0f} s", flush=True)
+        records.add(run, results)
+    print(f"{run.name}: {results['psnr']:.2f} dB, {results['train_seconds']:.0f} s", flush=True)
     return True
 
 
@@ -73,7 +73,7 @@ def main() -> int:
         chosen.output.mkdir(parents=True, exist_ok=True)
         with ThreadPoolExecutor(chosen.jobs) as pool:
             done = list(pool.map(lambda run: measure(run, chosen.output), missing))
-    print(f"written: {write_report(records.load())}")
+    print(f"written: {write_report(records.load(), records.load(records.BEFORE))}")
     return 0 if all(done) else 1
 
 

@@ -1,10 +1,9 @@
-"""Train and evaluate one run through nerfstudio's commands, one thread each."""
+"""Train and evaluate one run in a process of its own, one thread each."""
 
 from __future__ import annotations
 
 import json
 import os
-import time
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -12,9 +11,9 @@ from typing import Any
 from benchmarks.commands import QUIET, made, run_command
 from benchmarks.separation.baselines import METHODS
 from benchmarks.separation.hard_cases import make_case
-from benchmarks.separation.runs import SCENES, SETTINGS, Run
+from benchmarks.separation.runs import CLEAN, SCENES, SETTINGS, Run
 from desplat_ns.errors import DeSplatError
-from desplat_ns.synthetic import SceneSpec, write_scene
+from desplat_ns.synthetic import write_scene
 
 _writing = Lock()
 
@@ -27,8 +26,9 @@ def data_of(run: Run, folder: Path) -> Path:
     """
     scene = SCENES[run.scene]
     with _writing:
-        if scene.folder is None:
-            return made(folder / "yard", lambda path: write_scene(SceneSpec(), path))
+        if scene.spec is not None:
+            spec, name = scene.spec, run.scene.removesuffix(CLEAN)
+            return made(folder / name, lambda path: write_scene(spec, path))
         data = Path(os.environ.get("DESPLAT_NS_DATA", "")) / scene.folder
         if not data.is_dir():
             raise DeSplatError(
@@ -41,23 +41,19 @@ def data_of(run: Run, folder: Path) -> Path:
         return made(folder / case, lambda path: make_case(case, data.resolve(), path))
 
 
-def execute(run: Run, folder: Path) -> tuple[dict[str, Any], float]:
-    """Results of `ns-eval` and the seconds that training took.
+def execute(run: Run, folder: Path) -> dict[str, Any]:
+    """What `train_and_score` gives.
 
     Raises:
-        DeSplatError: one of the commands failed; the message names its log.
+        DeSplatError: it failed; the message names its log.
     """
     setting, scene = SETTINGS[run.setting], SCENES[run.scene]
-    output, metrics = folder / run.name, folder / run.name / "metrics.json"
+    output, results = folder / run.name, folder / run.name / "results.json"
     output.mkdir(parents=True, exist_ok=True)
-    train: list[object] = ["ns-train", setting.method, "--data", data_of(run, folder)]
+    train: list[object] = [setting.method, "--data", data_of(run, folder)]
     train += ["--max-num-iterations", run.steps, "--machine.seed", run.seed]
     train += ["--output-dir", output, *QUIET, *setting.options, *scene.parser]
     train += ["--downscale-factor", run.downscale] if run.downscale > 1 else []
-    started = time.perf_counter()
-    run_command(train, output / "train.log", NERFSTUDIO_METHOD_CONFIGS=METHODS)
-    seconds = time.perf_counter() - started
-    config = output / "x" / setting.method / "run" / "config.yml"
-    evaluate: list[object] = ["ns-eval", "--load-config", config, "--output-path", metrics]
-    run_command(evaluate, output / "eval.log", NERFSTUDIO_METHOD_CONFIGS=METHODS)
-    return json.loads(metrics.read_text())["results"], seconds
+    command = ["python", "-m", "benchmarks.separation.train_and_score", results, *train]
+    run_command(command, output / "run.log", NERFSTUDIO_METHOD_CONFIGS=METHODS)
+    return json.loads(results.read_text())

@@ -10,13 +10,16 @@ from typing import Any
 
 from benchmarks.machine import CHECKOUT
 from benchmarks.separation import one_pixel
-from benchmarks.separation.runs import ABLATIONS, HARD, SEEDS, SETTINGS, Run
+from benchmarks.separation.runs import ABLATIONS, CLEAN, HARD, OTHERS, SEEDS, SETTINGS, Run
 from benchmarks.tables import table
 
 TEMPLATE = Path(__file__).with_name("separation.md.template")
 FOLDER = CHECKOUT / "docs"
 REPORT, FIGURE = "separation.md", "separation.png"
 NOT_YET = "not measured"
+
+NUMBERS_S, NUMBERS_D = 59, 14
+"""Numbers in which a static Gaussian (degree 3) and a distractor are stored."""
 
 Records = dict[str, dict[str, Any]]
 
@@ -125,21 +128,64 @@ def hard_table(figures: Figures, steps: int) -> str:
     return table(head, rows) if rows else f"*{NOT_YET} yet*"
 
 
-def write_report(records: Records, folder: Path = FOLDER) -> Path:
-    """Fill in the template; returns where the document is."""
-    figures = Figures(records)
+def changes_table(before: Figures, now: Figures, steps: int) -> str:
+    """For each capture a row with refinement as it was, and one with refinement as it is."""
+    rows = []
+    for scene, downscale in (("clutter", 2), *((s, 2 if s == "around" else 1) for s in OTHERS)):
+        clean = "clean" if scene == "clutter" else scene + CLEAN
+        for name, figures in (("before", before), ("now", now)):
+            row = _of_capture(figures, scene, clean, downscale, steps)
+            if any(row):
+                rows.append([scene, name, *row])
+    head = ["capture", "", "off", "`desplat`", "clean twins", "SSIM", "IoU", "alpha outside"]
+    head += ["training, s", "static", "distractors", "memory ratio"]
+    return table(head, rows) if rows else f"*{NOT_YET} yet*"
+
+
+def _of_capture(figures: Figures, scene: str, clean: str, downscale: int, steps: int) -> list[str]:
+    """Cells of `changes_table`: PSNR of three settings, the rest of `desplat`."""
+    off, ours, twins = (("off", scene), ("desplat", scene), ("off", clean))
+    cells = [figures.cell((*run, downscale, steps), "psnr", ".2f") for run in (off, ours, twins)]
+    run = (*ours, downscale, steps)
+    for figure, form in (
+        ("ssim", ".3f"),
+        ("mask_iou", ".2f"),
+        ("alpha_outside_masks", ".3f"),
+        ("train_seconds", ".0f"),
+        ("num_static_gaussians", ",.0f"),
+        ("num_distractor_gaussians", ",.0f"),
+    ):
+        cells.append(figures.cell(run, figure, form))
+    counts = (
+        figures.by_seed(run, name) for name in ("num_distractor_gaussians", "num_static_gaussians")
+    )
+    distractors, static = counts
+    ratios = [distractors[s] * NUMBERS_D / (static[s] * NUMBERS_S) for s in static]
+    return [*cells, spread(ratios, ".2f")]
+
+
+def write_report(records: Records, before: Records, folder: Path = FOLDER) -> Path:
+    """Fill in the template; returns where the document is.
+
+    Args:
+        before: those of `records.BEFORE`.
+    """
+    figures, old = Figures(records), Figures(before)
     main = "off trimmed paper desplat truth"
 
     def filled(match: re.Match[str]) -> str:
-        settings, scene, clean, downscale, steps = match[1].split("/")
+        settings, scene, clean, downscale, steps, *which = match[1].split("/")
         chosen = {"main": main, "ablations": f"desplat {ABLATIONS}", "short": "off desplat"}
-        return scene_table(figures, chosen[settings], scene, clean, int(downscale), int(steps))
+        source = old if which == ["before"] else figures
+        return scene_table(source, chosen[settings], scene, clean, int(downscale), int(steps))
 
     text = re.sub(r"\{\{table ([^}]*)\}\}", filled, TEMPLATE.read_text())
     text = Template(text).substitute(
         still=still_table(figures),
-        hard_1000=hard_table(figures, 1000),
-        hard_3000=hard_table(figures, 3000),
+        still_before=still_table(old),
+        hard_1000=hard_table(old, 1000),
+        hard_3000=hard_table(old, 3000),
+        **{f"changes_{steps}": changes_table(old, figures, steps) for steps in (1000, 3000, 7000)},
     )
     path = folder / REPORT
     path.write_text(text)

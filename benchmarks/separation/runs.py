@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from desplat_ns.synthetic import SceneSpec
+
 DISTRACTORS = "--pipeline.model.distractors"
 OFF = ("--pipeline.model.effects.distractors", "False")
 
@@ -40,26 +42,46 @@ HARD = ("white", "black", "large", "small", "recurring")
 """One kind of difficult occluder each."""
 
 
+CLEAN = "-clean"
+"""Ends the names of scenes without what is in the way: the same photos, taken before it came."""
+
+CLUTTERED = ("robustnerf-data",)
+TWINS = (*CLUTTERED, "--train-split-clean-clutter-ratio", "0")
+
+YARDS = (8, 16, 24, 40, 60)
+"""Views of the small generated scenes, which differ in nothing else."""
+
+
 @dataclass(frozen=True)
 class Scene:
     """A capture and how to read it."""
 
-    folder: str | None
-    """In DESPLAT_NS_DATA; None for the scene that `desplat_ns.synthetic` generates."""
     parser: tuple[str, ...]
+    folder: str = ""
+    """In DESPLAT_NS_DATA."""
+    spec: SceneSpec | None = None
+    """Of a generated scene instead."""
     case: str | None = None
     """Of `hard_cases`, whose occluders take the place of the folder's."""
 
 
+def _yard(views: int) -> SceneSpec:
+    return SceneSpec(num_views=views, num_extras=8, width=192, height=128, seed=7)
+
+
 SCENES = {
-    "clutter": Scene("fox_cluttered", ("robustnerf-data",)),
-    "clean": Scene("fox_cluttered", ("robustnerf-data", "--train-split-clean-clutter-ratio", "0")),
-    "still": Scene("fox", ("colmap",)),
-    "yard": Scene(None, ("robustnerf-data",)),
-    "yard-clean": Scene(None, ("robustnerf-data", "--train-split-clean-clutter-ratio", "0")),
-    **{name: Scene("fox_cluttered", ("robustnerf-data",), name) for name in HARD},
+    "clutter": Scene(CLUTTERED, "fox_cluttered"),
+    "clean": Scene(TWINS, "fox_cluttered"),
+    "around": Scene(CLUTTERED, "monstree_cluttered"),
+    "around-clean": Scene(TWINS, "monstree_cluttered"),
+    "still": Scene(("colmap",), "fox"),
+    "yard": Scene(CLUTTERED, spec=SceneSpec()),
+    "yard-clean": Scene(TWINS, spec=SceneSpec()),
+    **{f"yard{n}": Scene(CLUTTERED, spec=_yard(n)) for n in YARDS},
+    **{f"yard{n}-clean": Scene(TWINS, spec=_yard(n)) for n in YARDS},
+    **{name: Scene(CLUTTERED, "fox_cluttered", case=name) for name in HARD},
 }
-"""By name. In `still` nothing moves; `yard` is the generated scene, on which nothing was chosen."""
+"""By name. In `still` nothing moves; `yard` is the demo's generated scene."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +109,17 @@ def _runs(settings: str, scenes: str, downscale: int, steps: int, seeds: int) ->
                 yield Run(setting, scene, downscale, steps, seed)
 
 
+OTHERS = ("around", *(f"yard{n}" for n in YARDS))
 ABLATIONS = "no-warmup shared-loss everywhere lambda-paper"
+
+
+def _of_others(steps: int, seeds: int) -> Iterator[Run]:
+    for scene in OTHERS:
+        downscale = 2 if scene == "around" else 1
+        yield from _runs("off desplat", scene, downscale, steps, seeds)
+        yield from _runs("off", scene + CLEAN, downscale, steps, seeds)
+
+
 _WANTED = (
     *_runs("off desplat paper trimmed truth", "clutter", 2, 1000, 3),
     *_runs("off", "clean", 2, 1000, 3),
@@ -95,6 +127,11 @@ _WANTED = (
     *_runs("off desplat paper trimmed truth", "clutter", 2, 3000, 3),
     *_runs("off", "clean", 2, 3000, 3),
     *_runs("off desplat", "still", 2, 3000, 3),
+    *_of_others(1000, 3),
+    *_of_others(3000, 3),
+    *_of_others(7000, 1),
+    *_runs("off desplat", "clutter", 2, 7000, 1),
+    *_runs("off", "clean", 2, 7000, 1),
     *_runs("off desplat", "yard", 1, 1000, 3),
     *_runs("off", "yard-clean", 1, 1000, 3),
     *_runs(ABLATIONS, "clutter", 2, 1000, 1),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.commands import QUIET, run_command
 from benchmarks.separation import one_pixel, records, report
 from benchmarks.separation.baselines import TRIMMED_SHARE, _trimmed, by_residual, by_truth
 from benchmarks.separation.hard_cases import CASES, RECURRING, make_case
@@ -42,7 +43,7 @@ RESULTS = {"psnr": 26.0, "ssim": 0.9, "num_static_gaussians": 5, "num_distractor
 def test_a_run_is_done_once_it_is_recorded_with_the_options_of_today(tmp_path, monkeypatch):
     run, path = PLAN[0], tmp_path / "records.json"
     assert not records.is_done(run, records.load(path))
-    records.add(run, RESULTS | {"something": "else"}, 12.34, path)
+    records.add(run, RESULTS | {"something": "else", "train_seconds": 12.34}, path)
     found = records.load(path)
     assert records.is_done(run, found)
     assert found[run.name]["train_seconds"] == 12.3
@@ -50,6 +51,20 @@ def test_a_run_is_done_once_it_is_recorded_with_the_options_of_today(tmp_path, m
     changed = argparse.Namespace(options=("--other", "1"))
     monkeypatch.setitem(SETTINGS, run.setting, changed)
     assert not records.is_done(run, found)
+
+
+@pytest.mark.slow
+def test_a_run_is_trained_and_scored_as_by_nerfstudios_commands(tiny_scene, tmp_path):
+    target = tmp_path / "results.json"
+    line = ["python", "-m", "benchmarks.separation.train_and_score", target, "desplat"]
+    line += ["--data", tiny_scene.folder, "--max-num-iterations", "3", "--output-dir", tmp_path]
+    line += [*QUIET, "--pipeline.model.num-downscales", "0", "robustnerf-data"]
+    run_command(line, tmp_path / "log")
+    results = json.loads(target.read_text())
+    assert results["num_images"] == 2 and results["num_masks"] == 6
+    assert set(records.FIGURES) <= set(results)
+    assert results["train_seconds"] > 0
+    assert (tmp_path / "x" / "desplat" / "run" / "nerfstudio_models").is_dir()
 
 
 def fake(values: dict[tuple[str, str], list[float]]) -> dict[str, dict[str, Any]]:
@@ -89,17 +104,26 @@ def test_a_seed_that_is_missing_in_one_run_is_left_out_of_the_gap():
     assert gaps == pytest.approx([0.5, 0.3])
 
 
+def test_captures_stand_with_what_they_were_above_what_they_are():
+    before = report.Figures(fake({("off", "clutter"): [20.0], ("desplat", "clutter"): [25.0]}))
+    now = report.Figures(fake({("desplat", "clutter"): [26.0], ("off", "clean"): [30.0]}))
+    first, second = report.changes_table(before, now, 1000).splitlines()[2:]
+    assert first.startswith("| clutter | before | 20.00 | 25.00 |  |")
+    assert second.startswith("| clutter | now |  | 26.00 | 30.00 |")
+    assert second.endswith(f"| {7 * 14 / (5 * 59):.2f} |")
+
+
 def test_a_report_can_be_written_at_any_time(tmp_path, monkeypatch):
     monkeypatch.setattr(one_pixel, "draw", lambda path: path.touch())
-    text = report.write_report({}, tmp_path).read_text()
+    text = report.write_report({}, {}, tmp_path).read_text()
     assert report.NOT_YET in text
     assert "{{" not in text and "$" not in text
 
 
 def test_the_committed_document_is_that_of_the_committed_records(tmp_path, monkeypatch):
     monkeypatch.setattr(one_pixel, "draw", lambda path: path.touch())
-    found = json.loads(records.FILE.read_text())
-    again = report.write_report(found, tmp_path).read_text()
+    found, before = (json.loads(path.read_text()) for path in (records.FILE, records.BEFORE))
+    again = report.write_report(found, before, tmp_path).read_text()
     assert again == (report.FOLDER / report.REPORT).read_text()
 
 
