@@ -103,7 +103,7 @@ class DistractorDensifier:
         if not due:
             return
         self.rounds[view] = self._round(step)
-        if config.min_pixels > 0 and densifying:
+        if config.min_pixels > 0:
             seen = pixels_of(params) >= config.min_pixels
             none = {name: value.data[:0] for name, value in params.items()}
             self.exchange(distractors, view, optimizers, seen, none)

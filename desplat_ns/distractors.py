@@ -87,7 +87,7 @@ class DistractorConfig:
     """Distractors that make up less of the image are pruned, in pixels (`contributions`): where
     opacity costs nothing, none gets faint. 0 for none."""
     cull_to_the_end: bool = False
-    """Prune faint distractors after `stop_densify_at` as well."""
+    """Prune distractors after `stop_densify_at` as well."""
     cull_alpha_thresh: float = 0.1
     """Distractors with less opacity are pruned. Splatfacto's threshold."""
     initial_opacity: float = 0.1

@@ -90,8 +90,9 @@ def separating_distractors() -> DistractorConfig:
         clearance=0.5,
         refine_visits=5,
         max_refinements=8,
-        grow_grad=3.0,
+        grow_grad=6.0,
         min_pixels=1.0,
+        cull_to_the_end=True,
     )
 
 
