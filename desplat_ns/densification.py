@@ -20,7 +20,7 @@ from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.distractors import PARAMETER_NAMES, DistractorConfig, DistractorGaussians
-from desplat_ns.strategy import refine
+from desplat_ns.strategy import prune, refine
 
 RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) >= (1, 5)
 """gsplat 1.5 gives radii as [C, N, 2], 1.4 as [C, N]; each one's strategy takes only its own."""
@@ -92,29 +92,48 @@ class DistractorDensifier:
             info: of the rendering of this view's distractors in this step.
             pixels_of: gives the contribution of each, in pixels; called only where it is needed.
         """
-        config, params = self.config, distractors.params_of(view)
-        densifying = step < config.stop_densify_at
-        if step <= self.start or not (densifying or config.cull_to_the_end):
+        densifying = step < self.config.stop_densify_at
+        if step <= self.start or not (densifying or self.config.cull_to_the_end):
             return
-        state = self.running[view]
         if densifying:
-            self._sample(params, state, info)
-        due = self._round(step) > self.rounds[view]
-        if not due:
+            self._sample(distractors.params_of(view), self.running[view], info)
+        if self._round(step) > self.rounds[view]:
+            self.rounds[view] = self._round(step)
+            self._prune_the_small(distractors, view, optimizers, pixels_of)
+            self._refine(distractors.params_of(view), view, optimizers, densifying)
+
+    def _prune_the_small(
+        self,
+        distractors: DistractorGaussians,
+        view: int,
+        optimizers: dict[str, Optimizer],
+        pixels_of: Callable[[nn.ParameterDict], Float[Tensor, " N"]],
+    ) -> None:
+        """Remove distractors that make up less than `min_pixels`."""
+        if self.config.min_pixels <= 0:
             return
-        self.rounds[view] = self._round(step)
-        if config.min_pixels > 0:
-            seen = pixels_of(params) >= config.min_pixels
-            none = {name: value.data[:0] for name, value in params.items()}
-            self.exchange(distractors, view, optimizers, seen, none)
+        params = distractors.params_of(view)
+        large = pixels_of(params) >= self.config.min_pixels
+        if not bool(large.all()):
+            nothing = {name: value.data[:0] for name, value in params.items()}
+            self.exchange(distractors, view, optimizers, large, nothing)
+
+    def _refine(
+        self,
+        params: nn.ParameterDict,
+        view: int,
+        optimizers: dict[str, Optimizer],
+        densifying: bool,
+    ) -> None:
+        """Clone, split and prune, or only prune."""
         borrowed = {
             name: _OneParameter(optimizers[f"distractor_{name}"], params[name])
             for name in PARAMETER_NAMES
         }
         if densifying:
-            refine(self.strategy, params, borrowed, state)
+            refine(self.strategy, params, borrowed, self.running[view])
         else:
-            self.strategy._prune_gs(params, borrowed, state, 0)  # pyright: ignore[reportArgumentType]
+            prune(self.strategy, params, borrowed, self.running[view])
         for name, one in borrowed.items():
             optimizers[f"distractor_{name}"].param_groups[0]["params"][view] = one.parameter
 

@@ -30,10 +30,21 @@ def refine(
 ) -> None:
     """Clone, split and prune by what `state` has gathered, which then starts anew."""
     strategy._grow_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
-    strategy._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
+    prune(strategy, params, optimizers, state, step)
     for name in ("grad2d", "count", "radii"):
         if state.get(name) is not None:
             state[name].zero_()
+
+
+def prune(
+    strategy: DefaultStrategy,
+    params: nn.ParameterDict,
+    optimizers: Mapping[str, Any],
+    state: dict[str, Any],
+    step: int = 0,
+) -> None:
+    """Remove what is faint, and once `step` is beyond the first reset what is too wide."""
+    strategy._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
 
 
 @dataclass
@@ -78,7 +89,7 @@ class StaticStrategy(DefaultStrategy):
         """
         if step >= self.refine_stop_iter:
             if self.cull_to_the_end and step % self.refine_every == 0:
-                self._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
+                prune(self, params, optimizers, state, step)
             return
         recovering = step >= self.reset_every and (
             step % self.reset_every < self.pause_refine_after_reset

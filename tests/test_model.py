@@ -203,6 +203,21 @@ def test_the_static_opacity_is_reset_and_that_of_distractors_is_not():
     assert (torch.sigmoid(distractors_of(model, 0)["opacities"]) > 0.9).all()
 
 
+def test_distractors_that_the_photo_does_not_show_are_pruned():
+    settings = DistractorConfig(per_view=20, min_pixels=0.05)
+    options: dict[str, Any] = {"warmup_length": 0, "densify_grad_thresh": 1e9}
+    model = make_model(distractors=settings, refine_every=1, **options)
+    with torch.no_grad():
+        distractors_of(model, 0)["opacities"].fill_(2.0)
+        distractors_of(model, 0)["means"][3, 0] += 5.0
+    assert model.distractors is not None
+    trainer = Trainer(model)
+    trainer.step(0)
+    assert model.distractors.count_of(0) == 20  # in the warm-up
+    trainer.step(1)
+    assert model.distractors.count_of(0) == 19
+
+
 def test_a_checkpoint_comes_back_into_the_parameters_that_the_optimizers_hold():
     source = make_model(warmup_length=0, refine_every=1)
     trainer = Trainer(source)
