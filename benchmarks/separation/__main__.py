@@ -56,7 +56,7 @@ def measure(run: Run, folder: Path) -> bool:
         return False
     with _lock:
         records.add(run, results)
-    print(f"{run.name}: {results['psnr']:.2f} dB, {results['train_seconds']:.0f} s", flush=True)
+    print(f"{run.name}: {results['psnr']:.2f} dB, {results['train_cpu_seconds']:.0f} s", flush=True)
     return True
 
 

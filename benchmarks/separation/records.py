@@ -35,7 +35,7 @@ def add(run: Run, results: dict[str, Any], path: Path = FILE) -> None:
     """Put the figures of a run in the file. `results`: of `train_and_score`."""
     records = load(path)
     record: dict[str, Any] = {name: results[name] for name in FIGURES if name in results}
-    record["train_seconds"] = round(results["train_seconds"], 1)
+    record["train_cpu_seconds"] = round(results["train_cpu_seconds"], 1)
     record["options"] = list(SETTINGS[run.setting].options)
     records[run.name] = record
     path.write_text(json.dumps(records, indent=1, sort_keys=True) + "\n")

@@ -138,7 +138,7 @@ def changes_table(before: Figures, now: Figures, steps: int) -> str:
             if any(row):
                 rows.append([scene, name, *row])
     head = ["capture", "", "off", "`desplat`", "clean twins", "SSIM", "IoU", "alpha outside"]
-    head += ["training, s", "static", "distractors", "memory ratio"]
+    head += ["training, CPU s", "static", "distractors", "memory ratio"]
     return table(head, rows) if rows else f"*{NOT_YET} yet*"
 
 
@@ -151,7 +151,7 @@ def _of_capture(figures: Figures, scene: str, clean: str, downscale: int, steps:
         ("ssim", ".3f"),
         ("mask_iou", ".2f"),
         ("alpha_outside_masks", ".3f"),
-        ("train_seconds", ".0f"),
+        ("train_cpu_seconds", ".0f"),
         ("num_static_gaussians", ",.0f"),
         ("num_distractor_gaussians", ",.0f"),
     ):

@@ -43,10 +43,10 @@ RESULTS = {"psnr": 26.0, "ssim": 0.9, "num_static_gaussians": 5, "num_distractor
 def test_a_run_is_done_once_it_is_recorded_with_the_options_of_today(tmp_path, monkeypatch):
     run, path = PLAN[0], tmp_path / "records.json"
     assert not records.is_done(run, records.load(path))
-    records.add(run, RESULTS | {"something": "else", "train_seconds": 12.34}, path)
+    records.add(run, RESULTS | {"something": "else", "train_cpu_seconds": 12.34}, path)
     found = records.load(path)
     assert records.is_done(run, found)
-    assert found[run.name]["train_seconds"] == 12.3
+    assert found[run.name]["train_cpu_seconds"] == 12.3
     assert "something" not in found[run.name]
     changed = argparse.Namespace(options=("--other", "1"))
     monkeypatch.setitem(SETTINGS, run.setting, changed)
@@ -63,7 +63,7 @@ def test_a_run_is_trained_and_scored_as_by_nerfstudios_commands(tiny_scene, tmp_
     results = json.loads(target.read_text())
     assert results["num_images"] == 2 and results["num_masks"] == 6
     assert set(records.FIGURES) <= set(results)
-    assert results["train_seconds"] > 0
+    assert results["train_cpu_seconds"] > 0
     assert (tmp_path / "x" / "desplat" / "run" / "nerfstudio_models").is_dir()
 
 
