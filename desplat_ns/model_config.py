@@ -138,9 +138,9 @@ class DeSplatModelConfig(SplatfactoModelConfig):
 
     @property
     def reset_every(self) -> int:
-        """Steps from one reset of the static opacities to the next."""
+        """Steps from one reset of the static opacities to the next; none with reset_alpha_every 0."""
         steps = self.reset_alpha_every * SPLATFACTOS_INTERVAL
-        return scaled_steps(steps, self.schedule_scale or 1.0)
+        return scaled_steps(steps, self.schedule_scale or 1.0) if steps > 0 else NEVER
 
     def pause_after_reset(self, num_views: int) -> int:
         """Steps after a reset in which the scene recovers and nothing is sampled for refinement.

@@ -69,6 +69,7 @@ def test_resets_keep_their_place_whatever_the_interval(every):
     for steps, expected in ((1000, 100), (3000, 300), (30000, 3000)):
         assert run_of(steps, 40, refine_every=every).reset_every == expected
     assert run_of(60000, 40).reset_every == 3000
+    assert run_of(3000, 40, reset_alpha_every=0).reset_every == NEVER
 
 
 @pytest.mark.parametrize("steps", [60, 100, 250, 1000, 3000, 30000])
