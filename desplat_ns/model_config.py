@@ -138,7 +138,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
 
     @property
     def reset_every(self) -> int:
-        """Steps from one reset of the static opacities to the next; none with reset_alpha_every 0."""
+        """Steps from one reset of the static opacities to the next; `reset_alpha_every` 0: none."""
         steps = self.reset_alpha_every * SPLATFACTOS_INTERVAL
         return scaled_steps(steps, self.schedule_scale or 1.0) if steps > 0 else NEVER
 
