@@ -72,8 +72,8 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     in runs of any length."""
     refinements: int = 15
     """Refinements that a run has time for, however long it is: they are as many steps apart as
-    `stop_split_at` has by this number, and at least a round of the views. See docs/separation.md,
-    "How often, and how many"."""
+    `stop_split_at` has by this number, and at least half a round of the views. See
+    docs/separation.md, "How often, and how many"."""
     gaussians_per_pixel: float = 0.0
     """Static Gaussians at most, per pixel of all training photos together: more than the photos can
     hold in place become floaters. 0 for no limit, as in the paper. A capture that starts with more
@@ -95,14 +95,14 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     def for_views(self, num_views: int) -> DeSplatModelConfig:
         """A copy whose intervals suit the number of training views. Call it on what `scaled` gave.
 
-        Between two refinements gradients are sampled, over every view once at least: over fewer
+        Between two refinements gradients are sampled, over half of the views at least: over fewer
         they are mostly noise.
 
         Raises:
             ConfigError: a setting lies outside its range.
         """
         self._check()
-        every = max(num_views, math.ceil(self.stop_split_at / self.refinements))
+        every = max(num_views // 2, math.ceil(self.stop_split_at / self.refinements))
         if self.refine_every > 0:
             every = min(every, self.refine_every)
         distractors = self.distractors.for_views(num_views, every)

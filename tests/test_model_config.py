@@ -37,14 +37,15 @@ def test_schedules_shrink_with_a_run():
     ("steps", "views", "every"),
     [
         (1000, 8, 34),  # a fifteenth of 500
-        (1000, 60, 60),  # a round
+        (1000, 60, 34),
+        (1000, 100, 50),  # half a round
         (3000, 60, 100),
         (30000, 40, 1000),
-        (30000, 1700, 1700),
+        (30000, 3000, 1500),
         (60000, 40, 1000),
     ],
 )
-def test_a_refinement_has_a_round_of_the_views_and_a_fifteenth_of_the_time(steps, views, every):
+def test_a_refinement_has_half_a_round_and_a_fifteenth_of_the_time(steps, views, every):
     assert run_of(steps, views).refine_every == every
 
 
@@ -101,7 +102,7 @@ def test_distractors_settle_between_refinements_and_their_number_is_bounded(step
     assert run_of(steps, views, distractors=SEPARATING).distractors.refine_every == every
 
 
-@pytest.mark.parametrize(("steps", "every"), [(1000, 40), (3000, 100), (30000, 100)])
+@pytest.mark.parametrize(("steps", "every"), [(1000, 34), (3000, 100), (30000, 100)])
 def test_the_papers_distractors_are_refined_as_often_as_its_static_set(steps, every):
     config = run_of(steps, 40, refine_every=100)
     assert config.distractors.refine_every == config.refine_every == every
