@@ -1,8 +1,8 @@
-"""Adaptive density control: gsplat's DefaultStrategy for the static scene and for every view's set.
+"""Adaptive density control of the distractors: gsplat's DefaultStrategy, for each view's set.
 
-Distractors differ from the static scene in three ways: their clock is the number of times that
-their own view was seen, their opacity is never reset (App. A), and sizes are measured against the
-depth at which they start instead of against the scene.
+It differs from that of the static scene (`strategy.py`): each view's set is refined when the view
+is next seen after refinement fell due, opacity is never reset (App. A), sizes are measured against
+the depth at which distractors start, and what makes up too little of the photo is pruned.
 """
 
 from __future__ import annotations

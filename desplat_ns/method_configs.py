@@ -105,7 +105,7 @@ def photo_tourism_model(background: bool) -> DeSplatModelConfig:
         ),
         background=BackgroundConfig(lambda_bg=0.15 if background else 0.0),
         refine_every=100,
-        continue_cull_post_densification=True,
+        cull_to_the_end=True,
     )
 
 
@@ -154,7 +154,7 @@ desplat_paper = _method(
     DeSplatModelConfig(
         distractors=DistractorConfig(cull_to_the_end=True),
         refine_every=100,
-        continue_cull_post_densification=True,
+        cull_to_the_end=True,
     ),
     NerfstudioDataParserConfig(load_3D_points=True),
 )

@@ -36,7 +36,7 @@ DISTRACTOR_STEPS = (
     "stop_densify_at",
     "stop_placing_at",
 )
-"""The distractors' settings that are numbers of steps, or of visits."""
+"""The distractors' settings that are numbers of steps."""
 
 
 def _model_class() -> type:
@@ -78,9 +78,9 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     """Static Gaussians at most, per pixel of all training photos together: more than the photos can
     hold in place become floaters. 0 for no limit, as in the paper. A capture that starts with more
     keeps those, but does not grow."""
-    continue_cull_post_densification: bool = False
+    cull_to_the_end: bool = False
     """Prune faint static Gaussians after `stop_split_at` as well. Splatfacto did so when the paper
-    was written (nerfstudio 1.1.4)."""
+    was written (nerfstudio 1.1.4: `continue_cull_post_densification`)."""
 
     def scaled(self) -> DeSplatModelConfig:
         """A copy whose numbers of steps are shrunk by `schedule_scale`."""

@@ -67,7 +67,7 @@ class StaticModel(SplatfactoModel):
             reset_every=config.reset_every,
             pause_refine_after_reset=config.pause_after_reset(self.num_train_data),
             most=config.most_gaussians(pixels),
-            cull_to_the_end=config.continue_cull_post_densification,
+            cull_to_the_end=config.cull_to_the_end,
             verbose=False,
         )
 

@@ -70,7 +70,7 @@ def test_the_model_keeps_splatfactos_numbers():
 def test_the_paper_is_refined_and_culled_like_the_splatfacto_it_was_built_on():
     model = CONFIG.pipeline.model
     assert model.refine_every == 100
-    assert model.continue_cull_post_densification
+    assert model.cull_to_the_end
     assert model.gaussians_per_pixel == 0
     assert model.scaled().for_views(400).distractors.refine_every == 100
     assert model.distractors == DistractorConfig(cull_to_the_end=True)
@@ -84,7 +84,7 @@ def test_the_methods_differ_in_distractors_and_refinement_alone():
         "distractors",
         "refine_every",
         "gaussians_per_pixel",
-        "continue_cull_post_densification",
+        "cull_to_the_end",
     }
     assert ours.optimizers == CONFIG.optimizers
     assert ours.max_num_iterations == CONFIG.max_num_iterations
