@@ -13,18 +13,18 @@ from rich.progress import Progress
 from torch import nn
 
 import desplat_ns
-from desplat_ns.evaluation import (
+from desplat_ns.console import progress_over
+from desplat_ns.data.training_views import image_names
+from desplat_ns.evaluation.records import (
     PACKAGES,
     ScoredImage,
-    Stopwatch,
     gaussian_counts,
-    image_names,
     memory_mb,
     per_image,
-    progress_over,
     summarize,
     versions,
 )
+from desplat_ns.evaluation.stopwatch import Stopwatch
 
 
 def _image(name: str = "a.png", seconds: float = 1.0, **metrics: float) -> ScoredImage:

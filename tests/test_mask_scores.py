@@ -11,9 +11,10 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 from PIL import Image
 
-from desplat_ns.cameras import train_index
+from desplat_ns.data.training_views import train_index
+from desplat_ns.data.true_masks import METADATA_KEY, read_mask
 from desplat_ns.errors import CaptureError
-from desplat_ns.mask_scores import METADATA_KEY, read_mask, score_masks
+from desplat_ns.evaluation.mask_scores import score_masks
 
 WIDTH, HEIGHT = 4, 2
 

@@ -22,7 +22,7 @@ from nerfstudio.engine.schedulers import (
 )
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.schedules import (
+from desplat_ns.training.schedules import (
     ScaledExponentialDecaySchedulerConfig,
     scaled_optimizers,
     scaled_scheduler,

@@ -2,42 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import torch
 from nerfstudio.cameras.cameras import Cameras
-from nerfstudio.utils.rich_utils import CONSOLE
-from rich.markup import escape
 from torch import Tensor
 
+from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CaptureError
-
-LISTED_NAMES = 10
-"""So many names are listed in an error; the rest is counted."""
 
 LARGEST_SIDE = 1 << 16
 """Pixels. No photo has a longer side; a camera that says so is damaged."""
-
-
-def announce(line: str, warning: bool = False) -> None:
-    """Print one line on nerfstudio's console; paths stay whole, brackets in them are kept.
-
-    A console that cannot be written to, such as a log on a full disk, is no reason to stop.
-    """
-    style = "yellow" if warning else None
-    with suppress(OSError):
-        CONSOLE.print(escape(line), style=style, soft_wrap=True, highlight=False)
-
-
-def list_names(names: Iterable[str]) -> str:
-    """`a, b, c and 12 more`: the first names and how many are left."""
-    all_names = list(names)
-    listed = ", ".join(all_names[:LISTED_NAMES])
-    rest = len(all_names) - LISTED_NAMES
-    return f"{listed} and {rest} more" if rest > 0 else listed
 
 
 def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("numba")
-from desplat_ns.backend import numba_runtime
-from desplat_ns.backend.numba_runtime import (
+from desplat_ns.backend.numba_kernels import runtime as numba_runtime
+from desplat_ns.backend.numba_kernels.runtime import (
     fma,
     kernel,
     launching,

@@ -1,0 +1,4 @@
+"""Compiled code by itself: the kernels of the numba backend.
+
+Each module is one piece of work; `runtime` compiles and launches them.
+"""

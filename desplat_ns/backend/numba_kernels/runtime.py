@@ -1,0 +1,221 @@
+"""How kernels are compiled and launched: the cache, threads, and four instructions numba lacks.
+
+- Kernels live at module level, so that numba can cache them on disk (it cannot for closures). Where
+  no cache folder can be written they are compiled anew in each process instead of failing.
+- A process that compiled kernels would go on with others than those it puts into the cache: of the
+  loop that `prange` splits off it takes the copy from before the last optimization, which is slower
+  and rounds differently. So another process compiles them, and every process that works loads them.
+- Numbers that may differ between installations are arguments of the kernels, never globals: a
+  cached kernel would keep the old value.
+- A kernel loops over `num_workers()` workers with `prange`; each takes its next piece of work from
+  a shared counter (`take`), which balances the load where tiles, or cores, are unequal. Which
+  worker does a piece never changes its result, so the same bits come out for any number of threads.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import config as _numba_config
+from numba.extending import intrinsic
+
+numba_config: Any = _numba_config  # its settings are defined at run time, out of sight of checkers
+
+_LAUNCH_LOCK = threading.RLock()
+"""numba's "workqueue" threads abort the process when two Python threads launch kernels at once, and
+nerfstudio's viewer renders from a thread of its own."""
+
+_NEWEST_SOURCE = max(path.stat().st_mtime for path in Path(__file__).parent.glob("*.py"))
+
+_launched: list[Any] = []
+"""The kernels that Python launches; all others are parts of them."""
+
+_is_ready = False
+"""Whether this process has seen to it that its kernels are compiled."""
+
+
+def _prefer_safe_threads() -> None:
+    """Choose tbb, else workqueue, unless the user has chosen.
+
+    numba would take OpenMP before workqueue; GNU OpenMP ends a process that forks after its first
+    parallel region, as data loaders do, and its threads spin beside torch's.
+    """
+    asked = {"NUMBA_THREADING_LAYER", "NUMBA_THREADING_LAYER_PRIORITY"} & os.environ.keys()
+    if not asked and importlib.util.find_spec("tbb") is None:
+        numba_config.THREADING_LAYER_PRIORITY = ["workqueue", "omp", "tbb"]
+
+
+_prefer_safe_threads()
+
+
+def kernel(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """`numba.njit` with the disk cache on where a cache folder can be written, else without."""
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        # Run-time type checkers wrap every function of the package; numba needs the bare one.
+        function = inspect.unwrap(function)
+        common: dict[str, Any] = {"nogil": True, "error_model": "numpy", **options}
+        try:
+            dispatcher = numba.njit(cache=True, **common)(function)
+            _drop_stale(dispatcher)
+        except RuntimeError:  # "cannot cache function ...: no locator available"
+            dispatcher = numba.njit(**common)(function)
+        if options.get("parallel"):
+            _launched.append(dispatcher)
+        return dispatcher
+
+    return decorate
+
+
+def _cached_copies(dispatcher: Any) -> list[Path]:
+    """The files that index what lies in the cache folder for one kernel."""
+    folder = dispatcher.stats.cache_path
+    code = dispatcher.py_func.__code__
+    pattern = f"*.{code.co_name}-{code.co_firstlineno}.*.nbi"
+    return list(Path(folder).glob(pattern)) if folder else []
+
+
+def _drop_stale(dispatcher: Any) -> None:
+    """Remove cached copies older than any file of kernels; numba looks at the kernel's own only."""
+    for copy in _cached_copies(dispatcher):
+        with suppress(OSError):
+            if copy.stat().st_mtime < _NEWEST_SOURCE:
+                copy.unlink()
+
+
+@contextmanager
+def launching() -> Iterator[None]:
+    """Hold the launch lock; the first launch of a process has missing kernels compiled."""
+    with _LAUNCH_LOCK:
+        if not _is_ready:
+            _have_compiled()
+        yield
+
+
+def compile_here() -> None:
+    """Let this process compile what is missing."""
+    global _is_ready
+    _is_ready = True
+
+
+def _have_compiled() -> None:
+    """Have another process put missing kernels into the cache; this one loads them from there.
+
+    Where that fails, or where nothing can be cached, they are compiled here as they are called.
+    """
+    compile_here()
+    if all(_cached_copies(dispatcher) for dispatcher in _launched):
+        return
+    print(
+        "Compiling the numba kernels for this CPU (about half a minute, once) ...",
+        file=sys.stderr,
+        flush=True,
+    )
+    if all(dispatcher.stats.cache_path for dispatcher in _launched) and sys.executable:
+        paths = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONSAFEPATH": "1"}
+        with suppress(OSError):
+            subprocess.run(
+                [sys.executable, "-m", "desplat_ns.backend.compile_kernels"],
+                env={**os.environ, **paths},
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+
+
+def num_workers() -> int:
+    """How many workers a kernel is split into: numba's current number of threads."""
+    return numba.get_num_threads()
+
+
+def new_counter() -> np.ndarray:
+    """A fresh counter for `take`."""
+    return np.zeros(1, np.int64)
+
+
+_scratch = np.empty(0, np.float32)
+
+
+def scratch(size: int) -> np.ndarray:
+    """`size` float32 of any value, from one buffer that every caller gets: use them up within one
+    `launching`. Fresh memory for each step would have to be mapped, page by page, each time."""
+    global _scratch
+    if _scratch.size < size:
+        _scratch = np.empty(size + size // 4, np.float32)
+    return _scratch[:size]
+
+
+def _instruction(function: Callable[..., Any]) -> Any:
+    return intrinsic(inspect.unwrap(function))
+
+
+@_instruction
+def fma(typingctx, a, b, c):
+    """a * b + c, rounded once. Spelled out so that forward and backward round alike."""
+
+    def codegen(context, builder, signature, args):
+        return builder.fma(*args)
+
+    return types.float32(types.float32, types.float32, types.float32), codegen
+
+
+@_instruction
+def nearest(typingctx, x):
+    """The integer nearest to x, as a float32."""
+
+    def codegen(context, builder, signature, args):
+        rint = builder.module.declare_intrinsic("llvm.rint", [ir.FloatType()])
+        return builder.call(rint, args)
+
+    return types.float32(types.float32), codegen
+
+
+@_instruction
+def float_of_bits(typingctx, bits):
+    """The float32 whose bits are the given int32."""
+
+    def codegen(context, builder, signature, args):
+        return builder.bitcast(args[0], ir.FloatType())
+
+    return types.float32(types.int32), codegen
+
+
+@_instruction
+def take(typingctx, counter):
+    """Add one to `counter[0]` (int64) atomically and return what it held before."""
+
+    def codegen(context, builder, signature, args):
+        array = context.make_array(signature.args[0])(context, builder, args[0])
+        return builder.atomic_rmw("add", array.data, ir.Constant(ir.IntType(64), 1), "monotonic")
+
+    return types.int64(types.Array(types.int64, 1, "C")), codegen
+
+
+@_instruction
+def prefetch(typingctx, array, at):
+    """Ask for the cache line of array[at] (float32), for use a little later; never faults."""
+
+    def codegen(context, builder, signature, args):
+        array = context.make_array(signature.args[0])(context, builder, args[0])
+        place = builder.bitcast(builder.gep(array.data, [args[1]]), ir.IntType(8).as_pointer())
+        number, options = ir.IntType(32), (0, 3, 1)  # to read; keep in every cache; data
+        kind = ir.FunctionType(ir.VoidType(), [place.type, number, number, number])
+        name = "llvm.prefetch.p0"
+        call = builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
+        builder.call(call, [place, *(number(option) for option in options)])
+        return context.get_dummy_value()
+
+    return types.void(types.Array(types.float32, 1, "C"), types.int64), codegen

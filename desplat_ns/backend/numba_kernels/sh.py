@@ -1,0 +1,265 @@
+"""View-dependent colours max(SH + 1/2, 0), compiled, with their gradients.
+
+On the unit sphere each harmonic is a polynomial of the direction (x, y, z): a list of terms c x^i
+y^j z^k, read off `spherical_harmonics.py`'s definition once. With colour = sum_k B_k(d) f_k and v =
+dL/dcolour (0 where the colour was cut off at 0), d = r / |r|, r = mean - camera,
+
+    dL/df_k = B_k v,    dL/dd = sum_k (f_k . v) grad B_k,    dL/dr = (dL/dd - d (d . dL/dd)) / |r|.
+
+Directions are worked on in batches that lie in planes, as in numba_projection; the coefficients,
+which are most of the memory, are read and written once, in their order.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numba
+import numpy as np
+import torch
+from torch import Tensor
+
+from desplat_ns.backend.numba_kernels.runtime import (
+    kernel,
+    launching,
+    new_counter,
+    num_workers,
+    take,
+)
+from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
+
+BATCH = 64
+LANE = BATCH + 16
+"""As in numba_ewa."""
+
+_POWERS = MAX_DEGREE + 1
+"""Planes of x^0 ... x^4, then as many of y and of z."""
+
+_BASIS = 3 * _POWERS
+"""First plane of the harmonics; in the backward pass of f_k . v."""
+
+_PLANES = _BASIS + (MAX_DEGREE + 1) ** 2
+_LENGTH, _GRAD = np.uint64(LANE * _PLANES), tuple(LANE * (_PLANES + 1 + k) for k in range(3))
+"""1 / |r|, and dL/dd."""
+
+_LOOSE = {"reassoc", "contract", "nsz"}
+_LANES, _ZERO, _ONE = np.uint64(BATCH), np.float32(0), np.float32(1)
+
+Polynomial = dict[tuple[int, int, int], float]
+"""Powers of x, y, z -> coefficient."""
+
+
+def _times(a: Polynomial, b: Polynomial) -> Polynomial:
+    product: Polynomial = {}
+    for p, c in a.items():
+        for q, d in b.items():
+            powers = (p[0] + q[0], p[1] + q[1], p[2] + q[2])
+            product[powers] = product.get(powers, 0.0) + c * d
+    return product
+
+
+def _azimuth(order: int) -> Polynomial:
+    """Real part of (x + i y)^order, or the imaginary part of (x + i y)^-order."""
+    m = abs(order)
+    return {
+        (m - j, j, 0): math.comb(m, j) * (-1.0) ** (j // 2) for j in range(int(order < 0), m + 1, 2)
+    }
+
+
+def _legendre(degree: int, order: int) -> Polynomial:
+    """The associated Legendre function over sin(theta)^order, as a polynomial of z = cos(theta).
+
+    Source: its order-th derivative of Rodrigues' formula, term by term.
+    """
+    terms: Polynomial = {}
+    for j in range((degree - order) // 2 + 1):
+        power = degree - 2 * j
+        c = (-1.0) ** j * math.comb(degree, j) * math.comb(2 * (degree - j), degree) / 2.0**degree
+        terms[0, 0, power - order] = c * math.perm(power, order)
+    return terms
+
+
+@cache
+def sh_terms(degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Terms of all harmonics up to `degree`: [terms, 4] harmonic and powers, [terms]
+    coefficients."""
+    places, coefficients = [], []
+    for n in range(degree + 1):
+        for m in range(-n, n + 1):
+            a = abs(m)
+            ratio = math.factorial(n - a) / math.factorial(n + a)
+            norm = (-1) ** a * math.sqrt((2 if a else 1) * (2 * n + 1) / (4 * math.pi) * ratio)
+            for powers, c in _times(_azimuth(m), _legendre(n, a)).items():
+                places.append((n * n + n + m, *powers))
+                coefficients.append(norm * c)
+    return np.array(places, np.int64).reshape(-1, 4), np.array(coefficients, np.float32)
+
+
+@kernel(fastmath=_LOOSE)
+def _directions(means, center, first, number, s):
+    """Powers of the unit directions from the camera, and 1 / |r|."""
+    for k in range(BATCH):
+        i = 3 * (first + min(k, number - 1))
+        s[LANE + k] = means[i] - center[0]
+        s[LANE * (_POWERS + 1) + k] = means[i + 1] - center[1]
+        s[LANE * (2 * _POWERS + 1) + k] = means[i + 2] - center[2]
+    x, y = np.uint64(LANE), np.uint64(LANE * (_POWERS + 1))
+    z = np.uint64(LANE * (2 * _POWERS + 1))
+    for n in range(_LANES):
+        square = s[x + n] * s[x + n] + s[y + n] * s[y + n] + s[z + n] * s[z + n]
+        per = _ONE / np.sqrt(square)
+        s[_LENGTH + n] = per
+        s[x + n], s[y + n], s[z + n] = s[x + n] * per, s[y + n] * per, s[z + n] * per
+    for axis in range(3):
+        base = np.uint64(LANE * _POWERS * axis)
+        for n in range(_LANES):
+            s[base + n] = _ONE
+        for power in range(2, _POWERS):
+            plane = base + np.uint64(LANE * power)
+            for n in range(_LANES):
+                s[plane + n] = s[plane - np.uint64(LANE) + n] * s[base + np.uint64(LANE) + n]
+
+
+@kernel()
+def _plane(axis, power):
+    return np.uint64(LANE * (_POWERS * axis + power))
+
+
+@kernel(fastmath=_LOOSE)
+def _harmonics(places, coefficients, bases, s):
+    """Fill the planes of the harmonics."""
+    for k in range(LANE * _BASIS, LANE * (_BASIS + bases)):
+        s[k] = 0
+    for term in range(coefficients.size):
+        to = np.uint64(LANE * (_BASIS + places[term, 0]))
+        x, y, z = _plane(0, places[term, 1]), _plane(1, places[term, 2]), _plane(2, places[term, 3])
+        for n in range(_LANES):
+            s[to + n] += coefficients[term] * (s[x + n] * s[y + n] * s[z + n])
+
+
+@kernel(fastmath=_LOOSE)
+def _slopes(places, coefficients, s):
+    """dL/dd from the planes of f_k . v."""
+    for axis in range(3):
+        to = np.uint64(_GRAD[axis])
+        for n in range(_LANES):
+            s[to + n] = 0
+        for term in range(coefficients.size):
+            powers = places[term, 1:]
+            if powers[axis] == 0:
+                continue
+            x, y = _plane(0, powers[0] - (axis == 0)), _plane(1, powers[1] - (axis == 1))
+            z, q = _plane(2, powers[2] - (axis == 2)), np.uint64(LANE * (_BASIS + places[term, 0]))
+            c = coefficients[term] * np.float32(powers[axis])
+            for n in range(_LANES):
+                s[to + n] += c * s[q + n] * (s[x + n] * s[y + n] * s[z + n])
+
+
+@kernel(fastmath=_LOOSE, parallel=True)
+def _evaluate(means, values, radii, center, places, coefficients, sizes, out, counter, workers):
+    """Colours [N, 3] from coefficients [N, stored, 3]; sizes = (stored, used). 0 where culled."""
+    stored, used = sizes
+    for _ in numba.prange(workers):
+        s = np.empty(LANE * (_PLANES + 4), np.float32)
+        first = take(counter) * BATCH
+        while first < radii.size:
+            number = min(BATCH, radii.size - first)
+            _directions(means, center, first, number, s)
+            _harmonics(places, coefficients, used, s)
+            for k in range(number):
+                r = g = b = _ZERO
+                if radii[first + k] > 0:
+                    at, plane = (first + k) * stored * 3, LANE * _BASIS + k
+                    for basis in range(used):
+                        weight = s[plane + LANE * basis]
+                        r += weight * values[at + 3 * basis]
+                        g += weight * values[at + 3 * basis + 1]
+                        b += weight * values[at + 3 * basis + 2]
+                    half = np.float32(0.5)
+                    r, g, b = max(r + half, _ZERO), max(g + half, _ZERO), max(b + half, _ZERO)
+                i = 3 * (first + k)
+                out[i], out[i + 1], out[i + 2] = r, g, b
+            first = take(counter) * BATCH
+
+
+@kernel(fastmath=_LOOSE)
+def _pull_values(values, out, grad, i, stored, used, s, plane, v_values):
+    """Gradients of the coefficients of the i-th Gaussian; f_k . v takes the place of B_k."""
+    r = grad[3 * i] if out[3 * i] > _ZERO else _ZERO
+    g = grad[3 * i + 1] if out[3 * i + 1] > _ZERO else _ZERO
+    b = grad[3 * i + 2] if out[3 * i + 2] > _ZERO else _ZERO
+    for basis in range(used):
+        at, lane = 3 * (i * stored + basis), plane + LANE * basis
+        weight = s[lane]
+        s[lane] = values[at] * r + values[at + 1] * g + values[at + 2] * b
+        v_values[at], v_values[at + 1], v_values[at + 2] = weight * r, weight * g, weight * b
+    for k in range(3 * (i * stored + used), 3 * (i + 1) * stored):
+        v_values[k] = 0
+
+
+@kernel(fastmath=_LOOSE, parallel=True)
+def _pull(
+    means, values, radii, center, places, coefficients, sizes, out, grad, v_means, v_values,
+    counter, workers,
+):  # fmt: skip
+    """The reverse of `_evaluate`, from dL/dcolour, `grad`."""
+    stored, used = sizes
+    for _ in numba.prange(workers):
+        s = np.empty(LANE * (_PLANES + 4), np.float32)
+        first = take(counter) * BATCH
+        while first < radii.size:
+            number = min(BATCH, radii.size - first)
+            _directions(means, center, first, number, s)
+            _harmonics(places, coefficients, used, s)
+            for k in range(number):
+                if radii[first + k] > 0:
+                    plane = LANE * _BASIS + k
+                    _pull_values(values, out, grad, first + k, stored, used, s, plane, v_values)
+                else:
+                    for at in range(3 * (first + k) * stored, 3 * (first + k + 1) * stored):
+                        v_values[at] = 0
+            _slopes(places, coefficients, s)
+            for k in range(number):
+                _pull_direction(s, k, radii[first + k] > 0, 3 * (first + k), v_means)
+            first = take(counter) * BATCH
+
+
+@kernel()
+def _pull_direction(s, k, is_seen, at, v_means):
+    """Gradient by the mean, from dL/dd of the k-th direction."""
+    gx, gy, gz = s[_GRAD[0] + k], s[_GRAD[1] + k], s[_GRAD[2] + k]
+    x, y = s[LANE + k], s[LANE * (_POWERS + 1) + k]
+    z = s[LANE * (2 * _POWERS + 1) + k]
+    along, per = gx * x + gy * y + gz * z, s[np.int64(_LENGTH) + k]
+    v_means[at] = per * (gx - along * x) if is_seen else _ZERO
+    v_means[at + 1] = per * (gy - along * y) if is_seen else _ZERO
+    v_means[at + 2] = per * (gz - along * z) if is_seen else _ZERO
+
+
+def _flat(tensor: Tensor) -> np.ndarray:
+    return tensor.detach().contiguous().view(-1).numpy()
+
+
+class EvaluateColors(torch.autograd.Function):
+    """(means, coefficients [N, K, 3], radii, camera centre, degree) -> colours [N, 3]."""
+
+    @staticmethod
+    def forward(ctx, means, values, radii, center, degree):  # type: ignore[override]
+        out = torch.empty(means.shape[0], 3)
+        inputs = (_flat(means), _flat(values), radii.numpy(), _flat(center), *sh_terms(degree))
+        sizes = (values.shape[1], (degree + 1) ** 2)
+        with launching():
+            _evaluate(*inputs, sizes, out.view(-1).numpy(), new_counter(), num_workers())
+        ctx.state = (inputs, sizes, out.view(-1).numpy(), values.shape)
+        return out
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad):  # type: ignore[override]
+        inputs, sizes, out, shape = ctx.state
+        v_means, v_values = torch.empty(shape[0], 3), torch.empty(shape)
+        found = (v_means.view(-1).numpy(), v_values.view(-1).numpy())
+        with launching():
+            _pull(*inputs, sizes, out, _flat(grad), *found, new_counter(), num_workers())
+        return v_means, v_values, None, None, None

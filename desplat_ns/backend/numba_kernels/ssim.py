@@ -1,0 +1,209 @@
+"""The compiled part of `fast_ssim`: mean SSIM of two images, and its gradient, in two passes.
+
+With G the 11-tap Gaussian window (along y, then x, wherever it lies within the image), mx = G x,
+my = G y, vx = G x^2 - mx^2, vy = G y^2 - my^2, c = G xy - mx my,
+
+    SSIM = l s,    l = (2 mx my + C1) / (mx^2 + my^2 + C1),    s = (2 c + C2) / (vx + vy + C2)
+
+(Wang et al. 2004, Eq. 13). With P, Q, R the derivatives of sum SSIM by mx, G x^2 and G xy,
+
+    d sum SSIM / dx = G'P + 2 x G'Q + y G'R,
+
+where G' is G over a border of zeros. The first pass sums SSIM and keeps P, Q, R with that border;
+the second blurs them. Both work on blocks of ROWS x COLUMNS numbers, copied with their margins into
+scratch rows of one fixed length: only then can the compiler see that nothing overlaps, and use
+vectors. Images are read as they lie in memory, [H, W, 3]: a row is 3 W numbers, neighbours of one
+channel 3 apart.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from desplat_ns.backend.numba_kernels.runtime import kernel, take
+
+WINDOW = 11
+"""Pixels across the window; its standard deviation is 1.5 (Wang et al., and pytorch_msssim)."""
+
+CHANNELS = 3
+
+MARGIN = WINDOW - 1
+"""Rows that the window needs beyond those it yields."""
+
+SIDE = MARGIN * CHANNELS
+"""The same along a row."""
+
+ROWS, COLUMNS = 16, 480
+"""Size of the block that comes out."""
+
+STRIDE = 528
+"""Length of a scratch row: COLUMNS + SIDE, and not near a power of two (see numba_pixels.PLANE)."""
+
+_IMAGE = (ROWS + MARGIN) * STRIDE
+"""Length of the scratch rows of one image."""
+
+_TAPS = [math.exp(-((k - 5) ** 2) / (2 * 1.5**2)) for k in range(WINDOW)]
+_W0, _W1, _W2, _W3, _W4, _W5 = (np.float32(t / math.fsum(_TAPS)) for t in _TAPS[:6])
+
+_C1, _C2 = np.float32(0.01**2), np.float32(0.03**2)
+"""Stabilizers for images in [0, 1] (Wang et al.)."""
+
+_ONE, _TWO = np.float32(1), np.float32(2)
+
+_LOOSE = {"reassoc", "contract", "nsz"}
+
+_DOWN, _ALONG = np.uint64(STRIDE), np.uint64(CHANNELS)
+_N3, _N4, _N5 = np.uint64(3), np.uint64(4), np.uint64(5)
+_P1, _P2, _P3, _P4 = (np.uint64(k * STRIDE) for k in range(1, 5))
+_NEXT, _LAST = np.uint64(_IMAGE), np.uint64(2 * _IMAGE)
+
+
+@kernel(fastmath=_LOOSE)
+def _blur(a, i, step):
+    """The symmetric window over a[i], a[i + step], ... a[i + 10 step]."""
+    s1, s2, s3, s4, s5 = step, step + step, step * _N3, step * _N4, step * _N5
+    i = i + s5
+    near = _W5 * a[i] + _W4 * (a[i - s1] + a[i + s1]) + _W3 * (a[i - s2] + a[i + s2])
+    far = _W2 * (a[i - s3] + a[i + s3]) + _W1 * (a[i - s4] + a[i + s4])
+    return near + far + _W0 * (a[i - s5] + a[i + s5])
+
+
+@kernel(fastmath=_LOOSE)
+def _blur_product(a, i, other, step):
+    """As `_blur`, of a[...] times what lies `other` further on."""
+    s1, s2, s3, s4, s5 = step, step + step, step * _N3, step * _N4, step * _N5
+    i = i + s5
+    k = i + other
+    near = _W5 * (a[i] * a[k]) + _W4 * (a[i - s1] * a[k - s1] + a[i + s1] * a[k + s1])
+    near += _W3 * (a[i - s2] * a[k - s2] + a[i + s2] * a[k + s2])
+    far = _W2 * (a[i - s3] * a[k - s3] + a[i + s3] * a[k + s3])
+    far += _W1 * (a[i - s4] * a[k - s4] + a[i + s4] * a[k + s4])
+    return near + far + _W0 * (a[i - s5] * a[k - s5] + a[i + s5] * a[k + s5])
+
+
+@kernel()
+def _copy_in(source, length, row, column, rows, columns, s, at):
+    """Copy a block of an image whose rows are `length` long into the scratch rows from `at` on."""
+    for r in range(rows):
+        first, to = np.uint64((row + r) * length + column), np.uint64(at + r * STRIDE)
+        for j in range(np.uint64(columns)):
+            s[to + j] = source[first + j]
+
+
+@kernel(fastmath=_LOOSE)
+def _moments(s, v, row, columns):
+    """Means of x, y, x^2, y^2, x y down the window from a scratch row on, into the rows of v."""
+    first, zero = np.uint64(row * STRIDE), np.uint64(0)
+    for j in range(np.uint64(columns)):
+        i = first + j
+        v[j] = _blur(s, i, _DOWN)
+        v[_P1 + j] = _blur(s, i + _NEXT, _DOWN)
+        v[_P2 + j] = _blur_product(s, i, zero, _DOWN)
+        v[_P3 + j] = _blur_product(s, i + _NEXT, zero, _DOWN)
+        v[_P4 + j] = _blur_product(s, i, _NEXT, _DOWN)
+
+
+@kernel(fastmath=_LOOSE)
+def _scores(v, s, columns):
+    """Sum of SSIM over one row of a block; its P, Q, R replace three rows of the scratch `s`."""
+    total = np.float32(0)
+    for j in range(np.uint64(columns)):
+        mx, my = _blur(v, j, _ALONG), _blur(v, _P1 + j, _ALONG)
+        xx, yy = _blur(v, _P2 + j, _ALONG), _blur(v, _P3 + j, _ALONG)
+        xy = _blur(v, _P4 + j, _ALONG)
+        per_means = _ONE / (mx * mx + my * my + _C1)
+        per_variances = _ONE / (xx - mx * mx + (yy - my * my) + _C2)
+        luminance = (_TWO * mx * my + _C1) * per_means
+        structure = (_TWO * (xy - mx * my) + _C2) * per_variances
+        score = luminance * structure
+        total += score
+        q, r = -score * per_variances, _TWO * luminance * per_variances
+        s[j] = _TWO * structure * (my - mx * luminance) * per_means - _TWO * mx * q - my * r
+        s[_P1 + j] = q
+        s[_P2 + j] = r
+    return total
+
+
+@kernel()
+def _clear_border(slopes, plane, height, length):
+    """Zero the margins of the three planes of P, Q, R, each (height + MARGIN) x (length + SIDE)."""
+    width = length + SIDE
+    for k in range(3):
+        for row in range(height + MARGIN):
+            at = k * plane + row * width
+            if MARGIN <= row < height:
+                slopes[at : at + SIDE] = 0
+                slopes[at + length : at + width] = 0
+            else:
+                slopes[at : at + width] = 0
+
+
+@kernel(parallel=True)
+def score_image(x, y, height, length, slopes, sums, counter, workers):
+    """First pass. Sum of SSIM per block into `sums`; P, Q, R into `slopes` unless that is empty."""
+    across, out_rows, out_columns = sums.shape[1], height - MARGIN, length - SIDE
+    width, plane = length + SIDE, (length + SIDE) * (height + MARGIN)
+    for _ in numba.prange(workers):
+        s, v = np.empty(2 * _IMAGE, np.float32), np.empty(5 * STRIDE, np.float32)
+        slope = np.empty(3 * STRIDE, np.float32)
+        block = take(counter)
+        while block < sums.size:
+            row, column = block // across * ROWS, block % across * COLUMNS
+            rows, columns = min(ROWS, out_rows - row), min(COLUMNS, out_columns - column)
+            _copy_in(x, length, row, column, rows + MARGIN, columns + SIDE, s, 0)
+            _copy_in(y, length, row, column, rows + MARGIN, columns + SIDE, s, _IMAGE)
+            total = 0.0
+            for r in range(rows):
+                _moments(s, v, r, columns + SIDE)
+                total += _scores(v, slope, columns)
+                if slopes.size > 0:
+                    at = (row + r + MARGIN) * width + column + SIDE
+                    for k in range(3):
+                        for j in range(columns):
+                            slopes[k * plane + at + j] = slope[k * STRIDE + j]
+            sums[block // across, block % across] = total
+            block = take(counter)
+
+
+@kernel(fastmath=_LOOSE)
+def _mix(v, x, y, gradient, at, columns, scale):
+    """One row of the gradient of a block, from P, Q, R blurred down the window."""
+    first = np.uint64(at)
+    for j in range(np.uint64(columns)):
+        p, q = _blur(v, j, _ALONG), _blur(v, _P1 + j, _ALONG)
+        r = _blur(v, _P2 + j, _ALONG)
+        gradient[first + j] = scale * (p + _TWO * x[first + j] * q + y[first + j] * r)
+
+
+@kernel(fastmath=_LOOSE)
+def _blur_slopes(s, v, row, columns):
+    """P, Q, R down the window from a scratch row on, into the rows of v."""
+    first = np.uint64(row * STRIDE)
+    for j in range(np.uint64(columns)):
+        v[j] = _blur(s, first + j, _DOWN)
+        v[_P1 + j] = _blur(s, first + _NEXT + j, _DOWN)
+        v[_P2 + j] = _blur(s, first + _LAST + j, _DOWN)
+
+
+@kernel(parallel=True)
+def pull_image(x, y, height, length, slopes, scale, gradient, counter, workers):
+    """Second pass: `scale` times the gradient of the sum of SSIM by x."""
+    across, down = -(-length // COLUMNS), -(-height // ROWS)
+    width, plane = length + SIDE, (length + SIDE) * (height + MARGIN)
+    _clear_border(slopes, plane, height, length)
+    for _ in numba.prange(workers):
+        s, v = np.empty(3 * _IMAGE, np.float32), np.empty(3 * STRIDE, np.float32)
+        block = take(counter)
+        while block < across * down:
+            row, column = block // across * ROWS, block % across * COLUMNS
+            rows, columns = min(ROWS, height - row), min(COLUMNS, length - column)
+            for k in range(3):
+                part = slopes[k * plane : (k + 1) * plane]
+                _copy_in(part, width, row, column, rows + MARGIN, columns + SIDE, s, k * _IMAGE)
+            for r in range(rows):
+                _blur_slopes(s, v, r, columns + SIDE)
+                _mix(v, x, y, gradient, (row + r) * length + column, columns, scale)
+            block = take(counter)

@@ -1,0 +1,1 @@
+"""The package's own commands, one file each: options and printing only."""

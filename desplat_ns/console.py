@@ -1,0 +1,46 @@
+"""What is said on the console: lines, lists of names, progress bars."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from nerfstudio.utils.rich_utils import CONSOLE
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+LISTED_NAMES = 10
+"""So many names are listed in an error; the rest is counted."""
+
+
+def announce(line: str, warning: bool = False) -> None:
+    """Print one line on nerfstudio's console; paths stay whole, brackets in them are kept.
+
+    A console that cannot be written to, such as a log on a full disk, is no reason to stop.
+    """
+    style = "yellow" if warning else None
+    with suppress(OSError):
+        CONSOLE.print(escape(line), style=style, soft_wrap=True, highlight=False)
+
+
+def list_names(names: Iterable[str]) -> str:
+    """`a, b, c and 12 more`: the first names and how many are left."""
+    all_names = list(names)
+    listed = ", ".join(all_names[:LISTED_NAMES])
+    rest = len(all_names) - LISTED_NAMES
+    return f"{listed} and {rest} more" if rest > 0 else listed
+
+
+@contextmanager
+def progress_over(total: int, label: str) -> Iterator[Any]:
+    """A bar on the console; calling what is yielded advances it by one."""
+    columns = (
+        TextColumn("[progress.description]{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        MofNCompleteColumn(),
+    )
+    with Progress(*columns, transient=True) as bar:
+        task = bar.add_task(f"[green]{label}", total=total)
+        yield lambda: bar.advance(task)

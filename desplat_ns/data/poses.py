@@ -1,0 +1,139 @@
+"""From a reconstruction's frames and points to the cameras and points that training uses.
+
+Letters in shapes: n photos, P points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from nerfstudio.cameras import camera_utils
+from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
+from torch import Tensor
+
+from desplat_ns.data.colmap_model import Frame, Points
+from desplat_ns.data.downscale import PhotoSource
+from desplat_ns.errors import CaptureError
+
+FAR = 100.0
+"""Captures that lie nearer, in units of their spread, keep every bit of nerfstudio's arithmetic,
+which costs them 1e-5 of the spread at most."""
+
+
+@dataclass(frozen=True)
+class OrientedPoses:
+    """Camera poses as nerfstudio trains on them, and how they got there."""
+
+    camera_to_worlds: Float[Tensor, "n 3 4"]
+    """OpenGL axes, oriented, centred and scaled."""
+    local_transform: Float[Tensor, "3 4"]
+    """COLMAP's world, with `origin` subtracted, to the oriented world, before scaling."""
+    scale: float
+    origin: np.ndarray
+    """[3], float64: 0 unless COLMAP's world lies far out (see `far_origin`)."""
+
+    @property
+    def transform(self) -> Float[Tensor, "3 4"]:
+        """COLMAP's world to the oriented world, before scaling; float32, as nerfstudio has it."""
+        if not self.origin.any():
+            return self.local_transform
+        exact = self.local_transform.double()
+        exact[:, 3] -= exact[:, :3] @ torch.from_numpy(self.origin)
+        return exact.float()
+
+
+def orient_poses(frames: Sequence[Frame], config: ColmapDataParserConfig) -> OrientedPoses:
+    """COLMAP's poses turned, centred and scaled by nerfstudio's options."""
+    applied = np.eye(4)
+    if config.assume_colmap_world_coordinate_convention:
+        # COLMAP's guess of gravity (-y) to nerfstudio's up (+z): (x, y, z) -> (x, z, -y).
+        applied = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=float)
+    world_to_camera = np.tile(np.eye(4), (len(frames), 1, 1))
+    world_to_camera[:, :3] = [frame.world_to_camera for frame in frames]
+    camera_to_world = np.linalg.inv(world_to_camera)
+    origin = np.zeros(3)
+    if config.center_method != "none":
+        origin = far_origin(camera_to_world[:, :3, 3])
+    camera_to_world[:, :3, 3] -= origin
+    camera_to_world[:, :3, 1:3] *= -1  # OpenCV's axes to OpenGL's
+    poses, transform = camera_utils.auto_orient_and_center_poses(
+        torch.from_numpy((applied @ camera_to_world).astype(np.float32)),
+        method=config.orientation_method,
+        center_method=config.center_method,
+    )
+    scale = config.scale_factor
+    if config.auto_scale_poses:
+        farthest = float(poses[:, :3, 3].abs().max())
+        if farthest == 0.0:
+            raise CaptureError(
+                f"All photos of {config.data} were taken from the same point; a scene needs views "
+                "from different places. Add --auto-scale-poses False if that is what you want."
+            )
+        scale /= farthest
+    poses[:, :3, 3] *= scale
+    transform = transform @ torch.from_numpy(applied).to(transform.dtype)
+    return OrientedPoses(poses[:, :3, :4], transform, scale, origin)
+
+
+def far_origin(places: np.ndarray) -> np.ndarray:
+    """The middle of places [n, 3] that lie FAR times their spread from the origin, else 0.
+
+    It is subtracted while numbers are still float64: float32 has a quarter of a metre left for
+    what lies 3,000 km out (geo-referenced captures).
+    """
+    middle = places.mean(axis=0)
+    is_far = np.abs(middle).max() > FAR * np.abs(places - middle).max()
+    return middle if is_far else np.zeros(3)
+
+
+def points_metadata(
+    points: Points,
+    transform: Float[Tensor, "3 4"],
+    scale: float,
+    origin: np.ndarray | float = 0.0,
+) -> dict[str, Tensor]:
+    """Points in the oriented, scaled world, under the keys that nerfstudio's models read.
+
+    Args:
+        transform: of places from which `origin` was subtracted, before scaling.
+    """
+    xyz = torch.from_numpy((points.xyz - origin).astype(np.float32))
+    return {
+        "points3D_xyz": (xyz @ transform[:, :3].T + transform[:, 3]) * scale,
+        "points3D_rgb": torch.from_numpy(points.rgb),
+        "points3D_error": torch.from_numpy(points.error.astype(np.float32)),
+        "points3D_num_points2D": torch.from_numpy(points.num_views),
+    }
+
+
+def make_cameras(
+    frames: Sequence[Frame], sources: Sequence[PhotoSource], poses: Float[Tensor, "n 3 4"]
+) -> Cameras:
+    """Cameras at the sizes at which the photos are used.
+
+    Focal lengths and principal points are scaled by new over old width and height, exactly:
+    nerfstudio scales by 1/factor even where the size was rounded.
+    """
+    x_ratio = torch.tensor([s.width / f.width for f, s in zip(frames, sources, strict=True)])
+    y_ratio = torch.tensor([s.height / f.height for f, s in zip(frames, sources, strict=True)])
+
+    def per_photo(name: str) -> Tensor:
+        return torch.tensor([frame.intrinsics.get(name, 0.0) for frame in frames])
+
+    distortion = [per_photo(name) for name in ("k1", "k2", "k3", "k4", "p1", "p2")]
+    return Cameras(
+        camera_to_worlds=poses,
+        fx=per_photo("fx") * x_ratio,
+        fy=per_photo("fy") * y_ratio,
+        cx=per_photo("cx") * x_ratio,
+        cy=per_photo("cy") * y_ratio,
+        width=torch.tensor([source.width for source in sources]),
+        height=torch.tensor([source.height for source in sources]),
+        distortion_params=torch.stack(distortion, dim=-1),
+        camera_type=torch.tensor([[frame.camera_type.value] for frame in frames]),
+    )

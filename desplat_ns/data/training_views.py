@@ -1,0 +1,30 @@
+"""Which training view is this: its number, its name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from nerfstudio.cameras.cameras import Cameras
+
+
+def train_index(camera: Cameras) -> int | None:
+    """Which training view this camera is, or None.
+
+    The datamanager says so in `metadata["train_idx"]`. nerfstudio's own `cam_idx` says nothing: its
+    viewer sends one with every frame.
+    """
+    index = (camera.metadata or {}).get("train_idx")
+    return None if index is None else int(index.reshape(-1)[0])
+
+
+def view_name(names: Sequence[str], index: int) -> str:
+    """File name of a training photo, or its number where there are no names."""
+    return names[index] if index < len(names) else f"number {index}"
+
+
+def image_names(paths: Sequence[Path]) -> list[str]:
+    """Names of image files relative to the folder that they share, with forward slashes."""
+    folder = os.path.commonpath([path.parent for path in paths]) if paths else ""
+    return [path.relative_to(folder).as_posix() for path in paths]

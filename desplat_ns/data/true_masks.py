@@ -1,0 +1,51 @@
+"""Ground-truth masks of what stands in the way: where they lie and how they are read.
+
+Evaluation compares the model's masks with them; training never sees them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool
+from PIL import Image, UnidentifiedImageError
+from torch import Tensor
+
+from desplat_ns.data.colmap_model import Frame
+from desplat_ns.errors import CaptureError
+
+METADATA_KEY = "distractor_mask_filenames"
+"""Where the data parser leaves the masks' paths (or None), one for each training photo."""
+
+MASK_LEVEL = 127
+"""8-bit grey above which a mask's pixel counts as distractor."""
+
+
+def true_masks(folder: Path, frames: Sequence[Frame]) -> dict[str, list[Path | None]]:
+    """Metadata `METADATA_KEY`: the mask of each photo, None where it has none.
+
+    Empty where no photo has one. A mask is a .png with the photo's name below `folder`, white where
+    a distractor is.
+    """
+    paths = [folder / Path(frame.name).with_suffix(".png") for frame in frames]
+    masks = [path if path.is_file() else None for path in paths]
+    return {METADATA_KEY: masks} if any(masks) else {}
+
+
+def read_mask(path: Path, width: int, height: int) -> Bool[Tensor, "H W 1"]:
+    """A mask image (white = distractor) at the given size in pixels, nearest neighbour.
+
+    Raises CaptureError, naming the file, where it is missing or no image.
+    """
+    try:
+        with Image.open(path) as image:
+            grey = image.convert("L").resize((width, height), Image.Resampling.NEAREST)
+    except (OSError, UnidentifiedImageError) as error:
+        raise CaptureError(
+            f"The distractor mask {path} cannot be read ({error}). Put an 8-bit PNG there, white "
+            "where a distractor is, or remove the `masks` folder to evaluate without masks."
+        ) from error
+    return torch.from_numpy(np.asarray(grey) > MASK_LEVEL)[..., None]

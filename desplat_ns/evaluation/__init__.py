@@ -1,0 +1,1 @@
+"""Scores of images and masks, by one of several protocols, and what a report says beside them."""

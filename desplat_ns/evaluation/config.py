@@ -1,0 +1,57 @@
+"""How images are scored: the options of ns-eval and desplat-eval."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from desplat_ns.errors import ConfigError
+
+
+@dataclass
+class EvaluationConfig:
+    """How images are scored. Saved with the run, so that plain `ns-eval` follows it."""
+
+    protocol: Literal["auto", "half", "full"] = "auto"
+    """half: optimize the image's embedding on its left half, score its right half (B.1). full:
+    score the whole image in the training images' average light. auto: half where there is an
+    appearance model, else full."""
+    steps: int = 128
+    """Steps of Adam for an embedding. B.3."""
+    learning_rate: float = 0.01
+    """Of the embedding. B.3."""
+    load_embeddings: Path | None = None
+    """Take the embeddings from this file (of `save_embeddings`) instead of optimizing them."""
+    save_embeddings: Path | None = None
+    """Write the test images' embeddings into this file (.npz)."""
+
+
+def uses_halves(config: EvaluationConfig, appearance: str) -> bool:
+    """Whether evaluation goes by halves.
+
+    Raises:
+        ConfigError: halves are asked for, but there is no appearance model; or steps or rate are
+            out of range.
+    """
+    if config.steps < 0 or not 0 < config.learning_rate < math.inf:
+        raise ConfigError(
+            f"An embedding takes 0 or more steps at a positive learning rate; found --steps "
+            f"{config.steps} and --learning-rate {config.learning_rate}. B.3 has 128 at 0.01."
+        )
+    if config.protocol == "half" and appearance == "off":
+        raise ConfigError(
+            "The half protocol optimizes an image's embedding, and this model has none: its "
+            "effects.appearance is off. Evaluate by `desplat-eval --protocol full`, or train with "
+            "`--pipeline.model.effects.appearance affine`."
+        )
+    halves = config.protocol == "half" or (config.protocol == "auto" and appearance != "off")
+    files = [path for path in (config.load_embeddings, config.save_embeddings) if path is not None]
+    if files and not halves:
+        raise ConfigError(
+            f"Embeddings of test images are to be read from or written to '{files[0]}', but whole "
+            "images are scored, without any. Leave the file out, or take the half protocol of a "
+            "model with appearance."
+        )
+    return halves

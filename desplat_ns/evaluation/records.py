@@ -1,0 +1,92 @@
+"""What an evaluation reports besides pictures: averages, times, sizes, versions."""
+
+from __future__ import annotations
+
+import math
+import platform
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from torch import nn
+
+import desplat_ns
+
+PACKAGES = ("nerfstudio", "gsplat", "torch", "numpy", "numba")
+"""Packages that a figure may depend on."""
+
+BYTES_PER_MB = 1e6
+
+
+@dataclass
+class ScoredImage:
+    """One evaluated image."""
+
+    name: str
+    width: int
+    height: int
+    metrics: dict[str, float]
+    """As the model's `get_image_metrics_and_images` gives them."""
+    render_seconds: float
+    """Rendering alone."""
+    total_seconds: float
+    """Rendering and metrics."""
+
+
+def summarize(images: Sequence[ScoredImage], with_std: bool) -> dict[str, int | float]:
+    """Means over images of every metric and time, plus `*_std` (n - 1) of two images or more.
+
+    Figures that are not finite are left out: they would not be JSON.
+    """
+    result: dict[str, int | float] = {}
+    for key in images[0].metrics:
+        values = [float(image.metrics[key]) for image in images if key in image.metrics]
+        if not all(math.isfinite(value) for value in values):
+            continue
+        result[key] = statistics.fmean(values)
+        if with_std and len(values) > 1:
+            result[f"{key}_std"] = statistics.stdev(values)
+    result["num_images"] = len(images)
+    result["seconds_per_image_render"] = statistics.fmean(i.render_seconds for i in images)
+    result["seconds_per_image_with_metrics"] = statistics.fmean(i.total_seconds for i in images)
+    return result
+
+
+def per_image(images: Sequence[ScoredImage]) -> list[dict[str, Any]]:
+    """Name, size and finite metrics of each image, for the JSON."""
+    return [
+        {"name": image.name, "width": image.width, "height": image.height}
+        | {key: value for key, value in image.metrics.items() if math.isfinite(value)}
+        for image in images
+    ]
+
+
+def gaussian_counts(model: Any) -> dict[str, int | float]:
+    """How many static and distractor Gaussians there are, and the MB (10^6 bytes) they take."""
+    distractors = model.distractors
+    return {
+        "num_static_gaussians": int(model.num_points),
+        "num_distractor_gaussians": sum(distractors.counts()) if distractors is not None else 0,
+        "static_memory_mb": memory_mb(model.gauss_params),
+        "distractor_memory_mb": memory_mb(distractors),
+    }
+
+
+def memory_mb(module: nn.Module | None) -> float:
+    """Bytes of a module's parameters, in units of 10^6."""
+    if module is None:
+        return 0.0
+    return sum(p.numel() * p.element_size() for p in module.parameters()) / BYTES_PER_MB
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, this package and those that a figure may depend on."""
+    found = {"python": platform.python_version(), "desplat_ns": desplat_ns.__version__}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found

@@ -1,0 +1,127 @@
+"""Quirks of nerfstudio 1.1.5 that the plugin works around, each with its reason, in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import torch
+import torchmetrics.image.lpip as torchmetrics_lpip
+from nerfstudio.models.splatfacto import RGB2SH, SplatfactoModel
+from nerfstudio.utils import writer
+from nerfstudio.viewer import control_panel
+
+from desplat_ns.console import announce
+from desplat_ns.evaluation.metrics import LazyLpips
+from desplat_ns.training.checkpoint_files import load_for_evaluation
+
+
+@contextmanager
+def splatfacto_modules_without_downloads() -> Iterator[None]:
+    """Within, `SplatfactoModel.populate_modules` sets `model.lpips` to a `LazyLpips`.
+
+    nerfstudio 1.1.5 builds LPIPS when the model is built: its weights are fetched over the network,
+    offline that ends in an URLError before the first step, and 10 MB of AlexNet land in every
+    checkpoint. `populate_modules` imports the class by name each time it runs, so that replacing
+    the name during the call is enough.
+    """
+    name = "LearnedPerceptualImagePatchSimilarity"
+    real = getattr(torchmetrics_lpip, name)
+    setattr(torchmetrics_lpip, name, LazyLpips)
+    try:
+        yield
+    finally:
+        setattr(torchmetrics_lpip, name, real)
+
+
+@contextmanager
+def splatfacto_modules_without_cuda(model: SplatfactoModel) -> Iterator[None]:
+    """Within, `SplatfactoModel.populate_modules` needs no CUDA; seed colours are set afterwards.
+
+    nerfstudio 1.1.5 (splatfacto.py, `populate_modules`) calls `.cuda()` on the seed colours. It
+    skips that where there are points without colours, so the colours are withheld during the call.
+    The points are copied as well: upstream trains the data parser's own tensor in place.
+    """
+    seed: Any = model.seed_points
+    if seed is None:
+        yield
+        return
+    points, colors = seed
+    model.seed_points = (points.detach().clone(), colors[:0])
+    try:
+        yield
+    finally:
+        model.seed_points = seed
+    if len(colors) > 0 and not model.config.random_init:
+        model.gauss_params["features_dc"] = torch.nn.Parameter(_features_dc(model, colors))
+
+
+def _features_dc(model: SplatfactoModel, colors: torch.Tensor) -> torch.Tensor:
+    """Zeroth-order features [N, 3] of colours [N, 3] in 0..255, as Splatfacto initializes them."""
+    unit = colors.float() / 255
+    return RGB2SH(unit) if model.config.sh_degree > 0 else torch.logit(unit, eps=1e-10)
+
+
+_upstream_colormap_options = control_panel._get_colormap_options
+
+
+def give_masks_a_colormap_in_the_viewer() -> None:
+    """Let boolean outputs be chosen in the viewer's menu.
+
+    nerfstudio 1.1.5 (control_panel.py, `_get_colormap_options`) offers no colormap for them, and
+    viser cannot show an empty menu: an IndexError ends the thread that renders. Its own
+    `apply_colormap` draws them black and white.
+    """
+    control_panel._get_colormap_options = _colormap_options
+
+
+def _colormap_options(dimensions: int, dtype: Any) -> list[Any]:
+    return ["default"] if dtype == torch.bool else _upstream_colormap_options(dimensions, dtype)
+
+
+def train_on_where_logs_cannot_be_written() -> None:
+    """Let a run outlive its event files: on a full disk TensorBoard's writer raises OSError.
+
+    nerfstudio 1.1.5 (writer.py, `write_out_storage`) lets that end the training, and the steps
+    since the last checkpoint are lost. Here it is said once, and nothing more is logged to files.
+    """
+    upstream = writer.write_out_storage
+    if upstream.__module__ == __name__:
+        return
+
+    def write_out_storage() -> None:
+        try:
+            upstream()
+        except OSError as error:
+            announce(f"Nothing more is logged to files: {error}. Training goes on.", warning=True)
+            kept = [w for w in writer.EVENT_WRITERS if isinstance(w, writer.LocalWriter)]
+            writer.EVENT_WRITERS[:] = kept
+            writer.EVENT_STORAGE.clear()
+
+    writer.write_out_storage = write_out_storage
+
+
+def load_evaluated_checkpoints_like_resumed_ones() -> None:
+    """Let `ns-eval`, `ns-render`, `ns-viewer` and `ns-export` take the newest intact checkpoint.
+
+    nerfstudio 1.1.5 (eval_utils.py, `eval_load_checkpoint`) loads the newest as it is: truncated,
+    it ends in torch's error about a zip archive, and an empty folder in an IndexError. Runs of
+    other methods are loaded as before.
+    """
+    # Not at the top: it keeps the methods that are known when it is imported, this one not yet.
+    from nerfstudio.utils import eval_utils
+
+    upstream = eval_utils.eval_load_checkpoint
+    if upstream.__module__ == __name__:
+        return
+
+    def load(config: Any, pipeline: Any) -> tuple[Path, int]:
+        if not type(config).__module__.startswith("desplat_ns."):
+            return upstream(config, pipeline)
+        path, state = load_for_evaluation(config.load_dir, config.load_step)
+        pipeline.load_pipeline(state["pipeline"], state["step"])
+        return path, state["step"]
+
+    eval_utils.eval_load_checkpoint = load

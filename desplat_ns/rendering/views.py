@@ -1,0 +1,53 @@
+"""From nerfstudio's cameras to the view that a rasterizer takes."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from nerfstudio.cameras.cameras import Cameras
+from torch import Tensor
+
+from desplat_ns.backend.protocol import View
+
+OPENGL_TO_OPENCV = (1.0, -1.0, -1.0)
+"""nerfstudio's cameras look along -z with y up; rasterizers look along +z with y down."""
+
+
+def world_to_camera(camera_to_world: Float[Tensor, "3 4"]) -> Float[Tensor, "4 4"]:
+    """Rigid world-to-camera transform in OpenCV axes, of a camera-to-world one in OpenGL axes."""
+    flip = camera_to_world.new_tensor(OPENGL_TO_OPENCV)
+    rotation = (camera_to_world[:, :3] * flip).T
+    translation = -rotation @ camera_to_world[:, 3:]
+    last_row = camera_to_world.new_tensor([[0.0, 0.0, 0.0, 1.0]])
+    return torch.cat([torch.cat([rotation, translation], dim=1), last_row])
+
+
+def view_of(
+    camera: Cameras, camera_to_world: Float[Tensor, "3 4"] | None = None, downscale: int = 1
+) -> View:
+    """The view of a single camera (shape [1]), in an image reduced by `downscale` (rounded down).
+
+    `camera_to_world` replaces the camera's own pose where a pose optimizer moved it.
+    """
+    pose = camera.camera_to_worlds[0] if camera_to_world is None else camera_to_world
+    intrinsics = camera.get_intrinsics_matrices()[0].to(pose)
+    scale = intrinsics.new_tensor([1 / downscale, 1 / downscale, 1.0])
+    return View(
+        viewmat=world_to_camera(pose),
+        K=intrinsics * scale[:, None],
+        width=int(camera.width.item()) // downscale,
+        height=int(camera.height.item()) // downscale,
+    )
+
+
+def image_points(
+    means: Float[Tensor, "N 3"], view: View
+) -> tuple[Float[Tensor, " N"], Float[Tensor, " N"], Float[Tensor, " N"]]:
+    """Where points are seen: x and y as shares of the image's width and height, and their depth.
+
+    Points behind the camera (depth below 0) have places that mean nothing.
+    """
+    x, y, z = (means @ view.viewmat[:3, :3].T + view.viewmat[:3, 3]).unbind(-1)
+    u = (x / z * view.K[0, 0] + view.K[0, 2]) / view.width
+    v = (y / z * view.K[1, 1] + view.K[1, 2]) / view.height
+    return u, v, z

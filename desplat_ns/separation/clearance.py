@@ -1,0 +1,77 @@
+"""Nothing static hangs right in front of a camera.
+
+What stands in one photo alone is cheapest to learn close to its camera, where hardly another view
+looks and none objects; a new view that passes there finds it in its way. The seed points say how
+far from each camera the scene starts.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from nerfstudio.cameras.cameras import Cameras
+from torch import Tensor
+
+from desplat_ns.backend.protocol import View
+from desplat_ns.rendering.views import image_points, view_of
+
+NEAREST_QUANTILE = 0.01
+"""Of the depths of the points in a view; a few points of every reconstruction are astray."""
+
+MAX_POINTS = 100_000
+"""Of a larger reconstruction every so many points are looked at."""
+
+EXTINGUISHED = -10.0
+"""Logit of an opacity that is never drawn; the next refinement prunes it."""
+
+
+def scene_starts(points: Float[Tensor, "P 3"], cameras: Cameras) -> list[float]:
+    """Depth at which the scene starts in every view, world units; 0 where no point is seen.
+
+    Args:
+        points: of the reconstruction.
+        cameras: the training cameras, shape [V].
+    """
+    starts, points = [], points[:: math.ceil(max(1, len(points)) / MAX_POINTS)]
+    for i in range(len(cameras)):
+        u, v, depth = image_points(points, view_of(cameras[i : i + 1]))
+        seen = (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
+        starts.append(float(depth[seen].quantile(NEAREST_QUANTILE)) if bool(seen.any()) else 0.0)
+    return starts
+
+
+class Clearance:
+    """Makes transparent what hangs nearer to a training camera than the scene starts there."""
+
+    def __init__(self, share: float, points: Float[Tensor, "P 3"] | None, cameras: Cameras):
+        """Args:
+        share: of the depth at which the scene starts; nearer than that, nothing static stays.
+        points: of the reconstruction; without them nothing is known, and everything stays.
+        cameras: the training cameras, shape [V].
+        """
+        self.depths = [0.0] * len(cameras)
+        if share > 0 and points is not None:
+            self.depths = [share * start for start in scene_starts(points, cameras)]
+
+    @torch.no_grad()
+    def keep(
+        self,
+        index: int,
+        view: View,
+        means: Float[Tensor, "N 3"],
+        opacities: Float[Tensor, "N 1"],
+        info: dict[str, Any],
+    ) -> None:
+        """Keep a training view clear that was just rendered.
+
+        Args:
+            opacities: logits, which are written into.
+            info: of the static rendering, as gsplat's strategies read it.
+        """
+        if self.depths[index] > 0:
+            visible = info["radii"].reshape(len(means), -1).amin(-1) > 0
+            z = means @ view.viewmat[2, :3] + view.viewmat[2, 3]
+            opacities.masked_fill_((visible & (z < self.depths[index]))[:, None], EXTINGUISHED)

@@ -1,0 +1,143 @@
+"""What one photo shows and the other views do not: its residual beyond the expected one.
+
+A residual alone cannot tell an occluder from a place that the static scene has not learned yet, or
+never will. But such a place is missed in every view that sees it, and an occluder stands in one.
+So each static Gaussian remembers how large the residual around it usually is (a running median over
+the views that see it, which an occluder in fewer than half of them does not move), and what the
+Gaussians in a part of the image remember is what is expected there.
+
+All of it happens on a grid of about `CELLS` cells, whatever the photo's size, and in residuals
+relative to the view's own level: exposure, training progress and resets move all cells alike.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from desplat_ns.separation.grid import pooled
+
+WINDOW = 5
+"""Cells (an odd number) over which residuals are averaged, so that texture does not count."""
+
+LEVEL_QUANTILE = 0.25
+"""A view's level is this quantile of its residuals: right as long as occluders cover less than
+three quarters of it."""
+
+MEDIAN_STEP = 0.1
+"""Step of a Gaussian's running median, in units of the residual's logarithm."""
+
+MIN_VIEWS = 5
+"""A Gaussian that fewer training views see has no say in what is expected: what floats in front of
+one camera remembers its photo alone, occluder and all."""
+
+MIN_WEIGHT = 1e-4
+"""Opacity per cell, of Gaussians with a say, below which there is none."""
+
+MIN_RESIDUAL = 1e-4
+"""Below this, residuals (colours in [0, 1]) are equal."""
+
+
+def local_residual(
+    static: Float[Tensor, "H W 3"], photo: Float[Tensor, "H W 3"], grid: tuple[int, int]
+) -> Float[Tensor, "rows columns"]:
+    """Mean absolute difference of the colours around each cell, colours in [0, 1].
+
+    The difference is averaged over 3 x 3 pixels before its absolute value is taken: what is only
+    not sharp yet cancels out.
+    """
+    smooth = _box3((static - photo).permute(2, 0, 1))
+    cells = pooled(smooth.abs().mean(0)[..., None], grid)
+    return _averaged(cells)[0].clamp(min=MIN_RESIDUAL)
+
+
+class ExpectedResidual:
+    """What the static Gaussians remember of the residuals around them, and in how many views.
+
+    A Gaussian's usual residual is a running median of log(residual / level of its view). Both
+    memories lie in the running state of gsplat's strategy, under `USUAL` and `SEEN`: clones and
+    splits inherit them, and checkpoints hold them. Tensors are replaced and never written into, so
+    that a copy of the dict brings back what was remembered before a view.
+    """
+
+    USUAL, SEEN, VISITS = "usual_residual", "times_seen", "visits"
+
+    def __init__(self, state: dict, count: int, like: Tensor):
+        """Take the memories of `count` Gaussians out of `state`; they start there if need be."""
+        if state.get(self.USUAL) is None:
+            state[self.USUAL] = torch.zeros(count, device=like.device)
+            state[self.SEEN] = torch.zeros(count, device=like.device)
+            state[self.VISITS] = 0
+        self.state = state
+
+    @property
+    def visits(self) -> int:
+        """Views that were remembered so far, each as often as it was."""
+        return self.state[self.VISITS]
+
+    def excess(
+        self,
+        residual: Float[Tensor, "rows columns"],
+        means2d: Float[Tensor, "N 2"],
+        visible: Bool[Tensor, " N"],
+        opacities: Float[Tensor, " N"],
+        num_views: int,
+    ) -> Float[Tensor, "rows columns"]:
+        """The residual beyond the expected one, of a view that is then remembered as well.
+
+        0 where no Gaussian has a say: nobody knows what the other views would leave there.
+
+        Args:
+            residual: `local_residual` of the view.
+            means2d: projected centres, in cells.
+            opacities: in [0, 1]; what is transparent has no say.
+            num_views: that are visited in turn.
+        """
+        level = residual.flatten().quantile(LEVEL_QUANTILE)
+        relative = F.pad((residual / level).log().flatten(), (0, 1))
+        inside, cell = _cells_of(means2d, visible, residual.shape)
+        usual, times_seen = self.state[self.USUAL], self.state[self.SEEN] + inside
+        self.state[self.VISITS] += 1
+        self.state[self.SEEN] = times_seen
+        views = times_seen * (num_views / self.state[self.VISITS])
+        say = opacities * (views >= MIN_VIEWS)
+        expected, judged = _mean_by_cell(usual, say, cell, residual.shape)
+        off = torch.sign(relative.index_select(0, cell) - usual)
+        self.state[self.USUAL] = usual + MEDIAN_STEP * off * inside
+        return torch.where(judged, residual - level * expected.exp(), 0.0)
+
+
+def _box3(image: Float[Tensor, "C H W"]) -> Float[Tensor, "C H W"]:
+    """Means over 3 x 3 pixels, the border repeated; sums of slices are faster than avg_pool2d."""
+    padded = F.pad(image[None], (1, 1, 1, 1), mode="replicate")[0]
+    rows = padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]
+    return (rows[..., :-2] + rows[..., 1:-1] + rows[..., 2:]) / 9
+
+
+def _averaged(cells: Float[Tensor, "C rows columns"]) -> Float[Tensor, "C rows columns"]:
+    return F.avg_pool2d(cells[None], WINDOW, 1, WINDOW // 2, count_include_pad=False)[0]
+
+
+def _cells_of(
+    means2d: Tensor, visible: Tensor, shape: torch.Size
+) -> tuple[Bool[Tensor, " N"], Int[Tensor, " N"]]:
+    """Which Gaussians have their centre in the image, and their cells as flat indices.
+
+    All others are in one cell more, behind the last. Nothing is gathered: most are in the image.
+    """
+    rows, columns = shape
+    x, y = means2d.floor().unbind(-1)
+    inside = visible & (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+    return inside, torch.where(inside, y * columns + x, rows * columns).long()
+
+
+def _mean_by_cell(
+    values: Float[Tensor, " N"], weights: Tensor, cell: Tensor, shape: torch.Size
+) -> tuple[Float[Tensor, "rows columns"], Bool[Tensor, "rows columns"]]:
+    """Weighted mean of the values around each cell, and where there is anything to average."""
+    rows = torch.stack([weights * values, weights])
+    sums = rows.new_zeros(2, shape[0] * shape[1] + 1).index_add_(1, cell, rows)
+    total, weight = _averaged(sums[:, :-1].reshape(2, *shape))
+    return total / weight.clamp(min=MIN_WEIGHT), weight > MIN_WEIGHT

@@ -1,0 +1,214 @@
+"""Checkpoint files: written so that a kill or a full disk never costs what was saved before.
+
+The files are nerfstudio's (`step-000000299.ckpt`): `ns-eval` and the other commands read them.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from desplat_ns.console import announce
+from desplat_ns.errors import CheckpointError
+
+CHECKPOINT_NAME = re.compile(r"step-(\d+)\.ckpt")
+STAGING_FOLDER = ".saving"
+"""Where a checkpoint is written before it is complete. Beside the checkpoint folder, not in it:
+nerfstudio 1.1.5 takes every name in that folder for a checkpoint and fails on any other."""
+REQUIRED_KEYS = ("step", "pipeline", "optimizers")
+
+
+def register_safe_globals() -> None:
+    """Let torch >= 2.6 load checkpoints that hold numpy scalars, written by numpy 1 or 2.
+
+    nerfstudio's own schedulers leave np.float64 learning rates in the optimizers' state.
+    """
+    if not hasattr(torch.serialization, "add_safe_globals"):  # torch < 2.4 loads them as they are
+        return
+    rebuild: Any = np.float64(0.0).__reduce__()[0]  # the function that a pickled scalar names
+    names = ("numpy.core.multiarray.scalar", "numpy._core.multiarray.scalar")
+    dtypes = [type(np.dtype(kind)) for kind in ("f8", "f4", "f2", "i8", "i4", "u8", "u4", "?")]
+    torch.serialization.add_safe_globals([*((rebuild, n) for n in names), np.dtype, *dtypes])
+
+
+# At import: ns-eval loads checkpoints without a trainer, but always imports the plugin.
+register_safe_globals()
+
+
+def checkpoint_path(folder: Path, step: int) -> Path:
+    """The file that holds the state after `step` (counted from 0) in `folder`."""
+    return folder / f"step-{step:09d}.ckpt"
+
+
+def step_of(path: Path) -> int:
+    """The step in a checkpoint's file name."""
+    match = CHECKPOINT_NAME.fullmatch(path.name)
+    assert match is not None, path
+    return int(match.group(1))
+
+
+def checkpoints_in(folder: Path) -> list[Path]:
+    """Checkpoints of a folder, the newest (highest step) last."""
+    found = [path for path in folder.iterdir() if CHECKPOINT_NAME.fullmatch(path.name)]
+    return sorted(found, key=step_of)
+
+
+def save_atomically(state: dict[str, Any], path: Path) -> None:
+    """Write `state` to `path`, so that `path` is at any moment the old file, the new one or absent.
+
+    Raises CheckpointError where it cannot be written; nothing saved before is touched then.
+    """
+    staging = path.parent.resolve().parent / STAGING_FOLDER
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(staging, ignore_errors=True)  # what a killed run left; frees its space first
+        staging.mkdir()
+        _write_durably(state, staging / path.name)
+        os.replace(staging / path.name, path)
+        _sync_folder(path.parent)
+    except (OSError, RuntimeError) as error:
+        # torch's zip writer reports a failed write as RuntimeError, the OSError is its context
+        reason = error.__context__ if isinstance(error.__context__, OSError) else error
+        raise CheckpointError(
+            f"The checkpoint {path} could not be written: {reason}. Checkpoints saved before are "
+            f"untouched. Free some space there (or choose another place with --output-dir), then "
+            f"go on with `--load-dir {path.parent}`."
+        ) from error
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def _write_durably(state: dict[str, Any], path: Path) -> None:
+    with path.open("wb") as file:
+        torch.save(state, file)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make a rename in `folder` survive a power cut, where folders can be opened (not Windows)."""
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def remove_others(path: Path) -> None:
+    """Delete the checkpoints beside `path`, which must be complete."""
+    assert path.exists(), path
+    for other in checkpoints_in(path.parent):
+        if other != path:
+            other.unlink()
+
+
+def load_checkpoint(path: Path) -> dict[str, Any]:
+    """Read one checkpoint onto the CPU, every byte checked against the file's checksums.
+
+    Raises CheckpointError where it is missing, damaged or not a checkpoint.
+    """
+    if not path.is_file():
+        raise CheckpointError(f"There is no checkpoint {path}. {_contents(path.parent)}")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            damaged = archive.testzip()
+        if damaged is not None:
+            raise zipfile.BadZipFile(f"bad checksum in {damaged}")
+        state = torch.load(path, map_location="cpu", weights_only=True)
+    except (PermissionError, MemoryError):
+        raise
+    except Exception as error:  # damaged bytes raise whatever the unpickler stumbles over
+        raise CheckpointError(
+            f"The checkpoint {path} is damaged or not a checkpoint ({error}). Give another one "
+            "with `--load-checkpoint FILE`."
+        ) from error
+    missing = [key for key in REQUIRED_KEYS if not isinstance(state, dict) or key not in state]
+    if missing:
+        raise CheckpointError(
+            f"{path} is not a checkpoint of a training run: it has no {', '.join(missing)}. Give "
+            "a step-NNNNNNNNN.ckpt that ns-train wrote."
+        )
+    step, parts = state["step"], [state["pipeline"], state["optimizers"]]
+    if type(step) is not int or step < 0 or not all(isinstance(part, dict) for part in parts):
+        raise CheckpointError(
+            f"{path} is not a checkpoint of a training run: its step is {step!r}, its pipeline and "
+            f"optimizers are {' and '.join(type(part).__name__ for part in parts)}. Give another "
+            "one with `--load-checkpoint FILE`."
+        )
+    return state
+
+
+def load_newest(folder: Path) -> tuple[Path, dict[str, Any]]:
+    """The newest intact checkpoint of `folder` and its contents.
+
+    Says so where a newer one is damaged. Raises CheckpointError where none is left.
+    """
+    paths = checkpoints_in(folder)
+    failures: list[str] = []
+    for path in reversed(paths):
+        try:
+            state = load_checkpoint(path)
+        except CheckpointError as error:
+            failures.append(str(error))
+            continue
+        for failure in failures:
+            announce(failure, warning=True)
+        if failures:
+            announce(f"Going on from {path}, the newest intact one.", warning=True)
+        return path, state
+    if failures:
+        raise CheckpointError(f"No checkpoint in {folder} is intact. {failures[0]}")
+    raise CheckpointError(f"No checkpoint to load. {_contents(folder)}")
+
+
+def load_for_evaluation(folder: Path, step: int | None) -> tuple[Path, dict[str, Any]]:
+    """The checkpoint of `step`, or without one the newest intact one, and its contents.
+
+    Raises CheckpointError where there is none.
+    """
+    if step is not None or not folder.is_dir():
+        path = checkpoint_path(folder, step or 0)
+        return path, load_checkpoint(path)
+    return load_newest(folder)
+
+
+def checkpoint_folder(load_dir: Path, relative_model_dir: Path) -> Path:
+    """The folder of checkpoints that `--load-dir` means: itself, or that inside a run's folder.
+
+    Raises CheckpointError, with what to pass instead, where there is none.
+    """
+    if load_dir.is_file():
+        raise CheckpointError(
+            f"--load-dir {load_dir} is a file. Give its folder, or `--load-checkpoint {load_dir}`."
+        )
+    if not load_dir.is_dir():
+        raise CheckpointError(
+            f"--load-dir {load_dir} does not exist. Give the folder of checkpoints that ns-train "
+            f"printed as 'Checkpoint Directory', it ends in {relative_model_dir}."
+        )
+    for folder in (load_dir, load_dir / relative_model_dir):
+        if folder.is_dir() and checkpoints_in(folder):
+            return folder
+    levels = ("*", "*/*", "*/*/*")  # experiment / method / timestamp, from outputs downwards
+    runs = [run for level in levels for run in load_dir.glob(f"{level}/{relative_model_dir}")]
+    newest = max(runs, key=lambda run: run.stat().st_mtime, default=None)
+    hint = f" Did you mean `--load-dir {newest}`?" if newest else ""
+    raise CheckpointError(f"--load-dir {load_dir} holds no checkpoint.{hint} {_contents(load_dir)}")
+
+
+def _contents(folder: Path) -> str:
+    """What lies in `folder`, for a message."""
+    if not folder.is_dir():
+        return f"The folder {folder} does not exist."
+    names = sorted(path.name for path in folder.iterdir())
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    return f"{folder} holds {', '.join(names[:5])}{more}." if names else f"{folder} is empty."
