@@ -156,7 +156,8 @@ MUTATIONS = (
     # Activations
     Mutation("colours beyond the range keep their gradient", "gaussians/activation.py",
              "(rgbs < 0) | (rgbs > 1)", "(rgbs < 0) & (rgbs > 1)", FORMULAS),
-    Mutation("a sigmoid's slope", "gaussians/activation.py", "grad * y * (1 - y)", "grad * y * (1 + y)",
+    Mutation("a sigmoid's slope", "gaussians/activation.py", "grad * y * (1 - y)",
+             "grad * y * (1 + y)",
              FORMULAS),
     Mutation("log-scales that overflow", "gaussians/activation.py",
              "torch.exp(log_scales.clamp(max=MAX_LOG_SCALE))", "torch.exp(log_scales)", FORMULAS),

@@ -24,11 +24,11 @@ def announce(line: str, warning: bool = False) -> None:
         CONSOLE.print(escape(line), style=style, soft_wrap=True, highlight=False)
 
 
-def list_names(names: Iterable[str]) -> str:
+def list_names(names: Iterable[str], at_most: int = LISTED_NAMES) -> str:
     """`a, b, c and 12 more`: the first names and how many are left."""
     all_names = list(names)
-    listed = ", ".join(all_names[:LISTED_NAMES])
-    rest = len(all_names) - LISTED_NAMES
+    listed = ", ".join(all_names[:at_most])
+    rest = len(all_names) - at_most
     return f"{listed} and {rest} more" if rest > 0 else listed
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
+from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.configs.dataparser_configs import AnnotatedDataParserUnion
 from nerfstudio.data.datamanagers.full_images_datamanager import (
     FullImageDatamanager,
@@ -25,7 +25,9 @@ from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismData
 
 from desplat_ns.data.colmap import with_pycolmap
 from desplat_ns.data.dataset import CaptureDataset
+from desplat_ns.data.training_views import image_names
 from desplat_ns.data.transforms_json import PromptFreeNerfstudio
+from desplat_ns.data.true_masks import METADATA_KEY
 from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 
 
@@ -98,7 +100,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         numbers = torch.arange(len(dataset))[:, None]
         dataset.cameras.metadata = {**(dataset.cameras.metadata or {}), "train_idx": numbers}
         dataset.metadata["train_cameras"] = dataset.cameras
-        dataset.metadata["train_image_names"] = _names(dataset)
+        dataset.metadata["train_image_names"] = image_names(dataset.image_filenames)
         return dataset
 
     def create_eval_dataset(self) -> CaptureDataset:
@@ -120,7 +122,17 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
     @property
     def train_image_names(self) -> list[str]:
         """Names of the training photos in the order of `train_idx`, below their common folder."""
-        return _names(self.train_dataset)
+        return image_names(self.train_dataset.image_filenames)
+
+    def true_masks(self) -> list[tuple[Cameras, Path]]:
+        """The camera of each training view whose distractors are known, and their mask's file."""
+        paths = self.train_dataparser_outputs.metadata.get(METADATA_KEY, [])
+        cameras = self.train_dataset.cameras
+        return [
+            (cameras[index : index + 1].to(self.device), Path(path))
+            for index, path in enumerate(paths)
+            if path is not None
+        ]
 
     def sampler_state(self) -> dict[str, Any]:
         """The order in which views come next, as numbers and lists only."""
@@ -169,9 +181,3 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         if not torch.cuda.is_available():
             cache_images_device = "gpu"
         return super()._load_images(split, cache_images_device)
-
-
-def _names(dataset: CaptureDataset) -> list[str]:
-    paths = [path.absolute() for path in dataset.image_filenames]
-    folder = Path(os.path.commonpath([path.parent for path in paths]))
-    return [path.relative_to(folder).as_posix() for path in paths]

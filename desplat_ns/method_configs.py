@@ -14,7 +14,7 @@ from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import print_user_errors_plainly
 from desplat_ns.gaussians.distractors import DistractorConfig
-from desplat_ns.model_config import DeSplatModelConfig
+from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.photo_tourism.config import BackgroundConfig
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig

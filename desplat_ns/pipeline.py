@@ -7,38 +7,42 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Protocol, runtime_checkable
 
 import torch
-from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.pipelines.base_pipeline import VanillaPipeline, VanillaPipelineConfig
 from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
 from torchvision.utils import save_image
 
-from desplat_ns.console import progress_over
+from desplat_ns.backend import Rasterizer
+from desplat_ns.console import list_names, progress_over
 from desplat_ns.data.training_views import image_names
+from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import CaptureError, CheckpointError, DeSplatError
-from desplat_ns.evaluation.config import EvaluationConfig, uses_halves
-from desplat_ns.evaluation.mask_scores import score_masks
-from desplat_ns.evaluation.metrics import LPIPS_NET
+from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
+from desplat_ns.evaluation.halves import RightHalf, RightHalfByLeft, ScoredLitModel
+from desplat_ns.evaluation.mask_scores import MaskedModel, score_masks
+from desplat_ns.evaluation.metrics import LPIPS_NET, LazyLpips
+from desplat_ns.evaluation.protocol import EvaluationProtocol
 from desplat_ns.evaluation.records import (
+    CountedModel,
     ScoredImage,
     gaussian_counts,
     per_image,
     summarize,
     versions,
 )
-from desplat_ns.evaluation.stopwatch import Stopwatch
+from desplat_ns.evaluation.whole_image import WholeImage
 from desplat_ns.nerfstudio_quirks import (
     give_masks_a_colormap_in_the_viewer,
     load_evaluated_checkpoints_like_resumed_ones,
 )
 from desplat_ns.photo_tourism.embedding_file import digest_of, load_embeddings, save_embeddings
-from desplat_ns.photo_tourism.halves import HalvesProtocol
+from desplat_ns.photo_tourism.image_effects import ImageEffects
+from desplat_ns.photo_tourism.shown_light import WornAppearance
 from desplat_ns.training.checkpoint_record import SceneRecord, check_same_scene
-
-PROTOCOL = "full image, static Gaussians only"
-"""How evaluation images are scored; the JSON names it beside every figure."""
+from desplat_ns.training.step_guard import GuardedModel
+from desplat_ns.viewer import LayerControl
 
 MAX_KEYS_LISTED = 5
 """Parameters that an error message names before it only counts."""
@@ -53,14 +57,38 @@ class DeSplatPipelineConfig(VanillaPipelineConfig):
     """How `ns-eval` scores images."""
 
 
+@runtime_checkable
+class PipelineModel(ScoredLitModel, MaskedModel, CountedModel, GuardedModel, Protocol):
+    """What the pipeline needs of a model; `DeSplatModel` has it."""
+
+    layer_control: LayerControl
+    """The viewer's choice of layer."""
+    worn: WornAppearance
+    """The choice of a light."""
+    image_effects: ImageEffects | None
+    lpips: LazyLpips
+
+    @property
+    def rasterizer(self) -> Rasterizer:
+        """The backend."""
+        ...
+
+    def update_to_step(self, step: int) -> None:
+        """Take up a checkpoint's step."""
+        ...
+
+
 class DeSplatPipeline(VanillaPipeline):
     """nerfstudio's pipeline with its own evaluation and strict loading."""
 
+    config: DeSplatPipelineConfig
+    datamanager: DeSplatDataManager
+    _model: PipelineModel
+
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        manager, model = cast(Any, self.datamanager), cast(Any, self.model)
-        manager.train_dataset.check_sides(model.config.num_downscales)
-        manager.eval_dataset.check_sides(0)
+        self.datamanager.train_dataset.check_sides(self._model.config.num_downscales)
+        self.datamanager.eval_dataset.check_sides(0)
         give_masks_a_colormap_in_the_viewer()
         load_evaluated_checkpoints_like_resumed_ones()
 
@@ -69,37 +97,36 @@ class DeSplatPipeline(VanillaPipeline):
     @property
     def layer(self) -> ViewerDropdown | None:
         """The viewer's choice of layer; None where there are no distractors."""
-        control = cast(Any, self.model).layer_control
+        control = self._model.layer_control
         return control.layer if control.num_views > 0 else None
 
     @property
     def training_view(self) -> ViewerSlider | None:
         """The viewer's choice of whose distractors to show; None where there are none."""
-        control = cast(Any, self.model).layer_control
+        control = self._model.layer_control
         return control.view if control.num_views > 0 else None
 
     @property
     def appearance(self) -> ViewerDropdown | None:
         """The viewer's choice of whose light is shown; None where there is no appearance model."""
-        worn = cast(Any, self.model).worn
+        worn = self._model.worn
         return worn.first if worn.names else None
 
     @property
     def appearance_mixed(self) -> ViewerDropdown | None:
         """The viewer's choice of a second image to mix in; None as above."""
-        worn = cast(Any, self.model).worn
+        worn = self._model.worn
         return worn.second if worn.names else None
 
     @property
     def appearance_share(self) -> ViewerSlider | None:
         """The viewer's share of the second image; None as above."""
-        worn = cast(Any, self.model).worn
+        worn = self._model.worn
         return worn.share if worn.names else None
 
     @contextmanager
     def _static_scene(self) -> Iterator[None]:
-        model = cast(Any, self.model)
-        with model.layer_control.suspended(), model.worn.suspended():
+        with self._model.layer_control.suspended(), self._model.worn.suspended():
             yield
 
     # --- evaluation --------------------------------------------------------------------------
@@ -138,44 +165,48 @@ class DeSplatPipeline(VanillaPipeline):
         """
         self.eval()
         with self._static_scene():
-            halves = self._halves_protocol() if get_std else None
+            protocol = self._protocol() if get_std else WholeImage(self._model)
             images = self._score_images(
-                data_loader, image_prefix, output_path, halves, warm_up=get_std
+                data_loader, image_prefix, output_path, protocol, warm_up=get_std
             )
             results: dict[str, Any] = {**summarize(images, get_std)}
-            results |= gaussian_counts(self.model)
+            results |= gaussian_counts(self._model)
             if get_std:
                 _check_finite(images)
                 results |= self._mask_scores()
                 results |= self._texts()
-                results["protocol"] = PROTOCOL if halves is None else halves.describe()
+                results["protocol"] = protocol.describe()
                 results["images"] = per_image(images)
-            self._save_embeddings(halves)
+            self._save_embeddings(protocol)
         self.train()
         return results
 
-    def _halves_protocol(self) -> HalvesProtocol | None:
-        config, model = cast(Any, self.config).evaluation, cast(Any, self.model)
-        if not uses_halves(config, model.config.effects.appearance):
-            return None
+    def _protocol(self) -> EvaluationProtocol:
+        config, model = self.config.evaluation, self._model
+        name = chosen_protocol(config, model.config.effects.appearance)
+        if name != "half":
+            return RightHalf(model) if name == "right" else WholeImage(model)
         known = {}
         if config.load_embeddings is not None:
-            digest = digest_of(model.image_effects)
-            known = load_embeddings(config.load_embeddings, digest, model.device)
-        return HalvesProtocol(config, known)
+            known = load_embeddings(config.load_embeddings, self._digest(), model.device)
+        return RightHalfByLeft(model, config, known)
 
-    def _save_embeddings(self, halves: HalvesProtocol | None) -> None:
-        path = cast(Any, self.config).evaluation.save_embeddings
-        if halves is not None and path is not None:
-            digest = digest_of(cast(Any, self.model).image_effects)
-            save_embeddings(path, halves.embeddings, digest)
+    def _digest(self) -> str:
+        """What says that embeddings belong to this model."""
+        assert self._model.image_effects is not None
+        return digest_of(self._model.image_effects)
+
+    def _save_embeddings(self, protocol: EvaluationProtocol) -> None:
+        path = self.config.evaluation.save_embeddings
+        if isinstance(protocol, RightHalfByLeft) and path is not None:
+            save_embeddings(path, protocol.embeddings, self._digest())
 
     def _score_images(
         self,
         data_loader: Any,
         prefix: str,
         output_path: Path | None,
-        halves: HalvesProtocol | None,
+        protocol: EvaluationProtocol,
         warm_up: bool,
     ) -> list[ScoredImage]:
         loader = list(data_loader)
@@ -185,60 +216,45 @@ class DeSplatPipeline(VanillaPipeline):
                 "split that has some, with the data parser's `--eval-mode` or its split options."
             )
         if warm_up:  # compilation and caches are no part of the time per image
-            self.model.get_outputs_for_camera(loader[0][0])
-        dataset = self._dataset(prefix)
-        names = image_names([Path(name) for name in dataset.image_filenames])
+            self._model.get_outputs_for_camera(loader[0][0])
+        names = image_names(self._photos(prefix))
         images: list[ScoredImage] = []
         with progress_over(len(loader), "Evaluating all images...") as advance:
             for index, (camera, batch) in enumerate(loader):
                 name = names[int(batch.get("image_idx", index))]
-                if halves is None:
-                    scored, pictures = self._score_image(camera, batch, name)
-                else:
-                    scored, pictures = halves.score(self.model, camera, batch, name)
+                scored, pictures = protocol.score(camera, batch, name)
                 images.append(scored)
                 _save(pictures, output_path, f"{prefix}_{{}}_{index:04d}.png")
                 advance()
         return images
 
-    def _dataset(self, prefix: str) -> Any:
-        manager = cast(Any, self.datamanager)
-        return manager.eval_dataset if prefix == "eval" else manager.train_dataset
-
-    def _score_image(
-        self, camera: Cameras, batch: dict[str, Any], name: str
-    ) -> tuple[ScoredImage, dict[str, torch.Tensor]]:
-        watch = Stopwatch(torch.device(self.device))
-        watch.start()
-        outputs = self.model.get_outputs_for_camera(camera)
-        render_seconds = watch.seconds()
-        metrics, pictures = self.model.get_image_metrics_and_images(outputs, batch)
-        height, width = outputs["rgb"].shape[:2]
-        scored = ScoredImage(name, width, height, metrics, render_seconds, watch.seconds())
-        return scored, pictures
+    def _photos(self, prefix: str) -> list[Path]:
+        manager = self.datamanager
+        dataset = manager.eval_dataset if prefix == "eval" else manager.train_dataset
+        return [Path(name) for name in dataset.image_filenames]
 
     def _mask_scores(self) -> dict[str, int | float]:
-        if cast(Any, self.model).distractors is None:
+        if self._model.distractors is None:
             return {}
-        return score_masks(self.model, self.datamanager)
+        return score_masks(self._model, self.datamanager.true_masks())
 
     def _texts(self) -> dict[str, Any]:
-        model = cast(Any, self.model)
+        model = self._model
         texts: dict[str, Any] = {
             "backend": model.rasterizer.name,
             "device": str(self.device),
             "versions": versions(),
         }
-        reason = getattr(model.lpips, "reason", None)
+        reason = model.lpips.reason
         return texts | ({"lpips_net": LPIPS_NET} if reason is None else {"lpips_reason": reason})
 
     # --- checkpoints -------------------------------------------------------------------------
 
     def scene_record(self) -> SceneRecord:
         """What a checkpoint of this pipeline belongs to."""
-        config = cast(Any, self.model).config
-        names = getattr(self.datamanager, "train_image_names", [])
-        return SceneRecord(asdict(config.effects), config.sh_degree, list(names))
+        config = self._model.config
+        names = self.datamanager.train_image_names
+        return SceneRecord(asdict(config.effects), config.sh_degree, names)
 
     def get_extra_state(self) -> dict[str, Any]:
         """The scene record, for the checkpoint."""
@@ -254,9 +270,8 @@ class DeSplatPipeline(VanillaPipeline):
             CheckpointError: it belongs to another scene or other effects, or lacks parameters;
                 nothing has been changed then.
         """
-        state = {key.removeprefix("module."): value for key, value in loaded_state.items()}
-        self.load_state_dict(state)
-        self.model.update_to_step(step)
+        self.load_state_dict(loaded_state)
+        self._model.update_to_step(step)
 
     def load_state_dict(self, state_dict: Mapping[str, Any], strict: bool | None = None) -> None:
         """Always strict: nerfstudio 1.1.5 retries `strict=False`, which hides missing parameters.
@@ -276,8 +291,7 @@ class DeSplatPipeline(VanillaPipeline):
     def _check_state(self, state: Mapping[str, Any]) -> None:
         saved = SceneRecord.from_state(state.get("_extra_state"))
         check_same_scene(saved, self.scene_record())
-        found = {key.replace("_model.module.", "_model.") for key in state}
-        needed = {key.replace("_model.module.", "_model.") for key in self.state_dict()}
+        found, needed = set(state), set(self.state_dict())
         if found != needed:
             raise CheckpointError(
                 f"The checkpoint does not fit this model: {_listed('missing', needed - found)}, "
@@ -287,8 +301,8 @@ class DeSplatPipeline(VanillaPipeline):
 
 
 def _listed(label: str, keys: set[str]) -> str:
-    first = ", ".join(sorted(keys)[:MAX_KEYS_LISTED]) + (", ..." * (len(keys) > MAX_KEYS_LISTED))
-    return f"{len(keys)} {label} parameters" + (f" ({first})" if keys else "")
+    named = f" ({list_names(sorted(keys), MAX_KEYS_LISTED)})" if keys else ""
+    return f"{len(keys)} {label} parameters{named}"
 
 
 def _check_finite(images: list[ScoredImage]) -> None:

@@ -3,53 +3,156 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import torch
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import OrientedBox
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackAttributes
 from nerfstudio.model_components.lib_bilagrid import color_correct
-from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel
+from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel, SplatfactoModelConfig
 from torch import Tensor, nn
 
-from desplat_ns.backend import Rasterizer, resolve
+from desplat_ns.backend import BackendName, Rasterizer, resolve
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.backend.ssim import ssim_of_planes
-from desplat_ns.errors import BackendUnavailableError
-from desplat_ns.evaluation.metrics import image_metrics
+from desplat_ns.effects import EffectsConfig
+from desplat_ns.errors import BackendUnavailableError, ConfigError
+from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
 from desplat_ns.gaussians.activation import RawParameters, activate_static, resize_rows
 from desplat_ns.gaussians.densification import strategy_info
+from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.gaussians.seed_points import check_seed_points, clamp_seed_scales
-from desplat_ns.gaussians.strategy import StaticStrategy
-from desplat_ns.model_config import DeSplatModelConfig
+from desplat_ns.gaussians.strategy import NEVER, StaticStrategy
 from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
 )
 from desplat_ns.photo_tourism.appearance import fourier_features
+from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
 from desplat_ns.photo_tourism.shown_light import WornAppearance
 from desplat_ns.rendering.layers import static_outputs
 from desplat_ns.rendering.views import view_of
+from desplat_ns.training.run_length import (
+    SPLATFACTOS_INTERVAL,
+    pause_after_reset,
+    photo_downscale,
+    scaled_fields,
+    scaled_steps,
+    steps_between_refinements,
+)
+
+STATIC_STEPS = (
+    "warmup_length",
+    "resolution_schedule",
+    "sh_degree_interval",
+    "stop_screen_size_at",
+    "stop_split_at",
+)
+"""Splatfacto's settings that are numbers of steps."""
+
+
+Config = TypeVar("Config", bound="StaticModelConfig")
+
+
+@dataclass
+class StaticModelConfig(SplatfactoModelConfig):
+    """The static scene, with what DeSplat adds to Splatfacto's settings.
+
+    Every number of steps belongs to the full schedule; `schedule_scale` shrinks them all.
+    """
+
+    _target: type = field(default_factory=lambda: StaticModel)
+    effects: EffectsConfig = field(default_factory=EffectsConfig)
+    """Which effects the scene calls for."""
+    appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
+    """Per-image appearance, where `effects.appearance` has it."""
+    background: BackgroundConfig = field(default_factory=BackgroundConfig)
+    """Background model, where `effects.background` has it."""
+    backend: BackendName = "auto"
+    """Rasterizer. auto takes gsplat where CUDA works, else the fastest that runs on the CPU."""
+    schedule_scale: float | None = None
+    """Factor on every number of steps; by default max-num-iterations over the method's own number,
+    at most 1."""
+
+    refine_every: int = 0
+    """Steps between two refinements of the static set, at most; 0 for no bound. Splatfacto has 100,
+    in runs of any length."""
+    refinements: int = 15
+    """Refinements that a run has time for, however long it is: they are as many steps apart as
+    `stop_split_at` has by this number, and at least half a round of the views. See
+    docs/separation.md, "How often, and how many"."""
+    gaussians_per_pixel: float = 0.0
+    """Static Gaussians at most, per pixel of all training photos together: more than the photos can
+    hold in place become floaters. 0 for no limit, as in the paper. A capture that starts with more
+    keeps those, but does not grow."""
+    cull_to_the_end: bool = False
+    """Prune faint static Gaussians after `stop_split_at` as well. Splatfacto did so when the paper
+    was written (nerfstudio 1.1.4: `continue_cull_post_densification`)."""
+
+    def for_run(self: Config, num_views: int) -> Config:
+        """A copy for one run: its steps shrunk by `schedule_scale`, its intervals as the number of
+        training views wants them.
+
+        Raises:
+            ConfigError: a setting lies outside its range.
+        """
+        self._check()
+        run = replace(self, **scaled_fields(self, STATIC_STEPS, self.schedule_scale or 1.0))
+        run.refine_every = steps_between_refinements(
+            num_views, run.stop_split_at, self.refinements, self.refine_every
+        )
+        return run
+
+    def _check(self) -> None:
+        for name, value, least in (
+            ("refine-every", self.refine_every, 0),
+            ("refinements", self.refinements, 1),
+            ("gaussians-per-pixel", self.gaussians_per_pixel, 0),
+        ):
+            if not value >= least:
+                raise ConfigError(
+                    f"`--pipeline.model.{name}` is {value}; it has to be {least} or more."
+                )
+
+    def downscale_factor(self, step: int) -> int:
+        """By how much photos are smaller at a step. Call it on what `for_run` gave."""
+        return photo_downscale(step, self.num_downscales, self.resolution_schedule)
+
+    @property
+    def reset_every(self) -> int:
+        """Steps from one reset of the static opacities to the next; `reset_alpha_every` 0: none."""
+        steps = self.reset_alpha_every * SPLATFACTOS_INTERVAL
+        return scaled_steps(steps, self.schedule_scale or 1.0) if steps > 0 else NEVER
+
+    def most_gaussians(self, pixels: int) -> int:
+        """Static Gaussians beyond which the set does not grow.
+
+        Args:
+            pixels: of all training photos together.
+        """
+        return round(self.gaussians_per_pixel * pixels) if self.gaussians_per_pixel > 0 else NEVER
 
 
 class StaticModel(SplatfactoModel):
     """Splatfacto with a backend of choice, and with the per-image effects that are on."""
 
-    config: DeSplatModelConfig
+    config: StaticModelConfig
     image_effects: ImageEffects | None
-    lpips: Any  # a LazyLpips in the place of torchmetrics' module
+    lpips: LazyLpips  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    def __init__(self, config: DeSplatModelConfig, *args: Any, **kwargs: Any):
+    def __init__(self, config: StaticModelConfig, *args: Any, **kwargs: Any):
         self._rasterizer: Rasterizer | None = None
-        super().__init__(config.scaled(), *args, **kwargs)
+        super().__init__(config, *args, **kwargs)
 
     def populate_modules(self) -> None:
         """Static Gaussians at the 3D points, and what the effects need."""
         if not self.config.random_init:
             check_seed_points(self.seed_points)
-        self.config = self.config.for_views(self.num_train_data)
+        self.config = self.config.for_run(self.num_train_data)
         with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
         clamp_seed_scales(self.gauss_params)
@@ -65,7 +168,7 @@ class StaticModel(SplatfactoModel):
         self.strategy = StaticStrategy.in_place_of(
             self.strategy,
             reset_every=config.reset_every,
-            pause_refine_after_reset=config.pause_after_reset(self.num_train_data),
+            pause_refine_after_reset=pause_after_reset(self.num_train_data, config.reset_every),
             most=config.most_gaussians(pixels),
             cull_to_the_end=config.cull_to_the_end,
             verbose=False,
@@ -142,6 +245,11 @@ class StaticModel(SplatfactoModel):
             return None
         return min(self.step // self.config.sh_degree_interval, self.config.sh_degree)
 
+    @property
+    def memory(self) -> GaussianMemory:
+        """What is remembered of each static Gaussian."""
+        return GaussianMemory(self.strategy_state)
+
     def embedding_of(self, index: int | None) -> Tensor | None:
         """The image embedding [E] to draw with; None where no effect needs one.
 
@@ -154,6 +262,15 @@ class StaticModel(SplatfactoModel):
         if self.training and index is not None:
             return embeddings.of(index)
         return self.worn.embedding(embeddings, index)
+
+    def average_embedding(self) -> Tensor:
+        """The mean [E] of the training images' embeddings. Call it only if an effect has some."""
+        assert self.image_effects is not None
+        return self.image_effects.embeddings.mean()
+
+    def shown_in(self, embedding: Tensor) -> AbstractContextManager[None]:
+        """Within, every image without an embedding of its own has this one [E]."""
+        return self.worn.fixed(embedding)
 
     def background_of(self, view: View, embedding: Tensor | None) -> Tensor:
         """Colours [3], or [H, W, 3] where they differ or nerfstudio's commands expect them."""

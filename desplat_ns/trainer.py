@@ -13,18 +13,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.engine.trainer import Trainer, TrainerConfig
 from nerfstudio.utils.decorators import check_main_thread
 from nerfstudio.utils.misc import step_check
 from nerfstudio.utils.rich_utils import CONSOLE
+from torch.cuda.amp.grad_scaler import GradScaler
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CheckpointError, ConfigError
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
 from desplat_ns.options import check_finite_options
+from desplat_ns.pipeline import DeSplatPipeline
+from desplat_ns.static_model import StaticModelConfig
 from desplat_ns.training import resume
 from desplat_ns.training.checkpoint_files import (
     checkpoint_folder,
@@ -34,8 +37,14 @@ from desplat_ns.training.checkpoint_files import (
     remove_others,
     save_atomically,
 )
-from desplat_ns.training.schedules import scaled_optimizers, schedule_scale
-from desplat_ns.training.step_guard import GuardedOptimizers, StepGuard, check_parameters
+from desplat_ns.training.run_length import schedule_scale
+from desplat_ns.training.schedules import scaled_optimizers
+from desplat_ns.training.step_guard import (
+    GuardedModel,
+    GuardedOptimizers,
+    StepGuard,
+    check_parameters,
+)
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 """Ctrl+C, and what a batch system or a shutdown sends before it kills."""
@@ -55,16 +64,14 @@ class DeSplatTrainerConfig(TrainerConfig):
     def resolve_schedule_scale(self) -> float:
         """Settle the model's `schedule_scale`, from the numbers of steps where it is None.
 
-        Once settled it stays, whatever becomes of the numbers of steps. Models without schedules
-        of their own have no such field; the optimizers' schedules are scaled all the same.
+        Once settled it stays, whatever becomes of the numbers of steps.
         Raises ConfigError where it is not a positive number.
         """
-        model = self.pipeline.model
-        scale = getattr(model, "schedule_scale", None)
+        model = cast(StaticModelConfig, self.pipeline.model)
+        scale = model.schedule_scale
         if scale is None:
             scale = schedule_scale(self.max_num_iterations, self.nominal_num_iterations)
-            if hasattr(model, "schedule_scale"):
-                model.schedule_scale = scale  # pyright: ignore[reportAttributeAccessIssue]
+            model.schedule_scale = scale
         if not (math.isfinite(scale) and scale > 0):
             raise ConfigError(
                 f"--pipeline.model.schedule-scale is {scale}; it has to be above 0, for example "
@@ -74,18 +81,35 @@ class DeSplatTrainerConfig(TrainerConfig):
         return scale
 
     def save_config(self) -> None:
-        """Save config.yml with the schedule scale settled: ns-eval has no trainer to do it."""
+        """Save config.yml with the schedule scale settled: ns-eval has no trainer to do it.
+
+        ns-train calls it before it starts any process. Raises ConfigError where there would be
+        several.
+        """
+        self._refuse_several_processes()
         self.resolve_schedule_scale()
         super().save_config()
 
     def setup(self, **kwargs: Any) -> Any:
         """Build the trainer, the schedule scale settled before it builds the pipeline.
 
-        Raises ConfigError where an option is no finite number.
+        Raises ConfigError where an option is no finite number, or for several processes.
         """
+        self._refuse_several_processes()
         self.resolve_schedule_scale()
         check_finite_options(self)
         return super().setup(**kwargs)
+
+    def _refuse_several_processes(self) -> None:
+        machine = self.machine
+        count = machine.num_devices * machine.num_machines
+        if count > 1:
+            raise ConfigError(
+                f"--machine.num-devices {machine.num_devices} and --machine.num-machines "
+                f"{machine.num_machines} ask for {count} processes; this method trains in one. "
+                "Densification replaces the parameters in each process by itself, and the copies "
+                "would drift apart. Leave both at 1."
+            )
 
 
 class DeSplatTrainer(Trainer):
@@ -116,10 +140,10 @@ class DeSplatTrainer(Trainer):
         return GuardedOptimizers(optimizers, self.pipeline.get_param_groups(), self._may_step)
 
     @property
-    def _model(self) -> Any:
-        return getattr(self.pipeline, "model", None)
+    def _model(self) -> GuardedModel:
+        return cast(GuardedModel, self.pipeline.model)
 
-    def _may_step(self, grad_scaler: Any) -> bool:
+    def _may_step(self, grad_scaler: GradScaler) -> bool:
         """Whether the step at hand is sound; too many that were not, and the run stops."""
         may = self._guard.is_sound(self.step, self._model, self.optimizers, grad_scaler)
         if self._guard.exhausted:
@@ -192,7 +216,7 @@ class DeSplatTrainer(Trainer):
 
     def _state(self, step: int) -> dict[str, Any]:
         """nerfstudio's checkpoint, and the keys `rng` and `sampler` that make resume exact."""
-        pipeline: Any = getattr(self.pipeline, "module", self.pipeline)
+        pipeline = cast(DeSplatPipeline, self.pipeline)
         state = {
             "step": step,
             "pipeline": pipeline.state_dict(),
@@ -200,9 +224,8 @@ class DeSplatTrainer(Trainer):
             "schedulers": {k: v.state_dict() for k, v in self.optimizers.schedulers.items()},
             "scalers": self.grad_scaler.state_dict(),
             "rng": resume.rng_state(),
+            "sampler": pipeline.datamanager.sampler_state(),
         }
-        if hasattr(pipeline.datamanager, "sampler_state"):
-            state["sampler"] = pipeline.datamanager.sampler_state()
         return state
 
     def _load_checkpoint(self) -> None:
@@ -225,15 +248,9 @@ class DeSplatTrainer(Trainer):
         announce(f"Going on from {path}, {steps_done} steps are done.")
 
     def _load_randomness(self, state: dict[str, Any]) -> None:
-        """The order of the views now, the generators when training starts.
-
-        With several processes each keeps its own seed's: only the first one's were saved.
-        """
-        if self.world_size > 1:
-            return
-        datamanager: Any = self.pipeline.datamanager
-        if "sampler" in state and hasattr(datamanager, "load_sampler_state"):
-            datamanager.load_sampler_state(state["sampler"])
+        """The order of the views now, the generators when training starts."""
+        if "sampler" in state:
+            cast(DeSplatPipeline, self.pipeline).datamanager.load_sampler_state(state["sampler"])
         self._saved_rng = state.get("rng")
 
     def _read_checkpoint(self) -> tuple[Path, dict[str, Any]] | None:
@@ -289,7 +306,7 @@ class DeSplatTrainer(Trainer):
         """
         previous = {number: signal.getsignal(number) for number in STOP_SIGNALS}
         in_main_thread = threading.current_thread() is threading.main_thread()
-        if None in previous.values() or not in_main_thread or self.world_size > 1:
+        if None in previous.values() or not in_main_thread:
             yield
             return
 

@@ -44,8 +44,8 @@ def test_what_a_view_shows_nearer_goes_out_and_nothing_else():
     means = torch.stack([EYE + ahead * depth for depth in (0.5, 0.99, 1.01, 4.0)])
     opacities = torch.ones(4, 1)
     clearance = Clearance(0.5, wall(2.0), cameras())
-    info = {"radii": torch.tensor([[3, 0, 3, 3]])}
-    clearance.keep(0, view_of(cameras()), means, opacities, info)
+    visible = torch.tensor([True, False, True, True])
+    clearance.keep(0, view_of(cameras()), means, opacities, visible)
     assert opacities.flatten().tolist() == [EXTINGUISHED, 1.0, 1.0, 1.0]
 
 
@@ -72,5 +72,6 @@ def test_a_gaussian_before_a_camera_is_pruned_when_clearance_says_so(clearance):
 def test_without_seed_points_nothing_is_cleared():
     config = DistractorConfig(per_view=20, clearance=0.5)
     model = make_model(distractors=config, random_init=True, num_random=50)
-    assert model.clearance.depths == [0.0, 0.0, 0.0]
+    assert model.layer is not None
+    assert model.layer.clearance.depths == [0.0, 0.0, 0.0]
     Trainer(model).step(0)

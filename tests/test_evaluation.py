@@ -6,6 +6,7 @@ import json
 import math
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
@@ -73,7 +74,7 @@ def test_memory_is_4_bytes_a_float_in_units_of_a_million():
 
 def test_without_distractors_their_count_and_memory_are_0():
     params = nn.ParameterDict({"means": torch.zeros(250, 3)})
-    model = SimpleNamespace(num_points=250, gauss_params=params, distractors=None)
+    model: Any = SimpleNamespace(num_points=250, gauss_params=params, distractors=None)
     assert gaussian_counts(model) == {
         "num_static_gaussians": 250,
         "num_distractor_gaussians": 0,

@@ -5,12 +5,14 @@ import math
 import pytest
 import torch
 
+from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.separation.expected_residual import (
     LEVEL_QUANTILE,
     MEDIAN_STEP,
     MIN_RESIDUAL,
     MIN_VIEWS,
-    ExpectedResidual,
+    UsualResiduals,
+    excess_residual,
     local_residual,
 )
 from desplat_ns.separation.grid import grid_of, pooled
@@ -27,15 +29,19 @@ class Memory:
     """Static Gaussians, one in each cell, and the views they have seen."""
 
     def __init__(self) -> None:
-        self.state: dict = {}
         self.num_views = 40
         self.means2d = one_gaussian_per_cell()
+        self.known = self.nothing()
         self.visible = torch.ones(len(self.means2d), dtype=torch.bool)
         self.opacities = torch.full((len(self.means2d),), 0.8)
 
     def see(self, residual: torch.Tensor) -> torch.Tensor:
-        expected = ExpectedResidual(self.state, len(self.means2d), residual)
-        return expected.excess(residual, self.means2d, self.visible, self.opacities, self.num_views)
+        rest = self.visible, self.opacities, self.known, self.num_views
+        found, self.known = excess_residual(residual, self.means2d, *rest)
+        return found
+
+    def nothing(self) -> UsualResiduals:
+        return UsualResiduals.of(GaussianMemory({}), len(self.means2d), self.means2d.device)
 
 
 def flat(value: float = 0.02) -> torch.Tensor:
@@ -81,7 +87,7 @@ def test_what_is_not_seen_does_not_learn():
     memory = Memory()
     memory.visible[100:] = False
     memory.see(torch.rand(ROWS, COLUMNS) + 0.1)
-    usual = memory.state[ExpectedResidual.USUAL]
+    usual = memory.known.usual
     assert usual[:100].abs().max() == pytest.approx(MEDIAN_STEP)
     assert (usual[100:] == 0).all()
 
@@ -89,9 +95,9 @@ def test_what_is_not_seen_does_not_learn():
 def test_transparent_gaussians_have_no_say():
     memory = Memory()
     memory.see(flat())  # makes the memory
-    memory.state[ExpectedResidual.USUAL].fill_(math.log(5.0))
+    memory.known.usual.fill_(math.log(5.0))
     assert memory.see(flat()).max() < -0.05
-    memory.state[ExpectedResidual.USUAL].fill_(math.log(5.0))
+    memory.known.usual.fill_(math.log(5.0))
     memory.opacities.fill_(1e-9)
     assert memory.see(flat()).abs().max() < 1e-3
 
@@ -102,7 +108,7 @@ def test_gaussians_beyond_the_image_are_left_out():
     memory.means2d[1] = torch.tensor([float(COLUMNS), 3.0])
     memory.means2d[2] = torch.tensor([3.0, -7e8])
     memory.see(flat(0.02) + torch.rand(ROWS, COLUMNS))
-    assert (memory.state[ExpectedResidual.USUAL][:3] == 0).all()
+    assert (memory.known.usual[:3] == 0).all()
 
 
 def test_the_level_is_a_low_quantile():
@@ -155,6 +161,7 @@ def test_what_floats_in_front_of_one_camera_does_not_vouch_for_what_stands_in_it
     memory = Memory()
     floaters = 9 * len(memory.means2d)
     memory.means2d = memory.means2d.repeat(10, 1)
+    memory.known = memory.nothing()
     memory.opacities = memory.opacities.repeat(10)
     memory.visible = torch.ones(len(memory.means2d), dtype=torch.bool)
     for visit in range(400):

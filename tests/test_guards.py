@@ -2,14 +2,13 @@
 
 import copy
 import math
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import torch
 from nerfstudio.engine.optimizers import Optimizers
 from test_model import NUM_VIEWS, camera, make_model
-from test_trainer import assert_same, resumed, set_up, train
+from test_trainer import StubModel, assert_same, resumed, set_up, train
 from test_trainer import config as config  # a fixture
 from torch import Tensor
 
@@ -70,7 +69,7 @@ class GuardedTrainer:
 
     def __init__(self, model: DeSplatModel, max_skipped: int = 10):
         self.model, self.step_at_hand = model, 0
-        self.scaler = torch.amp.GradScaler("cpu", enabled=False)
+        self.scaler = torch.cuda.amp.GradScaler(enabled=False)
         groups = {name: params for name, params in model.get_param_groups().items() if params}
         rates = {name: 1e-4 if "means" in name else 1e-2 for name in groups}
         options = {
@@ -101,8 +100,9 @@ class GuardedTrainer:
     def state(self) -> dict[str, Any]:
         """All that a checkpoint holds of the model and its optimizers, moments included."""
         adams = {name: one.state_dict() for name, one in self.optimizers.optimizers.items()}
-        placing = self.model.placement._seen
-        return copy.deepcopy({"model": self.model.state_dict(), "adam": adams, "seen": placing})
+        assert self.model.layer is not None
+        sights = [one and one.covered for one in self.model.layer.watch.sights]
+        return copy.deepcopy({"model": self.model.state_dict(), "adam": adams, "sights": sights})
 
 
 def a_model() -> DeSplatModel:
@@ -195,7 +195,9 @@ def test_a_run_skips_a_bad_step_and_goes_on(config, capsys):
     trainer = spoiled(config, {4})
     trainer.train()
     assert trainer.pipeline.trained == list(range(12))
-    assert "At step 4: the gradient of means, scales is not finite" in said(capsys)
+    assert "At step 4, in the photo a.jpg: the gradient of means, scales is not finite" in said(
+        capsys
+    )
     last = load_checkpoint(config.get_checkpoint_dir() / "step-000000011.ckpt")
     assert last["optimizers"]["means"]["state"][0]["step"] == 11
     assert torch.isfinite(trainer.pipeline.groups["means"]).all()
@@ -335,8 +337,10 @@ def test_a_network_that_is_not_finite_may_not_be_saved(tmp_path):
 def test_mixed_precision_leaves_gradients_to_its_scaler(capsys):
     """Its first scale is meant to overflow; it halves it by itself."""
     guard, optimizers = StepGuard(1), Optimizers({}, {})
-    scaler = SimpleNamespace(is_enabled=lambda: True)
-    model = SimpleNamespace(losses={"main_loss": torch.tensor(1.0)})
+    scaler: Any = torch.cuda.amp.GradScaler(enabled=False)
+    scaler.is_enabled = lambda: True  # it is not without CUDA
+    model = StubModel()
+    model.losses = {"main_loss": torch.tensor(1.0)}
     assert guard.is_sound(0, model, optimizers, scaler)
     model.losses["main_loss"] = torch.tensor(NAN)
     assert not guard.is_sound(0, model, optimizers, scaler)

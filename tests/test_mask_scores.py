@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from nerfstudio.cameras.cameras import Cameras
 from PIL import Image
 
 from desplat_ns.data.training_views import train_index
-from desplat_ns.data.true_masks import METADATA_KEY, read_mask
+from desplat_ns.data.true_masks import read_true_mask
 from desplat_ns.errors import CaptureError
 from desplat_ns.evaluation.mask_scores import score_masks
 
@@ -29,7 +28,8 @@ class _Model:
         return {"alpha_distractor": alpha, "distractor_mask": alpha > 0.5}
 
 
-def _manager(masks: list[Path | None], distortion: float = 0.0) -> SimpleNamespace:
+def _views(masks: list[Path | None], distortion: float = 0.0) -> list[tuple[Cameras, Path]]:
+    """The training views that have masks."""
     n = len(masks)
     cameras = Cameras(
         camera_to_worlds=torch.eye(4)[None, :3].repeat(n, 1, 1),
@@ -42,11 +42,7 @@ def _manager(masks: list[Path | None], distortion: float = 0.0) -> SimpleNamespa
         distortion_params=torch.full((n, 6), distortion),
         metadata={"train_idx": torch.arange(n)[:, None]},
     )
-    return SimpleNamespace(
-        device="cpu",
-        train_dataset=SimpleNamespace(cameras=cameras),
-        train_dataparser_outputs=SimpleNamespace(metadata={METADATA_KEY: masks}),
-    )
+    return [(cameras[i : i + 1], path) for i, path in enumerate(masks) if path is not None]
 
 
 def _write(path: Path, columns: int, scale: int = 1) -> Path:
@@ -59,7 +55,7 @@ def _write(path: Path, columns: int, scale: int = 1) -> Path:
 
 def test_iou_and_alpha_outside_are_means_over_the_views_with_masks(tmp_path: Path):
     masks = [_write(tmp_path / "0.png", 1), None, _write(tmp_path / "2.png", 1)]
-    scores = score_masks(_Model(), _manager(masks))
+    scores = score_masks(_Model(), _views(masks))
     # View 0: 2 of 4 predicted pixels are right; outside lie 2 pixels of 0.8 and 4 of 0.1.
     # View 2: nothing predicted, 2 pixels missed; outside all is 0.1.
     assert scores["num_masks"] == 2
@@ -69,29 +65,26 @@ def test_iou_and_alpha_outside_are_means_over_the_views_with_masks(tmp_path: Pat
 
 def test_nothing_predicted_where_nothing_is_scores_1(tmp_path: Path):
     masks = [None, _write(tmp_path / "1.png", 0)]
-    assert score_masks(_Model(), _manager(masks))["mask_iou"] == 1.0
+    assert score_masks(_Model(), _views(masks))["mask_iou"] == 1.0
 
 
 def test_a_capture_without_masks_has_no_scores(tmp_path: Path):
-    assert score_masks(_Model(), _manager([None, None])) == {}
-    manager = _manager([None])
-    manager.train_dataparser_outputs.metadata.clear()
-    assert score_masks(_Model(), manager) == {}
+    assert score_masks(_Model(), _views([None, None])) == {}
 
 
 def test_a_mask_over_everything_leaves_alpha_outside_undefined(tmp_path: Path):
-    scores = score_masks(_Model(), _manager([_write(tmp_path / "0.png", WIDTH)]))
+    scores = score_masks(_Model(), _views([_write(tmp_path / "0.png", WIDTH)]))
     assert "alpha_outside_masks" not in scores
     assert scores["mask_iou"] == pytest.approx(0.5)
 
 
 def test_distorted_photos_are_left_out(tmp_path: Path):
     masks: list[Path | None] = [_write(tmp_path / "0.png", 1)]
-    assert score_masks(_Model(), _manager(masks, distortion=0.1)) == {}
+    assert score_masks(_Model(), _views(masks, distortion=0.1)) == {}
 
 
 def test_a_mask_is_reduced_to_the_size_of_the_rendering(tmp_path: Path):
-    mask = read_mask(_write(tmp_path / "big.png", 1, scale=3), WIDTH, HEIGHT)
+    mask = read_true_mask(_write(tmp_path / "big.png", 1, scale=3), WIDTH, HEIGHT)
     assert mask.shape == (HEIGHT, WIDTH, 1)
     assert torch.equal(mask[..., 0], torch.tensor([[True, False, False, False]] * HEIGHT))
 
@@ -102,4 +95,4 @@ def test_an_unreadable_mask_is_named(tmp_path: Path, content: bytes | None):
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(CaptureError, match=r"mask_0007\.png"):
-        read_mask(path, WIDTH, HEIGHT)
+        read_true_mask(path, WIDTH, HEIGHT)

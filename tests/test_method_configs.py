@@ -72,7 +72,7 @@ def test_the_paper_is_refined_and_culled_like_the_splatfacto_it_was_built_on():
     assert model.refine_every == 100
     assert model.cull_to_the_end
     assert model.gaussians_per_pixel == 0
-    assert model.scaled().for_views(400).distractors.refine_every == 100
+    assert model.for_run(400).distractors.refine_every == 100
     assert model.distractors == DistractorConfig(cull_to_the_end=True)
 
 

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 from torch import nn
 
+from desplat_ns.evaluation import metrics
 from desplat_ns.evaluation.metrics import (
     LPIPS_MIN_SIDE,
     PSNR_MAX,
@@ -26,7 +27,6 @@ from desplat_ns.evaluation.metrics import (
     psnr,
     ssim,
 )
-from desplat_ns.evaluation.records import metrics
 
 
 def _pair(seed: int = 0, height: int = 24, width: int = 31) -> tuple[torch.Tensor, torch.Tensor]:

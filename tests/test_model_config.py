@@ -9,7 +9,8 @@ from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.gaussians.strategy import NEVER
-from desplat_ns.model_config import DeSplatModelConfig
+from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.training.run_length import pause_after_reset
 
 SEPARATING = DistractorConfig(
     static_warmup=6000, refine_visits=5, max_refinements=8, start="residual"
@@ -19,7 +20,7 @@ SEPARATING = DistractorConfig(
 def run_of(steps: int, views: int, **options: Any) -> DeSplatModelConfig:
     """The settings of a run of so many steps on so many views."""
     whole = DeSplatModelConfig(schedule_scale=min(1.0, steps / 30000), **options)
-    return whole.scaled().for_views(views)
+    return whole.for_run(views)
 
 
 def test_schedules_shrink_with_a_run():
@@ -77,7 +78,7 @@ def test_resets_keep_their_place_whatever_the_interval(every):
 @pytest.mark.parametrize("views", [3, 40, 2000])
 def test_half_of_the_time_between_two_resets_at_least_is_sampled(steps, views):
     config = run_of(steps, views)
-    pause = config.pause_after_reset(views)
+    pause = pause_after_reset(views, config.reset_every)
     assert 0 < pause <= max(1, config.reset_every / 2)
     if (steps, views) == (30000, 40):
         assert pause == 140  # Splatfacto's
@@ -140,6 +141,6 @@ def test_without_a_warm_up_photos_keep_splatfactos_sizes(options):
     config = replace(
         DeSplatModelConfig(distractors=DistractorConfig(static_warmup=6000)), **options
     )
-    config = config.for_views(40)
+    config = config.for_run(40)
     sizes = [config.downscale_factor(step) for step in (0, 2999, 3000, 5999, 6000)]
     assert sizes == ([1] * 5 if config.num_downscales == 0 else [4, 4, 2, 2, 1])

@@ -8,7 +8,6 @@ from test_model import HEIGHT, WIDTH, Trainer, distractors_of, make_model
 
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModel
-from desplat_ns.separation.expected_residual import ExpectedResidual
 
 NO_DENSIFICATION: dict[str, Any] = {"warmup_length": 10_000}
 
@@ -135,10 +134,30 @@ def test_what_views_remember_follows_densification_and_checkpoints():
         trainer.step(step, step % 3)
     assert model.num_points != before
     memory = model.get_extra_state()["static_strategy"]
-    assert len(memory[ExpectedResidual.USUAL]) == len(memory[ExpectedResidual.SEEN])
-    assert len(memory[ExpectedResidual.USUAL]) == model.num_points
-    assert memory[ExpectedResidual.VISITS] == 12
+    assert len(memory["usual_residual"]) == len(memory["times_seen"])
+    assert len(memory["usual_residual"]) == model.num_points
+    assert memory["visits"] == 12
     fresh = make_model(points, distractors=config(static_warmup=1000), **options)
     fresh.load_state_dict(model.state_dict())
     restored = fresh.strategy_state
-    assert torch.equal(restored[ExpectedResidual.USUAL], memory[ExpectedResidual.USUAL])
+    assert torch.equal(restored["usual_residual"], memory["usual_residual"])
+
+
+def test_nothing_is_watched_in_the_warm_up_nor_learned_from_a_dropped_step():
+    model = a_dense_model(static_warmup=3)
+    trainer = Trainer(model)
+    assert model.layer is not None
+    for step in range(3):
+        trainer.step(step, step)
+    assert model.layer.watch.sights == [None] * 3
+    assert model.memory.number("visits") == 3
+    model.step = 3
+    outputs = model(_camera())
+    model.get_loss_dict(outputs, {"image": trainer.photo})
+    model.drop_step()
+    model.step_post_backward(3)
+    assert model.layer.watch.sights == [None] * 3
+    assert model.memory.number("visits") == 3
+    trainer.step(4, 0)
+    assert model.layer.watch.sights[0] is not None
+    assert model.memory.number("visits") == 4

@@ -22,12 +22,11 @@ from nerfstudio.engine.schedulers import (
 )
 
 from desplat_ns.errors import ConfigError
+from desplat_ns.training.run_length import scaled_steps, schedule_scale
 from desplat_ns.training.schedules import (
     ScaledExponentialDecaySchedulerConfig,
     scaled_optimizers,
     scaled_scheduler,
-    scaled_steps,
-    schedule_scale,
 )
 
 RTOL = 16 * sys.float_info.epsilon

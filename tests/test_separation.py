@@ -1,14 +1,17 @@
 """Regions become distractors; what distractors cover is not the static scene's to fit."""
 
 import dataclasses
+from dataclasses import replace
 
 import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras
 
-from desplat_ns.backend.protocol import View
+from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians
+from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import view_of
+from desplat_ns.separation.expected_residual import UsualResiduals
 from desplat_ns.separation.grid import grid_of
 from desplat_ns.separation.ownership import interior, owned_share, pixels_of
 from desplat_ns.separation.placement import (
@@ -19,7 +22,7 @@ from desplat_ns.separation.placement import (
     peak_excess,
     uncovered_regions,
 )
-from desplat_ns.separation.visit import Sighting
+from desplat_ns.separation.visit import Visit
 
 WIDTH, HEIGHT = 60, 40
 CONFIG = DistractorConfig(per_view=600, start="residual", initial_opacity=0.5, depth=0.5)
@@ -36,9 +39,16 @@ def the_view() -> View:
     return view_of(cameras())
 
 
-def sighting(inside: torch.Tensor, alpha: float = 0.0) -> Sighting:
-    photo = torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(0))
-    return Sighting(0, the_view(), photo, torch.full((HEIGHT, WIDTH, 1), alpha), inside)
+def nothing_drawn() -> Rendering:
+    image, alpha = torch.zeros(HEIGHT, WIDTH, 3), torch.zeros(HEIGHT, WIDTH, 1)
+    return Rendering(image, alpha, None, torch.zeros(1, 0, 2), torch.zeros(0).int())
+
+
+def sighting(inside: torch.Tensor, alpha: float = 0.0) -> Visit:
+    visit = Visit(0, the_view(), nothing_drawn(), inside=inside)
+    visit.photo = torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(0))
+    visit.alpha_d = torch.full((HEIGHT, WIDTH, 1), alpha)
+    return visit
 
 
 def block() -> torch.Tensor:
@@ -145,12 +155,28 @@ class WellKnownScene:
         self.photo = blocks.repeat_interleave(4, 0).repeat_interleave(4, 1)
         y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
         means2d = torch.stack([x, y], dim=-1).reshape(1, -1, 2) + 0.5
-        radii = torch.ones(means2d.shape[:2]).int()
-        self.info = {"means2d": means2d, "radii": radii, "width": WIDTH, "height": HEIGHT}
-        self.opacities, self.state = torch.zeros(means2d.shape[1], 1), {}
+        count = means2d.shape[1]
+        self.drawn = replace(nothing_drawn(), means2d=means2d, radii=torch.ones(count).int())
+        self.opacities, self.memory = torch.zeros(count, 1), GaussianMemory({})
 
     def rendered(self) -> torch.Tensor:
         return self.photo + 0.03 * torch.randn(self.photo.shape, generator=self.generator)
+
+    def visit(self, photo: torch.Tensor) -> Visit:
+        visit = Visit(0, the_view(), self.drawn)
+        visit.photo, visit.static_rgb = photo, self.rendered()
+        visit.alpha_d = torch.zeros(HEIGHT, WIDTH, 1)
+        return visit
+
+    def find(
+        self, step: int, photo: torch.Tensor, num_views: int, config: DistractorConfig
+    ) -> torch.Tensor:
+        """Its regions; the photo is remembered."""
+        known = UsualResiduals.of(self.memory, len(self.opacities), photo.device)
+        rest = self.opacities, known, num_views, config
+        regions, learned = find_regions(step, self.visit(photo), *rest)
+        learned.keep_in(self.memory)
+        return regions
 
     def with_an_occluder(self) -> torch.Tensor:
         photo = self.photo.clone()
@@ -167,8 +193,7 @@ def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
     scene = WellKnownScene()
 
     def regions(photo: torch.Tensor) -> torch.Tensor:
-        rest = scene.opacities, scene.info, scene.state, 40, CONFIG
-        return find_regions(0, scene.rendered(), photo, *rest)
+        return scene.find(0, photo, 40, CONFIG)
 
     for _ in range(5):
         assert not regions(scene.photo).any()
@@ -184,8 +209,7 @@ def test_a_pale_occluder_is_found_once_each_view_was_seen_often_and_none_is_dens
     config = dataclasses.replace(CONFIG, settled_visits=4, stop_densify_at=1000)
 
     def regions(step: int, photo: torch.Tensor) -> torch.Tensor:
-        rest = scene.opacities, scene.info, scene.state, views, config
-        return find_regions(step, scene.rendered(), photo, *rest)
+        return scene.find(step, photo, views, config)
 
     for _ in range(4 * views - 1):
         assert not regions(1000, scene.photo).any()
@@ -205,10 +229,12 @@ def test_the_advice_to_raise_strong_excess_helps_late_in_a_run_as_well(strong):
 def test_distractors_keep_off_the_edge_of_a_region_and_are_free_further_in():
     scene, placement = WellKnownScene(), Placement(WARMED_UP, 40)
 
-    def look(step: int, photo: torch.Tensor) -> tuple[Sighting, torch.Tensor | None]:
-        seen = Sighting(0, the_view(), photo, torch.zeros(HEIGHT, WIDTH, 1))
-        rest = scene.opacities, scene.info, scene.state
-        return seen, placement.look(step, seen, scene.rendered(), *rest)
+    def look(step: int, photo: torch.Tensor) -> tuple[Visit, torch.Tensor | None]:
+        visit = scene.visit(photo)
+        free = placement.look(step, visit, scene.opacities, scene.memory)
+        assert visit.learned is not None
+        visit.learned.keep_in(scene.memory)
+        return visit, free
 
     for step in range(5):
         assert look(step, scene.photo)[1] is None

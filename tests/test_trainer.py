@@ -54,6 +54,26 @@ class StubDatamanager:
         return 1
 
 
+class StubModel:
+    """What the trainer's guards ask of a model: one photo, nothing to forget, nothing culled."""
+
+    def __init__(self) -> None:
+        self.losses: dict[str, torch.Tensor] = {}
+        self.num_points = 1
+
+    def view_name(self) -> str:
+        return "a.jpg"
+
+    def drop_step(self) -> None:
+        pass
+
+    def gaussian_groups(self) -> set[str]:
+        return set()
+
+    def culled_static(self) -> int:
+        return 0
+
+
 class StubPipeline(Pipeline):
     """Two groups of parameters whose loss depends on every random generator."""
 
@@ -63,6 +83,7 @@ class StubPipeline(Pipeline):
             {name: Parameter(torch.ones(config.size)) for name in config.groups}
         )
         self.datamanager: Any = StubDatamanager()
+        self._model: Any = StubModel()
         self.at_step: Callable[[int], None] = lambda step: None
         self.trained: list[int] = []
 
@@ -467,3 +488,12 @@ def test_a_last_save_that_fails_ends_the_run_with_its_reason(config, capsys):
     ]
     assert not (config.get_base_dir() / STAGING_FOLDER).exists()
     assert train(resumed(config)).pipeline.trained == list(range(6, 12))
+
+
+def test_several_processes_are_refused_before_any_starts(config):
+    """ns-train saves the configuration before it starts processes."""
+    config.machine.num_devices = 2
+    for begin in (config.save_config, config.setup):
+        with pytest.raises(ConfigError, match=r"num-devices 2 .* trains in one"):
+            begin()
+    assert not config.get_base_dir().exists()

@@ -51,7 +51,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
 def test_something_elsewhere_in_each_photo_is_no_reason_for_a_warning(capsys):
     one = watch()
     for index in range(VIEWS):
-        one.see(STEP, index, view(index), covered(index, -6 + (index * 7 % VIEWS) / 2, 3.0))
+        one.see(index, sight_of(view(index), covered(index, -6 + (index * 7 % VIEWS) / 2, 3.0)))
     one.look(STEP, wall())
     assert said(capsys) == ""
 
@@ -60,7 +60,7 @@ def test_something_that_stays_in_most_photos_is_told_once_with_photos_and_option
     one = watch(start="residual")
     for index in range(VIEWS):
         alpha = covered(index, -1.0, 2.0 if index >= 4 else 0.0)
-        one.see(STEP, index, view(index), alpha)
+        one.see(index, sight_of(view(index), alpha))
     one.look(STEP, wall())
     text = said(capsys)
     assert "of the static scene is behind distractors in most of the photos" in text
@@ -76,7 +76,7 @@ def test_distractors_over_most_of_most_photos_are_told(capsys):
     one = watch()
     for index in range(VIEWS):
         full = torch.full((HEIGHT, WIDTH, 1), 0.9 if index < 12 else 0.1)
-        one.see(STEP, index, view(index), full)
+        one.see(index, sight_of(view(index), full))
     one.look(STEP, wall())
     text = said(capsys)
     assert "cover more than 50% of 12 of 20 photos" in text
@@ -86,14 +86,11 @@ def test_distractors_over_most_of_most_photos_are_told(capsys):
 def test_nothing_is_said_before_distractors_have_settled_or_most_views_were_seen(capsys):
     one = watch()
     full = torch.full((HEIGHT, WIDTH, 1), 0.9)
-    for index in range(VIEWS):
-        one.see(49, index, view(index), full)  # warming up
-    assert one.sights == [None] * VIEWS
     for index in range(VIEWS // 2):
-        one.see(STEP, index, view(index), full)
+        one.see(index, sight_of(view(index), full))
     one.look(STEP, wall())
     assert said(capsys) == ""
-    one.see(STEP, 19, view(19), full)
+    one.see(19, sight_of(view(19), full))
     one.start = STEP + 1
     one.look(STEP, wall())
     assert said(capsys) == ""

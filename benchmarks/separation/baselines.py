@@ -18,8 +18,7 @@ from torch import Tensor
 from desplat_ns.data.images import read_mask
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.method_configs import desplat
-from desplat_ns.model import DeSplatModel
-from desplat_ns.model_config import DeSplatModelConfig
+from desplat_ns.model import DeSplatModel, DeSplatModelConfig
 from desplat_ns.training.losses import static_photometric_loss
 
 METHODS = ",".join(
@@ -66,8 +65,8 @@ class MaskedModel(DeSplatModel):
 
     def _truth(self, photo: Tensor) -> Tensor:
         """True masks and shadows [H, W, 1] of the view just drawn: any pixel they touch."""
-        index, _ = self.drawn
-        path = self.kwargs["metadata"]["distractor_mask_filenames"][index]
+        assert self.visit is not None
+        path = self.kwargs["metadata"]["distractor_mask_filenames"][self.visit.index]
         mask = read_mask(path)
         shadow = path.parent.parent / "shadow_masks" / path.name
         if shadow.exists():

@@ -16,7 +16,7 @@ from PIL import Image
 
 from benchmarks.machine import CHECKOUT
 from benchmarks.separation.runs import HARD, PLAN, SETTINGS, Run
-from desplat_ns.data.true_masks import METADATA_KEY, read_mask
+from desplat_ns.data.true_masks import METADATA_KEY, read_true_mask
 from desplat_ns.errors import DeSplatError
 from desplat_ns.evaluation.pictures import Picture, over_checkerboard, sheet, to_rgb8
 
@@ -78,7 +78,7 @@ def row(name: str, config: Path, view: int) -> tuple[str, list[Picture]]:
         drawn["rgb_static"],
         over_checkerboard(drawn["rgb_distractor"], drawn["alpha_distractor"]),
         drawn["distractor_mask"],
-        read_mask(truth, width, height).numpy(),
+        read_true_mask(truth, width, height).numpy(),
     ]
 
 

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 MAX_FAR = 1e20
@@ -94,6 +94,11 @@ class Rendering:
     """Projected means in pixels, part of the graph: densification reads their gradient."""
     radii: Int[Tensor, " N"]
     """Extent on the image in pixels (3 sigma, rounded up); 0 where culled."""
+
+    @property
+    def visible(self) -> Bool[Tensor, " N"]:
+        """Which Gaussians the view shows: those that were not culled."""
+        return self.radii > 0
 
     def detached(self) -> Rendering:
         """The same layer, without gradients for its colours and its opacity."""

@@ -5,17 +5,19 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import cast
 
 import numpy as np
 import tyro
+from nerfstudio.engine.trainer import TrainerConfig
 from nerfstudio.utils.eval_utils import eval_setup
 from nerfstudio.utils.rich_utils import CONSOLE
 from PIL import Image
 
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
-from desplat_ns.evaluation.config import EvaluationConfig
+from desplat_ns.evaluation.config import EvaluationConfig, ProtocolName
 from desplat_ns.photo_tourism.strip import appearance_strip
+from desplat_ns.pipeline import DeSplatPipeline, DeSplatPipelineConfig
 
 
 @dataclass
@@ -32,10 +34,11 @@ class Evaluate:
     """Picture of the first test view in the light of several training photos."""
     strip_images: int = 5
     """How many."""
-    protocol: Literal["auto", "half", "full"] | None = None
+    protocol: ProtocolName | None = None
     """half: optimize each image's embedding on its left half, score its right half. full: score
-    whole images in the training images' average light. auto: half where there is an appearance
-    model. This and the next two: without them, as saved with the run."""
+    whole images in the training images' average light. right: score right halves in that light, to
+    compare a model without appearance with others on the same pixels. auto: half if there is an
+    appearance model, else full. This and the next two: without them, as saved with the run."""
     steps: int | None = None
     """Steps of Adam for an embedding."""
     learning_rate: float | None = None
@@ -60,10 +63,11 @@ class Evaluate:
             )
         if self.strip is not None and self.strip_images < 1:
             raise ConfigError(f"--strip-images is {self.strip_images}; a strip shows 1 or more.")
-        config, pipeline, checkpoint, _ = eval_setup(
+        config, found, checkpoint, _ = eval_setup(
             self.load_config, update_config_callback=self._with_protocol
         )
-        results = cast(Any, pipeline).get_average_eval_image_metrics(
+        pipeline = cast(DeSplatPipeline, found)
+        results = pipeline.get_average_eval_image_metrics(
             output_path=self.render_output_path, get_std=True
         )
         self.output_path.parent.mkdir(parents=True, exist_ok=True)
@@ -79,13 +83,14 @@ class Evaluate:
             pipeline.eval()
             self._write_strip(pipeline, self.strip)
 
-    def _with_protocol(self, config: Any) -> Any:
+    def _with_protocol(self, config: TrainerConfig) -> TrainerConfig:
         options = {f.name: getattr(self, f.name) for f in fields(EvaluationConfig)}
         given = {name: value for name, value in options.items() if value is not None}
-        config.pipeline.evaluation = replace(config.pipeline.evaluation, **given)
+        pipeline = cast(DeSplatPipelineConfig, config.pipeline)
+        pipeline.evaluation = replace(pipeline.evaluation, **given)
         return config
 
-    def _write_strip(self, pipeline: Any, path: Path) -> None:
+    def _write_strip(self, pipeline: DeSplatPipeline, path: Path) -> None:
         manager = pipeline.datamanager
         camera, _ = manager.fixed_indices_eval_dataloader[0]
         count = len(manager.train_dataset)

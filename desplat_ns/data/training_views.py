@@ -26,5 +26,6 @@ def view_name(names: Sequence[str], index: int) -> str:
 
 def image_names(paths: Sequence[Path]) -> list[str]:
     """Names of image files relative to the folder that they share, with forward slashes."""
+    paths = [path.absolute() for path in paths]
     folder = os.path.commonpath([path.parent for path in paths]) if paths else ""
     return [path.relative_to(folder).as_posix() for path in paths]

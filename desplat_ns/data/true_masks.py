@@ -35,7 +35,7 @@ def true_masks(folder: Path, frames: Sequence[Frame]) -> dict[str, list[Path | N
     return {METADATA_KEY: masks} if any(masks) else {}
 
 
-def read_mask(path: Path, width: int, height: int) -> Bool[Tensor, "H W 1"]:
+def read_true_mask(path: Path, width: int, height: int) -> Bool[Tensor, "H W 1"]:
     """A mask image (white = distractor) at the given size in pixels, nearest neighbour.
 
     Raises CaptureError, naming the file, where it is missing or no image.

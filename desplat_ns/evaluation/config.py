@@ -9,15 +9,18 @@ from typing import Literal
 
 from desplat_ns.errors import ConfigError
 
+ProtocolName = Literal["auto", "half", "full", "right"]
+
 
 @dataclass
 class EvaluationConfig:
     """How images are scored. Saved with the run, so that plain `ns-eval` follows it."""
 
-    protocol: Literal["auto", "half", "full"] = "auto"
+    protocol: ProtocolName = "auto"
     """half: optimize the image's embedding on its left half, score its right half (B.1). full:
-    score the whole image in the training images' average light. auto: half where there is an
-    appearance model, else full."""
+    score the whole image in the training images' average light. right: score the right half in that
+    light, to compare a model without appearance with others on the same pixels. auto: half if there
+    is an appearance model, else full."""
     steps: int = 128
     """Steps of Adam for an embedding. B.3."""
     learning_rate: float = 0.01
@@ -28,8 +31,8 @@ class EvaluationConfig:
     """Write the test images' embeddings into this file (.npz)."""
 
 
-def uses_halves(config: EvaluationConfig, appearance: str) -> bool:
-    """Whether evaluation goes by halves.
+def chosen_protocol(config: EvaluationConfig, appearance: str) -> ProtocolName:
+    """Which protocol it is for a model with this `effects.appearance`; never auto.
 
     Raises:
         ConfigError: halves are asked for, but there is no appearance model; or steps or rate are
@@ -46,12 +49,13 @@ def uses_halves(config: EvaluationConfig, appearance: str) -> bool:
             "effects.appearance is off. Evaluate by `desplat-eval --protocol full`, or train with "
             "`--pipeline.model.effects.appearance affine`."
         )
-    halves = config.protocol == "half" or (config.protocol == "auto" and appearance != "off")
+    automatic = "full" if appearance == "off" else "half"
+    protocol = automatic if config.protocol == "auto" else config.protocol
     files = [path for path in (config.load_embeddings, config.save_embeddings) if path is not None]
-    if files and not halves:
+    if files and protocol != "half":
         raise ConfigError(
-            f"Embeddings of test images are to be read from or written to '{files[0]}', but whole "
-            "images are scored, without any. Leave the file out, or take the half protocol of a "
+            f"Embeddings of test images are to be read from or written to '{files[0]}', but "
+            "images are scored without any. Leave the file out, or take the half protocol of a "
             "model with appearance."
         )
-    return halves
+    return protocol

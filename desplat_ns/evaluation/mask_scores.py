@@ -3,32 +3,42 @@
 from __future__ import annotations
 
 import statistics
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Protocol, runtime_checkable
 
 import torch
 from nerfstudio.cameras.cameras import Cameras
+from torch import Tensor
 
 from desplat_ns.console import progress_over
-from desplat_ns.data.true_masks import METADATA_KEY, read_mask
+from desplat_ns.data.true_masks import read_true_mask
 from desplat_ns.evaluation.metrics import mask_iou, mean_alpha_outside
 
 
-def score_masks(model: Any, datamanager: Any) -> dict[str, int | float]:
+@runtime_checkable
+class MaskedModel(Protocol):
+    """A model that masks what stands in the way."""
+
+    def get_outputs_for_camera(self, camera: Cameras) -> dict[str, Tensor]:
+        """`alpha_distractor` and `distractor_mask` [H, W, 1], among others; no gradients."""
+        ...
+
+
+def score_masks(
+    model: MaskedModel, masks: Sequence[tuple[Cameras, Path]]
+) -> dict[str, int | float]:
     """`mask_iou`, `alpha_outside_masks` and `num_masks` over the training views that have masks.
 
     Means over views; `alpha_outside_masks` leaves out views that are covered wholly. Photos with
-    lens distortion are left out: training undistorts them, but not their masks. Empty where the
-    capture has no masks.
+    lens distortion are left out: training undistorts them, but not their masks. Empty if there is
+    no mask.
+
+    Args:
+        masks: the camera of each view that has a mask, and the mask's file.
 
     Raises CaptureError where a mask cannot be read.
     """
-    metadata = datamanager.train_dataparser_outputs.metadata
-    masks = [
-        (_train_camera(datamanager, index), Path(path))
-        for index, path in enumerate(metadata.get(METADATA_KEY, []))
-        if path is not None
-    ]
     masks = [(camera, path) for camera, path in masks if not _is_distorted(camera)]
     if not masks:
         return {}
@@ -38,18 +48,13 @@ def score_masks(model: Any, datamanager: Any) -> dict[str, int | float]:
         for camera, path in masks:
             outputs = model.get_outputs_for_camera(camera)
             alpha = outputs["alpha_distractor"]
-            truth = read_mask(path, alpha.shape[1], alpha.shape[0]).to(alpha.device)
+            truth = read_true_mask(path, alpha.shape[1], alpha.shape[0]).to(alpha.device)
             ious.append(mask_iou(outputs["distractor_mask"], truth))
             alpha_outside = mean_alpha_outside(alpha, truth)
             outside += [] if alpha_outside is None else [alpha_outside]
             advance()
     scores = {"mask_iou": statistics.fmean(ious), "num_masks": len(masks)}
     return scores | ({"alpha_outside_masks": statistics.fmean(outside)} if outside else {})
-
-
-def _train_camera(datamanager: Any, index: int) -> Cameras:
-    """The camera of a training view, with the `train_idx` that the datamanager gave it."""
-    return datamanager.train_dataset.cameras[index : index + 1].to(datamanager.device)
 
 
 def _is_distorted(camera: Cameras) -> bool:

@@ -8,11 +8,12 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from torch import nn
 
 import desplat_ns
+from desplat_ns.gaussians.distractors import DistractorGaussians
 
 PACKAGES = ("nerfstudio", "gsplat", "torch", "numpy", "numba")
 """Packages that a figure may depend on."""
@@ -63,7 +64,25 @@ def per_image(images: Sequence[ScoredImage]) -> list[dict[str, Any]]:
     ]
 
 
-def gaussian_counts(model: Any) -> dict[str, int | float]:
+@runtime_checkable
+class CountedModel(Protocol):
+    """A model of Gaussians."""
+
+    gauss_params: nn.ParameterDict
+    """Of the static set."""
+
+    @property
+    def num_points(self) -> int:
+        """How many there are in the static set."""
+        ...
+
+    @property
+    def distractors(self) -> DistractorGaussians | None:
+        """The other set; None if the effect is off."""
+        ...
+
+
+def gaussian_counts(model: CountedModel) -> dict[str, int | float]:
     """How many static and distractor Gaussians there are, and the MB (10^6 bytes) they take."""
     distractors = model.distractors
     return {

@@ -70,9 +70,9 @@ class DistractorDensifier:
         """How often refinement fell due until `step`."""
         return step // self.config.refine_every
 
-    def before_backward(self, info: dict[str, Any]) -> None:
+    def before_backward(self, rendering: Rendering) -> None:
         """Keep the gradient of the projected means, which refinement reads."""
-        self.strategy.step_pre_backward({}, {}, {}, 0, info)
+        self.strategy.step_pre_backward({}, {}, {}, 0, {"means2d": rendering.means2d})
 
     def after_step(
         self,

@@ -1,4 +1,4 @@
-"""The protocol of Photo Tourism: an image's embedding from its left half, figures from its right.
+"""The halves of a photo: an image's embedding is found on the left one, figures are of the right.
 
 What the right half shows never reaches the embedding: the fit is given the left columns only.
 """
@@ -6,21 +6,18 @@ What the right half shows never reaches the embedding: the fit is given the left
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import nullcontext
-from dataclasses import dataclass, field
-from typing import Any
+from contextlib import AbstractContextManager
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float, Shaped
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
-from desplat_ns.backend.ssim import ssim
-from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.evaluation.config import EvaluationConfig
-from desplat_ns.evaluation.records import ScoredImage
-from desplat_ns.evaluation.stopwatch import Stopwatch
+from desplat_ns.backend.protocol import View
+from desplat_ns.errors import CaptureError
 from desplat_ns.rendering.views import view_of
+from desplat_ns.training.losses import photometric_loss
 
 MIN_WIDTH = 4
 """Pixels of a photo whose halves can be scored: SSIM needs two each way."""
@@ -42,17 +39,6 @@ def right_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H right C"]:
     return image[:, image.shape[1] // 2 :]
 
 
-def photometric_loss(
-    image: Float[Tensor, "H W 3"], photo: Float[Tensor, "H W 3"], ssim_weight: float
-) -> Float[Tensor, ""]:
-    """(1 - w) L1 + w D-SSIM.
-
-    Source: L_GS, the photometric term of Eq. 5 and 12.
-    """
-    l1 = (image - photo).abs().mean()
-    return (1 - ssim_weight) * l1 + ssim_weight * (1 - ssim(image, photo))
-
-
 def fit_embedding(
     loss: Callable[[Float[Tensor, " E"]], Float[Tensor, ""]],
     start: Float[Tensor, " E"],
@@ -72,11 +58,32 @@ def fit_embedding(
     return embedding.detach()
 
 
+@runtime_checkable
+class LitModel(Protocol):
+    """A model whose images have embeddings: a `DeSplatModel` with an appearance model."""
+
+    config: Any
+    """Has `ssim_lambda`."""
+
+    def as_function_of_embedding(self, view: View) -> Callable[[Tensor], Tensor]:
+        """The static scene [H, W, 3] seen from `view`, given an image embedding [E]."""
+        ...
+
+    def average_embedding(self) -> Tensor:
+        """The mean [E] of the training images' embeddings."""
+        ...
+
+    def shown_in(self, embedding: Tensor) -> AbstractContextManager[None]:
+        """Within, every image without an embedding of its own has this one [E]."""
+        ...
+
+
 def embedding_from_left_half(
-    model: Any,
+    model: LitModel,
     camera: Cameras,
     photo: Float[Tensor, "H W 3"],
-    config: EvaluationConfig,
+    steps: int,
+    learning_rate: float,
     mask: Shaped[Tensor, "H W 1"] | None = None,
 ) -> Float[Tensor, " E"]:
     """The embedding that explains the left half of a photo best.
@@ -86,8 +93,8 @@ def embedding_from_left_half(
     EWA bounds and culls Gaussians differently (1e-3 of colour).
 
     Args:
-        model: a `DeSplatModel` with an appearance model.
         photo: the whole photo; columns from W // 2 on are not looked at.
+        steps: of Adam.
         mask: of the whole photo; what it leaves out does not count, as in training.
 
     Raises:
@@ -104,83 +111,7 @@ def embedding_from_left_half(
     target = left_half(photo) * seen
     return fit_embedding(
         lambda embedding: photometric_loss(left_half(draw(embedding)) * seen, target, ssim_weight),
-        model.image_effects.embeddings.mean(),
-        config.steps,
-        config.learning_rate,
+        model.average_embedding(),
+        steps,
+        learning_rate,
     )
-
-
-def score_right_half(
-    model: Any, camera: Cameras, batch: dict[str, Any], embedding: Float[Tensor, " E"] | None
-) -> tuple[dict[str, float], dict[str, Tensor]]:
-    """Figures of the right half, and the whole photo beside the whole rendering.
-
-    Args:
-        embedding: the image's; None for the training images' average light.
-    """
-    light = nullcontext() if embedding is None else model.worn.fixed(embedding)
-    with light:
-        outputs = model.get_outputs_for_camera(camera)
-    right = {name: right_half(outputs[name]) for name in ("rgb", "background")}
-    figures, _ = model.get_image_metrics_and_images(
-        right, {**batch, "image": right_half(batch["image"])}
-    )
-    photo = model.composite_with_background(model.get_gt_img(batch["image"]), outputs["background"])
-    return figures, {"img": torch.cat([photo, outputs["rgb"]], dim=1)}
-
-
-@dataclass
-class HalvesProtocol:
-    """Scores test images one by one by their halves, and keeps their embeddings."""
-
-    config: EvaluationConfig
-    known: dict[str, Tensor] = field(default_factory=dict)
-    """Embeddings by image name that are taken instead of optimized."""
-    embeddings: dict[str, Tensor] = field(default_factory=dict)
-    """By image name, of the images scored so far."""
-
-    def describe(self) -> str:
-        """The protocol in words, for the JSON."""
-        how = f"{self.config.steps} steps of Adam at {self.config.learning_rate:g} on its left half"
-        if self.config.load_embeddings is not None:
-            how = f"loaded from {self.config.load_embeddings.name}"
-        return f"right half, static Gaussians only; each image's embedding: {how}"
-
-    def score(
-        self, model: Any, camera: Cameras, batch: dict[str, Any], name: str
-    ) -> tuple[ScoredImage, dict[str, Tensor]]:
-        """One image: figures with its own embedding, and as `*_before` in the average light.
-
-        Raises:
-            ConfigError: embeddings were loaded, and this image has none.
-            CaptureError: see `embedding_from_left_half`.
-        """
-        watch = Stopwatch(model.device)
-        watch.start()
-        average = model.get_outputs_for_camera(camera)
-        render_seconds = watch.seconds()
-        before, _ = score_right_half(model, camera, batch, None)
-        watch.start()
-        self.embeddings[name] = self._embedding(model, camera, batch, name, average["background"])
-        fit_seconds = watch.seconds()
-        watch.start()
-        figures, pictures = score_right_half(model, camera, batch, self.embeddings[name])
-        figures |= {f"{key}_before": value for key, value in before.items()}
-        figures["embedding_seconds"] = fit_seconds
-        height, width = average["rgb"].shape[:2]
-        return ScoredImage(name, width, height, figures, render_seconds, watch.seconds()), pictures
-
-    def _embedding(
-        self, model: Any, camera: Cameras, batch: dict[str, Any], name: str, behind: Tensor
-    ) -> Tensor:
-        if self.config.load_embeddings is None:
-            photo = model.composite_with_background(model.get_gt_img(batch["image"]), behind)
-            mask = batch.get("mask")
-            return embedding_from_left_half(model, camera, photo, self.config, mask)
-        if name not in self.known:
-            raise ConfigError(
-                f"{self.config.load_embeddings} holds no embedding of '{name}', only of "
-                f"{', '.join(sorted(self.known)) or 'no image'}. Save the embeddings of this run's "
-                "test images first: `desplat-eval --save-embeddings FILE`."
-            )
-        return self.known[name]

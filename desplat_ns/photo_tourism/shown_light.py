@@ -11,6 +11,7 @@ from jaxtyping import Float
 from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
 from torch import Tensor
 
+from desplat_ns.console import list_names
 from desplat_ns.errors import ConfigError
 from desplat_ns.photo_tourism.embeddings import ImageEmbeddings
 
@@ -36,7 +37,7 @@ def parse_worn(text: str, names: Sequence[str]) -> list[tuple[int, float]]:
         if name not in names:
             raise ConfigError(
                 f"{VARIABLE} names '{name}', which is no training image. It takes one of "
-                f"{len(names)}: {', '.join(names[:5])}{', ...' * (len(names) > 5)}."
+                f"{len(names)}: {list_names(names, 5)}."
             )
         try:
             parts.append((names.index(name), float(share)))

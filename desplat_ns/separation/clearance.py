@@ -8,10 +8,9 @@ far from each camera the scene starts.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
@@ -63,15 +62,14 @@ class Clearance:
         view: View,
         means: Float[Tensor, "N 3"],
         opacities: Float[Tensor, "N 1"],
-        info: dict[str, Any],
+        visible: Bool[Tensor, " N"],
     ) -> None:
         """Keep a training view clear that was just rendered.
 
         Args:
             opacities: logits, which are written into.
-            info: of the static rendering, as gsplat's strategies read it.
+            visible: which of them the view shows.
         """
         if self.depths[index] > 0:
-            visible = info["radii"].reshape(len(means), -1).amin(-1) > 0
             z = means @ view.viewmat[2, :3] + view.viewmat[2, 3]
             opacities.masked_fill_((visible & (z < self.depths[index]))[:, None], EXTINGUISHED)

@@ -12,11 +12,14 @@ relative to the view's own level: exposure, training progress and resets move al
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.separation.grid import pooled
 
 WINDOW = 5
@@ -53,60 +56,56 @@ def local_residual(
     return _averaged(cells)[0].clamp(min=MIN_RESIDUAL)
 
 
-class ExpectedResidual:
-    """What the static Gaussians remember of the residuals around them, and in how many views.
+@dataclass(frozen=True)
+class UsualResiduals:
+    """What the static Gaussians remember of the residuals around them, and in how many views."""
 
-    A Gaussian's usual residual is a running median of log(residual / level of its view). Both
-    memories lie in the running state of gsplat's strategy, under `USUAL` and `SEEN`: clones and
-    splits inherit them, and checkpoints hold them. Tensors are replaced and never written into, so
-    that a copy of the dict brings back what was remembered before a view.
+    usual: Float[Tensor, " N"]
+    """Running median of log(residual / level of its view)."""
+    times_seen: Float[Tensor, " N"]
+    """Views that had the Gaussian's centre in the image."""
+    visits: int
+    """Views that were remembered so far, each as often as it was."""
+
+    @classmethod
+    def of(cls, memory: GaussianMemory, count: int, device: torch.device) -> UsualResiduals:
+        """Read what `count` Gaussians remember; nothing yet on first use."""
+        usual = memory.rows("usual_residual", count, device)
+        return cls(usual, memory.rows("times_seen", count, device), memory.number("visits"))
+
+    def keep_in(self, memory: GaussianMemory) -> None:
+        """Let the Gaussians remember this from now on."""
+        memory.remember(usual_residual=self.usual, times_seen=self.times_seen, visits=self.visits)
+
+
+def excess_residual(
+    residual: Float[Tensor, "rows columns"],
+    means2d: Float[Tensor, "N 2"],
+    visible: Bool[Tensor, " N"],
+    opacities: Float[Tensor, " N"],
+    known: UsualResiduals,
+    num_views: int,
+) -> tuple[Float[Tensor, "rows columns"], UsualResiduals]:
+    """The residual beyond the expected one, and what is known once this view is remembered too.
+
+    0 where no Gaussian has a say: nobody knows what the other views would leave there.
+
+    Args:
+        residual: `local_residual` of the view.
+        means2d: projected centres, in cells.
+        opacities: in [0, 1]; what is transparent has no say.
+        known: before this view.
+        num_views: that are visited in turn.
     """
-
-    USUAL, SEEN, VISITS = "usual_residual", "times_seen", "visits"
-
-    def __init__(self, state: dict, count: int, like: Tensor):
-        """Take the memories of `count` Gaussians out of `state`; they start there if need be."""
-        if state.get(self.USUAL) is None:
-            state[self.USUAL] = torch.zeros(count, device=like.device)
-            state[self.SEEN] = torch.zeros(count, device=like.device)
-            state[self.VISITS] = 0
-        self.state = state
-
-    @property
-    def visits(self) -> int:
-        """Views that were remembered so far, each as often as it was."""
-        return self.state[self.VISITS]
-
-    def excess(
-        self,
-        residual: Float[Tensor, "rows columns"],
-        means2d: Float[Tensor, "N 2"],
-        visible: Bool[Tensor, " N"],
-        opacities: Float[Tensor, " N"],
-        num_views: int,
-    ) -> Float[Tensor, "rows columns"]:
-        """The residual beyond the expected one, of a view that is then remembered as well.
-
-        0 where no Gaussian has a say: nobody knows what the other views would leave there.
-
-        Args:
-            residual: `local_residual` of the view.
-            means2d: projected centres, in cells.
-            opacities: in [0, 1]; what is transparent has no say.
-            num_views: that are visited in turn.
-        """
-        level = residual.flatten().quantile(LEVEL_QUANTILE)
-        relative = F.pad((residual / level).log().flatten(), (0, 1))
-        inside, cell = _cells_of(means2d, visible, residual.shape)
-        usual, times_seen = self.state[self.USUAL], self.state[self.SEEN] + inside
-        self.state[self.VISITS] += 1
-        self.state[self.SEEN] = times_seen
-        views = times_seen * (num_views / self.state[self.VISITS])
-        say = opacities * (views >= MIN_VIEWS)
-        expected, judged = _mean_by_cell(usual, say, cell, residual.shape)
-        off = torch.sign(relative.index_select(0, cell) - usual)
-        self.state[self.USUAL] = usual + MEDIAN_STEP * off * inside
-        return torch.where(judged, residual - level * expected.exp(), 0.0)
+    level = residual.flatten().quantile(LEVEL_QUANTILE)
+    relative = F.pad((residual / level).log().flatten(), (0, 1))
+    inside, cell = _cells_of(means2d, visible, residual.shape)
+    usual, times_seen, visits = known.usual, known.times_seen + inside, known.visits + 1
+    say = opacities * (times_seen * (num_views / visits) >= MIN_VIEWS)
+    expected, judged = _mean_by_cell(usual, say, cell, residual.shape)
+    off = torch.sign(relative.index_select(0, cell) - usual)
+    learned = UsualResiduals(usual + MEDIAN_STEP * off * inside, times_seen, visits)
+    return torch.where(judged, residual - level * expected.exp(), 0.0), learned
 
 
 def _box3(image: Float[Tensor, "C H W"]) -> Float[Tensor, "C H W"]:

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.protocol import RenderSettings, View
-from desplat_ns.console import announce
+from desplat_ns.console import announce, list_names
 from desplat_ns.data.training_views import view_name
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.rendering.layers import MASK_THRESHOLD
@@ -123,10 +123,9 @@ class SeparationWatch:
         """Until then distractors find their places; they may well be too many."""
         self._said: set[str] = set()
 
-    def see(self, step: int, index: int, view: View, alpha_d: Float[Tensor, "H W 1"]) -> None:
-        """Remember a visit of training view `index`; in the warm-up there is nothing to see."""
-        if step >= self.config.static_warmup:
-            self.sights[index] = sight_of(view, alpha_d)
+    def see(self, index: int, sight: Sight) -> None:
+        """Remember the last visit of training view `index`."""
+        self.sights[index] = sight
 
     def look(self, step: int, means: Float[Tensor, "N 3"]) -> None:
         """Warn where it is due. `means`: of the static Gaussians."""
@@ -177,9 +176,7 @@ class SeparationWatch:
         return f"a higher {excess} or {lambda_d}"
 
     def _listed(self, views: list[int]) -> str:
-        names = [view_name(self.names, view) for view in views]
-        more = len(names) - MAX_NAMES
-        return ", ".join(names[:MAX_NAMES]) + (f" and {more} more" if more > 0 else "")
+        return list_names((view_name(self.names, view) for view in views), MAX_NAMES)
 
     def _say(self, kind: str, text: str) -> None:
         if kind not in self._said:

@@ -8,8 +8,6 @@ where it does not, and the static scene has to fit by itself all pixels that the
 
 from __future__ import annotations
 
-from typing import Any
-
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -18,12 +16,13 @@ from torch.optim import Optimizer
 from desplat_ns.backend.protocol import View
 from desplat_ns.gaussians.densification import DistractorDensifier
 from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians, distractors_at
+from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import image_points
-from desplat_ns.separation.expected_residual import ExpectedResidual, local_residual
+from desplat_ns.separation.expected_residual import UsualResiduals, excess_residual, local_residual
 from desplat_ns.separation.grid import grid_of, pooled
 from desplat_ns.separation.ownership import interior, pixels_of
 from desplat_ns.separation.regions import outlier_regions
-from desplat_ns.separation.visit import Sighting
+from desplat_ns.separation.visit import Visit
 
 COVERED_SHARE = 0.5
 """A distractor is placed where more than this share of its cell is inside a region, and where the
@@ -42,59 +41,58 @@ def peak_excess(step: int, visits: float, config: DistractorConfig) -> float:
 
 def find_regions(
     step: int,
-    static: Float[Tensor, "H W 3"],
-    photo: Float[Tensor, "H W 3"],
+    visit: Visit,
     opacities: Float[Tensor, "N 1"],
-    info: dict[str, Any],
-    state: dict[str, Any],
+    known: UsualResiduals,
     num_views: int,
     config: DistractorConfig,
-) -> Bool[Tensor, "rows columns"]:
+) -> tuple[Bool[Tensor, "rows columns"], UsualResiduals]:
     """Regions of a photo that show what other views do not, on the grid of `grid_of`.
 
     Args:
-        static: the static scene, rendered.
         opacities: logits of the static Gaussians.
-        info: of the static rendering, as gsplat's strategies read it.
-        state: running state of the static set's strategy; remembers the view.
+        known: what they remember of other visits.
         num_views: number of training views.
+
+    Returns:
+        The regions, and what is known once this visit is remembered too.
     """
-    count, grid = len(opacities), grid_of(info["width"], info["height"])
-    scale = photo.new_tensor([grid[0] / info["width"], grid[1] / info["height"]])
-    residual = local_residual(static.detach(), photo, grid)
-    expected = ExpectedResidual(state, count, photo)
-    peak = peak_excess(step, expected.visits / num_views, config)
-    excess = expected.excess(
-        residual,
-        info["means2d"].detach().reshape(count, 2) * scale,
-        info["radii"].reshape(count, -1).amin(-1) > 0,
+    width, height = visit.view.width, visit.view.height
+    grid = grid_of(width, height)
+    scale = visit.photo.new_tensor([grid[0] / width, grid[1] / height])
+    excess, learned = excess_residual(
+        local_residual(visit.static_rgb.detach(), visit.photo, grid),
+        visit.static.means2d.detach()[0] * scale,
+        visit.static.visible,
         torch.sigmoid(opacities.detach()[:, 0]),
+        known,
         num_views,
     )
-    return outlier_regions(excess, config.weak_excess, peak)
+    peak = peak_excess(step, known.visits / num_views, config)
+    return outlier_regions(excess, config.weak_excess, peak), learned
 
 
 def uncovered_regions(
-    seen: Sighting, config: DistractorConfig
+    visit: Visit, config: DistractorConfig
 ) -> Bool[Tensor, "grid_rows grid_columns"]:
     """Cells of a grid of `config.per_view` where distractors belong and none covers anything."""
-    assert seen.inside is not None
-    grid = grid_of(seen.view.width, seen.view.height, max(1, config.per_view))
-    inside = pooled(seen.inside[..., None].to(torch.float32), grid)[0]
-    covered = pooled(seen.alpha_d.detach(), grid)[0]
+    assert visit.inside is not None
+    grid = grid_of(visit.view.width, visit.view.height, max(1, config.per_view))
+    inside = pooled(visit.inside[..., None].to(torch.float32), grid)[0]
+    covered = pooled(visit.alpha_d.detach(), grid)[0]
     return (inside >= COVERED_SHARE) & (covered < COVERED_SHARE)
 
 
 def distractors_in(
-    cells: Bool[Tensor, "grid_rows grid_columns"], seen: Sighting, config: DistractorConfig
+    cells: Bool[Tensor, "grid_rows grid_columns"], visit: Visit, config: DistractorConfig
 ) -> dict[str, Tensor]:
     """New distractors in the photo's colours, one for each cell that is set."""
     rows, columns = cells.shape
     row, column = cells.nonzero(as_tuple=True)
-    x = (column + 0.5) * seen.view.width / columns
-    y = (row + 0.5) * seen.view.height / rows
-    colors = pooled(seen.photo, (columns, rows))[:, row, column].T.contiguous()
-    return distractors_at(seen.view, config, torch.stack([x, y], dim=-1), colors)
+    x = (column + 0.5) * visit.view.width / columns
+    y = (row + 0.5) * visit.view.height / rows
+    colors = pooled(visit.photo, (columns, rows))[:, row, column].T.contiguous()
+    return distractors_at(visit.view, config, torch.stack([x, y], dim=-1), colors)
 
 
 def lie_in(
@@ -108,24 +106,21 @@ def lie_in(
 
 
 class Placement:
-    """Moves each view's distractors to its regions, once the optimizers have stepped."""
+    """Finds where each view's distractors belong, and moves them there after the optimizers."""
 
     def __init__(self, config: DistractorConfig, num_views: int):
         self.config = config
         self.num_views = num_views
-        self._seen: Sighting | None = None
 
     @torch.no_grad()
     def look(
-        self,
-        step: int,
-        seen: Sighting,
-        static: Float[Tensor, "H W 3"],
-        opacities: Float[Tensor, "N 1"],
-        info: dict[str, Any],
-        state: dict[str, Any],
+        self, step: int, visit: Visit, opacities: Float[Tensor, "N 1"], memory: GaussianMemory
     ) -> Bool[Tensor, "H W 1"] | None:
-        """Find the view's regions, for `place`; the arguments are those of `find_regions`.
+        """Find the view's regions, and note in the visit what follows from them.
+
+        Args:
+            opacities: logits of the static Gaussians.
+            memory: what they remember; it is read only.
 
         Returns:
             The pixels in which opacity is free; None in the warm-up, in which views are only
@@ -133,36 +128,32 @@ class Placement:
             stands there: distractors keep off its outermost cells, and are free one cell further
             in.
         """
-        regions = find_regions(
-            step, static, seen.photo, opacities, info, state, self.num_views, self.config
+        known = UsualResiduals.of(memory, len(opacities), visit.photo.device)
+        regions, visit.learned = find_regions(
+            step, visit, opacities, known, self.num_views, self.config
         )
         if step < self.config.static_warmup:
             return None
-        seen.inside = interior(regions)
+        inside = interior(regions)
         if step < self.config.stop_placing_at:
-            self._seen = seen
+            visit.inside = inside
         if step >= self.config.leave_out_at:
-            seen.left_out = regions
-        return pixels_of(interior(seen.inside), *seen.photo.shape[:2])
-
-    def forget(self) -> None:
-        """Do not place anything for the view that was looked at last."""
-        self._seen = None
+            visit.left_out = regions
+        return pixels_of(interior(inside), *visit.photo.shape[:2])
 
     @torch.no_grad()
     def place(
         self,
+        visit: Visit,
         distractors: DistractorGaussians,
         densifier: DistractorDensifier,
         optimizers: dict[str, Optimizer],
     ) -> None:
-        """Give the view that was looked at new distractors, and remove those out of place."""
-        seen, self._seen = self._seen, None
-        if seen is None:
+        """Give the view new distractors where they belong, and remove those out of place."""
+        if visit.inside is None:
             return
-        assert seen.inside is not None
-        keep = lie_in(seen.inside, distractors.params_of(seen.index)["means"], seen.view)
-        uncovered = uncovered_regions(seen, self.config)
+        keep = lie_in(visit.inside, distractors.params_of(visit.index)["means"], visit.view)
+        uncovered = uncovered_regions(visit, self.config)
         if bool(uncovered.any()) or not bool(keep.all()):
-            new = distractors_in(uncovered, seen, self.config)
-            densifier.exchange(distractors, seen.index, optimizers, keep, new)
+            new = distractors_in(uncovered, visit, self.config)
+            densifier.exchange(distractors, visit.index, optimizers, keep, new)

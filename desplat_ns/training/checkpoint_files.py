@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from desplat_ns.console import announce
+from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CheckpointError
 
 CHECKPOINT_NAME = re.compile(r"step-(\d+)\.ckpt")
@@ -210,5 +210,4 @@ def _contents(folder: Path) -> str:
     if not folder.is_dir():
         return f"The folder {folder} does not exist."
     names = sorted(path.name for path in folder.iterdir())
-    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
-    return f"{folder} holds {', '.join(names[:5])}{more}." if names else f"{folder} is empty."
+    return f"{folder} holds {list_names(names, 5)}." if names else f"{folder} is empty."

@@ -1,6 +1,6 @@
-"""The opacity terms of Eq. 5, and a photometric term for the static scene alone.
+"""The terms of Eq. 5: photometric, for an image or for the static scene alone, and of opacities.
 
-The photometric term of Eq. 5, (1 - w) L1 + w D-SSIM with w = 0.2, is Splatfacto's and stays there.
+In training the photometric term of the composite is Splatfacto's and stays there.
 """
 
 from __future__ import annotations
@@ -10,6 +10,22 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.ssim import ssim
+
+
+def photometric_loss(
+    image: Float[Tensor, "H W 3"], photo: Float[Tensor, "H W 3"], ssim_weight: float
+) -> Float[Tensor, ""]:
+    """(1 - w) L1 + w D-SSIM.
+
+    Source: L_GS, the photometric term of Eq. 5 and 12.
+    """
+    return _mixed((image - photo).abs().mean(), ssim(image, photo), ssim_weight)
+
+
+def _mixed(
+    l1: Float[Tensor, ""], similarity: Float[Tensor, ""], ssim_weight: float
+) -> Float[Tensor, ""]:
+    return (1 - ssim_weight) * l1 + ssim_weight * (1 - similarity)
 
 
 def distractor_opacity_loss(
@@ -46,4 +62,4 @@ def static_photometric_loss(
     """
     l1 = ((1 - owned) * (static - photo).abs()).mean()
     target = torch.lerp(photo, static.detach(), owned)
-    return (1 - ssim_weight) * l1 + ssim_weight * (1 - ssim(static, target))
+    return _mixed(l1, ssim(static, target), ssim_weight)

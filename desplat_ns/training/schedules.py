@@ -24,25 +24,7 @@ from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR, LRScheduler
 
 from desplat_ns.errors import ConfigError
-
-
-def schedule_scale(max_num_iterations: int, nominal: int) -> float:
-    """Factor in (0, 1] for every schedule of a run of `max_num_iterations` steps.
-
-    `nominal` is the method's own number of steps (B.3: 30,000; 200,000 for Photo Tourism).
-    Raises ConfigError where either is below 1.
-    """
-    if max_num_iterations < 1 or nominal < 1:
-        raise ConfigError(
-            f"A run needs at least one step: --max-num-iterations is {max_num_iterations} and "
-            f"--nominal-num-iterations is {nominal}. Give both a value of 1 or more."
-        )
-    return min(1.0, max_num_iterations / nominal)
-
-
-def scaled_steps(steps: int, scale: float) -> int:
-    """`steps` times `scale`, rounded, at least 1. What is switched off (0 or below) stays so."""
-    return max(1, round(steps * scale)) if steps > 0 else steps
+from desplat_ns.training.run_length import scaled_steps
 
 
 @dataclass

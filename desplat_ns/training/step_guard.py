@@ -10,12 +10,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
 from nerfstudio.engine.optimizers import Optimizers
 from torch import Tensor, nn
+from torch.cuda.amp.grad_scaler import GradScaler
 from torch.optim import Optimizer
 
 from desplat_ns.console import announce
@@ -87,13 +88,13 @@ class GuardedOptimizers(Optimizers):
         self,
         config: dict[str, Any],
         param_groups: dict[str, list[nn.Parameter]],
-        may_step: Callable[[Any], bool],
+        may_step: Callable[[GradScaler], bool],
     ):
         """`may_step` is called with the gradient scaler after each backward pass."""
         super().__init__(config, param_groups)
         self._may_step = may_step
 
-    def optimizer_scaler_step_some(self, grad_scaler: Any, param_groups: list[str]) -> None:
+    def optimizer_scaler_step_some(self, grad_scaler: GradScaler, param_groups: list[str]) -> None:
         """Step, or change nothing and drop all gradients. nerfstudio 1.1.5 calls no other way."""
         if self._may_step(grad_scaler):
             super().optimizer_scaler_step_some(grad_scaler, param_groups)
@@ -104,12 +105,37 @@ class GuardedOptimizers(Optimizers):
         self.zero_grad_all()
 
 
-class StepGuard:
-    """Judges steps, and counts those that were skipped.
+@runtime_checkable
+class GuardedModel(Protocol):
+    """What guards ask of a model."""
 
-    It asks the pipeline's model for `losses` (the terms of the step at hand), `view_name()` and
-    `drop_step()`, as far as the model has them.
-    """
+    losses: dict[str, Tensor]
+    """The terms of the step at hand, by name."""
+
+    @property
+    def num_points(self) -> int:
+        """Number of static Gaussians."""
+        ...
+
+    def view_name(self) -> str:
+        """The training photo of the step at hand."""
+        ...
+
+    def drop_step(self) -> None:
+        """Forget the step at hand."""
+        ...
+
+    def gaussian_groups(self) -> set[str]:
+        """Parameter groups with one row for each Gaussian."""
+        ...
+
+    def culled_static(self) -> int:
+        """Static Gaussians that no view shows."""
+        ...
+
+
+class StepGuard:
+    """Judges steps, and counts those that were skipped."""
 
     def __init__(self, max_skipped: int):
         """`max_skipped`: so many skipped steps, in all, and the run is to stop.
@@ -131,27 +157,28 @@ class StepGuard:
         """Whether the run is to stop."""
         return self.skipped >= self.max_skipped
 
-    def is_sound(self, step: int, model: Any, optimizers: Optimizers, grad_scaler: Any) -> bool:
+    def is_sound(
+        self, step: int, model: GuardedModel, optimizers: Optimizers, grad_scaler: GradScaler
+    ) -> bool:
         """Whether the optimizers may take `step`. If not it is said, and the model drops the step.
 
         With mixed precision, gradients overflow now and then, and the gradient scaler sees to them:
         then only losses are judged.
         """
         judged = {} if grad_scaler.is_enabled() else gradients_of(optimizers.optimizers)
-        fault = find_fault(getattr(model, "losses", {}), judged)
+        fault = find_fault(model.losses, judged)
         self.skipped_last = fault is not None
         if fault is None:
             return True
         self.skipped += 1
-        view = f", in the photo {model.view_name()}" if hasattr(model, "view_name") else ""
-        self._last = f"At step {step}{view}: {fault} is not finite"
+        photo = model.view_name()
+        self._last = f"At step {step}, in the photo {photo}: {fault} is not finite"
         announce(
             f"{self._last}. The step is skipped ({self.skipped} of at most "
             f"{self.max_skipped}); nothing has changed.",
             warning=True,
         )
-        if hasattr(model, "drop_step"):
-            model.drop_step()
+        model.drop_step()
         return False
 
     def error(self, saved: Path) -> TrainingError:
@@ -165,7 +192,7 @@ class StepGuard:
 
 
 def check_parameters(
-    model: Any, optimizers: Optimizers, step: int, folder: Path, strict: bool
+    model: GuardedModel, optimizers: Optimizers, step: int, folder: Path, strict: bool
 ) -> None:
     """Refuse to save what no training can go on from; finite gradients do not rule it out.
 
@@ -179,8 +206,7 @@ def check_parameters(
     Raises:
         TrainingError: what is not finite, and which checkpoint is the newest.
     """
-    lenient = not strict and hasattr(model, "gaussian_groups")
-    per_gaussian = model.gaussian_groups() if lenient else set()
+    per_gaussian = set() if strict else model.gaussian_groups()
     bad = [
         name
         for name, optimizer in optimizers.optimizers.items()
@@ -188,7 +214,7 @@ def check_parameters(
         and not all(bool(p.isfinite().all()) for p in _parameters(optimizer))
     ]
     found = f"The parameters {', '.join(bad)} are not finite" if bad else None
-    if found is None and hasattr(model, "culled_static"):
+    if found is None:
         found = too_many_culled(model.culled_static(), model.num_points)
     if found is None:
         return

@@ -12,18 +12,19 @@ from test_model import HEIGHT, WIDTH
 from test_model_effects import model_with, moved
 
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.evaluation.config import EvaluationConfig, uses_halves
+from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
+from desplat_ns.evaluation.halves import RightHalf, RightHalfByLeft
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.halves import (
-    HalvesProtocol,
     embedding_from_left_half,
     fit_embedding,
     left_half,
-    photometric_loss,
     right_half,
 )
+from desplat_ns.training.losses import photometric_loss
 
 SHORT = EvaluationConfig(steps=6, learning_rate=0.05)
+SHORT_FIT = SHORT.steps, SHORT.learning_rate
 
 
 @pytest.fixture(scope="module")
@@ -56,11 +57,13 @@ def test_the_right_half_cannot_reach_the_embedding(model, width):
     photo = torch.rand(HEIGHT, width, 3)
     other = photo.clone()
     right_half(other)[:] = torch.rand_like(right_half(other))
-    fitted = [embedding_from_left_half(model, held_out(width), p, SHORT) for p in (photo, other)]
+    fitted = [
+        embedding_from_left_half(model, held_out(width), p, *SHORT_FIT) for p in (photo, other)
+    ]
     assert torch.equal(*fitted)
     left_half(other)[0, -1] += 0.5  # the last column of the left half does reach it
     assert not torch.equal(
-        embedding_from_left_half(model, held_out(width), other, SHORT), fitted[0]
+        embedding_from_left_half(model, held_out(width), other, *SHORT_FIT), fitted[0]
     )
 
 
@@ -75,8 +78,8 @@ def test_all_else_stays_bit_identical(model):
     before = {
         name: value.clone() for name, value in model.state_dict().items() if torch.is_tensor(value)
     }
-    protocol = HalvesProtocol(SHORT)
-    protocol.score(model, held_out(), {"image": torch.rand(HEIGHT, WIDTH, 3)}, "a")
+    protocol = RightHalfByLeft(model, SHORT)
+    protocol.score(held_out(), {"image": torch.rand(HEIGHT, WIDTH, 3)}, "a")
     after = model.state_dict()
     assert all(torch.equal(after[name], value) for name, value in before.items())
     assert all(p.grad is None for p in model.parameters())
@@ -86,16 +89,16 @@ def test_all_else_stays_bit_identical(model):
 def test_the_light_of_a_photo_is_found_again(model):
     photo = photo_in_the_light_of(model, 2)
     config = EvaluationConfig(steps=128, learning_rate=0.05)
-    scored, _ = HalvesProtocol(config).score(model, held_out(), {"image": photo}, "a")
+    scored, _ = RightHalfByLeft(model, config).score(held_out(), {"image": photo}, "a")
     assert scored.metrics["psnr"] > scored.metrics["psnr_before"] + 6
 
 
 def test_images_do_not_influence_each_other(model):
     photos = [photo_in_the_light_of(model, view) for view in (0, 2)]
-    together, alone = HalvesProtocol(SHORT), HalvesProtocol(SHORT)
-    together.score(model, held_out(), {"image": photos[0]}, "first")
-    together.score(model, held_out(), {"image": photos[1]}, "second")
-    alone.score(model, held_out(), {"image": photos[1]}, "second")
+    together, alone = RightHalfByLeft(model, SHORT), RightHalfByLeft(model, SHORT)
+    together.score(held_out(), {"image": photos[0]}, "first")
+    together.score(held_out(), {"image": photos[1]}, "second")
+    alone.score(held_out(), {"image": photos[1]}, "second")
     assert torch.equal(together.embeddings["second"], alone.embeddings["second"])
 
 
@@ -105,14 +108,14 @@ def test_figures_are_the_right_halfs(model):
     photo = photo_in_the_light_of(model, 1)
     mean = model.image_effects.embeddings.mean()
     loaded = EvaluationConfig(load_embeddings=Path("e.npz"))
-    protocol = HalvesProtocol(loaded, {"a": model.image_effects.embeddings.of(1).detach()})
-    right, _ = protocol.score(model, held_out(), {"image": photo}, "a")
+    protocol = RightHalfByLeft(model, loaded, {"a": model.image_effects.embeddings.of(1).detach()})
+    right, _ = protocol.score(held_out(), {"image": photo}, "a")
     assert right.metrics["psnr"] == pytest.approx(100)
     left_half(photo)[:] = 0
-    same, _ = protocol.score(model, held_out(), {"image": photo}, "a")
+    same, _ = protocol.score(held_out(), {"image": photo}, "a")
     assert same.metrics["psnr"] == right.metrics["psnr"]
     right_half(photo)[:] = 0
-    wrong, _ = protocol.score(model, held_out(), {"image": photo}, "a")
+    wrong, _ = protocol.score(held_out(), {"image": photo}, "a")
     assert wrong.metrics["psnr"] < 30
     assert torch.equal(mean, model.image_effects.embeddings.mean())
 
@@ -139,38 +142,52 @@ def test_the_loss_is_the_photometric_one():
 
 
 @pytest.mark.parametrize(
-    ("protocol", "appearance", "halves"),
+    ("asked", "appearance", "holds"),
     [
-        ("auto", "affine", True),
-        ("auto", "off", False),
-        ("full", "sh", False),
-        ("half", "sh", True),
+        ("auto", "affine", "half"),
+        ("auto", "off", "full"),
+        ("full", "sh", "full"),
+        ("half", "sh", "half"),
+        ("right", "off", "right"),
+        ("right", "affine", "right"),
     ],
 )
-def test_which_protocol_holds(protocol, appearance, halves):
-    assert uses_halves(EvaluationConfig(protocol=protocol), appearance) is halves
+def test_which_protocol_holds(asked, appearance, holds):
+    assert chosen_protocol(EvaluationConfig(protocol=asked), appearance) == holds
+
+
+def test_right_halves_without_embeddings_are_scored_in_the_average_light(model):
+    photo = photo_in_the_light_of(model, 1)
+    scored, pictures = RightHalf(model).score(held_out(), {"image": photo}, "a")
+    both, _ = RightHalfByLeft(model, SHORT).score(held_out(), {"image": photo}, "a")
+    assert scored.metrics["psnr"] == both.metrics["psnr_before"]
+    assert "psnr_before" not in scored.metrics
+    assert pictures["img"].shape == (HEIGHT, 2 * WIDTH, 3)
+    left_half(photo)[:] = 0.0
+    again, _ = RightHalf(model).score(held_out(), {"image": photo}, "a")
+    assert again.metrics == scored.metrics
 
 
 def test_halves_without_appearance_are_refused():
     with pytest.raises(ConfigError, match="appearance is off"):
-        uses_halves(EvaluationConfig(protocol="half"), "off")
+        chosen_protocol(EvaluationConfig(protocol="half"), "off")
 
 
 @pytest.mark.parametrize("values", [{"steps": -1}, {"learning_rate": 0.0}])
 def test_steps_and_rate_have_a_range(values: dict[str, Any]):
     with pytest.raises(ConfigError, match="found"):
-        uses_halves(EvaluationConfig(**values), "affine")
+        chosen_protocol(EvaluationConfig(**values), "affine")
 
 
 @pytest.mark.parametrize("width", [1, 2, 3])
 def test_a_photo_without_halves_is_refused(model, width):
     with pytest.raises(CaptureError, match=f"{width} pixels wide"):
-        embedding_from_left_half(model, held_out(width), torch.rand(HEIGHT, width, 3), SHORT)
+        embedding_from_left_half(model, held_out(width), torch.rand(HEIGHT, width, 3), *SHORT_FIT)
 
 
 def test_the_narrowest_photo_is_scored(model):
     batch = {"image": torch.rand(HEIGHT, 4, 3)}
-    scored, _ = HalvesProtocol(SHORT).score(model, held_out(4), batch, "a")
+    scored, _ = RightHalfByLeft(model, SHORT).score(held_out(4), batch, "a")
     assert scored.metrics["psnr"] > 0
 
 
@@ -178,16 +195,18 @@ def test_what_a_mask_leaves_out_does_not_reach_the_embedding(model):
     photo, mask = torch.rand(HEIGHT, WIDTH, 3), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
     mask[:, :5] = False
     other = torch.where(mask, photo, 1 - photo)
-    fits = [embedding_from_left_half(model, held_out(), p, SHORT, mask) for p in (photo, other)]
+    fits = [
+        embedding_from_left_half(model, held_out(), p, *SHORT_FIT, mask) for p in (photo, other)
+    ]
     assert torch.equal(*fits)
 
 
 def test_files_of_embeddings_need_halves():
     with pytest.raises(ConfigError, match=r"e\.npz"):
-        uses_halves(EvaluationConfig("full", save_embeddings=Path("e.npz")), "affine")
+        chosen_protocol(EvaluationConfig("full", save_embeddings=Path("e.npz")), "affine")
 
 
 def test_an_image_without_a_loaded_embedding_is_named(model):
-    protocol = HalvesProtocol(EvaluationConfig(load_embeddings=Path("e.npz")), {})
+    protocol = RightHalfByLeft(model, EvaluationConfig(load_embeddings=Path("e.npz")), {})
     with pytest.raises(ConfigError, match="no embedding of 'a'"):
-        protocol.score(model, held_out(), {"image": torch.rand(HEIGHT, WIDTH, 3)}, "a")
+        protocol.score(held_out(), {"image": torch.rand(HEIGHT, WIDTH, 3)}, "a")

@@ -14,14 +14,15 @@ from torch import Tensor
 
 from desplat_ns.backend import View
 from desplat_ns.backend.ssim import ssim
-from desplat_ns.evaluation.records import metrics
+from desplat_ns.evaluation import metrics
 from desplat_ns.gaussians.activation import activate_distractors, clamp_colors, sigmoid
 from desplat_ns.gaussians.distractors import DistractorConfig, distractors_at
+from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.photo_tourism import appearance, background
 from desplat_ns.rendering import compositing
+from desplat_ns.separation import expected_residual as excess
+from desplat_ns.separation import placement as separation
 from desplat_ns.separation.ownership import owned_share
-from desplat_ns.separation.placement import expected_residual as excess
-from desplat_ns.separation.placement import placement as separation
 from desplat_ns.separation.regions import outlier_regions
 from desplat_ns.training import losses
 
@@ -83,12 +84,13 @@ IMAGE, PLANE, GRID = (UNIT, (H, W, 3)), (UNIT, (H, W, 1)), (4, 5)
 
 
 def _excess(residual: Tensor, means2d: Tensor, opacities: Tensor) -> Tensor:
-    memory = excess.ExpectedResidual({}, len(means2d), residual)
+    known = excess.UsualResiduals.of(GaussianMemory({}), len(means2d), residual.device)
     visible = means2d.isfinite().all(-1)
     residual = residual.detach().clamp(min=excess.MIN_RESIDUAL)
     for _ in range(3):
-        found = memory.excess(residual, means2d.detach(), visible, opacities.detach(), 1)
-    return torch.stack([found.sum(), *(memory.state[k].sum() for k in (memory.USUAL, memory.SEEN))])
+        rest = visible, opacities.detach(), known, 1
+        found, known = excess.excess_residual(residual, means2d.detach(), *rest)
+    return torch.stack([found.sum(), known.usual.sum(), known.times_seen.sum()])
 
 
 def _placed(means: Tensor) -> Tensor:

@@ -20,7 +20,7 @@ from poison import POISON
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import DeSplatError
-from desplat_ns.evaluation.config import EvaluationConfig, uses_halves
+from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
 from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians
 from desplat_ns.options import check_finite_options
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
@@ -85,7 +85,7 @@ def _distractors(config: DistractorConfig) -> Any:
 def _run(config: Any) -> Any:
     trainer = config.setup()
     model = trainer.config.pipeline.model
-    return [model.schedule_scale, float(model.scaled().for_views(3).refine_every)]
+    return [model.schedule_scale, float(model.for_run(3).refine_every)]
 
 
 def _decay(config: ScaledExponentialDecaySchedulerConfig) -> Any:
@@ -108,7 +108,7 @@ def _drawn(config: PhotoTourismDataParserConfig) -> Any:
 
 
 def _halves(config: EvaluationConfig) -> Any:
-    uses_halves(config, "affine")
+    chosen_protocol(config, "affine")
     return [float(config.steps), config.learning_rate]
 
 

@@ -1,0 +1,129 @@
+"""The protocols of right halves: with each image's own embedding, or without any."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from nerfstudio.cameras.cameras import Cameras
+from torch import Tensor
+
+from desplat_ns.errors import ConfigError
+from desplat_ns.evaluation.config import EvaluationConfig
+from desplat_ns.evaluation.protocol import ScoredModel
+from desplat_ns.evaluation.records import ScoredImage
+from desplat_ns.evaluation.stopwatch import Stopwatch
+from desplat_ns.photo_tourism.halves import LitModel, embedding_from_left_half, right_half
+
+
+@runtime_checkable
+class ScoredLitModel(ScoredModel, LitModel, Protocol):
+    """A model with embeddings whose images are scored."""
+
+
+def score_right_half(
+    model: ScoredModel, outputs: dict[str, Tensor], batch: dict[str, Any]
+) -> tuple[dict[str, float], dict[str, Tensor]]:
+    """Figures of the right half, and the whole photo beside the whole rendering.
+
+    Args:
+        outputs: the whole rendering.
+    """
+    right = {name: right_half(outputs[name]) for name in ("rgb", "background")}
+    figures, _ = model.get_image_metrics_and_images(
+        right, {**batch, "image": right_half(batch["image"])}
+    )
+    photo = model.composite_with_background(model.get_gt_img(batch["image"]), outputs["background"])
+    return figures, {"img": torch.cat([photo, outputs["rgb"]], dim=1)}
+
+
+@dataclass
+class RightHalf:
+    """Scores right halves in the training images' average light.
+
+    For models without appearance, to be compared with others on the same pixels.
+    """
+
+    model: ScoredModel
+
+    def describe(self) -> str:
+        """The protocol in words, for the JSON."""
+        return "right half, static Gaussians only; no embedding of the image's own"
+
+    def score(
+        self, camera: Cameras, batch: dict[str, Any], name: str
+    ) -> tuple[ScoredImage, dict[str, Tensor]]:
+        """Figures of the right half, and the whole photo beside the rendering."""
+        watch = Stopwatch(self.model.device)
+        watch.start()
+        outputs = self.model.get_outputs_for_camera(camera)
+        render_seconds = watch.seconds()
+        figures, pictures = score_right_half(self.model, outputs, batch)
+        height, width = outputs["rgb"].shape[:2]
+        return ScoredImage(name, width, height, figures, render_seconds, watch.seconds()), pictures
+
+
+@dataclass
+class RightHalfByLeft:
+    """Scores right halves, each image with the embedding that its left half asks for.
+
+    Source: App. B.1, the protocol of Photo Tourism.
+    """
+
+    model: ScoredLitModel
+    config: EvaluationConfig
+    known: dict[str, Tensor] = field(default_factory=dict)
+    """Embeddings by image name that are taken instead of optimized."""
+    embeddings: dict[str, Tensor] = field(default_factory=dict)
+    """By image name, of the images scored so far."""
+
+    def describe(self) -> str:
+        """The protocol in words, for the JSON."""
+        how = f"{self.config.steps} steps of Adam at {self.config.learning_rate:g} on its left half"
+        if self.config.load_embeddings is not None:
+            how = f"loaded from {self.config.load_embeddings.name}"
+        return f"right half, static Gaussians only; each image's embedding: {how}"
+
+    def score(
+        self, camera: Cameras, batch: dict[str, Any], name: str
+    ) -> tuple[ScoredImage, dict[str, Tensor]]:
+        """Figures of the right half with the image's own embedding, `*_before` without.
+
+        Raises:
+            ConfigError: embeddings were loaded, and this image has none.
+            CaptureError: see `embedding_from_left_half`.
+        """
+        watch = Stopwatch(self.model.device)
+        watch.start()
+        average = self.model.get_outputs_for_camera(camera)
+        render_seconds = watch.seconds()
+        before, _ = score_right_half(self.model, average, batch)
+        watch.start()
+        self.embeddings[name] = self._embedding(camera, batch, name, average["background"])
+        fit_seconds = watch.seconds()
+        watch.start()
+        with self.model.shown_in(self.embeddings[name]):
+            outputs = self.model.get_outputs_for_camera(camera)
+        figures, pictures = score_right_half(self.model, outputs, batch)
+        figures |= {f"{key}_before": value for key, value in before.items()}
+        figures["embedding_seconds"] = fit_seconds
+        height, width = average["rgb"].shape[:2]
+        return ScoredImage(name, width, height, figures, render_seconds, watch.seconds()), pictures
+
+    def _embedding(
+        self, camera: Cameras, batch: dict[str, Any], name: str, behind: Tensor
+    ) -> Float[Tensor, " E"]:
+        config, model = self.config, self.model
+        if config.load_embeddings is None:
+            photo = model.composite_with_background(model.get_gt_img(batch["image"]), behind)
+            options = config.steps, config.learning_rate, batch.get("mask")
+            return embedding_from_left_half(model, camera, photo, *options)
+        if name not in self.known:
+            raise ConfigError(
+                f"{config.load_embeddings} holds no embedding of '{name}', only of "
+                f"{', '.join(sorted(self.known)) or 'no image'}. Save the embeddings of this run's "
+                "test images first: `desplat-eval --save-embeddings FILE`."
+            )
+        return self.known[name]

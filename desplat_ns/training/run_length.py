@@ -1,0 +1,81 @@
+"""Arithmetic of steps: how schedules and intervals follow the length of a run and the views."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from desplat_ns.errors import ConfigError
+
+SPLATFACTOS_INTERVAL = 100
+"""Steps. Splatfacto counts its resets in refinements of this many steps, and lets the scene recover
+from one for as long (and a round of the views); ours do so whatever the interval."""
+
+
+def schedule_scale(max_num_iterations: int, nominal: int) -> float:
+    """Factor in (0, 1] for every schedule of a run of `max_num_iterations` steps.
+
+    `nominal` is the method's own number of steps (B.3: 30,000; 200,000 for Photo Tourism).
+    Raises ConfigError where either is below 1.
+    """
+    if max_num_iterations < 1 or nominal < 1:
+        raise ConfigError(
+            f"A run needs at least one step: --max-num-iterations is {max_num_iterations} and "
+            f"--nominal-num-iterations is {nominal}. Give both a value of 1 or more."
+        )
+    return min(1.0, max_num_iterations / nominal)
+
+
+def scaled_steps(steps: int, scale: float) -> int:
+    """`steps` times `scale`, rounded, at least 1. What is switched off (0 or below) stays so."""
+    return max(1, round(steps * scale)) if steps > 0 else steps
+
+
+def scaled_fields(config: Any, names: Iterable[str], scale: float) -> dict[str, int]:
+    """The settings of these names, which are numbers of steps, as `scaled_steps` has them."""
+    return {name: scaled_steps(getattr(config, name), scale) for name in names}
+
+
+def steps_between_refinements(
+    num_views: int, densification: int, refinements: int, at_most: int
+) -> int:
+    """Steps from one refinement of the static set to the next.
+
+    Between two refinements gradients are sampled, over half of the views at least: over fewer they
+    are mostly noise.
+
+    Args:
+        densification: steps until which there are refinements.
+        refinements: for which there is to be time.
+        at_most: steps, whatever the above; 0 for no bound.
+    """
+    every = max(num_views // 2, math.ceil(densification / refinements))
+    return min(every, at_most) if at_most > 0 else every
+
+
+def pause_after_reset(num_views: int, reset_every: int) -> int:
+    """Steps after a reset in which the scene recovers and nothing is sampled for refinement.
+
+    Splatfacto's rule, a round of the views and one of its intervals, but half the time to the next
+    reset at most.
+    """
+    return min(num_views + SPLATFACTOS_INTERVAL, reset_every // 2)
+
+
+def photo_downscale(step: int, num_downscales: int, every: int, warmup: int = 0) -> int:
+    """By how much photos are smaller at a step: 2^num_downscales at first, halved every so often.
+
+    With distractors that have a warm-up, whatever is below half the size is over by the middle of
+    it: in smaller photos occluders do not stand out enough to be found, and are learned.
+
+    Args:
+        every: steps.
+        warmup: steps in which the static scene trains alone.
+    """
+    if step >= num_downscales * every:
+        return 1
+    if warmup == 0 or num_downscales == 1:
+        return 2 ** (num_downscales - step // every)
+    early = max(1, min(every, warmup // (2 * (num_downscales - 1))))
+    return 2 ** max(1, num_downscales - step // early)
