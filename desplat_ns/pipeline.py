@@ -39,7 +39,7 @@ from desplat_ns.nerfstudio_quirks import (
 )
 from desplat_ns.photo_tourism.embedding_file import digest_of, load_embeddings, save_embeddings
 from desplat_ns.photo_tourism.image_effects import ImageEffects
-from desplat_ns.photo_tourism.shown_light import WornAppearance
+from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.training.checkpoint_record import SceneRecord, check_same_scene
 from desplat_ns.training.step_guard import GuardedModel
 from desplat_ns.viewer import LayerControl
@@ -63,7 +63,7 @@ class PipelineModel(ScoredLitModel, MaskedModel, CountedModel, GuardedModel, Pro
 
     layer_control: LayerControl
     """The viewer's choice of layer."""
-    worn: WornAppearance
+    shown_light: ShownLight
     """The choice of a light."""
     image_effects: ImageEffects | None
     lpips: LazyLpips
@@ -109,24 +109,24 @@ class DeSplatPipeline(VanillaPipeline):
     @property
     def appearance(self) -> ViewerDropdown | None:
         """The viewer's choice of whose light is shown; None where there is no appearance model."""
-        worn = self._model.worn
-        return worn.first if worn.names else None
+        shown_light = self._model.shown_light
+        return shown_light.first if shown_light.names else None
 
     @property
     def appearance_mixed(self) -> ViewerDropdown | None:
         """The viewer's choice of a second image to mix in; None as above."""
-        worn = self._model.worn
-        return worn.second if worn.names else None
+        shown_light = self._model.shown_light
+        return shown_light.second if shown_light.names else None
 
     @property
     def appearance_share(self) -> ViewerSlider | None:
         """The viewer's share of the second image; None as above."""
-        worn = self._model.worn
-        return worn.share if worn.names else None
+        shown_light = self._model.shown_light
+        return shown_light.share if shown_light.names else None
 
     @contextmanager
     def _static_scene(self) -> Iterator[None]:
-        with self._model.layer_control.suspended(), self._model.worn.suspended():
+        with self._model.layer_control.suspended(), self._model.shown_light.suspended():
             yield
 
     # --- evaluation --------------------------------------------------------------------------

@@ -33,7 +33,7 @@ from desplat_ns.nerfstudio_quirks import (
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
-from desplat_ns.photo_tourism.shown_light import WornAppearance
+from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.rendering.layers import static_outputs
 from desplat_ns.rendering.views import view_of
 from desplat_ns.training.run_length import (
@@ -180,7 +180,7 @@ class StaticModel(SplatfactoModel):
 
     def _add_image_effects(self) -> None:
         config, self.image_effects = self.config, None
-        self.worn = WornAppearance([])
+        self.shown_light = ShownLight([])
         if not wants_image_effects(config.effects):
             return
         self.image_effects = ImageEffects(
@@ -194,7 +194,7 @@ class StaticModel(SplatfactoModel):
             frequencies = config.appearance.fourier_frequencies
             features = fourier_features(self.means.detach(), frequencies)
             self.gauss_params[FEATURES] = nn.Parameter(features)
-            self.worn = WornAppearance(self.kwargs["metadata"].get("train_image_names", []))
+            self.shown_light = ShownLight(self.kwargs["metadata"].get("train_image_names", []))
 
     def get_param_groups(self) -> dict[str, list[nn.Parameter]]:
         """Splatfacto's groups and those of the effects."""
@@ -253,15 +253,15 @@ class StaticModel(SplatfactoModel):
     def embedding_of(self, index: int | None) -> Tensor | None:
         """The image embedding [E] to draw with; None where no effect needs one.
 
-        In training that of training view `index`; else what is worn, else that of view `index`, or
-        the average of all where it is None.
+        In training that of training view `index`; else the one chosen to be shown, else that of
+        view `index`, or the average of all if it is None.
         """
         if self.image_effects is None:
             return None
         embeddings = self.image_effects.embeddings
         if self.training and index is not None:
             return embeddings.of(index)
-        return self.worn.embedding(embeddings, index)
+        return self.shown_light.embedding(embeddings, index)
 
     def average_embedding(self) -> Tensor:
         """The mean [E] of the training images' embeddings. Call it only if an effect has some."""
@@ -270,7 +270,7 @@ class StaticModel(SplatfactoModel):
 
     def shown_in(self, embedding: Tensor) -> AbstractContextManager[None]:
         """Within, every image without an embedding of its own has this one [E]."""
-        return self.worn.fixed(embedding)
+        return self.shown_light.fixed(embedding)
 
     def background_of(self, view: View, embedding: Tensor | None) -> Tensor:
         """Colours [3], or [H, W, 3] where they differ or nerfstudio's commands expect them."""
@@ -304,7 +304,7 @@ class StaticModel(SplatfactoModel):
 
     @torch.no_grad()
     def baked_coefficients(self) -> Tensor:
-        """SH coefficients [N, K, 3] in the appearance that is worn: what a PLY can hold of it."""
+        """SH coefficients [N, K, 3] in the light that is shown: what a PLY can hold of it."""
         return self._splats(self.gauss_params, self.embedding_of(None)).colors
 
     @property

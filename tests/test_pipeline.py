@@ -18,7 +18,7 @@ from torch import nn
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import CaptureError, CheckpointError, DeSplatError
 from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
-from desplat_ns.photo_tourism.shown_light import WornAppearance
+from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline, DeSplatPipelineConfig
 from desplat_ns.viewer import LayerControl
 
@@ -49,7 +49,7 @@ class _Model(nn.Module):
         self.gauss_params = nn.ParameterDict({"means": torch.zeros(points, 3)})
         self.distractors = _Distractors() if effects.distractors else None
         self.layer_control = LayerControl(2 if effects.distractors else 0)
-        self.worn = WornAppearance([])
+        self.shown_light = ShownLight([])
         self.rasterizer = SimpleNamespace(name="torch")
         self.lpips = _NoLpips()
         self.device = torch.device("cpu")

@@ -11,7 +11,7 @@ from nerfstudio.viewer.utils import parse_object
 from nerfstudio.viewer.viewer_elements import ViewerElement
 from torch import nn
 
-from desplat_ns.photo_tourism.shown_light import WornAppearance
+from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.viewer import LAYERS, LayerControl
 
@@ -86,7 +86,7 @@ def _pipeline(num_views: int, images: Sequence[str] = ()) -> DeSplatPipeline:
     model: Any = nn.Module()
     model.device = torch.device("cpu")
     model.layer_control = LayerControl(num_views)
-    model.worn = WornAppearance(images)
+    model.shown_light = ShownLight(images)
     pipeline._model = model
     return pipeline
 

@@ -15,8 +15,8 @@ from nerfstudio.utils.rich_utils import CONSOLE
 from PIL import Image
 
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.evaluation.appearance_strip import appearance_strip
 from desplat_ns.evaluation.config import EvaluationConfig, ProtocolName
-from desplat_ns.photo_tourism.strip import appearance_strip
 from desplat_ns.pipeline import DeSplatPipeline, DeSplatPipelineConfig
 
 

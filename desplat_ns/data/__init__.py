@@ -1,1 +1,1 @@
-"""Captures on disk: reconstructions, photos, and which photos train and which are held out."""
+"""Reads captures: reconstructions, photos, masks, and which photos train and which are held out."""

@@ -1,1 +1,1 @@
-"""Scores of images and masks, by one of several protocols, and what a report says beside them."""
+"""Scores images and masks, by one of several protocols, for the report of `ns-eval`."""

@@ -32,7 +32,7 @@ class EvaluationConfig:
 
 
 def chosen_protocol(config: EvaluationConfig, appearance: str) -> ProtocolName:
-    """Which protocol it is for a model with this `effects.appearance`; never auto.
+    """The protocol for a model with this `effects.appearance`; auto is resolved.
 
     Raises:
         ConfigError: halves are asked for, but there is no appearance model; or steps or rate are

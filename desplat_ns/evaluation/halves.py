@@ -1,4 +1,4 @@
-"""The protocols of right halves: with each image's own embedding, or without any."""
+"""Two protocols that score the right half of an image: with an embedding of its own, or without."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a protocol of evaluation is, and what it needs of a model."""
+"""The interfaces between an evaluation, its protocol and the model."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ScoredModel(Protocol):
 
     @property
     def device(self) -> torch.device:
-        """Where it lies."""
+        """Device of its parameters."""
         ...
 
     def get_outputs_for_camera(self, camera: Cameras) -> dict[str, Tensor]:

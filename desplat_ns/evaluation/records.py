@@ -1,4 +1,4 @@
-"""What an evaluation reports besides pictures: averages, times, sizes, versions."""
+"""The figures of an evaluation: averages over images, times, numbers of Gaussians, versions."""
 
 from __future__ import annotations
 

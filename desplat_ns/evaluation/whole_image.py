@@ -1,4 +1,4 @@
-"""The protocol of scenes in one light: whole images."""
+"""The protocol that scores whole images, for scenes in one light."""
 
 from __future__ import annotations
 

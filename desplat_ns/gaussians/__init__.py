@@ -1,4 +1,1 @@
-"""What is learned: both sets of Gaussians, how they start, are activated, grow and are pruned.
-
-May import `backend` and `rendering`.
-"""
+"""Both sets of Gaussians: how they start, are activated, grow and are pruned."""

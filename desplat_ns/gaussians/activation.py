@@ -1,4 +1,4 @@
-"""From raw parameters, as optimizers see them, to activated splats, as a rasterizer takes them."""
+"""Activates raw parameters, which optimizers change, into the splats that a rasterizer takes."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) 
 
 
 def strategy_info(rendering: Rendering, view: View) -> dict[str, Any]:
-    """What DefaultStrategy reads of a rendering, in the shapes of the installed gsplat."""
+    """A rendering as gsplat's DefaultStrategy reads it, in the shapes of the installed gsplat."""
     radii = rendering.radii[None]
     return {
         "means2d": rendering.means2d,
@@ -42,9 +42,9 @@ def strategy_info(rendering: Rendering, view: View) -> dict[str, Any]:
 class DistractorDensifier:
     """Clones, splits and prunes the distractors of one view at a time.
 
-    Every `refine_every` steps refinement falls due for all views; each has its own when it is next
-    seen, as nothing is known of it until then. Adam's moments follow: rows that stay keep theirs,
-    new rows start at zero.
+    Every `refine_every` steps refinement falls due for all views; each view is refined when it is
+    next seen, as nothing new is known of it until then. Adam's moments follow: rows that stay keep
+    theirs, new rows start at zero.
     """
 
     def __init__(self, config: DistractorConfig, static: SplatfactoModelConfig, num_views: int):
@@ -83,7 +83,7 @@ class DistractorDensifier:
         info: dict[str, Any],
         pixels_of: Callable[[nn.ParameterDict], Float[Tensor, " N"]],
     ) -> None:
-        """Take a visit of `view` into account; refine its distractors where that is due.
+        """Sample a visit of `view`; refine its distractors if that is due.
 
         Args:
             optimizers: nerfstudio's, by group name.
@@ -160,7 +160,7 @@ class DistractorDensifier:
         keep: Bool[Tensor, " N"],
         new: dict[str, Tensor],
     ) -> None:
-        """Leave `view` those of its distractors that `keep` marks, and give it the `new` ones.
+        """Remove the distractors of `view` that `keep` does not mark, and add `new` ones.
 
         Args:
             optimizers: nerfstudio's, by group name.
@@ -188,7 +188,7 @@ class DistractorDensifier:
                 running[key] = changed(value)
 
     def state_dict(self) -> dict[str, Any]:
-        """Refinements that were due and running statistics, for a checkpoint."""
+        """Number of refinements that fell due and running statistics, for a checkpoint."""
         return {"rounds": list(self.rounds), "running": [dict(state) for state in self.running]}
 
     def load_state_dict(self, state: dict[str, Any], device: torch.device) -> None:

@@ -98,9 +98,11 @@ class DistractorConfig:
     optimizer moves them. Must lie beyond the near plane."""
 
     def for_views(self, num_views: int, refine_every: int) -> DistractorConfig:
-        """A copy for a number of training views: its warm-up is as short as `max_warmup_visits`
-        want it, and its refinements are as far apart as those of the static set at least, as
-        `refine_visits` and as `max_refinements` want them."""
+        """A copy whose warm-up and interval between refinements suit the number of training views.
+
+        The warm-up has at most `max_warmup_visits` visits of each view. The interval is at least
+        that of the static set, `refine_every`, and what `refine_visits` and `max_refinements` ask.
+        """
         most = self.max_warmup_visits * num_views
         warmup = min(self.static_warmup, most)
         every = max(self.refine_every, refine_every, self.refine_visits * num_views)
@@ -214,7 +216,7 @@ def _check(config: DistractorConfig) -> None:
 
 
 def fill_view(view: View, config: DistractorConfig) -> dict[str, Tensor]:
-    """Distractors at one depth, spread evenly over the whole image; none if they start by residual.
+    """Raw parameters of distractors spread evenly over the image; none with `start` residual.
 
     Colours are random (torch's generator).
 
@@ -235,7 +237,7 @@ def distractors_at(
 ) -> dict[str, Tensor]:
     """Raw parameters of distractors at `config.depth` in front of a camera.
 
-    As wide as half the spacing of `config.per_view` that cover the image.
+    Each is half as wide as the spacing of `config.per_view` that would cover the image.
 
     Args:
         pixels: where they are seen, x and y.

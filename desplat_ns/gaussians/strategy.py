@@ -1,4 +1,4 @@
-"""Adaptive density control of the static set: gsplat's, on a sample and within a limit of its own.
+"""Adaptive density control of the static set: gsplat's, with its own sample and limit of growth.
 
 An interval between refinements is no schedule but a sample. A refinement judges by gradients
 averaged since the last one, so the sample must not shrink with the length of a run: over a quarter
@@ -28,7 +28,7 @@ def refine(
     state: dict[str, Any],
     step: int = 0,
 ) -> None:
-    """Clone, split and prune by what `state` has gathered, which then starts anew."""
+    """Clone, split and prune by the statistics in `state`, which are then set to zero."""
     strategy._grow_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
     prune(strategy, params, optimizers, state, step)
     for name in ("grad2d", "count", "radii"):
@@ -43,7 +43,7 @@ def prune(
     state: dict[str, Any],
     step: int = 0,
 ) -> None:
-    """Remove what is faint, and once `step` is beyond the first reset what is too wide."""
+    """Remove faint Gaussians, and those that are too wide once `step` is beyond the first reset."""
     strategy._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
 
 
@@ -79,7 +79,7 @@ class StaticStrategy(DefaultStrategy):
         info: dict[str, Any],
         packed: bool = False,
     ) -> None:
-        """After an optimizer step: take it into the sample, refine where that is complete, reset.
+        """After an optimizer step: add it to the sample, refine if that is complete, reset if due.
 
         Args:
             params: raw parameters of the set.

@@ -1,1 +1,1 @@
-"""What tourists' photos need besides: appearance, background, their data and their protocol."""
+"""Photos of changing light: appearance and background models, embeddings, their data parser."""

@@ -1,4 +1,6 @@
-"""Whose appearance an image without one of its own wears: in the viewer, in ns-render, in a PLY."""
+"""Which training photo's light is shown for a view that has none of its own.
+
+In the viewer, in ns-render, and in what ns-export writes."""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ OWN = "none chosen"
 """What the viewer's choice shows at the start: `VARIABLE`'s image, its own, or the average."""
 
 
-def parse_worn(text: str, names: Sequence[str]) -> list[tuple[int, float]]:
+def parse_light(text: str, names: Sequence[str]) -> list[tuple[int, float]]:
     """(training image, share) pairs of a text such as `VARIABLE` holds; the shares sum to 1.
 
     Raises:
@@ -52,8 +54,8 @@ def parse_worn(text: str, names: Sequence[str]) -> list[tuple[int, float]]:
     return [(index, share / total) for index, share in parts]
 
 
-class WornAppearance:
-    """The choice of an appearance: the viewer's controls, the environment, or an evaluation's."""
+class ShownLight:
+    """The choice of a light: by the viewer's controls, the environment, or an evaluation."""
 
     def __init__(self, names: Sequence[str]) -> None:
         """Controls for the training images of these names."""
@@ -82,7 +84,7 @@ class WornAppearance:
 
     @contextmanager
     def suspended(self) -> Iterator[None]:
-        """Within, nothing is worn: an evaluation must not depend on an open viewer."""
+        """Within, nothing is chosen: an evaluation must not depend on an open viewer."""
         before, self._suspended = self._suspended, True
         try:
             yield
@@ -92,7 +94,7 @@ class WornAppearance:
     def embedding(
         self, embeddings: ImageEmbeddings, image: int | None = None
     ) -> Float[Tensor, " E"]:
-        """What is worn; else that of training image `image`; else the average."""
+        """The chosen one; else that of training image `image`; else the average."""
         if self._fixed is not None:
             return self._fixed
         mix = [] if self._suspended else self._mix()
@@ -105,4 +107,4 @@ class WornAppearance:
         chosen = [(self.first.value, 1 - share), (self.second.value, share)]
         mix = [(self.names.index(name), part) for name, part in chosen if name != OWN and part > 0]
         text = os.environ.get(VARIABLE, "") if self.names else ""
-        return mix or (parse_worn(text, self.names) if text else [])
+        return mix or (parse_light(text, self.names) if text else [])

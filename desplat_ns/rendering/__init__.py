@@ -1,1 +1,1 @@
-"""From cameras to views and from rendered layers to images. May import `backend`."""
+"""Turns cameras into views, and rendered layers into the images that the model gives."""

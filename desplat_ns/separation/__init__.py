@@ -1,4 +1,5 @@
-"""Whose pixel is it: finds what stands in the way in a photo.
+"""Decides whose pixel it is: the static scene's, or the photo's own distractors'.
 
-The photo's own distractors get it, and the static scene stops learning it.
+Finds what stands in the way in a photo, puts distractors there, and keeps the static scene from
+learning it.
 """

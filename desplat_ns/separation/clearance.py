@@ -1,4 +1,4 @@
-"""Nothing static hangs right in front of a camera.
+"""Removes static Gaussians that hang right in front of a training camera.
 
 What stands in one photo alone is cheapest to learn close to its camera, where hardly another view
 looks and none objects; a new view that passes there finds it in its way. The seed points say how
@@ -28,7 +28,7 @@ EXTINGUISHED = -10.0
 
 
 def scene_starts(points: Float[Tensor, "P 3"], cameras: Cameras) -> list[float]:
-    """Depth at which the scene starts in every view, world units; 0 where no point is seen.
+    """Depth at which the scene starts in each view, world units; 0 for a view that sees no point.
 
     Args:
         points: of the reconstruction.
@@ -43,7 +43,7 @@ def scene_starts(points: Float[Tensor, "P 3"], cameras: Cameras) -> list[float]:
 
 
 class Clearance:
-    """Makes transparent what hangs nearer to a training camera than the scene starts there."""
+    """Makes static Gaussians transparent that are much nearer to a camera than the scene."""
 
     def __init__(self, share: float, points: Float[Tensor, "P 3"] | None, cameras: Cameras):
         """Args:
@@ -64,7 +64,7 @@ class Clearance:
         opacities: Float[Tensor, "N 1"],
         visible: Bool[Tensor, " N"],
     ) -> None:
-        """Keep a training view clear that was just rendered.
+        """Clear the space before the camera of a training view that was just rendered.
 
         Args:
             opacities: logits, which are written into.

@@ -1,4 +1,4 @@
-"""The distractors' part in a training step: drawn, paid for, refined, placed, watched."""
+"""What a training step does with the distractors: draw, weigh, refine, place and watch them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from desplat_ns.training.losses import (
 
 
 class DistractorLayer:
-    """All that happens to the distractors but the parameters themselves, which the model holds."""
+    """All that the distractors need besides their parameters, which the model holds."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""What one photo shows and the other views do not: its residual beyond the expected one.
+"""Finds what one photo shows and the other views do not: its residual beyond the expected one.
 
 A residual alone cannot tell an occluder from a place that the static scene has not learned yet, or
 never will. But such a place is missed in every view that sees it, and an occluder stands in one.
@@ -69,12 +69,12 @@ class UsualResiduals:
 
     @classmethod
     def of(cls, memory: GaussianMemory, count: int, device: torch.device) -> UsualResiduals:
-        """Read what `count` Gaussians remember; nothing yet on first use."""
+        """Read the memory of `count` Gaussians; zeros on first use."""
         usual = memory.rows("usual_residual", count, device)
         return cls(usual, memory.rows("times_seen", count, device), memory.number("visits"))
 
     def keep_in(self, memory: GaussianMemory) -> None:
-        """Let the Gaussians remember this from now on."""
+        """Store this in the memory of the Gaussians."""
         memory.remember(usual_residual=self.usual, times_seen=self.times_seen, visits=self.visits)
 
 
@@ -88,7 +88,7 @@ def excess_residual(
 ) -> tuple[Float[Tensor, "rows columns"], UsualResiduals]:
     """The residual beyond the expected one, and what is known once this view is remembered too.
 
-    0 where no Gaussian has a say: nobody knows what the other views would leave there.
+    The excess is 0 in cells around which no Gaussian has a say: nothing is known there.
 
     Args:
         residual: `local_residual` of the view.

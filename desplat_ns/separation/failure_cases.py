@@ -1,4 +1,4 @@
-"""Watches training: Gaussians that are lost, distractors that hide too much of the scene.
+"""Watches training for distractors that hide too much of the scene, and warns.
 
 The warnings are about the failure cases of App. C.3. Each is said once in a run, with advice. What
 they are based on is seen again within one round of the views, so no checkpoint holds it.
@@ -58,12 +58,12 @@ class Sight:
 
     @property
     def share(self) -> float:
-        """Of the image that is covered."""
+        """Share of the image that is covered, in [0, 1]."""
         return float(self.covered.float().mean())
 
 
 def sight_of(view: View, alpha_d: Float[Tensor, "H W 1"]) -> Sight:
-    """What is remembered of a visit; a cell counts by the pixel in its middle."""
+    """Where distractors cover a view, cell by cell; the pixel in the middle of a cell decides."""
     columns, rows = grid_of(view.width, view.height, CELLS)
     x = ((torch.arange(columns, device=alpha_d.device) + 0.5) * view.width / columns).long()
     y = ((torch.arange(rows, device=alpha_d.device) + 0.5) * view.height / rows).long()
@@ -92,7 +92,7 @@ def seen_and_hidden(
 def hidden_places(
     means: Float[Tensor, "N 3"], sights: Sequence[Sight]
 ) -> tuple[float, Float[Tensor, " V"]]:
-    """How far distractors keep covering the same places, whichever view looks at them.
+    """Find places of the scene that distractors cover in most of the views that see them.
 
     Returns:
         Of the places that `MIN_VIEWS` views see, the share that is covered in more than `MOSTLY`
@@ -128,7 +128,7 @@ class SeparationWatch:
         self.sights[index] = sight
 
     def look(self, step: int, means: Float[Tensor, "N 3"]) -> None:
-        """Warn where it is due. `means`: of the static Gaussians."""
+        """Warn if it is time to and there is a reason. `means`: of the static Gaussians."""
         if step < self.start or step % self.interval or len(self._said) == 2:
             return
         known = [(index, sight) for index, sight in enumerate(self.sights) if sight is not None]

@@ -1,4 +1,4 @@
-"""The grid of cells on which residuals and regions are found, whatever the size of a photo."""
+"""The grid of cells on which residuals and regions are computed, whatever the size of a photo."""
 
 from __future__ import annotations
 
@@ -19,5 +19,5 @@ def grid_of(width: int, height: int, cells: int = CELLS) -> tuple[int, int]:
 
 
 def pooled(image: Float[Tensor, "H W C"], grid: tuple[int, int]) -> Float[Tensor, "C rows columns"]:
-    """Means over the cells of a grid of (columns, rows)."""
+    """Mean of an image over each cell of a grid of (columns, rows)."""
     return F.adaptive_avg_pool2d(image.permute(2, 0, 1)[None], (grid[1], grid[0]))[0]

@@ -1,4 +1,4 @@
-"""Which pixels belong to the distractors: the regions themselves, and what is near them."""
+"""Which pixels belong to the distractors, and so do not count in the static scene's loss."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def owned_share(
 ) -> Float[Tensor, "H W 1"]:
     """How far distractors own a pixel, in [0, 1]: the largest of their opacities around it.
 
-    A pixel in one of `regions` is theirs whatever they cover of it.
+    A pixel in one of `regions` counts as theirs even if they cover nothing of it.
     """
     height, width = alpha_d.shape[:2]
     margin = round(OWNED_MARGIN * width / grid_of(width, height)[0])

@@ -1,9 +1,9 @@
-"""What keeps the two sets apart when there are few visits: regions, placement, the static loss.
+"""Puts distractors where a photo shows what the other views do not, and removes them elsewhere.
 
 Eq. 5 alone leaves the sets a choice: while a distractor is faint, both get the same gradient, and
 once the composite fits, neither gets any (docs/separation.md works it out for one pixel). What is
-added here decides: distractors start only where a photo shows what the other views do not, go
-where it does not, and the static scene has to fit by itself all pixels that they do not cover.
+added here decides: distractors start only where a photo shows what the other views do not, are
+removed where it does not, and the static scene has to fit by itself all pixels that they leave.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ distractors' mean opacity is less than it."""
 
 
 def peak_excess(step: int, visits: float, config: DistractorConfig) -> float:
-    """Excess that a region has to reach in one place, at a step, after `visits` of each view.
+    """Excess that a region must reach in one cell at least, at a step, after `visits` of each view.
 
-    The lower one waits for the end of densification: a reset of the opacities lets the whole scene
-    stand out for a while.
+    Once densification is over and each view was visited often, less is enough: until then, resets
+    of the opacities make the whole scene stand out for a while.
     """
     settled = step >= config.stop_densify_at and visits >= config.settled_visits
     return config.strong_excess * (config.settled_share if settled else 1)
@@ -47,7 +47,7 @@ def find_regions(
     num_views: int,
     config: DistractorConfig,
 ) -> tuple[Bool[Tensor, "rows columns"], UsualResiduals]:
-    """Regions of a photo that show what other views do not, on the grid of `grid_of`.
+    """Find the regions of a photo that show what other views do not, on the grid of `grid_of`.
 
     Args:
         opacities: logits of the static Gaussians.
@@ -75,7 +75,7 @@ def find_regions(
 def uncovered_regions(
     visit: Visit, config: DistractorConfig
 ) -> Bool[Tensor, "grid_rows grid_columns"]:
-    """Cells of a grid of `config.per_view` where distractors belong and none covers anything."""
+    """Cells in which distractors belong and none covers much, of a grid of `config.per_view`."""
     assert visit.inside is not None
     grid = grid_of(visit.view.width, visit.view.height, max(1, config.per_view))
     inside = pooled(visit.inside[..., None].to(torch.float32), grid)[0]
@@ -98,7 +98,7 @@ def distractors_in(
 def lie_in(
     regions: Bool[Tensor, "rows columns"], means: Float[Tensor, "N 3"], view: View
 ) -> Bool[Tensor, " N"]:
-    """Which Gaussians have their centre in a region; beyond the border its nearest cell counts."""
+    """Which Gaussians have their centre in a region; beyond the border, the nearest cell counts."""
     rows, columns = regions.shape
     u, v, _ = image_points(means.detach(), view)
     row, column = (v * rows).long(), (u * columns).long()

@@ -1,4 +1,4 @@
-"""From a noisy map of excess residuals to the regions that something covers."""
+"""Turns a noisy map of excess residuals into the regions that something covers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MIN_AREA = 0.002
 def outlier_regions(
     excess: Float[Tensor, "rows columns"], weak: float, strong: float
 ) -> Bool[Tensor, "rows columns"]:
-    """Connected cells above `weak` of which one is above `strong`, closed by a cell, without holes.
+    """Connected cells above `weak`, one of them above `strong`; gaps are closed and holes filled.
 
     Two thresholds, because the inside of an occluder is in places coloured like what it covers,
     and because noise above the lower one alone is no reason. Regions of less than `MIN_AREA` are

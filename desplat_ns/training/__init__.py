@@ -1,4 +1,1 @@
-"""What keeps a run going.
-
-Losses, schedules, guards against what is not finite, checkpoints, resume.
-"""
+"""What a run is made of: losses, schedules, guards against NaN, checkpoints, resume."""

@@ -1,4 +1,4 @@
-"""What a checkpoint belongs to: written into it, and compared before anything is loaded."""
+"""The record of effects and photos in a checkpoint, compared before anything is loaded."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class SceneRecord:
-    """Plain values only, so that `torch.load(weights_only=True)` reads them."""
+    """Which effects and photos a checkpoint was trained with.
+
+    Plain values only, so that `torch.load(weights_only=True)` reads them."""
 
     effects: dict[str, Any]
     """The switches in `pipeline.model.effects`."""

@@ -1,4 +1,4 @@
-"""Gaussians that no view can show any more: which, how many, and when they are too many."""
+"""Counts Gaussians that no view can show any more, and says when they are too many."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MAX_CULLED_SHARE = 0.5
 
 @torch.no_grad()
 def culled_always(splats: Splats) -> Bool[Tensor, " N"]:
-    """Gaussians that no view shows: not `sound`, beyond the far plane, or too wide for any number.
+    """Which Gaussians no view shows: not `sound`, beyond the far plane, or wider than `TOO_WIDE`.
 
     A backend culls them with a gradient of 0, so they never come back.
     """
@@ -34,14 +34,14 @@ def culled_always(splats: Splats) -> Bool[Tensor, " N"]:
 
 
 def too_many_culled(culled: int, count: int) -> str | None:
-    """What is wrong where most static Gaussians are culled in every view; None if they are not."""
+    """What is wrong, in words, if most static Gaussians are culled in every view; else None."""
     if culled <= MAX_CULLED_SHARE * count:
         return None
     return f"{culled} of {count} static Gaussians hold values that no view can show"
 
 
 class CulledCount:
-    """How many Gaussians no view shows any more; training logs it and says so when it begins."""
+    """The number of Gaussians that no view shows, as last counted; announced the first time."""
 
     def __init__(self, num_views: int):
         self.interval = max(COUNT_INTERVAL, num_views)
@@ -49,7 +49,7 @@ class CulledCount:
         self._said = False
 
     def take(self, step: int, static: int, distractors: int) -> None:
-        """The counts after `step`."""
+        """Take the counts after `step`."""
         self.static, self.distractors = static, distractors
         if static + distractors > 0 and not self._said:
             self._said = True

@@ -15,7 +15,7 @@ from desplat_ns.backend.ssim import ssim
 def photometric_loss(
     image: Float[Tensor, "H W 3"], photo: Float[Tensor, "H W 3"], ssim_weight: float
 ) -> Float[Tensor, ""]:
-    """(1 - w) L1 + w D-SSIM.
+    """(1 - w) L1 + w D-SSIM of two images in [0, 1]; w is `ssim_weight`.
 
     Source: L_GS, the photometric term of Eq. 5 and 12.
     """
@@ -31,7 +31,7 @@ def _mixed(
 def distractor_opacity_loss(
     alpha_d: Float[Tensor, "H W 1"], free: Bool[Tensor, "H W 1"] | None = None
 ) -> Float[Tensor, ""]:
-    """Mean opacity of the distractors, in [0, 1]: what they explain has its price.
+    """Mean opacity of the distractors, in [0, 1]: a price on what they explain.
 
     Source: Eq. 5, the term weighted by lambda_d; that opacity costs nothing in the pixels of `free`
     is ours (docs/separation.md).
@@ -53,7 +53,7 @@ def static_photometric_loss(
     owned: Float[Tensor, "H W 1"],
     ssim_weight: float,
 ) -> Float[Tensor, ""]:
-    """(1 - w) L1 + w D-SSIM of the static scene alone, as far as distractors do not own a pixel.
+    """(1 - w) L1 + w D-SSIM of the static scene alone, on pixels that distractors do not own.
 
     In L1 a pixel counts by 1 - owned. For D-SSIM, whose windows reach across the border, the photo
     is blended with the rendering itself, as a constant: there is nothing to see where it is owned.

@@ -1,4 +1,4 @@
-"""What a run needs, beyond the model, to go on as if it had never stopped.
+"""Saves and restores what a run needs, besides the model, to go on as if it had never stopped.
 
 Moments and learning rates of the optimizers, positions on the schedules, random generators.
 """
@@ -42,7 +42,7 @@ def rng_state() -> dict[str, Any]:
 
 
 def restore_rng(state: Mapping[str, Any]) -> None:
-    """Put the generators back where `rng_state` saw them. GPUs that are not here are left out."""
+    """Restore the generators to what `rng_state` gave. GPUs that are not here are left out."""
     torch.set_rng_state(state["torch"])
     if torch.cuda.is_available():
         for device, generator in zip(range(torch.cuda.device_count()), state["cuda"], strict=False):
@@ -81,7 +81,7 @@ def load_optimizers(optimizers: Optimizers, saved: Mapping[str, Any], source: Pa
 
 
 def load_schedulers(optimizers: Optimizers, saved: Mapping[str, Any], steps_done: int) -> None:
-    """Put each schedule at its saved position, or at `steps_done` where the checkpoint has none.
+    """Set each schedule to its saved position, or to `steps_done` if the checkpoint has none.
 
     The curve is this run's: continued with a larger number of steps, the learning rate is the one
     that the longer schedule has at that position.

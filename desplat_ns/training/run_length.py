@@ -1,4 +1,4 @@
-"""Arithmetic of steps: how schedules and intervals follow the length of a run and the views."""
+"""Arithmetic of steps: how schedules and intervals depend on a run's length and the views."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def scaled_steps(steps: int, scale: float) -> int:
 
 
 def scaled_fields(config: Any, names: Iterable[str], scale: float) -> dict[str, int]:
-    """The settings of these names, which are numbers of steps, as `scaled_steps` has them."""
+    """`scaled_steps` of the settings of these names, by name."""
     return {name: scaled_steps(getattr(config, name), scale) for name in names}
 
 
@@ -47,8 +47,8 @@ def steps_between_refinements(
 
     Args:
         densification: steps until which there are refinements.
-        refinements: for which there is to be time.
-        at_most: steps, whatever the above; 0 for no bound.
+        refinements: how many there should be in that time.
+        at_most: upper bound on the result; 0 for none.
     """
     every = max(num_views // 2, math.ceil(densification / refinements))
     return min(every, at_most) if at_most > 0 else every
@@ -64,13 +64,12 @@ def pause_after_reset(num_views: int, reset_every: int) -> int:
 
 
 def photo_downscale(step: int, num_downscales: int, every: int, warmup: int = 0) -> int:
-    """By how much photos are smaller at a step: 2^num_downscales at first, halved every so often.
+    """Factor by which photos are reduced at a step: 2^num_downscales, halved every `every` steps.
 
-    With distractors that have a warm-up, whatever is below half the size is over by the middle of
+    With distractors that have a warm-up, photos have at least half their size by the middle of
     it: in smaller photos occluders do not stand out enough to be found, and are learned.
 
     Args:
-        every: steps.
         warmup: steps in which the static scene trains alone.
     """
     if step >= num_downscales * every:

@@ -1,4 +1,4 @@
-"""Training guards: what is not finite is caught where it appears, and never saved or learned from.
+"""Catches losses, gradients and parameters that are not finite before they are learned or saved.
 
 A step is judged between its backward pass and its optimizer step. If it is unsound, nothing of it
 stays: not in parameters and moments, not in what densification and placement remember.
@@ -66,7 +66,7 @@ def gradients_of(optimizers: Mapping[str, Optimizer]) -> dict[str, list[Tensor]]
 def find_fault(
     losses: Mapping[str, Float[Tensor, ""]], gradients: Mapping[str, list[Tensor]]
 ) -> Fault | None:
-    """What of a step is not finite, None if all is: the usual case, in one pass over the memory.
+    """What is not finite in a step, None if all is finite; that takes one pass over the memory.
 
     Args:
         losses: terms of the loss, by name.
@@ -95,7 +95,7 @@ class GuardedOptimizers(Optimizers):
         self._may_step = may_step
 
     def optimizer_scaler_step_some(self, grad_scaler: GradScaler, param_groups: list[str]) -> None:
-        """Step, or change nothing and drop all gradients. nerfstudio 1.1.5 calls no other way."""
+        """Step, or change nothing and drop all gradients; nerfstudio 1.1.5 steps no other way."""
         if self._may_step(grad_scaler):
             super().optimizer_scaler_step_some(grad_scaler, param_groups)
             return
@@ -160,7 +160,7 @@ class StepGuard:
     def is_sound(
         self, step: int, model: GuardedModel, optimizers: Optimizers, grad_scaler: GradScaler
     ) -> bool:
-        """Whether the optimizers may take `step`. If not it is said, and the model drops the step.
+        """Whether the optimizers may take `step`; if not, that is said and the model drops it.
 
         With mixed precision, gradients overflow now and then, and the gradient scaler sees to them:
         then only losses are judged.
@@ -194,7 +194,7 @@ class StepGuard:
 def check_parameters(
     model: GuardedModel, optimizers: Optimizers, step: int, folder: Path, strict: bool
 ) -> None:
-    """Refuse to save what no training can go on from; finite gradients do not rule it out.
+    """Refuse to save parameters from which no training can go on.
 
     Gaussians may be culled, as long as most are not: each is a row of its own. All else (networks,
     embeddings, poses) must be finite.

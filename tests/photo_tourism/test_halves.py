@@ -40,7 +40,7 @@ def held_out(width: int = WIDTH) -> Cameras:
 
 def photo_in_the_light_of(model: DeSplatModel, view: int, width: int = WIDTH) -> torch.Tensor:
     assert model.image_effects is not None
-    with model.worn.fixed(model.image_effects.embeddings.of(view)):
+    with model.shown_light.fixed(model.image_effects.embeddings.of(view)):
         return model.get_outputs_for_camera(held_out(width))["rgb"]
 
 

@@ -135,7 +135,7 @@ def test_baked_coefficients_render_to_the_worn_appearance(appearance, sh_degree)
     model.step = 10_000  # all degrees are active
     model.gauss_params["features_rest"].data.normal_(std=0.1)
     assert model.image_effects is not None
-    with model.worn.fixed(model.image_effects.embeddings.of(1)):
+    with model.shown_light.fixed(model.image_effects.embeddings.of(1)):
         dc, rest = model.shs_0, model.shs_rest
     expected = draw(model, 1)
     assert not torch.allclose(draw(model, 2), expected, atol=0.01)

@@ -178,9 +178,9 @@ def test_ns_render_wears_what_the_environment_says(run: Path, tmp_path: Path, mo
     from desplat_ns.photo_tourism.shown_light import VARIABLE
 
     pictures = []
-    for worn in ("", "photo_0002.png"):
-        monkeypatch.setenv(VARIABLE, worn)
-        folder = tmp_path / f"worn{worn}"
+    for shown in ("", "photo_0002.png"):
+        monkeypatch.setenv(VARIABLE, shown)
+        folder = tmp_path / f"shown{shown}"
         options: dict[str, Any] = {"split": "test", "image_format": "png"}
         DatasetRender(run, output_path=folder, rendered_output_names=["rgb"], **options).main()
         shown = sorted((folder / "test" / "rgb").iterdir())

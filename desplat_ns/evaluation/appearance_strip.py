@@ -37,10 +37,12 @@ def appearance_strip(
         )
     pictures = []
     for image in images:
-        with model.worn.fixed(model.image_effects.embeddings.of(image)):
+        with model.shown_light.fixed(model.image_effects.embeddings.of(image)):
             pictures.append(model.get_outputs_for_camera(camera)["rgb"].cpu().numpy())
     height, width = pictures[0].shape[:2]
-    titles = [model.worn.names[i] if model.worn.names else f"view {i}" for i in images]
+    titles = [
+        model.shown_light.names[i] if model.shown_light.names else f"view {i}" for i in images
+    ]
     above = [_fitted(photo, width, height) for photo in photos]
     rows = [("training photos", above), (f"{name} in their light", pictures)]
     return sheet(rows, titles, "One view under several appearances")
