@@ -5,9 +5,11 @@ import dataclasses
 import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.cameras import view_of
+from desplat_ns.densification import DistractorDensifier
 from desplat_ns.distractors import DistractorConfig, DistractorGaussians
 from desplat_ns.excess import grid_of
 from desplat_ns.separation import (
@@ -221,3 +223,27 @@ def test_distractors_keep_off_the_edge_of_a_region_and_are_free_further_in():
     assert torch.equal(seen.inside, interior(seen.left_out))
     assert torch.equal(free, pixels_of(interior(seen.inside), HEIGHT, WIDTH))
     assert 0 < free.sum() < seen.inside.sum() < seen.left_out.sum()
+
+
+def test_once_placing_has_stopped_none_comes_and_none_goes():
+    scene, config = WellKnownScene(), dataclasses.replace(WARMED_UP, stop_placing_at=20)
+    placement, distractors = Placement(config, 40), DistractorGaussians(config, cameras())
+    densifier = DistractorDensifier(config, SplatfactoModelConfig(), num_views=1)
+    optimizers: dict[str, torch.optim.Optimizer] = {
+        name: torch.optim.Adam(params) for name, params in distractors.param_groups().items()
+    }
+
+    def number_after(step: int, photo: torch.Tensor) -> int:
+        seen = Sighting(0, the_view(), photo, torch.zeros(HEIGHT, WIDTH, 1))
+        rest = scene.opacities, scene.info, scene.state
+        placement.look(step, seen, scene.rendered(), *rest)
+        placement.place(distractors, densifier, optimizers)
+        return distractors.count_of(0)
+
+    for step in range(5):
+        assert number_after(step, scene.photo) == 0
+    assert number_after(20, scene.with_an_occluder()) == 0
+    placed = number_after(19, scene.with_an_occluder())
+    assert placed > 0
+    assert number_after(20, scene.photo) == placed
+    assert number_after(19, scene.photo) == 0
