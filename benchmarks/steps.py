@@ -15,7 +15,7 @@ from benchmarks.contenders import YARDSTICK, Contender
 from benchmarks.scenes import Scene
 from benchmarks.timing import Timing, threads, time_in_turns
 from benchmarks.training_step import OTHER, PARTS, Clock, TrainingStep
-from desplat_ns.fast_ssim import ssim
+from desplat_ns.backend.ssim import ssim
 
 EPS = 1e-15
 """Of Adam, as in nerfstudio's configuration of Splatfacto."""

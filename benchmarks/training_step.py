@@ -20,9 +20,9 @@ from torch.optim import Optimizer
 from benchmarks.contenders import Contender, as_leaves, tensors_of_projected
 from benchmarks.scenes import SH_DEGREE, Scene
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats
-from desplat_ns.densification import strategy_info
-from desplat_ns.gaussians import activate_static
-from desplat_ns.outputs import static_outputs
+from desplat_ns.gaussians.activation import activate_static
+from desplat_ns.gaussians.densification import strategy_info
+from desplat_ns.rendering.layers import static_outputs
 
 PROJECT, LISTS, DRAW, PULL = "projection + SH", "tile lists", "draw (forward)", "pull (backward)"
 COMPOSE, LOSS, ADAM = "background, clamp", "L1 + SSIM", "Adam"

@@ -13,38 +13,33 @@ from typing import Any
 
 import pytest
 import torch
+from desplat_ns.separation.ownership import owned_share
+from desplat_ns.separation.visit import Sighting
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from torch import Tensor
 from torch._subclasses.fake_tensor import FakeTensorDeviceMismatchError, FakeTensorMode
 from torch.fx.experimental.symbolic_shapes import ShapeEnv
 
-import desplat_ns.separation as separation
+import desplat_ns.separation.placement as separation
 from desplat_ns.backend.protocol import Rendering, Splats, View
-from desplat_ns.clearance import Clearance
-from desplat_ns.densification import DistractorDensifier, strategy_info, to_device
-from desplat_ns.distractors import PARAMETER_NAMES, DistractorConfig, DistractorGaussians
 from desplat_ns.effects import EffectsConfig
-from desplat_ns.gaussians import activate_distractors
-from desplat_ns.guards import size_of
-from desplat_ns.losses import (
-    distractor_opacity_loss,
-    static_photometric_loss,
-    static_transparency_loss,
-)
-from desplat_ns.outputs import layered_outputs, static_outputs
+from desplat_ns.gaussians.activation import activate_distractors
+from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info, to_device
+from desplat_ns.gaussians.distractors import PARAMETER_NAMES, DistractorConfig, DistractorGaussians
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
-from desplat_ns.separation import (
-    Placement,
-    Sighting,
-    lie_in,
-    owned_share,
-    peak_excess,
-    uncovered_regions,
+from desplat_ns.rendering.layers import layered_outputs, static_outputs
+from desplat_ns.separation.clearance import Clearance
+from desplat_ns.separation.failure_cases import SeparationWatch, seen_and_hidden
+from desplat_ns.separation.placement import Placement, lie_in, peak_excess, uncovered_regions
+from desplat_ns.training.losses import (
+    distractor_opacity_loss,
+    static_photometric_loss,
+    static_transparency_loss,
 )
-from desplat_ns.watch import SeparationWatch, seen_and_hidden
+from desplat_ns.training.step_guard import size_of
 
 WIDTH, HEIGHT, N = 60, 40, 50
 CONFIG = DistractorConfig(

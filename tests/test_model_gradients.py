@@ -7,8 +7,8 @@ import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
 from test_model import HEIGHT, WIDTH, Trainer, camera, make_model
 
-from desplat_ns.distractors import DistractorConfig
 from desplat_ns.effects import EffectsConfig
+from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModel
 
 EVERYWHERE = DistractorConfig(per_view=20, static_alone=True)

@@ -6,11 +6,11 @@ import pytest
 import torch
 from test_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
-import desplat_ns.excess as excess
-from desplat_ns.distractors import DistractorConfig
-from desplat_ns.excess import ExpectedResidual
-from desplat_ns.fast_ssim import ssim
+import desplat_ns.separation.expected_residual as excess
+from desplat_ns.backend.ssim import ssim
+from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModel
+from desplat_ns.separation.expected_residual import ExpectedResidual
 
 NO_DENSIFICATION: dict[str, Any] = {"warmup_length": 10_000}
 

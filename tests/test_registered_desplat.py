@@ -16,10 +16,10 @@ from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocati
 from registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up, threads
 from test_trainer import assert_same
 
-from desplat_ns.backend.numba_runtime import numba_config
-from desplat_ns.checkpoint import checkpoint_path, load_checkpoint
-from desplat_ns.excess import ExpectedResidual
+from desplat_ns.backend.numba_kernels.runtime import numba_config
+from desplat_ns.separation.expected_residual import ExpectedResidual
 from desplat_ns.synthetic import Scene, write_scene
+from desplat_ns.training.checkpoint_files import checkpoint_path, load_checkpoint
 
 pytestmark = pytest.mark.slow
 

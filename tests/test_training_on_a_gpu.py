@@ -9,8 +9,8 @@ import pytest
 import torch
 from registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up
 
-from desplat_ns.checkpoint import checkpoint_path, load_checkpoint
 from desplat_ns.synthetic import write_scene
+from desplat_ns.training.checkpoint_files import checkpoint_path, load_checkpoint
 
 pytestmark = [pytest.mark.gpu, pytest.mark.slow]
 

@@ -7,7 +7,7 @@ from benchmarks.contenders import contenders
 from benchmarks.scenes import make_scene
 from benchmarks.steps import plain_adam, plain_ssim
 from benchmarks.training_step import PARTS, TrainingStep
-from desplat_ns.fast_ssim import ssim
+from desplat_ns.backend.ssim import ssim
 
 CONTENDERS = [c for c in contenders()[0] if c.has_seams]
 
