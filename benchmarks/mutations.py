@@ -1,4 +1,4 @@
-"""Does the suite notice a wrong sign? One line of arithmetic is changed at a time.
+"""Does the suite notice a wrong sign? One line is changed at a time, of arithmetic or of training.
 
     python -m benchmarks.mutations            (--only NAME for some)
 
@@ -39,6 +39,8 @@ PIXELS, EWA, SH, ELLIPSES = (
 FORMULAS = (
     f"{STABILITY} tests/test_losses.py tests/test_compositing.py -k 'not torch and not numba'"
 )
+DENSIFICATION = "tests/test_densification.py"
+GRADIENTS = "tests/test_model_gradients.py"
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,23 @@ MUTATIONS = (
              FORMULAS),
     Mutation("log-scales that overflow", "gaussians/activation.py",
              "torch.exp(log_scales.clamp(max=MAX_LOG_SCALE))", "torch.exp(log_scales)", FORMULAS),
+    # Training
+    Mutation("distractors measured against a scene of size 1", "gaussians/densification.py",
+             "(scene_scale=config.depth)", "(scene_scale=1.0)", DENSIFICATION),
+    Mutation("distractors refined in their warm-up", "gaussians/densification.py",
+             "max(static.warmup_length, config.static_warmup)", "static.warmup_length",
+             DENSIFICATION),
+    Mutation("placing never stops", "separation/placement.py",
+             "if step < self.config.stop_placing_at:", "if step >= 0:",
+             "tests/test_separation.py"),
+    Mutation("the composite trains the background", "separation/distractor_layer.py",
+             "beneath.detached(), background.detach()", "beneath.detached(), background",
+             GRADIENTS),
+    Mutation("a mask over a part of the photo is no mask", "separation/distractor_layer.py",
+             "owned.masked_fill(~mask, 1.0)", "owned.masked_fill(~mask.any(), 1.0)", GRADIENTS),
+    Mutation("poses learn nothing", "static_model.py",
+             "pose = self.camera_optimizer.apply_to_camera(camera)",
+             "pose = self.camera_optimizer.apply_to_camera(camera).detach()", GRADIENTS),
 )  # fmt: skip
 
 

@@ -108,6 +108,29 @@ def test_a_steep_and_wide_one_is_split():
     assert torch.allclose(scales[3:], scales[:1] / 1.6, rtol=1e-2)
 
 
+def test_width_is_measured_against_the_depth_at_which_distractors_start():
+    """Two steep ones: one wide for something so near is split, one narrow even there is cloned."""
+    scene = Scene(depth=0.02)
+    limit = STATIC.densify_size_thresh * 0.02
+    with torch.no_grad():
+        scene.params()["scales"][:2] = torch.tensor([[1.5 * limit], [limit / 1.5]]).log()
+    for step in (11, 12):
+        scene.visit(step, grad=[1.0, 1.0, 0.0, 0.0])
+    assert scene.distractors.counts() == [6, 4]
+    scales, means = scene.params()["scales"].exp(), scene.params()["means"]
+    assert torch.equal(means[3], means[0])  # the clone, before the halves
+    assert torch.allclose(scales[4:], torch.tensor(1.5 * limit / 1.6), rtol=1e-2)
+
+
+def test_nothing_is_refined_while_the_static_scene_trains_alone():
+    scene = Scene(static_warmup=20, refine_every=1)
+    for step in range(11, 21):
+        scene.visit(step, grad=1.0)
+    assert scene.distractors.counts() == [4, 4]
+    scene.visit(21, grad=1.0)
+    assert scene.distractors.counts() == [8, 4]
+
+
 def test_training_goes_on_after_every_change():
     scene = Scene()
     for step in range(11, 31):

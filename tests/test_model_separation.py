@@ -4,8 +4,10 @@ from typing import Any
 
 import pytest
 import torch
-from test_model import HEIGHT, WIDTH, Trainer, distractors_of, make_model
+from test_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
+import desplat_ns.separation.expected_residual as excess
+from desplat_ns.backend.ssim import ssim
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModel
 
@@ -41,7 +43,7 @@ class Crossing(Trainer):
 
 @pytest.fixture
 def judged_by_few(monkeypatch):
-    monkeypatch.setattr("desplat_ns.separation.expected_residual.MIN_VIEWS", 2)
+    monkeypatch.setattr(excess, "MIN_VIEWS", 2)
 
 
 @pytest.mark.usefixtures("judged_by_few")
@@ -74,7 +76,7 @@ def test_alone_the_static_scene_gets_no_gradient_from_the_composite():
     result = trainer.step(0)
     losses = result["losses"]
     assert "static_photometric" in losses
-    outputs = model(_camera())
+    outputs = model(camera(0))
     names = ("main_loss", "distractor_opacity")
     losses = model.get_loss_dict(outputs, {"image": trainer.crossed})
     composite = torch.stack([losses[name] for name in names]).sum()
@@ -83,12 +85,6 @@ def test_alone_the_static_scene_gets_no_gradient_from_the_composite():
     assert all(g is None or not g.any() for g in grads)
     own = torch.autograd.grad(losses["static_photometric"], static)
     assert all(g.any() for g in own)
-
-
-def _camera():
-    from test_model import camera
-
-    return camera(0)
 
 
 @pytest.mark.usefixtures("judged_by_few")
@@ -107,21 +103,32 @@ def test_a_region_is_left_out_of_the_static_loss_after_a_while(leave_out_at):
     assert (loss < 0.05) == (leave_out_at == 61)
 
 
-def test_without_distractors_in_the_view_the_loss_is_splatfactos():
+def test_without_distractors_in_the_view_splatfactos_loss_and_the_transparency_are_left():
     model = a_dense_model(static_warmup=1000)
-    losses = Trainer(model).step(0)["losses"]
-    assert "static_photometric" not in losses
+    trainer = Trainer(model)
+    result = trainer.step(0)
+    losses, outputs = result["losses"], result["outputs"]
+    assert set(losses) == {"main_loss", "scale_reg", "distractor_opacity", "static_transparency"}
+    static, photo = outputs["rgb_static"], trainer.photo
+    assert torch.equal(outputs["rgb"], static)
+    splatfactos = 0.8 * (static - photo).abs().mean() + 0.2 * (1 - ssim(static, photo))
+    assert losses["main_loss"].item() == pytest.approx(splatfactos.item(), rel=1e-5)
     assert losses["distractor_opacity"] == 0
+    transparency = (1 - outputs["accumulation"].double()).mean().item()
+    assert transparency > 0.01
+    assert losses["static_transparency"].item() == pytest.approx(0.01 * transparency, rel=1e-5)
 
 
-def test_pixels_that_a_mask_leaves_out_are_owned_by_nobody():
+def test_a_mask_over_everything_leaves_the_static_scene_nothing_to_fit():
     model = a_dense_model(start="everywhere", static_warmup=0)
     trainer = Trainer(model)
     trainer.step(0)
-    outputs = model(_camera())
+    outputs = model(camera(0))
     mask = torch.zeros(HEIGHT, WIDTH, 1)
     losses = model.get_loss_dict(outputs, {"image": trainer.photo, "mask": mask})
     assert losses["static_photometric"].item() == pytest.approx(0.0, abs=1e-6)
+    plain = model.get_loss_dict(outputs, {"image": trainer.photo})
+    assert plain["static_photometric"] > 0.01
 
 
 def test_what_views_remember_follows_densification_and_checkpoints():
@@ -152,7 +159,7 @@ def test_nothing_is_watched_in_the_warm_up_nor_learned_from_a_dropped_step():
     assert model.layer.watch.sights == [None] * 3
     assert model.memory.number("visits") == 3
     model.step = 3
-    outputs = model(_camera())
+    outputs = model(camera(0))
     model.get_loss_dict(outputs, {"image": trainer.photo})
     model.drop_step()
     model.step_post_backward(3)

@@ -54,6 +54,7 @@ class _Model(nn.Module):
         self.lpips = _NoLpips()
         self.device = torch.device("cpu")
         self.step, self.renders, self.value = 0, 0, 0.5
+        self.covered = 0  # columns, from the left, that distractors cover
 
     @property
     def num_points(self) -> int:
@@ -63,6 +64,7 @@ class _Model(nn.Module):
         self.renders += 1
         grey = 1.0 if self.layer_control.train_idx() is not None else self.value
         alpha = torch.zeros(HEIGHT, WIDTH, 1)
+        alpha[:, : self.covered] = 0.75
         rgb = torch.full((HEIGHT, WIDTH, 3), grey)
         return {"rgb": rgb, "alpha_distractor": alpha, "distractor_mask": alpha > 0.5}
 
@@ -216,12 +218,26 @@ def test_pictures_are_saved_beside_their_photos(tmp_path: Path):
         assert picture.getpixel((WIDTH, 0)) == (128, 128, 128)
 
 
+def _mask(path: Path, columns: int) -> Path:
+    """Something in the way over so many columns, from the left."""
+    picture = Image.new("L", (WIDTH, HEIGHT), 0)
+    picture.paste(255, (0, 0, columns, HEIGHT))
+    picture.save(path)
+    return path
+
+
 def test_masks_are_scored_by_ns_eval_and_only_by_it(tmp_path: Path):
-    empty = tmp_path / "b.png"
-    Image.new("L", (WIDTH, HEIGHT), 0).save(empty)
-    pipeline = _pipeline(_Manager(masks=[None, empty]))
+    """Distractors cover 10 of 20 columns; masks cover 5, 15 and none of them."""
+    wide, narrow = _mask(tmp_path / "a.png", 15), _mask(tmp_path / "b.png", 5)
+    empty = _mask(tmp_path / "c.png", 0)
+    names = ["a.png", "b.png", "c.png", "d.png"]
+    pipeline = _pipeline(_Manager(train_image_names=names, masks=[wide, narrow, empty, None]))
+    _model(pipeline).covered = 10
     results = pipeline.get_average_eval_image_metrics(get_std=True)
-    assert (results["mask_iou"], results["alpha_outside_masks"]) == (1.0, 0.0)
+    assert results["num_masks"] == 3
+    assert results["mask_iou"] == pytest.approx((10 / 15 + 5 / 10 + 0) / 3)
+    outside = (0.0 + 0.75 * 5 / 15 + 0.75 * 10 / 20) / 3
+    assert results["alpha_outside_masks"] == pytest.approx(outside)
     assert "mask_iou" not in pipeline.get_average_eval_image_metrics()
 
 

@@ -6,8 +6,10 @@ from dataclasses import replace
 import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.gaussians.densification import DistractorDensifier
 from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import view_of
@@ -245,3 +247,28 @@ def test_distractors_keep_off_the_edge_of_a_region_and_are_free_further_in():
     assert torch.equal(seen.inside, interior(seen.left_out))
     assert torch.equal(free, pixels_of(interior(seen.inside), HEIGHT, WIDTH))
     assert 0 < free.sum() < seen.inside.sum() < seen.left_out.sum()
+
+
+def test_once_placing_has_stopped_none_comes_and_none_goes():
+    scene, config = WellKnownScene(), dataclasses.replace(WARMED_UP, stop_placing_at=20)
+    placement, distractors = Placement(config, 40), DistractorGaussians(config, cameras())
+    densifier = DistractorDensifier(config, SplatfactoModelConfig(), num_views=1)
+    optimizers: dict[str, torch.optim.Optimizer] = {
+        name: torch.optim.Adam(params) for name, params in distractors.param_groups().items()
+    }
+
+    def number_after(step: int, photo: torch.Tensor) -> int:
+        visit = scene.visit(photo)
+        placement.look(step, visit, scene.opacities, scene.memory)
+        assert visit.learned is not None
+        visit.learned.keep_in(scene.memory)
+        placement.place(visit, distractors, densifier, optimizers)
+        return distractors.count_of(0)
+
+    for step in range(5):
+        assert number_after(step, scene.photo) == 0
+    assert number_after(20, scene.with_an_occluder()) == 0
+    placed = number_after(19, scene.with_an_occluder())
+    assert placed > 0
+    assert number_after(20, scene.photo) == placed
+    assert number_after(19, scene.photo) == 0

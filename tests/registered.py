@@ -1,0 +1,66 @@
+"""Short runs of `desplat` on a generated scene, with every setting as registered."""
+
+from __future__ import annotations
+
+import copy
+import random
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import torch
+from nerfstudio.configs.method_configs import all_methods
+
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.synthetic import Scene, SceneSpec
+
+STEPS = 120
+"""The static scene has the first 24 to itself and is refined every fourth step of the first half;
+then distractors are placed, refined when steps 40 and 80 are over, and placed no more from 108."""
+
+EIGHT_VIEWS = SceneSpec(num_views=8, num_extras=2, width=72, height=48, num_points=300)
+"""Five views have to see a place before anyone knows what is expected there."""
+
+
+def registered_desplat(scene: Scene, output: Path, **changes: Any) -> Any:
+    """The configuration of `ns-train desplat --max-num-iterations 120` on a generated scene.
+
+    Nothing of the method is set but the length: data, folders, no viewer, no evaluation on the way.
+
+    Args:
+        changes: other fields of the trainer's configuration.
+    """
+    assert scene.folder is not None
+    config: Any = copy.deepcopy(all_methods["desplat"])
+    config.pipeline.datamanager.dataparser = RobustNerfDataParserConfig(data=scene.folder)
+    config.max_num_iterations, config.vis = STEPS, "tensorboard"
+    config.steps_per_eval_image = config.steps_per_eval_all_images = STEPS + 1
+    config.output_dir, config.experiment_name, config.timestamp = output, "eight", "run"
+    for name, value in changes.items():
+        setattr(config, name, value)
+    return config
+
+
+def set_up(config: Any, seed: int | None = None) -> Any:
+    """nerfstudio's trainer, ready to train, as `ns-train` builds it."""
+    for seeded in (random.seed, np.random.seed, torch.manual_seed):
+        seeded(config.machine.seed if seed is None else seed)
+    trainer = config.setup(local_rank=0, world_size=1)
+    trainer.setup()
+    return trainer
+
+
+@contextmanager
+def threads(number: int) -> Iterator[None]:
+    """Within, numba and torch have so many."""
+    before = numba.get_num_threads(), torch.get_num_threads()
+    try:
+        numba.set_num_threads(number)
+        torch.set_num_threads(number)
+        yield
+    finally:
+        numba.set_num_threads(before[0])
+        torch.set_num_threads(before[1])

@@ -1,0 +1,222 @@
+"""What a GPU would see, without one: fake CUDA tensors have a device and a shape, but no values.
+
+A tensor made on the CPU and mixed in by mistake raises FakeTensorDeviceMismatchError, as on a GPU.
+Where values decide (which cells are connected, how many are placed or cloned, what is warned of) a
+fake tensor cannot go on, and its backward pass asks for a driver: what is tested is everything up
+to there. tests/test_training_on_a_gpu.py does the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import torch
+from nerfstudio.models.splatfacto import SplatfactoModelConfig
+from torch import Tensor
+from torch._subclasses.fake_tensor import FakeTensorDeviceMismatchError, FakeTensorMode
+from torch.fx.experimental.symbolic_shapes import ShapeEnv
+
+import desplat_ns.separation.placement as separation
+from desplat_ns.backend.protocol import Rendering, Splats, View
+from desplat_ns.effects import EffectsConfig
+from desplat_ns.gaussians.activation import activate_distractors
+from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info, to_device
+from desplat_ns.gaussians.distractors import PARAMETER_NAMES, DistractorConfig, DistractorGaussians
+from desplat_ns.gaussians.memory import GaussianMemory
+from desplat_ns.photo_tourism.appearance import fourier_features
+from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
+from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
+from desplat_ns.photo_tourism.image_effects import ImageEffects
+from desplat_ns.rendering.layers import layered_outputs, static_outputs
+from desplat_ns.separation.clearance import Clearance
+from desplat_ns.separation.failure_cases import SeparationWatch, seen_and_hidden, sight_of
+from desplat_ns.separation.ownership import owned_share
+from desplat_ns.separation.placement import Placement, lie_in, peak_excess, uncovered_regions
+from desplat_ns.separation.visit import Visit
+from desplat_ns.training.losses import (
+    distractor_opacity_loss,
+    static_photometric_loss,
+    static_transparency_loss,
+)
+from desplat_ns.training.step_guard import size_of
+
+WIDTH, HEIGHT, N = 60, 40, 50
+CONFIG = DistractorConfig(
+    per_view=100, start="residual", static_alone=True, static_warmup=5, leave_out_at=10
+)
+WIDTHS = dict(zip(PARAMETER_NAMES, (3, 3, 4, 3, 1), strict=True))
+"""Values per distractor."""
+LATE = 20
+"""A step at which regions are found, left out and filled."""
+
+
+@pytest.fixture(autouse=True)
+def fake_mode() -> Iterator[None]:
+    """Every tensor is a fake one; those whose number of rows depends on values may be made."""
+    with FakeTensorMode(shape_env=ShapeEnv()):
+        yield
+
+
+def cuda(*shape: int) -> Tensor:
+    return torch.rand(*shape, device="cuda")
+
+
+def the_view() -> View:
+    return View(cuda(4, 4), cuda(3, 3), WIDTH, HEIGHT)
+
+
+def rendering(count: int = N) -> Rendering:
+    radii = torch.ones(count, dtype=torch.int32, device="cuda")
+    return Rendering(cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 1), None, cuda(1, count, 2), radii)
+
+
+def a_visit() -> Visit:
+    visit = Visit(0, the_view(), rendering())
+    visit.photo, visit.static_rgb = cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 3)
+    visit.alpha_d = cuda(HEIGHT, WIDTH, 1)
+    return visit
+
+
+def assert_on_cuda(*found: Any) -> None:
+    for tensor in found:
+        assert isinstance(tensor, Tensor) and tensor.device.type == "cuda"
+
+
+@pytest.fixture
+def regions_by_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which cells are connected is OpenCV's to say, on the CPU, by their values."""
+    monkeypatch.setattr(separation, "outlier_regions", lambda excess, weak, strong: excess > weak)
+
+
+def test_a_tensor_made_on_the_cpu_is_noticed():
+    with pytest.raises(FakeTensorDeviceMismatchError):
+        owned_share(cuda(HEIGHT, WIDTH, 1), torch.zeros(HEIGHT, WIDTH, dtype=torch.bool))
+
+
+@pytest.mark.usefixtures("regions_by_threshold")
+@pytest.mark.parametrize("step", [0, LATE])
+def test_looking_for_regions_stays_on_the_gpu(step):
+    """Residual, expected residual, memories, excess, interior, pixels."""
+    seen, memory = a_visit(), GaussianMemory({})
+    for _ in range(2):
+        free = Placement(CONFIG, 8).look(step, seen, cuda(N, 1), memory)
+        assert seen.learned is not None
+        assert_on_cuda(seen.learned.usual, seen.learned.times_seen)
+        seen.learned.keep_in(memory)
+    if step < CONFIG.static_warmup:
+        assert free is None
+    else:
+        assert_on_cuda(free, seen.inside, seen.left_out, owned_share(seen.alpha_d, seen.left_out))
+    assert peak_excess(step, 3.0, CONFIG) == CONFIG.strong_excess
+
+
+@pytest.mark.usefixtures("regions_by_threshold")
+def test_placing_stays_on_the_gpu():
+    """`place` itself asks whether any is to be placed; what it asks, and what it then makes."""
+    seen = a_visit()
+    Placement(CONFIG, 8).look(LATE, seen, cuda(N, 1), GaussianMemory({}))
+    assert seen.inside is not None
+    assert_on_cuda(lie_in(seen.inside, cuda(7, 3), seen.view), uncovered_regions(seen, CONFIG))
+
+
+def distractors_with_moments() -> tuple[DistractorGaussians, dict[str, Any]]:
+    """Those of one view, without asking a camera where they stand; and Adams that have stepped."""
+    distractors = DistractorGaussians.__new__(DistractorGaussians)
+    torch.nn.Module.__init__(distractors)
+    params = {name: torch.nn.Parameter(cuda(N, width)) for name, width in WIDTHS.items()}
+    distractors.views = torch.nn.ModuleList([torch.nn.ParameterDict(params)])
+    optimizers: dict[str, Any] = {}
+    for name, parameter in params.items():
+        optimizers[f"distractor_{name}"] = one = torch.optim.Adam([parameter])
+        moments = {key: torch.zeros_like(parameter) for key in ("exp_avg", "exp_avg_sq")}
+        one.state[parameter] = {"step": torch.tensor(1.0), **moments}
+    return distractors, optimizers
+
+
+def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone():
+    distractors, optimizers = distractors_with_moments()
+    densifier = DistractorDensifier(CONFIG, SplatfactoModelConfig(warmup_length=0), num_views=1)
+    view, drawn = the_view(), rendering()
+    means2d: Any = drawn.means2d
+    means2d.absgrad = cuda(1, N, 2)
+    info = strategy_info(drawn, view)
+    densifier.rounds = [LATE]  # not due
+    visit = (0, optimizers, LATE, info, lambda params: params["means"][:, 0])
+    for _ in range(2):
+        densifier.after_step(distractors, *visit)
+    running = densifier.running[0]
+    assert_on_cuda(running["grad2d"], running["count"])
+    assert_on_cuda(to_device(running, torch.device("cuda"))["grad2d"])
+
+
+def test_distractors_are_activated_on_the_gpu():
+    splats = activate_distractors(distractors_with_moments()[0].params_of(0))
+    assert_on_cuda(splats.means, splats.quats, splats.scales, splats.opacities, splats.colors)
+
+
+def test_exchanging_distractors_stays_on_the_gpu():
+    distractors, optimizers = distractors_with_moments()
+    densifier = DistractorDensifier(CONFIG, SplatfactoModelConfig(), num_views=1)
+    densifier.running[0]["grad2d"] = cuda(N)
+    new = {name: cuda(5, width) for name, width in WIDTHS.items()}
+    keep = cuda(N) > 0.5
+    densifier.exchange(distractors, 0, optimizers, keep, new)
+    params = distractors.params_of(0)
+    assert_on_cuda(*params.values(), densifier.running[0]["grad2d"])
+    for name in PARAMETER_NAMES:
+        assert_on_cuda(optimizers[f"distractor_{name}"].state[params[name]]["exp_avg"])
+
+
+def test_what_the_watch_remembers_and_asks_stays_on_the_gpu():
+    watch = SeparationWatch(CONFIG, [], 2)
+    sight = sight_of(the_view(), cuda(HEIGHT, WIDTH, 1))
+    watch.see(0, sight)
+    assert_on_cuda(sight.covered, sight.view.K, *seen_and_hidden(cuda(N, 3), sight))
+
+
+def test_clearance_stays_on_the_gpu():
+    clearance = Clearance.__new__(Clearance)
+    clearance.depths, opacities, view = [0.5], cuda(N, 1), the_view()
+    clearance.keep(0, view, cuda(N, 3), opacities, rendering().visible)
+    assert_on_cuda(opacities)
+
+
+def test_layers_and_losses_stay_on_the_gpu():
+    static, distractor = rendering(), rendering(9)
+    photo, background = cuda(HEIGHT, WIDTH, 3), cuda(3)
+    outputs = static_outputs(static, background) | layered_outputs(static, distractor, background)
+    outputs |= {"empty": layered_outputs(static, None, background)["rgb_composite"]}
+    assert_on_cuda(*outputs.values())
+    alpha_d, alpha_s = outputs["alpha_distractor"], outputs["accumulation"]
+    owned = owned_share(alpha_d)
+    losses = [
+        distractor_opacity_loss(alpha_d),
+        distractor_opacity_loss(alpha_d, owned > 0.5),
+        static_transparency_loss(alpha_s),
+        static_photometric_loss(outputs["rgb"], photo, owned, 0.2),
+        (outputs["rgb_composite"] - photo).abs().mean(),
+        background_opacity_loss(alpha_d, alpha_s, explained_by_background(photo, photo, 0.1)),
+    ]
+    assert_on_cuda(*losses)
+    assert_on_cuda(size_of(losses))
+
+
+@pytest.mark.parametrize("appearance", ["affine", "sh"])
+@pytest.mark.parametrize("training", [True, False])
+def test_appearance_and_background_stay_on_the_gpu(appearance, training):
+    effects = EffectsConfig(appearance=appearance, background=True)
+    with torch.device("cuda"):
+        model = ImageEffects(effects, AppearanceConfig(), BackgroundConfig(), 4, sh_degree=3)
+    model.train(training)
+    features = fourier_features(cuda(N, 3), AppearanceConfig().fourier_frequencies)
+    assert_on_cuda(*model.parameters(), features)
+    for embedding in (model.embeddings.of(2), model.embeddings.mean()):
+        coefficients = Splats(cuda(N, 3), cuda(N, 4), cuda(N, 3), cuda(N), cuda(N, 16, 3), 2)
+        colors = Splats(cuda(N, 3), cuda(N, 4), cuda(N, 3), cuda(N), cuda(N, 3))
+        toned = [
+            model.toned(splats, features, embedding).colors for splats in (coefficients, colors)
+        ]
+        background = model.background_of(embedding, the_view(), degree=2)
+        assert_on_cuda(*toned, background)

@@ -1,0 +1,73 @@
+"""Which gradient reaches what: the background, the pose, and pixels that the user masked."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
+from test_model import HEIGHT, WIDTH, Trainer, camera, make_model
+
+from desplat_ns.effects import EffectsConfig
+from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.model import DeSplatModel
+
+EVERYWHERE = DistractorConfig(per_view=20, static_alone=True)
+TOGETHER = DistractorConfig(per_view=20)
+
+
+def with_background(distractors: DistractorConfig) -> DeSplatModel:
+    return make_model(effects=EffectsConfig(background=True), distractors=distractors)
+
+
+def reaches_the_background(model: DeSplatModel, name: str) -> bool:
+    """Whether the term `name` of the loss of training view 0 moves the background."""
+    trainer = Trainer(model)
+    model.train()
+    model.optimizers = trainer.optimizers
+    losses = model.get_loss_dict(model(camera(0)), {"image": trainer.photo})
+    assert model.image_effects is not None and model.image_effects.background is not None
+    parameters = list(model.image_effects.background.parameters())
+    gradients = torch.autograd.grad(losses[name], parameters, allow_unused=True)
+    return any(gradient is not None and bool(gradient.any()) for gradient in gradients)
+
+
+def test_alone_the_static_scene_has_the_background_to_itself():
+    """As its Gaussians do, the background learns from the static scene's own loss only."""
+    model = with_background(EVERYWHERE)
+    assert not reaches_the_background(model, "main_loss")
+    assert reaches_the_background(model, "static_photometric")
+    assert reaches_the_background(with_background(TOGETHER), "main_loss")
+
+
+@pytest.mark.parametrize("backend", ["torch", "numba"])
+def test_a_pose_that_is_off_is_put_right_by_its_own_photo(backend):
+    """The photo was taken 0.1 beside where the capture says; only the pose may move."""
+    options = {"camera_optimizer": CameraOptimizerConfig(mode="SO3xR3"), "backend": backend}
+    model = make_model(effects=EffectsConfig(distractors=False), **options)
+    adjustment = model.camera_optimizer.pose_adjustment
+    adjustment.data[1, 0] = 0.1
+    trainer = Trainer(model)
+    trainer.photo = model.eval().get_outputs_for_camera(camera(1))["rgb"]
+    adjustment.data.zero_()
+    trainer.optimizers = {"camera_opt": torch.optim.Adam([adjustment], lr=5e-3)}
+    model.strategy.refine_stop_iter = 0
+    losses = [trainer.step(step, view=1)["losses"]["main_loss"].item() for step in range(60)]
+    assert losses[-1] < 0.2 * losses[0]
+    assert not adjustment[[0, 2]].any()
+
+
+def test_what_a_mask_leaves_out_is_nothing_to_the_static_loss_and_the_rest_is():
+    model = make_model(distractors=EVERYWHERE)
+    trainer = Trainer(model)
+    trainer.step(0)
+    outputs = model(camera(0))
+    mask = torch.ones(HEIGHT, WIDTH, 1)
+    mask[:, : WIDTH // 2] = 0
+
+    def loss(photo: torch.Tensor) -> float:
+        batch = {"image": photo, "mask": mask}
+        return model.get_loss_dict(outputs, batch)["static_photometric"].item()
+
+    other = 1 - trainer.photo
+    assert loss(torch.where(mask == 0, other, trainer.photo)) == loss(trainer.photo)
+    assert loss(torch.where(mask == 1, other, trainer.photo)) != loss(trainer.photo)
