@@ -46,9 +46,8 @@ def killed(kills: int) -> dict[str, Any]:
 
 def fuzzed(inputs: int, seed: int = 0) -> dict[str, dict[str, int]]:
     """How many inputs ended how, by what they were put into."""
-    import fuzz_files
-    import fuzz_options
-    from fuzz_formulas import FORMULAS as ALL
+    from tests.stability import fuzz_files, fuzz_options
+    from tests.stability.fuzz_formulas import FORMULAS as ALL
 
     rng = random.Random(seed)
     found = {FORMULAS: Counter()}

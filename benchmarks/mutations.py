@@ -32,14 +32,15 @@ TIMEOUT = 600
 STABILITY = " ".join(f"tests/stability/test_stability_{n}.py" for n in ("catalogue", "properties"))
 TORCH = f"{STABILITY} -k torch"
 PIXELS, EWA, SH, ELLIPSES = (
-    f"tests/backend/test_numba_{name}.py {STABILITY} -k numba"
+    f"tests/backend/numba_kernels/test_{name}.py {STABILITY} -k numba"
     for name in ("pixels", "projection", "sh", "ellipses")
 )
 """The kernels' own tests first: they compile little."""
 FORMULAS = (
-    f"{STABILITY} tests/test_losses.py tests/test_compositing.py -k 'not torch and not numba'"
+    f"{STABILITY} tests/training/test_losses.py tests/rendering/test_compositing.py "
+    "-k 'not torch and not numba'"
 )
-DENSIFICATION = "tests/test_densification.py"
+DENSIFICATION = "tests/gaussians/test_densification.py"
 GRADIENTS = "tests/test_model_gradients.py"
 
 
@@ -95,7 +96,7 @@ MUTATIONS = (
              "(norm2 > MIN_QUAT_NORM**2)", "(norm2 >= 0)", TORCH),
     Mutation("colours of 1e38", "backend/inputs.py", "colors.flatten(1).square().sum(-1)",
              "colors.flatten(1).abs().amax(-1)",
-             "tests/backend/test_backend_inputs.py -k 'colours and torch'"),
+             "tests/backend/test_inputs.py -k 'colours and torch'"),
     # The numba backend's pixels
     Mutation("numba: 1 / (1 + alpha)", _PIXELS,
              "per_clear = _ONE / (_ONE - alpha)", "per_clear = _ONE / (_ONE + alpha)", PIXELS),
@@ -171,7 +172,7 @@ MUTATIONS = (
              DENSIFICATION),
     Mutation("placing never stops", "separation/placement.py",
              "if step < self.config.stop_placing_at:", "if step >= 0:",
-             "tests/test_separation.py"),
+             "tests/separation/test_placement.py"),
     Mutation("the composite trains the background", "separation/distractor_layer.py",
              "beneath.detached(), background.detach()", "beneath.detached(), background",
              GRADIENTS),

@@ -31,11 +31,11 @@ from benchmarks.tables import table
 # The catalogue is the tests', and stands on the contract suite's scenes.
 sys.path[:0] = [str(CHECKOUT / "tests" / folder) for folder in ("backend", "stability")]
 
-from cases import CASES, CULLED, RIGHT, Case
-from formula_cases import FORMULA_CASES, Pair
-from measure import Outcome, run
-from poison import CAMERA, PLACES, POISON, SETTINGS, Dose, Fate, give
-from scenes import Backend
+from tests.backend.scenes import Backend
+from tests.stability.cases import CASES, CULLED, RIGHT, Case
+from tests.stability.formula_cases import FORMULA_CASES, Pair
+from tests.stability.measure import Outcome, run
+from tests.stability.poison import CAMERA, PLACES, POISON, SETTINGS, Dose, Fate, give
 
 TEMPLATE = Path(__file__).with_name("stability.md.template")
 REPORT = "stability.md"

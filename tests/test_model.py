@@ -5,7 +5,6 @@ from typing import Any
 import pytest
 import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
-from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import OrientedBox, SceneBox
 from nerfstudio.model_components.lib_bilagrid import color_correct
 from nerfstudio.models.splatfacto import SplatfactoModel
@@ -14,10 +13,19 @@ from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
 from desplat_ns.evaluation.metrics import psnr
 from desplat_ns.gaussians.distractors import DistractorConfig
-from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
+from tests.helpers.small_model import (
+    HEIGHT,
+    NUM_VIEWS,
+    WIDTH,
+    Trainer,
+    camera,
+    cameras,
+    distractors_of,
+    make_model,
+)
 
-WIDTH, HEIGHT, NUM_VIEWS = 24, 20, 3
 ALL_OUTPUTS = {
     "rgb",
     "rgb_static",
@@ -29,69 +37,6 @@ ALL_OUTPUTS = {
     "accumulation",
     "background",
 }
-
-
-def cameras() -> Cameras:
-    """Three cameras in a row that look at the origin from z = 3."""
-    poses = torch.eye(4)[:3].repeat(NUM_VIEWS, 1, 1)
-    poses[:, 2, 3] = 3.0
-    poses[:, 0, 3] = torch.tensor([-0.2, 0.0, 0.2])
-    return Cameras(poses, 20.0, 20.0, WIDTH / 2, HEIGHT / 2, WIDTH, HEIGHT)
-
-
-def camera(train_idx: int | None = None, **metadata: Any) -> Cameras:
-    one = cameras()[:1]
-    if train_idx is not None:
-        one = cameras()[train_idx : train_idx + 1]
-        metadata["train_idx"] = torch.tensor([[train_idx]])
-    one.metadata = metadata
-    return one
-
-
-def make_model(points: torch.Tensor | None = None, **config: Any) -> DeSplatModel:
-    torch.manual_seed(0)
-    if points is None:
-        points = torch.rand(30, 3) - 0.5
-    config = {"num_downscales": 0, "backend": "torch", "background_color": "black"} | config
-    config.setdefault("distractors", DistractorConfig(per_view=20))
-    return DeSplatModelConfig(**config).setup(
-        scene_box=SceneBox(torch.tensor([[-1.0] * 3, [1.0] * 3])),
-        num_train_data=NUM_VIEWS,
-        metadata={"train_cameras": cameras()},
-        seed_points=(points, torch.full((len(points), 3), 128, dtype=torch.uint8)),
-    )
-
-
-def distractors_of(model: DeSplatModel, view: int) -> torch.nn.ParameterDict:
-    assert model.distractors is not None
-    return model.distractors.params_of(view)
-
-
-class Trainer:
-    """The part of nerfstudio's training loop that touches the model."""
-
-    def __init__(self, model: DeSplatModel):
-        self.model = model
-        self.optimizers = {
-            name: torch.optim.Adam(params, lr=1e-4 if "means" in name else 1e-2)
-            for name, params in model.get_param_groups().items()
-            if params
-        }
-        self.photo = torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(1))
-
-    def step(self, step: int, view: int = 0) -> dict[str, Any]:
-        model = self.model
-        model.train()
-        model.step, model.optimizers = step, self.optimizers
-        for optimizer in self.optimizers.values():
-            optimizer.zero_grad()
-        outputs = model(camera(view))
-        losses = model.get_loss_dict(outputs, {"image": self.photo})
-        torch.stack(list(losses.values())).sum().backward()
-        for optimizer in self.optimizers.values():
-            optimizer.step()
-        model.step_post_backward(step)
-        return {"outputs": outputs, "losses": losses}
 
 
 def test_training_draws_the_distractors_of_that_view_over_the_static_scene():

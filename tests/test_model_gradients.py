@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
-from test_model import HEIGHT, WIDTH, Trainer, camera, make_model
 
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModel
+from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, make_model
 
 EVERYWHERE = DistractorConfig(per_view=20, static_alone=True)
 TOGETHER = DistractorConfig(per_view=20)

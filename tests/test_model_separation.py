@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 import torch
-from test_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
 import desplat_ns.separation.expected_residual as excess
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModel
+from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
 NO_DENSIFICATION: dict[str, Any] = {"warmup_length": 10_000}
 

@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 import torch
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocation
-from registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up, threads
-from test_trainer import assert_same
 
 from desplat_ns.backend.numba_kernels.runtime import numba_config
 from desplat_ns.synthetic import Scene, write_scene
 from desplat_ns.training.checkpoint_files import checkpoint_path, load_checkpoint
+from tests.helpers.registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up, threads
+from tests.helpers.stub_run import assert_same
 
 pytestmark = pytest.mark.slow
 

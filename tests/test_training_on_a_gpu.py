@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 import torch
-from registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up
 
 from desplat_ns.synthetic import write_scene
 from desplat_ns.training.checkpoint_files import checkpoint_path, load_checkpoint
+from tests.helpers.registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up
 
 pytestmark = [pytest.mark.gpu, pytest.mark.slow]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
-import reference
 import torch
 from torch import Tensor
 
 from desplat_ns.backend import Rendering, RenderSettings, Splats, View, available, resolve
+from tests.backend import reference
 
 PARAMETERS = ("means", "quats", "scales", "opacities", "colors")
 

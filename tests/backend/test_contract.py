@@ -11,7 +11,10 @@ import math
 
 import pytest
 import torch
-from scenes import (
+from torch import Tensor
+
+from desplat_ns.backend import RenderSettings, resolve
+from tests.backend.scenes import (
     BACKENDS,
     PARAMETERS,
     Backend,
@@ -24,9 +27,6 @@ from scenes import (
     render_reference,
     tolerance,
 )
-from torch import Tensor
-
-from desplat_ns.backend import RenderSettings, resolve
 
 SHARPNESS = 1 / math.sqrt(1.3)
 """Of `one_gaussian`, whose variance is 1 + 0.3 pixels^2."""

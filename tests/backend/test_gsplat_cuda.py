@@ -12,11 +12,11 @@ from typing import Any
 import gsplat.rendering
 import pytest
 import torch
-from scenes import TestScene, random_scene
 
 from desplat_ns.backend import RenderSettings, gsplat_cuda
 from desplat_ns.backend.gsplat_cuda import GsplatRasterizer
 from desplat_ns.errors import BackendUnavailableError
+from tests.backend.scenes import TestScene, random_scene
 
 REAL_SIGNATURE = inspect.signature(gsplat.rendering.rasterization)
 

@@ -8,10 +8,9 @@ import pytest
 import torch
 
 pytest.importorskip("numba")
-from scenes import one_gaussian, random_scene, render_reference, tolerance
-
 from desplat_ns.backend import RenderSettings, Splats, resolve
 from desplat_ns.errors import BackendUnavailableError
+from tests.backend.scenes import one_gaussian, random_scene, render_reference, tolerance
 
 SETTINGS = RenderSettings(depth=True, absgrad=True)
 

@@ -6,11 +6,11 @@ import math
 import pytest
 import torch
 from gsplat.cuda._torch_impl import _fully_fused_projection, _quat_scale_to_covar_preci
-from scenes import PARAMETERS, TestScene, one_gaussian, random_scene
 from torch import Tensor
 
 from desplat_ns.backend import RenderSettings, View, resolve
 from desplat_ns.backend.projection import ProjectedSplats, project, view_colors
+from tests.backend.scenes import PARAMETERS, TestScene, one_gaussian, random_scene
 
 EPS = torch.finfo(torch.float64).eps
 

@@ -3,11 +3,11 @@ from __future__ import annotations
 import math
 
 import pytest
-import reference
 import torch
 from gsplat.cuda._torch_impl import _eval_sh_bases_fast
 
 from desplat_ns.backend.spherical_harmonics import C0, MAX_DEGREE, sh_basis
+from tests.backend import reference
 
 DEGREES = range(MAX_DEGREE + 1)
 EPS = 100 * torch.finfo(torch.float64).eps

@@ -2,13 +2,13 @@ from __future__ import annotations
 
 import pytest
 import torch
-from scenes import TestScene, joined, one_gaussian, random_scene
 from torch import Tensor
 
 from desplat_ns.backend import RenderSettings, tile_lists
 from desplat_ns.backend.constants import ALPHA_CUTOFF
 from desplat_ns.backend.projection import ProjectedSplats, project
 from desplat_ns.backend.tile_lists import TILE, from_tiles, inside, to_tiles
+from tests.backend.scenes import TestScene, joined, one_gaussian, random_scene
 
 SIZE = (70, 45)
 

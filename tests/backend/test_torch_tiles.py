@@ -9,10 +9,10 @@ import sys
 
 import pytest
 import torch
-from scenes import PARAMETERS, TestScene, one_gaussian, random_scene
 from torch import Tensor
 
 from desplat_ns.backend import Rendering, RenderSettings, blending, resolve, torch_tiles
+from tests.backend.scenes import PARAMETERS, TestScene, one_gaussian, random_scene
 
 
 def draw(scene: TestScene, settings: RenderSettings) -> Rendering:

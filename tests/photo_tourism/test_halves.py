@@ -8,8 +8,6 @@ from typing import Any
 import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras
-from test_model import HEIGHT, WIDTH
-from test_model_effects import model_with, moved
 
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
@@ -22,6 +20,8 @@ from desplat_ns.photo_tourism.halves import (
     right_half,
 )
 from desplat_ns.training.losses import photometric_loss
+from tests.helpers.lit_model import model_with, moved
+from tests.helpers.small_model import HEIGHT, WIDTH
 
 SHORT = EvaluationConfig(steps=6, learning_rate=0.05)
 SHORT_FIT = SHORT.steps, SHORT.learning_rate

@@ -3,33 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import pytest
 import torch
-from test_model import HEIGHT, WIDTH, Trainer, camera, make_model
 
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.image_effects import FEATURES
+from tests.helpers.lit_model import model_with, moved
+from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, make_model
 
 EFFECTS = {"appearance_mlp", "image_embeddings", "background_encoder", "background_sh_dc"}
 EFFECTS |= {"background_sh_rest", FEATURES}
-
-
-def model_with(appearance: str = "off", background: bool = False, **config: Any) -> DeSplatModel:
-    effects = EffectsConfig(appearance=appearance, background=background)  # type: ignore[arg-type]
-    return make_model(effects=effects, **config)
-
-
-def moved(model: DeSplatModel) -> DeSplatModel:
-    """As if trained: embeddings that differ, heads that are not zero."""
-    assert model.image_effects is not None
-    generator = torch.Generator().manual_seed(5)
-    for parameter in model.image_effects.parameters():
-        parameter.data += 0.2 * torch.randn(parameter.shape, generator=generator)
-    return model
 
 
 def draw(model: DeSplatModel, view: int | None, where: int = 0) -> torch.Tensor:

@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from magnitudes import OPS, Magnitudes, project
-from scenes import PARAMETERS, TestScene
 from torch import Tensor
 
 from desplat_ns.backend import RenderSettings
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
+from tests.backend.scenes import PARAMETERS, TestScene
+from tests.stability.magnitudes import OPS, Magnitudes, project
 
 SH_MAX = 1.3
 """No harmonic up to degree 4 exceeds it, nor its slope (degree + 1) times as much."""

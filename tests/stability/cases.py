@@ -11,10 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import torch
-from scenes import PARAMETERS, TestScene, camera, joined, random_scene
 from torch import Tensor
 
 from desplat_ns.backend import RenderSettings
+from tests.backend.scenes import PARAMETERS, TestScene, camera, joined, random_scene
 
 CLASSIC = RenderSettings(depth=True, absgrad=True)
 ANTIALIASED = RenderSettings(depth=True, absgrad=True, antialiased=True)

@@ -16,7 +16,6 @@ import pycolmap
 import torch
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 from nerfstudio.utils.rich_utils import CONSOLE
-from poison import POISON
 from torch import Tensor
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
@@ -27,6 +26,7 @@ from desplat_ns.photo_tourism.embedding_file import load_embeddings, save_embedd
 from desplat_ns.photo_tourism.split_file import match_split, read_split_file
 from desplat_ns.synthetic import SceneSpec, write_scene
 from desplat_ns.training.checkpoint_files import load_checkpoint, load_newest
+from tests.stability.poison import POISON
 
 REFUSED, CULLED, FINE, FAULT = "refused", "culled", "fine", "fault"
 

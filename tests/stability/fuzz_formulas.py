@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any
 
 import torch
-from poison import POISON
 from torch import Tensor
 
 from desplat_ns.backend import View
@@ -25,6 +24,7 @@ from desplat_ns.separation import placement as separation
 from desplat_ns.separation.ownership import owned_share
 from desplat_ns.separation.regions import outlier_regions
 from desplat_ns.training import losses
+from tests.stability.poison import POISON
 
 H, W = 13, 15
 FINITE = tuple(v for v in POISON if abs(v) < torch.inf)

@@ -11,11 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from fuzz_files import FAULT, FINE, REFUSED, numbers_of, tensors_of
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.configs.method_configs import all_methods
 from nerfstudio.utils.rich_utils import CONSOLE
-from poison import POISON
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.effects import EffectsConfig
@@ -28,6 +26,8 @@ from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.photo_tourism.split_file import draw_split
 from desplat_ns.training.schedules import ScaledExponentialDecaySchedulerConfig
+from tests.stability.fuzz_files import FAULT, FINE, REFUSED, numbers_of, tensors_of
+from tests.stability.poison import POISON
 
 NUMBERS = (*POISON, -5.0, 1e12)
 MOST_ROWS = 10**3

@@ -11,12 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from reference import rotations
-from scenes import TestScene
 from torch import Tensor
 
 from desplat_ns.backend import RenderSettings
 from desplat_ns.backend.projection import COMPENSATION_MIN, FOV_MARGIN
+from tests.backend.reference import rotations
+from tests.backend.scenes import TestScene
 
 OPS = 16
 """Roundings in a chain: camera coordinates (4), quotient and pixel (4), rotation from a quaternion

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import precise
 import torch
-from bounds import Bounds, error_bounds
-from cases import Case
-from scenes import PARAMETERS, Backend, render_reference
 from torch import Tensor
 
 from desplat_ns.backend import Rendering
+from tests.backend.scenes import PARAMETERS, Backend, render_reference
+from tests.stability import precise
+from tests.stability.bounds import Bounds, error_bounds
+from tests.stability.cases import Case
 
 
 @dataclass

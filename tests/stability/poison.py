@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass, replace
 
 import torch
-from cases import hard, joined, witness
-from measure import features
-from scenes import PARAMETERS, Backend, TestScene
 from torch import Tensor
 
 from desplat_ns.backend import RenderSettings
+from tests.backend.scenes import PARAMETERS, Backend, TestScene
+from tests.stability.cases import hard, joined, witness
+from tests.stability.measure import features
 
 POISON = (
     math.nan, math.inf, -math.inf, 0.0, -0.0, 1e-45, -1e-45, 1.2e-38, 1e-30, 1e-20, 1e-12, 1e-6,

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 from mpmath import mp, mpf
-from scenes import PARAMETERS, TestScene
 
 from desplat_ns.backend import RenderSettings
+from tests.backend.scenes import PARAMETERS, TestScene
 
 mp.dps = 60
 

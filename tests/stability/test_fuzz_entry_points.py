@@ -6,13 +6,13 @@ import random
 from collections import Counter
 from pathlib import Path
 
-import fuzz_files
-import fuzz_options
 import pytest
 import torch
-from fuzz_files import CULLED, FAULT, FINE, REFUSED, SOURCES, Source
-from fuzz_formulas import FORMULAS, Formula, H, W
-from fuzz_options import Options
+
+from tests.stability import fuzz_files, fuzz_options
+from tests.stability.fuzz_files import CULLED, FAULT, FINE, REFUSED, SOURCES, Source
+from tests.stability.fuzz_formulas import FORMULAS, Formula, H, W
+from tests.stability.fuzz_options import Options
 
 FORMULA_INPUTS, FILE_INPUTS, OPTION_INPUTS = 12, 25, 25
 """Draws in this suite; `benchmarks.stability` has many more."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 import torch
-from cases import CASES, NEEDLE, Case, hard, joined, witness
-from formula_cases import FORMULA_CASES, FormulaCase
-from measure import run, truth
-from scenes import BACKENDS, PARAMETERS, Backend, make_backend, render_reference
 
 from desplat_ns.backend import RenderSettings, resolve
 from desplat_ns.backend.inputs import sound
 from desplat_ns.gaussians.activation import activate_static
+from tests.backend.scenes import BACKENDS, PARAMETERS, Backend, make_backend, render_reference
+from tests.stability.cases import CASES, NEEDLE, Case, hard, joined, witness
+from tests.stability.formula_cases import FORMULA_CASES, FormulaCase
+from tests.stability.measure import run, truth
 
 SAFE = 0.9
 """Least share of pixels that are compared; a case that leaves out more tests nothing."""

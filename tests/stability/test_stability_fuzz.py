@@ -6,10 +6,10 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from poison import CAMERA, PLACES, POISON, SETTINGS, Dose, give, healthy
-from scenes import BACKENDS, Backend, make_backend
 
 from desplat_ns.backend import RenderSettings
+from tests.backend.scenes import BACKENDS, Backend, make_backend
+from tests.stability.poison import CAMERA, PLACES, POISON, SETTINGS, Dose, give, healthy
 
 EXACT = [p for p in BACKENDS if p.id != "gsplat"]
 

@@ -10,12 +10,15 @@ from dataclasses import replace
 
 import pytest
 import torch
-from bounds import error_bounds
-from cases import hard, picked
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from measure import features
-from scenes import (
+from torch import Tensor
+
+from desplat_ns.backend import Rendering, RenderSettings
+from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
+from desplat_ns.gaussians.activation import clamp_colors, sigmoid
+from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
+from tests.backend.scenes import (
     BACKENDS,
     PARAMETERS,
     Backend,
@@ -25,12 +28,9 @@ from scenes import (
     one_gaussian,
     random_scene,
 )
-from torch import Tensor
-
-from desplat_ns.backend import Rendering, RenderSettings
-from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
-from desplat_ns.gaussians.activation import clamp_colors, sigmoid
-from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
+from tests.stability.bounds import error_bounds
+from tests.stability.cases import hard, picked
+from tests.stability.measure import features
 
 few = settings(max_examples=8, derandomize=True, deadline=None)
 seeds = st.integers(0, 10_000)

@@ -4,7 +4,8 @@ import math
 
 import pytest
 import torch
-from reference import real_sh
+
+from tests.backend.reference import real_sh
 
 pytest.importorskip("numba")
 from desplat_ns.backend.numba_kernels.sh import BATCH, EvaluateColors, sh_terms

@@ -4,12 +4,11 @@ import pytest
 import torch
 
 pytest.importorskip("numba")
-from scenes import one_gaussian, random_scene
-
 from desplat_ns.backend import RenderSettings
 from desplat_ns.backend.numba_kernels.ewa import BATCH
 from desplat_ns.backend.numba_kernels.projection import Project, make_camera
 from desplat_ns.backend.projection import project
+from tests.backend.scenes import one_gaussian, random_scene
 
 EPS = torch.finfo(torch.float32).eps
 NAMES = ("means", "quats", "scales", "opacities")

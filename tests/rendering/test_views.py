@@ -5,25 +5,7 @@ from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.data.training_views import train_index
 from desplat_ns.rendering.views import view_of, world_to_camera
-
-
-def looking_along_y() -> torch.Tensor:
-    """A camera at (1, 2, 3) that looks along +y with z up, in nerfstudio's (OpenGL) axes."""
-    right, up, back = [1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]
-    return torch.tensor([[right[i], up[i], back[i], [1.0, 2, 3][i]] for i in range(3)])
-
-
-def cameras(width: int = 101, height: int = 51, **kwargs) -> Cameras:
-    return Cameras(
-        camera_to_worlds=looking_along_y()[None],
-        fx=80.0,
-        fy=90.0,
-        cx=50.0,
-        cy=25.0,
-        width=width,
-        height=height,
-        **kwargs,
-    )
+from tests.helpers.cameras import cameras, looking_along_y
 
 
 def project(camera: Cameras, point: list[float], downscale: int = 1) -> torch.Tensor:

@@ -2,12 +2,12 @@
 
 import pytest
 import torch
-from test_cameras import cameras
-from test_model import Trainer, make_model
 
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.rendering.views import view_of
 from desplat_ns.separation.clearance import EXTINGUISHED, Clearance, scene_starts
+from tests.helpers.cameras import cameras
+from tests.helpers.small_model import Trainer, make_model
 
 EYE = torch.tensor([1.0, 2.0, 3.0])
 """Of `cameras()`, which looks along +y."""

@@ -6,10 +6,10 @@ import re
 import jaxtyping
 import pytest
 import torch
-from scenes import PARAMETERS, TestScene, random_scene
 
 from desplat_ns.backend import RenderSettings, Splats, resolve
 from desplat_ns.backend.inputs import check_inputs, sound
+from tests.backend.scenes import PARAMETERS, TestScene, random_scene
 
 GOOD = {
     "means": torch.ones(2, 3),

@@ -7,9 +7,6 @@ from typing import Any
 import pytest
 import torch
 from nerfstudio.engine.optimizers import Optimizers
-from test_model import NUM_VIEWS, camera, make_model
-from test_trainer import StubModel, assert_same, resumed, set_up, train
-from test_trainer import config as config  # a fixture
 from torch import Tensor
 
 from desplat_ns.errors import ConfigError, TrainingError
@@ -25,6 +22,9 @@ from desplat_ns.training.step_guard import (
     check_parameters,
     find_fault,
 )
+from tests.helpers.small_model import NUM_VIEWS, camera, make_model
+from tests.helpers.stub_run import StubModel, assert_same, resumed, set_up, train
+from tests.helpers.stub_run import config as config  # a fixture
 
 NAN, INF = float("nan"), float("inf")
 

@@ -1,0 +1,77 @@
+"""A model of a few Gaussians, and the part of nerfstudio's training loop that touches it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.data.scene_box import SceneBox
+
+from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+
+WIDTH, HEIGHT, NUM_VIEWS = 24, 20, 3
+
+
+def cameras() -> Cameras:
+    """Three cameras in a row that look at the origin from z = 3."""
+    poses = torch.eye(4)[:3].repeat(NUM_VIEWS, 1, 1)
+    poses[:, 2, 3] = 3.0
+    poses[:, 0, 3] = torch.tensor([-0.2, 0.0, 0.2])
+    return Cameras(poses, 20.0, 20.0, WIDTH / 2, HEIGHT / 2, WIDTH, HEIGHT)
+
+
+def camera(train_idx: int | None = None, **metadata: Any) -> Cameras:
+    one = cameras()[:1]
+    if train_idx is not None:
+        one = cameras()[train_idx : train_idx + 1]
+        metadata["train_idx"] = torch.tensor([[train_idx]])
+    one.metadata = metadata
+    return one
+
+
+def make_model(points: torch.Tensor | None = None, **config: Any) -> DeSplatModel:
+    torch.manual_seed(0)
+    if points is None:
+        points = torch.rand(30, 3) - 0.5
+    config = {"num_downscales": 0, "backend": "torch", "background_color": "black"} | config
+    config.setdefault("distractors", DistractorConfig(per_view=20))
+    return DeSplatModelConfig(**config).setup(
+        scene_box=SceneBox(torch.tensor([[-1.0] * 3, [1.0] * 3])),
+        num_train_data=NUM_VIEWS,
+        metadata={"train_cameras": cameras()},
+        seed_points=(points, torch.full((len(points), 3), 128, dtype=torch.uint8)),
+    )
+
+
+def distractors_of(model: DeSplatModel, view: int) -> torch.nn.ParameterDict:
+    assert model.distractors is not None
+    return model.distractors.params_of(view)
+
+
+class Trainer:
+    """The part of nerfstudio's training loop that touches the model."""
+
+    def __init__(self, model: DeSplatModel):
+        self.model = model
+        self.optimizers = {
+            name: torch.optim.Adam(params, lr=1e-4 if "means" in name else 1e-2)
+            for name, params in model.get_param_groups().items()
+            if params
+        }
+        self.photo = torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(1))
+
+    def step(self, step: int, view: int = 0) -> dict[str, Any]:
+        model = self.model
+        model.train()
+        model.step, model.optimizers = step, self.optimizers
+        for optimizer in self.optimizers.values():
+            optimizer.zero_grad()
+        outputs = model(camera(view))
+        losses = model.get_loss_dict(outputs, {"image": self.photo})
+        torch.stack(list(losses.values())).sum().backward()
+        for optimizer in self.optimizers.values():
+            optimizer.step()
+        model.step_post_backward(step)
+        return {"outputs": outputs, "losses": losses}

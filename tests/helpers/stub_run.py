@@ -1,0 +1,198 @@
+"""A run of the trainer on a stub of a pipeline, and equality to the last bit."""
+
+from __future__ import annotations
+
+import dataclasses
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from nerfstudio.configs.base_config import LocalWriterConfig, LoggingConfig, MachineConfig
+from nerfstudio.engine.optimizers import AdamOptimizerConfig
+from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
+from nerfstudio.pipelines.base_pipeline import Pipeline, VanillaPipelineConfig
+from nerfstudio.utils import writer
+from torch.nn import Parameter
+
+from desplat_ns.trainer import DeSplatTrainerConfig
+
+NOMINAL = 24
+
+
+class StubDatamanager:
+    """Draws training views without replacement, as the real one does."""
+
+    def __init__(self) -> None:
+        self.train_dataset = [0, 1, 2, 3, 4]
+        self.eval_dataset = None
+        self.left: list[int] = []
+
+    def next_view(self) -> int:
+        self.left = self.left or list(self.train_dataset)
+        return self.left.pop(random.randrange(len(self.left)))
+
+    def sampler_state(self) -> dict[str, Any]:
+        return {"left": list(self.left)}
+
+    def load_sampler_state(self, state: dict[str, Any]) -> None:
+        self.left = list(state["left"])
+
+    def get_train_rays_per_batch(self) -> int:
+        return 1
+
+
+class StubModel:
+    """What the trainer's guards ask of a model: one photo, nothing to forget, nothing culled."""
+
+    def __init__(self) -> None:
+        self.losses: dict[str, torch.Tensor] = {}
+        self.num_points = 1
+
+    def view_name(self) -> str:
+        return "a.jpg"
+
+    def drop_step(self) -> None:
+        pass
+
+    def gaussian_groups(self) -> set[str]:
+        return set()
+
+    def culled_static(self) -> int:
+        return 0
+
+
+class StubPipeline(Pipeline):
+    """Two groups of parameters whose loss depends on every random generator."""
+
+    def __init__(self, config: StubPipelineConfig, **_: Any) -> None:
+        super().__init__()
+        self.groups = torch.nn.ParameterDict(
+            {name: Parameter(torch.ones(config.size)) for name in config.groups}
+        )
+        self.datamanager: Any = StubDatamanager()
+        self._model: Any = StubModel()
+        self.at_step: Callable[[int], None] = lambda step: None
+        self.trained: list[int] = []
+
+    @property
+    def device(self) -> Any:
+        return "cpu"
+
+    def get_train_loss_dict(self, step: int) -> Any:
+        self.at_step(step)
+        self.trained.append(step)
+        target = torch.rand(4) + self.datamanager.next_view() + np.random.normal()
+        losses = [((p - target[: p.numel()]) ** 2).mean() for p in self.groups.values()]
+        return {}, {"loss": torch.stack(losses).sum()}, {}
+
+    def get_param_groups(self) -> dict[str, list[Parameter]]:
+        return {name: [parameter] for name, parameter in self.groups.items()}
+
+    def load_pipeline(self, loaded_state: dict[str, Any], step: int) -> None:
+        torch.nn.Module.load_state_dict(self, loaded_state)
+
+    def get_training_callbacks(self, training_callback_attributes: Any) -> list[Any]:
+        return []
+
+    def get_eval_image_metrics_and_images(self, step: int) -> Any:
+        draws = torch.rand(3).sum().item() + np.random.rand() + random.random()
+        return {"num_rays": 1, "draws": draws}, {}
+
+    get_eval_loss_dict = get_train_loss_dict
+
+    def get_average_eval_image_metrics(
+        self, step: int | None = None, output_path: Path | None = None, get_std: bool = False
+    ) -> Any:
+        return {}
+
+
+@dataclass
+class StubModelConfig:
+    """The field of the model's configuration that the trainer settles."""
+
+    schedule_scale: float | None = None
+
+
+@dataclass
+class StubPipelineConfig(VanillaPipelineConfig):
+    """Configures a StubPipeline."""
+
+    _target: type = field(default_factory=lambda: StubPipeline)
+    datamanager: Any = field(default_factory=lambda: SimpleNamespace(data=None))
+    model: Any = field(default_factory=StubModelConfig)
+    groups: tuple[str, ...] = ("means", "scales")
+    size: int = 4
+
+
+def decay() -> dict[str, Any]:
+    scheduler = ExponentialDecaySchedulerConfig(lr_final=1e-4, max_steps=NOMINAL)
+    return {"optimizer": AdamOptimizerConfig(lr=1e-2), "scheduler": scheduler}
+
+
+@pytest.fixture
+def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> DeSplatTrainerConfig:
+    monkeypatch.setattr(writer, "EVENT_WRITERS", [])  # nerfstudio keeps them for the process
+    constant = {"optimizer": AdamOptimizerConfig(lr=1e-2), "scheduler": None}
+    return DeSplatTrainerConfig(
+        method_name="stub",
+        output_dir=tmp_path,
+        timestamp="first",
+        machine=MachineConfig(device_type="cpu"),
+        logging=LoggingConfig(local_writer=LocalWriterConfig(enable=False)),
+        pipeline=StubPipelineConfig(),
+        optimizers={"means": decay(), "scales": constant, "extra": constant},
+        vis="tensorboard",
+        nominal_num_iterations=NOMINAL,
+        max_num_iterations=12,
+        steps_per_save=5,
+        save_only_latest_checkpoint=False,
+    )
+
+
+def set_up(config: DeSplatTrainerConfig, seed: int = 1) -> Any:
+    """A DeSplatTrainer with its StubPipeline, ready to train."""
+    for seeded in (random.seed, np.random.seed, torch.manual_seed):
+        seeded(seed)
+    trainer = config.setup()
+    trainer.setup()
+    return trainer
+
+
+def train(config: DeSplatTrainerConfig, seed: int = 1) -> Any:
+    trainer = set_up(config, seed)
+    trainer.train()
+    return trainer
+
+
+def resumed(config: DeSplatTrainerConfig, **changes: Any) -> DeSplatTrainerConfig:
+    """The configuration of a new run that goes on from this one's."""
+    defaults: dict[str, Any] = {"timestamp": "second", "load_dir": config.get_checkpoint_dir()}
+    return dataclasses.replace(
+        config,
+        pipeline=StubPipelineConfig(),
+        optimizers=config.optimizers,
+        **{**defaults, **changes},
+    )
+
+
+def assert_same(a: Any, b: Any, where: str = "") -> None:
+    """Equality to the last bit, all the way down."""
+    assert type(a) is type(b), where
+    if isinstance(a, dict):
+        assert a.keys() == b.keys(), where
+        for key in a:
+            assert_same(a[key], b[key], f"{where}/{key}")
+    elif isinstance(a, (list, tuple)):
+        assert len(a) == len(b), where
+        for i, (left, right) in enumerate(zip(a, b, strict=True)):
+            assert_same(left, right, f"{where}/{i}")
+    elif isinstance(a, torch.Tensor):
+        assert torch.equal(a, b), where
+    else:
+        assert a == b, where
