@@ -42,7 +42,7 @@ PACKAGE_FILL, MODULE_FILL, LINE = "#d9e8f5", "#f3e9d2", "#8a97a5"
 
 def room_of(module: str) -> str:
     """The room in which a module (`desplat_ns.data.colmap`) is; empty for the package itself."""
-    return (module.split(".") + [""])[1]
+    return [*module.split("."), ""][1]
 
 
 def module_of(path: Path) -> str:

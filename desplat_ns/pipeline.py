@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-import torch
 from nerfstudio.pipelines.base_pipeline import VanillaPipeline, VanillaPipelineConfig
 from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
-from torchvision.utils import save_image
 
 from desplat_ns.backend import Rasterizer
 from desplat_ns.console import list_names, progress_over
 from desplat_ns.data.training_views import image_names
 from desplat_ns.datamanager import DeSplatDataManager
-from desplat_ns.errors import CaptureError, CheckpointError, DeSplatError
+from desplat_ns.errors import CaptureError, CheckpointError
 from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
 from desplat_ns.evaluation.halves import RightHalf, RightHalfByLeft, ScoredLitModel
 from desplat_ns.evaluation.mask_scores import MaskedModel, score_masks
 from desplat_ns.evaluation.metrics import LPIPS_NET, LazyLpips
+from desplat_ns.evaluation.pictures import save_pictures
 from desplat_ns.evaluation.protocol import EvaluationProtocol
 from desplat_ns.evaluation.records import (
     CountedModel,
     ScoredImage,
+    check_finite,
     gaussian_counts,
     per_image,
     summarize,
@@ -172,7 +171,7 @@ class DeSplatPipeline(VanillaPipeline):
             results: dict[str, Any] = {**summarize(images, get_std)}
             results |= gaussian_counts(self._model)
             if get_std:
-                _check_finite(images)
+                check_finite(images)
                 results |= self._mask_scores()
                 results |= self._texts()
                 results["protocol"] = protocol.describe()
@@ -224,7 +223,7 @@ class DeSplatPipeline(VanillaPipeline):
                 name = names[int(batch.get("image_idx", index))]
                 scored, pictures = protocol.score(camera, batch, name)
                 images.append(scored)
-                _save(pictures, output_path, f"{prefix}_{{}}_{index:04d}.png")
+                save_pictures(pictures, output_path, f"{prefix}_{{}}_{index:04d}.png")
                 advance()
         return images
 
@@ -303,23 +302,3 @@ class DeSplatPipeline(VanillaPipeline):
 def _listed(label: str, keys: set[str]) -> str:
     named = f" ({list_names(sorted(keys), MAX_KEYS_LISTED)})" if keys else ""
     return f"{len(keys)} {label} parameters{named}"
-
-
-def _check_finite(images: list[ScoredImage]) -> None:
-    bad = [i.name for i in images if not all(math.isfinite(v) for v in i.metrics.values())]
-    if bad:
-        raise DeSplatError(
-            f"The renderings of {len(bad)} of {len(images)} images hold values that are not "
-            f"finite, the first being '{bad[0]}'. Training has diverged; evaluate an earlier "
-            "checkpoint by setting `load_step` in the run's config.yml, or train with lower "
-            "learning rates."
-        )
-
-
-def _save(pictures: dict[str, torch.Tensor], folder: Path | None, pattern: str) -> None:
-    """Write pictures [H, W, 3] in [0, 1] as PNG, under upstream's names."""
-    if folder is None:
-        return
-    folder.mkdir(parents=True, exist_ok=True)
-    for key, picture in pictures.items():
-        save_image(picture.permute(2, 0, 1).cpu(), folder / pattern.format(key))

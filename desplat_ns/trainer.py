@@ -7,10 +7,6 @@ from __future__ import annotations
 
 import copy
 import math
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -45,9 +41,7 @@ from desplat_ns.training.step_guard import (
     StepGuard,
     check_parameters,
 )
-
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-"""Ctrl+C, and what a batch system or a shutdown sends before it kills."""
+from desplat_ns.training.stop_signals import EndAtOnce, on_stop_signal
 
 
 @dataclass
@@ -166,7 +160,7 @@ class DeSplatTrainer(Trainer):
         self.config = copy.copy(whole)
         self.config.max_num_iterations = remaining
         try:
-            with self._finish_on_interrupt():
+            with on_stop_signal(self._stop_after_this_step):
                 super().train()
         finally:
             self.config = whole
@@ -298,35 +292,9 @@ class DeSplatTrainer(Trainer):
             self._waiting_in_viewer = True
             super()._train_complete_viewer()
 
-    @contextmanager
-    def _finish_on_interrupt(self) -> Iterator[None]:
-        """Within, the first of `STOP_SIGNALS` stops the run at the end of a step, and it is saved.
-
-        The next one ends it at once, and so does the first one while the viewer is kept open.
-        """
-        previous = {number: signal.getsignal(number) for number in STOP_SIGNALS}
-        in_main_thread = threading.current_thread() is threading.main_thread()
-        if None in previous.values() or not in_main_thread:
-            yield
-            return
-
-        def restore() -> None:
-            for number, handler in previous.items():
-                signal.signal(number, handler)
-
-        def stop(number: int, _: object) -> None:
-            restore()
-            if self._waiting_in_viewer:
-                if number == signal.SIGINT:
-                    raise KeyboardInterrupt
-                signal.raise_signal(number)
-            name = "Ctrl+C" if number == signal.SIGINT else signal.Signals(number).name
-            CONSOLE.print(f"[yellow]Stopping after this step; {name} again to stop at once.")
-            self.stop_training = True
-
-        for number in previous:
-            signal.signal(number, stop)
-        try:
-            yield
-        finally:
-            restore()
+    def _stop_after_this_step(self, name: str) -> None:
+        """What a stop signal does; once the viewer is kept open there is no step to wait for."""
+        if self._waiting_in_viewer:
+            raise EndAtOnce
+        CONSOLE.print(f"[yellow]Stopping after this step; {name} again to stop at once.")
+        self.stop_training = True

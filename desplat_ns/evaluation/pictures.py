@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
+from torch import Tensor
+from torchvision.utils import save_image
 
 Picture: TypeAlias = (
     UInt8[np.ndarray, "_ _ 3"]
@@ -92,3 +95,17 @@ def _write(
             text = text[:-1]
         text += "…"
     draw.text(position, text, fill=INK, font=font)
+
+
+def save_pictures(pictures: Mapping[str, Tensor], folder: Path | None, pattern: str) -> None:
+    """Write pictures [H, W, 3] in [0, 1] as PNG.
+
+    Args:
+        pictures: by name, which takes the place of {} in `pattern`, the file's name.
+        folder: made if it is not there; None to write nothing.
+    """
+    if folder is None:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    for key, picture in pictures.items():
+        save_image(picture.permute(2, 0, 1).cpu(), folder / pattern.format(key))

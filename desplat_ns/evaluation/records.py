@@ -13,6 +13,7 @@ from typing import Any, Protocol, runtime_checkable
 from torch import nn
 
 import desplat_ns
+from desplat_ns.errors import DeSplatError
 from desplat_ns.gaussians.distractors import DistractorGaussians
 
 PACKAGES = ("nerfstudio", "gsplat", "torch", "numpy", "numba")
@@ -62,6 +63,18 @@ def per_image(images: Sequence[ScoredImage]) -> list[dict[str, Any]]:
         | {key: value for key, value in image.metrics.items() if math.isfinite(value)}
         for image in images
     ]
+
+
+def check_finite(images: Sequence[ScoredImage]) -> None:
+    """Raise DeSplatError, naming an image, if a figure of any is not a finite number."""
+    bad = [i.name for i in images if not all(math.isfinite(v) for v in i.metrics.values())]
+    if bad:
+        raise DeSplatError(
+            f"The renderings of {len(bad)} of {len(images)} images hold values that are not "
+            f"finite, the first being '{bad[0]}'. Training has diverged; evaluate an earlier "
+            "checkpoint by setting `load_step` in the run's config.yml, or train with lower "
+            "learning rates."
+        )
 
 
 @runtime_checkable

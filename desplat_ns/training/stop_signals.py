@@ -1,0 +1,48 @@
+"""Ctrl+C and what a batch system sends: the first one asks a run to stop, the next one ends it."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+"""Ctrl+C, and what a batch system or a shutdown sends before it kills."""
+
+
+class EndAtOnce(Exception):
+    """Raised by what a signal calls: the process is to end as if nobody had caught the signal."""
+
+
+@contextmanager
+def on_stop_signal(stop: Callable[[str], None]) -> Iterator[None]:
+    """Within, the first of `STOP_SIGNALS` calls `stop` with its name; the next ends the process.
+
+    Outside of the main thread, which alone gets signals, nothing is caught.
+    """
+    previous = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if None in previous.values() or not in_main_thread:
+        yield
+        return
+
+    def restore() -> None:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+    def handle(number: int, _: object) -> None:
+        restore()
+        try:
+            stop("Ctrl+C" if number == signal.SIGINT else signal.Signals(number).name)
+        except EndAtOnce:
+            if number == signal.SIGINT:
+                raise KeyboardInterrupt from None
+            signal.raise_signal(number)
+
+    for number in previous:
+        signal.signal(number, handle)
+    try:
+        yield
+    finally:
+        restore()
