@@ -9,20 +9,23 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.machine import CHECKOUT
 from desplat_ns.errors import DeSplatError
 
-ENVIRONMENT = {
-    "PYTHONPATH": str(CHECKOUT),
-    "OMP_NUM_THREADS": "1",
-    "NUMBA_NUM_THREADS": "1",
-    "OMP_WAIT_POLICY": "passive",
-}
-"""One thread, so that runs beside each other disturb each other little."""
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
+"""So that runs beside each other disturb each other little: waiting threads sleep."""
 
 QUIET = ("--experiment-name", "x", "--timestamp", "run", "--vis", "tensorboard")
 QUIET += ("--steps-per-eval-image", "0", "--steps-per-eval-all-images", "0")
 """Options of ns-train: no viewer, no evaluation on the way, a folder of a known name."""
+
+
+def surroundings(**variables: str) -> dict[str, str]:
+    """The environment of a process that a study starts.
+
+    It imports what this process would, from a checkout as from an installed package.
+    """
+    found = os.pathsep.join(dict.fromkeys(os.path.abspath(place) for place in sys.path))
+    return os.environ | {"PYTHONPATH": found} | variables
 
 
 def run_command(line: list[object], log: Path, **environment: str) -> None:
@@ -38,7 +41,7 @@ def run_command(line: list[object], log: Path, **environment: str) -> None:
             command,
             stdout=file,
             stderr=subprocess.STDOUT,
-            env=os.environ | ENVIRONMENT | environment,
+            env=surroundings(**(ONE_THREAD | environment)),
         )
     if done.returncode != 0:
         raise DeSplatError(f"`{program}` failed. Its log: {log}")

@@ -23,7 +23,8 @@ from typing import Any
 
 import torch
 
-from benchmarks.machine import CHECKOUT, describe_machine
+from benchmarks.documents import CHECKOUT, DOCS
+from benchmarks.machine import describe_machine
 
 # What is done to them is the tests'.
 sys.path[:0] = [str(CHECKOUT / "tests" / folder) for folder in ("backend", "stability")]
@@ -100,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("--quick measures nothing to keep: name a folder with --output")
     torch.set_num_threads(1)
     kills, inputs = (2, 3) if chosen.quick else (KILLS, INPUTS)
-    folder = chosen.output or CHECKOUT / "docs"
+    folder = chosen.output or DOCS
     path = folder / RECORD
     record = json.loads(path.read_text()) if chosen.only else {}
     record["machine"] = describe_machine()

@@ -5,18 +5,17 @@ from __future__ import annotations
 import datetime
 import os
 import platform
-import subprocess
 from importlib.metadata import version
 from pathlib import Path
 
+from benchmarks.code_version import code_version
 from benchmarks.timing import all_cores
 
-CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGES = ("torch", "numba", "llvmlite", "numpy", "gsplat", "pytorch-msssim")
 
 
 def describe_machine() -> dict[str, str]:
-    """Processor, caches, memory, system, versions, commit and date."""
+    """Processor, caches, memory, system, versions, commit and date, each as a text to print."""
     return {
         "Processor": _processor(),
         "Cores used": f"1, and {all_cores()}",
@@ -26,7 +25,7 @@ def describe_machine() -> dict[str, str]:
         "Load before the run": _load(),
         "Python": platform.python_version(),
         **{name: version(name) for name in PACKAGES},
-        "Commit": _commit() or "not a git checkout",
+        "Commit": code_version(),
         "Date": datetime.datetime.now(datetime.timezone.utc).date().isoformat(),
     }
 
@@ -73,13 +72,3 @@ def _distribution() -> str:
 def _load() -> str:
     """Other programs at work would lengthen wall times first, then CPU times."""
     return f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
-
-
-def _commit() -> str | None:
-    """The commit at hand, marked where files differ from it."""
-    command = ["git", "describe", "--always", "--dirty=, with changes", "--exclude=*"]
-    try:
-        found = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return None
-    return found.stdout.strip()

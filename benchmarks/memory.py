@@ -11,7 +11,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+from benchmarks.commands import surroundings
 
 TINY = (200, 64, 48)
 """Count, width and height of the scene that pays for imports, compilation and thread pools."""
@@ -23,8 +23,14 @@ def measure_peak(name: str, size: tuple[int, int, int]) -> float | None:
     In a subprocess with all cores. None where the system does not tell (no Linux /proc).
     """
     arguments = [sys.executable, "-m", "benchmarks.memory", name, *map(str, size)]
-    found = subprocess.run(arguments, cwd=CHECKOUT, check=True, capture_output=True, text=True)
-    answer = found.stdout.split()[-1]
+    done = subprocess.run(
+        arguments,
+        env=surroundings(OMP_WAIT_POLICY="passive"),
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    answer = done.stdout.split()[-1]
     return None if answer == "n/a" else float(answer)
 
 

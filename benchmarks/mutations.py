@@ -22,9 +22,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.machine import CHECKOUT
+from benchmarks.documents import CHECKOUT, DOCS
 
-RECORD = CHECKOUT / "docs" / "stability.json"
+RECORD = DOCS / "stability.json"
 
 TIMEOUT = 600
 """Seconds; what hangs is noticed, too."""

@@ -26,13 +26,13 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.commands import QUIET, made, run_command
-from benchmarks.machine import CHECKOUT
+from benchmarks.documents import CHECKOUT, DOCS, OUTPUTS
 from benchmarks.tables import table
 from desplat_ns.errors import DeSplatError
 from desplat_ns.synthetic import SceneSpec, write_scene
 
-RECORDS = CHECKOUT / "docs" / "photo_tourism.json"
-REPORT = CHECKOUT / "docs" / "photo_tourism.md"
+RECORDS = DOCS / "photo_tourism.json"
+REPORT = DOCS / "photo_tourism.md"
 TEMPLATE = Path(__file__).with_name("photo_tourism.md.template")
 
 EFFECTS = "--pipeline.model.effects"
@@ -204,7 +204,7 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1, help="runs beside each other (%(default)s)")
     parser.add_argument("--only", nargs="+", default=["*"], help="runs by name, e.g. '*-yard'")
     parser.add_argument("--report", action="store_true", help="only write the document")
-    folder = CHECKOUT / "outputs" / "photo_tourism"
+    folder = OUTPUTS / "photo_tourism"
     parser.add_argument("--output", type=Path, default=folder, help="of the runs")
     chosen, known, done = parser.parse_args(), load(), [True]
     if not chosen.report:

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from benchmarks.accuracy import measure_errors
 from benchmarks.contenders import Contender, contenders, squares_yardstick
+from benchmarks.documents import DOCS
 from benchmarks.growth import measure_growth
-from benchmarks.machine import CHECKOUT, describe_machine
+from benchmarks.machine import describe_machine
 from benchmarks.memory import measure_peak
 from benchmarks.pairs import count_pairs
 from benchmarks.peak import peak_rates
@@ -54,7 +55,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     if chosen.output is None:
         if chosen.quick:
             parser.error("--quick measures nothing to keep: name a folder with --output")
-        chosen.output = CHECKOUT / "docs"
+        chosen.output = DOCS
     return chosen
 
 

@@ -22,7 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.machine import CHECKOUT, describe_machine
+from benchmarks.documents import DOCS
+from benchmarks.machine import describe_machine
 from benchmarks.memory import status_mib
 
 RECORD = "soak.json"
@@ -173,7 +174,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if chosen.quick and chosen.output is None:
         parser.error("--quick measures nothing to keep: name a folder with --output")
     soak = soaked(3 * EVERY if chosen.quick else STEPS)
-    folder = chosen.output or CHECKOUT / "docs"
+    folder = chosen.output or DOCS
     folder.mkdir(parents=True, exist_ok=True)
     (folder / RECORD).write_text(json.dumps(asdict(soak), indent=1) + "\n")
     print(describe(soak))

@@ -23,8 +23,8 @@ from string import Template
 
 import torch
 
+from benchmarks.documents import CHECKOUT, DOCS
 from benchmarks.fault_tables import fault_figures
-from benchmarks.machine import CHECKOUT
 from benchmarks.mutations import MUTATIONS, record
 from benchmarks.tables import table
 
@@ -155,7 +155,7 @@ def write_report(folder: Path, cases: Sequence[Case], inputs: int) -> Path:
         fuzz=fuzz,
         slowest=f"{slowest:.1f}",
         **mutation_figures(),
-        **fault_figures(CHECKOUT / "docs"),
+        **fault_figures(DOCS),
     )
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / REPORT
@@ -177,7 +177,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("--quick measures nothing to keep: name a folder with --output")
     torch.set_num_threads(1)
     cases, inputs = (CASES[:3], 5) if chosen.quick else (CASES, INPUTS)
-    print(write_report(chosen.output or CHECKOUT / "docs", cases, inputs))
+    print(write_report(chosen.output or DOCS, cases, inputs))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from benchmarks.machine import CHECKOUT
+from benchmarks.documents import OUTPUTS
 from benchmarks.separation import records
 from benchmarks.separation.execute import execute
 from benchmarks.separation.report import write_report
@@ -35,9 +35,7 @@ def parse_arguments() -> argparse.Namespace:
     )
     parser.add_argument("--list", action="store_true", help="name the missing runs and stop")
     parser.add_argument("--report", action="store_true", help="only write the document")
-    parser.add_argument(
-        "--output", type=Path, default=CHECKOUT / "outputs" / "separation", help="of the runs"
-    )
+    parser.add_argument("--output", type=Path, default=OUTPUTS / "separation", help="of the runs")
     return parser.parse_args()
 
 

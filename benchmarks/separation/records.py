@@ -6,12 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-from benchmarks.machine import CHECKOUT
+from benchmarks.documents import DOCS
 from benchmarks.separation.runs import SETTINGS, Run
 
-FILE = CHECKOUT / "docs" / "separation.json"
+FILE = DOCS / "separation.json"
 
-BEFORE = CHECKOUT / "docs" / "separation_before.json"
+BEFORE = DOCS / "separation_before.json"
 """The same of commit e944f25, whose refinements were as far apart as its schedules said: every 10
 steps in short runs, every 100 in those of 30,000. Nothing writes to it any more."""
 

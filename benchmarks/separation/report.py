@@ -8,13 +8,13 @@ from statistics import median
 from string import Template
 from typing import Any
 
-from benchmarks.machine import CHECKOUT
+from benchmarks.documents import DOCS
 from benchmarks.separation import one_pixel
 from benchmarks.separation.runs import ABLATIONS, CLEAN, HARD, OTHERS, SEEDS, SETTINGS, Run
 from benchmarks.tables import table
 
 TEMPLATE = Path(__file__).with_name("separation.md.template")
-FOLDER = CHECKOUT / "docs"
+FOLDER = DOCS
 REPORT, FIGURE = "separation.md", "separation.png"
 NOT_YET = "not measured"
 

@@ -14,7 +14,7 @@ import numpy as np
 from nerfstudio.utils.eval_utils import eval_setup
 from PIL import Image
 
-from benchmarks.machine import CHECKOUT
+from benchmarks.documents import DOCS, OUTPUTS
 from benchmarks.separation.runs import HARD, PLAN, SETTINGS, Run
 from desplat_ns.errors import DeSplatError
 from desplat_ns.mask_scores import METADATA_KEY, read_mask
@@ -35,11 +35,9 @@ def parse_arguments() -> argparse.Namespace:
     )
     parser.add_argument("--runs", nargs="+", default=HARD_RUNS, help="names, as --list gives them")
     parser.add_argument("--view", type=int, default=VIEW, help="training view (%(default)s)")
+    parser.add_argument("--trained", type=Path, default=OUTPUTS / "separation", help="of the study")
     parser.add_argument(
-        "--trained", type=Path, default=CHECKOUT / "outputs" / "separation", help="of the study"
-    )
-    parser.add_argument(
-        "--output", type=Path, default=CHECKOUT / "docs" / "separation_hard.jpg", help="the sheet"
+        "--output", type=Path, default=DOCS / "separation_hard.jpg", help="the sheet"
     )
     return parser.parse_args()
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.machine import CHECKOUT, describe_machine
+from benchmarks.documents import CHECKOUT
+from benchmarks.machine import describe_machine
 from benchmarks.run import main
 
 SECTIONS = (

@@ -7,11 +7,9 @@ import json
 import pytest
 
 from benchmarks import faults, soak
+from benchmarks.documents import DOCS
 from benchmarks.fault_tables import fault_figures, kill_figures, soak_figures
-from benchmarks.machine import CHECKOUT
 from benchmarks.soak import Sample, Soak
-
-DOCS = CHECKOUT / "docs"
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.machine import CHECKOUT
+from benchmarks.documents import CHECKOUT
 from benchmarks.mutations import MUTATIONS, Mutation, copy_of_the_checkout, mutated, record
 from benchmarks.mutations import noticed_by as first_that_fails
 from benchmarks.stability import CASES, FORMULA_CASES, main
