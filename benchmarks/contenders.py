@@ -1,4 +1,4 @@
-"""What is compared: every backend that can run here, and the yardstick."""
+"""What is compared: every backend that can run here, or any other rasterizer."""
 
 from __future__ import annotations
 
@@ -13,17 +13,12 @@ from unittest import mock
 import torch
 from torch import Tensor
 
-from benchmarks.yardstick import Yardstick
-from benchmarks.yardstick_squares import SquaresYardstick
 from desplat_ns.backend import Rasterizer, Rendering, registry, resolve
 from desplat_ns.backend.projection import ProjectedSplats
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 
-YARDSTICK, SQUARES = Yardstick.name, SquaresYardstick.name
-
-_SEAMS = {"numba": "_project", "torch": "project", YARDSTICK: "project", SQUARES: "project"}
-"""The name under which a rasterizer's module calls the projection. All call lists `tile_lists`, so
-that these two parts can be timed, or left out, without copying a rasterizer."""
+SEAMS = {"numba": "_project", "torch": "project"}
+"""Backends whose parts can be timed one by one: see `Contender.seam`."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +28,11 @@ class Contender:
     name: str
     device: str
     rasterizer: Rasterizer
+    seam: str | None = None
+    """The name under which the rasterizer's module calls the projection, if it calls the binning
+    `tile_lists`: these two parts can then be timed, or left out, without copying a rasterizer."""
+    address: str = ""
+    """`module:ATTRIBUTE` under which another process finds it, unless it is a backend."""
 
     @property
     def module(self) -> ModuleType:
@@ -41,11 +41,12 @@ class Contender:
     @property
     def has_seams(self) -> bool:
         """Whether its parts can be timed one by one."""
-        return self.name in _SEAMS
+        return self.seam is not None
 
     def project(self, splats: Splats, view: View, settings: RenderSettings) -> ProjectedSplats:
         """Its own projection."""
-        return getattr(self.module, _SEAMS[self.name])(splats, view, settings)
+        assert self.seam is not None, f"{self.name} has no parts"
+        return getattr(self.module, self.seam)(splats, view, settings)
 
     @contextmanager
     def with_parts(
@@ -56,7 +57,8 @@ class Contender:
             if projected is None:
                 yield
                 return
-            with mock.patch.object(self.module, _SEAMS[self.name], lambda *_: projected):
+            assert self.seam is not None, f"{self.name} has no parts"
+            with mock.patch.object(self.module, self.seam, lambda *_: projected):
                 yield
 
     def parts(
@@ -75,23 +77,32 @@ class Contender:
         return projected, kept[0]
 
 
-def contenders() -> tuple[list[Contender], dict[str, str]]:
-    """The yardstick first, then every backend that can run here; the others with their reasons."""
-    found, missing = [Contender(YARDSTICK, "cpu", Yardstick())], {}
+def backends() -> tuple[list[Contender], dict[str, str]]:
+    """Every backend that can run here; the others with their reasons."""
+    found, missing = [], {}
     for name, reason in registry.available("cpu").items():
         device = "cpu"
         if reason is not None and torch.cuda.is_available():
             device, reason = "cuda", registry.available("cuda")[name]
         if reason is None:
-            found.append(Contender(name, device, resolve(name, device)))  # pyright: ignore[reportArgumentType]
+            rasterizer = resolve(name, device)  # pyright: ignore[reportArgumentType]
+            found.append(Contender(name, device, rasterizer, SEAMS.get(name)))
         else:
             missing[name] = reason
     return found, missing
 
 
-def squares_yardstick() -> Contender:
-    """Takes part in the timing of rasterizers only: its picture is another one."""
-    return Contender(SQUARES, "cpu", SquaresYardstick())
+def contender_called(name: str) -> Contender:
+    """The contender that another process was told of on its command line.
+
+    Args:
+        name: of a backend that can run here, or a Contender's `address`.
+    """
+    module, _, attribute = name.partition(":")
+    if attribute:
+        return getattr(importlib.import_module(module), attribute)
+    (contender,) = (c for c in backends()[0] if c.name == name)
+    return contender
 
 
 PROJECTED = ("means2d", "conics", "depths", "opacities", "colors")

@@ -1,6 +1,8 @@
 """Peak memory of one forward + backward, in a process of its own.
 
 python -m benchmarks.memory NAME COUNT WIDTH HEIGHT      prints MiB, or n/a
+
+NAME is a backend's, or `module:ATTRIBUTE` of another contender.
 """
 
 from __future__ import annotations
@@ -10,19 +12,24 @@ import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from benchmarks.commands import surroundings
+
+if TYPE_CHECKING:
+    from benchmarks.contenders import Contender
 
 TINY = (200, 64, 48)
 """Count, width and height of the scene that pays for imports, compilation and thread pools."""
 
 
-def measure_peak(name: str, size: tuple[int, int, int]) -> float | None:
-    """MiB above what the process held before, of contender `name` on the scene of `size`.
+def measure_peak(contender: Contender, size: tuple[int, int, int]) -> float | None:
+    """MiB above what the process held before, of a contender on the scene of `size`.
 
     In a subprocess with all cores. None where the system does not tell (no Linux /proc).
     """
-    arguments = [sys.executable, "-m", "benchmarks.memory", name, *map(str, size)]
+    arguments = [sys.executable, "-m", "benchmarks.memory"]
+    arguments += [contender.address or contender.name, *map(str, size)]
     done = subprocess.run(
         arguments,
         env=surroundings(OMP_WAIT_POLICY="passive"),
@@ -49,13 +56,17 @@ def _return_free_memory() -> None:
 
 
 def peak_in_this_process(name: str, size: tuple[int, int, int]) -> float:
-    """As `measure_peak`, here and now. Raises OSError where the system does not tell."""
-    from benchmarks.contenders import contenders
+    """As `measure_peak`, here and now. Raises OSError where the system does not tell.
+
+    Args:
+        name: see `contender_called`.
+    """
+    from benchmarks.contenders import contender_called
     from benchmarks.rasterizing import SETTINGS, forward_and_both
     from benchmarks.scenes import Scene, make_scene, tensors_of
     from desplat_ns.backend import Rendering
 
-    (contender,) = (c for c in contenders()[0] if c.name == name)
+    contender = contender_called(name)
 
     def run(scene: Scene) -> None:
         splats = scene.splats()

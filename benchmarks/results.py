@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from benchmarks.accuracy import Errors
-from benchmarks.contenders import YARDSTICK
 from benchmarks.growth import Point
 from benchmarks.pairs import Pairs
 from benchmarks.rasterizing import BLENDING, Row
 from benchmarks.steps import StepTimes
 from benchmarks.timing import Timing
+from benchmarks.yardstick import YARDSTICK
 
 
 @dataclass
@@ -48,7 +48,7 @@ class Results:
 
     def speedup(self, row: Row) -> float:
         """CPU time of the yardstick's forward + backward over that of `row`."""
-        yardstick = self.row(row.scene, YARDSTICK, row.part, row.threads)
+        yardstick = self.row(row.scene, YARDSTICK.name, row.part, row.threads)
         return yardstick.both.cpu_ms / row.both.cpu_ms
 
     def step(self, scene: str, name: str, threads: int = 1) -> StepTimes:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.accuracy import measure_errors
-from benchmarks.contenders import Contender, contenders, squares_yardstick
+from benchmarks.contenders import Contender, backends
 from benchmarks.documents import DOCS
 from benchmarks.growth import measure_growth
 from benchmarks.machine import describe_machine
@@ -24,6 +24,8 @@ from benchmarks.results import Results
 from benchmarks.scenes import Scene, make_scene
 from benchmarks.steps import time_adam, time_steps
 from benchmarks.timing import thread_counts
+from benchmarks.yardstick import YARDSTICK
+from benchmarks.yardstick_squares import SQUARES
 
 SIZES = {(20_000, 480, 270): (6, 5), (100_000, 648, 420): (6, 3)}
 """Gaussians, width, height; and how many turns every case has, and every slow one."""
@@ -61,7 +63,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 def measure(quick: bool) -> Results:
     """The whole run."""
-    everyone, missing = contenders()
+    found, missing = backends()
+    everyone = [YARDSTICK, *found]
     results = Results(describe_machine(), missing)
     say("peak of a core")
     results.peaks = peak_rates(0.02 if quick else 0.5)
@@ -71,7 +74,7 @@ def measure(quick: bool) -> Results:
             continue
         for contender in (c for c in everyone if c.device == "cpu"):
             say(f"{results.scenes[-1]}: peak memory of {contender.name}")
-            results.memory[results.scenes[-1], contender.name] = measure_peak(contender.name, size)
+            results.memory[results.scenes[-1], contender.name] = measure_peak(contender, size)
     say("growth")
     (grown,) = (c for c in everyone if c.name == "numba")
     results.growth = measure_growth(grown, 1 if quick else 5, quick)
@@ -88,7 +91,7 @@ def measure_scene(
     say(f"{scene.name}: errors")
     results.errors += measure_errors(scene, everyone)
     small = len(scene.params["means"]) <= SQUARES_UP_TO
-    racers = [*everyone, squares_yardstick()] if small else everyone
+    racers = [*everyone, SQUARES] if small else everyone
     for number in thread_counts():
         say(f"{scene.name}: rasterizers, threads: {number}")
         results.rows += time_rasterizers(scene, racers, number, rounds)

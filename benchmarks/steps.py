@@ -11,10 +11,11 @@ from pytorch_msssim import ssim as msssim_ssim
 from torch import Tensor, nn
 from torch.optim import Adam, Optimizer
 
-from benchmarks.contenders import YARDSTICK, Contender
+from benchmarks.contenders import Contender
 from benchmarks.scenes import Scene
 from benchmarks.timing import Timing, threads, time_in_turns
 from benchmarks.training_step import OTHER, PARTS, Clock, TrainingStep
+from benchmarks.yardstick import YARDSTICK
 from desplat_ns.fast_ssim import ssim
 
 EPS = 1e-15
@@ -63,7 +64,7 @@ def time_steps(
     """Time the steps of all contenders that have parts, with `number` threads."""
     steps = {}
     for c in contenders:
-        if c.name == YARDSTICK:
+        if c.name == YARDSTICK.name:
             steps[c.name] = TrainingStep(scene, c, plain_ssim, plain_adam)
         elif c.has_seams:
             steps[c.name] = TrainingStep(scene, c, ssim, product_adam)

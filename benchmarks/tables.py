@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from benchmarks.contenders import YARDSTICK
 from benchmarks.peak import FLOPS_BACKWARD, FLOPS_FORWARD
 from benchmarks.rasterizing import BLENDING, WHOLE
 from benchmarks.results import Results
@@ -12,6 +11,7 @@ from benchmarks.scenes import PARAMETERS
 from benchmarks.targets import targets
 from benchmarks.timing import Timing
 from benchmarks.training_step import OTHER, PARTS
+from benchmarks.yardstick import YARDSTICK
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -65,7 +65,7 @@ def step_table(results: Results, scene: str, threads: int) -> str:
     total = [c for s in steps for c in (with_range(s.whole), "100%")]
     rows.append(["**uninterrupted step**", *total])
     rows.append(["its wall time", *(c for s in steps for c in (f"{s.whole.wall_ms:.1f}", ""))])
-    slow = results.step(scene, YARDSTICK, threads).whole.cpu_ms
+    slow = results.step(scene, YARDSTICK.name, threads).whole.cpu_ms
     rows.append(["yardstick / this", *(c for s in steps for c in (_ratio(slow, s.whole), ""))])
     title = f"{scene}, {threads} thread{'s' * (threads > 1)}, CPU ms"
     return table([title, *(c for s in steps for c in (s.name, ""))], rows)

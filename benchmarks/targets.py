@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from benchmarks.accuracy import FLIP_BUDGET
-from benchmarks.contenders import SQUARES, YARDSTICK
 from benchmarks.peak import FLOPS_FORWARD
 from benchmarks.rasterizing import BLENDING, WHOLE
 from benchmarks.results import Results
 from benchmarks.training_step import DRAW, OTHER, PULL
+from benchmarks.yardstick import YARDSTICK
+from benchmarks.yardstick_squares import SQUARES
 
 SPEEDUP, STRETCH, STEP_SPEEDUP = 35, 60, 15
 """Times as fast as the yardstick; the whole step against the one with the yardstick."""
@@ -53,7 +54,7 @@ def _against_squares(results: Results, scene: str) -> list[Target]:
     ratios = [
         row.both.cpu_ms / ours
         for row in results.rows
-        if (row.scene, row.contender, row.part, row.threads) == (scene, SQUARES, BLENDING, 1)
+        if (row.scene, row.contender, row.part, row.threads) == (scene, SQUARES.name, BLENDING, 1)
     ]
     return [Target(text, f"{ratio:.1f} x", ratio >= SPEEDUP) for ratio in ratios]
 
@@ -62,7 +63,7 @@ def _in_step(results: Results, scene: str) -> Target:
     """Blending within a training step, whose memory is in use already."""
     ms = [
         sum(results.step(scene, name).parts[part] for part in (DRAW, PULL))
-        for name in (YARDSTICK, "numba")
+        for name in (YARDSTICK.name, "numba")
     ]
     text = f"{scene}: draw + pull of a training step, at least {SPEEDUP} x"
     return Target(text, f"{ms[0] / ms[1]:.1f} x", ms[0] / ms[1] >= SPEEDUP)
@@ -77,7 +78,7 @@ def _fma_share(results: Results, scene: str) -> Target:
 
 def _step(results: Results, scene: str) -> list[Target]:
     step = results.step(scene, "numba")
-    speedup = results.step(scene, YARDSTICK).whole.cpu_ms / step.whole.cpu_ms
+    speedup = results.step(scene, YARDSTICK.name).whole.cpu_ms / step.whole.cpu_ms
     others = {k: v / step.whole.cpu_ms for k, v in step.parts.items() if k not in (DRAW, PULL)}
     largest = max(others, key=lambda part: others[part])
     explained = step.share_explained

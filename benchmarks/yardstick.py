@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
+from benchmarks.contenders import Contender
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
 from desplat_ns.backend.projection import ProjectedSplats, project
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
@@ -77,3 +78,8 @@ def _weights(projected: ProjectedSplats, ids: Tensor, listed: Tensor, pixels: Te
     behind = torch.cumprod(1 - alpha, dim=1)
     before = torch.cat([torch.ones_like(behind[:, :1]), behind[:, :-1]], dim=1)
     return torch.where(behind > TRANSMITTANCE_MIN, alpha * before, 0.0)
+
+
+YARDSTICK = Contender(
+    Yardstick.name, "cpu", Yardstick(), seam="project", address=f"{__name__}:YARDSTICK"
+)

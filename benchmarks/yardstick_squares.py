@@ -8,6 +8,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from benchmarks.contenders import Contender
 from benchmarks.yardstick import draw
 from desplat_ns.backend.projection import ProjectedSplats, project
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
@@ -42,3 +43,7 @@ def squares(means2d: Tensor, radii: Tensor, grid: tuple[int, int]) -> tuple[Tens
     low = torch.minimum(((means2d - radii) / TILE).floor().clamp(min=0), limit).long()
     high = torch.minimum(((means2d + radii) / TILE).ceil().clamp(min=0), limit).long()
     return low, torch.maximum(low, high)
+
+
+SQUARES = Contender(SquaresYardstick.name, "cpu", SquaresYardstick(), seam="project")
+"""Takes part in the timing of rasterizers only: its picture is another one."""

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from benchmarks.accuracy import FLIP, measure_errors
-from benchmarks.contenders import Contender, contenders
+from benchmarks.contenders import Contender, backends
 from benchmarks.scenes import make_scene
 from desplat_ns.backend import Rendering, resolve
 
@@ -54,6 +54,6 @@ def test_a_wrong_gradient_is_found():
 
 def test_every_backend_here_is_within_the_budget():
     """Float32 rounds at 6e-8; 60 Gaussians blend in a pixel, 10 operations each."""
-    for found in measure_errors(SCENE, [c for c in contenders()[0] if c.device == "cpu"]):
+    for found in measure_errors(SCENE, [c for c in backends()[0] if c.device == "cpu"]):
         assert found.flipped <= 1 / (64 * 48), found
         assert max(found.gradients.values()) < 60 * 10 * 6e-8 * 10, found

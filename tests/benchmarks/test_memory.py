@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.memory import peak_in_this_process
+from benchmarks.yardstick import YARDSTICK
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/clear_refs").exists(), reason="needs Linux's /proc/self/clear_refs"
@@ -15,7 +16,7 @@ pytestmark = pytest.mark.skipif(
 def test_the_yardstick_holds_what_its_graph_must():
     """At least alpha, transmittance, weight, exponent, dx and dy of every listed pair, float32."""
     try:
-        found = peak_in_this_process("yardstick", (2000, 160, 120))
+        found = peak_in_this_process(YARDSTICK.address, (2000, 160, 120))
     except OSError as error:
         pytest.skip(f"the system does not tell the peak: {error}")
     from benchmarks.pairs import count_pairs

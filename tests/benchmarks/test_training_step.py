@@ -3,13 +3,14 @@ from __future__ import annotations
 import pytest
 import torch
 
-from benchmarks.contenders import contenders
+from benchmarks.contenders import backends
 from benchmarks.scenes import make_scene
 from benchmarks.steps import plain_adam, plain_ssim
 from benchmarks.training_step import PARTS, TrainingStep
+from benchmarks.yardstick import YARDSTICK
 from desplat_ns.fast_ssim import ssim
 
-CONTENDERS = [c for c in contenders()[0] if c.has_seams]
+CONTENDERS = [YARDSTICK, *(c for c in backends()[0] if c.has_seams)]
 
 
 @pytest.fixture(params=CONTENDERS, ids=lambda c: c.name)
