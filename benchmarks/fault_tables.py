@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import faults, soak
-from benchmarks.tables import table
+from benchmarks.markdown import table
 
 
 def fault_figures(folder: Path) -> dict[str, str]:

@@ -27,7 +27,7 @@ from PIL import Image
 
 from benchmarks.commands import QUIET, made, run_command
 from benchmarks.documents import CHECKOUT, DOCS, OUTPUTS
-from benchmarks.tables import table
+from benchmarks.markdown import table
 from desplat_ns.errors import DeSplatError
 from desplat_ns.synthetic import SceneSpec, write_scene
 

@@ -25,8 +25,8 @@ import torch
 
 from benchmarks.documents import CHECKOUT, DOCS
 from benchmarks.fault_tables import fault_figures
+from benchmarks.markdown import table
 from benchmarks.mutations import MUTATIONS, record
-from benchmarks.tables import table
 
 # The catalogue is the tests', and stands on the contract suite's scenes.
 sys.path[:0] = [str(CHECKOUT / "tests" / folder) for folder in ("backend", "stability")]

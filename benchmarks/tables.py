@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
+from benchmarks.markdown import table
 from benchmarks.peak import FLOPS_BACKWARD, FLOPS_FORWARD
 from benchmarks.rasterizing import BLENDING, WHOLE
 from benchmarks.results import Results
@@ -12,12 +11,6 @@ from benchmarks.targets import targets
 from benchmarks.timing import Timing
 from benchmarks.training_step import OTHER, PARTS
 from benchmarks.yardstick import YARDSTICK
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table; all columns but the first are aligned to the right."""
-    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def milliseconds(value: float) -> str:
