@@ -43,9 +43,9 @@ bench: $(STAMP)
 	$(PY) -m benchmarks $(BENCH_ARGS)
 
 stability: $(STAMP)
-	$(PY) -m benchmarks.mutations
-	$(PY) -m benchmarks.faults
-	$(PY) -m benchmarks.soak
+	$(PY) -m benchmarks.stability.mutations
+	$(PY) -m benchmarks.stability.faults
+	$(PY) -m benchmarks.stability.soak
 	$(PY) -m benchmarks.stability
 
 study: $(STAMP)

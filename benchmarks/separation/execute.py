@@ -8,11 +8,11 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from benchmarks.commands import QUIET, made, run_command
-from benchmarks.separation.baselines import METHODS
 from benchmarks.separation.hard_cases import make_case
 from benchmarks.separation.runs import CLEAN, SCENES, SETTINGS, Run
 from desplat_ns.errors import DeSplatError
+from desplat_ns.studies.grid.commands import QUIET, made, run_command
+from desplat_ns.studies.reproduce.baselines import METHODS
 from desplat_ns.synthetic import write_scene
 
 _writing = Lock()
@@ -54,6 +54,6 @@ def execute(run: Run, folder: Path) -> dict[str, Any]:
     train += ["--max-num-iterations", run.steps, "--machine.seed", run.seed]
     train += ["--output-dir", output, *QUIET, *setting.options, *scene.parser]
     train += ["--downscale-factor", run.downscale] if run.downscale > 1 else []
-    command = ["python", "-m", "benchmarks.separation.train_and_score", results, *train]
+    command = ["python", "-m", "desplat_ns.studies.grid.train_and_score", results, *train]
     run_command(command, output / "run.log", NERFSTUDIO_METHOD_CONFIGS=METHODS)
     return json.loads(results.read_text())

@@ -9,9 +9,9 @@ from string import Template
 from typing import Any
 
 from benchmarks.documents import DOCS
-from benchmarks.markdown import table
 from benchmarks.separation import one_pixel
 from benchmarks.separation.runs import ABLATIONS, CLEAN, HARD, OTHERS, SEEDS, SETTINGS, Run
+from desplat_ns.studies.grid.tables import table
 
 TEMPLATE = Path(__file__).with_name("separation.md.template")
 FOLDER = DOCS
