@@ -15,10 +15,12 @@ from nerfstudio.utils.eval_utils import eval_setup
 from PIL import Image
 
 from benchmarks.documents import DOCS, OUTPUTS
-from benchmarks.separation.runs import HARD, PLAN, SETTINGS, Run
+from benchmarks.separation.runs import HARD, PLAN, STUDY
 from desplat_ns.errors import DeSplatError
 from desplat_ns.mask_scores import METADATA_KEY, read_mask
 from desplat_ns.pictures import Picture, over_checkerboard, sheet, to_rgb8
+from desplat_ns.studies.grid.execute import config_of
+from desplat_ns.studies.grid.runs import Run
 
 TITLES = ("photo", "static scene", "distractors", "their mask", "true mask")
 VIEW = 4
@@ -42,7 +44,7 @@ def parse_arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def config_of(name: str, folder: Path) -> Path:
+def trained_config(name: str, folder: Path) -> Path:
     """The config.yml of a run of the study.
 
     Raises:
@@ -51,8 +53,7 @@ def config_of(name: str, folder: Path) -> Path:
     known = {run.name: run for run in PLAN}
     if name not in known:
         raise DeSplatError(f"The study has no run '{name}'; `--list` of the study names them.")
-    method = SETTINGS[known[name].setting].method
-    config = folder / name / "x" / method / "run" / "config.yml"
+    config = config_of(STUDY, known[name], folder)
     if not config.is_file():
         raise DeSplatError(
             f"'{name}' is not trained: there is no {config}. Train it with "
@@ -84,7 +85,9 @@ def main() -> int:
     """Entry point."""
     chosen = parse_arguments()
     try:
-        rows = [row(name, config_of(name, chosen.trained), chosen.view) for name in chosen.runs]
+        rows = [
+            row(name, trained_config(name, chosen.trained), chosen.view) for name in chosen.runs
+        ]
     except DeSplatError as error:
         print(f"Error: {error}", file=sys.stderr)
         return 1

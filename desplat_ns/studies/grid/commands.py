@@ -1,12 +1,10 @@
-"""nerfstudio's commands, run by a study: one thread each, what they say in a log."""
+"""Processes that a study starts: one thread each, what they say in a log."""
 
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 from desplat_ns.errors import DeSplatError
@@ -14,9 +12,12 @@ from desplat_ns.errors import DeSplatError
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
 """So that runs beside each other disturb each other little: waiting threads sleep."""
 
-QUIET = ("--experiment-name", "x", "--timestamp", "run", "--vis", "tensorboard")
+EXPERIMENT, TIMESTAMP = "x", "run"
+"""Folders in which nerfstudio puts a run, so that it is found again."""
+
+QUIET = ("--experiment-name", EXPERIMENT, "--timestamp", TIMESTAMP, "--vis", "tensorboard")
 QUIET += ("--steps-per-eval-image", "0", "--steps-per-eval-all-images", "0")
-"""Options of ns-train: no viewer, no evaluation on the way, a folder of a known name."""
+"""Options of ns-train: no viewer, no evaluation on the way."""
 
 
 def surroundings(**variables: str) -> dict[str, str]:
@@ -45,13 +46,3 @@ def run_command(line: list[object], log: Path, **environment: str) -> None:
         )
     if done.returncode != 0:
         raise DeSplatError(f"`{program}` failed. Its log: {log}")
-
-
-def made(path: Path, make: Callable[[Path], object]) -> Path:
-    """What `make` writes; beside its place first, so that a stopped study leaves nothing half."""
-    if not path.exists():
-        draft = path.with_name(f"{path.name}.draft")
-        shutil.rmtree(draft, ignore_errors=True)
-        make(draft)
-        draft.rename(path)
-    return path

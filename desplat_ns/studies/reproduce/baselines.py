@@ -1,6 +1,7 @@
 """What `desplat` is compared with, besides itself with effects switched off.
 
-nerfstudio finds these methods through `METHODS`; they are no part of the package.
+They are not registered; nerfstudio's commands find them by
+NERFSTUDIO_METHOD_CONFIGS='masked-by-truth=desplat_ns.studies.reproduce.baselines:by_truth'.
 """
 
 from __future__ import annotations
@@ -21,12 +22,6 @@ from desplat_ns.losses import static_photometric_loss
 from desplat_ns.method_configs import desplat
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
-
-METHODS = ",".join(
-    f"{name}=desplat_ns.studies.reproduce.baselines:{attribute}"
-    for name, attribute in (("masked-by-truth", "by_truth"), ("masked-by-residual", "by_residual"))
-)
-"""For the environment variable NERFSTUDIO_METHOD_CONFIGS."""
 
 TRIMMED_SHARE = 0.8
 """Share of a photo's pixels that the robust baseline trusts in every step."""
@@ -90,7 +85,9 @@ def _method(name: str, by_truth: bool) -> MethodSpecification:
     config.pipeline.model = MaskedConfig(
         effects=EffectsConfig(distractors=False), by_truth=by_truth
     )
-    return MethodSpecification(config=config, description="baseline of docs/separation.md")
+    return MethodSpecification(
+        config=config, description="Splatfacto on a part of each photo, to compare with."
+    )
 
 
 by_truth = _method("masked-by-truth", True)

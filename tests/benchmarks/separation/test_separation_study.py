@@ -1,23 +1,21 @@
 """The study of docs/separation.md: its plan, its memory, its tables, its one-pixel model."""
 
-import argparse
-import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
-from benchmarks.separation import one_pixel, records, report
+from benchmarks.documents import DOCS
+from benchmarks.separation import one_pixel, report
 from benchmarks.separation.hard_cases import CASES, RECURRING, make_case
-from benchmarks.separation.runs import PLAN, SCENES, SETTINGS, Run
+from benchmarks.separation.records import BEFORE, FILE, enter
+from benchmarks.separation.runs import FIGURES, PLAN, SCENES, SETTINGS, STUDY
 from desplat_ns.data.images import read_image, read_mask
-from desplat_ns.method_configs import desplat, desplat_paper
-from desplat_ns.studies.grid.commands import QUIET, run_command
-from desplat_ns.studies.reproduce.baselines import TRIMMED_SHARE, _trimmed, by_residual, by_truth
+from desplat_ns.studies.grid.records import Record, Records, State, load, state_of
+from desplat_ns.studies.grid.runs import Run
+from desplat_ns.studies.grid.settings import method_config
 from desplat_ns.synthetic import Scene
-
-METHODS = {m.config.method_name: m.config for m in (desplat, desplat_paper, by_truth, by_residual)}
 
 
 def test_every_run_of_the_plan_is_there_once_and_known():
@@ -29,7 +27,7 @@ def test_every_run_of_the_plan_is_there_once_and_known():
 
 @pytest.mark.parametrize("setting", SETTINGS.values(), ids=list(SETTINGS))
 def test_options_of_a_setting_exist(setting):
-    config: Any = METHODS[setting.method]
+    config: Any = method_config(setting.method)
     for option in setting.options[::2]:
         node = config
         for name in option.removeprefix("--").split("."):
@@ -40,43 +38,44 @@ def test_options_of_a_setting_exist(setting):
 RESULTS = {"psnr": 26.0, "ssim": 0.9, "num_static_gaussians": 5, "num_distractor_gaussians": 7}
 
 
-def test_a_run_is_done_once_it_is_recorded_with_the_options_of_today(tmp_path, monkeypatch):
+@pytest.mark.usefixtures("tyro_may_build")
+def test_what_was_measured_elsewhere_is_entered_with_todays_settings(tmp_path: Path):
     run, path = PLAN[0], tmp_path / "records.json"
-    assert not records.is_done(run, records.load(path))
-    records.add(run, RESULTS | {"something": "else", "train_cpu_seconds": 12.34}, path)
-    found = records.load(path)
-    assert records.is_done(run, found)
-    assert found[run.name]["train_cpu_seconds"] == 12.3
-    assert "something" not in found[run.name]
-    changed = argparse.Namespace(options=("--other", "1"))
-    monkeypatch.setitem(SETTINGS, run.setting, changed)
-    assert not records.is_done(run, found)
+    enter(run, RESULTS | {"something": 1.0, "train_cpu_seconds": 12.3}, "0" * 40, path=path)
+    found = load(path)
+    assert state_of(STUDY, run, found)[0] is State.DONE
+    assert found[run.name].commit == "0" * 40
+    assert found[run.name].figures == RESULTS | {"train_cpu_seconds": 12.3}
+    enter(run, RESULTS, "0" * 40, {"pipeline.model.refinements": 1}, path)
+    assert state_of(STUDY, run, load(path))[0] is State.STALE
 
 
-@pytest.mark.slow
-def test_a_run_is_trained_and_scored_as_by_nerfstudios_commands(tiny_scene, tmp_path):
-    target = tmp_path / "results.json"
-    line = ["python", "-m", "desplat_ns.studies.grid.train_and_score", target, "desplat"]
-    line += ["--data", tiny_scene.folder, "--max-num-iterations", "3", "--output-dir", tmp_path]
-    line += [*QUIET, "--pipeline.model.num-downscales", "0", "robustnerf-data"]
-    run_command(line, tmp_path / "log")
-    results = json.loads(target.read_text())
-    assert results["num_images"] == 2 and results["num_masks"] == 6
-    assert set(records.FIGURES) <= set(results)
-    assert results["train_cpu_seconds"] > 0
-    assert (tmp_path / "x" / "desplat" / "run" / "nerfstudio_models").is_dir()
+@pytest.mark.parametrize("path", [FILE, BEFORE], ids=lambda path: path.name)
+def test_committed_records_are_of_the_plan(path: Path):
+    found = load(path)
+    assert found and found.keys() <= {run.name for run in PLAN}
+    for record in found.values():
+        assert set(record.figures) <= {*FIGURES, "train_seconds"}
+        assert (record.commit is None) == (record.settings is None)
 
 
-def fake(values: dict[tuple[str, str], list[float]]) -> dict[str, dict[str, Any]]:
+TODAY = {"pipeline.model.refinements": 15}
+
+
+def fake(values: dict[tuple[str, str], list[float]]) -> Records:
     return {
-        Run(setting, scene, 2, 1000, seed).name: RESULTS | {"psnr": psnr}
+        Run(setting, scene, 2, 1000, seed).name: Record(RESULTS | {"psnr": psnr}, "0" * 40, TODAY)
         for (setting, scene), psnrs in values.items()
         for seed, psnr in zip((42, 43, 44), psnrs, strict=False)
     }
 
 
+def figures_of(records: Records, older: bool = False) -> report.Figures:
+    return report.Figures(records, None if older else lambda run: TODAY)
+
+
 def test_a_gap_is_closed_seed_by_seed_and_summed_up_by_its_median():
-    figures = report.Figures(
+    figures = figures_of(
         fake(
             {
                 ("off", "clutter"): [20.0, 21.0, 20.0],
@@ -85,10 +84,12 @@ def test_a_gap_is_closed_seed_by_seed_and_summed_up_by_its_median():
             }
         )
     )
-    assert figures.gaps("desplat", "clutter", "clean", 2, 1000) == pytest.approx([0.5, 0.8, 0.6])
+    gap = figures.gap("desplat", "clutter", "clean", 2, 1000)
+    assert gap.text == "0.60 (0.50 - 0.80)" and len(gap.records) == 9
     text = report.scene_table(figures, "off desplat paper", "clutter", "clean", 2, 1000)
     assert "| **`desplat`** | 26.00 (25.00 - 29.00) | 0.60 (0.50 - 0.80) |" in text
     assert "paper" not in text
+    assert text.endswith("Records: 9 of 0000000.")
 
 
 def test_a_seed_that_is_missing_in_one_run_is_left_out_of_the_gap():
@@ -100,14 +101,30 @@ def test_a_seed_that_is_missing_in_one_run_is_left_out_of_the_gap():
         }
     )
     del found[Run("off", "clutter", 2, 1000, 43).name]
-    gaps = report.Figures(found).gaps("desplat", "clutter", "clean", 2, 1000)
-    assert gaps == pytest.approx([0.5, 0.3])
+    gap = figures_of(found).gap("desplat", "clutter", "clean", 2, 1000)
+    assert gap.text == "0.40 (0.30 - 0.50)"
+
+
+def test_a_stale_record_marks_every_cell_that_it_is_in():
+    found = fake(
+        {("off", "clutter"): [20.0], ("off", "clean"): [30.0], ("desplat", "clutter"): [25.0]}
+    )
+    name = Run("off", "clutter", 2, 1000, 42).name
+    found[name] = Record(found[name].figures, "1" * 40, {"pipeline.model.refinements": 12})
+    text = report.scene_table(figures_of(found), "off desplat", "clutter", "clean", 2, 1000)
+    off, ours, twins = text.splitlines()[2:5]
+    assert off.startswith("| distractors off | 20.00† | 0.00† | 0.900† |")
+    assert ours.startswith("| **`desplat`** | 25.00 | 0.50† | 0.900 |")
+    assert "†" not in twins
+    assert text.endswith("† 1 of 1111111, with model.refinements 12 (today 15).")
 
 
 def test_captures_stand_with_what_they_were_above_what_they_are():
-    before = report.Figures(fake({("off", "clutter"): [20.0], ("desplat", "clutter"): [25.0]}))
-    now = report.Figures(fake({("desplat", "clutter"): [26.0], ("off", "clean"): [30.0]}))
-    first, second = report.changes_table(before, now, 1000).splitlines()[2:]
+    before = figures_of(
+        fake({("off", "clutter"): [20.0], ("desplat", "clutter"): [25.0]}), older=True
+    )
+    now = figures_of(fake({("desplat", "clutter"): [26.0], ("off", "clean"): [30.0]}))
+    first, second = report.changes_table(before, now, 1000).splitlines()[2:4]
     assert first.startswith("| clutter | before | 20.00 | 25.00 |  |")
     assert second.startswith("| clutter | now |  | 26.00 | 30.00 |")
     assert second.endswith(f"| {7 * 14 / (5 * 59):.2f} |")
@@ -120,11 +137,11 @@ def test_a_report_can_be_written_at_any_time(tmp_path, monkeypatch):
     assert "{{" not in text and "$" not in text
 
 
+@pytest.mark.usefixtures("tyro_may_build")
 def test_the_committed_document_is_that_of_the_committed_records(tmp_path, monkeypatch):
     monkeypatch.setattr(one_pixel, "draw", lambda path: path.touch())
-    found, before = (json.loads(path.read_text()) for path in (records.FILE, records.BEFORE))
-    again = report.write_report(found, before, tmp_path).read_text()
-    assert again == (report.FOLDER / report.REPORT).read_text()
+    again = report.write_report(load(FILE), load(BEFORE), tmp_path).read_text()
+    assert again == (DOCS / report.REPORT).read_text()
 
 
 def test_one_pixel_shows_haze_with_one_loss_and_none_with_placed_distractors():
@@ -170,11 +187,3 @@ def test_the_recurring_one_stands_in_a_fifth_of_the_views(cases):
     masks = sorted((cases / RECURRING / "masks").iterdir())
     covered = [read_mask(path).mean() for path in masks]
     assert [share > 0.02 for share in covered] == [True, True, False, False, False, False]
-
-
-def test_a_trimmed_loss_leaves_out_the_largest_residuals():
-    rendered, photo = torch.zeros(20, 20, 3), torch.rand(20, 20, 3) * 0.1
-    photo[5:12, 5:12] = 1.0
-    left_out = _trimmed(rendered, photo)[..., 0]
-    assert left_out[6:11, 6:11].all()
-    assert left_out.float().mean() < 1 - TRIMMED_SHARE

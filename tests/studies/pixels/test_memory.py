@@ -34,5 +34,6 @@ def test_not_available_is_said(monkeypatch, capsys):
 
     monkeypatch.setattr(Path, "write_text", no_proc)
     monkeypatch.setattr(sys, "argv", ["memory", "numba", "100", "32", "32"])
+    monkeypatch.delitem(sys.modules, "desplat_ns.studies.pixels.memory")
     runpy.run_module("desplat_ns.studies.pixels.memory", run_name="__main__")
     assert capsys.readouterr().out.strip() == "n/a"
