@@ -9,6 +9,8 @@ import desplat_ns
 
 DIRTY = "-dirty"
 """Ends the commit where files of the package differ from it."""
+SHORT = 7
+"""Digits of a commit in a table."""
 
 
 def code_version(package: Path | None = None) -> str:
@@ -30,6 +32,14 @@ def code_version(package: Path | None = None) -> str:
     except (OSError, subprocess.CalledProcessError):
         return f"desplat-ns {desplat_ns.__version__}"
     return commit + DIRTY * bool(changed)
+
+
+def short(commit: str) -> str:
+    """A commit as tables give it; what is no commit stays as it is."""
+    dirty = commit.endswith(DIRTY)
+    digits = commit.removesuffix(DIRTY)
+    is_hash = len(digits) == 40 and set(digits) <= set("0123456789abcdef")
+    return (digits[:SHORT] if is_hash else digits) + ", with changes" * dirty
 
 
 def _git(folder: Path, *arguments: str) -> str:

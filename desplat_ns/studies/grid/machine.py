@@ -8,7 +8,7 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
-from desplat_ns.studies.grid.code_version import code_version
+from desplat_ns.studies.grid.code_version import code_version, short
 from desplat_ns.studies.grid.timing import all_cores
 
 PACKAGES = ("torch", "numba", "llvmlite", "numpy", "gsplat", "pytorch-msssim")
@@ -25,7 +25,7 @@ def describe_machine() -> dict[str, str]:
         "Load before the run": _load(),
         "Python": platform.python_version(),
         **{name: version(name) for name in PACKAGES},
-        "Commit": code_version(),
+        "Commit": short(code_version()),
         "Date": datetime.datetime.now(datetime.timezone.utc).date().isoformat(),
     }
 

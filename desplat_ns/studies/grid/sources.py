@@ -11,15 +11,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from desplat_ns.studies.grid.code_version import DIRTY
+from desplat_ns.studies.grid.code_version import short
 from desplat_ns.studies.grid.records import Record
 from desplat_ns.studies.grid.runs import Run
 from desplat_ns.studies.grid.settings import Settings, differences
 from desplat_ns.studies.grid.tables import table
 
 MARKS = ("†", "‡", "§", "¶", "‖")
-SHORT = 7
-"""Digits of a commit in a table."""
 MOST_NAMED = 3
 """Settings that a line names before it only counts."""
 ABSENT = "absent"
@@ -63,14 +61,6 @@ class Source:
         more = len(self.differs) - MOST_NAMED
         named = ", ".join(self.differs[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
         return f"{commit}, with {named}"
-
-
-def short(commit: str) -> str:
-    """A commit as tables give it; what is no commit stays as it is."""
-    dirty = commit.endswith(DIRTY)
-    digits = commit.removesuffix(DIRTY)
-    is_hash = len(digits) == 40 and set(digits) <= set("0123456789abcdef")
-    return (digits[:SHORT] if is_hash else digits) + ", with changes" * dirty
 
 
 def sourced_table(

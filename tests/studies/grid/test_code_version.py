@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import desplat_ns
-from desplat_ns.studies.grid.code_version import DIRTY, code_version
+from desplat_ns.studies.grid.code_version import DIRTY, code_version, short
 
 VERSION = f"desplat-ns {desplat_ns.__version__}"
 
@@ -57,3 +57,8 @@ def test_a_package_that_git_does_not_track_gives_its_version(package: Path, tmp_
 def test_without_git_it_is_the_version(package: Path, monkeypatch):
     monkeypatch.setenv("PATH", "")
     assert code_version(package) == VERSION
+
+
+def test_a_commit_is_shortened_and_a_version_is_not():
+    assert short("a" * 40 + DIRTY) == "aaaaaaa, with changes"
+    assert short("desplat-ns 1.0.17") == "desplat-ns 1.0.17"

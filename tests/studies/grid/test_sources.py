@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from desplat_ns.studies.grid.code_version import DIRTY
 from desplat_ns.studies.grid.records import Record
 from desplat_ns.studies.grid.runs import Run
 from desplat_ns.studies.grid.settings import Settings
-from desplat_ns.studies.grid.sources import MARKS, Cell, Measured, short, sourced_table
+from desplat_ns.studies.grid.sources import MARKS, Cell, Measured, sourced_table
 
 OLD, NEW = (letter * 40 for letter in "ab")
 TODAY: Settings = {"pipeline.model.refinements": 15}
@@ -89,8 +88,3 @@ def test_an_empty_cell_stays_empty():
     rows = [["", Cell("", (measured(None, None),)), Cell("25", (measured(NEW, TODAY),))]]
     text = sourced_table(["", "iou", "psnr"], rows, lambda run: TODAY)
     assert text.splitlines()[2] == "|  |  | 25 |"
-
-
-def test_a_commit_is_shortened_and_a_version_is_not():
-    assert short(OLD + DIRTY) == "aaaaaaa, with changes"
-    assert short("desplat-ns 1.0.17") == "desplat-ns 1.0.17"
