@@ -78,7 +78,9 @@ def measure(study: Study, run: Run, file: Path, folder: Path) -> bool:
     assert found.commit is not None and found.settings is not None
     records.record(file, run, found.figures, found.commit, found.settings)
     seconds = found.figures.get("train_cpu_seconds", 0.0)
-    print(f"{run.name}: {found.figures['psnr']:.2f} dB, {seconds:.0f} s", flush=True)
+    first = study.figures[0]
+    value = found.figures.get(first, float("nan"))
+    print(f"{run.name}: {first} {value:.2f}, {seconds:.0f} s", flush=True)
     return True
 
 

@@ -60,7 +60,8 @@ class Study:
     plan: tuple[Run, ...]
     """Every run that the document wants, the quick and the important first."""
     figures: tuple[str, ...]
-    """Names of what is recorded, of what the evaluation gives; absent ones are left out."""
+    """Names of what is recorded, of what the evaluation gives; absent ones are left out. The first
+    is said when a run is done."""
     from_pictures: Callable[[Path], dict[str, float]] | None = None
     """Figures that are worked out from the pictures of the evaluation, in a folder."""
 
