@@ -25,7 +25,7 @@ from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismData
 
 from desplat_ns.data.colmap import with_pycolmap
 from desplat_ns.data.dataset import CaptureDataset
-from desplat_ns.data.nerfstudio import PromptFreeNerfstudio
+from desplat_ns.data.transforms_json import PromptFreeNerfstudio
 from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 
 

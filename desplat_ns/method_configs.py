@@ -11,16 +11,16 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataPars
 from nerfstudio.plugins.types import MethodSpecification
 
 from desplat_ns.datamanager import DeSplatDataManagerConfig
-from desplat_ns.distractors import DistractorConfig
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import print_user_errors_plainly
-from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.optimizers import FusedAdamConfig
+from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.photo_tourism.config import BackgroundConfig
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig
-from desplat_ns.schedules import ScaledExponentialDecaySchedulerConfig
 from desplat_ns.trainer import DeSplatTrainerConfig
+from desplat_ns.training.optimizers import FusedAdamConfig
+from desplat_ns.training.schedules import ScaledExponentialDecaySchedulerConfig
 
 print_user_errors_plainly()
 

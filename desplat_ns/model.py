@@ -10,24 +10,26 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.contributions import contributions
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.cameras import train_index
-from desplat_ns.clearance import Clearance
-from desplat_ns.densification import DistractorDensifier, strategy_info, to_device
-from desplat_ns.distractors import DistractorGaussians
+from desplat_ns.data.training_views import train_index, view_name
 from desplat_ns.errors import DeSplatError, TrainingError
-from desplat_ns.gaussians import RawParameters, activate_distractors
-from desplat_ns.guards import culled_always, too_many_culled
-from desplat_ns.losses import (
+from desplat_ns.gaussians.activation import RawParameters, activate_distractors
+from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info, to_device
+from desplat_ns.gaussians.distractors import DistractorGaussians
+from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
+from desplat_ns.rendering.layers import layered_outputs, static_outputs
+from desplat_ns.separation.clearance import Clearance
+from desplat_ns.separation.failure_cases import SeparationWatch
+from desplat_ns.separation.ownership import owned_share
+from desplat_ns.separation.placement import Placement
+from desplat_ns.separation.visit import Sighting
+from desplat_ns.static_model import StaticModel
+from desplat_ns.training.culled import CulledCount, culled_always, too_many_culled
+from desplat_ns.training.losses import (
     distractor_opacity_loss,
     static_photometric_loss,
     static_transparency_loss,
 )
-from desplat_ns.outputs import layered_outputs, static_outputs
-from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
-from desplat_ns.separation import Placement, Sighting, owned_share
-from desplat_ns.static_model import StaticModel
 from desplat_ns.viewer import LayerControl
-from desplat_ns.watch import CulledCount, SeparationWatch, view_name
 
 
 class DeSplatModel(StaticModel):

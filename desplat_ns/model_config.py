@@ -10,12 +10,12 @@ from typing import Any
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend import BackendName
-from desplat_ns.distractors import DistractorConfig
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import ConfigError
+from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.strategy import NEVER
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
-from desplat_ns.schedules import scaled_steps
-from desplat_ns.strategy import NEVER
+from desplat_ns.training.run_length import scaled_steps
 
 STATIC_STEPS = (
     "warmup_length",

@@ -15,26 +15,27 @@ from nerfstudio.pipelines.base_pipeline import VanillaPipeline, VanillaPipelineC
 from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
 from torchvision.utils import save_image
 
+from desplat_ns.console import progress_over
+from desplat_ns.data.training_views import image_names
 from desplat_ns.errors import CaptureError, CheckpointError, DeSplatError
-from desplat_ns.evaluation import (
+from desplat_ns.evaluation.config import EvaluationConfig, uses_halves
+from desplat_ns.evaluation.mask_scores import score_masks
+from desplat_ns.evaluation.metrics import LPIPS_NET
+from desplat_ns.evaluation.records import (
     ScoredImage,
-    Stopwatch,
     gaussian_counts,
-    image_names,
     per_image,
-    progress_over,
     summarize,
     versions,
 )
-from desplat_ns.mask_scores import score_masks
-from desplat_ns.metrics import LPIPS_NET
-from desplat_ns.photo_tourism.embedding_file import digest_of, load_embeddings, save_embeddings
-from desplat_ns.photo_tourism.evaluation import EvaluationConfig, HalvesProtocol, uses_halves
-from desplat_ns.scene_record import SceneRecord, check_same_scene
-from desplat_ns.upstream import (
+from desplat_ns.evaluation.stopwatch import Stopwatch
+from desplat_ns.nerfstudio_quirks import (
     give_masks_a_colormap_in_the_viewer,
     load_evaluated_checkpoints_like_resumed_ones,
 )
+from desplat_ns.photo_tourism.embedding_file import digest_of, load_embeddings, save_embeddings
+from desplat_ns.photo_tourism.halves import HalvesProtocol
+from desplat_ns.training.checkpoint_record import SceneRecord, check_same_scene
 
 PROTOCOL = "full image, static Gaussians only"
 """How evaluation images are scored; the JSON names it beside every figure."""

@@ -15,23 +15,23 @@ from torch import Tensor, nn
 
 from desplat_ns.backend import Rasterizer, resolve
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
-from desplat_ns.cameras import view_of
-from desplat_ns.densification import strategy_info
+from desplat_ns.backend.ssim import ssim_of_planes
 from desplat_ns.errors import BackendUnavailableError
-from desplat_ns.fast_ssim import ssim_of_planes
-from desplat_ns.gaussians import RawParameters, activate_static, resize_rows
-from desplat_ns.metrics import image_metrics
-from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.outputs import static_outputs
-from desplat_ns.photo_tourism.appearance import fourier_features
-from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
-from desplat_ns.photo_tourism.worn import WornAppearance
-from desplat_ns.seeds import check_seed_points, clamp_seed_scales
-from desplat_ns.strategy import StaticStrategy
-from desplat_ns.upstream import (
+from desplat_ns.evaluation.metrics import image_metrics
+from desplat_ns.gaussians.activation import RawParameters, activate_static, resize_rows
+from desplat_ns.gaussians.densification import strategy_info
+from desplat_ns.gaussians.seed_points import check_seed_points, clamp_seed_scales
+from desplat_ns.gaussians.strategy import StaticStrategy
+from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
 )
+from desplat_ns.photo_tourism.appearance import fourier_features
+from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
+from desplat_ns.photo_tourism.shown_light import WornAppearance
+from desplat_ns.rendering.layers import static_outputs
+from desplat_ns.rendering.views import view_of
 
 
 class StaticModel(SplatfactoModel):

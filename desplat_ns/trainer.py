@@ -21,8 +21,12 @@ from nerfstudio.utils.decorators import check_main_thread
 from nerfstudio.utils.misc import step_check
 from nerfstudio.utils.rich_utils import CONSOLE
 
-from desplat_ns import resume
-from desplat_ns.checkpoint import (
+from desplat_ns.console import announce
+from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
+from desplat_ns.options import check_finite_options
+from desplat_ns.training import resume
+from desplat_ns.training.checkpoint_files import (
     checkpoint_folder,
     checkpoint_path,
     load_checkpoint,
@@ -30,12 +34,9 @@ from desplat_ns.checkpoint import (
     remove_others,
     save_atomically,
 )
-from desplat_ns.data.checks import announce
-from desplat_ns.errors import CheckpointError, ConfigError
-from desplat_ns.guards import GuardedOptimizers, StepGuard, check_parameters
-from desplat_ns.option_checks import check_finite_options
-from desplat_ns.schedules import scaled_optimizers, schedule_scale
-from desplat_ns.upstream import train_on_where_logs_cannot_be_written
+from desplat_ns.training.run_length import schedule_scale
+from desplat_ns.training.schedules import scaled_optimizers
+from desplat_ns.training.step_guard import GuardedOptimizers, StepGuard, check_parameters
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 """Ctrl+C, and what a batch system or a shutdown sends before it kills."""

@@ -87,7 +87,7 @@ def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
         from nerfstudio.configs.method_configs import all_methods
 
         from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-        from desplat_ns.distractors import DistractorConfig
+        from desplat_ns.gaussians.distractors import DistractorConfig
 
         assert tiny_scene.folder is not None
         config: Any = copy.deepcopy(all_methods["desplat"])

@@ -1,9 +1,10 @@
 """nerfstudio's cameras as views of a rasterizer."""
 
 import torch
+from desplat_ns.data.training_views import train_index
 from nerfstudio.cameras.cameras import Cameras
 
-from desplat_ns.cameras import train_index, view_of, world_to_camera
+from desplat_ns.rendering.views import view_of, world_to_camera
 
 
 def looking_along_y() -> torch.Tensor:

@@ -18,7 +18,8 @@ import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from desplat_ns.checkpoint import (
+from desplat_ns.errors import CheckpointError
+from desplat_ns.training.checkpoint_files import (
     STAGING_FOLDER,
     checkpoint_folder,
     checkpoint_path,
@@ -28,7 +29,6 @@ from desplat_ns.checkpoint import (
     remove_others,
     save_atomically,
 )
-from desplat_ns.errors import CheckpointError
 
 MODELS = Path("nerfstudio_models")
 

@@ -5,9 +5,9 @@ import torch
 from test_cameras import cameras
 from test_model import Trainer, make_model
 
-from desplat_ns.cameras import view_of
-from desplat_ns.clearance import EXTINGUISHED, Clearance, scene_starts
-from desplat_ns.distractors import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.rendering.views import view_of
+from desplat_ns.separation.clearance import EXTINGUISHED, Clearance, scene_starts
 
 EYE = torch.tensor([1.0, 2.0, 3.0])
 """Of `cameras()`, which looks along +y."""
@@ -26,7 +26,7 @@ def test_the_scene_starts_at_the_nearest_points_but_for_some_that_are_astray():
 
 
 def test_a_large_reconstruction_is_sampled(monkeypatch):
-    monkeypatch.setattr("desplat_ns.clearance.MAX_POINTS", 50)
+    monkeypatch.setattr("desplat_ns.separation.clearance.MAX_POINTS", 50)
     points = torch.cat([wall(2.0, 201), wall(5.0)])
     assert scene_starts(points, cameras()) == [pytest.approx(2.0)]
     assert scene_starts(points[:0], cameras()) == [0.0]

@@ -4,7 +4,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desplat_ns.compositing import composite_alpha, composite_color, over_background
+from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
 
 EPS = torch.finfo(torch.float64).eps
 

@@ -18,8 +18,8 @@ from nerfstudio.data.utils.dataloaders import FixedIndicesEvalDataloader
 
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.dataset import CaptureDataset
-from desplat_ns.data.nerfstudio import PromptFreeNerfstudio
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.data.transforms_json import PromptFreeNerfstudio
 from desplat_ns.datamanager import DeSplatDataManager, DeSplatDataManagerConfig, without_prompts
 from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig

@@ -5,9 +5,9 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.backend.protocol import RenderSettings
-from desplat_ns.cameras import view_of
-from desplat_ns.distractors import DistractorConfig, DistractorGaussians, even_points
 from desplat_ns.errors import ConfigError
+from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians, even_points
+from desplat_ns.rendering.views import view_of
 
 
 def cameras(scale: float = 1.0, fx: float = 70.0, width: int = 90, height: int = 160) -> Cameras:

@@ -9,19 +9,19 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from desplat_ns.console import progress_over
+from desplat_ns.data.training_views import image_names
+from desplat_ns.evaluation.stopwatch import Stopwatch
 from rich.progress import Progress
 from torch import nn
 
 import desplat_ns
-from desplat_ns.evaluation import (
+from desplat_ns.evaluation.records import (
     PACKAGES,
     ScoredImage,
-    Stopwatch,
     gaussian_counts,
-    image_names,
     memory_mb,
     per_image,
-    progress_over,
     summarize,
     versions,
 )

@@ -4,16 +4,15 @@ import math
 
 import pytest
 import torch
+from desplat_ns.separation.grid import grid_of, pooled
 
-from desplat_ns.excess import (
+from desplat_ns.separation.expected_residual import (
     LEVEL_QUANTILE,
     MEDIAN_STEP,
     MIN_RESIDUAL,
     MIN_VIEWS,
     ExpectedResidual,
-    grid_of,
     local_residual,
-    pooled,
 )
 
 ROWS, COLUMNS = 20, 30

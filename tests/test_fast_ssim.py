@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from pytorch_msssim import ssim as msssim_ssim
 from skimage.metrics import structural_similarity
 
-from desplat_ns import fast_ssim
-from desplat_ns.fast_ssim import ssim
+from desplat_ns.backend import ssim as fast_ssim
+from desplat_ns.backend.ssim import ssim
 
 SIZES = [(11, 11), (11, 40), (12, 13), (26, 27), (37, 171), (27, 340)]
 """The smallest image, one row of windows, and sizes around those of a block (16 x 160 pixels)."""

@@ -5,7 +5,12 @@ import math
 import torch
 from torch import nn
 
-from desplat_ns.gaussians import activate_distractors, activate_static, resize_rows, sigmoid
+from desplat_ns.gaussians.activation import (
+    activate_distractors,
+    activate_static,
+    resize_rows,
+    sigmoid,
+)
 
 
 def static_params(n: int = 2) -> dict[str, torch.Tensor]:

@@ -7,26 +7,25 @@ from typing import Any
 
 import pytest
 import torch
+from desplat_ns.training.culled import TOO_WIDE, culled_always
 from nerfstudio.engine.optimizers import Optimizers
 from test_model import NUM_VIEWS, camera, make_model
 from test_trainer import assert_same, resumed, set_up, train
 from test_trainer import config as config  # a fixture
 from torch import Tensor
 
-from desplat_ns.checkpoint import checkpoints_in, load_checkpoint
-from desplat_ns.distractors import DistractorConfig
 from desplat_ns.errors import ConfigError, TrainingError
-from desplat_ns.guards import (
-    TOO_WIDE,
+from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.model import DeSplatModel
+from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
+from desplat_ns.training.checkpoint_files import checkpoints_in, load_checkpoint
+from desplat_ns.training.optimizers import FusedAdamConfig
+from desplat_ns.training.step_guard import (
     GuardedOptimizers,
     StepGuard,
     check_parameters,
-    culled_always,
     find_fault,
 )
-from desplat_ns.model import DeSplatModel
-from desplat_ns.optimizers import FusedAdamConfig
-from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 
 NAN, INF = float("nan"), float("inf")
 
@@ -346,6 +345,6 @@ def test_mixed_precision_leaves_gradients_to_its_scaler(capsys):
 
 
 def test_nothing_is_culled_always_in_a_healthy_scene():
-    from desplat_ns.gaussians import activate_static
+    from desplat_ns.gaussians.activation import activate_static
 
     assert not culled_always(activate_static(everywhere().gauss_params, 0)).any()

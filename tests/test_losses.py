@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from desplat_ns.fast_ssim import ssim
-from desplat_ns.losses import (
+from desplat_ns.backend.ssim import ssim
+from desplat_ns.training.losses import (
     distractor_opacity_loss,
     static_photometric_loss,
     static_transparency_loss,

@@ -8,12 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
+from desplat_ns.data.training_views import train_index
+from desplat_ns.data.true_masks import METADATA_KEY, read_mask
 from nerfstudio.cameras.cameras import Cameras
 from PIL import Image
 
-from desplat_ns.cameras import train_index
 from desplat_ns.errors import CaptureError
-from desplat_ns.mask_scores import METADATA_KEY, read_mask, score_masks
+from desplat_ns.evaluation.mask_scores import score_masks
 
 WIDTH, HEIGHT = 4, 2
 

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from nerfstudio.configs.method_configs import method_configs as upstream
 
-from desplat_ns.distractors import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.method_configs import (
     desplat,
     desplat_paper,
@@ -13,7 +13,7 @@ from desplat_ns.method_configs import (
     desplat_phototourism_a,
     separating_distractors,
 )
-from desplat_ns.optimizers import FusedAdamConfig
+from desplat_ns.training.optimizers import FusedAdamConfig
 
 CONFIG: Any = desplat_paper.config
 SPLATFACTO: Any = upstream["splatfacto"]

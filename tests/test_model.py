@@ -10,13 +10,12 @@ from nerfstudio.data.scene_box import OrientedBox, SceneBox
 from nerfstudio.model_components.lib_bilagrid import color_correct
 from nerfstudio.models.splatfacto import SplatfactoModel
 
-from desplat_ns.compositing import composite_alpha, composite_color, over_background
-from desplat_ns.distractors import DistractorConfig
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
-from desplat_ns.metrics import psnr
-from desplat_ns.model import DeSplatModel
-from desplat_ns.model_config import DeSplatModelConfig
+from desplat_ns.evaluation.metrics import psnr
+from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
 
 WIDTH, HEIGHT, NUM_VIEWS = 24, 20, 3
 ALL_OUTPUTS = {

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from desplat_ns.distractors import DistractorConfig
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import ConfigError
-from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.strategy import NEVER
+from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.strategy import NEVER
+from desplat_ns.model import DeSplatModelConfig
 
 SEPARATING = DistractorConfig(
     static_warmup=6000, refine_visits=5, max_refinements=8, start="residual"

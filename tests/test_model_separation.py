@@ -6,9 +6,9 @@ import pytest
 import torch
 from test_model import HEIGHT, WIDTH, Trainer, distractors_of, make_model
 
-from desplat_ns.distractors import DistractorConfig
-from desplat_ns.excess import ExpectedResidual
+from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModel
+from desplat_ns.separation.expected_residual import ExpectedResidual
 
 NO_DENSIFICATION: dict[str, Any] = {"warmup_length": 10_000}
 
@@ -42,7 +42,7 @@ class Crossing(Trainer):
 
 @pytest.fixture
 def judged_by_few(monkeypatch):
-    monkeypatch.setattr("desplat_ns.excess.MIN_VIEWS", 2)
+    monkeypatch.setattr("desplat_ns.separation.expected_residual.MIN_VIEWS", 2)
 
 
 @pytest.mark.usefixtures("judged_by_few")

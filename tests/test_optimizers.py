@@ -5,7 +5,7 @@ import torch
 from torch import nn
 
 from desplat_ns.method_configs import desplat
-from desplat_ns.optimizers import FusedAdamConfig
+from desplat_ns.training.optimizers import FusedAdamConfig
 
 
 def stepped(fused: bool) -> torch.Tensor:

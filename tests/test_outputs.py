@@ -3,7 +3,7 @@
 import torch
 
 from desplat_ns.backend.protocol import Rendering
-from desplat_ns.outputs import layered_outputs, static_outputs
+from desplat_ns.rendering.layers import layered_outputs, static_outputs
 
 BLUE = torch.tensor([0.0, 0.0, 1.0])
 

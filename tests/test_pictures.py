@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from desplat_ns.pictures import BAR, GAP, PAPER, over_checkerboard, sheet, to_rgb8
+from desplat_ns.evaluation.pictures import BAR, GAP, PAPER, over_checkerboard, sheet, to_rgb8
 from desplat_ns.synthetic.arrays import f32
 
 

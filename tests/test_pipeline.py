@@ -17,8 +17,8 @@ from torch import nn
 
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import CaptureError, CheckpointError, DeSplatError
-from desplat_ns.metrics import LazyLpips, image_metrics
-from desplat_ns.photo_tourism.worn import WornAppearance
+from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
+from desplat_ns.photo_tourism.shown_light import WornAppearance
 from desplat_ns.pipeline import PROTOCOL, DeSplatPipeline, DeSplatPipelineConfig
 from desplat_ns.viewer import LayerControl
 

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from desplat_ns.regions import MIN_AREA, outlier_regions
+from desplat_ns.separation.regions import MIN_AREA, outlier_regions
 
 WEAK, STRONG = 0.1, 0.5
 

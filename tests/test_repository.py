@@ -93,7 +93,7 @@ def test_shapes_are_checked_while_the_tests_run() -> None:
     """Fails where pytest runs without jaxtyping's two-entry option: shapes would go unchecked."""
     import torch
 
-    from desplat_ns.compositing import composite_alpha
+    from desplat_ns.rendering.compositing import composite_alpha
 
     with pytest.raises(Exception, match=r"[Tt]ype-check"):
         composite_alpha(torch.zeros(2, 3, 1), torch.zeros(3, 2, 1))

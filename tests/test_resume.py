@@ -16,8 +16,8 @@ from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig, MultiS
 from torch.nn import Parameter
 
 from desplat_ns.errors import CheckpointError
-from desplat_ns.resume import load_optimizers, load_schedulers, restore_rng, rng_state
-from desplat_ns.schedules import scaled_optimizers
+from desplat_ns.training.resume import load_optimizers, load_schedulers, restore_rng, rng_state
+from desplat_ns.training.schedules import scaled_optimizers
 
 FILE = Path("step-000000005.ckpt")
 

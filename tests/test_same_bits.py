@@ -9,7 +9,7 @@ import pytest
 import torch
 from nerfstudio.scripts import train
 
-from desplat_ns.backend.numba_runtime import numba_config
+from desplat_ns.backend.numba_kernels.runtime import numba_config
 
 
 def parameters_after(config, threads: int) -> dict[str, torch.Tensor]:

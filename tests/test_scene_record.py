@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from desplat_ns.errors import CheckpointError
-from desplat_ns.scene_record import FORMAT, SceneRecord, check_same_scene
+from desplat_ns.training.checkpoint_record import FORMAT, SceneRecord, check_same_scene
 
 HERE = SceneRecord({"distractors": True}, 3, ["a.png", "b.png", "c.png"])
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from desplat_ns.training.run_length import scaled_steps, schedule_scale
 from hypothesis import given
 from hypothesis import strategies as st
 from nerfstudio.engine.optimizers import AdamOptimizerConfig
@@ -22,12 +23,10 @@ from nerfstudio.engine.schedulers import (
 )
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.schedules import (
+from desplat_ns.training.schedules import (
     ScaledExponentialDecaySchedulerConfig,
     scaled_optimizers,
     scaled_scheduler,
-    scaled_steps,
-    schedule_scale,
 )
 
 RTOL = 16 * sys.float_info.epsilon

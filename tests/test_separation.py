@@ -4,22 +4,20 @@ import dataclasses
 
 import pytest
 import torch
+from desplat_ns.separation.grid import grid_of
+from desplat_ns.separation.ownership import interior, owned_share, pixels_of
+from desplat_ns.separation.visit import Sighting
 from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.cameras import view_of
-from desplat_ns.distractors import DistractorConfig, DistractorGaussians
-from desplat_ns.excess import grid_of
-from desplat_ns.separation import (
+from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians
+from desplat_ns.rendering.views import view_of
+from desplat_ns.separation.placement import (
     Placement,
-    Sighting,
     distractors_in,
     find_regions,
-    interior,
     lie_in,
-    owned_share,
     peak_excess,
-    pixels_of,
     uncovered_regions,
 )
 

@@ -8,8 +8,8 @@ from gsplat.strategy import DefaultStrategy
 from torch import nn
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.densification import strategy_info
-from desplat_ns.strategy import NEVER, StaticStrategy
+from desplat_ns.gaussians.densification import strategy_info
+from desplat_ns.gaussians.strategy import NEVER, StaticStrategy
 
 VIEW = View(torch.eye(4), torch.eye(3), width=20, height=10)
 

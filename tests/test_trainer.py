@@ -24,10 +24,10 @@ from nerfstudio.pipelines.base_pipeline import Pipeline, VanillaPipelineConfig
 from nerfstudio.utils import eval_utils, writer
 from torch.nn import Parameter
 
-from desplat_ns.checkpoint import STAGING_FOLDER, checkpoints_in, load_checkpoint
 from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.nerfstudio_quirks import load_evaluated_checkpoints_like_resumed_ones
 from desplat_ns.trainer import DeSplatTrainerConfig
-from desplat_ns.upstream import load_evaluated_checkpoints_like_resumed_ones
+from desplat_ns.training.checkpoint_files import STAGING_FOLDER, checkpoints_in, load_checkpoint
 
 NOMINAL = 24
 

@@ -12,8 +12,8 @@ from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel, SplatfactoMode
 from nerfstudio.viewer import control_panel
 from torchmetrics import Metric
 
-from desplat_ns.metrics import LazyLpips
-from desplat_ns.upstream import (
+from desplat_ns.evaluation.metrics import LazyLpips
+from desplat_ns.nerfstudio_quirks import (
     give_masks_a_colormap_in_the_viewer,
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,

@@ -11,7 +11,7 @@ from nerfstudio.viewer.utils import parse_object
 from nerfstudio.viewer.viewer_elements import ViewerElement
 from torch import nn
 
-from desplat_ns.photo_tourism.worn import WornAppearance
+from desplat_ns.photo_tourism.shown_light import WornAppearance
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.viewer import LAYERS, LayerControl
 

@@ -6,8 +6,13 @@ import pytest
 import torch
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.distractors import DistractorConfig
-from desplat_ns.watch import MIN_INTERVAL, SeparationWatch, hidden_places, sight_of
+from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.separation.failure_cases import (
+    MIN_INTERVAL,
+    SeparationWatch,
+    hidden_places,
+    sight_of,
+)
 
 WIDTH, HEIGHT, VIEWS = 80, 60, 20
 STEP = MIN_INTERVAL

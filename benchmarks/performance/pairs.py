@@ -12,10 +12,10 @@ import torch
 from benchmarks.performance.yardstick_squares import squares
 from desplat_ns.backend import numba_tiles
 from desplat_ns.backend.constants import ALPHA_CUTOFF
-from desplat_ns.backend.numba_binning import Gaussians, Grid, Lists, tile_lists
-from desplat_ns.backend.numba_ellipses import FEATURES
-from desplat_ns.backend.numba_passes import _draw_tile, _open_tile
-from desplat_ns.backend.numba_pixels import PLANE, PLANES_BEFORE_FEATURES, WEIGHT, blend
+from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, Lists, tile_lists
+from desplat_ns.backend.numba_kernels.ellipses import FEATURES
+from desplat_ns.backend.numba_kernels.passes import _draw_tile, _open_tile
+from desplat_ns.backend.numba_kernels.pixels import PLANE, PLANES_BEFORE_FEATURES, WEIGHT, blend
 from desplat_ns.backend.projection import ProjectedSplats
 from desplat_ns.backend.protocol import RenderSettings
 from desplat_ns.backend.tile_lists import TILE, tile_grid

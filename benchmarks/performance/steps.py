@@ -13,7 +13,7 @@ from torch.optim import Adam, Optimizer
 
 from benchmarks.performance.training_step import OTHER, PARTS, Clock, TrainingStep
 from benchmarks.performance.yardstick import YARDSTICK
-from desplat_ns.fast_ssim import ssim
+from desplat_ns.backend.ssim import ssim
 from desplat_ns.studies.grid.timing import Timing, threads, time_in_turns
 from desplat_ns.studies.pixels.contenders import Contender
 from desplat_ns.studies.pixels.scenes import Scene

@@ -18,9 +18,9 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats
-from desplat_ns.densification import strategy_info
-from desplat_ns.gaussians import activate_static
-from desplat_ns.outputs import static_outputs
+from desplat_ns.gaussians.activation import activate_static
+from desplat_ns.gaussians.densification import strategy_info
+from desplat_ns.rendering.layers import static_outputs
 from desplat_ns.studies.pixels.contenders import Contender, as_leaves, tensors_of_projected
 from desplat_ns.studies.pixels.scenes import SH_DEGREE, Scene
 

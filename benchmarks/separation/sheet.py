@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from desplat_ns.data.true_masks import METADATA_KEY, read_mask
 from nerfstudio.utils.eval_utils import eval_setup
 from PIL import Image
 
 from benchmarks.documents import DOCS, OUTPUTS
 from benchmarks.separation.runs import HARD, PLAN, STUDY
 from desplat_ns.errors import DeSplatError
-from desplat_ns.mask_scores import METADATA_KEY, read_mask
-from desplat_ns.pictures import Picture, over_checkerboard, sheet, to_rgb8
+from desplat_ns.evaluation.pictures import Picture, over_checkerboard, sheet, to_rgb8
 from desplat_ns.studies.grid.execute import config_of
 from desplat_ns.studies.grid.runs import Run
 

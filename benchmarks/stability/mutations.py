@@ -55,7 +55,7 @@ class Mutation:
 
 
 _BLEND, _PROJECT = "backend/blending.py", "backend/projection.py"
-_PIXELS, _EWA, _SH = (f"backend/numba_{name}.py" for name in ("pixels", "ewa", "sh"))
+_PIXELS, _EWA, _SH = (f"backend/numba_kernels/{name}.py" for name in ("pixels", "ewa", "sh"))
 
 MUTATIONS = (
     # The torch backend
@@ -130,35 +130,35 @@ MUTATIONS = (
              "per * (gx - along * x)", "per * (gx + along * x)", SH),
     Mutation("numba: a gradient through a colour's clamp", _SH,
              "r = grad[3 * i] if out[3 * i] > _ZERO else _ZERO", "r = grad[3 * i]", SH),
-    Mutation("numba: ellipses too small", "backend/numba_ellipses.py",
+    Mutation("numba: ellipses too small", "backend/numba_kernels/ellipses.py",
              "np.sqrt(2 * s * c / det)", "np.sqrt(s * c / det)", ELLIPSES),
     # Losses and compositing
-    Mutation("SSIM: luminance plus structure", "backend/numba_ssim.py",
+    Mutation("SSIM: luminance plus structure", "backend/numba_kernels/ssim.py",
              "score = luminance * structure", "score = luminance + structure", FORMULAS),
-    Mutation("SSIM: a sign in the gradient", "backend/numba_ssim.py",
+    Mutation("SSIM: a sign in the gradient", "backend/numba_kernels/ssim.py",
              "- _TWO * mx * q", "+ _TWO * mx * q", FORMULAS),
-    Mutation("owned pixels count double", "losses.py",
+    Mutation("owned pixels count double", "training/losses.py",
              "((1 - owned) * (static", "((1 + owned) * (static", FORMULAS),
-    Mutation("photo and rendering exchanged", "losses.py",
+    Mutation("photo and rendering exchanged", "training/losses.py",
              "torch.lerp(photo, static.detach(), owned)",
              "torch.lerp(static.detach(), photo, owned)", FORMULAS),
-    Mutation("a sign in the transparency", "losses.py",
+    Mutation("a sign in the transparency", "training/losses.py",
              "return (1 - alpha_s).mean()", "return (1 + alpha_s).mean()", FORMULAS),
-    Mutation("free opacity has its price", "losses.py",
+    Mutation("free opacity has its price", "training/losses.py",
              "alpha_d if free is None", "alpha_d if True", FORMULAS),
-    Mutation("the scene shines through", "compositing.py",
+    Mutation("the scene shines through", "rendering/compositing.py",
              "return rgb_d + (1 - alpha_d) * rgb_s", "return rgb_d + (1 + alpha_d) * rgb_s",
              FORMULAS),
-    Mutation("opacities add up", "compositing.py",
+    Mutation("opacities add up", "rendering/compositing.py",
              "return alpha_d + (1 - alpha_d) * alpha_s", "return alpha_d + alpha_s", FORMULAS),
-    Mutation("the background shines through", "compositing.py",
+    Mutation("the background shines through", "rendering/compositing.py",
              "rgb + (1 - alpha) * background", "rgb + (1 + alpha) * background", FORMULAS),
     # Activations
-    Mutation("colours beyond the range keep their gradient", "gaussians.py",
+    Mutation("colours beyond the range keep their gradient", "gaussians/activation.py",
              "(rgbs < 0) | (rgbs > 1)", "(rgbs < 0) & (rgbs > 1)", FORMULAS),
-    Mutation("a sigmoid's slope", "gaussians.py", "grad * y * (1 - y)", "grad * y * (1 + y)",
+    Mutation("a sigmoid's slope", "gaussians/activation.py", "grad * y * (1 - y)", "grad * y * (1 + y)",
              FORMULAS),
-    Mutation("log-scales that overflow", "gaussians.py",
+    Mutation("log-scales that overflow", "gaussians/activation.py",
              "torch.exp(log_scales.clamp(max=MAX_LOG_SCALE))", "torch.exp(log_scales)", FORMULAS),
 )  # fmt: skip
 

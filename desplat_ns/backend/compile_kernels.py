@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import torch
 
-from desplat_ns.backend.numba_runtime import compile_here
+from desplat_ns.backend.numba_kernels.runtime import compile_here
 from desplat_ns.backend.numba_tiles import NumbaRasterizer
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
-from desplat_ns.fast_ssim import ssim
+from desplat_ns.backend.ssim import ssim
 
 SIZE = 32
 """Pixels, enough for SSIM's window."""

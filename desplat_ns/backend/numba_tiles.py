@@ -19,13 +19,13 @@ from torch import Tensor
 
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
 from desplat_ns.backend.inputs import check_inputs, sound_colors
-from desplat_ns.backend.numba_binning import Gaussians, Grid, Lists, tile_lists
-from desplat_ns.backend.numba_ellipses import FEATURES, TILE
-from desplat_ns.backend.numba_passes import Frame, draw_frame, pull_frame, sum_rows
-from desplat_ns.backend.numba_pixels import AREA, GEOMETRY, Limits
-from desplat_ns.backend.numba_projection import Project, make_camera
-from desplat_ns.backend.numba_runtime import launching, new_counter, num_workers, scratch
-from desplat_ns.backend.numba_sh import EvaluateColors
+from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, Lists, tile_lists
+from desplat_ns.backend.numba_kernels.ellipses import FEATURES, TILE
+from desplat_ns.backend.numba_kernels.passes import Frame, draw_frame, pull_frame, sum_rows
+from desplat_ns.backend.numba_kernels.pixels import AREA, GEOMETRY, Limits
+from desplat_ns.backend.numba_kernels.projection import Project, make_camera
+from desplat_ns.backend.numba_kernels.runtime import launching, new_counter, num_workers, scratch
+from desplat_ns.backend.numba_kernels.sh import EvaluateColors
 from desplat_ns.backend.projection import ProjectedSplats, project
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.errors import BackendUnavailableError

@@ -21,19 +21,10 @@ from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParser, Colm
 from nerfstudio.data.scene_box import SceneBox
 from torch import Tensor
 
-from desplat_ns.data.checks import (
-    announce,
-    check_cameras,
-    check_files,
-    without_infinite_points,
-)
+from desplat_ns.console import announce
+from desplat_ns.data.checks import check_cameras, check_files, without_infinite_points
+from desplat_ns.data.colmap_model import Frame, Points, Reconstruction, read_reconstruction
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
-from desplat_ns.data.reconstruction import (
-    Frame,
-    Points,
-    Reconstruction,
-    read_reconstruction,
-)
 from desplat_ns.errors import CaptureError, ConfigError
 
 _LIST_FILES = {

@@ -15,7 +15,7 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.datasets.base_dataset import InputDataset
 from torch import Tensor
 
-from desplat_ns.data.checks import list_names
+from desplat_ns.console import list_names
 from desplat_ns.data.downscale import SIZE_TOLERANCE
 from desplat_ns.data.images import image_size, read_image, read_mask, resize_image, resize_mask
 from desplat_ns.errors import CaptureError

@@ -10,19 +10,16 @@ from typing import Annotated, Any, Literal
 import tyro
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
-from desplat_ns.data.colmap import (
-    DeSplatColmapDataParser,
-    DeSplatColmapDataParserConfig,
-    true_masks,
-)
-from desplat_ns.data.reconstruction import Frame
-from desplat_ns.data.splits import (
+from desplat_ns.data.colmap import DeSplatColmapDataParser, DeSplatColmapDataParserConfig
+from desplat_ns.data.colmap_model import Frame
+from desplat_ns.data.robustnerf_names import (
     describe,
     evaluation_views,
     views_by_file,
     views_by_number,
     views_by_ratio,
 )
+from desplat_ns.data.true_masks import true_masks
 from desplat_ns.errors import CaptureError, ConfigError
 
 _Hidden = tyro.conf.Suppress

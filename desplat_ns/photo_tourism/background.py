@@ -9,9 +9,9 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.backend.spherical_harmonics import sh_basis
-from desplat_ns.compositing import composite_alpha
 from desplat_ns.photo_tourism.config import BackgroundConfig
 from desplat_ns.photo_tourism.mlp import hidden_layers, zero_head
+from desplat_ns.rendering.compositing import composite_alpha
 
 MASK_THRESHOLD = 0.6
 """Share of a pixel's 3 x 3 neighbours that the background has to explain. Eq. 9."""

@@ -12,14 +12,12 @@ import tyro
 from nerfstudio.data.dataparsers.colmap_dataparser import MAX_AUTO_RESOLUTION
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
-from desplat_ns.data.checks import announce, check_files
-from desplat_ns.data.colmap import (
-    DeSplatColmapDataParser,
-    DeSplatColmapDataParserConfig,
-    true_masks,
-)
+from desplat_ns.console import announce
+from desplat_ns.data.checks import check_files
+from desplat_ns.data.colmap import DeSplatColmapDataParser, DeSplatColmapDataParserConfig
+from desplat_ns.data.colmap_model import Frame, find_models
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
-from desplat_ns.data.reconstruction import Frame, find_models
+from desplat_ns.data.true_masks import true_masks
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.photo_tourism.split_file import (
     PhotoSplit,

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from desplat_ns.data.checks import list_names
-from desplat_ns.data.splits import shuffled
+from desplat_ns.console import list_names
+from desplat_ns.data.robustnerf_names import shuffled
 from desplat_ns.errors import CaptureError, ConfigError
 
 COLUMNS = ("filename", "id", "split")

@@ -12,7 +12,7 @@ from nerfstudio.cameras.cameras import Cameras
 from PIL import Image
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.pictures import sheet
+from desplat_ns.evaluation.pictures import sheet
 
 
 @torch.no_grad()

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("numba")
-from desplat_ns.backend.numba_binning import Gaussians, Grid, tile_lists
-from desplat_ns.backend.numba_ellipses import BLOCK, BLOCKS, TILE
+from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, tile_lists
+from desplat_ns.backend.numba_kernels.ellipses import BLOCK, BLOCKS, TILE
 
 CUTOFF = 1 / 255
 WIDTH, HEIGHT = 70, 45

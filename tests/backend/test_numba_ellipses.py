@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 pytest.importorskip("numba")
-from desplat_ns.backend.numba_binning import Grid
-from desplat_ns.backend.numba_ellipses import columns, ellipse, tile_rows
+from desplat_ns.backend.numba_kernels.binning import Grid
+from desplat_ns.backend.numba_kernels.ellipses import columns, ellipse, tile_rows
 
 CUTOFF = 1 / 255
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 pytest.importorskip("numba")
-from desplat_ns.backend.numba_binning import Grid, Lists
-from desplat_ns.backend.numba_ellipses import BLOCK, TILE
-from desplat_ns.backend.numba_passes import RUNS, _open_tile, _run, sum_rows
-from desplat_ns.backend.numba_pixels import (
+from desplat_ns.backend.numba_kernels.binning import Grid, Lists
+from desplat_ns.backend.numba_kernels.ellipses import BLOCK, TILE
+from desplat_ns.backend.numba_kernels.passes import RUNS, _open_tile, _run, sum_rows
+from desplat_ns.backend.numba_kernels.pixels import (
     AREA,
     LAST,
     PLANE,
@@ -16,7 +16,7 @@ from desplat_ns.backend.numba_pixels import (
     X,
     Y,
 )
-from desplat_ns.backend.numba_runtime import new_counter
+from desplat_ns.backend.numba_kernels.runtime import new_counter
 
 GRID = Grid(20, 18, 2, 2)
 

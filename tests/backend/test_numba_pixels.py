@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip("numba")
-from desplat_ns.backend import numba_pixels
-from desplat_ns.backend.numba_ellipses import FEATURES, OPACITY
-from desplat_ns.backend.numba_pixels import (
+from desplat_ns.backend.numba_kernels import pixels as numba_pixels
+from desplat_ns.backend.numba_kernels.ellipses import FEATURES, OPACITY
+from desplat_ns.backend.numba_kernels.pixels import (
     AREA,
     F0,
     F1,

@@ -7,8 +7,8 @@ pytest.importorskip("numba")
 from scenes import one_gaussian, random_scene
 
 from desplat_ns.backend import RenderSettings
-from desplat_ns.backend.numba_ewa import BATCH
-from desplat_ns.backend.numba_projection import Project, make_camera
+from desplat_ns.backend.numba_kernels.ewa import BATCH
+from desplat_ns.backend.numba_kernels.projection import Project, make_camera
 from desplat_ns.backend.projection import project
 
 EPS = torch.finfo(torch.float32).eps

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("numba")
-from desplat_ns.backend import numba_runtime
-from desplat_ns.backend.numba_runtime import (
+from desplat_ns.backend.numba_kernels import runtime as numba_runtime
+from desplat_ns.backend.numba_kernels.runtime import (
     fma,
     kernel,
     launching,
@@ -138,7 +138,7 @@ GRADIENTS = """
 import hashlib, sys, torch
 from desplat_ns.backend.numba_tiles import NumbaRasterizer
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
-from desplat_ns.fast_ssim import ssim
+from desplat_ns.backend.ssim import ssim
 
 torch.manual_seed(0)
 n, (width, height) = 500, (60, 40)

@@ -7,7 +7,7 @@ import torch
 from reference import real_sh
 
 pytest.importorskip("numba")
-from desplat_ns.backend.numba_sh import BATCH, EvaluateColors, sh_terms
+from desplat_ns.backend.numba_kernels.sh import BATCH, EvaluateColors, sh_terms
 from desplat_ns.backend.spherical_harmonics import sh_basis
 
 EPS = torch.finfo(torch.float32).eps

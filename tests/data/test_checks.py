@@ -7,16 +7,11 @@ from typing import Any
 
 import pytest
 import torch
+from desplat_ns.console import announce, list_names
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.utils.rich_utils import CONSOLE
 
-from desplat_ns.data.checks import (
-    announce,
-    check_cameras,
-    check_files,
-    list_names,
-    without_infinite_points,
-)
+from desplat_ns.data.checks import check_cameras, check_files, without_infinite_points
 from desplat_ns.errors import CaptureError
 
 

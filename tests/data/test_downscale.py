@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from nerfstudio.cameras.cameras import CameraType
 
+from desplat_ns.data.colmap_model import Frame
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources, reduced_length
-from desplat_ns.data.reconstruction import Frame
 from desplat_ns.errors import ConfigError
 
 

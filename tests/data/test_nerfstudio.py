@@ -12,7 +12,7 @@ import torch
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.data.dataset import CaptureDataset
-from desplat_ns.data.nerfstudio import PromptFreeNerfstudio
+from desplat_ns.data.transforms_json import PromptFreeNerfstudio
 from desplat_ns.errors import CaptureError
 
 

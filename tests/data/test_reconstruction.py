@@ -11,7 +11,7 @@ import pycolmap
 import pytest
 from nerfstudio.cameras.cameras import CameraType
 
-from desplat_ns.data.reconstruction import find_models, read_reconstruction
+from desplat_ns.data.colmap_model import find_models, read_reconstruction
 from desplat_ns.errors import CaptureError
 
 SPARSE = Path("sparse")

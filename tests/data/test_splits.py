@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desplat_ns.data.splits import (
+from desplat_ns.data.robustnerf_names import (
     describe,
     evaluation_views,
     kind_of,

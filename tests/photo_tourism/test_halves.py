@@ -7,21 +7,20 @@ from typing import Any
 
 import pytest
 import torch
+from desplat_ns.evaluation.config import EvaluationConfig, uses_halves
 from nerfstudio.cameras.cameras import Cameras
 from test_model import HEIGHT, WIDTH
 from test_model_effects import model_with, moved
 
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.model import DeSplatModel
-from desplat_ns.photo_tourism.evaluation import (
-    EvaluationConfig,
+from desplat_ns.photo_tourism.halves import (
     HalvesProtocol,
     embedding_from_left_half,
     fit_embedding,
     left_half,
     photometric_loss,
     right_half,
-    uses_halves,
 )
 
 SHORT = EvaluationConfig(steps=6, learning_rate=0.05)

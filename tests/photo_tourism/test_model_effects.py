@@ -10,7 +10,7 @@ import torch
 from test_model import HEIGHT, WIDTH, Trainer, camera, make_model
 
 from desplat_ns.effects import EffectsConfig
-from desplat_ns.gaussians import activate_static
+from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.image_effects import FEATURES
 

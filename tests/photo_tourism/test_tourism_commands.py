@@ -54,7 +54,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def evaluate(run: Path, output: Path, **options: Any) -> dict[str, Any]:
     """Results of `desplat-eval`, the protocol's options given by name."""
-    from desplat_ns.photo_tourism.eval_command import Evaluate
+    from desplat_ns.commands.evaluate import Evaluate
 
     Evaluate(run, output, **options).main()
     return json.loads(output.read_text())["results"]
@@ -130,7 +130,7 @@ def test_the_exported_splat_wears_the_chosen_appearance(run: Path, tmp_path: Pat
     from nerfstudio.utils.eval_utils import eval_setup
     from plyfile import PlyData
 
-    from desplat_ns.photo_tourism.worn import VARIABLE
+    from desplat_ns.photo_tourism.shown_light import VARIABLE
 
     monkeypatch.setenv(VARIABLE, "photo_0001.png:1,photo_0003.png:3")
     ExportGaussianSplat(run, tmp_path).main()
@@ -175,7 +175,7 @@ def splats_of(vertices: Any, sh_degree: int) -> Any:
 def test_ns_render_wears_what_the_environment_says(run: Path, tmp_path: Path, monkeypatch):
     from nerfstudio.scripts.render import DatasetRender
 
-    from desplat_ns.photo_tourism.worn import VARIABLE
+    from desplat_ns.photo_tourism.shown_light import VARIABLE
 
     pictures = []
     for worn in ("", "photo_0002.png"):
@@ -190,7 +190,7 @@ def test_ns_render_wears_what_the_environment_says(run: Path, tmp_path: Path, mo
 
 
 def test_the_strip_shows_one_view_in_several_lights(run: Path, tmp_path: Path):
-    from desplat_ns.photo_tourism.eval_command import Evaluate
+    from desplat_ns.commands.evaluate import Evaluate
 
     path = tmp_path / "new" / "strip.png"
     Evaluate(run, tmp_path / "m.json", strip=path, strip_images=3, steps=1).main()
@@ -200,8 +200,8 @@ def test_the_strip_shows_one_view_in_several_lights(run: Path, tmp_path: Path):
 
 
 def test_the_command_names_what_is_not_there(tmp_path: Path):
+    from desplat_ns.commands.evaluate import Evaluate
     from desplat_ns.errors import ConfigError
-    from desplat_ns.photo_tourism.eval_command import Evaluate
 
     with pytest.raises(ConfigError, match=r"no '.*absent\.yml'"):
         Evaluate(tmp_path / "absent.yml").main()

@@ -5,7 +5,7 @@ import torch
 
 from desplat_ns.errors import ConfigError
 from desplat_ns.photo_tourism.embeddings import ImageEmbeddings
-from desplat_ns.photo_tourism.worn import VARIABLE, WornAppearance, parse_worn
+from desplat_ns.photo_tourism.shown_light import VARIABLE, WornAppearance, parse_worn
 
 NAMES = ["a.jpg", "b:1.jpg", "c.jpg"]
 

@@ -19,14 +19,14 @@ from nerfstudio.utils.rich_utils import CONSOLE
 from poison import POISON
 from torch import Tensor
 
-from desplat_ns.checkpoint import load_checkpoint, load_newest
-from desplat_ns.data.nerfstudio import PromptFreeNerfstudio
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.data.splits import views_by_file
+from desplat_ns.data.robustnerf_names import views_by_file
+from desplat_ns.data.transforms_json import PromptFreeNerfstudio
 from desplat_ns.errors import DeSplatError
 from desplat_ns.photo_tourism.embedding_file import load_embeddings, save_embeddings
 from desplat_ns.photo_tourism.split_file import match_split, read_split_file
 from desplat_ns.synthetic import SceneSpec, write_scene
+from desplat_ns.training.checkpoint_files import load_checkpoint, load_newest
 
 REFUSED, CULLED, FINE, FAULT = "refused", "culled", "fine", "fault"
 

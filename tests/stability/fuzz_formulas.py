@@ -12,13 +12,17 @@ import torch
 from poison import POISON
 from torch import Tensor
 
-from desplat_ns import compositing, excess, losses, metrics, separation
 from desplat_ns.backend import View
-from desplat_ns.distractors import DistractorConfig, distractors_at
-from desplat_ns.fast_ssim import ssim
-from desplat_ns.gaussians import activate_distractors, clamp_colors, sigmoid
+from desplat_ns.backend.ssim import ssim
+from desplat_ns.evaluation import metrics
+from desplat_ns.gaussians.activation import activate_distractors, clamp_colors, sigmoid
+from desplat_ns.gaussians.distractors import DistractorConfig, distractors_at
 from desplat_ns.photo_tourism import appearance, background
-from desplat_ns.regions import outlier_regions
+from desplat_ns.rendering import compositing
+from desplat_ns.separation import expected_residual as excess
+from desplat_ns.separation import placement as separation
+from desplat_ns.separation.regions import outlier_regions
+from desplat_ns.training import losses
 
 H, W = 13, 15
 FINITE = tuple(v for v in POISON if abs(v) < torch.inf)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from desplat_ns.evaluation.config import EvaluationConfig, uses_halves
 from fuzz_files import FAULT, FINE, REFUSED, numbers_of, tensors_of
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.configs.method_configs import all_methods
@@ -18,16 +19,15 @@ from nerfstudio.utils.rich_utils import CONSOLE
 from poison import POISON
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.distractors import DistractorConfig, DistractorGaussians
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import DeSplatError
-from desplat_ns.option_checks import check_finite_options
+from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians
+from desplat_ns.options import check_finite_options
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
-from desplat_ns.photo_tourism.evaluation import EvaluationConfig, uses_halves
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.photo_tourism.split_file import draw_split
-from desplat_ns.schedules import ScaledExponentialDecaySchedulerConfig
+from desplat_ns.training.schedules import ScaledExponentialDecaySchedulerConfig
 
 NUMBERS = (*POISON, -5.0, 1e12)
 MOST_ROWS = 10**3

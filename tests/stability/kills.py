@@ -25,11 +25,16 @@ from nerfstudio.configs.method_configs import all_methods
 from nerfstudio.scripts import train
 from nerfstudio.utils import writer
 
-from desplat_ns.checkpoint import STAGING_FOLDER, checkpoints_in, load_checkpoint, step_of
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.distractors import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.synthetic import SceneSpec, write_scene
 from desplat_ns.trainer import DeSplatTrainer
+from desplat_ns.training.checkpoint_files import (
+    STAGING_FOLDER,
+    checkpoints_in,
+    load_checkpoint,
+    step_of,
+)
 
 STEPS, STEPS_PER_SAVE = 240, 2
 """Twice as many as twenty lives come to: where steps take 20 ms, those killed within a second of

@@ -11,7 +11,7 @@ from scenes import BACKENDS, PARAMETERS, Backend, make_backend, render_reference
 
 from desplat_ns.backend import RenderSettings, resolve
 from desplat_ns.backend.inputs import sound
-from desplat_ns.gaussians import activate_static
+from desplat_ns.gaussians.activation import activate_static
 
 SAFE = 0.9
 """Least share of pixels that are compared; a case that leaves out more tests nothing."""

@@ -29,8 +29,8 @@ from torch import Tensor
 
 from desplat_ns.backend import Rendering, RenderSettings
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
-from desplat_ns.compositing import composite_alpha, composite_color, over_background
-from desplat_ns.gaussians import clamp_colors, sigmoid
+from desplat_ns.gaussians.activation import clamp_colors, sigmoid
+from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
 
 few = settings(max_examples=8, derandomize=True, deadline=None)
 seeds = st.integers(0, 10_000)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from desplat_ns.data.colmap_model import read_reconstruction
 from desplat_ns.data.images import read_image
-from desplat_ns.data.reconstruction import read_reconstruction
 from desplat_ns.errors import ConfigError
 from desplat_ns.synthetic import SceneSpec, write_scene
 from desplat_ns.synthetic.colmap_export import pycolmap

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numba
 import torch
 
-from desplat_ns.backend.numba_runtime import numba_config
+from desplat_ns.backend.numba_kernels.runtime import numba_config
 
 SLOW = 0.25
 """Seconds. A case this slow runs once a turn; others run REPEATS times, after one call that is not

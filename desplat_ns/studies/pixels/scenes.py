@@ -26,7 +26,7 @@ import torch
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Splats, View
-from desplat_ns.gaussians import activate_static
+from desplat_ns.gaussians.activation import activate_static
 
 SH_DEGREE = 3
 FOCAL = 0.9

@@ -18,10 +18,9 @@ from torch import Tensor
 
 from desplat_ns.data.images import read_mask
 from desplat_ns.effects import EffectsConfig
-from desplat_ns.losses import static_photometric_loss
 from desplat_ns.method_configs import desplat
-from desplat_ns.model import DeSplatModel
-from desplat_ns.model_config import DeSplatModelConfig
+from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.training.losses import static_photometric_loss
 
 TRIMMED_SHARE = 0.8
 """Share of a photo's pixels that the robust baseline trusts in every step."""

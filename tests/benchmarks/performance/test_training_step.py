@@ -6,7 +6,7 @@ import torch
 from benchmarks.performance.steps import plain_adam, plain_ssim
 from benchmarks.performance.training_step import PARTS, TrainingStep
 from benchmarks.performance.yardstick import YARDSTICK
-from desplat_ns.fast_ssim import ssim
+from desplat_ns.backend.ssim import ssim
 from desplat_ns.studies.pixels.contenders import backends
 from desplat_ns.studies.pixels.scenes import make_scene
 

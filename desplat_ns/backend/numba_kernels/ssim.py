@@ -23,7 +23,7 @@ import math
 import numba
 import numpy as np
 
-from desplat_ns.backend.numba_runtime import kernel, take
+from desplat_ns.backend.numba_kernels.runtime import kernel, take
 
 WINDOW = 11
 """Pixels across the window; its standard deviation is 1.5 (Wang et al., and pytorch_msssim)."""

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from desplat_ns.backend.numba_runtime import kernel
+from desplat_ns.backend.numba_kernels.runtime import kernel
 
 TILE = 16
 """Width and height of a tile in pixels. 16 was measured faster than 8 and 32."""

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from desplat_ns.backend.numba_runtime import kernel
+from desplat_ns.backend.numba_kernels.runtime import kernel
 
 PLANES = 19
 

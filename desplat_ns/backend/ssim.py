@@ -9,8 +9,8 @@ from pytorch_msssim import ssim as msssim_ssim
 from torch import Tensor
 
 try:
-    from desplat_ns.backend import numba_ssim
-    from desplat_ns.backend.numba_runtime import launching, new_counter, num_workers
+    from desplat_ns.backend.numba_kernels import ssim as numba_ssim
+    from desplat_ns.backend.numba_kernels.runtime import launching, new_counter, num_workers
 except ImportError:  # numba is missing: `ssim` is slower then, not wrong
     numba_ssim = None
 

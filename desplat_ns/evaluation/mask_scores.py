@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 import torch
+from desplat_ns.console import progress_over
 from jaxtyping import Bool
 from nerfstudio.cameras.cameras import Cameras
 from PIL import Image, UnidentifiedImageError
 from torch import Tensor
 
 from desplat_ns.errors import CaptureError
-from desplat_ns.evaluation import progress_over
-from desplat_ns.metrics import mask_iou, mean_alpha_outside
+from desplat_ns.evaluation.metrics import mask_iou, mean_alpha_outside
 
 METADATA_KEY = "distractor_mask_filenames"
 """Where the data parser leaves the masks' paths (or None), one for each training photo."""

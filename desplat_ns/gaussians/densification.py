@@ -19,8 +19,8 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.distractors import PARAMETER_NAMES, DistractorConfig, DistractorGaussians
-from desplat_ns.strategy import prune, refine
+from desplat_ns.gaussians.distractors import PARAMETER_NAMES, DistractorConfig, DistractorGaussians
+from desplat_ns.gaussians.strategy import prune, refine
 
 RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) >= (1, 5)
 """gsplat 1.5 gives radii as [C, N, 2], 1.4 as [C, N]; each one's strategy takes only its own."""

@@ -16,7 +16,7 @@ from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.cameras import image_points, view_of
+from desplat_ns.rendering.views import image_points, view_of
 
 NEAREST_QUANTILE = 0.01
 """Of the depths of the points in a view; a few points of every reconstruction are astray."""

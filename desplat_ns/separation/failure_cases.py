@@ -10,15 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
+from desplat_ns.console import announce
+from desplat_ns.separation.grid import grid_of
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.protocol import RenderSettings, View
-from desplat_ns.cameras import image_points
-from desplat_ns.data.checks import announce
-from desplat_ns.distractors import DistractorConfig
-from desplat_ns.excess import grid_of
-from desplat_ns.outputs import MASK_THRESHOLD
+from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.rendering.layers import MASK_THRESHOLD
+from desplat_ns.rendering.views import image_points
 
 CELLS = 2000
 """Cells per image in which it is remembered whether distractors cover it."""

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from desplat_ns.data.checks import list_names
+from desplat_ns.console import list_names
 from desplat_ns.errors import CaptureError, ConfigError
 
 Kind = Literal["clean", "clutter", "extra"]

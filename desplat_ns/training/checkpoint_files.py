@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 import torch
+from desplat_ns.console import announce
 
-from desplat_ns.data.checks import announce
 from desplat_ns.errors import CheckpointError
 
 CHECKPOINT_NAME = re.compile(r"step-(\d+)\.ckpt")

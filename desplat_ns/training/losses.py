@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from desplat_ns.fast_ssim import ssim
+from desplat_ns.backend.ssim import ssim
 
 
 def distractor_opacity_loss(

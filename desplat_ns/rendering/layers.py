@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering
-from desplat_ns.compositing import composite_alpha, composite_color, over_background
+from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
 
 MASK_THRESHOLD = 0.5
 """A pixel counts as covered where the distractors' opacity is greater. App. C.1."""

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from desplat_ns.backend.numba_ellipses import (
+from desplat_ns.backend.numba_kernels.ellipses import (
     BATCH,
     BLOCK,
     BLOCKS,
@@ -31,7 +31,7 @@ from desplat_ns.backend.numba_ellipses import (
     ellipse,
     tile_rows,
 )
-from desplat_ns.backend.numba_runtime import kernel, new_counter, num_workers, take
+from desplat_ns.backend.numba_kernels.runtime import kernel, new_counter, num_workers, take
 
 CHUNK = 512
 """Gaussians that one worker bins at a time."""

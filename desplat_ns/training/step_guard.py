@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from desplat_ns.console import announce
 from jaxtyping import Bool, Float
 from nerfstudio.engine.optimizers import Optimizers
 from torch import Tensor, nn
@@ -21,10 +22,9 @@ from torch.optim import Optimizer
 
 from desplat_ns.backend.inputs import sound
 from desplat_ns.backend.protocol import RenderSettings, Splats
-from desplat_ns.checkpoint import checkpoints_in
-from desplat_ns.data.checks import announce
 from desplat_ns.errors import ConfigError, TrainingError
-from desplat_ns.gaussians import MAX_LOG_SCALE
+from desplat_ns.gaussians.activation import MAX_LOG_SCALE
+from desplat_ns.training.checkpoint_files import checkpoints_in
 
 TOO_WIDE = math.exp(MAX_LOG_SCALE) / 2
 """World units. Wider Gaussians are culled in every view."""

@@ -12,10 +12,10 @@ from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import RenderSettings, View
-from desplat_ns.cameras import view_of
 from desplat_ns.errors import ConfigError
-from desplat_ns.gaussians import resize_rows
-from desplat_ns.option_checks import check_finite_options
+from desplat_ns.gaussians.activation import resize_rows
+from desplat_ns.options import check_finite_options
+from desplat_ns.rendering.views import view_of
 
 PARAMETER_NAMES = ("means", "scales", "quats", "rgbs", "opacities")
 """Raw values, under the names that gsplat's strategy reads: scales are logarithms, opacities

@@ -17,10 +17,11 @@ from jaxtyping import Float, Shaped
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
-from desplat_ns.cameras import view_of
+from desplat_ns.backend.ssim import ssim
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.evaluation import ScoredImage, Stopwatch
-from desplat_ns.fast_ssim import ssim
+from desplat_ns.evaluation.records import ScoredImage
+from desplat_ns.evaluation.stopwatch import Stopwatch
+from desplat_ns.rendering.views import view_of
 
 MIN_WIDTH = 4
 """Pixels of a photo whose halves can be scored: SSIM needs two each way."""

@@ -11,9 +11,10 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import Nerfstudio
 from torch import Tensor
 
-from desplat_ns.data.checks import announce, check_cameras, without_infinite_points
-from desplat_ns.data.colmap import points_metadata
-from desplat_ns.data.reconstruction import find_models, read_reconstruction
+from desplat_ns.console import announce
+from desplat_ns.data.checks import check_cameras, without_infinite_points
+from desplat_ns.data.colmap_model import find_models, read_reconstruction
+from desplat_ns.data.poses import points_metadata
 from desplat_ns.errors import CaptureError
 
 _UPSTREAM_ERRORS = (

@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from desplat_ns.backend.numba_ellipses import (
+from desplat_ns.backend.numba_kernels.ellipses import (
     BLOCK,
     CONIC_A,
     CONIC_B,
@@ -40,7 +40,7 @@ from desplat_ns.backend.numba_ellipses import (
     OPACITY,
     TILE,
 )
-from desplat_ns.backend.numba_runtime import float_of_bits, fma, kernel, nearest
+from desplat_ns.backend.numba_kernels.runtime import float_of_bits, fma, kernel, nearest
 
 AREA = TILE * TILE
 """Pixels of a tile."""

@@ -13,9 +13,9 @@ from nerfstudio.models.splatfacto import RGB2SH, SplatfactoModel
 from nerfstudio.utils import writer
 from nerfstudio.viewer import control_panel
 
-from desplat_ns.checkpoint import load_for_evaluation
-from desplat_ns.data.checks import announce
-from desplat_ns.metrics import LazyLpips
+from desplat_ns.console import announce
+from desplat_ns.evaluation.metrics import LazyLpips
+from desplat_ns.training.checkpoint_files import load_for_evaluation
 
 
 @contextmanager

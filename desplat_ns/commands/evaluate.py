@@ -9,12 +9,12 @@ from typing import Any, Literal, cast
 
 import numpy as np
 import tyro
+from desplat_ns.evaluation.config import EvaluationConfig
 from nerfstudio.utils.eval_utils import eval_setup
 from nerfstudio.utils.rich_utils import CONSOLE
 from PIL import Image
 
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
-from desplat_ns.photo_tourism.evaluation import EvaluationConfig
 from desplat_ns.photo_tourism.strip import appearance_strip
 
 

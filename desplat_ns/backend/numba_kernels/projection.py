@@ -13,7 +13,7 @@ from torch import Tensor
 from desplat_ns.backend import projection
 from desplat_ns.backend.constants import DET_MIN
 from desplat_ns.backend.inputs import MIN_QUAT_NORM
-from desplat_ns.backend.numba_ewa import (
+from desplat_ns.backend.numba_kernels.ewa import (
     BATCH,
     CONIC_A,
     DEPTH,
@@ -30,7 +30,13 @@ from desplat_ns.backend.numba_ewa import (
     project_batch,
     pull_batch,
 )
-from desplat_ns.backend.numba_runtime import kernel, launching, new_counter, num_workers, take
+from desplat_ns.backend.numba_kernels.runtime import (
+    kernel,
+    launching,
+    new_counter,
+    num_workers,
+    take,
+)
 from desplat_ns.backend.protocol import RenderSettings, View
 
 _ZERO = np.float32(0)

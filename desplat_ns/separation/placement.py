@@ -13,16 +13,17 @@ from typing import Any
 
 import torch
 import torch.nn.functional as F
+from desplat_ns.separation.grid import grid_of, pooled
 from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.cameras import image_points
-from desplat_ns.densification import DistractorDensifier
-from desplat_ns.distractors import DistractorConfig, DistractorGaussians, distractors_at
-from desplat_ns.excess import ExpectedResidual, grid_of, local_residual, pooled
-from desplat_ns.regions import outlier_regions
+from desplat_ns.gaussians.densification import DistractorDensifier
+from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians, distractors_at
+from desplat_ns.rendering.views import image_points
+from desplat_ns.separation.expected_residual import ExpectedResidual, local_residual
+from desplat_ns.separation.regions import outlier_regions
 
 COVERED_SHARE = 0.5
 """A distractor is placed where more than this share of its cell is inside a region, and where the

@@ -20,7 +20,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from desplat_ns.backend.numba_runtime import kernel, launching, new_counter, num_workers, take
+from desplat_ns.backend.numba_kernels.runtime import (
+    kernel,
+    launching,
+    new_counter,
+    num_workers,
+    take,
+)
 from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
 
 BATCH = 64

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from desplat_ns.backend.numba_ellipses import BLOCK, BLOCKS, FEATURES, OPACITY, TILE
-from desplat_ns.backend.numba_pixels import (
+from desplat_ns.backend.numba_kernels.ellipses import BLOCK, BLOCKS, FEATURES, OPACITY, TILE
+from desplat_ns.backend.numba_kernels.pixels import (
     AREA,
     COLUMN,
     F0,
@@ -35,7 +35,7 @@ from desplat_ns.backend.numba_pixels import (
     pull_more,
     write_row,
 )
-from desplat_ns.backend.numba_runtime import kernel, prefetch, take
+from desplat_ns.backend.numba_kernels.runtime import kernel, prefetch, take
 
 ROWS_CHUNK = 512
 """Gaussians whose rows one worker sums at a time."""

@@ -17,7 +17,8 @@ import pycolmap
 from jaxtyping import Float, Int, UInt8
 from nerfstudio.cameras.cameras import CameraType
 
-from desplat_ns.data.checks import LARGEST_SIDE, announce
+from desplat_ns.console import announce
+from desplat_ns.data.checks import LARGEST_SIDE
 from desplat_ns.errors import CaptureError
 
 CAMERA_TYPES = {
