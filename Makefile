@@ -4,7 +4,7 @@
 #   make test    the tests, on the CPU
 #   make bench   every backend is timed and the figures written to docs/performance.md (15 minutes)
 #   make stability  hard cases measured, docs/stability.md; wrong signs, kills, a long run (2 hours)
-#   make study   the runs behind docs/separation.md that are missing, and the document (hours; resumes)
+#   make study   the runs behind docs/separation.md that are missing or stale, and the document (hours; resumes)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
 #
@@ -43,9 +43,9 @@ bench: $(STAMP)
 	$(PY) -m benchmarks $(BENCH_ARGS)
 
 stability: $(STAMP)
-	$(PY) -m benchmarks.mutations
-	$(PY) -m benchmarks.faults
-	$(PY) -m benchmarks.soak
+	$(PY) -m benchmarks.stability.mutations
+	$(PY) -m benchmarks.stability.faults
+	$(PY) -m benchmarks.stability.soak
 	$(PY) -m benchmarks.stability
 
 study: $(STAMP)

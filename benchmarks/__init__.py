@@ -1,4 +1,6 @@
-"""How fast, how exact and how frugal every backend is, measured in one run: `make bench`."""
+"""This repository's own engineering: what its documents in docs/ say is measured here. It may
+import all of `desplat_ns`, its studies among them, and is not in the wheel.
+"""
 
 import os
 

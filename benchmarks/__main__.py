@@ -1,6 +1,6 @@
 """`python -m benchmarks`, from the checkout."""
 
-from benchmarks.run import main
+from benchmarks.performance.run import main
 
 if __name__ == "__main__":
     main()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -152,3 +152,16 @@ def model_writer() -> Callable[..., Path]:
 @pytest.fixture
 def photo_writer() -> Callable[..., np.ndarray]:
     return write_photo
+
+
+@pytest.fixture
+def tyro_may_build() -> Iterator[None]:
+    """Within, classes take nerfstudio's own defaults, such as `weight_decay: float = 0`, from tyro.
+
+    The type checks of these tests would refuse that 0, which is no float.
+    """
+    import jaxtyping
+
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)

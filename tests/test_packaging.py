@@ -171,6 +171,18 @@ def test_the_clean_environment_holds_the_wheels_package(clean_python: Path) -> N
     assert Path(found.stdout.strip()).is_relative_to(clean_python.parent.parent)
 
 
+def test_studies_are_in_the_wheel_and_need_no_checkout(clean_python: Path) -> None:
+    found = subprocess.run(
+        [clean_python, "-m", "desplat_ns.studies.grid.settings", "desplat"],
+        cwd=clean_python.parent,
+        env=clean_environment(),
+        capture_output=True,
+        text=True,
+    )
+    assert found.returncode == 0, found.stderr[-2000:]
+    assert '"pipeline.model.schedule_scale": 1.0' in found.stdout
+
+
 def test_ns_train_knows_desplat_from_the_wheel_alone(clean_python: Path) -> None:
     script = Path(sysconfig.get_path("scripts")) / "ns-train"
     shown = subprocess.run(

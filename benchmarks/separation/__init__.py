@@ -1,1 +1,3 @@
-"""How well static scene and distractors are told apart: the runs behind docs/separation.md."""
+"""How well static scene and distractors are told apart: docs/separation.md, `make study`. It may
+import all of `desplat_ns`.
+"""

@@ -1,47 +1,38 @@
-"""What was measured, kept in one file, so that a stopped study goes on where it was."""
+"""The files with what was measured, and how to enter more."""
 
 from __future__ import annotations
 
-import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.machine import CHECKOUT
-from benchmarks.separation.runs import SETTINGS, Run
+from benchmarks.documents import DOCS
+from benchmarks.separation.runs import FIGURES, STUDY
+from desplat_ns.studies.grid import records
+from desplat_ns.studies.grid.runs import Run
+from desplat_ns.studies.grid.settings import Settings
 
-FILE = CHECKOUT / "docs" / "separation.json"
+FILE = DOCS / "separation.json"
 
-BEFORE = CHECKOUT / "docs" / "separation_before.json"
-"""The same of commit e944f25, whose refinements were as far apart as its schedules said: every 10
-steps in short runs, every 100 in those of 30,000. Nothing writes to it any more."""
-
-FIGURES = (
-    "psnr",
-    "ssim",
-    "mask_iou",
-    "alpha_outside_masks",
-    "num_static_gaussians",
-    "num_distractor_gaussians",
-)
-"""Of `ns-eval`; the mask scores are absent where there are no distractors or no masks."""
+BEFORE = DOCS / "separation_before.json"
+"""The same of code up to commit e944f25, whose refinements were as far apart as its schedules said:
+every 10 steps in short runs, every 100 in those of 30,000. Nothing writes to it any more."""
 
 
-def load(path: Path = FILE) -> dict[str, dict[str, Any]]:
-    """Records by the name of the run."""
-    return json.loads(path.read_text()) if path.exists() else {}
+def enter(
+    run: Run,
+    results: Mapping[str, Any],
+    commit: str,
+    settings: Settings | None = None,
+    path: Path = FILE,
+) -> None:
+    """Enter what was measured elsewhere.
 
-
-def add(run: Run, results: dict[str, Any], path: Path = FILE) -> None:
-    """Put the figures of a run in the file. `results`: of `train_and_score`."""
-    records = load(path)
-    record: dict[str, Any] = {name: results[name] for name in FIGURES if name in results}
-    record["train_cpu_seconds"] = round(results["train_cpu_seconds"], 1)
-    record["options"] = list(SETTINGS[run.setting].options)
-    records[run.name] = record
-    path.write_text(json.dumps(records, indent=1, sort_keys=True) + "\n")
-
-
-def is_done(run: Run, records: dict[str, dict[str, Any]]) -> bool:
-    """Whether the run was measured, with the options that its setting has now."""
-    found = records.get(run.name)
-    return found is not None and found["options"] == list(SETTINGS[run.setting].options)
+    Args:
+        results: as `ns-eval` gives them, with `train_cpu_seconds`.
+        commit: the full hash of the code that was run.
+        settings: what that code resolved, `python -m desplat_ns.studies.grid.settings`; if not
+            given, what today's does for the run, so make sure that it is the same.
+    """
+    figures = {name: results[name] for name in FIGURES if name in results}
+    records.record(path, run, figures, commit, settings or STUDY.settings_of(run))

@@ -6,52 +6,72 @@ import re
 from pathlib import Path
 from statistics import median
 from string import Template
-from typing import Any
 
-from benchmarks.machine import CHECKOUT
+from benchmarks.documents import DOCS
 from benchmarks.separation import one_pixel
-from benchmarks.separation.runs import ABLATIONS, CLEAN, HARD, OTHERS, SEEDS, SETTINGS, Run
-from benchmarks.tables import table
+from benchmarks.separation.records import BEFORE, FILE
+from benchmarks.separation.runs import ABLATIONS, CLEAN, HARD, OTHERS, SEEDS, SETTINGS, STUDY
+from desplat_ns.studies.grid.records import Records, load
+from desplat_ns.studies.grid.runs import Run
+from desplat_ns.studies.grid.sources import Cell, Measured, Reference, sourced_table
 
 TEMPLATE = Path(__file__).with_name("separation.md.template")
-FOLDER = CHECKOUT / "docs"
 REPORT, FIGURE = "separation.md", "separation.png"
 NOT_YET = "not measured"
 
 NUMBERS_S, NUMBERS_D = 59, 14
 """Numbers in which a static Gaussian (degree 3) and a distractor are stored."""
 
-Records = dict[str, dict[str, Any]]
+Key = tuple[str, str, int, int]
+"""Setting, scene, downscale and steps of runs that differ in nothing but their seed."""
 
 
 class Figures:
-    """Medians over the seeds that were measured."""
+    """Medians over the seeds that were measured, and the records that they are of."""
 
-    def __init__(self, records: Records):
-        self.records = records
+    def __init__(self, records: Records, today: Reference | None):
+        """`today`: None for the figures of older code, whose settings are not to be today's."""
+        self.records, self.today = records, today
 
-    def by_seed(self, run: tuple[str, str, int, int], figure: str) -> dict[int, float]:
-        """The values of the seeds that were measured."""
-        found = {seed: self.records.get(Run(*run, seed).name, {}) for seed in SEEDS}
-        return {seed: record[figure] for seed, record in found.items() if figure in record}
+    def by_seed(self, key: Key) -> dict[int, Measured]:
+        """The seeds that were measured."""
+        runs = {seed: Run(*key, seed) for seed in SEEDS}
+        return {
+            seed: (run, self.records[run.name])
+            for seed, run in runs.items()
+            if run.name in self.records
+        }
 
-    def values(self, run: tuple[str, str, int, int], figure: str) -> list[float]:
-        """One value for each seed that was measured."""
-        return list(self.by_seed(run, figure).values())
+    def together(self, figure: str, *keys: Key) -> tuple[list[tuple[float, ...]], list[Measured]]:
+        """A figure of several runs, for each seed of which all have it; and their records."""
+        found = [self.by_seed(key) for key in keys]
+        seeds = [
+            seed
+            for seed in SEEDS
+            if all(seed in one and figure in one[seed][1].figures for one in found)
+        ]
+        values = [tuple(one[seed][1].figures[figure] for one in found) for seed in seeds]
+        return values, [one[seed] for seed in seeds for one in found]
 
-    def together(self, *runs: tuple[str, str, int, int]) -> list[tuple[float, ...]]:
-        """PSNR of several runs, for each seed of which all were measured."""
-        values = [self.by_seed(run, "psnr") for run in runs]
-        return [tuple(v[s] for v in values) for s in SEEDS if all(s in v for v in values)]
+    def cell(self, key: Key, figure: str, form: str) -> Cell:
+        """Median and range of a figure."""
+        values, measured = self.together(figure, key)
+        return Cell(spread([value for (value,) in values], form), tuple(measured))
 
-    def gaps(self, setting: str, scene: str, clean: str, downscale: int, steps: int) -> list[float]:
+    def has(self, key: Key) -> bool:
+        """Whether a run was measured with any seed."""
+        return bool(self.by_seed(key))
+
+    def gap(self, setting: str, scene: str, clean: str, downscale: int, steps: int) -> Cell:
         """Share of the way from "off" to the clean twins, seed by seed."""
         runs = ((setting, scene), ("off", scene), ("off", clean))
-        values = self.together(*((*run, downscale, steps) for run in runs))
-        return [(ours - off) / (top - off) for ours, off, top in values]
+        values, measured = self.together("psnr", *((*run, downscale, steps) for run in runs))
+        gaps = [(ours - off) / (top - off) for ours, off, top in values]
+        return Cell(spread(gaps, ".2f"), tuple(measured))
 
-    def cell(self, run: tuple[str, str, int, int], figure: str, form: str) -> str:
-        return spread(self.values(run, figure), form)
+    def table(self, head: list[str], rows: list[list[str | Cell]]) -> str:
+        """A table that says what its records are of."""
+        return sourced_table(head, rows, self.today) if rows else f"*{NOT_YET} yet*"
 
 
 def spread(values: list[float], form: str) -> str:
@@ -68,16 +88,16 @@ def scene_table(
     figures: Figures, settings: str, scene: str, clean: str, downscale: int, steps: int
 ) -> str:
     """One row for each setting that was measured."""
-    rows = []
+    rows: list[list[str | Cell]] = []
     for name in settings.split():
         run = (name, scene, downscale, steps)
-        if not figures.values(run, "psnr"):
+        if not figures.has(run):
             continue
         rows.append(
             [
                 SETTINGS[name].what,
                 figures.cell(run, "psnr", ".2f"),
-                spread(figures.gaps(name, scene, clean, downscale, steps), ".2f"),
+                figures.gap(name, scene, clean, downscale, steps),
                 figures.cell(run, "ssim", ".3f"),
                 figures.cell(run, "mask_iou", ".2f"),
                 figures.cell(run, "alpha_outside_masks", ".3f"),
@@ -86,63 +106,60 @@ def scene_table(
             ]
         )
     twins = ("off", clean, downscale, steps)
-    if figures.values(twins, "psnr"):
+    if figures.has(twins):
         psnr, ssim = (
             figures.cell(twins, f, form) for f, form in (("psnr", ".2f"), ("ssim", ".3f"))
         )
         count = figures.cell(twins, "num_static_gaussians", ",.0f")
         rows.append(["off, trained on the clean twins", psnr, "1", ssim, "", "", count, ""])
     head = ["", "PSNR", "gap closed", "SSIM", "mask IoU", "alpha outside", "static", "distractors"]
-    return table(head, rows) if rows else f"*{NOT_YET} yet*"
+    return figures.table(head, rows)
 
 
 def still_table(figures: Figures) -> str:
     """What the method costs where nothing moves."""
-    rows = []
+    rows: list[list[str | Cell]] = []
     for steps in (1000, 3000, 30000):
         off, ours = ((setting, "still", 2, steps) for setting in ("off", "desplat"))
-        differences = [b - a for a, b in figures.together(off, ours)]
-        if differences:
+        values, measured = figures.together("psnr", off, ours)
+        if values:
+            difference = Cell(spread([b - a for a, b in values], "+.2f"), tuple(measured))
             cells = [figures.cell(run, "psnr", ".2f") for run in (off, ours)]
-            cells.append(spread(differences, "+.2f"))
-            rows.append([f"{steps:,}", *cells])
-    head = ["steps", "off", "`desplat`", "difference"]
-    return table(head, rows) if rows else f"*{NOT_YET} yet*"
+            rows.append([f"{steps:,}", *cells, difference])
+    return figures.table(["steps", "off", "`desplat`", "difference"], rows)
 
 
 def hard_table(figures: Figures, steps: int) -> str:
     """One row for each kind of difficult occluder."""
-    rows = []
+    rows: list[list[str | Cell]] = []
     for scene in HARD:
         off, ours = ((setting, scene, 2, steps) for setting in ("off", "desplat"))
-        if not figures.values(ours, "psnr"):
+        if not figures.has(ours):
             continue
-        gap = figures.gaps("desplat", scene, "clean", 2, steps)
         cells = [figures.cell(run, "psnr", ".2f") for run in (off, ours)]
         scores = [
             figures.cell(ours, "mask_iou", ".2f"),
             figures.cell(ours, "alpha_outside_masks", ".3f"),
         ]
-        rows.append([scene, *cells, spread(gap, ".2f"), *scores])
-    head = ["", "off", "`desplat`", "gap closed", "mask IoU", "alpha outside"]
-    return table(head, rows) if rows else f"*{NOT_YET} yet*"
+        rows.append([scene, *cells, figures.gap("desplat", scene, "clean", 2, steps), *scores])
+    return figures.table(["", "off", "`desplat`", "gap closed", "mask IoU", "alpha outside"], rows)
 
 
 def changes_table(before: Figures, now: Figures, steps: int) -> str:
     """For each capture a row with refinement as it was, and one with refinement as it is."""
-    rows = []
+    rows: list[list[str | Cell]] = []
     for scene, downscale in (("clutter", 2), *((s, 2 if s == "around" else 1) for s in OTHERS)):
         clean = "clean" if scene == "clutter" else scene + CLEAN
         for name, figures in (("before", before), ("now", now)):
             row = _of_capture(figures, scene, clean, downscale, steps)
-            if any(row):
+            if any(cell.text for cell in row):
                 rows.append([scene, name, *row])
     head = ["capture", "", "off", "`desplat`", "clean twins", "SSIM", "IoU", "alpha outside"]
     head += ["training, CPU s", "static", "distractors", "memory ratio"]
-    return table(head, rows) if rows else f"*{NOT_YET} yet*"
+    return now.table(head, rows)
 
 
-def _of_capture(figures: Figures, scene: str, clean: str, downscale: int, steps: int) -> list[str]:
+def _of_capture(figures: Figures, scene: str, clean: str, downscale: int, steps: int) -> list[Cell]:
     """Cells of `changes_table`: PSNR of three settings, the rest of `desplat`."""
     off, ours, twins = (("off", scene), ("desplat", scene), ("off", clean))
     cells = [figures.cell((*run, downscale, steps), "psnr", ".2f") for run in (off, ours, twins)]
@@ -156,21 +173,31 @@ def _of_capture(figures: Figures, scene: str, clean: str, downscale: int, steps:
         ("num_distractor_gaussians", ",.0f"),
     ):
         cells.append(figures.cell(run, figure, form))
-    counts = (
-        figures.by_seed(run, name) for name in ("num_distractor_gaussians", "num_static_gaussians")
-    )
-    distractors, static = counts
-    ratios = [distractors[s] * NUMBERS_D / (static[s] * NUMBERS_S) for s in static]
-    return [*cells, spread(ratios, ".2f")]
+    measured = figures.by_seed(run).values()
+    ratios = [
+        record.figures["num_distractor_gaussians"]
+        * NUMBERS_D
+        / (record.figures["num_static_gaussians"] * NUMBERS_S)
+        for _, record in measured
+    ]
+    return [*cells, Cell(spread(ratios, ".2f"), tuple(measured))]
 
 
-def write_report(records: Records, before: Records, folder: Path = FOLDER) -> Path:
+def write_committed_report() -> Path:
+    """Write the document from the files in docs/; returns where it is."""
+    return write_report(load(FILE), load(BEFORE))
+
+
+def write_report(
+    now: Records, before: Records, folder: Path = DOCS, today: Reference = STUDY.settings_of
+) -> Path:
     """Fill in the template; returns where the document is.
 
     Args:
         before: those of `records.BEFORE`.
+        today: see `sources`.
     """
-    figures, old = Figures(records), Figures(before)
+    figures, old = Figures(now, today), Figures(before, None)
     main = "off trimmed paper desplat truth"
 
     def filled(match: re.Match[str]) -> str:

@@ -1,31 +1,26 @@
-"""Which runs there are: a setting on a scene, at a size, for a number of steps, with a seed."""
+"""Which runs there are."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 
+from benchmarks.separation.hard_cases import make_case
+from desplat_ns.studies.grid.captures import AlteredCapture, GeneratedCapture, RealCapture
+from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
 from desplat_ns.synthetic import SceneSpec
 
+BASELINES = "desplat_ns.studies.reproduce.baselines"
 DISTRACTORS = "--pipeline.model.distractors"
 OFF = ("--pipeline.model.effects.distractors", "False")
 
 
-@dataclass(frozen=True)
-class Setting:
-    """A method and its options."""
-
-    method: str
-    options: tuple[str, ...] = ()
-    what: str = ""
-
-
 SETTINGS = {
     "off": Setting("desplat", OFF, "distractors off"),
-    "trimmed": Setting("masked-by-residual", (), "off, trimmed loss"),
+    "trimmed": Setting(f"{BASELINES}:by_residual", (), "off, trimmed loss"),
     "paper": Setting("desplat-paper", (), "`desplat-paper`"),
     "desplat": Setting("desplat", (), "**`desplat`**"),
-    "truth": Setting("masked-by-truth", (), "off, true masks as weights"),
+    "truth": Setting(f"{BASELINES}:by_truth", (), "off, true masks as weights"),
     "no-warmup": Setting("desplat", (f"{DISTRACTORS}.static-warmup", "0"), "without warm-up"),
     "shared-loss": Setting(
         "desplat", (f"{DISTRACTORS}.static-alone", "False"), "one loss for both sets"
@@ -52,52 +47,32 @@ YARDS = (8, 16, 24, 40, 60)
 """Views of the small generated scenes, which differ in nothing else."""
 
 
-@dataclass(frozen=True)
-class Scene:
-    """A capture and how to read it."""
-
-    parser: tuple[str, ...]
-    folder: str = ""
-    """In DESPLAT_NS_DATA."""
-    spec: SceneSpec | None = None
-    """Of a generated scene instead."""
-    case: str | None = None
-    """Of `hard_cases`, whose occluders take the place of the folder's."""
+FOX, AROUND = RealCapture("fox_cluttered"), RealCapture("monstree_cluttered")
+YARD = GeneratedCapture("yard", SceneSpec())
 
 
-def _yard(views: int) -> SceneSpec:
-    return SceneSpec(num_views=views, num_extras=8, width=192, height=128, seed=7)
+def _yard(views: int) -> GeneratedCapture:
+    spec = SceneSpec(num_views=views, num_extras=8, width=192, height=128, seed=7)
+    return GeneratedCapture(f"yard{views}", spec)
+
+
+def _case(name: str) -> AlteredCapture:
+    return AlteredCapture(name, FOX, partial(make_case, name))
 
 
 SCENES = {
-    "clutter": Scene(CLUTTERED, "fox_cluttered"),
-    "clean": Scene(TWINS, "fox_cluttered"),
-    "around": Scene(CLUTTERED, "monstree_cluttered"),
-    "around-clean": Scene(TWINS, "monstree_cluttered"),
-    "still": Scene(("colmap",), "fox"),
-    "yard": Scene(CLUTTERED, spec=SceneSpec()),
-    "yard-clean": Scene(TWINS, spec=SceneSpec()),
-    **{f"yard{n}": Scene(CLUTTERED, spec=_yard(n)) for n in YARDS},
-    **{f"yard{n}-clean": Scene(TWINS, spec=_yard(n)) for n in YARDS},
-    **{name: Scene(CLUTTERED, "fox_cluttered", case=name) for name in HARD},
+    "clutter": Scene(FOX, CLUTTERED),
+    "clean": Scene(FOX, TWINS),
+    "around": Scene(AROUND, CLUTTERED),
+    "around-clean": Scene(AROUND, TWINS),
+    "still": Scene(RealCapture("fox"), ("colmap",)),
+    "yard": Scene(YARD, CLUTTERED),
+    "yard-clean": Scene(YARD, TWINS),
+    **{f"yard{n}": Scene(_yard(n), CLUTTERED) for n in YARDS},
+    **{f"yard{n}-clean": Scene(_yard(n), TWINS) for n in YARDS},
+    **{name: Scene(_case(name), CLUTTERED) for name in HARD},
 }
 """By name. In `still` nothing moves; `yard` is the demo's generated scene."""
-
-
-@dataclass(frozen=True)
-class Run:
-    """One training run and its evaluation."""
-
-    setting: str
-    scene: str
-    downscale: int
-    steps: int
-    seed: int
-
-    @property
-    def name(self) -> str:
-        return f"{self.setting}-{self.scene}-{self.downscale}-{self.steps}-{self.seed}"
-
 
 SEEDS = (42, 43, 44)
 
@@ -151,3 +126,16 @@ _WANTED = (
 )
 PLAN = tuple(dict.fromkeys(_WANTED))
 """Everything in the document, the quick and the important first."""
+
+FIGURES = (
+    "psnr",
+    "ssim",
+    "mask_iou",
+    "alpha_outside_masks",
+    "num_static_gaussians",
+    "num_distractor_gaussians",
+    "train_cpu_seconds",
+)
+"""The mask scores are absent where there are no distractors or no masks."""
+
+STUDY = Study(SETTINGS, SCENES, PLAN, FIGURES)

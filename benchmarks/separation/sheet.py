@@ -14,11 +14,13 @@ import numpy as np
 from nerfstudio.utils.eval_utils import eval_setup
 from PIL import Image
 
-from benchmarks.machine import CHECKOUT
-from benchmarks.separation.runs import HARD, PLAN, SETTINGS, Run
+from benchmarks.documents import DOCS, OUTPUTS
+from benchmarks.separation.runs import HARD, PLAN, STUDY
 from desplat_ns.data.true_masks import METADATA_KEY, read_true_mask
 from desplat_ns.errors import DeSplatError
 from desplat_ns.evaluation.pictures import Picture, over_checkerboard, sheet, to_rgb8
+from desplat_ns.studies.grid.execute import config_of
+from desplat_ns.studies.grid.runs import Run
 
 TITLES = ("photo", "static scene", "distractors", "their mask", "true mask")
 VIEW = 4
@@ -35,16 +37,14 @@ def parse_arguments() -> argparse.Namespace:
     )
     parser.add_argument("--runs", nargs="+", default=HARD_RUNS, help="names, as --list gives them")
     parser.add_argument("--view", type=int, default=VIEW, help="training view (%(default)s)")
+    parser.add_argument("--trained", type=Path, default=OUTPUTS / "separation", help="of the study")
     parser.add_argument(
-        "--trained", type=Path, default=CHECKOUT / "outputs" / "separation", help="of the study"
-    )
-    parser.add_argument(
-        "--output", type=Path, default=CHECKOUT / "docs" / "separation_hard.jpg", help="the sheet"
+        "--output", type=Path, default=DOCS / "separation_hard.jpg", help="the sheet"
     )
     return parser.parse_args()
 
 
-def config_of(name: str, folder: Path) -> Path:
+def trained_config(name: str, folder: Path) -> Path:
     """The config.yml of a run of the study.
 
     Raises:
@@ -53,8 +53,7 @@ def config_of(name: str, folder: Path) -> Path:
     known = {run.name: run for run in PLAN}
     if name not in known:
         raise DeSplatError(f"The study has no run '{name}'; `--list` of the study names them.")
-    method = SETTINGS[known[name].setting].method
-    config = folder / name / "x" / method / "run" / "config.yml"
+    config = config_of(STUDY, known[name], folder)
     if not config.is_file():
         raise DeSplatError(
             f"'{name}' is not trained: there is no {config}. Train it with "
@@ -86,7 +85,9 @@ def main() -> int:
     """Entry point."""
     chosen = parse_arguments()
     try:
-        rows = [row(name, config_of(name, chosen.trained), chosen.view) for name in chosen.runs]
+        rows = [
+            row(name, trained_config(name, chosen.trained), chosen.view) for name in chosen.runs
+        ]
     except DeSplatError as error:
         print(f"Error: {error}", file=sys.stderr)
         return 1

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from benchmarks.machine import CHECKOUT
+from benchmarks.documents import CHECKOUT
 
 KILLS = 20
 

@@ -1,0 +1,3 @@
+"""How fast, how exact and how frugal every backend is: docs/performance.md, `make bench`. It may
+import all of `desplat_ns`.
+"""

@@ -1,0 +1,100 @@
+"""Which runs there are, and how a picture's right half is scored."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from statistics import fmean
+
+import numpy as np
+from PIL import Image
+
+from benchmarks.documents import DOCS
+from desplat_ns.studies.grid.captures import GeneratedCapture, RealCapture
+from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
+from desplat_ns.synthetic import SceneSpec
+
+FILE = DOCS / "photo_tourism.json"
+
+EFFECTS = "--pipeline.model.effects"
+
+
+def _setting(
+    what: str,
+    method: str,
+    appearance: str,
+    background: bool,
+    distractors: bool = True,
+    options: tuple[str, ...] = (),
+) -> Setting:
+    """A method and the switches of its effects."""
+    switches = (
+        *(f"{EFFECTS}.appearance", appearance),
+        *(f"{EFFECTS}.background", str(background)),
+        *(f"{EFFECTS}.distractors", str(distractors)),
+    )
+    return Setting(method, (*options, *switches), what)
+
+
+A, FULL = "desplat-phototourism-a", "desplat-phototourism"
+SMALL_PHOTOS_EMPTY_SKY = (
+    *("--pipeline.model.distractors.lambda-s", "0"),
+    *("--pipeline.model.num-downscales", "0"),
+)
+SETTINGS = {
+    "plain": _setting("nothing (Splatfacto)", A, "off", False, distractors=False),
+    "distractors": _setting("distractors", A, "off", False),
+    "background": _setting("distractors, background", FULL, "off", True),
+    "affine": _setting("distractors, affine (`desplat-phototourism-a`)", A, "affine", False),
+    "sh": _setting("distractors, sh", A, "sh", False),
+    "affine-background": _setting(
+        "distractors, affine, background (`desplat-phototourism`)", FULL, "affine", True
+    ),
+    "sh-background": _setting("distractors, sh, background", FULL, "sh", True),
+    "desplat": _setting(
+        "affine, background, and the distractors of `desplat`",
+        "desplat",
+        "affine",
+        True,
+        options=SMALL_PHOTOS_EMPTY_SKY,
+    ),
+    "no-distractors": _setting("affine, background", FULL, "affine", True, distractors=False),
+}
+"""By name. lambda_s and lambda_bg are the method's."""
+
+STEPS = {"yard": 1000, "sacre": 1000}
+"""Training steps by scene: the generated one, and eight photos of Sacre Coeur."""
+
+PARSER = ("photo-tourism-data",)
+SCENES = {
+    "yard": Scene(GeneratedCapture("yard", SceneSpec.tourism(7)), PARSER),
+    "sacre": Scene(RealCapture("sacre_coeur"), PARSER),
+}
+
+FIGURES = ("psnr", "psnr_before", "mask_iou", "alpha_outside_masks", "embedding_seconds")
+FIGURES += ("num_static_gaussians", "num_distractor_gaussians", "train_cpu_seconds")
+"""Absent where an effect is off or no masks are known."""
+
+
+def run_of(setting: str, scene: str) -> Run:
+    """The one run of a setting on a scene: its steps, the method's seed, photos of full size."""
+    return Run(setting, scene, 1, STEPS[scene], 42)
+
+
+def right_half_psnr(pictures: Path) -> dict[str, float]:
+    """Mean PSNR in dB of the right halves of pictures that show photo and rendering side by side.
+
+    From 8-bit pictures, so that settings without an embedding are scored as those with one.
+    """
+    values = []
+    for path in sorted(pictures.glob("*.png")):
+        both = np.asarray(Image.open(path).convert("RGB"), dtype=np.float64) / 255
+        photo, rendering = np.split(both, 2, axis=1)
+        right = slice(photo.shape[1] // 2, None)
+        error = float(np.mean((photo[:, right] - rendering[:, right]) ** 2))
+        values.append(-10 * np.log10(error))
+    return {"psnr": fmean(values)}
+
+
+PLAN = tuple(run_of(setting, scene) for scene in STEPS for setting in SETTINGS)
+
+STUDY = Study(SETTINGS, SCENES, PLAN, FIGURES, from_pictures=right_half_psnr)

@@ -1,0 +1,123 @@
+"""The command of a study: do the runs that are missing, a few beside each other, then report."""
+
+from __future__ import annotations
+
+import argparse
+import fnmatch
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from desplat_ns.errors import DeSplatError
+from desplat_ns.studies.grid import records
+from desplat_ns.studies.grid.execute import execute
+from desplat_ns.studies.grid.records import Records, State
+from desplat_ns.studies.grid.runs import Run, Study
+
+MOST_NAMED = 5
+"""Changed settings that `--list` names before it only counts."""
+
+
+def parse_arguments(
+    program: str, description: str, output: Path, arguments: Sequence[str] | None
+) -> argparse.Namespace:
+    """The options that all studies have."""
+    parser = argparse.ArgumentParser(
+        prog=program,
+        description=description,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--jobs", type=int, default=1, help="runs beside each other (%(default)s)")
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        default=["*"],
+        help="runs whose names match, or begin so: '*-clutter-2-*', '*-yard'",
+    )
+    parser.add_argument(
+        "--list", action="store_true", help="name the runs that are to be done, and why; then stop"
+    )
+    parser.add_argument("--report", action="store_true", help="only write the document")
+    parser.add_argument("--output", type=Path, default=output, help="of the runs")
+    return parser.parse_args(arguments)
+
+
+def named_runs(study: Study, patterns: Sequence[str]) -> list[Run]:
+    """The runs that match, in the order of the patterns and of the plan."""
+    return list(
+        dict.fromkeys(
+            run
+            for pattern in patterns
+            for run in study.plan
+            if fnmatch.fnmatch(run.name, pattern) or fnmatch.fnmatch(run.name, f"{pattern}-*")
+        )
+    )
+
+
+def wanted_runs(study: Study, patterns: Sequence[str], known: Records) -> dict[Run, str]:
+    """The runs that have to be done, and why."""
+    wanted = {}
+    for run in named_runs(study, patterns):
+        state, changed = records.state_of(study, run, known)
+        if state is not State.DONE:
+            more = len(changed) - MOST_NAMED
+            names = ", ".join(changed[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+            wanted[run] = state.value + (f": {names}" if names else "")
+    return wanted
+
+
+def measure(study: Study, run: Run, file: Path, folder: Path) -> bool:
+    """Do one run and keep its figures; False if it failed, which is said."""
+    try:
+        found = execute(study, run, folder)
+    except DeSplatError as error:
+        print(f"{run.name}: {error}", file=sys.stderr, flush=True)
+        return False
+    assert found.commit is not None and found.settings is not None
+    records.record(file, run, found.figures, found.commit, found.settings)
+    seconds = found.figures.get("train_cpu_seconds", 0.0)
+    first = study.figures[0]
+    value = found.figures.get(first, float("nan"))
+    print(f"{run.name}: {first} {value:.2f}, {seconds:.0f} s", flush=True)
+    return True
+
+
+@dataclass(frozen=True)
+class Command:
+    """A study's command."""
+
+    study: Study
+    file: Path
+    """Of its records."""
+    write_report: Callable[[], Path]
+    """Writes the document from the records, and says where it is."""
+    output: Path
+    """Folder of what is trained, unless `--output` names another."""
+    program: str
+    description: str
+    """What `--help` says, after how the command is called."""
+
+    def main(self, arguments: Sequence[str] | None = None) -> int:
+        """Entry point; the exit status is 1 if a run failed."""
+        chosen = parse_arguments(self.program, self.description, self.output, arguments)
+        if chosen.list:
+            for run, reason in self._wanted(chosen.only).items():
+                print(f"{run.name}    {reason}")
+            return 0
+        done = [True]
+        if not chosen.report:
+            chosen.output.mkdir(parents=True, exist_ok=True)
+            with ThreadPoolExecutor(chosen.jobs) as pool:
+                done = list(
+                    pool.map(
+                        lambda run: measure(self.study, run, self.file, chosen.output),
+                        self._wanted(chosen.only),
+                    )
+                )
+        print(f"written: {self.write_report()}")
+        return 0 if all(done) else 1
+
+    def _wanted(self, patterns: Sequence[str]) -> dict[Run, str]:
+        return wanted_runs(self.study, patterns, records.load(self.file))

@@ -1,0 +1,133 @@
+"""What was measured, of which code and with which settings: one JSON file for a study.
+
+    {"records": {"off-clutter-2-1000-42": {"commit": "e944...", "settings": "5f...", "psnr": 25.4}},
+     "settings": {"common": {"max_skipped_steps": 10}, "5f...": {"method_name": "desplat"}}}
+
+A record names its settings by their digest; the names and values under that digest, and the common
+ones, are the settings. What is not known is null: such a record is reported as what it is.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from desplat_ns.studies.grid.runs import Run, Study
+from desplat_ns.studies.grid.settings import Settings, differences, digest
+
+COMMON = "common"
+"""Instead of a digest: what all settings of a file share."""
+
+_writing = Lock()
+
+
+Figures = Mapping[str, int | float]
+"""What was measured, by the names of the evaluation."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One run that was measured."""
+
+    figures: Figures
+    commit: str | None
+    """Of the code, as `code_version` gives it; None if it is not known."""
+    settings: Settings | None
+    """As `settings_of` gives them; None if they are not known."""
+
+
+Records = dict[str, Record]
+"""By the names of the runs."""
+
+
+class State(Enum):
+    """Whether a run has to be done."""
+
+    DONE = "done"
+    MISSING = "never run"
+    UNKNOWN = "its settings were not recorded"
+    STALE = "its settings are not today's"
+
+
+def load(path: Path) -> Records:
+    """The records in a file, none if there is no file."""
+    if not path.exists():
+        return {}
+    content = json.loads(path.read_text())
+    parts = content["settings"]
+    settings = {key: parts[COMMON] | part for key, part in parts.items() if key != COMMON}
+    return {name: _record(dict(fields), settings) for name, fields in content["records"].items()}
+
+
+def _record(fields: dict[str, Any], settings: dict[str, Settings]) -> Record:
+    commit, key = fields.pop("commit"), fields.pop("settings")
+    return Record(fields, commit, None if key is None else settings[key])
+
+
+def save(path: Path, records: Records) -> None:
+    """Write a file of records, a line for each; whole or not at all."""
+    settings = {digest(r.settings): r.settings for r in records.values() if r.settings is not None}
+    common = _common(list(settings.values()))
+    parts = {
+        key: {name: value for name, value in one.items() if name not in common}
+        for key, one in sorted(settings.items())
+    }
+    entries = {
+        name: {
+            "commit": r.commit,
+            "settings": None if r.settings is None else digest(r.settings),
+            **r.figures,
+        }
+        for name, r in sorted(records.items())
+    }
+    content = {"records": _lines(entries), "settings": _lines({COMMON: common} | parts)}
+    text = ",\n".join(f'"{key}": {lines}' for key, lines in content.items())
+    draft = path.with_name(f"{path.name}.draft")
+    draft.write_text(f"{{\n{text}\n}}\n")
+    draft.replace(path)
+
+
+def _common(settings: list[Settings]) -> Settings:
+    """Names whose value is the same in all of several settings."""
+    if not settings:
+        return {}
+    first, *others = settings
+    return {
+        name: value
+        for name, value in first.items()
+        if all(name in one and one[name] == value for one in others)
+    }
+
+
+def _lines(entries: Mapping[str, Any]) -> str:
+    """A JSON object with one line for each entry."""
+    lines = (f"{json.dumps(key)}: {json.dumps(entry)}" for key, entry in entries.items())
+    return "{\n" + ",\n".join(lines) + "\n}"
+
+
+def record(path: Path, run: Run, figures: Figures, commit: str, settings: Settings) -> None:
+    """Enter what was measured of a run, here or elsewhere; an older record of it is replaced.
+
+    Args:
+        path: the study's file.
+        commit: of the code that was run, as `code_version` gives it.
+        settings: what that code resolved: `Study.settings_of`, if today's resolves the same.
+    """
+    with _writing:
+        save(path, load(path) | {run.name: Record(figures, commit, settings)})
+
+
+def state_of(study: Study, run: Run, records: Records) -> tuple[State, list[str]]:
+    """Whether a run has to be done, and the names of settings that were changed since."""
+    found = records.get(run.name)
+    if found is None:
+        return State.MISSING, []
+    if found.settings is None:
+        return State.UNKNOWN, []
+    changed = differences(found.settings, study.settings_of(run))
+    return (State.STALE if changed else State.DONE), changed

@@ -1,0 +1,81 @@
+"""The grid itself: a setting on a scene, at a size, for a number of steps, with a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from desplat_ns.studies.grid.captures import Capture
+from desplat_ns.studies.grid.commands import QUIET
+from desplat_ns.studies.grid.settings import Settings, resolve
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A method and its options."""
+
+    method: str
+    """A name that nerfstudio knows, or `module:attribute` of a MethodSpecification."""
+    options: tuple[str, ...] = ()
+    what: str = ""
+    """As tables call it."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A capture and how it is read."""
+
+    capture: Capture
+    parser: tuple[str, ...]
+    """The dataparser's name and its options."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One training run and its evaluation."""
+
+    setting: str
+    scene: str
+    downscale: int
+    steps: int
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.cell}-{self.seed}"
+
+    @property
+    def cell(self) -> str:
+        """What runs that differ in nothing but their seed have in common."""
+        return f"{self.setting}-{self.scene}-{self.downscale}-{self.steps}"
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is run, and what is kept of it."""
+
+    settings: Mapping[str, Setting]
+    scenes: Mapping[str, Scene]
+    plan: tuple[Run, ...]
+    """Every run that the document wants, the quick and the important first."""
+    figures: tuple[str, ...]
+    """Names of what is recorded, of what the evaluation gives; absent ones are left out. The first
+    is said when a run is done."""
+    from_pictures: Callable[[Path], dict[str, float]] | None = None
+    """Figures that are worked out from the pictures of the evaluation, in a folder."""
+
+    def options_of(self, run: Run) -> tuple[str, ...]:
+        """Options of `ns-train` for a run, all but its seed and its places."""
+        scene = self.scenes[run.scene]
+        smaller = ("--downscale-factor", str(run.downscale)) if run.downscale > 1 else ()
+        steps = ("--max-num-iterations", str(run.steps))
+        return (*steps, *QUIET, *self.settings[run.setting].options, *scene.parser, *smaller)
+
+    def settings_of(self, run: Run) -> Settings:
+        """What today's code resolves for a run: every setting by its name.
+
+        Raises:
+            SystemExit: an option of its setting is not understood; tyro has said which.
+        """
+        return resolve(self.settings[run.setting].method, self.options_of(run))

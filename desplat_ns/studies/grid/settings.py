@@ -1,0 +1,134 @@
+"""What a method and its options resolve to: every setting by its name, without the machine's.
+
+A record keeps them, so that a default which was changed since then shows. Resolving reads no data.
+
+python -m desplat_ns.studies.grid.settings METHOD ...    (options of ns-train; prints JSON)
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import hashlib
+import importlib
+import json
+import sys
+from collections.abc import Iterator
+from enum import Enum
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+Settings = dict[str, Any]
+"""JSON values by names such as `pipeline.model.distractors.lambda_d`."""
+
+NO_SETTINGS = {
+    *("data", "output_dir", "experiment_name", "project_name", "timestamp", "relative_model_dir"),
+    *("load_dir", "load_step", "load_config", "load_checkpoint", "load_scheduler", "prompt"),
+    *("steps_per_save", "save_only_latest_checkpoint", "logging", "log_gradients"),
+    *("steps_per_eval_batch", "steps_per_eval_image", "steps_per_eval_all_images"),
+    *("viewer", "vis", "start_paused"),
+    "machine",
+}
+"""Fields, at any depth, that no figure depends on or that differ from computer to computer. The
+seed, a field of `machine`, is the run's."""
+
+
+def method_config(method: str) -> Any:
+    """A copy of a method's configuration.
+
+    Args:
+        method: a name that nerfstudio knows, or `module:attribute` of a MethodSpecification.
+
+    Raises:
+        KeyError: nerfstudio knows no method of this name.
+    """
+    from nerfstudio.configs.method_configs import all_methods  # takes seconds: not for `--help`
+
+    module, _, attribute = method.partition(":")
+    if attribute:
+        return copy.deepcopy(getattr(importlib.import_module(module), attribute).config)
+    return copy.deepcopy(all_methods[method])
+
+
+def parse(method: str, options: list[str]) -> Any:
+    """The configuration that `ns-train` makes of a method and options.
+
+    Raises:
+        SystemExit: an option is not understood; tyro has said which.
+    """
+    import tyro
+
+    config = method_config(method)
+    kind = (tyro.conf.SuppressFixed, tyro.conf.FlagConversionOff)  # as nerfstudio 1.1.5
+    return tyro.cli(type(config), default=config, args=options, config=kind)
+
+
+def settings_of(config: Any) -> Settings:
+    """All settings of a configuration, its schedules settled for its number of steps."""
+    config = copy.deepcopy(config)
+    if hasattr(config, "resolve_schedule_scale"):
+        config.resolve_schedule_scale()
+    return dict(sorted(_flat("", config)))
+
+
+@cache
+def _resolved(method: str, options: tuple[str, ...]) -> str:
+    return json.dumps(settings_of(parse(method, list(options))))
+
+
+def resolve(method: str, options: tuple[str, ...]) -> Settings:
+    """What today's code makes of a method and options of `ns-train`; a tenth of a second each.
+
+    Raises:
+        SystemExit: see `parse`.
+    """
+    return json.loads(_resolved(method, options))  # as a file would give them back
+
+
+def digest(settings: Settings) -> str:
+    """Twelve hexadecimal digits that differ where settings do."""
+    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def differences(found: Settings, wanted: Settings) -> list[str]:
+    """Names that are not in both, or whose values differ."""
+    return sorted(
+        name
+        for name in found.keys() | wanted.keys()
+        if (name in found, found.get(name)) != (name in wanted, wanted.get(name))
+    )
+
+
+def _flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Names and JSON values of everything below a value."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        parts = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        yield from _flat(name, {k: v for k, v in parts.items() if k not in NO_SETTINGS})
+    elif isinstance(value, dict):
+        for key, part in value.items():
+            yield from _flat(f"{name}.{key}".lstrip("."), part)
+    elif isinstance(value, list | tuple):
+        if all(_is_plain(part) for part in value):
+            yield name, list(value)
+        else:
+            yield from _flat(name, dict(enumerate(value)))
+    elif isinstance(value, Path):
+        if not value.is_absolute():  # others are the machine's
+            yield name, value.as_posix()
+    elif isinstance(value, Enum):
+        yield name, value.name
+    elif _is_plain(value):
+        yield name, value
+    else:  # classes and functions by their names: where they are defined changes nothing
+        yield name, getattr(value, "__qualname__", type(value).__qualname__)
+
+
+def _is_plain(value: Any) -> bool:
+    return value is None or (
+        isinstance(value, bool | int | float | str) and not isinstance(value, Enum)
+    )
+
+
+if __name__ == "__main__":
+    print(json.dumps(resolve(sys.argv[1], tuple(sys.argv[2:])), indent=1))

@@ -1,0 +1,57 @@
+"""Train a run and score it in one process: what `ns-train` and then `ns-eval` do, started once.
+
+python -m desplat_ns.studies.grid.train_and_score RESULTS.json METHOD ...    (options of ns-train)
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from nerfstudio.scripts.train import _set_random_seed
+
+from desplat_ns.studies.grid.code_version import code_version
+from desplat_ns.studies.grid.settings import parse, settings_of
+
+
+def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str, Any]:
+    """Figures, and what they are of.
+
+    Args:
+        method, options: see `settings.parse`.
+        pictures: folder for the photos and the renderings beside them.
+
+    Returns:
+        `figures` as `ns-eval` writes them, with `train_cpu_seconds`, those of the training steps
+        without start-up and evaluation; `commit` and `settings`, see `records.Record`.
+    """
+    version, config = code_version(), parse(method, options)
+    settings = settings_of(config)
+    if config.data is not None:
+        config.pipeline.datamanager.data = config.data
+    config.save_config()  # for what looks at the run afterwards
+    _set_random_seed(config.machine.seed)
+    trainer = config.setup(local_rank=0, world_size=1)
+    trainer.setup()
+    started = time.process_time()
+    trainer.train()
+    seconds = round(time.process_time() - started, 1)
+    figures = trainer.pipeline.get_average_eval_image_metrics(
+        step=trainer.step, output_path=pictures, get_std=True
+    )
+    figures = figures | {"train_cpu_seconds": seconds}
+    return {"figures": figures, "commit": version, "settings": settings}
+
+
+def main() -> None:
+    """Entry point; pictures go into the folder `pictures` beside the results."""
+    target, method, *options = sys.argv[1:]
+    results = train_and_score(method, options, Path(target).with_name("pictures"))
+    Path(target).write_text(json.dumps(results))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""Peak memory of one forward + backward, in a process of its own.
+
+python -m desplat_ns.studies.pixels.memory NAME COUNT WIDTH HEIGHT      prints MiB, or n/a
+
+NAME is a backend's, or `module:ATTRIBUTE` of another contender.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from desplat_ns.studies.grid.commands import surroundings
+
+if TYPE_CHECKING:
+    from desplat_ns.studies.pixels.contenders import Contender
+
+TINY = (200, 64, 48)
+"""Count, width and height of the scene that pays for imports, compilation and thread pools."""
+
+
+def measure_peak(contender: Contender, size: tuple[int, int, int]) -> float | None:
+    """MiB above what the process held before, of a contender on the scene of `size`.
+
+    In a subprocess with all cores. None where the system does not tell (no Linux /proc).
+    """
+    arguments = [sys.executable, "-m", "desplat_ns.studies.pixels.memory"]
+    arguments += [contender.address or contender.name, *map(str, size)]
+    done = subprocess.run(
+        arguments,
+        env=surroundings(OMP_WAIT_POLICY="passive"),
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    answer = done.stdout.split()[-1]
+    return None if answer == "n/a" else float(answer)
+
+
+def status_mib(key: str) -> float:
+    """A size of this process, by its name in /proc/self/status. Raises OSError without one."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith(f"{key}:"):
+            return int(line.split()[1]) / 1024
+    raise OSError(f"/proc/self/status has no {key}")
+
+
+def _return_free_memory() -> None:
+    """Give back what the allocator keeps for later, which would hide as much of the peak."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def peak_in_this_process(name: str, size: tuple[int, int, int]) -> float:
+    """As `measure_peak`, here and now. Raises OSError where the system does not tell.
+
+    Args:
+        name: see `contender_called`.
+    """
+    from desplat_ns.backend import Rendering
+    from desplat_ns.studies.pixels.contenders import contender_called
+    from desplat_ns.studies.pixels.rasterizing import SETTINGS, forward_and_both
+    from desplat_ns.studies.pixels.scenes import Scene, make_scene, tensors_of
+
+    contender = contender_called(name)
+
+    def run(scene: Scene) -> None:
+        splats = scene.splats()
+
+        def render() -> Rendering:
+            return contender.rasterizer(splats, scene.view, SETTINGS)
+
+        forward_and_both(render, tensors_of(splats))[1]()
+
+    run(make_scene(*TINY))
+    scene = make_scene(*size)
+    _return_free_memory()
+    Path("/proc/self/clear_refs").write_text("5")  # VmHWM starts anew
+    before = status_mib("VmRSS")
+    run(scene)
+    return status_mib("VmHWM") - before
+
+
+if __name__ == "__main__":
+    try:
+        count, width, height = map(int, sys.argv[2:5])
+        print(f"{peak_in_this_process(sys.argv[1], (count, width, height)):.1f}")
+    except OSError:
+        print("n/a")

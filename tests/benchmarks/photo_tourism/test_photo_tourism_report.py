@@ -1,0 +1,79 @@
+"""The study of docs/photo_tourism.md: its settings, its right halves, its tables."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from benchmarks.photo_tourism.report import report, scene_table
+from benchmarks.photo_tourism.runs import (
+    EFFECTS,
+    FILE,
+    PLAN,
+    SETTINGS,
+    STEPS,
+    right_half_psnr,
+    run_of,
+)
+from desplat_ns.method_configs import desplat, desplat_phototourism, desplat_phototourism_a
+from desplat_ns.studies.grid.records import Record, load
+
+SPECIFICATIONS = (desplat, desplat_phototourism, desplat_phototourism_a)
+METHODS = {m.config.method_name: m.config for m in SPECIFICATIONS}
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+def test_the_document_is_that_of_the_records(checkout: Path):
+    assert (checkout / "docs" / "photo_tourism.md").read_text() == report(load(FILE))
+
+
+@pytest.mark.parametrize("setting", SETTINGS.values(), ids=list(SETTINGS))
+def test_a_setting_switches_effects_of_its_method(setting):
+    config: Any = METHODS[setting.method]
+    options = dict(zip(setting.options[::2], setting.options[1::2], strict=True))
+    names = {name.rpartition(".")[2] for name in options if ".effects." in name}
+    assert vars(config.pipeline.model.effects).keys() == names
+    has_background = options[f"{EFFECTS}.background"] == "True"
+    assert (config.pipeline.model.background.lambda_bg > 0) == has_background
+
+
+def test_only_the_right_half_counts(tmp_path: Path):
+    photo = np.full((8, 10, 3), 100, np.uint8)
+    rendering = photo.copy()
+    rendering[:, 5:] = 151  # off by 0.2
+    rendering[:, :5] = 255
+    Image.fromarray(np.concatenate([photo, rendering], axis=1)).save(tmp_path / "a.png")
+    assert right_half_psnr(tmp_path) == {"psnr": pytest.approx(-20 * np.log10(51 / 255))}
+
+
+def record(**more: float) -> Record:
+    counts = {"num_static_gaussians": 1234, "num_distractor_gaussians": 0}
+    return Record({"psnr": 12.346, "psnr_before": 11.0, **counts, **more}, None, None)
+
+
+def test_tables_hold_what_was_measured_at_todays_length():
+    yard = run_of("affine", "yard")
+    other = f"sh-yard-1-{STEPS['yard'] + 1}-42"
+    records = {yard.name: record(train_cpu_seconds=9.6), other: record()}
+    text = scene_table(records, "yard", lambda run: {})
+    assert "| 12.35 | 11.00 |" in text
+    assert "1,234" in text and "| 10 CPU |" in text
+    assert "sh" not in text.split("\n", 2)[2].replace("desplat", "")
+    assert scene_table(records, "sacre", lambda run: {}) == "Not measured."
+
+
+def test_seconds_of_the_whole_command_are_not_taken_for_cpu_seconds():
+    text = scene_table(
+        {run_of("affine", "yard").name: record(train_seconds=9.6)}, "yard", lambda run: {}
+    )
+    assert "| 10 |" in text and "CPU" not in text
+
+
+def test_every_setting_was_measured_on_every_scene():
+    found = load(FILE)
+    for setting in SETTINGS:
+        for scene in STEPS:
+            run = run_of(setting, scene)
+            assert run in PLAN and run.name in found

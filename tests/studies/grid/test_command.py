@@ -1,0 +1,99 @@
+"""The command of a study does what is missing or stale, and nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.errors import DeSplatError
+from desplat_ns.studies.grid import command as module
+from desplat_ns.studies.grid.captures import RealCapture
+from desplat_ns.studies.grid.command import Command, named_runs
+from desplat_ns.studies.grid.records import Record, load, save
+from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
+
+CAPTURE = RealCapture("fox")
+PLAN = tuple(
+    Run(name, scene, 1, 1000, seed)
+    for seed in (42, 43)
+    for scene in ("yard", "yard8")
+    for name in ("off", "ours")
+)
+TODAY = {"steps": 1}
+
+
+class Fixed(Study):
+    """A study whose settings need no method."""
+
+    def settings_of(self, run: Run) -> dict:
+        return TODAY
+
+
+STUDY = Fixed(
+    {"off": Setting("a"), "ours": Setting("b")},
+    {"yard": Scene(CAPTURE, ()), "yard8": Scene(CAPTURE, ())},
+    PLAN,
+    ("psnr",),
+)
+DONE, STALE, UNKNOWN, MISSING = PLAN[:4]
+
+
+@pytest.fixture
+def command(tmp_path: Path, monkeypatch) -> Command:
+    """A study with a run that is done, one that is stale, and one of which too little is known."""
+    file = tmp_path / "records.json"
+    figures = {"psnr": 20.0}
+    save(
+        file,
+        {
+            DONE.name: Record(figures, "c", TODAY),
+            STALE.name: Record(figures, "c", {"steps": 2}),
+            UNKNOWN.name: Record(figures, None, None),
+        },
+    )
+    monkeypatch.setattr(module, "execute", lambda *_: Record({"psnr": 30.0}, "new", TODAY))
+    return Command(STUDY, file, lambda: tmp_path / "page.md", tmp_path / "out", "study", "")
+
+
+def test_the_list_names_what_is_to_be_done_and_why(command: Command, capsys):
+    assert command.main(["--list", "--only", "*-42"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"{STALE.name}    its settings are not today's: steps",
+        f"{UNKNOWN.name}    its settings were not recorded",
+        f"{MISSING.name}    never run",
+    ]
+    assert not command.output.exists()
+
+
+def test_what_is_to_be_done_is_done_and_recorded(command: Command, capsys):
+    assert command.main(["--only", "*-42", "--jobs", "2"]) == 0
+    found = load(command.file)
+    assert found[DONE.name].figures == {"psnr": 20.0}
+    for run in (STALE, UNKNOWN, MISSING):
+        assert found[run.name] == Record({"psnr": 30.0}, "new", TODAY)
+    assert len(found) == 4
+    assert "page.md" in capsys.readouterr().out
+
+
+def test_a_report_alone_runs_nothing(command: Command, monkeypatch):
+    before = load(command.file)
+    assert command.main(["--report"]) == 0
+    assert load(command.file) == before
+
+
+def test_a_run_that_fails_is_said_and_leaves_the_others(command: Command, monkeypatch, capsys):
+    def fail(study: Study, run: Run, folder: Path) -> Record:
+        if run == STALE:
+            raise DeSplatError("no disk")
+        return Record({"psnr": 30.0}, "new", TODAY)
+
+    monkeypatch.setattr(module, "execute", fail)
+    assert command.main(["--only", "*-42"]) == 1
+    assert f"{STALE.name}: no disk" in capsys.readouterr().err
+    assert MISSING.name in load(command.file)
+
+
+def test_a_pattern_names_runs_by_their_name_or_how_it_begins():
+    assert named_runs(STUDY, ["*-yard"]) == [run for run in PLAN if run.scene == "yard"]
+    assert named_runs(STUDY, [PLAN[3].name, "off-*-42"]) == [PLAN[3], PLAN[0], PLAN[2]]

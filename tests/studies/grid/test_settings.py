@@ -1,0 +1,99 @@
+"""Resolved settings: all that a figure may depend on, and nothing of the machine."""
+
+from __future__ import annotations
+
+import copy
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from nerfstudio.configs.method_configs import AnnotatedBaseConfigUnion, all_methods
+
+from desplat_ns.method_configs import desplat
+from desplat_ns.studies.grid import settings
+from desplat_ns.studies.grid.commands import surroundings
+from desplat_ns.studies.grid.settings import differences, digest, parse, resolve, settings_of
+
+pytestmark = pytest.mark.usefixtures("tyro_may_build")
+
+OPTIONS = ("--max-num-iterations", "1000", "--pipeline.model.distractors.lambda-d", "0.01")
+READ = ("robustnerf-data", "--downscale-factor", "2")
+
+
+def test_a_method_is_parsed_as_ns_train_parses_it():
+    import tyro
+
+    ours = parse("desplat", [*OPTIONS, *READ])
+    assert ours == tyro.cli(AnnotatedBaseConfigUnion, args=["desplat", *OPTIONS, *READ])
+
+
+def test_settings_are_the_methods_with_the_options_and_the_schedule_of_the_run():
+    found = resolve("desplat", (*OPTIONS, *READ))
+    assert found["pipeline.model.distractors.lambda_d"] == 0.01
+    assert found["pipeline.datamanager.dataparser.downscale_factor"] == 2
+    assert found["pipeline.datamanager.dataparser._target"] == "RobustNerfDataParser"
+    assert found["pipeline.model.schedule_scale"] == pytest.approx(1 / 30)
+    assert found["optimizers.means.optimizer.lr"] == 1.6e-4
+    lines: Any = all_methods["desplat"]
+    assert lines.pipeline.model.schedule_scale is None, "resolving changed the method itself"
+
+
+def test_a_changed_default_changes_the_settings(monkeypatch):
+    before = settings_of(parse("desplat", [*OPTIONS]))
+    changed: Any = copy.deepcopy(all_methods["desplat"])
+    changed.pipeline.model.refinements += 1
+    monkeypatch.setitem(all_methods, "desplat", changed)
+    after = settings_of(parse("desplat", [*OPTIONS]))
+    assert differences(before, after) == ["pipeline.model.refinements"]
+    assert digest(before) != digest(after)
+
+
+def test_neither_places_nor_the_machine_nor_the_seed_are_settings():
+    places = ("--data", "/photos", "--output-dir", "/runs", "--machine.seed", "7")
+    quiet = ("--vis", "tensorboard", "--experiment-name", "x", "--steps-per-eval-image", "0")
+    config = parse("desplat", [*places, *quiet, *OPTIONS, *READ])
+    config.pipeline.datamanager.data = config.data
+    found = settings_of(config)
+    assert found == resolve("desplat", (*OPTIONS, *READ))
+    text = json.dumps(found)
+    assert str(Path.cwd()) not in text and "/photos" not in text
+
+
+def test_a_method_that_is_not_registered_is_found_by_its_module():
+    method = "desplat_ns.studies.reproduce.baselines:by_truth"
+    assert resolve(method, READ)["pipeline.model.by_truth"] is True
+    assert "masked-by-truth" not in all_methods
+
+
+def test_settings_come_back_from_json_as_they_were():
+    found = resolve("desplat", READ)
+    assert json.loads(json.dumps(found)) == found
+    assert found["pipeline.datamanager.eval_image_indices"] == [0]
+
+
+def test_the_same_settings_in_another_order_have_the_same_digest():
+    assert digest({"a": 1, "b": 2}) == digest({"b": 2, "a": 1}) != digest({"a": 1, "b": 3})
+
+
+def test_a_setting_that_one_side_lacks_is_a_difference_even_if_the_other_is_none():
+    assert differences({"a": 1, "b": None}, {"a": 1}) == ["b"]
+    assert differences({"a": 1}, {"a": 2, "c": 3}) == ["a", "c"]
+
+
+def test_an_option_that_does_not_exist_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        resolve("desplat", ("--no-such-option", "1"))
+
+
+@pytest.mark.slow
+def test_the_command_prints_them():
+    command = [sys.executable, "-m", settings.__name__, "desplat", *OPTIONS, *READ]
+    done = subprocess.run(command, env=surroundings(), capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == resolve("desplat", (*OPTIONS, *READ))
+
+
+def test_the_registered_method_is_the_packages():
+    assert settings.method_config("desplat") == desplat.config

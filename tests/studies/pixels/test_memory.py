@@ -1,0 +1,39 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmarks.performance.yardstick import YARDSTICK
+from desplat_ns.studies.pixels.memory import peak_in_this_process
+
+pytestmark = pytest.mark.skipif(
+    not Path("/proc/self/clear_refs").exists(), reason="needs Linux's /proc/self/clear_refs"
+)
+
+
+def test_the_yardstick_holds_what_its_graph_must():
+    """At least alpha, transmittance, weight, exponent, dx and dy of every listed pair, float32."""
+    try:
+        found = peak_in_this_process(YARDSTICK.address, (2000, 160, 120))
+    except OSError as error:
+        pytest.skip(f"the system does not tell the peak: {error}")
+    from benchmarks.performance.pairs import count_pairs
+    from desplat_ns.studies.pixels.scenes import make_scene
+
+    listed = count_pairs(make_scene(2000, 160, 120)).listed
+    assert 6 * 4 * listed / 2**20 < found < 100 * 4 * listed / 2**20
+
+
+def test_not_available_is_said(monkeypatch, capsys):
+    import runpy
+
+    def no_proc(*_):
+        raise OSError("no /proc")
+
+    monkeypatch.setattr(Path, "write_text", no_proc)
+    monkeypatch.setattr(sys, "argv", ["memory", "numba", "100", "32", "32"])
+    monkeypatch.delitem(sys.modules, "desplat_ns.studies.pixels.memory")
+    runpy.run_module("desplat_ns.studies.pixels.memory", run_name="__main__")
+    assert capsys.readouterr().out.strip() == "n/a"
