@@ -26,9 +26,6 @@ import torch
 from benchmarks.documents import CHECKOUT, DOCS
 from desplat_ns.studies.grid.machine import describe_machine
 
-# What is done to them is the tests'.
-sys.path[:0] = [str(CHECKOUT / "tests" / folder) for folder in ("backend", "stability")]
-
 RECORD = "faults.json"
 KILLS, INPUTS = 20, 200
 """Kills of one run; poisoned inputs for each formula, kind of file and set of options."""

@@ -6,14 +6,13 @@ What notices which wrong sign comes from docs/stability.json, which `mutations` 
 damaged files and the long run from docs/faults.json and docs/soak.json (`faults`, `soak`).
 """
 
-# ruff: noqa: E402  # the tests' folders have to be on the path first
+# the tests' folders have to be on the path first
 
 from __future__ import annotations
 
 import argparse
 import math
 import random
-import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -22,14 +21,10 @@ from string import Template
 
 import torch
 
-from benchmarks.documents import CHECKOUT, DOCS
+from benchmarks.documents import DOCS
 from benchmarks.stability.fault_tables import fault_figures
 from benchmarks.stability.mutations import MUTATIONS, record
 from desplat_ns.studies.grid.tables import table
-
-# The catalogue is the tests', and stands on the contract suite's scenes.
-sys.path[:0] = [str(CHECKOUT / "tests" / folder) for folder in ("backend", "stability")]
-
 from tests.backend.scenes import Backend
 from tests.stability.cases import CASES, CULLED, RIGHT, Case
 from tests.stability.formula_cases import FORMULA_CASES, Pair

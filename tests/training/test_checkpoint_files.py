@@ -207,7 +207,7 @@ SAVE_UNTIL_KILLED = """
 import json, os, random, signal, sys, time
 from pathlib import Path
 import torch
-from desplat_ns.checkpoint import *
+from desplat_ns.training.checkpoint_files import *
 torch.set_num_threads(1)
 base = Path(sys.argv[1])
 folder = base / "nerfstudio_models"

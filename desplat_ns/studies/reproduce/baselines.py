@@ -82,7 +82,9 @@ def _method(name: str, by_truth: bool) -> MethodSpecification:
     config: Any = copy.deepcopy(desplat.config)
     config.method_name = name
     config.pipeline.model = MaskedConfig(
-        effects=EffectsConfig(distractors=False), by_truth=by_truth
+        effects=EffectsConfig(distractors=False),
+        gaussians_per_pixel=config.pipeline.model.gaussians_per_pixel,
+        by_truth=by_truth,
     )
     return MethodSpecification(
         config=config, description="Splatfacto on a part of each photo, to compare with."
