@@ -9,6 +9,7 @@ test holds the order below against the code's own imports.
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator, Mapping
 from html import escape
 from pathlib import Path
@@ -54,6 +55,8 @@ def module_of(path: Path) -> str:
 def imported_modules(path: Path) -> Iterator[str]:
     """Modules of the package that a file imports, wherever in it."""
     for node in ast.walk(ast.parse(path.read_text("utf8"))):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports are absolute"
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == PACKAGE.name:
             module = str(node.module)
             folder = PACKAGE.parent.joinpath(*module.split("."))
@@ -80,6 +83,13 @@ def room_imports() -> dict[str, set[str]]:
         rooms.setdefault(room, set()).update(room_of(one) for one in imported)
     rooms.pop("", None)
     return {room: imported - {room, ""} for room, imported in rooms.items()}
+
+
+def may_import(room: str) -> set[str]:
+    """The rooms that a package's docstring says it may import."""
+    text = ast.get_docstring(ast.parse((PACKAGE / room / "__init__.py").read_text("utf8"))) or ""
+    _, _, names = text.partition("May import ")
+    return set(re.findall(r"`(\w+)`", names.split(".")[0]))
 
 
 def floors() -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""DeSplat as a nerfstudio model: wiring; settings and formulas are elsewhere."""
+"""DeSplat as a nerfstudio model: settings and wiring; formulas are elsewhere."""
 
 from __future__ import annotations
 
@@ -228,6 +228,7 @@ class DeSplatModel(StaticModel):
             self.layer.after_step(step, visit, self.means, self.optimizers, self._pixels_of)
         if step % self.culled.interval == 0:
             self._count_culled(step)
+        self.visit = None
 
     def _pixels_of(self, params: RawParameters) -> Tensor:
         """Contributions [N] of distractors of the view just drawn, in pixels of its full size."""

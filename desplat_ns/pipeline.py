@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from nerfstudio.pipelines.base_pipeline import VanillaPipeline, VanillaPipelineConfig
 from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
+from torch import Tensor
 
 from desplat_ns.backend import Rasterizer
 from desplat_ns.console import list_names, progress_over
@@ -182,13 +183,16 @@ class DeSplatPipeline(VanillaPipeline):
 
     def _protocol(self) -> EvaluationProtocol:
         config, model = self.config.evaluation, self._model
-        name = chosen_protocol(config, model.config.effects.appearance)
-        if name != "half":
-            return RightHalf(model) if name == "right" else WholeImage(model)
-        known = {}
-        if config.load_embeddings is not None:
-            known = load_embeddings(config.load_embeddings, self._digest(), model.device)
-        return RightHalfByLeft(model, config, known)
+        makers: dict[str, Callable[[], EvaluationProtocol]] = {
+            "full": lambda: WholeImage(model),
+            "right": lambda: RightHalf(model),
+            "half": lambda: RightHalfByLeft(model, config, self._known_embeddings()),
+        }
+        return makers[chosen_protocol(config, model.config.effects.appearance)]()
+
+    def _known_embeddings(self) -> dict[str, Tensor]:
+        path = self.config.evaluation.load_embeddings
+        return {} if path is None else load_embeddings(path, self._digest(), self._model.device)
 
     def _digest(self) -> str:
         """What says that embeddings belong to this model."""

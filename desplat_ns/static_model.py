@@ -269,7 +269,7 @@ class StaticModel(SplatfactoModel):
         return self.image_effects.embeddings.mean()
 
     def shown_in(self, embedding: Tensor) -> AbstractContextManager[None]:
-        """Within, every image without an embedding of its own has this one [E]."""
+        """Within, every image that is drawn outside of training has this embedding [E]."""
         return self.shown_light.fixed(embedding)
 
     def background_of(self, view: View, embedding: Tensor | None) -> Tensor:

@@ -40,7 +40,7 @@ from desplat_ns.training.losses import (
     static_photometric_loss,
     static_transparency_loss,
 )
-from desplat_ns.training.step_guard import size_of
+from desplat_ns.training.step_guard import sum_of_squares
 
 WIDTH, HEIGHT, N = 60, 40, 50
 CONFIG = DistractorConfig(
@@ -200,7 +200,7 @@ def test_layers_and_losses_stay_on_the_gpu():
         background_opacity_loss(alpha_d, alpha_s, explained_by_background(photo, photo, 0.1)),
     ]
     assert_on_cuda(*losses)
-    assert_on_cuda(size_of(losses))
+    assert_on_cuda(sum_of_squares(losses))
 
 
 @pytest.mark.parametrize("appearance", ["affine", "sh"])

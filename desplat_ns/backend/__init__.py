@@ -1,4 +1,7 @@
-"""Rasterizers behind one protocol. `resolve` picks one; each is imported only when asked for."""
+"""Rasterizers behind one protocol. `resolve` picks one; each is imported only when asked for.
+
+May import `errors`.
+"""
 
 from desplat_ns.backend.protocol import Rasterizer, Rendering, RenderSettings, Splats, View
 from desplat_ns.backend.registry import BACKEND_NAMES, BackendName, available, resolve

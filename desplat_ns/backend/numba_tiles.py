@@ -1,9 +1,11 @@
 """The `numba` backend: Gaussian splatting on a CPU, fast enough to train with.
 
-    project      numba_projection.py, numba_ewa.py     the formulas of projection.py, compiled
-    colour       numba_sh.py                           spherical harmonics and their gradients
-    bin          numba_binning.py, numba_ellipses.py   exact ellipse/tile lists, front to back
-    draw, pull   numba_passes.py, numba_pixels.py      tile kernels with an analytic backward pass
+    project      projection.py, ewa.py     the formulas of backend/projection.py, compiled
+    colour       sh.py                     spherical harmonics and their gradients
+    bin          binning.py, ellipses.py   exact ellipse/tile lists, front to back
+    draw, pull   passes.py, pixels.py      tile kernels with an analytic backward pass
+
+All of them are in `numba_kernels`.
 
 Everything is float32, sums over tiles excepted (float64), and gives the same bits for any number of
 threads (`numba.set_num_threads`, or the environment variable NUMBA_NUM_THREADS).

@@ -1,1 +1,4 @@
-"""The package's own commands, one file each: options and printing only."""
+"""The package's own commands, one file each: options and printing only.
+
+May import `pipeline`, `evaluation` and `errors`.
+"""

@@ -38,7 +38,7 @@ class Evaluate:
     """half: optimize each image's embedding on its left half, score its right half. full: score
     whole images in the training images' average light. right: score right halves in that light, to
     compare a model without appearance with others on the same pixels. auto: half if there is an
-    appearance model, else full. This and the next two: without them, as saved with the run."""
+    appearance model, else full. This and the next four: without them, as saved with the run."""
     steps: int | None = None
     """Steps of Adam for an embedding."""
     learning_rate: float | None = None

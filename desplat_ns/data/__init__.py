@@ -1,1 +1,4 @@
-"""Reads captures: reconstructions, photos, masks, and which photos train and which are held out."""
+"""Reads captures: reconstructions, photos, masks, and which photos train and which are held out.
+
+May import `console` and `errors`.
+"""

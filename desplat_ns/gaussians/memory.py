@@ -10,7 +10,7 @@ from torch import Tensor
 
 
 class GaussianMemory:
-    """Rows of numbers, one for each static Gaussian, that follow clones, splits and prunes.
+    """Named values, one for each static Gaussian, that follow clones, splits and prunes.
 
     They lie in the running state of gsplat's strategy, which copies and removes the rows of every
     tensor in it together with the Gaussians, and which checkpoints hold. Tensors are replaced and
@@ -21,15 +21,18 @@ class GaussianMemory:
         """`state`: the strategy's."""
         self._state = state
 
-    def rows(self, name: str, count: int, device: torch.device) -> Float[Tensor, " N"]:
-        """Read the row called `name` of `count` Gaussians, zeros if nothing is remembered yet."""
+    def values(self, name: str, count: int, device: torch.device) -> Float[Tensor, " N"]:
+        """Read the values called `name` of `count` Gaussians, zeros if none are remembered yet."""
         found = self._state.get(name)
-        return torch.zeros(count, device=device) if found is None else found
+        if found is None:
+            return torch.zeros(count, device=device)
+        assert len(found) == count, f"{name} is remembered of {len(found)} Gaussians, not {count}"
+        return found
 
     def number(self, name: str) -> int:
         """Read a number that belongs to the set as a whole, 0 if nothing is remembered yet."""
         return self._state.get(name, 0)
 
     def remember(self, **values: Float[Tensor, " N"] | int) -> None:
-        """Replace rows and numbers by name."""
+        """Replace values and numbers by name."""
         self._state.update(values)

@@ -1,1 +1,4 @@
-"""Photos of changing light: appearance and background models, embeddings, their data parser."""
+"""Photos of changing light: appearance and background models, embeddings, their data parser.
+
+May import `training`, `rendering`, `data`, `backend`, `console`, `effects` and `errors`.
+"""

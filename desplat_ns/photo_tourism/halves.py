@@ -74,7 +74,7 @@ class LitModel(Protocol):
         ...
 
     def shown_in(self, embedding: Tensor) -> AbstractContextManager[None]:
-        """Within, every image without an embedding of its own has this one [E]."""
+        """Within, every image that is drawn outside of training has this embedding [E]."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""Which training photo's light is shown for a view that has none of its own.
+"""Which training photo's light is shown outside of training.
 
 In the viewer, in ns-render, and in what ns-export writes."""
 
@@ -75,7 +75,7 @@ class ShownLight:
 
     @contextmanager
     def fixed(self, embedding: Float[Tensor, " E"]) -> Iterator[None]:
-        """Within, every image without one of its own has this embedding."""
+        """Within, every image that is drawn outside of training has this embedding."""
         before, self._fixed = self._fixed, embedding
         try:
             yield

@@ -2,4 +2,6 @@
 
 Finds what stands in the way in a photo, puts distractors there, and keeps the static scene from
 learning it.
+
+May import `training`, `gaussians`, `rendering`, `data`, `backend` and `console`.
 """

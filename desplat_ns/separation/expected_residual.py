@@ -6,7 +6,7 @@ So each static Gaussian remembers how large the residual around it usually is (a
 the views that see it, which an occluder in fewer than half of them does not move), and what the
 Gaussians in a part of the image remember is what is expected there.
 
-All of it happens on a grid of about `CELLS` cells, whatever the photo's size, and in residuals
+All of it happens on a grid of about `grid.CELLS` cells, whatever the photo's size, and in residuals
 relative to the view's own level: exposure, training progress and resets move all cells alike.
 """
 
@@ -70,8 +70,8 @@ class UsualResiduals:
     @classmethod
     def of(cls, memory: GaussianMemory, count: int, device: torch.device) -> UsualResiduals:
         """Read the memory of `count` Gaussians; zeros on first use."""
-        usual = memory.rows("usual_residual", count, device)
-        return cls(usual, memory.rows("times_seen", count, device), memory.number("visits"))
+        usual = memory.values("usual_residual", count, device)
+        return cls(usual, memory.values("times_seen", count, device), memory.number("visits"))
 
     def keep_in(self, memory: GaussianMemory) -> None:
         """Store this in the memory of the Gaussians."""

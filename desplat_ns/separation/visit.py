@@ -12,7 +12,7 @@ from desplat_ns.separation.expected_residual import UsualResiduals
 from desplat_ns.separation.failure_cases import Sight
 
 
-@dataclass
+@dataclass(repr=False)
 class Visit:
     """One training view in one training step, from its rendering to the optimizers' step.
 

@@ -3,6 +3,8 @@
 With daylight also each photo's light and sky. Tests, the demo and benchmarks use it; nothing is
 downloaded. World units are metres, z is up.
 Inside this package arrays put coordinates first ("3 N"): numpy is fastest that way.
+
+May import `data` and `errors`.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ class Fault:
         return " and ".join(parts)
 
 
-def size_of(tensors: list[Tensor]) -> Float[Tensor, ""]:
+def sum_of_squares(tensors: list[Tensor]) -> Float[Tensor, ""]:
     """Sum of squares of all values: not finite if one of them is not, or is so large (1.8e19 in
     float32) that Adam's second moment would stay infinite and the parameter never move again."""
     return reduce(torch.add, [torch.dot(t.flatten(), t.flatten()) for t in tensors])
@@ -72,7 +72,7 @@ def find_fault(
         losses: terms of the loss, by name.
         gradients: by parameter group.
     """
-    sizes = {name: size_of(of_group) for name, of_group in gradients.items()}
+    sizes = {name: sum_of_squares(of_group) for name, of_group in gradients.items()}
     values = [*losses.values(), *sizes.values()]
     if not values or bool(reduce(torch.add, values).isfinite()):
         return None

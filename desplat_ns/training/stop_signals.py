@@ -12,12 +12,14 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class EndAtOnce(Exception):
-    """Raised by what a signal calls: the process is to end as if nobody had caught the signal."""
+    """Raised by `stop` to end the process now instead of after a step."""
 
 
 @contextmanager
 def on_stop_signal(stop: Callable[[str], None]) -> Iterator[None]:
     """Within, the first of `STOP_SIGNALS` calls `stop` with its name; the next ends the process.
+
+    If `stop` raises EndAtOnce, the first one ends it already.
 
     Outside of the main thread, which alone gets signals, nothing is caught.
     """

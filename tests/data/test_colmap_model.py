@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import PIL.Image  # noqa: F401  before pycolmap, see desplat_ns.data.reconstruction
+import PIL.Image  # noqa: F401  before pycolmap, see desplat_ns.data.colmap_model
 import pycolmap
 import pytest
 from nerfstudio.cameras.cameras import CameraType

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras
-from PIL import Image
 
 from desplat_ns.data.training_views import train_index
-from desplat_ns.data.true_masks import read_true_mask
-from desplat_ns.errors import CaptureError
 from desplat_ns.evaluation.mask_scores import score_masks
-
-WIDTH, HEIGHT = 4, 2
+from tests.helpers.masks import HEIGHT, WIDTH, write_mask
 
 
 class _Model:
@@ -45,16 +40,8 @@ def _views(masks: list[Path | None], distortion: float = 0.0) -> list[tuple[Came
     return [(cameras[i : i + 1], path) for i, path in enumerate(masks) if path is not None]
 
 
-def _write(path: Path, columns: int, scale: int = 1) -> Path:
-    """A mask whose first `columns` columns are white."""
-    mask = np.zeros((HEIGHT, WIDTH), np.uint8)
-    mask[:, :columns] = 255
-    Image.fromarray(mask.repeat(scale, 0).repeat(scale, 1)).save(path)
-    return path
-
-
 def test_iou_and_alpha_outside_are_means_over_the_views_with_masks(tmp_path: Path):
-    masks = [_write(tmp_path / "0.png", 1), None, _write(tmp_path / "2.png", 1)]
+    masks = [write_mask(tmp_path / "0.png", 1), None, write_mask(tmp_path / "2.png", 1)]
     scores = score_masks(_Model(), _views(masks))
     # View 0: 2 of 4 predicted pixels are right; outside lie 2 pixels of 0.8 and 4 of 0.1.
     # View 2: nothing predicted, 2 pixels missed; outside all is 0.1.
@@ -64,7 +51,7 @@ def test_iou_and_alpha_outside_are_means_over_the_views_with_masks(tmp_path: Pat
 
 
 def test_nothing_predicted_where_nothing_is_scores_1(tmp_path: Path):
-    masks = [None, _write(tmp_path / "1.png", 0)]
+    masks = [None, write_mask(tmp_path / "1.png", 0)]
     assert score_masks(_Model(), _views(masks))["mask_iou"] == 1.0
 
 
@@ -73,26 +60,11 @@ def test_a_capture_without_masks_has_no_scores(tmp_path: Path):
 
 
 def test_a_mask_over_everything_leaves_alpha_outside_undefined(tmp_path: Path):
-    scores = score_masks(_Model(), _views([_write(tmp_path / "0.png", WIDTH)]))
+    scores = score_masks(_Model(), _views([write_mask(tmp_path / "0.png", WIDTH)]))
     assert "alpha_outside_masks" not in scores
     assert scores["mask_iou"] == pytest.approx(0.5)
 
 
 def test_distorted_photos_are_left_out(tmp_path: Path):
-    masks: list[Path | None] = [_write(tmp_path / "0.png", 1)]
+    masks: list[Path | None] = [write_mask(tmp_path / "0.png", 1)]
     assert score_masks(_Model(), _views(masks, distortion=0.1)) == {}
-
-
-def test_a_mask_is_reduced_to_the_size_of_the_rendering(tmp_path: Path):
-    mask = read_true_mask(_write(tmp_path / "big.png", 1, scale=3), WIDTH, HEIGHT)
-    assert mask.shape == (HEIGHT, WIDTH, 1)
-    assert torch.equal(mask[..., 0], torch.tensor([[True, False, False, False]] * HEIGHT))
-
-
-@pytest.mark.parametrize("content", [None, b"not an image"])
-def test_an_unreadable_mask_is_named(tmp_path: Path, content: bytes | None):
-    path = tmp_path / "mask_0007.png"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(CaptureError, match=r"mask_0007\.png"):
-        read_true_mask(path, WIDTH, HEIGHT)

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import torch
-from rich.progress import Progress
 from torch import nn
 
 import desplat_ns
-from desplat_ns.console import progress_over
-from desplat_ns.data.training_views import image_names
 from desplat_ns.evaluation.records import (
     PACKAGES,
     ScoredImage,
@@ -25,7 +21,6 @@ from desplat_ns.evaluation.records import (
     summarize,
     versions,
 )
-from desplat_ns.evaluation.stopwatch import Stopwatch
 
 
 def _image(name: str = "a.png", seconds: float = 1.0, **metrics: float) -> ScoredImage:
@@ -83,31 +78,8 @@ def test_without_distractors_their_count_and_memory_are_0():
     }
 
 
-def test_names_are_relative_to_the_folder_that_all_photos_share():
-    paths = [Path("/c/images/left/1.png"), Path("/c/images/right/1.png")]
-    assert image_names(paths) == ["left/1.png", "right/1.png"]
-    assert image_names([Path("/c/images/1.png")]) == ["1.png"]
-    assert image_names([]) == []
-
-
 def test_versions_name_every_package():
     found = versions()
     assert found["desplat_ns"] == desplat_ns.__version__
     assert found["torch"] == torch.__version__.split("+")[0] or found["torch"] == torch.__version__
     assert {*PACKAGES, "python"} <= found.keys()
-
-
-def test_a_stopwatch_goes_forward():
-    watch = Stopwatch(torch.device("cpu"))
-    watch.start()
-    first = watch.seconds()
-    assert 0 <= first <= watch.seconds()
-
-
-def test_progress_counts_what_is_done(monkeypatch):
-    advanced = []
-    monkeypatch.setattr(Progress, "advance", lambda self, task: advanced.append(task))
-    with progress_over(2, "Testing") as advance:
-        advance()
-        advance()
-    assert len(advanced) == 2

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import torch
+from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.model import DeSplatModel
-from tests.helpers.small_model import make_model
+from tests.helpers.small_model import HEIGHT, WIDTH, make_model
 
 
 def model_with(appearance: str = "off", background: bool = False, **config: Any) -> DeSplatModel:
@@ -23,3 +24,15 @@ def moved(model: DeSplatModel) -> DeSplatModel:
     for parameter in model.image_effects.parameters():
         parameter.data += 0.2 * torch.randn(parameter.shape, generator=generator)
     return model
+
+
+def held_out(width: int = WIDTH) -> Cameras:
+    pose = torch.eye(4)[:3]
+    pose[2, 3] = 3.0
+    return Cameras(pose[None], 20.0, 20.0, WIDTH / 2, HEIGHT / 2, width, HEIGHT)
+
+
+def photo_in_the_light_of(model: DeSplatModel, view: int, width: int = WIDTH) -> torch.Tensor:
+    assert model.image_effects is not None
+    with model.shown_light.fixed(model.image_effects.embeddings.of(view)):
+        return model.get_outputs_for_camera(held_out(width))["rgb"]

@@ -3,7 +3,6 @@
 import torch
 from nerfstudio.cameras.cameras import Cameras
 
-from desplat_ns.data.training_views import train_index
 from desplat_ns.rendering.views import view_of, world_to_camera
 from tests.helpers.cameras import cameras, looking_along_y
 
@@ -44,9 +43,3 @@ def test_the_camera_itself_is_left_alone():
     view_of(camera, downscale=4)
     assert int(camera.width.item()) == 101
     assert float(camera.fx.item()) == 80.0
-
-
-def test_only_train_idx_says_which_training_view_a_camera_is():
-    assert train_index(cameras()) is None
-    assert train_index(cameras(metadata={"cam_idx": 3})) is None
-    assert train_index(cameras(metadata={"train_idx": torch.tensor([[7]])})) == 7

@@ -6,6 +6,7 @@ import torch
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
+    photometric_loss,
     static_photometric_loss,
     static_transparency_loss,
 )
@@ -62,3 +63,12 @@ def test_owned_pixels_have_no_gradient_by_l1_and_their_colour_does_not_matter():
     painted = torch.where(owned == 1, torch.tensor(1.0).double(), photo)
     again = static_photometric_loss(static, painted, owned, 0.2)
     assert again.item() == static_photometric_loss(static, photo, owned, 0.2).item()
+
+
+def test_the_loss_is_the_photometric_one():
+    image, photo = torch.rand(16, 16, 3), torch.rand(16, 16, 3)
+    from pytorch_msssim import ssim
+
+    planes = [x.permute(2, 0, 1)[None] for x in (image, photo)]
+    expected = 0.8 * (image - photo).abs().mean() + 0.2 * (1 - ssim(*planes, data_range=1.0))
+    torch.testing.assert_close(photometric_loss(image, photo, 0.2), expected)

@@ -22,7 +22,6 @@ from nerfstudio.engine.schedulers import (
 )
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.training.run_length import scaled_steps, schedule_scale
 from desplat_ns.training.schedules import (
     ScaledExponentialDecaySchedulerConfig,
     scaled_optimizers,
@@ -43,34 +42,6 @@ def learning_rates(config: Any, lr: float, steps: int) -> list[float]:
         optimizer.step()
         scheduler.step()
     return rates
-
-
-def test_the_scale_is_the_ratio_of_steps_and_never_above_one():
-    assert schedule_scale(3000, 30000) == 0.1
-    assert schedule_scale(30000, 30000) == 1.0
-    assert schedule_scale(60000, 30000) == 1.0
-    assert schedule_scale(1000, 200000) == 0.005
-
-
-@pytest.mark.parametrize(("steps", "nominal"), [(0, 30000), (-1, 30000), (100, 0)])
-def test_a_run_without_steps_is_refused(steps, nominal):
-    with pytest.raises(ConfigError, match="--max-num-iterations"):
-        schedule_scale(steps, nominal)
-
-
-def test_steps_are_rounded_and_at_least_one_unless_switched_off():
-    assert scaled_steps(500, 0.1) == 50
-    assert scaled_steps(100, 0.037) == 4
-    assert scaled_steps(100, 0.001) == 1
-    assert scaled_steps(0, 0.1) == 0
-    assert scaled_steps(-1, 0.1) == -1
-
-
-@given(steps=st.integers(1, 10**6), more=st.integers(0, 10**6), scale=st.floats(1e-6, 1.0))
-def test_scaling_keeps_the_order_of_events_and_never_lengthens(steps, more, scale):
-    assert 1 <= scaled_steps(steps, scale) <= steps
-    assert scaled_steps(steps, scale) <= scaled_steps(steps + more, scale)
-    assert scaled_steps(steps, 1.0) == steps
 
 
 def test_decay_without_warm_up_takes_the_worked_out_values():

@@ -1,36 +1,26 @@
 """Training guards: what is not finite changes nothing, is named, and ends a hopeless run."""
 
 import copy
-import math
 from typing import Any
 
 import pytest
 import torch
 from nerfstudio.engine.optimizers import Optimizers
-from torch import Tensor
 
 from desplat_ns.errors import ConfigError, TrainingError
-from desplat_ns.gaussians.distractors import DistractorConfig
-from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.training.checkpoint_files import checkpoints_in, load_checkpoint
-from desplat_ns.training.culled import TOO_WIDE, culled_always
-from desplat_ns.training.optimizers import FusedAdamConfig
 from desplat_ns.training.step_guard import (
-    GuardedOptimizers,
     StepGuard,
     check_parameters,
     find_fault,
 )
-from tests.helpers.small_model import NUM_VIEWS, camera, make_model
+from tests.helpers.guarded_trainer import GuardedTrainer, a_model, everywhere, said
+from tests.helpers.small_model import make_model
 from tests.helpers.stub_run import StubModel, assert_same, resumed, set_up, train
 from tests.helpers.stub_run import config as config  # a fixture
 
 NAN, INF = float("nan"), float("inf")
-
-
-def said(capsys: pytest.CaptureFixture[str]) -> str:
-    return " ".join(capsys.readouterr().out.split())
 
 
 # --- what is found ---------------------------------------------------------------------------
@@ -62,62 +52,6 @@ def test_a_run_that_may_skip_nothing_is_refused():
 
 
 # --- a step of the model ---------------------------------------------------------------------
-
-
-class GuardedTrainer:
-    """nerfstudio's order of things in a step, around the model of test_model.py."""
-
-    def __init__(self, model: DeSplatModel, max_skipped: int = 10):
-        self.model, self.step_at_hand = model, 0
-        self.scaler = torch.cuda.amp.GradScaler(enabled=False)
-        groups = {name: params for name, params in model.get_param_groups().items() if params}
-        rates = {name: 1e-4 if "means" in name else 1e-2 for name in groups}
-        options = {
-            name: {"optimizer": FusedAdamConfig(lr=rate), "scheduler": None}
-            for name, rate in rates.items()
-        }
-        self.guard = StepGuard(max_skipped)
-        self.optimizers = GuardedOptimizers(options, groups, self._may_step)
-        self.photo = torch.rand(20, 24, 3, generator=torch.Generator().manual_seed(1))
-
-    def _may_step(self, scaler: Any) -> bool:
-        return self.guard.is_sound(self.step_at_hand, self.model, self.optimizers, scaler)
-
-    def step(self, step: int, spoil: Any = None, photo: Tensor | None = None) -> None:
-        model, self.step_at_hand = self.model, step
-        model.train()
-        model.step, model.optimizers = step, self.optimizers.optimizers
-        self.optimizers.zero_grad_all()
-        outputs = model(camera(step % NUM_VIEWS))
-        batch = {"image": self.photo if photo is None else photo}
-        losses = model.get_loss_dict(outputs, batch)
-        torch.stack(list(losses.values())).sum().backward()
-        if spoil is not None:
-            spoil()
-        self.optimizers.optimizer_scaler_step_some(self.scaler, list(self.optimizers.optimizers))
-        model.step_post_backward(step)
-
-    def state(self) -> dict[str, Any]:
-        """All that a checkpoint holds of the model and its optimizers, moments included."""
-        adams = {name: one.state_dict() for name, one in self.optimizers.optimizers.items()}
-        assert self.model.layer is not None
-        sights = [one and one.covered for one in self.model.layer.watch.sights]
-        return copy.deepcopy({"model": self.model.state_dict(), "adam": adams, "sights": sights})
-
-
-def a_model() -> DeSplatModel:
-    """Refined every third step, distractors every second visit, with all that is remembered."""
-    distractors = DistractorConfig(
-        per_view=20, start="residual", static_alone=True, static_warmup=2, refine_every=2
-    )
-    steps: dict[str, Any] = {"warmup_length": 2, "refine_every": 3, "densify_grad_thresh": 1e-9}
-    points = torch.rand(40, 3, generator=torch.Generator().manual_seed(2)) - 0.5
-    return make_model(points, distractors=distractors, **steps)
-
-
-def everywhere() -> DeSplatModel:
-    distractors = DistractorConfig(per_view=20, refine_every=2)
-    return make_model(distractors=distractors, warmup_length=2, refine_every=3)
 
 
 def test_a_bad_gradient_changes_no_bit_and_its_group_and_photo_are_named(capsys):
@@ -258,61 +192,7 @@ def without_scales_after_9(trainer: Any) -> Any:
 # --- culled Gaussians ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("means", NAN), ("means", 1e30), ("scales", 1e30), ("quats", 0.0), ("features_dc", 1e25)],
-)
-def test_gaussians_that_no_view_shows_are_counted_logged_and_told_once(name, value, capsys):
-    model = everywhere()
-    trainer = GuardedTrainer(model)
-    trainer.step(1)
-    model.gauss_params[name].data[:2] = value
-    assert model.culled_static() == 2
-    model._count_culled(100)
-    model._count_culled(200)
-    outputs = model(camera(0))
-    metrics = model.get_metrics_dict(outputs, {"image": trainer.photo})
-    assert metrics["culled_static"] == 2
-    assert metrics["culled_distractors"] == 0
-    assert said(capsys).count("2 static Gaussians and 0 distractors") == 1
-
-
-def test_a_distractor_that_is_culled_is_counted():
-    model = everywhere()
-    assert model.distractors is not None
-    model.distractors.params_of(1)["means"].data[3] = NAN
-    assert (model.culled_static(), model.culled_distractors()) == (0, 1)
-
-
-def test_a_learning_rate_spike_ends_the_run_with_its_reason():
-    trainer = GuardedTrainer(everywhere())
-    model = trainer.model
-    trainer.optimizers.optimizers["means"].param_groups[0]["lr"] = 1e30
-    with pytest.raises(TrainingError, match=r"static Gaussians hold values that no view can show"):
-        for step in range(model.culled.interval + 1):
-            trainer.step(step)
-
-
-def test_a_scale_that_is_large_but_drawn_is_not_counted():
-    model = everywhere()
-    model.gauss_params["scales"].data[:] = 15.0
-    assert model.culled_static() == 0
-    assert math.isfinite(TOO_WIDE)
-
-
 # --- what may be saved -----------------------------------------------------------------------
-
-
-def test_some_culled_gaussians_may_be_saved_but_not_most(tmp_path):
-    trainer = GuardedTrainer(everywhere())
-    model, means = trainer.model, trainer.model.gauss_params["means"].data
-    means[:3] = NAN
-    check_parameters(model, trainer.optimizers, 5, tmp_path, strict=False)
-    with pytest.raises(TrainingError, match="means are not finite"):
-        check_parameters(model, trainer.optimizers, 5, tmp_path, strict=True)
-    means[: len(means) // 2 + 1] = NAN
-    with pytest.raises(TrainingError, match=r"16 of 30 static Gaussians.*start anew"):
-        check_parameters(model, trainer.optimizers, 5, tmp_path, strict=False)
 
 
 def test_a_network_that_is_not_finite_may_not_be_saved(tmp_path):
@@ -346,9 +226,3 @@ def test_mixed_precision_leaves_gradients_to_its_scaler(capsys):
     assert not guard.is_sound(0, model, optimizers, scaler)
     assert guard.exhausted
     assert "the loss (main_loss)" in said(capsys)
-
-
-def test_nothing_is_culled_always_in_a_healthy_scene():
-    from desplat_ns.gaussians.activation import activate_static
-
-    assert not culled_always(activate_static(everywhere().gauss_params, 0)).any()

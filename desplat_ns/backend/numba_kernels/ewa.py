@@ -6,7 +6,7 @@ With M = J W R diag(s), 2 x 3 with rows A and B (J W: how the pixel moves with t
     conic      = (up yy, -xy, up xx) / det.
 
 The backward pass follows the same chain from its end. Gaussians are worked on in batches that lie
-in planes (see numba_pixels), so that one vector instruction serves eight of them; lanes of culled
+in planes (see `pixels`), so that one vector instruction serves eight of them; lanes of culled
 ones may hold anything, NaN included, and are left out where results are written.
 """
 
@@ -24,7 +24,7 @@ BATCH = 64
 """Gaussians worked on together."""
 
 LANE = BATCH + 16
-"""Distance between planes (see numba_pixels.PLANE)."""
+"""Distance between planes (see `pixels.PLANE`)."""
 
 (
     X, Y, Z, QW, QX, QY, QZ, SX, SY, SZ, OPACITY,
@@ -65,7 +65,7 @@ class Camera(NamedTuple):
 
 @kernel()
 def camera_of(c):
-    """The Camera of the numbers that `numba_projection.make_camera` lists."""
+    """The Camera of the numbers that `projection.make_camera` lists."""
     return Camera(
         ((c[0], c[1], c[2], c[3]), (c[4], c[5], c[6], c[7]), (c[8], c[9], c[10], c[11])),
         (c[12], c[13]), (c[14], c[15]), (c[16], c[17]), (c[18], c[19]), (c[20], c[21]),

@@ -1,6 +1,6 @@
 """The passes over tiles: draw the lists front to back, pull gradients through them back to front.
 
-One worker does one tile at a time, in scratch planes of its own (numba_pixels says what is in
+One worker does one tile at a time, in scratch planes of its own (`pixels` says what is in
 them). In the backward pass each (Gaussian, tile) entry writes a row of gradients that no other
 entry touches; a last pass sums the rows of each Gaussian. So nothing depends on which worker did
 what, and when.

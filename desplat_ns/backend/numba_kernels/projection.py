@@ -1,4 +1,4 @@
-"""Projection for the numba backend: the formulas of numba_ewa over all Gaussians, in parallel.
+"""Projection for the numba backend: the formulas of `ewa` over all Gaussians, in parallel.
 
 Gradients of culled Gaussians are 0, whatever comes back for them.
 """

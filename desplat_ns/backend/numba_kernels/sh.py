@@ -6,7 +6,7 @@ dL/dcolour (0 where the colour was cut off at 0), d = r / |r|, r = mean - camera
 
     dL/df_k = B_k v,    dL/dd = sum_k (f_k . v) grad B_k,    dL/dr = (dL/dd - d (d . dL/dd)) / |r|.
 
-Directions are worked on in batches that lie in planes, as in numba_projection; the coefficients,
+Directions are worked on in batches that lie in planes, as in `projection`; the coefficients,
 which are most of the memory, are read and written once, in their order.
 """
 
@@ -31,7 +31,7 @@ from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
 
 BATCH = 64
 LANE = BATCH + 16
-"""As in numba_ewa."""
+"""As in `ewa`."""
 
 _POWERS = MAX_DEGREE + 1
 """Planes of x^0 ... x^4, then as many of y and of z."""

@@ -1,4 +1,4 @@
-"""The compiled part of `fast_ssim`: mean SSIM of two images, and its gradient, in two passes.
+"""The compiled part of `backend/ssim.py`: mean SSIM of two images, and its gradient, in two passes.
 
 With G the 11-tap Gaussian window (along y, then x, wherever it lies within the image), mx = G x,
 my = G y, vx = G x^2 - mx^2, vy = G y^2 - my^2, c = G xy - mx my,
@@ -40,7 +40,7 @@ ROWS, COLUMNS = 16, 480
 """Size of the block that comes out."""
 
 STRIDE = 528
-"""Length of a scratch row: COLUMNS + SIDE, and not near a power of two (see numba_pixels.PLANE)."""
+"""Length of a scratch row: COLUMNS + SIDE, and not near a power of two (see `pixels.PLANE`)."""
 
 _IMAGE = (ROWS + MARGIN) * STRIDE
 """Length of the scratch rows of one image."""

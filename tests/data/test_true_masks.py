@@ -1,0 +1,27 @@
+"""Ground-truth masks are read at the size of the rendering, or named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from desplat_ns.data.true_masks import read_true_mask
+from desplat_ns.errors import CaptureError
+from tests.helpers.masks import HEIGHT, WIDTH, write_mask
+
+
+def test_a_mask_is_reduced_to_the_size_of_the_rendering(tmp_path: Path):
+    mask = read_true_mask(write_mask(tmp_path / "big.png", 1, scale=3), WIDTH, HEIGHT)
+    assert mask.shape == (HEIGHT, WIDTH, 1)
+    assert torch.equal(mask[..., 0], torch.tensor([[True, False, False, False]] * HEIGHT))
+
+
+@pytest.mark.parametrize("content", [None, b"not an image"])
+def test_an_unreadable_mask_is_named(tmp_path: Path, content: bytes | None):
+    path = tmp_path / "mask_0007.png"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(CaptureError, match=r"mask_0007\.png"):
+        read_true_mask(path, WIDTH, HEIGHT)

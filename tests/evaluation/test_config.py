@@ -1,0 +1,42 @@
+"""Which protocol holds, and which options it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from desplat_ns.errors import ConfigError
+from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
+
+
+@pytest.mark.parametrize(
+    ("asked", "appearance", "holds"),
+    [
+        ("auto", "affine", "half"),
+        ("auto", "off", "full"),
+        ("full", "sh", "full"),
+        ("half", "sh", "half"),
+        ("right", "off", "right"),
+        ("right", "affine", "right"),
+    ],
+)
+def test_which_protocol_holds(asked, appearance, holds):
+    assert chosen_protocol(EvaluationConfig(protocol=asked), appearance) == holds
+
+
+def test_halves_without_appearance_are_refused():
+    with pytest.raises(ConfigError, match="appearance is off"):
+        chosen_protocol(EvaluationConfig(protocol="half"), "off")
+
+
+@pytest.mark.parametrize("values", [{"steps": -1}, {"learning_rate": 0.0}])
+def test_steps_and_rate_have_a_range(values: dict[str, Any]):
+    with pytest.raises(ConfigError, match="found"):
+        chosen_protocol(EvaluationConfig(**values), "affine")
+
+
+def test_files_of_embeddings_need_halves():
+    with pytest.raises(ConfigError, match=r"e\.npz"):
+        chosen_protocol(EvaluationConfig("full", save_embeddings=Path("e.npz")), "affine")

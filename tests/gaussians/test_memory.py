@@ -1,0 +1,36 @@
+"""What static Gaussians remember follows them."""
+
+import pytest
+import torch
+from gsplat.strategy.ops import duplicate, remove
+from torch import nn
+
+from desplat_ns.gaussians.memory import GaussianMemory
+
+CPU = torch.device("cpu")
+
+
+def test_nothing_is_remembered_at_first():
+    memory = GaussianMemory({})
+    assert torch.equal(memory.values("usual", 3, CPU), torch.zeros(3))
+    assert memory.number("visits") == 0
+
+
+def test_values_follow_clones_and_prunes():
+    state: dict = {}
+    memory = GaussianMemory(state)
+    memory.remember(usual=torch.tensor([1.0, 2.0, 3.0]), visits=5)
+    params: dict = {"means": nn.Parameter(torch.zeros(3, 3))}
+    optimizers: dict = {"means": torch.optim.Adam([params["means"]])}
+    duplicate(params, optimizers, state, torch.tensor([False, True, False]))
+    assert memory.values("usual", 4, CPU).tolist() == [1.0, 2.0, 3.0, 2.0]
+    remove(params, optimizers, state, torch.tensor([True, False, False, False]))
+    assert memory.values("usual", 3, CPU).tolist() == [2.0, 3.0, 2.0]
+    assert memory.number("visits") == 5
+
+
+def test_another_number_of_gaussians_is_no_match():
+    memory = GaussianMemory({})
+    memory.remember(usual=torch.zeros(3))
+    with pytest.raises(AssertionError, match="of 3 Gaussians, not 4"):
+        memory.values("usual", 4, CPU)

@@ -1,0 +1,48 @@
+"""The first stop signal asks, the next one ends; asked to end at once, the first one ends."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from desplat_ns.training.stop_signals import STOP_SIGNALS, EndAtOnce, on_stop_signal
+
+WAITING = """
+import os, sys, time
+from desplat_ns.training.stop_signals import EndAtOnce, on_stop_signal
+
+def stop(name):
+    raise EndAtOnce
+
+with on_stop_signal(stop):
+    print("ready", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+def test_the_first_signal_calls_what_was_given_and_what_was_before_comes_back(number):
+    before, told = signal.getsignal(number), []
+    with on_stop_signal(told.append):
+        os.kill(os.getpid(), number)
+        assert signal.getsignal(number) == before
+    assert told == ["Ctrl+C" if number == signal.SIGINT else "SIGTERM"]
+    assert signal.getsignal(number) == before
+
+
+def test_asked_to_end_at_once_ctrl_c_is_a_keyboard_interrupt():
+    def stop(name: str) -> None:
+        raise EndAtOnce
+
+    with pytest.raises(KeyboardInterrupt), on_stop_signal(stop):
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_asked_to_end_at_once_a_termination_is_one():
+    with subprocess.Popen([sys.executable, "-c", WAITING], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        process.terminate()
+        assert process.wait(60) == -signal.SIGTERM
