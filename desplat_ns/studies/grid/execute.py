@@ -32,7 +32,7 @@ def execute(study: Study, run: Run, folder: Path) -> Record:
     places = ["--data", data, "--output-dir", draft]
     line = ["python", "-m", PROGRAM, results, study.settings[run.setting].method, *places]
     run_command([*line, "--machine.seed", run.seed, *study.options_of(run)], log_of(run, folder))
-    found = read_results(study, results)
+    found = read_results(study, run, results)
     _settle(draft, folder / run.name)
     return found
 
@@ -51,14 +51,14 @@ def _settle(draft: Path, output: Path) -> None:
     draft.rename(output)
 
 
-def read_results(study: Study, path: Path) -> Record:
+def read_results(study: Study, run: Run, path: Path) -> Record:
     """The figures that a study keeps, of a file that `train_and_score` wrote."""
     results = json.loads(path.read_text())
     figures = dict(results["figures"])
     if study.from_pictures is not None:
         figures |= study.from_pictures(path.with_name("pictures"))
     kept = {name: figures[name] for name in study.figures if name in figures}
-    return Record(kept, results["commit"], results["settings"])
+    return Record(kept, results["commit"], results["settings"] | study.scene_of(run))
 
 
 def config_of(study: Study, run: Run, folder: Path) -> Path:

@@ -5,6 +5,9 @@
 
 A record names its settings by their digest; the names and values under that digest, and the common
 ones, are the settings. What is not known is null: such a record is reported as what it is.
+
+Code that changed while the settings stayed does not make a record stale: which change matters is
+for people to judge, and the line below each table says of which commits its records are.
 """
 
 from __future__ import annotations
@@ -17,8 +20,9 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from desplat_ns.studies.grid.code_version import DIRTY
 from desplat_ns.studies.grid.runs import Run, Study
-from desplat_ns.studies.grid.settings import Settings, differences, digest
+from desplat_ns.studies.grid.settings import Settings, changes, digest
 
 COMMON = "common"
 """Instead of a digest: what all settings of a file share."""
@@ -52,6 +56,7 @@ class State(Enum):
     MISSING = "never run"
     UNKNOWN = "its settings were not recorded"
     STALE = "its settings are not today's"
+    DIRTY = "its code was not committed"
 
 
 def load(path: Path) -> Records:
@@ -129,5 +134,8 @@ def state_of(study: Study, run: Run, records: Records) -> tuple[State, list[str]
         return State.MISSING, []
     if found.settings is None:
         return State.UNKNOWN, []
-    changed = differences(found.settings, study.settings_of(run))
-    return (State.STALE if changed else State.DONE), changed
+    changed = changes(found.settings, study.settings_of(run))
+    if changed:
+        return State.STALE, changed
+    is_dirty = found.commit is not None and found.commit.endswith(DIRTY)
+    return (State.DIRTY if is_dirty else State.DONE), []

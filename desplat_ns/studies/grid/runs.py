@@ -8,7 +8,7 @@ from pathlib import Path
 
 from desplat_ns.studies.grid.captures import Capture
 from desplat_ns.studies.grid.commands import QUIET
-from desplat_ns.studies.grid.settings import Settings, resolve
+from desplat_ns.studies.grid.settings import SCENE, Settings, resolve
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,15 @@ class Study:
         return (*steps, *QUIET, *self.settings[run.setting].options, *scene.parser, *smaller)
 
     def settings_of(self, run: Run) -> Settings:
-        """What today's code resolves for a run: every setting by its name.
+        """What today's code resolves for a run: every setting by its name, and what its scene is.
 
         Raises:
             SystemExit: an option of its setting is not understood; tyro has said which.
         """
-        return resolve(self.settings[run.setting].method, self.options_of(run))
+        method = self.settings[run.setting].method
+        return resolve(method, self.options_of(run)) | self.scene_of(run)
+
+    def scene_of(self, run: Run) -> Settings:
+        """What a run's scene is, as a part of its settings."""
+        described = self.scenes[run.scene].capture.describe()
+        return {f"{SCENE}{name}": value for name, value in described.items()}

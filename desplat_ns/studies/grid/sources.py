@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from desplat_ns.studies.grid.code_version import short
 from desplat_ns.studies.grid.records import Record
 from desplat_ns.studies.grid.runs import Run
-from desplat_ns.studies.grid.settings import Settings, differences
+from desplat_ns.studies.grid.settings import Settings, changes
 from desplat_ns.studies.grid.tables import table
 
 MARKS = ("†", "‡", "§", "¶", "‖")
@@ -111,7 +111,7 @@ def source_of(run: Run, record: Record, reference: Reference, whose: str) -> Sou
     differs = (
         f"{name.removeprefix('pipeline.')} {found.get(name, ABSENT)} "
         f"({whose} {wanted.get(name, ABSENT)})"
-        for name in differences(found, wanted)
+        for name in changes(found, wanted)
     )
     return Source(record.commit, tuple(differs))
 

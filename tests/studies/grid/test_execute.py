@@ -27,6 +27,9 @@ class Ready:
         assert self.folder is not None
         return self.folder
 
+    def describe(self) -> dict[str, str]:
+        return {"folder": "ready"}
+
 
 class NotThere(Ready):
     """A capture that cannot be found."""
@@ -109,11 +112,13 @@ def test_an_earlier_run_stays_until_another_is_whole(monkeypatch, tmp_path: Path
 def test_only_the_studys_figures_are_kept_those_from_pictures_last(tmp_path: Path):
     results = {"figures": {"psnr": 1.0, "ssim": 2.0}, "commit": "c", "settings": {"a": 1}}
     (tmp_path / "results.json").write_text(json.dumps(results))
-    plain = study_of(None)
-    assert read_results(plain, tmp_path / "results.json") == Record({"psnr": 1.0}, "c", {"a": 1})
+    plain, settings = study_of(None), {"a": 1, "scene.folder": "ready"}
+    assert read_results(plain, RUN, tmp_path / "results.json") == Record(
+        {"psnr": 1.0}, "c", settings
+    )
 
     def count(pictures: Path) -> dict[str, float]:
         return {"psnr": float(len(pictures.name))}
 
     other = Study(plain.settings, plain.scenes, (), plain.figures, from_pictures=count)
-    assert read_results(other, tmp_path / "results.json").figures == {"psnr": 8.0}
+    assert read_results(other, RUN, tmp_path / "results.json").figures == {"psnr": 8.0}

@@ -12,6 +12,7 @@ from nerfstudio.configs.method_configs import all_methods
 
 from desplat_ns.studies.grid import settings as grid_settings
 from desplat_ns.studies.grid.captures import RealCapture
+from desplat_ns.studies.grid.code_version import DIRTY
 from desplat_ns.studies.grid.records import Record, State, load, record, save, state_of
 from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
 
@@ -68,6 +69,24 @@ def test_a_changed_option_of_its_setting_makes_it_stale(file: Path, monkeypatch)
     assert state_of(STUDY, OURS, load(file)) == (State.STALE, changed)
 
 
+def test_a_changed_scene_makes_it_stale_and_a_record_without_one_is_not(file: Path, monkeypatch):
+    records, settings = load(file), STUDY.settings_of(OURS)
+    assert settings["scene.folder"] == "fox"
+    monkeypatch.setitem(SCENES, "fox", Scene(RealCapture("badger"), ("colmap",)))
+    assert state_of(STUDY, OURS, records) == (State.STALE, ["scene.folder"])
+    del settings["scene.folder"]
+    records[OURS.name] = Record({"psnr": 1.0}, COMMIT, settings)
+    assert state_of(STUDY, OURS, records) == (State.DONE, [])
+
+
+def test_code_that_was_not_committed_is_a_state_of_its_own(file: Path):
+    settings = STUDY.settings_of(OURS)
+    record(file, OURS, {"psnr": 25.0}, COMMIT + DIRTY, settings)
+    assert state_of(STUDY, OURS, load(file)) == (State.DIRTY, [])
+    record(file, OURS, {"psnr": 25.0}, COMMIT + DIRTY, settings | {"max_skipped_steps": 1})
+    assert state_of(STUDY, OURS, load(file)) == (State.STALE, ["max_skipped_steps"])
+
+
 def test_a_run_that_was_never_done_is_missing(file: Path):
     assert state_of(STUDY, PLAN[2], load(file)) == (State.MISSING, [])
     assert load(file.with_name("nowhere.json")) == {}
@@ -87,7 +106,10 @@ def test_the_file_keeps_each_settings_once_and_only_what_differs_apart(file: Pat
     content = json.loads(file.read_text())
     assert len(content["settings"]) == 3  # what is common, and two settings
     parts = [part for name, part in content["settings"].items() if name != "common"]
-    assert [set(part) for part in parts] == 2 * [{"pipeline.model.effects.distractors"}]
+    switch = "pipeline.model.effects.distractors"
+    off, ours = sorted(parts, key=len)
+    assert off == {switch: False} and ours[switch] is True
+    assert {name for name in ours if "distractor" not in name} == set()
 
 
 def test_settings_that_no_record_has_any_more_go(file: Path):
