@@ -58,7 +58,8 @@ def read_results(study: Study, run: Run, path: Path) -> Record:
     if study.from_pictures is not None:
         figures |= study.from_pictures(path.with_name("pictures"))
     kept = {name: figures[name] for name in study.figures if name in figures}
-    return Record(kept, results["commit"], results["settings"] | study.scene_of(run))
+    settings = results["settings"] | study.scene_of(run)
+    return Record(kept, results["commit"], settings, results["device"], results["backend"])
 
 
 def config_of(study: Study, run: Run, folder: Path) -> Path:

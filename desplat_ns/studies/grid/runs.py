@@ -65,12 +65,27 @@ class Study:
     from_pictures: Callable[[Path], dict[str, float]] | None = None
     """Figures that are worked out from the pictures of the evaluation, in a folder."""
 
+    device: str | None = None
+    """Type of the device that all runs are to be on; None: any, and the records say which."""
+    backend: str | None = None
+    """Rasterizer that all runs are to use; None as above."""
+
     def options_of(self, run: Run) -> tuple[str, ...]:
         """Options of `ns-train` for a run, all but its seed and its places."""
         scene = self.scenes[run.scene]
         smaller = ("--downscale-factor", str(run.downscale)) if run.downscale > 1 else ()
         steps = ("--max-num-iterations", str(run.steps))
-        return (*steps, *QUIET, *self.settings[run.setting].options, *scene.parser, *smaller)
+        device = ("--machine.device-type", self.device) if self.device else ()
+        backend = ("--pipeline.model.backend", self.backend) if self.backend else ()
+        return (
+            *steps,
+            *QUIET,
+            *device,
+            *backend,
+            *self.settings[run.setting].options,
+            *scene.parser,
+            *smaller,
+        )
 
     def settings_of(self, run: Run) -> Settings:
         """What today's code resolves for a run: every setting by its name, and what its scene is.

@@ -15,6 +15,7 @@ from nerfstudio.scripts.train import _set_random_seed
 
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid.code_version import code_version
+from desplat_ns.studies.grid.records import where_of
 from desplat_ns.studies.grid.settings import parse, settings_of
 
 
@@ -27,7 +28,8 @@ def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str
 
     Returns:
         `figures` as `ns-eval` writes them, with `train_cpu_seconds`, those of the training steps
-        without start-up and evaluation; `commit` and `settings`, see `records.Record`.
+        without start-up and evaluation; `commit`, `settings`, `device` and `backend`, see
+        `records.Record`.
 
     Raises:
         DeSplatError: training was stopped before its last step; such a model is not scored.
@@ -48,7 +50,7 @@ def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str
         step=trainer.step, output_path=pictures, get_std=True
     )
     figures = figures | {"train_cpu_seconds": seconds}
-    return {"figures": figures, "commit": version, "settings": settings}
+    return {"figures": figures, "commit": version, "settings": settings, **where_of(figures)}
 
 
 def check_complete(done: int, wanted: int) -> None:

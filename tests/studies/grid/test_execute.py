@@ -31,6 +31,9 @@ class Ready:
         return {"folder": "ready"}
 
 
+WHERE = {"device": "cuda", "backend": "gsplat"}
+
+
 class NotThere(Ready):
     """A capture that cannot be found."""
 
@@ -56,6 +59,7 @@ def test_a_run_gives_figures_commit_and_the_settings_of_today(tiny_scene: Writte
     found = execute(study, RUN, tmp_path)
     assert set(found.figures) == set(study.figures)
     assert found.figures["train_cpu_seconds"] > 0 and found.figures["num_masks"] == 6
+    assert found.device in ("cpu", "cuda") and found.backend in ("numba", "gsplat")
     assert found.commit == code_version()
     assert found.settings == study.settings_of(RUN)
     config = config_of(study, RUN, tmp_path)
@@ -72,7 +76,8 @@ def test_the_process_has_one_thread_and_sleeps_while_it_waits(monkeypatch, tmp_p
         "figures = {'OMP_WAIT_POLICY': os.environ.get('OMP_WAIT_POLICY') == 'passive'}\n"
         "for name in ('OMP_NUM_THREADS', 'NUMBA_NUM_THREADS'):\n"
         "    figures[name] = int(os.environ.get(name, 0))\n"
-        "json.dump({'figures': figures, 'commit': 'x', 'settings': {}}, open(sys.argv[1], 'w'))\n"
+        "rest = {'commit': 'x', 'settings': {}, 'device': 'cpu', 'backend': None}\n"
+        "json.dump({'figures': figures, **rest}, open(sys.argv[1], 'w'))\n"
     )
     monkeypatch.syspath_prepend(tmp_path)  # what this process can import, the other can
     monkeypatch.setattr(module, "PROGRAM", "probe")
@@ -100,7 +105,7 @@ def test_an_earlier_run_stays_until_another_is_whole(monkeypatch, tmp_path: Path
         execute(study_of(tmp_path), RUN, tmp_path)
     assert earlier.exists() and log_of(RUN, tmp_path).is_file()
     probe = tmp_path / "whole.py"
-    results = {"figures": {"psnr": 1.0}, "commit": "c", "settings": {}}
+    results = {"figures": {"psnr": 1.0}, "commit": "c", "settings": {}, **WHERE}
     probe.write_text(f"import sys; open(sys.argv[1], 'w').write({json.dumps(results)!r})")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(module, "PROGRAM", "whole")
@@ -111,10 +116,11 @@ def test_an_earlier_run_stays_until_another_is_whole(monkeypatch, tmp_path: Path
 
 def test_only_the_studys_figures_are_kept_those_from_pictures_last(tmp_path: Path):
     results = {"figures": {"psnr": 1.0, "ssim": 2.0}, "commit": "c", "settings": {"a": 1}}
+    results |= WHERE
     (tmp_path / "results.json").write_text(json.dumps(results))
     plain, settings = study_of(None), {"a": 1, "scene.folder": "ready"}
     assert read_results(plain, RUN, tmp_path / "results.json") == Record(
-        {"psnr": 1.0}, "c", settings
+        {"psnr": 1.0}, "c", settings, **WHERE
     )
 
     def count(pictures: Path) -> dict[str, float]:
