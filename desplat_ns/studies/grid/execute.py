@@ -54,9 +54,7 @@ def _settle(draft: Path, output: Path) -> None:
 def read_results(study: Study, run: Run, path: Path) -> Record:
     """The figures that a study keeps, of a file that `train_and_score` wrote."""
     results = json.loads(path.read_text())
-    figures = dict(results["figures"])
-    if study.from_pictures is not None:
-        figures |= study.from_pictures(path.with_name("pictures"))
+    figures = results["figures"]
     kept = {name: figures[name] for name in study.figures if name in figures}
     settings = results["settings"] | study.scene_of(run)
     return Record(kept, results["commit"], settings, results["device"], results["backend"])

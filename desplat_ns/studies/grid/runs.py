@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from desplat_ns.studies.grid.captures import Capture
 from desplat_ns.studies.grid.commands import QUIET
@@ -62,8 +61,6 @@ class Study:
     figures: tuple[str, ...]
     """Names of what is recorded, of what the evaluation gives; absent ones are left out. The first
     is said when a run is done."""
-    from_pictures: Callable[[Path], dict[str, float]] | None = None
-    """Figures that are worked out from the pictures of the evaluation, in a folder."""
 
     device: str | None = None
     """Type of the device that all runs are to be on; None: any, and the records say which."""

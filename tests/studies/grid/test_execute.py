@@ -114,7 +114,7 @@ def test_an_earlier_run_stays_until_another_is_whole(monkeypatch, tmp_path: Path
     assert not log_of(RUN, tmp_path).parent.exists()
 
 
-def test_only_the_studys_figures_are_kept_those_from_pictures_last(tmp_path: Path):
+def test_only_the_studys_figures_are_kept(tmp_path: Path):
     results = {"figures": {"psnr": 1.0, "ssim": 2.0}, "commit": "c", "settings": {"a": 1}}
     results |= WHERE
     (tmp_path / "results.json").write_text(json.dumps(results))
@@ -122,9 +122,3 @@ def test_only_the_studys_figures_are_kept_those_from_pictures_last(tmp_path: Pat
     assert read_results(plain, RUN, tmp_path / "results.json") == Record(
         {"psnr": 1.0}, "c", settings, **WHERE
     )
-
-    def count(pictures: Path) -> dict[str, float]:
-        return {"psnr": float(len(pictures.name))}
-
-    other = Study(plain.settings, plain.scenes, (), plain.figures, from_pictures=count)
-    assert read_results(other, RUN, tmp_path / "results.json").figures == {"psnr": 8.0}
