@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.documents import DOCS
-from benchmarks.separation.runs import FIGURES, STUDY
+from benchmarks.separation.runs import FIGURES
 from desplat_ns.studies.grid import records
+from desplat_ns.studies.grid.records import Record
 from desplat_ns.studies.grid.runs import Run
 from desplat_ns.studies.grid.settings import Settings
 
@@ -23,16 +24,17 @@ def enter(
     run: Run,
     results: Mapping[str, Any],
     commit: str,
-    settings: Settings | None = None,
+    settings: Settings,
     path: Path = FILE,
 ) -> None:
     """Enter what was measured elsewhere.
 
     Args:
-        results: as `ns-eval` gives them, with `train_cpu_seconds`.
+        results: as `ns-eval` gives them, device and backend among them, with `train_cpu_seconds`.
         commit: the full hash of the code that was run.
-        settings: what that code resolved, `python -m desplat_ns.studies.grid.settings`; if not
-            given, what today's does for the run, so make sure that it is the same.
+        settings: what that code resolved, its own `python -m desplat_ns.studies.grid.settings`;
+            `STUDY.settings_of(run)` only where that code resolves the same as today's.
     """
     figures = {name: results[name] for name in FIGURES if name in results}
-    records.record(path, run, figures, commit, settings or STUDY.settings_of(run))
+    found = Record(figures, commit, settings, **records.where_of(results))
+    records.enter(path, run, found)

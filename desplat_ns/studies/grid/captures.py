@@ -11,10 +11,14 @@ from threading import RLock
 from typing import Protocol, runtime_checkable
 
 from desplat_ns.errors import DeSplatError
+from desplat_ns.studies.grid.settings import Settings, digest, flat
 from desplat_ns.synthetic import SceneSpec, write_scene
 
 DATA_VARIABLE = "DESPLAT_NS_DATA"
 """Environment variable with the folder that holds real captures."""
+
+DIGITS = 6
+"""Of its description's digest, at the end of the name of what is written."""
 
 _writing = RLock()  # runs beside each other share what is generated
 
@@ -29,6 +33,11 @@ class Capture(Protocol):
         Raises:
             DeSplatError: it is not there and cannot be made.
         """
+        ...
+
+    def describe(self) -> Settings:
+        """What it shows, as JSON values by names: records keep them, so that a change shows. How it
+        is read is among the settings of the method."""
         ...
 
 
@@ -48,6 +57,10 @@ class RealCapture:
             )
         return found
 
+    def describe(self) -> Settings:
+        """See `Capture`: the folder's name; what lies in it is not read."""
+        return {"folder": self.name}
+
 
 @dataclass(frozen=True)
 class GeneratedCapture:
@@ -58,7 +71,11 @@ class GeneratedCapture:
 
     def locate(self, folder: Path) -> Path:
         """See `Capture`."""
-        return made(folder / self.name, lambda path: write_scene(self.spec, path))
+        return made(place_of(self, folder), lambda path: write_scene(self.spec, path))
+
+    def describe(self) -> Settings:
+        """See `Capture`: every field of the spec."""
+        return dict(sorted(flat("generated", self.spec)))
 
 
 @dataclass(frozen=True)
@@ -73,7 +90,18 @@ class AlteredCapture:
     def locate(self, folder: Path) -> Path:
         """See `Capture`."""
         original = self.original.locate(folder).resolve()
-        return made(folder / self.name, lambda path: self.alter(original, path))
+        return made(place_of(self, folder), lambda path: self.alter(original, path))
+
+    def describe(self) -> Settings:
+        """See `Capture`: the case's name, and the original's description. What `alter` does is
+        code, of which the record's commit tells."""
+        original = {f"original.{name}": part for name, part in self.original.describe().items()}
+        return {"case": self.name, **original}
+
+
+def place_of(capture: GeneratedCapture | AlteredCapture, folder: Path) -> Path:
+    """Where a capture is written: another place once its description is another."""
+    return folder / f"{capture.name}-{digest(capture.describe())[:DIGITS]}"
 
 
 def made(path: Path, make: Callable[[Path], object]) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import fnmatch
 import sys
 from collections.abc import Callable, Sequence
@@ -10,9 +11,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from desplat_ns.console import list_names
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid import records
-from desplat_ns.studies.grid.execute import execute
+from desplat_ns.studies.grid.execute import execute, log_of
 from desplat_ns.studies.grid.records import Records, State
 from desplat_ns.studies.grid.runs import Run, Study
 
@@ -45,15 +47,29 @@ def parse_arguments(
 
 
 def named_runs(study: Study, patterns: Sequence[str]) -> list[Run]:
-    """The runs that match, in the order of the patterns and of the plan."""
-    return list(
-        dict.fromkeys(
-            run
-            for pattern in patterns
-            for run in study.plan
-            if fnmatch.fnmatch(run.name, pattern) or fnmatch.fnmatch(run.name, f"{pattern}-*")
+    """The runs that match, in the order of the patterns and of the plan.
+
+    Raises:
+        DeSplatError: a pattern matches none; the message says what is named nearly so.
+    """
+    return list(dict.fromkeys(run for one in patterns for run in _runs_of(study, one)))
+
+
+def _runs_of(study: Study, pattern: str) -> list[Run]:
+    found = [
+        run
+        for run in study.plan
+        if fnmatch.fnmatch(run.name, pattern) or fnmatch.fnmatch(run.name, f"{pattern}-*")
+    ]
+    if not found:
+        names = [name for run in study.plan for name in (run.name, run.cell)]
+        names = list(dict.fromkeys((*names, *study.settings, *study.scenes)))
+        near = difflib.get_close_matches(pattern.strip("*-"), names, cutoff=0.0)
+        raise DeSplatError(
+            f"No run of the study is named '{pattern}'. Named nearly so: {', '.join(near)}. A name "
+            "is setting-scene-downscale-steps-seed; take '*' for any, as in '*-yard'."
         )
-    )
+    return found
 
 
 def wanted_runs(study: Study, patterns: Sequence[str], known: Records) -> dict[Run, str]:
@@ -62,21 +78,23 @@ def wanted_runs(study: Study, patterns: Sequence[str], known: Records) -> dict[R
     for run in named_runs(study, patterns):
         state, changed = records.state_of(study, run, known)
         if state is not State.DONE:
-            more = len(changed) - MOST_NAMED
-            names = ", ".join(changed[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+            names = list_names(changed, MOST_NAMED)
             wanted[run] = state.value + (f": {names}" if names else "")
     return wanted
 
 
 def measure(study: Study, run: Run, file: Path, folder: Path) -> bool:
-    """Do one run and keep its figures; False if it failed, which is said."""
+    """Do one run and keep its figures; False if it failed, which is said and leaves the others."""
     try:
         found = execute(study, run, folder)
+        records.enter(file, run, found)
     except DeSplatError as error:
         print(f"{run.name}: {error}", file=sys.stderr, flush=True)
         return False
-    assert found.commit is not None and found.settings is not None
-    records.record(file, run, found.figures, found.commit, found.settings)
+    except Exception as error:
+        said = f"{type(error).__name__}: {error}. Its log, as far as it came: {log_of(run, folder)}"
+        print(f"{run.name}: {said}", file=sys.stderr, flush=True)
+        return False
     seconds = found.figures.get("train_cpu_seconds", 0.0)
     first = study.figures[0]
     value = found.figures.get(first, float("nan"))
@@ -100,8 +118,15 @@ class Command:
     """What `--help` says, after how the command is called."""
 
     def main(self, arguments: Sequence[str] | None = None) -> int:
-        """Entry point; the exit status is 1 if a run failed."""
+        """Entry point; the exit status is 1 if a run failed, or if none is named so."""
         chosen = parse_arguments(self.program, self.description, self.output, arguments)
+        try:
+            return self._follow(chosen)
+        except DeSplatError as error:
+            print(f"Error: {error}", file=sys.stderr)
+            return 1
+
+    def _follow(self, chosen: argparse.Namespace) -> int:
         if chosen.list:
             for run, reason in self._wanted(chosen.only).items():
                 print(f"{run.name}    {reason}")

@@ -12,32 +12,52 @@ from desplat_ns.studies.grid.runs import Run, Study
 from desplat_ns.studies.grid.settings import method_config
 
 PROGRAM = "desplat_ns.studies.grid.train_and_score"
+RESULTS = "results.json"
 
 
 def execute(study: Study, run: Run, folder: Path) -> Record:
     """The record of a run; what it trains stays in a folder of its name.
 
+    An earlier one of that name is replaced once this one is whole.
+
     Raises:
-        DeSplatError: it failed; the message names its log.
+        DeSplatError: the capture is not there; or training or evaluation failed, and the message
+            names its log.
     """
-    output = folder / run.name
-    shutil.rmtree(output, ignore_errors=True)  # of older code, if it is there
-    output.mkdir(parents=True)
-    results = output / "results.json"
-    places = ["--data", study.scenes[run.scene].capture.locate(folder), "--output-dir", output]
+    data = study.scenes[run.scene].capture.locate(folder)
+    draft = log_of(run, folder).parent
+    shutil.rmtree(draft, ignore_errors=True)  # of a run that failed, if it is there
+    draft.mkdir(parents=True)
+    results = draft / RESULTS
+    places = ["--data", data, "--output-dir", draft]
     line = ["python", "-m", PROGRAM, results, study.settings[run.setting].method, *places]
-    run_command([*line, "--machine.seed", run.seed, *study.options_of(run)], output / "run.log")
-    return read_results(study, results)
+    run_command([*line, "--machine.seed", run.seed, *study.options_of(run)], log_of(run, folder))
+    found = read_results(study, run, results)
+    _settle(draft, folder / run.name)
+    return found
 
 
-def read_results(study: Study, path: Path) -> Record:
+def log_of(run: Run, folder: Path) -> Path:
+    """Where a run that is being done, or that failed, says what happens."""
+    return folder / f"{run.name}.draft" / "run.log"
+
+
+def _settle(draft: Path, output: Path) -> None:
+    """Put a finished run where it is looked for; its config.yml says so, too."""
+    for config in draft.glob(f"{EXPERIMENT}/*/{TIMESTAMP}/config.yml"):
+        text = config.read_text()  # nerfstudio writes a path as a list of its parts
+        config.write_text(text.replace(f"- {draft.name}\n", f"- {output.name}\n"))
+    shutil.rmtree(output, ignore_errors=True)
+    draft.rename(output)
+
+
+def read_results(study: Study, run: Run, path: Path) -> Record:
     """The figures that a study keeps, of a file that `train_and_score` wrote."""
     results = json.loads(path.read_text())
-    figures = dict(results["figures"])
-    if study.from_pictures is not None:
-        figures |= study.from_pictures(path.with_name("pictures"))
+    figures = results["figures"]
     kept = {name: figures[name] for name in study.figures if name in figures}
-    return Record(kept, results["commit"], results["settings"])
+    settings = results["settings"] | study.scene_of(run)
+    return Record(kept, results["commit"], settings, results["device"], results["backend"])
 
 
 def config_of(study: Study, run: Run, folder: Path) -> Path:

@@ -1,10 +1,14 @@
 """What was measured, of which code and with which settings: one JSON file for a study.
 
-    {"records": {"off-clutter-2-1000-42": {"commit": "e944...", "settings": "5f...", "psnr": 25.4}},
+    {"records": {"off-clutter-2-1000-42": {"commit": "e944...", "settings": "5f...",
+                                           "device": "cpu", "backend": "numba", "psnr": 25.4}},
      "settings": {"common": {"max_skipped_steps": 10}, "5f...": {"method_name": "desplat"}}}
 
 A record names its settings by their digest; the names and values under that digest, and the common
 ones, are the settings. What is not known is null: such a record is reported as what it is.
+
+Code that changed while the settings stayed does not make a record stale: which change matters is
+for people to judge, and the line below each table says of which commits its records are.
 """
 
 from __future__ import annotations
@@ -17,8 +21,9 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from desplat_ns.studies.grid.code_version import DIRTY
 from desplat_ns.studies.grid.runs import Run, Study
-from desplat_ns.studies.grid.settings import Settings, differences, digest
+from desplat_ns.studies.grid.settings import Settings, changes, digest
 
 COMMON = "common"
 """Instead of a digest: what all settings of a file share."""
@@ -39,6 +44,10 @@ class Record:
     """Of the code, as `code_version` gives it; None if it is not known."""
     settings: Settings | None
     """As `settings_of` gives them; None if they are not known."""
+    device: str | None = None
+    """Its type, `cpu` or `cuda`; None if it is not known, as of older records."""
+    backend: str | None = None
+    """The rasterizer that was used, whatever chose it; None as above."""
 
 
 Records = dict[str, Record]
@@ -52,6 +61,8 @@ class State(Enum):
     MISSING = "never run"
     UNKNOWN = "its settings were not recorded"
     STALE = "its settings are not today's"
+    ELSEWHERE = "it was not measured on what the study names"
+    DIRTY = "its code was not committed"
 
 
 def load(path: Path) -> Records:
@@ -66,7 +77,8 @@ def load(path: Path) -> Records:
 
 def _record(fields: dict[str, Any], settings: dict[str, Settings]) -> Record:
     commit, key = fields.pop("commit"), fields.pop("settings")
-    return Record(fields, commit, None if key is None else settings[key])
+    device, backend = fields.pop("device", None), fields.pop("backend", None)
+    return Record(fields, commit, None if key is None else settings[key], device, backend)
 
 
 def save(path: Path, records: Records) -> None:
@@ -81,6 +93,7 @@ def save(path: Path, records: Records) -> None:
         name: {
             "commit": r.commit,
             "settings": None if r.settings is None else digest(r.settings),
+            **{key: value for key, value in where(r).items() if value is not None},
             **r.figures,
         }
         for name, r in sorted(records.items())
@@ -90,6 +103,17 @@ def save(path: Path, records: Records) -> None:
     draft = path.with_name(f"{path.name}.draft")
     draft.write_text(f"{{\n{text}\n}}\n")
     draft.replace(path)
+
+
+def where(record: Record) -> dict[str, str | None]:
+    """What a record was measured on."""
+    return {"device": record.device, "backend": record.backend}
+
+
+def where_of(results: Mapping[str, Any]) -> dict[str, str | None]:
+    """Fields of a `Record`, of the texts that the evaluation gives; None where one is missing."""
+    device = results.get("device")
+    return {"device": device and device.partition(":")[0], "backend": results.get("backend")}
 
 
 def _common(settings: list[Settings]) -> Settings:
@@ -110,24 +134,25 @@ def _lines(entries: Mapping[str, Any]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}"
 
 
-def record(path: Path, run: Run, figures: Figures, commit: str, settings: Settings) -> None:
-    """Enter what was measured of a run, here or elsewhere; an older record of it is replaced.
-
-    Args:
-        path: the study's file.
-        commit: of the code that was run, as `code_version` gives it.
-        settings: what that code resolved: `Study.settings_of`, if today's resolves the same.
-    """
+def enter(path: Path, run: Run, found: Record) -> None:
+    """Enter what was measured of a run, here or elsewhere; an older record of it is replaced."""
     with _writing:
-        save(path, load(path) | {run.name: Record(figures, commit, settings)})
+        save(path, load(path) | {run.name: found})
 
 
 def state_of(study: Study, run: Run, records: Records) -> tuple[State, list[str]]:
-    """Whether a run has to be done, and the names of settings that were changed since."""
+    """Whether a run has to be done, and what differs: settings, or the device and the backend."""
     found = records.get(run.name)
     if found is None:
         return State.MISSING, []
     if found.settings is None:
         return State.UNKNOWN, []
-    changed = differences(found.settings, study.settings_of(run))
-    return (State.STALE if changed else State.DONE), changed
+    changed = changes(found.settings, study.settings_of(run))
+    if changed:
+        return State.STALE, changed
+    wanted = {"device": study.device, "backend": study.backend}
+    elsewhere = [name for name, value in where(found).items() if wanted[name] not in (None, value)]
+    if elsewhere:
+        return State.ELSEWHERE, elsewhere
+    is_dirty = found.commit is not None and found.commit.endswith(DIRTY)
+    return (State.DIRTY if is_dirty else State.DONE), []

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from desplat_ns.studies.grid.captures import Capture
 from desplat_ns.studies.grid.commands import QUIET
-from desplat_ns.studies.grid.settings import Settings, resolve
+from desplat_ns.studies.grid.settings import SCENE, Settings, resolve
 
 
 @dataclass(frozen=True)
@@ -62,20 +61,39 @@ class Study:
     figures: tuple[str, ...]
     """Names of what is recorded, of what the evaluation gives; absent ones are left out. The first
     is said when a run is done."""
-    from_pictures: Callable[[Path], dict[str, float]] | None = None
-    """Figures that are worked out from the pictures of the evaluation, in a folder."""
+
+    device: str | None = None
+    """Type of the device that all runs are to be on; None: any, and the records say which."""
+    backend: str | None = None
+    """Rasterizer that all runs are to use; None as above."""
 
     def options_of(self, run: Run) -> tuple[str, ...]:
         """Options of `ns-train` for a run, all but its seed and its places."""
         scene = self.scenes[run.scene]
         smaller = ("--downscale-factor", str(run.downscale)) if run.downscale > 1 else ()
         steps = ("--max-num-iterations", str(run.steps))
-        return (*steps, *QUIET, *self.settings[run.setting].options, *scene.parser, *smaller)
+        device = ("--machine.device-type", self.device) if self.device else ()
+        backend = ("--pipeline.model.backend", self.backend) if self.backend else ()
+        return (
+            *steps,
+            *QUIET,
+            *device,
+            *backend,
+            *self.settings[run.setting].options,
+            *scene.parser,
+            *smaller,
+        )
 
     def settings_of(self, run: Run) -> Settings:
-        """What today's code resolves for a run: every setting by its name.
+        """What today's code resolves for a run: every setting by its name, and what its scene is.
 
         Raises:
             SystemExit: an option of its setting is not understood; tyro has said which.
         """
-        return resolve(self.settings[run.setting].method, self.options_of(run))
+        method = self.settings[run.setting].method
+        return resolve(method, self.options_of(run)) | self.scene_of(run)
+
+    def scene_of(self, run: Run) -> Settings:
+        """What a run's scene is, as a part of its settings."""
+        described = self.scenes[run.scene].capture.describe()
+        return {f"{SCENE}{name}": value for name, value in described.items()}

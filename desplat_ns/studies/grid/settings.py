@@ -13,7 +13,7 @@ import hashlib
 import importlib
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -32,6 +32,28 @@ NO_SETTINGS = {
 }
 """Fields, at any depth, that no figure depends on or that differ from computer to computer. The
 seed, a field of `machine`, is the run's."""
+
+SCENE = "scene."
+"""Begins the names of what a run's scene is, `Capture.describe`."""
+
+EFFECTS = "pipeline.model.effects."
+"""Begins the names of the switches."""
+
+OF_EFFECTS: Mapping[str, tuple[str, ...]] = {
+    "distractors": ("pipeline.model.distractors.", "optimizers.distractor_"),
+    "appearance": (
+        "pipeline.model.appearance.",
+        "optimizers.appearance_",
+        "optimizers.image_embeddings.",
+    ),
+    "background": ("pipeline.model.background.", "optimizers.background_"),
+}
+"""How the names of the settings begin that matter only where an effect is on."""
+
+NEUTRAL: Mapping[str, Any] = {}
+"""Settings that older code did not have, by the value with which code does what it did before. A
+record that lacks such a name is not stale while today's value is this one. Enter a new setting here
+only if a test holds that its value changes nothing."""
 
 
 def method_config(method: str) -> Any:
@@ -65,11 +87,12 @@ def parse(method: str, options: list[str]) -> Any:
 
 
 def settings_of(config: Any) -> Settings:
-    """All settings of a configuration, its schedules settled for its number of steps."""
+    """All settings of a configuration, its schedules settled for its number of steps; those of
+    effects that are off are left out."""
     config = copy.deepcopy(config)
     if hasattr(config, "resolve_schedule_scale"):
         config.resolve_schedule_scale()
-    return dict(sorted(_flat("", config)))
+    return of_active_effects(dict(sorted(flat("", config))))
 
 
 @cache
@@ -100,19 +123,55 @@ def differences(found: Settings, wanted: Settings) -> list[str]:
     )
 
 
-def _flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Names and JSON values of everything below a value."""
+def changes(found: Settings, wanted: Settings) -> list[str]:
+    """Names of the settings in which a record's are not those that are wanted.
+
+    Not counted: what belongs to an effect that is off, or that is switched itself; what the record
+    lacks and `NEUTRAL` holds with the value that is wanted; and the scene, where one of the two
+    does not say what it is, as records did not at first.
+    """
+    found, wanted = of_active_effects(found), of_active_effects(wanted)
+    apart = differences(found, wanted)
+    prefixes = [
+        prefix
+        for effect, names in OF_EFFECTS.items()
+        if f"{EFFECTS}{effect}" in apart
+        for prefix in names
+    ]
+    if not all(any(name.startswith(SCENE) for name in one) for one in (found, wanted)):
+        prefixes.append(SCENE)
+    return [
+        name
+        for name in apart
+        if not name.startswith(tuple(prefixes))
+        and (name in found or name not in NEUTRAL or wanted[name] != NEUTRAL[name])
+    ]
+
+
+def of_active_effects(settings: Settings) -> Settings:
+    """Settings without those of effects that are off: no figure depends on them."""
+    idle = tuple(
+        prefix
+        for effect, prefixes in OF_EFFECTS.items()
+        if settings.get(f"{EFFECTS}{effect}") in (False, "off")
+        for prefix in prefixes
+    )
+    return {name: value for name, value in settings.items() if not name.startswith(idle)}
+
+
+def flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Names and JSON values of everything below a value, whose own name is the first argument."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         parts = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
-        yield from _flat(name, {k: v for k, v in parts.items() if k not in NO_SETTINGS})
+        yield from flat(name, {k: v for k, v in parts.items() if k not in NO_SETTINGS})
     elif isinstance(value, dict):
         for key, part in value.items():
-            yield from _flat(f"{name}.{key}".lstrip("."), part)
+            yield from flat(f"{name}.{key}".lstrip("."), part)
     elif isinstance(value, list | tuple):
         if all(_is_plain(part) for part in value):
             yield name, list(value)
         else:
-            yield from _flat(name, dict(enumerate(value)))
+            yield from flat(name, dict(enumerate(value)))
     elif isinstance(value, Path):
         if not value.is_absolute():  # others are the machine's
             yield name, value.as_posix()

@@ -11,10 +11,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from desplat_ns.console import list_names
 from desplat_ns.studies.grid.code_version import short
 from desplat_ns.studies.grid.records import Record
 from desplat_ns.studies.grid.runs import Run
-from desplat_ns.studies.grid.settings import Settings, differences
+from desplat_ns.studies.grid.settings import Settings, changes
 from desplat_ns.studies.grid.tables import table
 
 MARKS = ("†", "‡", "§", "¶", "‖")
@@ -45,11 +46,18 @@ class Source:
     differs: tuple[str, ...] | None = ()
     """Settings that are not the reference's, in words; None if they were not recorded."""
 
+    where: str = ""
+    """Device and backend, where the table has records of several."""
+
     @property
     def is_current(self) -> bool:
         return self.differs == ()
 
     def describe(self) -> str:
+        """Its code, its settings and what it was measured on, as far as they are to be told."""
+        return self._of_what() + (f", on {self.where}" if self.where else "")
+
+    def _of_what(self) -> str:
         """For instance `of e944f25, with model.refinements 12 (today 15)`."""
         if self.commit is None and self.differs is None:
             return "whose commit and settings were not recorded"
@@ -58,9 +66,7 @@ class Source:
             return f"{commit}, settings not recorded"
         if not self.differs:
             return commit
-        more = len(self.differs) - MOST_NAMED
-        named = ", ".join(self.differs[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
-        return f"{commit}, with {named}"
+        return f"{commit}, with {list_names(self.differs, MOST_NAMED)}"
 
 
 def sourced_table(
@@ -81,7 +87,11 @@ def sourced_table(
     }
     reference = today or _first_of_each_cell(list(measured.values()))
     whose = "today" if today else "others"
-    sources = {key: source_of(*pair, reference, whose) for key, pair in measured.items()}
+    places = {place_of(record) for _, record in measured.values()} - {""}
+    sources = {
+        key: source_of(run, record, reference, whose, tell_where=len(places) > 1)
+        for key, (run, record) in measured.items()
+    }
     marks = _marks(list(sources.values()), by_commit=today is None)
 
     def text(cell: str | Cell) -> str:
@@ -99,21 +109,30 @@ def _key(run: Run, record: Record) -> tuple[Run, int]:
     return run, id(record)
 
 
-def source_of(run: Run, record: Record, reference: Reference, whose: str) -> Source:
+def place_of(record: Record) -> str:
+    """For instance `cuda (gsplat)`; empty where it is not known."""
+    return f"{record.device} ({record.backend})" if record.device and record.backend else ""
+
+
+def source_of(
+    run: Run, record: Record, reference: Reference, whose: str, tell_where: bool = False
+) -> Source:
     """What a record is of, its settings compared with those of a reference.
 
     Args:
         whose: the reference's settings are called in a table.
+        tell_where: its device and backend, too.
     """
+    where = (place_of(record) or "an unknown device") if tell_where else ""
     if record.settings is None:
-        return Source(record.commit, None)
+        return Source(record.commit, None, where)
     found, wanted = record.settings, reference(run)
     differs = (
         f"{name.removeprefix('pipeline.')} {found.get(name, ABSENT)} "
         f"({whose} {wanted.get(name, ABSENT)})"
-        for name in differences(found, wanted)
+        for name in changes(found, wanted)
     )
-    return Source(record.commit, tuple(differs))
+    return Source(record.commit, tuple(differs), where)
 
 
 def _first_of_each_cell(measured: list[Measured]) -> Reference:
@@ -128,13 +147,18 @@ def _first_of_each_cell(measured: list[Measured]) -> Reference:
 def _marks(sources: list[Source], by_commit: bool) -> dict[Source, str]:
     """A mark for each source, none for the first kind: today's settings, or what most are of.
 
-    Today's settings are of one kind whatever commit they are of; in older figures (`by_commit`)
-    each commit is a kind.
+    Today's settings on one device are of one kind whatever commit they are of; in older figures
+    (`by_commit`) each commit is a kind.
     """
-    today = Source(None)
-    kinds = {s: s if by_commit or not s.is_current else today for s in sources}
+    kinds = {
+        s: s if by_commit or not s.is_current else Source(None, where=s.where) for s in sources
+    }
     counts = Counter(kinds[s] for s in sources)
-    ordered = sorted(counts, key=lambda kind: (kind != today, -counts[kind]))
+
+    def rank(kind: Source) -> tuple[bool, int]:
+        return by_commit or not kind.is_current, -counts[kind]
+
+    ordered = sorted(counts, key=rank)
     marks = dict(zip(ordered, _endless_marks(), strict=False))
     return {source: marks[kind] for source, kind in kinds.items()}
 

@@ -13,7 +13,9 @@ from typing import Any
 
 from nerfstudio.scripts.train import _set_random_seed
 
+from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid.code_version import code_version
+from desplat_ns.studies.grid.records import where_of
 from desplat_ns.studies.grid.settings import parse, settings_of
 
 
@@ -26,7 +28,11 @@ def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str
 
     Returns:
         `figures` as `ns-eval` writes them, with `train_cpu_seconds`, those of the training steps
-        without start-up and evaluation; `commit` and `settings`, see `records.Record`.
+        without start-up and evaluation; `commit`, `settings`, `device` and `backend`, see
+        `records.Record`.
+
+    Raises:
+        DeSplatError: training was stopped before its last step; such a model is not scored.
     """
     version, config = code_version(), parse(method, options)
     settings = settings_of(config)
@@ -39,11 +45,25 @@ def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str
     started = time.process_time()
     trainer.train()
     seconds = round(time.process_time() - started, 1)
+    check_complete(trainer.step + 1, config.max_num_iterations)
     figures = trainer.pipeline.get_average_eval_image_metrics(
         step=trainer.step, output_path=pictures, get_std=True
     )
     figures = figures | {"train_cpu_seconds": seconds}
-    return {"figures": figures, "commit": version, "settings": settings}
+    return {"figures": figures, "commit": version, "settings": settings, **where_of(figures)}
+
+
+def check_complete(done: int, wanted: int) -> None:
+    """Refuse a training that was stopped: a stop signal lets it return as if it were done.
+
+    Raises:
+        DeSplatError: fewer steps are done than wanted.
+    """
+    if done < wanted:
+        raise DeSplatError(
+            f"Training stopped after {done} of {wanted} steps, so that there is nothing to record. "
+            "Run the study again: it begins with what is missing."
+        )
 
 
 def main() -> None:

@@ -7,17 +7,19 @@ NERFSTUDIO_METHOD_CONFIGS='masked-by-truth=desplat_ns.studies.reproduce.baseline
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 import torch.nn.functional as F
 from nerfstudio.plugins.types import MethodSpecification
+from PIL import Image
 from torch import Tensor
 
-from desplat_ns.data.images import read_mask
+from desplat_ns.data.true_masks import METADATA_KEY, read_true_mask
 from desplat_ns.effects import EffectsConfig
+from desplat_ns.errors import CaptureError
 from desplat_ns.method_configs import desplat
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
 from desplat_ns.training.losses import static_photometric_loss
@@ -33,12 +35,12 @@ TRUSTED_NEIGHBOURS = 0.5
 class MaskedConfig(DeSplatModelConfig):
     """The static scene alone, trained on a part of each photo."""
 
-    _target: type = field(default_factory=lambda: MaskedModel)
+    _target: type = field(default_factory=lambda: TrustedPixelsModel)
     by_truth: bool = False
     """Leave out the pixels of the true masks and shadows; otherwise those of a trimmed residual."""
 
 
-class MaskedModel(DeSplatModel):
+class TrustedPixelsModel(DeSplatModel):
     """Splatfacto's loss where a mask lets it."""
 
     config: MaskedConfig  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -61,13 +63,37 @@ class MaskedModel(DeSplatModel):
     def _truth(self, photo: Tensor) -> Tensor:
         """True masks and shadows [H, W, 1] of the view just drawn: any pixel they touch."""
         assert self.visit is not None
-        path = self.kwargs["metadata"]["distractor_mask_filenames"][self.visit.index]
-        mask = read_mask(path)
+        path = mask_of(self.kwargs["metadata"], self.visit.index)
         shadow = path.parent.parent / "shadow_masks" / path.name
-        if shadow.exists():
-            mask = mask | read_mask(shadow)
-        mask = torch.from_numpy(mask.astype(np.float32)).to(photo.device)
-        return F.adaptive_max_pool2d(mask[None, None], photo.shape[:2])[0, 0, :, :, None] > 0
+        mask = _any_pixel(path, photo)
+        return mask | _any_pixel(shadow, photo) if shadow.exists() else mask
+
+
+def mask_of(metadata: dict[str, Any], index: int) -> Path:
+    """The true mask of a training photo, by its number.
+
+    Raises:
+        CaptureError: it has none; the message names the photo.
+    """
+    masks = metadata.get(METADATA_KEY)
+    path = masks[index] if masks else None
+    if path is None:
+        names = metadata.get("train_image_names", [])
+        photo = names[index] if index < len(names) else f"number {index}"
+        raise CaptureError(
+            f"The training photo {photo} has no true mask, and this baseline leaves out what true "
+            "masks show. Add a .png of its name to the capture's `masks` folder, black where "
+            "nothing is in the way."
+        )
+    return path
+
+
+def _any_pixel(path: Path, photo: Tensor) -> Tensor:
+    """A mask [H, W, 1] by the evaluation's rule at the photo's size: any pixel that it touches."""
+    with Image.open(path) as image:
+        width, height = image.size
+    mask = read_true_mask(path, width, height)[..., 0].to(photo.device, torch.float32)
+    return F.adaptive_max_pool2d(mask[None, None], photo.shape[:2])[0, 0, :, :, None] > 0
 
 
 def _trimmed(rendered: Tensor, photo: Tensor) -> Tensor:
@@ -81,11 +107,10 @@ def _trimmed(rendered: Tensor, photo: Tensor) -> Tensor:
 def _method(name: str, by_truth: bool) -> MethodSpecification:
     config: Any = copy.deepcopy(desplat.config)
     config.method_name = name
-    config.pipeline.model = MaskedConfig(
-        effects=EffectsConfig(distractors=False),
-        gaussians_per_pixel=config.pipeline.model.gaussians_per_pixel,
-        by_truth=by_truth,
-    )
+    model = config.pipeline.model
+    taken = {field.name: getattr(model, field.name) for field in fields(model)}
+    taken |= {"_target": TrustedPixelsModel, "effects": EffectsConfig(distractors=False)}
+    config.pipeline.model = MaskedConfig(**taken, by_truth=by_truth)
     return MethodSpecification(
         config=config, description="Splatfacto on a part of each photo, to compare with."
     )

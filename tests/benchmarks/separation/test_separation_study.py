@@ -39,10 +39,13 @@ RESULTS = {"psnr": 26.0, "ssim": 0.9, "num_static_gaussians": 5, "num_distractor
 
 
 @pytest.mark.usefixtures("tyro_may_build")
-def test_what_was_measured_elsewhere_is_entered_with_todays_settings(tmp_path: Path):
+def test_what_was_measured_elsewhere_is_entered_with_its_settings(tmp_path: Path):
     run, path = PLAN[0], tmp_path / "records.json"
-    enter(run, RESULTS | {"something": 1.0, "train_cpu_seconds": 12.3}, "0" * 40, path=path)
+    results = {**RESULTS, "something": 1.0, "train_cpu_seconds": 12.3}
+    results |= {"device": "cuda:0", "backend": "gsplat"}
+    enter(run, results, "0" * 40, STUDY.settings_of(run), path)
     found = load(path)
+    assert (found[run.name].device, found[run.name].backend) == ("cuda", "gsplat")
     assert state_of(STUDY, run, found)[0] is State.DONE
     assert found[run.name].commit == "0" * 40
     assert found[run.name].figures == RESULTS | {"train_cpu_seconds": 12.3}

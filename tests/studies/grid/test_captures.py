@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,9 @@ from desplat_ns.studies.grid.captures import (
     GeneratedCapture,
     RealCapture,
     made,
+    place_of,
 )
+from desplat_ns.studies.grid.settings import differences
 from desplat_ns.synthetic import SceneSpec
 
 
@@ -30,7 +33,8 @@ def test_a_generated_capture_is_written_once(tmp_path: Path):
     folder = capture.locate(tmp_path)
     photo = next((folder / "images").iterdir())
     written = photo.stat().st_mtime_ns
-    assert capture.locate(tmp_path) == folder == tmp_path / "tiny"
+    assert capture.locate(tmp_path) == folder
+    assert folder.parent == tmp_path and folder.name.startswith("tiny-")
     assert photo.stat().st_mtime_ns == written
 
 
@@ -44,8 +48,26 @@ def test_an_altered_capture_is_made_of_its_original(monkeypatch, tmp_path: Path)
         seen.append(original)
 
     capture = AlteredCapture("white", RealCapture("fox"), alter)
-    assert capture.locate(tmp_path) == capture.locate(tmp_path) == tmp_path / "white"
+    folder = capture.locate(tmp_path)
+    assert folder.name.startswith("white-") and capture.locate(tmp_path) == folder
     assert seen == [(tmp_path / "fox").resolve()]
+
+
+def test_a_changed_spec_is_another_description_and_another_folder(tmp_path: Path):
+    spec = SceneSpec.tiny()
+    one, other = (
+        GeneratedCapture("tiny", s) for s in (spec, replace(spec, num_points=spec.num_points - 1))
+    )
+    assert differences(one.describe(), other.describe()) == ["generated.num_points"]
+    assert place_of(one, tmp_path) != place_of(other, tmp_path)
+    assert any(name.startswith("generated.occluders.") for name in one.describe())
+
+
+def test_an_altered_capture_is_described_by_its_case_and_its_original():
+    capture = AlteredCapture("white", RealCapture("fox"), lambda original, folder: None)
+    assert capture.describe() == {"case": "white", "original.folder": "fox"}
+    other = AlteredCapture("white", RealCapture("badger"), capture.alter)
+    assert place_of(capture, Path()) != place_of(other, Path())
 
 
 def test_what_was_interrupted_is_made_again(tmp_path: Path):

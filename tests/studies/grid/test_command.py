@@ -10,6 +10,7 @@ from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid import command as module
 from desplat_ns.studies.grid.captures import RealCapture
 from desplat_ns.studies.grid.command import Command, named_runs
+from desplat_ns.studies.grid.execute import log_of
 from desplat_ns.studies.grid.records import Record, load, save
 from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
 
@@ -92,6 +93,29 @@ def test_a_run_that_fails_is_said_and_leaves_the_others(command: Command, monkey
     assert command.main(["--only", "*-42"]) == 1
     assert f"{STALE.name}: no disk" in capsys.readouterr().err
     assert MISSING.name in load(command.file)
+
+
+def test_any_exception_is_a_failed_run_and_its_log_is_named(command: Command, monkeypatch, capsys):
+    def fail(study: Study, run: Run, folder: Path) -> Record:
+        if run == STALE:
+            raise OSError("disk full")
+        return Record({"psnr": 30.0}, "new", TODAY)
+
+    monkeypatch.setattr(module, "execute", fail)
+    assert command.main(["--only", "*-42"]) == 1
+    said = capsys.readouterr().err
+    assert f"{STALE.name}: OSError: disk full" in said
+    assert str(log_of(STALE, command.output)) in said
+    assert MISSING.name in load(command.file)
+
+
+@pytest.mark.parametrize("more", [[], ["--list"]])
+def test_a_pattern_that_names_no_run_is_an_error(command: Command, capsys, more: list[str]):
+    assert command.main(["--only", "off-*", "of-yard-1-1000-42", *more]) == 1
+    found = capsys.readouterr()
+    assert "No run of the study is named 'of-yard-1-1000-42'" in found.err
+    assert "off-yard-1-1000-42" in found.err
+    assert "written" not in found.out and len(load(command.file)) == 3
 
 
 def test_a_pattern_names_runs_by_their_name_or_how_it_begins():

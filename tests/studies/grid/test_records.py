@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,8 @@ from nerfstudio.configs.method_configs import all_methods
 
 from desplat_ns.studies.grid import settings as grid_settings
 from desplat_ns.studies.grid.captures import RealCapture
-from desplat_ns.studies.grid.records import Record, State, load, record, save, state_of
+from desplat_ns.studies.grid.code_version import DIRTY
+from desplat_ns.studies.grid.records import Record, State, enter, load, save, state_of
 from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
@@ -31,7 +33,7 @@ def file(tmp_path: Path) -> Path:
     """Records of a method and of it without distractors, as today's code resolves both."""
     path = tmp_path / "records.json"
     for run in (OURS, WITHOUT):
-        record(path, run, {"psnr": 25.0}, COMMIT, STUDY.settings_of(run))
+        enter(path, run, Record({"psnr": 25.0}, COMMIT, STUDY.settings_of(run)))
     return path
 
 
@@ -68,6 +70,36 @@ def test_a_changed_option_of_its_setting_makes_it_stale(file: Path, monkeypatch)
     assert state_of(STUDY, OURS, load(file)) == (State.STALE, changed)
 
 
+def test_a_changed_scene_makes_it_stale_and_a_record_without_one_is_not(file: Path, monkeypatch):
+    records, settings = load(file), STUDY.settings_of(OURS)
+    assert settings["scene.folder"] == "fox"
+    monkeypatch.setitem(SCENES, "fox", Scene(RealCapture("badger"), ("colmap",)))
+    assert state_of(STUDY, OURS, records) == (State.STALE, ["scene.folder"])
+    del settings["scene.folder"]
+    records[OURS.name] = Record({"psnr": 1.0}, COMMIT, settings)
+    assert state_of(STUDY, OURS, records) == (State.DONE, [])
+
+
+def test_code_that_was_not_committed_is_a_state_of_its_own(file: Path):
+    settings = STUDY.settings_of(OURS)
+    enter(file, OURS, Record({"psnr": 25.0}, COMMIT + DIRTY, settings))
+    assert state_of(STUDY, OURS, load(file)) == (State.DIRTY, [])
+    other = settings | {"max_skipped_steps": 1}
+    enter(file, OURS, Record({"psnr": 25.0}, COMMIT + DIRTY, other))
+    assert state_of(STUDY, OURS, load(file)) == (State.STALE, ["max_skipped_steps"])
+
+
+def test_device_and_backend_are_kept_and_compared_where_the_study_names_them(file: Path):
+    found = replace(load(file)[OURS.name], device="cuda", backend="gsplat")
+    enter(file, OURS, found)
+    records = load(file)
+    assert records[OURS.name] == found
+    assert state_of(STUDY, OURS, records) == (State.DONE, [])
+    assert state_of(replace(STUDY, device="cuda"), OURS, records) == (State.DONE, [])
+    assert state_of(replace(STUDY, device="cpu"), OURS, records) == (State.ELSEWHERE, ["device"])
+    assert state_of(replace(STUDY, device="cpu"), WITHOUT, records)[0] is State.ELSEWHERE
+
+
 def test_a_run_that_was_never_done_is_missing(file: Path):
     assert state_of(STUDY, PLAN[2], load(file)) == (State.MISSING, [])
     assert load(file.with_name("nowhere.json")) == {}
@@ -83,16 +115,19 @@ def test_a_record_without_settings_is_no_evidence(tmp_path: Path):
 def test_the_file_keeps_each_settings_once_and_only_what_differs_apart(file: Path):
     same_but_for_the_seed = PLAN[2]
     settings = STUDY.settings_of(same_but_for_the_seed)
-    record(file, same_but_for_the_seed, {"psnr": 24.0}, COMMIT, settings)
+    enter(file, same_but_for_the_seed, Record({"psnr": 24.0}, COMMIT, settings))
     content = json.loads(file.read_text())
     assert len(content["settings"]) == 3  # what is common, and two settings
     parts = [part for name, part in content["settings"].items() if name != "common"]
-    assert [set(part) for part in parts] == 2 * [{"pipeline.model.effects.distractors"}]
+    switch = "pipeline.model.effects.distractors"
+    off, ours = sorted(parts, key=len)
+    assert off == {switch: False} and ours[switch] is True
+    assert {name for name in ours if "distractor" not in name} == set()
 
 
 def test_settings_that_no_record_has_any_more_go(file: Path):
     settings = STUDY.settings_of(OURS)
-    record(file, WITHOUT, {"psnr": 25.0}, COMMIT, settings)
+    enter(file, WITHOUT, Record({"psnr": 25.0}, COMMIT, settings))
     assert json.loads(file.read_text())["settings"].keys() == {
         "common",
         grid_settings.digest(settings),
@@ -101,7 +136,7 @@ def test_settings_that_no_record_has_any_more_go(file: Path):
 
 
 def test_an_entry_replaces_the_one_of_its_run_alone(file: Path):
-    record(file, OURS, {"psnr": 26.0}, "desplat-ns 9", {"a": 1})
+    enter(file, OURS, Record({"psnr": 26.0}, "desplat-ns 9", {"a": 1}))
     found = load(file)
     assert found[OURS.name] == Record({"psnr": 26.0}, "desplat-ns 9", {"a": 1})
     assert found[WITHOUT.name].figures == {"psnr": 25.0}

@@ -15,7 +15,17 @@ from nerfstudio.configs.method_configs import AnnotatedBaseConfigUnion, all_meth
 from desplat_ns.method_configs import desplat
 from desplat_ns.studies.grid import settings
 from desplat_ns.studies.grid.commands import surroundings
-from desplat_ns.studies.grid.settings import differences, digest, parse, resolve, settings_of
+from desplat_ns.studies.grid.settings import (
+    EFFECTS,
+    OF_EFFECTS,
+    Settings,
+    changes,
+    differences,
+    digest,
+    parse,
+    resolve,
+    settings_of,
+)
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
 
@@ -81,6 +91,39 @@ def test_the_same_settings_in_another_order_have_the_same_digest():
 def test_a_setting_that_one_side_lacks_is_a_difference_even_if_the_other_is_none():
     assert differences({"a": 1, "b": None}, {"a": 1}) == ["b"]
     assert differences({"a": 1}, {"a": 2, "c": 3}) == ["a", "c"]
+
+
+def test_settings_of_effects_that_are_off_are_left_out():
+    off = resolve("desplat", ("--pipeline.model.effects.distractors", "False", *READ))
+    idle = ("distractors.", "appearance.", "background.", "optimizers.distractor_")
+    idle += ("optimizers.background_", "optimizers.appearance_", "optimizers.image_embeddings")
+    assert not [name for name in off if name.removeprefix("pipeline.model.").startswith(idle)]
+    assert off["pipeline.model.background_color"] == "random"
+    lit = resolve("desplat-phototourism", ())
+    assert all(any(name.startswith(one) for name in lit) for one in sum(OF_EFFECTS.values(), ()))
+
+
+def test_older_records_that_hold_them_are_compared_without_them():
+    today = {f"{EFFECTS}distractors": False, "a": 1}
+    older = today | {"pipeline.model.distractors.lambda_d": 0.1}
+    assert changes(older, today) == changes(today, older) == []
+
+
+def test_an_effect_that_is_switched_is_one_change():
+    off: Settings = {f"{EFFECTS}distractors": False}
+    on: Settings = {f"{EFFECTS}distractors": True, "pipeline.model.distractors.lambda_d": 0.1}
+    assert changes(off, on) == changes(on, off) == [f"{EFFECTS}distractors"]
+    other = on | {"pipeline.model.distractors.lambda_d": 0.2}
+    assert changes(on, other) == ["pipeline.model.distractors.lambda_d"]
+
+
+def test_a_name_that_a_record_lacks_counts_unless_todays_value_is_neutral(monkeypatch):
+    monkeypatch.setattr(settings, "NEUTRAL", {"new": 0.0})
+    assert changes({"a": 1}, {"a": 1, "new": 0.0}) == []
+    assert changes({"a": 1}, {"a": 1, "new": 0.5}) == ["new"]
+    assert changes({"a": 1, "new": 0.5}, {"a": 1, "new": 0.0}) == ["new"]
+    assert changes({"a": 1, "gone": 0}, {"a": 1}) == ["gone"]
+    assert changes({"a": 1}, {"a": 1, "other": 0.0}) == ["other"]
 
 
 def test_an_option_that_does_not_exist_is_refused(capsys):

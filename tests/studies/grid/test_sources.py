@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from desplat_ns.studies.grid.records import Record
 from desplat_ns.studies.grid.runs import Run
 from desplat_ns.studies.grid.settings import Settings
@@ -82,6 +84,24 @@ def test_older_seeds_of_one_cell_with_different_settings_are_marked():
     texts, line = lines_of(cell, older=True)
     assert texts == [f"25{MARKS[0]}"]
     assert line.endswith("1 of aaaaaaa, with model.refinements 15 (others 12).")
+
+
+def test_devices_are_named_and_marked_where_a_table_has_several():
+    cpu, gpu = (
+        [(run, replace(record, device=device, backend=backend))]
+        for (run, record), device, backend in (
+            (measured(NEW, TODAY), "cpu", "numba"),
+            (measured(NEW, TODAY), "cuda", "gsplat"),
+        )
+    )
+    texts, line = lines_of(cpu, cpu)
+    assert line == "Records: 1 of bbbbbbb."
+    texts, line = lines_of(cpu, gpu, [measured(OLD, BEFORE)])
+    assert texts == ["25", f"25{MARKS[0]}", f"25{MARKS[1]}"]
+    assert line.startswith(
+        "Records: 1 of bbbbbbb, on cpu (numba); † 1 of bbbbbbb, on cuda (gsplat);"
+    )
+    assert line.endswith("(today 15), on an unknown device.")
 
 
 def test_an_empty_cell_stays_empty():

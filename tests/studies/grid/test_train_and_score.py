@@ -1,0 +1,35 @@
+"""Only what was trained to its last step is scored."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.errors import DeSplatError
+from desplat_ns.studies.grid.commands import QUIET
+from desplat_ns.studies.grid.train_and_score import check_complete, train_and_score
+from desplat_ns.synthetic import Scene
+from desplat_ns.trainer import DeSplatTrainer
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+def test_a_run_that_is_stopped_has_no_figures(tiny_scene: Scene, tmp_path: Path, monkeypatch):
+    train = DeSplatTrainer.train_iteration
+
+    def stop_after(self: DeSplatTrainer, step: int):
+        self._stop_after_this_step("SIGINT")
+        return train(self, step)
+
+    monkeypatch.setattr(DeSplatTrainer, "train_iteration", stop_after)
+    places = ["--data", str(tiny_scene.folder), "--output-dir", str(tmp_path)]
+    options = ["--max-num-iterations", "3", "--pipeline.model.num-downscales", "0", *QUIET]
+    with pytest.raises(DeSplatError, match="stopped after 1 of 3 steps"):
+        train_and_score("desplat", [*places, *options, "robustnerf-data"], tmp_path / "pictures")
+    assert not (tmp_path / "pictures").exists()
+
+
+def test_as_many_steps_as_were_wanted_are_enough():
+    check_complete(3, 3)
+    with pytest.raises(DeSplatError, match="after 0 of 3"):
+        check_complete(0, 3)
