@@ -88,6 +88,7 @@ def separating_distractors() -> DistractorConfig:
         lambda_d=0.1,
         initial_opacity=0.5,
         clearance=0.5,
+        refine_when_next_seen=True,
         refine_visits=5,
         max_refinements=8,
         grow_grad=6.0,

@@ -1,8 +1,8 @@
 """Adaptive density control of the distractors: gsplat's DefaultStrategy, for each view's set.
 
-It differs from that of the static scene (`strategy.py`): each view's set is refined when the view
-is next seen after refinement fell due, opacity is never reset (App. A), sizes are measured against
-the depth at which distractors start, and what makes up too little of the photo is pruned.
+It differs from that of the static scene (`strategy.py`): there is a set for each view, opacity is
+never reset (App. A), sizes are measured against the depth at which distractors start, and what
+makes up too little of the photo is pruned.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ def strategy_info(rendering: Rendering, view: View) -> dict[str, Any]:
 class DistractorDensifier:
     """Clones, splits and prunes the distractors of one view at a time.
 
-    Every `refine_every` steps refinement falls due for all views; each view is refined when it is
-    next seen, as nothing new is known of it until then. Adam's moments follow: rows that stay keep
-    theirs, new rows start at zero.
+    Every `refine_every` steps refinement falls due: for the view that is drawn then or, with
+    `refine_when_next_seen`, for every view when it is next seen, as nothing new is known of it
+    until then. Adam's moments follow: rows that stay keep theirs, new rows start at zero.
     """
 
     def __init__(self, config: DistractorConfig, static: SplatfactoModelConfig, num_views: int):
@@ -65,6 +65,12 @@ class DistractorDensifier:
         self.running = [
             self.strategy.initialize_state(scene_scale=config.depth) for _ in range(num_views)
         ]
+
+    def _is_due(self, step: int, view: int) -> bool:
+        """Whether `view`, which is drawn at `step`, is refined now."""
+        if self.config.refine_when_next_seen:
+            return self._round(step) > self.rounds[view]
+        return step % self.config.refine_every == 0
 
     def _round(self, step: int) -> int:
         """How often refinement fell due until `step`."""
@@ -97,7 +103,7 @@ class DistractorDensifier:
             return
         if densifying:
             self._sample(distractors.params_of(view), self.running[view], info)
-        if self._round(step) > self.rounds[view]:
+        if self._is_due(step, view):
             self.rounds[view] = self._round(step)
             self._prune_the_small(distractors, view, optimizers, pixels_of)
             self._refine(distractors.params_of(view), view, optimizers, densifying)

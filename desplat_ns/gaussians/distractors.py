@@ -73,8 +73,12 @@ class DistractorConfig:
     stop_densify_at: int = 15000
     """Step at which distractors are no longer cloned, split or pruned. B.3."""
     refine_every: int = 1
-    """Steps after which each view's distractors are cloned, split and pruned, when they are next
-    seen; at least the static set's interval."""
+    """Steps from one refinement of distractors (cloning, splitting, pruning) to the next; at least
+    the static set's interval."""
+    refine_when_next_seen: bool = False
+    """Refine every view's distractors each time, when the view is next seen. Otherwise only those
+    of the view that is drawn in the very step, as Splatfacto's clock has it: of 40 views each one
+    every 40th time."""
     refine_visits: int = 0
     """Visits of each view that they settle for in between, at least."""
     max_refinements: int = 0

@@ -151,12 +151,23 @@ def test_the_other_views_are_left_alone():
 
 
 def test_refinement_falls_due_for_all_views_and_each_has_it_when_it_is_next_seen():
-    scene = Scene()
+    scene = Scene(refine_when_next_seen=True)
     scene.visit(11, view=0, grad=1.0)
     scene.visit(12, view=1, grad=1.0)
     assert scene.distractors.counts() == [4, 8]
     scene.visit(13, view=0, grad=1.0)
     assert scene.distractors.counts() == [8, 8]
+
+
+def test_by_splatfactos_clock_the_view_that_is_drawn_when_refinement_falls_due_has_it_alone():
+    scene = Scene()
+    for step in range(11, 17):
+        scene.visit(step, view=1 - step % 2, grad=1.0)  # view 1 at even steps
+    assert scene.distractors.counts()[0] == 4
+    assert scene.distractors.counts()[1] > 4
+    scene.visit(17, view=1, grad=1.0)
+    scene.visit(18, view=0, grad=1.0)
+    assert scene.distractors.counts()[0] == 8
 
 
 @pytest.mark.parametrize(("step", "refined"), [(10, False), (11, True), (999, True), (1000, False)])
