@@ -9,6 +9,7 @@ to there. tests/test_training_on_a_gpu.py does the whole.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -137,7 +138,8 @@ def distractors_with_moments() -> tuple[DistractorGaussians, dict[str, Any]]:
 
 def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone():
     distractors, optimizers = distractors_with_moments()
-    densifier = DistractorDensifier(CONFIG, SplatfactoModelConfig(warmup_length=0), num_views=1)
+    config = replace(CONFIG, refine_when_next_seen=True)
+    densifier = DistractorDensifier(config, SplatfactoModelConfig(warmup_length=0), num_views=1)
     view, drawn = the_view(), rendering()
     means2d: Any = drawn.means2d
     means2d.absgrad = cuda(1, N, 2)
