@@ -316,10 +316,11 @@ def test_a_last_save_that_fails_ends_the_run_with_its_reason(config, capsys):
     assert train(resumed(config)).pipeline.trained == list(range(6, 12))
 
 
-def test_several_processes_are_refused_before_any_starts(config):
+@pytest.mark.parametrize(("devices", "machines"), [(2, 1), (1, 2)])
+def test_several_processes_are_refused_before_any_starts(config, devices, machines):
     """ns-train saves the configuration before it starts processes."""
-    config.machine.num_devices = 2
+    config.machine.num_devices, config.machine.num_machines = devices, machines
     for begin in (config.save_config, config.setup):
-        with pytest.raises(ConfigError, match=r"num-devices 2 .* trains in one"):
+        with pytest.raises(ConfigError, match="for 2 processes; this method trains in one"):
             begin()
     assert not config.get_base_dir().exists()

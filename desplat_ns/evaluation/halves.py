@@ -15,6 +15,7 @@ from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.protocol import ScoredModel
 from desplat_ns.evaluation.records import ScoredImage
 from desplat_ns.evaluation.stopwatch import Stopwatch
+from desplat_ns.evaluation.whole_image import AverageLight
 from desplat_ns.photo_tourism.halves import LitModel, embedding_from_left_half, right_half
 
 
@@ -40,29 +41,21 @@ def score_right_half(
 
 
 @dataclass
-class RightHalf:
+class RightHalf(AverageLight):
     """Scores right halves in the training images' average light.
 
     For models without appearance, to be compared with others on the same pixels.
     """
 
-    model: ScoredModel
-
     def describe(self) -> str:
         """The protocol in words, for the JSON."""
         return "right half, static Gaussians only; no embedding of the image's own"
 
-    def score(
-        self, camera: Cameras, batch: dict[str, Any], name: str
-    ) -> tuple[ScoredImage, dict[str, Tensor]]:
-        """Figures of the right half, and the whole photo beside the rendering."""
-        watch = Stopwatch(self.model.device)
-        watch.start()
-        outputs = self.model.get_outputs_for_camera(camera)
-        render_seconds = watch.seconds()
-        figures, pictures = score_right_half(self.model, outputs, batch)
-        height, width = outputs["rgb"].shape[:2]
-        return ScoredImage(name, width, height, figures, render_seconds, watch.seconds()), pictures
+    def figures(
+        self, outputs: dict[str, Tensor], batch: dict[str, Any]
+    ) -> tuple[dict[str, float], dict[str, Tensor]]:
+        """See `score_right_half`."""
+        return score_right_half(self.model, outputs, batch)
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""The protocol that scores whole images, for scenes in one light."""
+"""Images scored in the average light, and the protocol that scores the whole of them."""
 
 from __future__ import annotations
 
@@ -14,14 +14,10 @@ from desplat_ns.evaluation.stopwatch import Stopwatch
 
 
 @dataclass
-class WholeImage:
-    """Scores whole images, in the training images' average light."""
+class AverageLight:
+    """Scores images in the training images' average light; `figures` says which part of them."""
 
     model: ScoredModel
-
-    def describe(self) -> str:
-        """The protocol in words, for the JSON."""
-        return "full image, static Gaussians only"
 
     def score(
         self, camera: Cameras, batch: dict[str, Any], name: str
@@ -31,6 +27,27 @@ class WholeImage:
         watch.start()
         outputs = self.model.get_outputs_for_camera(camera)
         render_seconds = watch.seconds()
-        metrics, pictures = self.model.get_image_metrics_and_images(outputs, batch)
+        figures, pictures = self.figures(outputs, batch)
         height, width = outputs["rgb"].shape[:2]
-        return ScoredImage(name, width, height, metrics, render_seconds, watch.seconds()), pictures
+        return ScoredImage(name, width, height, figures, render_seconds, watch.seconds()), pictures
+
+    def figures(
+        self, outputs: dict[str, Tensor], batch: dict[str, Any]
+    ) -> tuple[dict[str, float], dict[str, Tensor]]:
+        """Figures of a rendering, and pictures [H, W, 3] by name."""
+        raise NotImplementedError
+
+
+@dataclass
+class WholeImage(AverageLight):
+    """Scores whole images."""
+
+    def describe(self) -> str:
+        """The protocol in words, for the JSON."""
+        return "full image, static Gaussians only"
+
+    def figures(
+        self, outputs: dict[str, Tensor], batch: dict[str, Any]
+    ) -> tuple[dict[str, float], dict[str, Tensor]]:
+        """As the model gives them."""
+        return self.model.get_image_metrics_and_images(outputs, batch)
