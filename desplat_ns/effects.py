@@ -2,21 +2,73 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
+
+from desplat_ns.errors import ConfigError
+
+AppearanceGrade = Literal["off", "camera", "affine", "sh"]
+BackgroundGrade = Literal["off", "constant", "sh", "image"]
+
+
+@dataclass(frozen=True)
+class Effects:
+    """The effects of one model, all decided."""
+
+    distractors: bool = True
+    appearance: AppearanceGrade = "off"
+    background: BackgroundGrade = "off"
+
+    @property
+    def image_embeddings(self) -> bool:
+        """Whether an image has an embedding, which a network reads."""
+        return self.appearance in ("affine", "sh") or self.background == "image"
+
+    @property
+    def image_light(self) -> bool:
+        """Whether images differ in anything but what stands in the way: a test photo then has a
+        light of its own, which has to be found before it can be scored."""
+        return self.image_embeddings or self.appearance == "camera"
 
 
 @dataclass
 class EffectsConfig:
-    """Switches, all in one place."""
+    """Switches, all in one place; the cheaper grade of an effect stands before the dearer one."""
 
-    distractors: bool = True
-    """Explain what stands in the way by a set of Gaussians for each training view. Off gives the
-    plain baseline, Splatfacto's loss and schedule."""
-    appearance: Literal["off", "affine", "sh"] = "off"
-    """Each image has an embedding that changes the colours of the static Gaussians: affine scales
-    and shifts each one's colour (Eq. 6-7), sh adds to its spherical harmonics (Splatfacto-W). For
-    photos that differ in light, weather or camera."""
-    background: bool = False
-    """What lies behind all Gaussians depends on the direction, and with an appearance model on the
-    image (Eq. 8-12). For the sky."""
+    auto: bool = False
+    """Look at the capture first and switch on what it calls for, at the least cost that explains
+    it. An effect that is given here stays as it is given."""
+    distractors: bool | None = None
+    """Explain what stands in the way by a set of Gaussians for each training view; False gives the
+    plain baseline, Splatfacto's loss and schedule. None: as `auto` finds, else True."""
+    appearance: AppearanceGrade | None = None
+    """For photos that differ in exposure, light or weather. camera: each photo has a gain for each
+    channel, a gamma and a vignetting; affine: each has an embedding that scales and shifts each
+    static Gaussian's colour (Eq. 6-7); sh: one that adds to their spherical harmonics
+    (Splatfacto-W). None: as `auto` finds, else off."""
+    background: BackgroundGrade | None = None
+    """What lies behind all Gaussians, for the sky. constant: one learned colour; sh: a colour for
+    each direction; image: one for each direction and photo (Eq. 8-12). None: as `auto` finds, else
+    off."""
+
+    def settled(self) -> Effects:
+        """The effects as they are given, else as they are by default.
+
+        Raises:
+            ConfigError: `auto` is on, and nothing has decided yet.
+        """
+        given = {name: getattr(self, name) for name in ("distractors", "appearance", "background")}
+        if self.auto and None in given.values():
+            raise ConfigError(
+                "`--pipeline.model.effects.auto` is on, but no survey has decided on the effects. "
+                "Training by `ns-train` makes one; elsewhere give each effect."
+            )
+        return Effects(**{name: value for name, value in given.items() if value is not None})
+
+    def decided(self, found: Effects) -> EffectsConfig:
+        """A copy in which `found` stands for what is not given."""
+        effects = replace(self, auto=False)
+        for name in ("distractors", "appearance", "background"):
+            if getattr(self, name) is None:
+                setattr(effects, name, getattr(found, name))
+        return effects

@@ -68,8 +68,10 @@ def distractor_optimizers() -> dict:
 
 
 def image_effect_optimizers() -> dict:
-    """B.3, for appearance and background where they are on."""
+    """B.3, for appearance and background where they are on; the cheaper grades' are ours."""
     return {
+        "camera_responses": _decaying(5e-3, 5e-4),
+        "background_coefficients": _decaying(1e-2, 1e-3),
         "appearance_mlp": _constant(5e-4),
         "image_embeddings": _constant(1e-3),
         "appearance_features": _constant(5e-3),
@@ -100,7 +102,7 @@ def separating_distractors() -> DistractorConfig:
 def photo_tourism_model(background: bool) -> DeSplatModelConfig:
     """B.3, Photo Tourism: with the background model, or with appearance alone (DeSplat-A)."""
     return DeSplatModelConfig(
-        effects=EffectsConfig(appearance="affine", background=background),
+        effects=EffectsConfig(appearance="affine", background="image" if background else "off"),
         distractors=DistractorConfig(
             lambda_d=0.01, lambda_s=0.0 if background else 0.01, cull_to_the_end=True
         ),

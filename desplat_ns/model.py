@@ -48,7 +48,7 @@ class DeSplatModelConfig(StaticModelConfig):
 
     def downscale_factor(self, step: int) -> int:
         """As `StaticModelConfig`'s; with a warm-up, small photos are over by the middle of it."""
-        warmup = self.distractors.static_warmup if self.effects.distractors else 0
+        warmup = self.distractors.static_warmup if self.effects.settled().distractors else 0
         return photo_downscale(step, self.num_downscales, self.resolution_schedule, warmup)
 
 
@@ -68,7 +68,7 @@ class DeSplatModel(StaticModel):
         self.visit: Visit | None = None
         """Of the step at hand; None if there is none, or if it was dropped."""
         self.distractors, self.layer = None, None
-        if self.config.effects.distractors:
+        if self.effects.distractors:
             self.layer = self._make_layer()
             self.distractors = self.layer.gaussians
         self.layer_control = LayerControl(0 if self.layer is None else self.num_train_data)
@@ -102,11 +102,12 @@ class DeSplatModel(StaticModel):
         embedding = self.embedding_of(index)
         static = self.render_static(view, embedding)
         background = self.background_of(view, embedding)
-        outputs = static_outputs(static, background)
+        image = self.image_of(static, background, view, embedding)
+        outputs = static_outputs(static, image, background)
         if self.layer is not None:
             outputs["rgb_static"] = outputs["rgb"]
             drawn = None if index is None else self.layer.draw(index, self._rasterizer_of(view))
-            outputs |= layered_outputs(static, drawn, background)
+            outputs |= layered_outputs(image, drawn)
         return self.layer_control.apply(outputs)
 
     def _training_outputs(self, camera: Cameras, index: int) -> dict[str, Tensor]:
@@ -117,10 +118,11 @@ class DeSplatModel(StaticModel):
             rasterize = self._rasterizer_of(view)
             visit.distractors = self.layer.draw_for_training(self.step, index, rasterize)
         background = self.background_of(view, embedding)
-        outputs = static_outputs(visit.static, background)
+        image = self.image_of(visit.static, background, view, embedding)
+        outputs = static_outputs(visit.static, image, background)
         if self.layer is not None:
             outputs["rgb_static"] = outputs["rgb"]
-            outputs |= self.layer.training_outputs(visit, background)
+            outputs |= self.layer.training_outputs(visit, image)
             outputs["rgb"] = outputs["rgb_composite"]
         if self.config.use_bilateral_grid:
             for name in outputs.keys() & {"rgb", "rgb_static"}:
@@ -156,7 +158,7 @@ class DeSplatModel(StaticModel):
         mask = self._mask_of(batch, photo.device)
         if self.layer is not None:
             losses |= self._distractor_losses(self.layer, outputs, photo, mask)
-        if self.config.effects.background:
+        if self.effects.background != "off":
             losses["background_opacity"] = self._background_loss(outputs, photo, mask)
         self.losses = {name: value.detach() for name, value in losses.items()}
         return losses
@@ -185,7 +187,11 @@ class DeSplatModel(StaticModel):
         """The background's term of Eq. 12."""
         config, alpha_s = self.config.background, outputs["accumulation"]
         alpha_d = outputs.get("alpha_distractor", torch.zeros_like(alpha_s))
-        explained = explained_by_background(outputs["background"], photo, config.max_error)
+        visit = self.visit
+        assert visit is not None
+        embedding = self.embedding_of(visit.index)
+        behind = self.photographed(outputs["background"], visit.view, embedding)
+        explained = explained_by_background(behind, photo, config.max_error)
         if mask is not None:
             explained &= mask
         return config.lambda_bg * background_opacity_loss(alpha_d, alpha_s, explained)
@@ -246,8 +252,7 @@ class DeSplatModel(StaticModel):
     @torch.no_grad()
     def culled_static(self) -> int:
         """Static Gaussians that no view shows, in the average light."""
-        effects = self.image_effects
-        embedding = None if effects is None else effects.embeddings.mean()
+        embedding = self.average_embedding() if self.image_effects is not None else None
         return int(culled_always(self._splats(self.gauss_params, embedding)).sum())
 
     @torch.no_grad()

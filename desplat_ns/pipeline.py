@@ -16,6 +16,7 @@ from desplat_ns.backend import Rasterizer
 from desplat_ns.console import list_names, progress_over
 from desplat_ns.data.training_views import image_names
 from desplat_ns.datamanager import DeSplatDataManager
+from desplat_ns.effects import Effects
 from desplat_ns.errors import CaptureError, CheckpointError
 from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
 from desplat_ns.evaluation.halves import RightHalf, RightHalfByLeft, ScoredLitModel
@@ -65,6 +66,7 @@ class PipelineModel(ScoredLitModel, MaskedModel, CountedModel, GuardedModel, Pro
     """The viewer's choice of layer."""
     shown_light: ShownLight
     """The choice of a light."""
+    effects: Effects
     image_effects: ImageEffects | None
     lpips: LazyLpips
 
@@ -188,7 +190,7 @@ class DeSplatPipeline(VanillaPipeline):
             "right": lambda: RightHalf(model),
             "half": lambda: RightHalfByLeft(model, config, self._known_embeddings()),
         }
-        return makers[chosen_protocol(config, model.config.effects.appearance)]()
+        return makers[chosen_protocol(config, model.effects.image_light)]()
 
     def _known_embeddings(self) -> dict[str, Tensor]:
         path = self.config.evaluation.load_embeddings
@@ -255,9 +257,8 @@ class DeSplatPipeline(VanillaPipeline):
 
     def scene_record(self) -> SceneRecord:
         """What a checkpoint of this pipeline belongs to."""
-        config = self._model.config
-        names = self.datamanager.train_image_names
-        return SceneRecord(asdict(config.effects), config.sh_degree, names)
+        model, names = self._model, self.datamanager.train_image_names
+        return SceneRecord(asdict(model.effects), model.config.sh_degree, names)
 
     def get_extra_state(self) -> dict[str, Any]:
         """The scene record, for the checkpoint."""

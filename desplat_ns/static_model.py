@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from desplat_ns.backend import BackendName, Rasterizer, resolve
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.backend.ssim import ssim_of_planes
-from desplat_ns.effects import EffectsConfig
+from desplat_ns.effects import Effects, EffectsConfig
 from desplat_ns.errors import BackendUnavailableError, ConfigError
 from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
 from desplat_ns.gaussians.activation import RawParameters, activate_static, resize_rows
@@ -31,10 +31,11 @@ from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_downloads,
 )
 from desplat_ns.photo_tourism.appearance import fourier_features
+from desplat_ns.photo_tourism.camera_response import fit_response, squared_radius
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
 from desplat_ns.photo_tourism.shown_light import ShownLight
-from desplat_ns.rendering.layers import static_outputs
+from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.views import view_of
 from desplat_ns.training.run_length import (
     SPLATFACTOS_INTERVAL,
@@ -141,6 +142,8 @@ class StaticModel(SplatfactoModel):
     """Splatfacto with a backend of choice, and with the per-image effects that are on."""
 
     config: StaticModelConfig
+    effects: Effects
+    """Those of this model, all decided."""
     image_effects: ImageEffects | None
     lpips: LazyLpips  # pyright: ignore[reportIncompatibleVariableOverride]
 
@@ -153,6 +156,7 @@ class StaticModel(SplatfactoModel):
         if not self.config.random_init:
             check_seed_points(self.seed_points)
         self.config = self.config.for_run(self.num_train_data)
+        self.effects = self.config.effects.settled()
         with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
         clamp_seed_scales(self.gauss_params)
@@ -181,19 +185,20 @@ class StaticModel(SplatfactoModel):
     def _add_image_effects(self) -> None:
         config, self.image_effects = self.config, None
         self.shown_light = ShownLight([])
-        if not wants_image_effects(config.effects):
+        if not wants_image_effects(self.effects):
             return
         self.image_effects = ImageEffects(
-            config.effects,
+            self.effects,
             config.appearance,
             config.background,
             self.num_train_data,
             config.sh_degree,
         )
-        if config.effects.appearance != "off":
+        if self.image_effects.appearance is not None:
             frequencies = config.appearance.fourier_frequencies
             features = fourier_features(self.means.detach(), frequencies)
             self.gauss_params[FEATURES] = nn.Parameter(features)
+        if self.effects.image_light:
             self.shown_light = ShownLight(self.kwargs["metadata"].get("train_image_names", []))
 
     def get_param_groups(self) -> dict[str, list[nn.Parameter]]:
@@ -258,15 +263,14 @@ class StaticModel(SplatfactoModel):
         """
         if self.image_effects is None:
             return None
-        embeddings = self.image_effects.embeddings
         if self.training and index is not None:
-            return embeddings.of(index)
-        return self.shown_light.embedding(embeddings, index)
+            return self.image_effects.of(index)
+        return self.shown_light.embedding(self.image_effects, index)
 
     def average_embedding(self) -> Tensor:
         """The mean [E] of the training images' embeddings. Call it only if an effect has some."""
         assert self.image_effects is not None
-        return self.image_effects.embeddings.mean()
+        return self.image_effects.mean()
 
     def shown_in(self, embedding: Tensor) -> AbstractContextManager[None]:
         """Within, every image that is drawn outside of training has this embedding [E]."""
@@ -281,6 +285,22 @@ class StaticModel(SplatfactoModel):
         color = self._get_background_color()
         return color if self.training else color.expand(view.height, view.width, 3)
 
+    def image_of(
+        self, static: Rendering, background: Tensor, view: View, embedding: Tensor | None
+    ) -> Tensor:
+        """The static scene over the background [H, W, 3], as the image's camera shows it.
+
+        Colours may be beyond 1.
+        """
+        image = over_background(static.rgb, static.alpha, background)
+        return self.photographed(image, view, embedding)
+
+    def photographed(self, colors: Tensor, view: View, embedding: Tensor | None) -> Tensor:
+        """Colours of the scene, one [3] or an image [H, W, 3], as the image's camera shows them."""
+        if self.image_effects is None or embedding is None:
+            return colors
+        return self.image_effects.photographed(colors, view, embedding)
+
     def as_function_of_embedding(self, view: View) -> Callable[[Tensor], Tensor]:
         """The static scene [H, W, 3] seen from `view`, given an image embedding [E].
 
@@ -291,9 +311,23 @@ class StaticModel(SplatfactoModel):
         def draw(embedding: Tensor) -> Tensor:
             splats = self._splats(constants, embedding)
             static = self.rasterizer(splats, view, self.render_settings(depth=False))
-            return static_outputs(static, self.background_of(view, embedding))["rgb"]
+            background = self.background_of(view, embedding)
+            return self.image_of(static, background, view, embedding).clamp(0, 1)
 
         return draw
+
+    @torch.no_grad()
+    def embedding_in_closed_form(self, view: View, photo: Tensor, seen: Tensor) -> Tensor | None:
+        """The embedding [E] that explains a photo [H, W, 3] best in the pixels `seen` [H, W]; None
+        if it takes an optimizer to find it."""
+        if self.effects.appearance != "camera" or self.effects.image_embeddings:
+            return None
+        static = self.rasterizer(
+            self._splats(self.gauss_params, None), view, self.render_settings(depth=False)
+        )
+        background = self.background_of(view, self.average_embedding())
+        image = self.image_of(static, background, view, None)
+        return fit_response(image[seen], photo[seen], squared_radius(view)[seen])
 
     def _splats(self, params: RawParameters, embedding: Tensor | None) -> Splats:
         """Static Gaussians in the colours of the image that `embedding` describes."""
@@ -324,6 +358,12 @@ class StaticModel(SplatfactoModel):
         """Colours [N, 3] without view dependence, about [0, 1]."""
         baked = FEATURES in self.gauss_params
         return SH2RGB(self.baked_coefficients()[:, 0]) if baked else super().colors
+
+    def step_post_backward(self, step: int) -> None:
+        """Splatfacto's refinement, and what the per-image effects have to keep."""
+        super().step_post_backward(step)
+        if self.image_effects is not None:
+            self.image_effects.after_step()
 
     def render_static(self, view: View, embedding: Tensor | None) -> Rendering:
         crop = self.crop_box if not self.training else None

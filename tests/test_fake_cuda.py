@@ -21,7 +21,7 @@ from torch.fx.experimental.symbolic_shapes import ShapeEnv
 
 import desplat_ns.separation.placement as separation
 from desplat_ns.backend.protocol import Rendering, Splats, View
-from desplat_ns.effects import EffectsConfig
+from desplat_ns.effects import Effects
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info, to_device
 from desplat_ns.gaussians.distractors import PARAMETER_NAMES, DistractorConfig, DistractorGaussians
@@ -30,6 +30,7 @@ from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
+from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
 from desplat_ns.separation.clearance import Clearance
 from desplat_ns.separation.failure_cases import SeparationWatch, seen_and_hidden, sight_of
@@ -187,8 +188,9 @@ def test_clearance_stays_on_the_gpu():
 def test_layers_and_losses_stay_on_the_gpu():
     static, distractor = rendering(), rendering(9)
     photo, background = cuda(HEIGHT, WIDTH, 3), cuda(3)
-    outputs = static_outputs(static, background) | layered_outputs(static, distractor, background)
-    outputs |= {"empty": layered_outputs(static, None, background)["rgb_composite"]}
+    image = over_background(static.rgb, static.alpha, background)
+    outputs = static_outputs(static, image, background) | layered_outputs(image, distractor)
+    outputs |= {"empty": layered_outputs(image, None)["rgb_composite"]}
     assert_on_cuda(*outputs.values())
     alpha_d, alpha_s = outputs["alpha_distractor"], outputs["accumulation"]
     owned = owned_share(alpha_d)
@@ -207,13 +209,13 @@ def test_layers_and_losses_stay_on_the_gpu():
 @pytest.mark.parametrize("appearance", ["affine", "sh"])
 @pytest.mark.parametrize("training", [True, False])
 def test_appearance_and_background_stay_on_the_gpu(appearance, training):
-    effects = EffectsConfig(appearance=appearance, background=True)
+    effects = Effects(appearance=appearance, background="image")
     with torch.device("cuda"):
         model = ImageEffects(effects, AppearanceConfig(), BackgroundConfig(), 4, sh_degree=3)
     model.train(training)
     features = fourier_features(cuda(N, 3), AppearanceConfig().fourier_frequencies)
     assert_on_cuda(*model.parameters(), features)
-    for embedding in (model.embeddings.of(2), model.embeddings.mean()):
+    for embedding in (model.of(2), model.mean()):
         coefficients = Splats(cuda(N, 3), cuda(N, 4), cuda(N, 3), cuda(N), cuda(N, 16, 3), 2)
         colors = Splats(cuda(N, 3), cuda(N, 4), cuda(N, 3), cuda(N), cuda(N, 3))
         toned = [

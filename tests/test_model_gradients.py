@@ -16,7 +16,7 @@ TOGETHER = DistractorConfig(per_view=20)
 
 
 def with_background(distractors: DistractorConfig) -> DeSplatModel:
-    return make_model(effects=EffectsConfig(background=True), distractors=distractors)
+    return make_model(effects=EffectsConfig(background="image"), distractors=distractors)
 
 
 def reaches_the_background(model: DeSplatModel, name: str) -> bool:

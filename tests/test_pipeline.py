@@ -15,7 +15,7 @@ from nerfstudio.cameras.cameras import Cameras
 from PIL import Image
 from torch import nn
 
-from desplat_ns.effects import EffectsConfig
+from desplat_ns.effects import Effects
 from desplat_ns.errors import CaptureError, CheckpointError, DeSplatError
 from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
 from desplat_ns.photo_tourism.shown_light import ShownLight
@@ -43,9 +43,9 @@ class _Distractors(nn.Module):
 class _Model(nn.Module):
     """Renders a plain picture: grey 0.5 and, if an open viewer asks for distractors, white."""
 
-    def __init__(self, effects: EffectsConfig, points: int = 4) -> None:
+    def __init__(self, effects: Effects, points: int = 4) -> None:
         super().__init__()
-        self.config = SimpleNamespace(effects=effects, sh_degree=3)
+        self.config, self.effects = SimpleNamespace(sh_degree=3), effects
         self.gauss_params = nn.ParameterDict({"means": torch.zeros(points, 3)})
         self.distractors = _Distractors() if effects.distractors else None
         self.layer_control = LayerControl(2 if effects.distractors else 0)
@@ -154,7 +154,7 @@ def _pipeline(
     parts: Any = pipeline
     parts.config = DeSplatPipelineConfig()
     parts.datamanager = manager or _Manager()
-    parts._model = _Model(EffectsConfig(distractors=distractors), points)
+    parts._model = _Model(Effects(distractors=distractors), points)
     return pipeline
 
 

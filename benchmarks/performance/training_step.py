@@ -20,7 +20,7 @@ from torch.optim import Optimizer
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats
 from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.gaussians.densification import strategy_info
-from desplat_ns.rendering.layers import static_outputs
+from desplat_ns.rendering.compositing import over_background
 from desplat_ns.studies.pixels.contenders import Contender, as_leaves, tensors_of_projected
 from desplat_ns.studies.pixels.scenes import SH_DEGREE, Scene
 
@@ -142,7 +142,7 @@ class TrainingStep:
         return activate_static(self.params, SH_DEGREE)
 
     def _compose(self, rendering: Rendering) -> Tensor:
-        return static_outputs(rendering, self.background)["rgb"]
+        return over_background(rendering.rgb, rendering.alpha, self.background).clamp(0, 1)
 
     def _loss(self, shown: Tensor) -> Tensor:
         """Splatfacto's photometric loss."""

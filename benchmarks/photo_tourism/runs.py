@@ -23,7 +23,7 @@ def _setting(
     """A method and the switches of its effects."""
     switches = (
         *(f"{EFFECTS}.appearance", appearance),
-        *(f"{EFFECTS}.background", str(background)),
+        *(f"{EFFECTS}.background", "image" if background else "off"),
         *(f"{EFFECTS}.distractors", str(distractors)),
     )
     right = ("--pipeline.evaluation.protocol", "right") if appearance == "off" else ()

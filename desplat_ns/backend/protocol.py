@@ -8,7 +8,7 @@ Conventions are gsplat's: EWA splatting, pixel centres at +0.5, OpenCV camera ax
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from jaxtyping import Bool, Float, Int
@@ -99,10 +99,6 @@ class Rendering:
     def visible(self) -> Bool[Tensor, " N"]:
         """Which Gaussians the view shows: those that were not culled."""
         return self.radii > 0
-
-    def detached(self) -> Rendering:
-        """The same layer, without gradients for its colours and its opacity."""
-        return replace(self, rgb=self.rgb.detach(), alpha=self.alpha.detach())
 
 
 @runtime_checkable

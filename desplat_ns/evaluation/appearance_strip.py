@@ -30,14 +30,14 @@ def appearance_strip(
     Raises:
         ConfigError: the model has no appearance model.
     """
-    if model.config.effects.appearance == "off":
+    if not model.effects.image_light:
         raise ConfigError(
-            "A strip shows one view under several appearances, and this model has none: its "
+            "A strip shows one view in the light of several photos, and this model has none: its "
             "effects.appearance is off. Leave out --strip."
         )
     pictures = []
     for image in images:
-        with model.shown_light.fixed(model.image_effects.embeddings.of(image)):
+        with model.shown_light.fixed(model.image_effects.of(image)):
             pictures.append(model.get_outputs_for_camera(camera)["rgb"].cpu().numpy())
     height, width = pictures[0].shape[:2]
     titles = [

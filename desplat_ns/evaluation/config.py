@@ -17,10 +17,10 @@ class EvaluationConfig:
     """How images are scored. Saved with the run, so that plain `ns-eval` follows it."""
 
     protocol: ProtocolName = "auto"
-    """half: optimize the image's embedding on its left half, score its right half (B.1). full:
-    score the whole image in the training images' average light. right: score the right half in that
-    light, to compare a model without appearance with others on the same pixels. auto: half if there
-    is an appearance model, else full."""
+    """half: find the image's embedding on its left half, score its right half (B.1). full: score
+    the whole image in the training images' average light. right: score the right half in that
+    light, to compare a model without appearance with others on the same pixels. auto: half if
+    images have a light of their own, else full."""
     steps: int = 128
     """Steps of Adam for an embedding. B.3."""
     learning_rate: float = 0.01
@@ -31,25 +31,28 @@ class EvaluationConfig:
     """Write the test images' embeddings into this file (.npz)."""
 
 
-def chosen_protocol(config: EvaluationConfig, appearance: str) -> ProtocolName:
-    """The protocol for a model with this `effects.appearance`; auto is resolved.
+def chosen_protocol(config: EvaluationConfig, image_light: bool) -> ProtocolName:
+    """The protocol; auto is resolved.
+
+    Args:
+        image_light: whether the model's images have a light of their own.
 
     Raises:
-        ConfigError: halves are asked for, but there is no appearance model; or steps or rate are
-            out of range.
+        ConfigError: halves are asked for, but images have no embedding; or steps or rate are out of
+            range.
     """
     if config.steps < 0 or not 0 < config.learning_rate < math.inf:
         raise ConfigError(
             f"An embedding takes 0 or more steps at a positive learning rate; found --steps "
             f"{config.steps} and --learning-rate {config.learning_rate}. B.3 has 128 at 0.01."
         )
-    if config.protocol == "half" and appearance == "off":
+    if config.protocol == "half" and not image_light:
         raise ConfigError(
-            "The half protocol optimizes an image's embedding, and this model has none: its "
+            "The half protocol finds an image's embedding, and this model has none: its "
             "effects.appearance is off. Evaluate by `desplat-eval --protocol full`, or train with "
             "`--pipeline.model.effects.appearance affine`."
         )
-    automatic = "full" if appearance == "off" else "half"
+    automatic = "half" if image_light else "full"
     protocol = automatic if config.protocol == "auto" else config.protocol
     files = [path for path in (config.load_embeddings, config.save_embeddings) if path is not None]
     if files and protocol != "half":

@@ -36,8 +36,8 @@ def pixel_basis(view: View, degree: int) -> Float[Tensor, "H W used"]:
 
 
 def background_color(
-    coefficients: Float[Tensor, "K 3"], basis: Float[Tensor, "H W used"]
-) -> Float[Tensor, "H W 3"]:
+    coefficients: Float[Tensor, "K 3"], basis: Float[Tensor, "*pixels used"]
+) -> Float[Tensor, "*pixels 3"]:
     """SH + 1/2 along each ray, by as many of the coefficients as `basis` has, clamped to [0, 1].
 
     Source: App. A, c_BG of Eq. 8; the 1/2 is that of the Gaussians' colours.
@@ -45,8 +45,26 @@ def background_color(
     return (basis @ coefficients[: basis.shape[-1]] + 0.5).clamp(0, 1)
 
 
+class SharedBackground(nn.Module):
+    """The SH coefficients of a background that all images share; of degree 0, one colour."""
+
+    def __init__(self, degree: int):
+        """Grey everywhere, until it is trained."""
+        super().__init__()
+        self.degree = degree
+        self.coefficients = nn.Parameter(torch.zeros((degree + 1) ** 2, 3))
+
+    def forward(self) -> Float[Tensor, "K 3"]:
+        """The coefficients."""
+        return self.coefficients
+
+    def param_groups(self) -> dict[str, list[nn.Parameter]]:
+        """An optimizer group by name."""
+        return {"background_coefficients": [self.coefficients]}
+
+
 class Background(nn.Module):
-    """The SH coefficients of an image's background.
+    """The SH coefficients of an image's own background.
 
     Source: Eq. 8; sizes of B.3.
     """
@@ -54,6 +72,7 @@ class Background(nn.Module):
     def __init__(self, config: BackgroundConfig, embedding_dim: int):
         """Build the MLP; until it is trained, the background is grey."""
         super().__init__()
+        self.degree = config.sh_degree
         width = config.hidden_width
         self.encoder = hidden_layers(embedding_dim, config.hidden_layers, width)
         self.sh_dc = zero_head(width, 3)
@@ -64,10 +83,18 @@ class Background(nn.Module):
         hidden = self.encoder(embedding)
         return torch.cat([self.sh_dc(hidden), self.sh_rest(hidden)]).view(-1, 3)
 
+    def param_groups(self) -> dict[str, list[nn.Parameter]]:
+        """An optimizer group for each learning rate of B.3."""
+        return {
+            "background_encoder": list(self.encoder.parameters()),
+            "background_sh_dc": list(self.sh_dc.parameters()),
+            "background_sh_rest": list(self.sh_rest.parameters()),
+        }
+
 
 @torch.no_grad()
 def explained_by_background(
-    background: Float[Tensor, "H W 3"], photo: Float[Tensor, "H W 3"], max_error: float
+    background: Float[Tensor, "*background 3"], photo: Float[Tensor, "H W 3"], max_error: float
 ) -> Bool[Tensor, "H W 1"]:
     """The set P: pixels with M > 0.6, M being the share of 3 x 3 pixels of small error.
 

@@ -69,6 +69,11 @@ class LitModel(Protocol):
         """The static scene [H, W, 3] seen from `view`, given an image embedding [E]."""
         ...
 
+    def embedding_in_closed_form(self, view: View, photo: Tensor, seen: Tensor) -> Tensor | None:
+        """The embedding [E] that explains a photo [H, W, 3] best in the pixels `seen` [H, W]; None
+        if it takes an optimizer to find it."""
+        ...
+
     def average_embedding(self) -> Tensor:
         """The mean [E] of the training images' embeddings."""
         ...
@@ -88,9 +93,10 @@ def embedding_from_left_half(
 ) -> Float[Tensor, " E"]:
     """The embedding that explains the left half of a photo best.
 
-    The model is in eval mode and stays bit-identical. The start is the average of the training
-    images' embeddings. The whole view is drawn: half of it would be cut at another border, where
-    EWA bounds and culls Gaussians differently (1e-3 of colour).
+    The model is in eval mode and stays bit-identical. Numbers of a camera's response are found in
+    closed form; other embeddings by Adam, from the average of the training images' on. The whole
+    view is drawn: half of it would be cut at another border, where EWA bounds and culls Gaussians
+    differently (1e-3 of colour).
 
     Args:
         photo: the whole photo; columns from W // 2 on are not looked at.
@@ -106,6 +112,11 @@ def embedding_from_left_half(
             f"A photo to evaluate is {view.width} pixels wide; its halves need {MIN_WIDTH // 2} "
             "each. Leave it out of the test images, or evaluate by `desplat-eval --protocol full`."
         )
+    left = torch.arange(view.width, device=photo.device) < view.width // 2
+    counts = left.expand(view.height, -1) if mask is None else left & (mask[..., 0] != 0)
+    found = model.embedding_in_closed_form(view, photo, counts)
+    if found is not None:
+        return found
     draw, ssim_weight = model.as_function_of_embedding(view), model.config.ssim_lambda
     seen = 1.0 if mask is None else left_half(mask.to(photo))
     target = left_half(photo) * seen

@@ -1,19 +1,30 @@
-"""The per-image effects that are on, together: embeddings, appearance, background."""
+"""The per-image effects that are on, together: the light of each image, appearance, background."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
-from desplat_ns.effects import EffectsConfig
+from desplat_ns.effects import Effects
 from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance
-from desplat_ns.photo_tourism.background import Background, background_color, pixel_basis
+from desplat_ns.photo_tourism.background import (
+    Background,
+    SharedBackground,
+    background_color,
+    pixel_basis,
+)
+from desplat_ns.photo_tourism.camera_response import (
+    CameraResponses,
+    camera_response,
+    squared_radius,
+)
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig, check_sizes
-from desplat_ns.photo_tourism.embeddings import ImageEmbeddings
+from desplat_ns.photo_tourism.embeddings import ImageEmbeddings, ImageTable
 
 FEATURES = "appearance_features"
 """Name of z_i among the static Gaussians' parameters, where every split, clone and prune finds
@@ -21,17 +32,21 @@ them."""
 
 
 class ImageEffects(nn.Module):
-    """What an image's embedding changes: the static colours, the background, or both."""
+    """What an image's embedding changes: the static colours, the finished picture, the background.
+
+    The embedding [E] of an image is all that is known of its light: the numbers of its camera's
+    response, or what the networks of appearance and background read.
+    """
 
     def __init__(
         self,
-        effects: EffectsConfig,
+        effects: Effects,
         appearance: AppearanceConfig,
         background: BackgroundConfig,
         num_images: int,
         sh_degree: int,
     ):
-        """Build what `effects` asks for; without appearance all images share one embedding.
+        """Build what `effects` asks for.
 
         Args:
             num_images: training images.
@@ -43,18 +58,53 @@ class ImageEffects(nn.Module):
         check_sizes(appearance, "--pipeline.model.appearance")
         check_sizes(background, "--pipeline.model.background")
         super().__init__()
-        per_image = num_images if effects.appearance != "off" else 1
-        self.embeddings = ImageEmbeddings(per_image, appearance.embedding_dim)
+        self.responses = CameraResponses(num_images) if effects.appearance == "camera" else None
+        self.embeddings = (
+            ImageEmbeddings(num_images, appearance.embedding_dim)
+            if effects.image_embeddings
+            else None
+        )
         self.appearance: AffineAppearance | ShAppearance | None = None
         if effects.appearance == "affine":
             self.appearance = AffineAppearance(appearance)
         elif effects.appearance == "sh":
             self.appearance = ShAppearance(appearance, sh_degree)
-        self.background = (
-            Background(background, appearance.embedding_dim) if effects.background else None
-        )
-        self.background_degree = background.sh_degree
+        self.background: Background | SharedBackground | None = None
+        if effects.background == "image":
+            self.background = Background(background, appearance.embedding_dim)
+        elif effects.background != "off":
+            self.background = SharedBackground(
+                background.sh_degree if effects.background == "sh" else 0
+            )
         self._last: tuple[View, int, Tensor] | None = None
+
+    # --- lights ------------------------------------------------------------------------------
+
+    def of(self, image: int) -> Float[Tensor, " E"]:
+        """The embedding of a training image; empty if images do not differ."""
+        return self._joined([table.of(image) for table in self._tables()])
+
+    def mean(self) -> Float[Tensor, " E"]:
+        """The training images' average light: that of an image that was not trained on."""
+        return self._joined([table.mean() for table in self._tables()])
+
+    def _tables(self) -> list[ImageTable]:
+        return [table for table in (self.responses, self.embeddings) if table is not None]
+
+    def _joined(self, parts: list[Tensor]) -> Tensor:
+        return torch.cat(parts) if parts else torch.zeros(0)
+
+    def _numbers(self, embedding: Float[Tensor, " E"]) -> Float[Tensor, " 5"]:
+        """The part of an embedding that `responses` holds."""
+        assert self.responses is not None
+        return embedding[: self.responses.weight.shape[1]]
+
+    def _read_by_networks(self, embedding: Float[Tensor, " E"]) -> Tensor:
+        """The part of an embedding that `embeddings` holds."""
+        assert self.embeddings is not None
+        return embedding[-self.embeddings.weight.shape[1] :]
+
+    # --- what they change --------------------------------------------------------------------
 
     def toned(
         self, splats: Splats, features: Float[Tensor, "N Z"], embedding: Float[Tensor, " E"]
@@ -70,19 +120,44 @@ class ImageEffects(nn.Module):
             zeroth = (splats.colors[:, None] - 0.5) / C0
             splats = replace(splats, colors=zeroth, sh_degree=0)
         assert splats.sh_degree is not None
-        colors = self.appearance(embedding, features, splats.colors, splats.sh_degree)
+        read = self._read_by_networks(embedding)
+        colors = self.appearance(read, features, splats.colors, splats.sh_degree)
         return replace(splats, colors=colors)
+
+    def photographed(
+        self, colors: Float[Tensor, "... 3"], view: View, embedding: Float[Tensor, " E"]
+    ) -> Float[Tensor, "... 3"]:
+        """Colours of the static scene, one [3] or an image [H, W, 3], as the image's camera shows
+        them.
+
+        Args:
+            colors: >= 0.
+        """
+        if self.responses is None:
+            return colors
+        numbers = self._numbers(embedding)
+        if not self.training and not numbers.any():
+            return colors
+        return camera_response(colors, numbers, squared_radius(view))
 
     def background_of(
         self, embedding: Float[Tensor, " E"], view: View, degree: int
-    ) -> Float[Tensor, "H W 3"]:
-        """The background of the image that `embedding` describes, seen from `view`.
+    ) -> Float[Tensor, "H W 3"] | Float[Tensor, " 3"]:
+        """The background of the image that `embedding` describes, seen from `view`; [3] in training
+        if it has one colour.
 
         Call it where there is one only. `degree` is cut to that of the background.
         """
         assert self.background is not None
-        basis = self._basis(view, min(degree, self.background_degree))
-        return background_color(self.background(embedding), basis)
+        if isinstance(self.background, Background):
+            coefficients = self.background(self._read_by_networks(embedding))
+        else:
+            coefficients = self.background()
+        degree = min(degree, self.background.degree)
+        if degree == 0:
+            color = background_color(coefficients, coefficients.new_full((1,), C0))
+            return color if self.training else color.expand(view.height, view.width, 3)
+        return background_color(coefficients, self._basis(view, degree))
 
     def _basis(self, view: View, degree: int) -> Tensor:
         """The harmonics of a view; outside of training the last one's are kept, since an embedding
@@ -94,18 +169,25 @@ class ImageEffects(nn.Module):
             self._last = (view, degree, pixel_basis(view, degree))
         return self._last[2]
 
+    # --- training ----------------------------------------------------------------------------
+
+    def after_step(self) -> None:
+        """Keep the average camera's response at no change, after an optimizer step."""
+        if self.responses is not None:
+            self.responses.centre()
+
     def param_groups(self) -> dict[str, list[nn.Parameter]]:
-        """An optimizer group for each learning rate of B.3; none for what is off."""
-        groups = {"image_embeddings": list(self.embeddings.parameters())}
+        """An optimizer group for each learning rate; none for what is off."""
+        groups: dict[str, list[nn.Parameter]] = {}
+        if self.responses is not None:
+            groups["camera_responses"] = [self.responses.weight]
+        if self.embeddings is not None:
+            groups["image_embeddings"] = list(self.embeddings.parameters())
         if self.appearance is not None:
             groups["appearance_mlp"] = list(self.appearance.parameters())
-        if self.background is not None:
-            groups["background_encoder"] = list(self.background.encoder.parameters())
-            groups["background_sh_dc"] = list(self.background.sh_dc.parameters())
-            groups["background_sh_rest"] = list(self.background.sh_rest.parameters())
-        return groups
+        return groups if self.background is None else groups | self.background.param_groups()
 
 
-def wants_image_effects(effects: EffectsConfig) -> bool:
-    """Whether any of the effects needs embeddings."""
-    return effects.appearance != "off" or effects.background
+def wants_image_effects(effects: Effects) -> bool:
+    """Whether any of the effects is on."""
+    return effects.appearance != "off" or effects.background != "off"

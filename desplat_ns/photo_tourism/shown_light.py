@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -15,7 +16,6 @@ from torch import Tensor
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import ConfigError
-from desplat_ns.photo_tourism.embeddings import ImageEmbeddings
 
 VARIABLE = "DESPLAT_NS_APPEARANCE"
 """Environment variable: `photo.jpg`, or `photo.jpg:0.7,other.jpg:0.3` for a mix of two. (Commands
@@ -23,6 +23,19 @@ of nerfstudio's leave no other way to say it.)"""
 
 OWN = "none chosen"
 """What the viewer's choice shows at the start: `VARIABLE`'s image, its own, or the average."""
+
+
+@runtime_checkable
+class ImageLights(Protocol):
+    """The embeddings of the training images."""
+
+    def of(self, image: int) -> Float[Tensor, " E"]:
+        """That of a training image."""
+        ...
+
+    def mean(self) -> Float[Tensor, " E"]:
+        """The average."""
+        ...
 
 
 def parse_light(text: str, names: Sequence[str]) -> list[tuple[int, float]]:
@@ -91,16 +104,14 @@ class ShownLight:
         finally:
             self._suspended = before
 
-    def embedding(
-        self, embeddings: ImageEmbeddings, image: int | None = None
-    ) -> Float[Tensor, " E"]:
+    def embedding(self, lights: ImageLights, image: int | None = None) -> Float[Tensor, " E"]:
         """The chosen one; else that of training image `image`; else the average."""
         if self._fixed is not None:
             return self._fixed
         mix = [] if self._suspended else self._mix()
         if mix:
-            return torch.stack([share * embeddings.of(i) for i, share in mix]).sum(dim=0)
-        return embeddings.mean() if image is None else embeddings.of(image)
+            return torch.stack([share * lights.of(i) for i, share in mix]).sum(dim=0)
+        return lights.mean() if image is None else lights.of(image)
 
     def _mix(self) -> list[tuple[int, float]]:
         share = self.share.value if self.second.value != OWN else 0.0

@@ -11,9 +11,10 @@ def composite_color(
     alpha_d: Float[Tensor, "H W 1"],
     rgb_s: Float[Tensor, "H W 3"],
 ) -> Float[Tensor, "H W 3"]:
-    """Colour of the distractors drawn over the static scene, on black.
+    """Colour of the distractors drawn over the static scene.
 
-    Both colours are weighted by their own alpha already.
+    Both colours are weighted by their own alpha already; that of the static scene may include what
+    lies behind it.
     Source: c = c_d + (1 - alpha_d) c_s, DeSplat, Sec. 3.
     """
     return rgb_d + (1 - alpha_d) * rgb_s

@@ -7,21 +7,25 @@ from jaxtyping import Float
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering
-from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
+from desplat_ns.rendering.compositing import composite_color
 
 MASK_THRESHOLD = 0.5
 """A pixel counts as covered where the distractors' opacity is greater. App. C.1."""
 
 
 def static_outputs(
-    static: Rendering, background: Float[Tensor, "*background 3"]
+    static: Rendering, image: Float[Tensor, "H W 3"], background: Float[Tensor, "*background 3"]
 ) -> dict[str, Tensor]:
     """rgb [H, W, 3] in [0, 1], accumulation [H, W, 1], background, and depth if it was rendered.
 
     Where nothing is, depth [H, W, 1] (world units) is that of the farthest pixel, as Splatfacto's.
+
+    Args:
+        image: the static scene over the background, as the photo shows it; colours beyond 1 are
+            cut here.
     """
     outputs = {
-        "rgb": over_background(static.rgb, static.alpha, background).clamp(0, 1),
+        "rgb": image.clamp(0, 1),
         "accumulation": static.alpha,
         "background": background,
     }
@@ -32,23 +36,21 @@ def static_outputs(
 
 
 def layered_outputs(
-    static: Rendering,
-    distractor: Rendering | None,
-    background: Float[Tensor, "*background 3"],
+    image: Float[Tensor, "H W 3"], distractor: Rendering | None
 ) -> dict[str, Tensor]:
     """The distractors' layer and the composite, [H, W, C] with colours in [0, 1].
 
-    rgb_composite, distractors over the static scene over the background; rgb_distractor (weighted
-    by its alpha, on black); alpha_distractor; distractor_mask (bool). Without distractors (None)
-    their layer is empty.
+    rgb_composite, distractors over the static scene; rgb_distractor (weighted by its alpha, on
+    black); alpha_distractor; distractor_mask (bool). Without distractors (None) their layer is
+    empty.
+
+    Args:
+        image: as of `static_outputs`.
     """
-    alpha_s = static.alpha
-    rgb_d = torch.zeros_like(static.rgb) if distractor is None else distractor.rgb
-    alpha_d = torch.zeros_like(alpha_s) if distractor is None else distractor.alpha
-    both = composite_color(rgb_d, alpha_d, static.rgb)
-    composite = over_background(both, composite_alpha(alpha_d, alpha_s), background)
+    rgb_d = torch.zeros_like(image) if distractor is None else distractor.rgb
+    alpha_d = torch.zeros_like(image[..., :1]) if distractor is None else distractor.alpha
     return {
-        "rgb_composite": composite.clamp(0, 1),
+        "rgb_composite": composite_color(rgb_d, alpha_d, image).clamp(0, 1),
         "rgb_distractor": rgb_d,
         "alpha_distractor": alpha_d,
         "distractor_mask": alpha_d > MASK_THRESHOLD,

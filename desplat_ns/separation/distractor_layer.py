@@ -76,16 +76,17 @@ class DistractorLayer:
             self.densifier.before_backward(rendering)
         return rendering
 
-    def training_outputs(self, visit: Visit, background: Tensor) -> dict[str, Tensor]:
+    def training_outputs(self, visit: Visit, image: Float[Tensor, "H W 3"]) -> dict[str, Tensor]:
         """The layers and the composite of a visit.
 
         With `static_alone` the composite's loss moves distractors only: what lies beneath them is a
         constant.
+
+        Args:
+            image: of the static scene; colours may be beyond 1.
         """
-        beneath = visit.static
-        if self.config.static_alone and visit.distractors is not None:
-            beneath, background = beneath.detached(), background.detach()
-        return layered_outputs(beneath, visit.distractors, background)
+        alone = self.config.static_alone and visit.distractors is not None
+        return layered_outputs(image.detach() if alone else image, visit.distractors)
 
     def losses(
         self,

@@ -153,7 +153,7 @@ class SeparationWatch:
             f"{len(shares)} photos, most of {self._listed(worst)}. They begin to explain the "
             "static scene, which cannot be learned behind them. Where the light, the weather or "
             "the sky changes from photo to photo: --pipeline.model.effects.appearance affine, and "
-            f"--pipeline.model.effects.background True for the sky. Else {self._dearer()}.",
+            f"--pipeline.model.effects.background image for the sky. Else {self._dearer()}.",
         )
 
     def _warn_of_places(self, step: int, share: float, views: list[int]) -> None:
@@ -163,8 +163,8 @@ class SeparationWatch:
             f"photos that see it, above all in {self._listed(views)}. Something may stand in the "
             "same place in many photos: leave some of these out, mask it, or add photos without "
             "it. If it is a part of the scene that changes, as clouds do: "
-            "--pipeline.model.effects.appearance affine, --pipeline.model.effects.background True. "
-            f"If nothing stands there: {self._dearer()}.",
+            "--pipeline.model.effects.appearance affine, --pipeline.model.effects.background image."
+            f" If nothing stands there: {self._dearer()}.",
         )
 
     def _dearer(self) -> str:

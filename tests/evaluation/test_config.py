@@ -12,31 +12,31 @@ from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
 
 
 @pytest.mark.parametrize(
-    ("asked", "appearance", "holds"),
+    ("asked", "image_light", "holds"),
     [
-        ("auto", "affine", "half"),
-        ("auto", "off", "full"),
-        ("full", "sh", "full"),
-        ("half", "sh", "half"),
-        ("right", "off", "right"),
-        ("right", "affine", "right"),
+        ("auto", True, "half"),
+        ("auto", False, "full"),
+        ("full", True, "full"),
+        ("half", True, "half"),
+        ("right", False, "right"),
+        ("right", True, "right"),
     ],
 )
-def test_which_protocol_holds(asked, appearance, holds):
-    assert chosen_protocol(EvaluationConfig(protocol=asked), appearance) == holds
+def test_which_protocol_holds(asked, image_light, holds):
+    assert chosen_protocol(EvaluationConfig(protocol=asked), image_light) == holds
 
 
-def test_halves_without_appearance_are_refused():
+def test_halves_without_image_light_are_refused():
     with pytest.raises(ConfigError, match="appearance is off"):
-        chosen_protocol(EvaluationConfig(protocol="half"), "off")
+        chosen_protocol(EvaluationConfig(protocol="half"), False)
 
 
 @pytest.mark.parametrize("values", [{"steps": -1}, {"learning_rate": 0.0}])
 def test_steps_and_rate_have_a_range(values: dict[str, Any]):
     with pytest.raises(ConfigError, match="found"):
-        chosen_protocol(EvaluationConfig(**values), "affine")
+        chosen_protocol(EvaluationConfig(**values), True)
 
 
 def test_files_of_embeddings_need_halves():
     with pytest.raises(ConfigError, match=r"e\.npz"):
-        chosen_protocol(EvaluationConfig("full", save_embeddings=Path("e.npz")), "affine")
+        chosen_protocol(EvaluationConfig("full", save_embeddings=Path("e.npz")), True)

@@ -12,7 +12,7 @@ from desplat_ns.model import DeSplatModel
 from tests.helpers.small_model import HEIGHT, WIDTH, make_model
 
 
-def model_with(appearance: str = "off", background: bool = False, **config: Any) -> DeSplatModel:
+def model_with(appearance: str = "off", background: str = "off", **config: Any) -> DeSplatModel:
     effects = EffectsConfig(appearance=appearance, background=background)  # type: ignore[arg-type]
     return make_model(effects=effects, **config)
 
@@ -34,5 +34,5 @@ def held_out(width: int = WIDTH) -> Cameras:
 
 def photo_in_the_light_of(model: DeSplatModel, view: int, width: int = WIDTH) -> torch.Tensor:
     assert model.image_effects is not None
-    with model.shown_light.fixed(model.image_effects.embeddings.of(view)):
+    with model.shown_light.fixed(model.image_effects.of(view)):
         return model.get_outputs_for_camera(held_out(width))["rgb"]

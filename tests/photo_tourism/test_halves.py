@@ -23,7 +23,7 @@ SHORT_FIT = SHORT.steps, SHORT.learning_rate
 
 @pytest.fixture(scope="module")
 def model() -> DeSplatModel:
-    return moved(model_with("affine", background=True)).eval()
+    return moved(model_with("affine", background="image")).eval()
 
 
 @pytest.mark.parametrize("width", [2, 7, 8])
@@ -52,7 +52,7 @@ def test_the_right_half_cannot_reach_the_embedding(model, width):
 def test_what_is_fitted_is_what_is_scored(model):
     view = model.view_of_camera(held_out(), None)
     with torch.no_grad():
-        image = model.as_function_of_embedding(view)(model.image_effects.embeddings.of(1))
+        image = model.as_function_of_embedding(view)(model.image_effects.of(1))
     assert torch.equal(image, photo_in_the_light_of(model, 1))
 
 

@@ -14,8 +14,9 @@ from desplat_ns.photo_tourism.image_effects import FEATURES
 from tests.helpers.lit_model import model_with, moved
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, make_model
 
-EFFECTS = {"appearance_mlp", "image_embeddings", "background_encoder", "background_sh_dc"}
-EFFECTS |= {"background_sh_rest", FEATURES}
+OF_NETWORKS = {"appearance_mlp", "image_embeddings", "background_encoder", "background_sh_dc"}
+OF_NETWORKS |= {"background_sh_rest", FEATURES}
+EFFECTS = OF_NETWORKS | {"camera_responses", "background_coefficients"}
 
 
 def draw(model: DeSplatModel, view: int | None, where: int = 0) -> torch.Tensor:
@@ -28,11 +29,16 @@ def draw(model: DeSplatModel, view: int | None, where: int = 0) -> torch.Tensor:
 @pytest.mark.parametrize(
     ("appearance", "background", "groups"),
     [
-        ("off", False, set()),
-        ("affine", False, {"appearance_mlp", "image_embeddings", FEATURES}),
-        ("sh", False, {"appearance_mlp", "image_embeddings", FEATURES}),
-        ("off", True, EFFECTS - {"appearance_mlp", FEATURES}),
-        ("affine", True, EFFECTS),
+        ("off", "off", set()),
+        ("camera", "off", {"camera_responses"}),
+        ("affine", "off", {"appearance_mlp", "image_embeddings", FEATURES}),
+        ("sh", "off", {"appearance_mlp", "image_embeddings", FEATURES}),
+        ("off", "constant", {"background_coefficients"}),
+        ("off", "sh", {"background_coefficients"}),
+        ("camera", "sh", {"camera_responses", "background_coefficients"}),
+        ("off", "image", OF_NETWORKS - {"appearance_mlp", FEATURES}),
+        ("camera", "image", OF_NETWORKS - {"appearance_mlp", FEATURES} | {"camera_responses"}),
+        ("affine", "image", OF_NETWORKS),
     ],
 )
 def test_an_effect_that_is_off_has_no_parameters(appearance, background, groups):
@@ -42,7 +48,7 @@ def test_an_effect_that_is_off_has_no_parameters(appearance, background, groups)
     assert all(id(p) in in_groups for n, p in model.named_parameters() if "effects" in n)
 
 
-@pytest.mark.parametrize("appearance", ["affine", "sh"])
+@pytest.mark.parametrize("appearance", ["camera", "affine", "sh"])
 @pytest.mark.parametrize("sh_degree", [0, 3])
 def test_the_start_looks_as_without(appearance, sh_degree):
     plain = model_with(sh_degree=sh_degree).eval()
@@ -50,7 +56,7 @@ def test_the_start_looks_as_without(appearance, sh_degree):
     torch.testing.assert_close(draw(model, 1), draw(plain, 1), rtol=0, atol=1e-5)
 
 
-@pytest.mark.parametrize("appearance", ["affine", "sh"])
+@pytest.mark.parametrize("appearance", ["camera", "affine", "sh"])
 @pytest.mark.parametrize("sh_degree", [0, 3])
 def test_each_training_image_has_a_light_of_its_own_and_the_average_is_another(
     appearance, sh_degree
@@ -61,17 +67,18 @@ def test_each_training_image_has_a_light_of_its_own_and_the_average_is_another(
         assert (images[i] - images[i - 1]).abs().max() > 1e-3
 
 
-def test_without_appearance_one_background_serves_all_images():
-    model = moved(model_with("off", background=True)).eval()
-    assert model.image_effects is not None
-    assert len(model.image_effects.embeddings.weight) == 1
+@pytest.mark.parametrize("grade", ["constant", "sh"])
+def test_one_background_serves_all_images(grade):
+    model = moved(model_with("off", background=grade)).eval()
     assert torch.equal(draw(model, 0), draw(model, None))
+    model.step = 10_000  # all degrees are active
     background = model.get_outputs_for_camera(camera(0))["background"]
     assert background.shape == (HEIGHT, WIDTH, 3)
+    assert ((background - background[0, 0]).abs().max() > 1e-3) == (grade == "sh")
 
 
 def test_the_background_lies_behind_everything():
-    model = moved(model_with("affine", background=True)).eval()
+    model = moved(model_with("affine", background="image")).eval()
     outputs = model.get_outputs_for_camera(camera(0))
     empty = outputs["accumulation"][..., 0] == 0
     assert empty.any()
@@ -80,13 +87,13 @@ def test_the_background_lies_behind_everything():
 
 @pytest.mark.parametrize("appearance", ["affine", "sh"])
 def test_a_step_trains_every_group_but_other_images_embeddings(appearance):
-    model = moved(model_with(appearance, background=True))
+    model = moved(model_with(appearance, background="image"))
     trainer = Trainer(model)
     model.config.sh_degree_interval = 1
     before = {n: p.detach().clone() for n, p in model.named_parameters()}
     losses = trainer.step(10, view=1)["losses"]
     assert "background_opacity" in losses
-    assert model.image_effects is not None
+    assert model.image_effects is not None and model.image_effects.embeddings is not None
     grad = model.image_effects.embeddings.weight.grad
     assert grad is not None and (grad[1] != 0).any() and (grad[[0, 2]] == 0).all()
     for name, parameter in model.named_parameters():
@@ -121,7 +128,7 @@ def test_baked_coefficients_render_to_the_worn_appearance(appearance, sh_degree)
     model.step = 10_000  # all degrees are active
     model.gauss_params["features_rest"].data.normal_(std=0.1)
     assert model.image_effects is not None
-    with model.shown_light.fixed(model.image_effects.embeddings.of(1)):
+    with model.shown_light.fixed(model.image_effects.of(1)):
         dc, rest = model.shs_0, model.shs_rest
     expected = draw(model, 1)
     assert not torch.allclose(draw(model, 2), expected, atol=0.01)
@@ -135,18 +142,18 @@ def test_baked_coefficients_render_to_the_worn_appearance(appearance, sh_degree)
 
 
 def test_a_checkpoint_brings_everything_back():
-    model = moved(model_with("affine", background=True))
+    model = moved(model_with("affine", background="image"))
     model.gauss_params[FEATURES].data.normal_()
-    other = model_with("affine", background=True)
+    other = model_with("affine", background="image")
     other.load_state_dict(model.state_dict())
     assert torch.equal(draw(other.eval(), 1), draw(model.eval(), 1))
 
 
 def test_what_a_mask_leaves_out_is_no_sky():
-    model = model_with("affine", background=True)
+    model = model_with("affine", background="image")
     Trainer(model).step(0)
     outputs = model(camera(0))
-    photo = outputs["background"].detach().clone()  # explained everywhere
+    photo = outputs["background"].detach().expand(HEIGHT, WIDTH, 3).clone()  # explained everywhere
     left = torch.zeros(HEIGHT, WIDTH, 1, dtype=torch.bool)
     left[:, : WIDTH // 3] = True
 
@@ -160,6 +167,6 @@ def test_what_a_mask_leaves_out_is_no_sky():
 
 
 def test_effects_work_without_distractors():
-    effects = EffectsConfig(distractors=False, appearance="affine", background=True)
+    effects = EffectsConfig(distractors=False, appearance="affine", background="image")
     model = make_model(effects=effects)
     assert "background_opacity" in Trainer(model).step(0)["losses"]

@@ -81,9 +81,3 @@ def test_names_may_hold_colons():
 def test_a_text_that_makes_no_mix_is_refused(text, message):
     with pytest.raises(ConfigError, match=message):
         parse_light(text, NAMES)
-
-
-def test_all_images_can_share_one_embedding():
-    shared = ImageEmbeddings(1, 4)
-    assert torch.equal(shared.of(7), shared.of(0))
-    assert torch.equal(shared.mean(), shared.of(0))

@@ -16,7 +16,7 @@ from nerfstudio.configs.method_configs import all_methods
 from nerfstudio.utils.rich_utils import CONSOLE
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.effects import EffectsConfig
+from desplat_ns.effects import Effects
 from desplat_ns.errors import DeSplatError
 from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
 from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians
@@ -108,12 +108,12 @@ def _drawn(config: PhotoTourismDataParserConfig) -> Any:
 
 
 def _halves(config: EvaluationConfig) -> Any:
-    chosen_protocol(config, "affine")
+    chosen_protocol(config, image_light=True)
     return [float(config.steps), config.learning_rate]
 
 
 def _effects(appearance: AppearanceConfig, background: BackgroundConfig) -> Any:
-    both = EffectsConfig(appearance="affine", background=True)
+    both = Effects(appearance="affine", background="image")
     made = ImageEffects(both, appearance, background, 3, 2)
     return [p.detach() for p in made.parameters()]
 

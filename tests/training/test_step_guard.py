@@ -199,7 +199,7 @@ def test_a_network_that_is_not_finite_may_not_be_saved(tmp_path):
     from desplat_ns.effects import EffectsConfig
 
     model = make_model(
-        effects=EffectsConfig(appearance="affine", background=True),
+        effects=EffectsConfig(appearance="affine", background="image"),
         appearance=AppearanceConfig(),
         background=BackgroundConfig(),
     )

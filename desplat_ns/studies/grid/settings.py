@@ -19,6 +19,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from desplat_ns.effects import EffectsConfig
+
 Settings = dict[str, Any]
 """JSON values by names such as `pipeline.model.distractors.lambda_d`."""
 
@@ -45,6 +47,7 @@ OF_EFFECTS: Mapping[str, tuple[str, ...]] = {
         "pipeline.model.appearance.",
         "optimizers.appearance_",
         "optimizers.image_embeddings.",
+        "optimizers.camera_",
     ),
     "background": ("pipeline.model.background.", "optimizers.background_"),
 }
@@ -161,6 +164,8 @@ def of_active_effects(settings: Settings) -> Settings:
 
 def flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     """Names and JSON values of everything below a value, whose own name is the first argument."""
+    if isinstance(value, EffectsConfig) and not value.auto:
+        value = value.settled()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         parts = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
         yield from flat(name, {k: v for k, v in parts.items() if k not in NO_SETTINGS})

@@ -31,8 +31,8 @@ def test_a_setting_switches_effects_of_its_method(setting):
     config: Any = METHODS[setting.method]
     options = dict(zip(setting.options[::2], setting.options[1::2], strict=True))
     names = {name.rpartition(".")[2] for name in options if ".effects." in name}
-    assert vars(config.pipeline.model.effects).keys() == names
-    has_background = options[f"{EFFECTS}.background"] == "True"
+    assert vars(config.pipeline.model.effects).keys() - {"auto"} == names
+    has_background = options[f"{EFFECTS}.background"] == "image"
     assert (config.pipeline.model.background.lambda_bg > 0) == has_background
 
 

@@ -1,0 +1,130 @@
+"""What a camera makes of the scene's colours: the cheapest grade of appearance.
+
+A photo's exposure, white balance, contrast and vignetting are five numbers for the whole image,
+applied to the finished picture of the static scene. Distractors lie in front of it, in their own
+colours. Letters in shapes: H x W pixels, P pixels in a list, V photos.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from desplat_ns.backend.protocol import View
+from desplat_ns.photo_tourism.embeddings import ImageTable
+
+NUMBERS = 5
+"""Of one photo: the logarithms of a gain for red, green and blue, that of gamma, and vignetting."""
+
+CENTRED = 4
+"""As many of them have the mean 0 over the training photos. Else a gain of all photos together
+could stand for the scene's own colours. Vignetting cannot: points move across the picture."""
+
+FLOOR = 1 / 255
+"""Added to colours before they are raised to gamma, so that the slope at black is finite."""
+
+FIT_ROUNDS = 20
+"""Gauss-Newton steps of `fit_response`."""
+
+OUTLIER = 0.08
+"""Colour difference at which a pixel counts a quarter in the last steps of `fit_response`: what
+stands in front of the scene must not set its light. The first steps take ten times as much."""
+
+
+def squared_radius(view: View) -> Float[Tensor, "H W 1"]:
+    """Squared distance of each pixel from the principal point, over that of half the diagonal."""
+    like = view.K
+    x = torch.arange(view.width, device=like.device, dtype=like.dtype) + 0.5 - view.K[0, 2]
+    y = torch.arange(view.height, device=like.device, dtype=like.dtype) + 0.5 - view.K[1, 2]
+    scale = 4 / (view.width**2 + view.height**2)
+    return scale * (x.square()[None, :, None] + y.square()[:, None, None])
+
+
+def camera_response(
+    rgb: Float[Tensor, "*#pixels 3"],
+    numbers: Float[Tensor, " 5"],
+    radius2: Float[Tensor, "*#pixels 1"],
+) -> Float[Tensor, "... 3"]:
+    """gain exp(v r^2) ((c + f)^gamma - f^gamma), channel by channel: c where all numbers are 0.
+
+    f is `FLOOR`, r the distance from the principal point. Colours are those of the photo's file,
+    not of linear light, in which gain and gamma have the same form with other values.
+
+    Args:
+        rgb: colours >= 0; 1 is the brightest that an average photo shows.
+        numbers: log gain of each channel, log gamma, v.
+        radius2: of `squared_radius`.
+    """
+    gamma = numbers[3].exp()
+    toned = torch.exp(gamma * torch.log(rgb + FLOOR)) - torch.exp(gamma * math.log(FLOOR))
+    return toned * torch.exp(numbers[:3] + numbers[4] * radius2)
+
+
+def _slopes(
+    rgb: Float[Tensor, "P 3"], numbers: Float[Tensor, " 5"], radius2: Float[Tensor, "P 1"]
+) -> Float[Tensor, "P 3 5"]:
+    """Derivatives of `camera_response` by its numbers."""
+    gamma = numbers[3].exp()
+    gain = torch.exp(numbers[:3] + numbers[4] * radius2)
+    log, log_floor = torch.log(rgb + FLOOR), math.log(FLOOR)
+    power, power_floor = torch.exp(gamma * log), torch.exp(gamma * log_floor)
+    response = gain * (power - power_floor)
+    by_gamma = gamma * gain * (power * log - power_floor * log_floor)
+    by_vignetting = response * radius2
+    return torch.cat(
+        [torch.diag_embed(response), by_gamma[..., None], by_vignetting[..., None]], dim=-1
+    )
+
+
+@torch.no_grad()
+def fit_response(
+    rgb: Float[Tensor, "P 3"],
+    photo: Float[Tensor, "P 3"],
+    radius2: Float[Tensor, "P 1"],
+    rounds: int = FIT_ROUNDS,
+) -> Float[Tensor, " 5"]:
+    """The numbers with which the scene's colours come closest to a photo's.
+
+    Gauss-Newton from no change on the Geman-McClure loss of the differences, whose scale shrinks
+    from step to step; pixels in which the photo is at the end of its range say nothing and are left
+    out.
+
+    Args:
+        rgb: the scene's colours, >= 0.
+        photo: in [0, 1].
+
+    Returns:
+        Numbers of `camera_response`; what the pixels do not tell stays at 0.
+    """
+    rgb, photo, radius2 = rgb.double(), photo.double(), radius2.double()
+    told = ((photo > FLOOR) & (photo < 1 - FLOOR)).all(dim=-1)
+    rgb, photo, radius2 = rgb[told], photo[told], radius2[told]
+    numbers = rgb.new_zeros(NUMBERS)
+    ridge = 1e-4 * max(1, len(rgb)) * torch.eye(NUMBERS).to(numbers)
+    for i in range(rounds):
+        scale = OUTLIER * max(1.0, 10 * 0.75**i)
+        slopes = _slopes(rgb, numbers, radius2).reshape(-1, NUMBERS)
+        error = (photo - camera_response(rgb, numbers, radius2)).reshape(-1)
+        weight = (1 + (error / scale).square()).reciprocal().square()[:, None]
+        normal = slopes.T @ (weight * slopes) + ridge
+        step = torch.linalg.solve(normal, slopes.T @ (weight[:, 0] * error) - ridge @ numbers)
+        numbers = (numbers + step.clamp(-0.5, 0.5)).clamp(-3, 3)
+    return numbers.float()
+
+
+class CameraResponses(ImageTable):
+    """The numbers of the training photos; all start at no change."""
+
+    def __init__(self, num_images: int):
+        """Args:
+        num_images: training photos.
+        """
+        super().__init__(torch.zeros(num_images, NUMBERS))
+
+    @torch.no_grad()
+    def centre(self) -> None:
+        """Take the mean off what must not stand for the scene's own colours. See `CENTRED`."""
+        self.weight[:, :CENTRED] -= self.weight[:, :CENTRED].mean(dim=0)

@@ -1,0 +1,115 @@
+"""A photo's exposure, white balance, gamma and vignetting, and how they are found."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from desplat_ns.backend.protocol import View
+from desplat_ns.photo_tourism.camera_response import (
+    CENTRED,
+    FLOOR,
+    NUMBERS,
+    CameraResponses,
+    camera_response,
+    fit_response,
+    squared_radius,
+)
+
+LIGHT = torch.tensor([0.4, -0.1, -0.3, 0.2, -0.35])
+
+
+def a_view(width: int = 40, height: int = 30) -> View:
+    K = torch.tensor([[30.0, 0, width / 2], [0, 30.0, height / 2], [0, 0, 1]])
+    return View(torch.eye(4), K, width, height)
+
+
+def scene(pixels: int = 4000, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
+    generator = torch.Generator().manual_seed(seed)
+    return (
+        torch.rand(pixels, 3, generator=generator),
+        torch.rand(pixels, 1, generator=generator),
+    )
+
+
+def test_no_numbers_change_nothing():
+    rgb, radius2 = scene()
+    torch.testing.assert_close(camera_response(rgb, torch.zeros(5), radius2), rgb)
+
+
+def test_each_number_does_what_it_is_called():
+    rgb, radius2 = torch.tensor([[0.2, 0.4, 0.6]]), torch.tensor([[0.5]])
+    red = camera_response(rgb, torch.tensor([math.log(2), 0, 0, 0, 0]), radius2)
+    torch.testing.assert_close(red, torch.tensor([[0.4, 0.4, 0.6]]))
+    darker = camera_response(rgb, torch.tensor([0, 0, 0, 0, math.log(0.25)]), radius2)
+    torch.testing.assert_close(darker, rgb / 2)
+    steeper = camera_response(rgb, torch.tensor([0, 0, 0, math.log(2), 0]), radius2)
+    torch.testing.assert_close(steeper, (rgb + FLOOR) ** 2 - FLOOR**2)
+
+
+def test_the_radius_is_0_at_the_principal_point_and_1_in_the_corners():
+    radius2 = squared_radius(a_view())
+    assert radius2.shape == (30, 40, 1)
+    assert radius2.max() == pytest.approx(1, abs=0.06)
+    assert radius2.min() < 1e-3
+    assert radius2[0, 0] == radius2[-1, -1] == radius2[0, -1]
+    half = squared_radius(a_view(20, 15))  # a smaller photo of the same kind
+    assert half[3, 4].item() == pytest.approx(radius2[6:8, 8:10].mean().item(), abs=2e-3)
+
+
+def test_gradients_are_right_down_to_black():
+    rgb, radius2 = (x[:8].double() for x in scene())
+    rgb[0], rgb[1] = 0.0, 1.5
+    numbers = LIGHT.double().requires_grad_()
+    assert torch.autograd.gradcheck(
+        lambda a, b: camera_response(a, b, radius2), (rgb.requires_grad_(), numbers)
+    )
+
+
+def test_a_light_is_found_from_the_colours():
+    rgb, radius2 = scene()
+    photo = camera_response(rgb, LIGHT, radius2).clamp(0, 1)
+    assert ((photo == 1).float().mean()) > 0.02  # some of it is overexposed
+    torch.testing.assert_close(fit_response(rgb, photo, radius2), LIGHT, atol=2e-3, rtol=0)
+
+
+def test_what_stands_in_front_does_not_set_the_light():
+    rgb, radius2 = scene()
+    photo = camera_response(0.6 * rgb, LIGHT, radius2).clamp(0, 1)
+    photo[: len(photo) // 4] = torch.tensor([0.9, 0.1, 0.1])
+    found = fit_response(0.6 * rgb, photo, radius2)
+    torch.testing.assert_close(found, LIGHT, atol=0.06, rtol=0)
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0])
+def test_a_black_or_overexposed_photo_tells_nothing(level):
+    rgb, radius2 = scene()
+    assert not fit_response(rgb, torch.full_like(rgb, level), radius2).any()
+
+
+def test_no_pixels_tell_nothing():
+    nothing = torch.zeros(0, 3)
+    assert not fit_response(nothing, nothing, torch.zeros(0, 1)).any()
+
+
+def test_one_colour_tells_gains_and_leaves_gamma_small():
+    rgb, radius2 = torch.full((50, 3), 0.5), torch.full((50, 1), 0.3)
+    found = fit_response(rgb, torch.full_like(rgb, 0.25), radius2)
+    torch.testing.assert_close(
+        camera_response(rgb, found, radius2), torch.full_like(rgb, 0.25), atol=1e-3, rtol=0
+    )
+    assert found.abs().max() < 0.7
+
+
+def test_centred_responses_keep_their_differences_and_vignetting():
+    responses = CameraResponses(3)
+    assert not responses.weight.any()
+    responses.weight.data = torch.randn(3, NUMBERS)
+    before = responses.weight.detach().clone()
+    responses.centre()
+    mean = responses.weight.mean(dim=0)
+    torch.testing.assert_close(mean[:CENTRED], torch.zeros(CENTRED), atol=1e-6, rtol=0)
+    assert torch.equal(responses.weight[:, CENTRED:], before[:, CENTRED:])
+    torch.testing.assert_close(responses.weight.diff(dim=0), before.diff(dim=0))
