@@ -1,6 +1,6 @@
-"""The registered methods: `desplat-paper` has the numbers of App. B.3 and Splatfacto's and nothing
-else, `desplat-phototourism` and `-a` those of B.3's Photo Tourism; `desplat` changes what
-`separating_distractors` lists and refines seldom."""
+"""The registered methods. Those that end in `-paper` have the numbers of App. B.3 and Splatfacto's
+and nothing else; `desplat` changes what `separating_distractors` lists and refines seldom, and
+`desplat-phototourism` is `desplat` with the effects that a tourist scene needs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import print_user_errors_plainly
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModelConfig
-from desplat_ns.photo_tourism.config import BackgroundConfig
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig
 from desplat_ns.trainer import DeSplatTrainerConfig
@@ -99,14 +98,18 @@ def separating_distractors() -> DistractorConfig:
     )
 
 
-def photo_tourism_model(background: bool) -> DeSplatModelConfig:
-    """B.3, Photo Tourism: with the background model, or with appearance alone (DeSplat-A)."""
+def desplat_model(effects: EffectsConfig) -> DeSplatModelConfig:
+    """What works in runs of any length."""
     return DeSplatModelConfig(
-        effects=EffectsConfig(appearance="affine", background="image" if background else "off"),
-        distractors=DistractorConfig(
-            lambda_d=0.01, lambda_s=0.0 if background else 0.01, cull_to_the_end=True
-        ),
-        background=BackgroundConfig(lambda_bg=0.15 if background else 0.0),
+        effects=effects, distractors=separating_distractors(), gaussians_per_pixel=0.05
+    )
+
+
+def paper_model(effects: EffectsConfig) -> DeSplatModelConfig:
+    """B.3; what it has for Photo Tourism alone are the effects and the number of steps."""
+    return DeSplatModelConfig(
+        effects=effects,
+        distractors=DistractorConfig(cull_to_the_end=True),
         refine_every=100,
         cull_to_the_end=True,
     )
@@ -147,33 +150,36 @@ def _method(
 desplat = _method(
     "desplat",
     "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU.",
-    DeSplatModelConfig(distractors=separating_distractors(), gaussians_per_pixel=0.05),
+    desplat_model(EffectsConfig()),
     NerfstudioDataParserConfig(load_3D_points=True),
 )
 
 desplat_paper = _method(
     "desplat-paper",
     "DeSplat with the settings of the paper (App. B.3), to compare with.",
-    DeSplatModelConfig(
-        distractors=DistractorConfig(cull_to_the_end=True),
-        refine_every=100,
-        cull_to_the_end=True,
-    ),
+    paper_model(EffectsConfig()),
     NerfstudioDataParserConfig(load_3D_points=True),
 )
 
 desplat_phototourism = _method(
     "desplat-phototourism",
-    "DeSplat for photos of changing light: appearance and background models.",
-    photo_tourism_model(background=True),
+    "DeSplat for tourists' photos: `desplat` with light and sky of each photo's own.",
+    desplat_model(EffectsConfig(appearance="affine", background="image")),
+    PhotoTourismDataParserConfig(),
+)
+
+desplat_phototourism_paper = _method(
+    "desplat-phototourism-paper",
+    "DeSplat with the paper's settings for Photo Tourism (App. B.3), to compare with.",
+    paper_model(EffectsConfig(appearance="affine", background="image")),
     PhotoTourismDataParserConfig(),
     PHOTO_TOURISM_STEPS,
 )
 
-desplat_phototourism_a = _method(
-    "desplat-phototourism-a",
-    "DeSplat for photos of changing light: the appearance model alone (DeSplat-A).",
-    photo_tourism_model(background=False),
+desplat_phototourism_a_paper = _method(
+    "desplat-phototourism-a-paper",
+    "As desplat-phototourism-paper, with the appearance model alone (DeSplat-A).",
+    paper_model(EffectsConfig(appearance="affine")),
     PhotoTourismDataParserConfig(),
     PHOTO_TOURISM_STEPS,
 )

@@ -5,12 +5,14 @@ from typing import Any
 import pytest
 from nerfstudio.configs.method_configs import method_configs as upstream
 
+from desplat_ns.effects import Effects
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.method_configs import (
     desplat,
     desplat_paper,
     desplat_phototourism,
-    desplat_phototourism_a,
+    desplat_phototourism_a_paper,
+    desplat_phototourism_paper,
     separating_distractors,
 )
 from desplat_ns.training.optimizers import FusedAdamConfig
@@ -91,8 +93,8 @@ def test_the_methods_differ_in_distractors_and_refinement_alone():
     assert (ours.method_name, CONFIG.method_name) == ("desplat", "desplat-paper")
 
 
-TOURISM: Any = desplat_phototourism.config
-TOURISM_A: Any = desplat_phototourism_a.config
+TOURISM: Any = desplat_phototourism_paper.config
+TOURISM_A: Any = desplat_phototourism_a_paper.config
 
 
 @pytest.mark.parametrize("config", [TOURISM, TOURISM_A])
@@ -115,13 +117,14 @@ def test_learning_rates_of_photo_tourism_in_b3(config, group, rate, final):
 
 @pytest.mark.parametrize(
     ("config", "background", "lambdas"),
-    [(TOURISM, True, (0.0, 0.01, 0.15)), (TOURISM_A, False, (0.01, 0.01, 0.0))],
+    [(TOURISM, "image", (0.0, 0.01, 0.15)), (TOURISM_A, "off", (0.01, 0.01, 0.0))],
 )
 def test_weights_and_sizes_of_photo_tourism_in_b3(config, background, lambdas):
     model = config.pipeline.model
-    found = (model.distractors.lambda_s, model.distractors.lambda_d, model.background.lambda_bg)
-    assert found == lambdas
-    assert (model.effects.appearance, model.effects.background) == ("affine", background)
+    effects, run = model.effects.settled(), model.for_run(100)
+    assert effects == Effects(appearance="affine", background=background)
+    lambda_bg = 0.0 if effects.background == "off" else run.background.lambda_bg
+    assert (run.distractors.lambda_s, run.distractors.lambda_d, lambda_bg) == lambdas
     assert config.max_num_iterations == 200_000
     appearance, behind = model.appearance, model.background
     assert (appearance.embedding_dim, appearance.fourier_frequencies) == (32, 4)
@@ -135,8 +138,18 @@ def test_weights_and_sizes_of_photo_tourism_in_b3(config, background, lambdas):
 
 
 def test_the_rest_of_photo_tourism_is_the_papers():
-    changed = {"effects", "distractors", "background"}
     for config in (TOURISM, TOURISM_A):
         ours, paper = vars(config.pipeline.model), vars(CONFIG.pipeline.model)
-        assert {name for name in ours if ours[name] != paper[name]} <= changed
+        assert {name for name in ours if ours[name] != paper[name]} == {"effects"}
         assert config.optimizers == CONFIG.optimizers
+
+
+def test_tourists_photos_get_desplat_with_light_and_sky():
+    ours: Any = desplat_phototourism.config
+    plain: Any = desplat.config
+    mine, theirs = vars(ours.pipeline.model), vars(plain.pipeline.model)
+    assert {name for name in mine if mine[name] != theirs[name]} == {"effects"}
+    wanted = Effects(distractors=True, appearance="affine", background="image")
+    assert ours.pipeline.model.effects.settled() == wanted
+    assert ours.optimizers == plain.optimizers
+    assert ours.max_num_iterations == plain.max_num_iterations

@@ -30,27 +30,24 @@ def _setting(
     return Setting(method, (*options, *switches, *right), what)
 
 
-A, FULL = "desplat-phototourism-a", "desplat-phototourism"
-SMALL_PHOTOS_EMPTY_SKY = (
-    *("--pipeline.model.distractors.lambda-s", "0"),
-    *("--pipeline.model.num-downscales", "0"),
-)
+A, FULL = "desplat-phototourism-a-paper", "desplat-phototourism-paper"
+SMALL_PHOTOS = ("--pipeline.model.num-downscales", "0")
 SETTINGS = {
     "plain": _setting("nothing (Splatfacto)", A, "off", False, distractors=False),
     "distractors": _setting("distractors", A, "off", False),
     "background": _setting("distractors, background", FULL, "off", True),
-    "affine": _setting("distractors, affine (`desplat-phototourism-a`)", A, "affine", False),
+    "affine": _setting("distractors, affine (`desplat-phototourism-a-paper`)", A, "affine", False),
     "sh": _setting("distractors, sh", A, "sh", False),
     "affine-background": _setting(
-        "distractors, affine, background (`desplat-phototourism`)", FULL, "affine", True
+        "distractors, affine, background (`desplat-phototourism-paper`)", FULL, "affine", True
     ),
     "sh-background": _setting("distractors, sh, background", FULL, "sh", True),
     "desplat": _setting(
-        "affine, background, and the distractors of `desplat`",
-        "desplat",
+        "affine, background, and the distractors of `desplat` (`desplat-phototourism`)",
+        "desplat-phototourism",
         "affine",
         True,
-        options=SMALL_PHOTOS_EMPTY_SKY,
+        options=SMALL_PHOTOS,
     ),
     "no-distractors": _setting("affine, background", FULL, "affine", True, distractors=False),
 }

@@ -63,7 +63,8 @@ class DistractorConfig:
     lambda_d: float = 0.01
     """Weight of the mean distractor opacity, Eq. 5. B.3."""
     lambda_s: float = 0.01
-    """Weight of the mean transparency of the static scene, Eq. 5. B.3."""
+    """Weight of the mean transparency of the static scene, Eq. 5. B.3. It counts as 0 if there is a
+    background, before which the scene may be empty (B.3, Photo Tourism)."""
     static_warmup: int = 0
     """Steps for which the static scene trains alone, without distractors. The paper has none."""
     max_warmup_visits: int = 15
