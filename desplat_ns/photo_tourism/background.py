@@ -17,11 +17,17 @@ MASK_THRESHOLD = 0.6
 """Share of a pixel's 3 x 3 neighbours that the background has to explain. Eq. 9."""
 
 
-def pixel_rays(view: View) -> Float[Tensor, "H W 3"]:
-    """Unit directions in the world from the camera through the centre of each pixel."""
-    like = view.viewmat
-    x = torch.arange(view.width, device=like.device, dtype=like.dtype) + 0.5
-    y = torch.arange(view.height, device=like.device, dtype=like.dtype) + 0.5
+NODES = 96
+"""Rays along each side of a picture along which the harmonics are evaluated; in between, colours
+are interpolated. A harmonic of degree l then errs by a^2 l (l + 1) / 8 of its size along each side,
+a being the angle from ray to ray: at degree 4 and 90 degrees of view by 0.001 in the middle, less
+beside it. A picture of fewer pixels has a ray for each."""
+
+
+def rays(
+    view: View, x: Float[Tensor, " columns"], y: Float[Tensor, " rows"]
+) -> Float[Tensor, "rows columns 3"]:
+    """Unit directions in the world from the camera through places of the picture, in pixels."""
     column = (x - view.K[0, 2]) / view.K[0, 0]
     row = (y - view.K[1, 2]) / view.K[1, 1]
     v, u = torch.meshgrid(row, column, indexing="ij")
@@ -29,20 +35,33 @@ def pixel_rays(view: View) -> Float[Tensor, "H W 3"]:
     return F.normalize(in_camera @ view.viewmat[:3, :3], dim=-1)
 
 
-def pixel_basis(view: View, degree: int) -> Float[Tensor, "H W used"]:
-    """The (degree + 1)^2 spherical harmonics along each pixel's ray."""
-    basis = sh_basis(degree, pixel_rays(view).reshape(-1, 3))
-    return basis.unflatten(0, (view.height, view.width))
+def _nodes(size: int, like: Tensor) -> tuple[Float[Tensor, " nodes"], Float[Tensor, "size nodes"]]:
+    """Places along one side of a picture, in pixels, and how much each pixel takes of each."""
+    count = min(size, NODES)
+    spacing = (size - 1) / max(count - 1, 1)
+    nodes = torch.arange(count, device=like.device, dtype=like.dtype) * spacing
+    pixels = torch.arange(size, device=like.device, dtype=like.dtype)
+    distance = (pixels[:, None] - nodes).abs() / max(spacing, 1.0)
+    return nodes + 0.5, (1 - distance).clamp(min=0)
 
 
-def background_color(
-    coefficients: Float[Tensor, "K 3"], basis: Float[Tensor, "*pixels used"]
-) -> Float[Tensor, "*pixels 3"]:
-    """SH + 1/2 along each ray, by as many of the coefficients as `basis` has, clamped to [0, 1].
+def background_image(
+    coefficients: Float[Tensor, "K 3"], view: View, degree: int
+) -> Float[Tensor, "H W 3"]:
+    """SH + 1/2 along the ray through each pixel's centre, clamped to [0, 1].
 
-    Source: App. A, c_BG of Eq. 8; the 1/2 is that of the Gaussians' colours.
+    Args:
+        degree: highest that is evaluated; (degree + 1)^2 <= K.
+
+    Source: App. A, c_BG of Eq. 8; the 1/2 is that of the Gaussians' colours. See `NODES`.
     """
-    return (basis @ coefficients[: basis.shape[-1]] + 0.5).clamp(0, 1)
+    x, across = _nodes(view.width, view.viewmat)
+    y, down = _nodes(view.height, view.viewmat)
+    basis = sh_basis(degree, rays(view, x, y).reshape(-1, 3))
+    colors = (basis @ coefficients[: basis.shape[1]]).unflatten(0, (len(y), len(x)))
+    by_row = down @ colors.permute(0, 2, 1).reshape(len(y), -1)  # H x (3 columns)
+    by_pixel = by_row.reshape(-1, len(x)) @ across.T
+    return (by_pixel.unflatten(0, (view.height, 3)).permute(0, 2, 1) + 0.5).clamp(0, 1)
 
 
 class SharedBackground(nn.Module):

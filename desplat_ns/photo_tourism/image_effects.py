@@ -15,8 +15,7 @@ from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance
 from desplat_ns.photo_tourism.background import (
     Background,
     SharedBackground,
-    background_color,
-    pixel_basis,
+    background_image,
 )
 from desplat_ns.photo_tourism.camera_response import (
     CameraResponses,
@@ -76,7 +75,6 @@ class ImageEffects(nn.Module):
             self.background = SharedBackground(
                 background.sh_degree if effects.background == "sh" else 0
             )
-        self._last: tuple[View, int, Tensor] | None = None
 
     # --- lights ------------------------------------------------------------------------------
 
@@ -155,19 +153,9 @@ class ImageEffects(nn.Module):
             coefficients = self.background()
         degree = min(degree, self.background.degree)
         if degree == 0:
-            color = background_color(coefficients, coefficients.new_full((1,), C0))
+            color = (C0 * coefficients[0] + 0.5).clamp(0, 1)
             return color if self.training else color.expand(view.height, view.width, 3)
-        return background_color(coefficients, self._basis(view, degree))
-
-    def _basis(self, view: View, degree: int) -> Tensor:
-        """The harmonics of a view; outside of training the last one's are kept, since an embedding
-        is optimized on one view."""
-        if self.training:
-            self._last = None
-            return pixel_basis(view, degree)
-        if self._last is None or self._last[0] is not view or self._last[1] != degree:
-            self._last = (view, degree, pixel_basis(view, degree))
-        return self._last[2]
+        return background_image(coefficients, view, degree)
 
     # --- training ----------------------------------------------------------------------------
 

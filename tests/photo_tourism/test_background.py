@@ -7,14 +7,14 @@ import torch
 from torch.autograd import gradcheck
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.backend.spherical_harmonics import C0
+from desplat_ns.backend.spherical_harmonics import C0, sh_basis
 from desplat_ns.photo_tourism.background import (
+    NODES,
     Background,
-    background_color,
+    background_image,
     background_opacity_loss,
     explained_by_background,
-    pixel_basis,
-    pixel_rays,
+    rays,
 )
 from desplat_ns.photo_tourism.config import BackgroundConfig
 
@@ -36,21 +36,22 @@ def view(width: int = 5, height: int = 4) -> View:
 
 def test_rays_project_to_the_centres_of_their_pixels():
     one = view()
-    rays = pixel_rays(one)
+    x, y = torch.arange(5).double() + 0.5, torch.arange(4).double() + 0.5
+    through = rays(one, x, y)
     centre = -one.viewmat[:3, :3].T @ one.viewmat[:3, 3]
-    points = centre + 7.0 * rays
+    points = centre + 7.0 * through
     in_camera = points @ one.viewmat[:3, :3].T + one.viewmat[:3, 3]
     pixels = in_camera @ one.K.T
     pixels = pixels[..., :2] / pixels[..., 2:]
     v, u = torch.meshgrid(torch.arange(4) + 0.5, torch.arange(5) + 0.5, indexing="ij")
     torch.testing.assert_close(pixels, torch.stack([u, v], dim=-1).double())
-    torch.testing.assert_close(rays.norm(dim=-1), torch.ones(4, 5, dtype=torch.float64))
+    torch.testing.assert_close(through.norm(dim=-1), torch.ones(4, 5, dtype=torch.float64))
 
 
 def test_a_constant_background():
     coefficients = torch.zeros(25, 3, dtype=torch.float64)
     coefficients[0] = torch.tensor([0.1, 0.2, -0.3], dtype=torch.float64) / C0
-    image = background_color(coefficients, pixel_basis(view(), 4))
+    image = background_image(coefficients, view(), 4)
     expected = torch.tensor([0.6, 0.7, 0.2], dtype=torch.float64).expand(4, 5, 3)
     torch.testing.assert_close(image, expected)
 
@@ -58,15 +59,43 @@ def test_a_constant_background():
 def test_degrees_above_the_active_one_are_not_seen():
     coefficients = torch.zeros(25, 3, dtype=torch.float64)
     coefficients[4:] = 0.1
-    grey = background_color(coefficients, pixel_basis(view(), 1))
+    grey = background_image(coefficients, view(), 1)
     torch.testing.assert_close(grey, torch.full_like(grey, 0.5))
-    assert (background_color(coefficients, pixel_basis(view(), 2)) - 0.5).abs().max() > 0.01
+    assert (background_image(coefficients, view(), 2) - 0.5).abs().max() > 0.01
 
 
 def test_gradients_of_the_background():
     coefficients = 0.05 * torch.randn(25, 3, dtype=torch.float64)
-    basis = pixel_basis(view(), 4)
-    assert gradcheck(lambda b: background_color(b, basis), [coefficients.requires_grad_()])
+    assert gradcheck(lambda b: background_image(b, view(), 4), [coefficients.requires_grad_()])
+
+
+@pytest.mark.parametrize("size", [(300, 1), (1, 200), (301, 203)])
+def test_between_the_nodes_a_large_picture_errs_by_little(size):
+    """Against the harmonics of every pixel's own ray; each side may add what NODES says."""
+    width, height = size
+    K = torch.tensor([[250.0, 0, 140], [0, 260.0, 90], [0, 0, 1]], dtype=torch.float64)
+    one = View(view().viewmat, K, width, height)
+    generator = torch.Generator().manual_seed(0)
+    coefficients = 0.1 * torch.randn(25, 3, dtype=torch.float64, generator=generator)
+    x = torch.arange(width).double() + 0.5
+    y = torch.arange(height).double() + 0.5
+    exact = sh_basis(4, rays(one, x, y).reshape(-1, 3)) @ coefficients + 0.5
+    image = background_image(coefficients, one, 4)
+    assert image.shape == (height, width, 3)
+    error = (image.reshape(-1, 3) - exact.clamp(0, 1)).abs().max()
+    angle = max(width, height) / NODES / 250
+    assert error < 2 * angle**2 * 4 * 5 / 8 * coefficients.abs().sum(dim=0).max()
+    assert exact.std() > 0.05
+
+
+def test_a_small_picture_is_exact():
+    """Each of its pixels has a ray of its own."""
+    coefficients = 0.1 * torch.randn(9, 3, dtype=torch.float64)
+    one = view()
+    x, y = torch.arange(5).double() + 0.5, torch.arange(4).double() + 0.5
+    exact = sh_basis(2, rays(one, x, y).reshape(-1, 3)) @ coefficients + 0.5
+    image = background_image(coefficients, one, 2)
+    torch.testing.assert_close(image.reshape(-1, 3), exact.clamp(0, 1))
 
 
 def test_the_mlp_has_the_sizes_of_b3_and_starts_grey():
@@ -123,8 +152,9 @@ def test_a_huge_embedding_gives_a_finite_background():
     for head in (model.sh_dc, model.sh_rest):
         torch.nn.init.normal_(head.weight)
     embedding = torch.full((4,), 1e4, requires_grad=True)
-    basis = pixel_basis(view(), 4).float()
-    image = background_color(model(embedding), basis)
+    one = view()
+    one = View(one.viewmat.float(), one.K.float(), one.width, one.height)
+    image = background_image(model(embedding), one, 4)
     assert image.isfinite().all() and image.min() >= 0 and image.max() <= 1
     (grad,) = torch.autograd.grad(model(embedding).sum(), embedding)
     assert grad.isfinite().all()

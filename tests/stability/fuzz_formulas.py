@@ -125,8 +125,8 @@ def _background_opacity(alpha_d: Tensor, alpha_s: Tensor, sky: Tensor, photo: Te
     return background.background_opacity_loss(alpha_d, alpha_s, explained)
 
 
-def _background_color(coefficients: Tensor) -> Tensor:
-    return background.background_color(coefficients, background.pixel_basis(VIEW, 4))
+def _background_image(coefficients: Tensor) -> Tensor:
+    return background.background_image(coefficients, VIEW, 4)
 
 
 def _baked(coefficients: Tensor, gamma: Tensor, beta: Tensor) -> Tensor:
@@ -178,6 +178,6 @@ FORMULAS = (
     Formula(
         "fourier_features", partial(appearance.fourier_features, frequencies=4), ((FINITE, (9, 3)),)
     ),
-    Formula("background_color", _background_color, ((MODERATE, (25, 3)),)),
+    Formula("background_image", _background_image, ((MODERATE, (25, 3)),)),
     Formula("background_opacity_loss", _background_opacity, (PLANE, PLANE, IMAGE, IMAGE)),
 )
