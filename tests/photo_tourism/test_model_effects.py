@@ -9,9 +9,12 @@ import torch
 
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.gaussians.activation import activate_static
+from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModel
+from desplat_ns.photo_tourism.camera_response import CENTRED, camera_response, squared_radius
+from desplat_ns.photo_tourism.halves import embedding_from_left_half, left_half
 from desplat_ns.photo_tourism.image_effects import FEATURES
-from tests.helpers.lit_model import model_with, moved
+from tests.helpers.lit_model import held_out, model_with, moved
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, make_model
 
 OF_NETWORKS = {"appearance_mlp", "image_embeddings", "background_encoder", "background_sh_dc"}
@@ -170,3 +173,68 @@ def test_effects_work_without_distractors():
     effects = EffectsConfig(distractors=False, appearance="affine", background="image")
     model = make_model(effects=effects)
     assert "background_opacity" in Trainer(model).step(0)["losses"]
+
+
+def lit_photos(model: DeSplatModel, lights: torch.Tensor) -> list[torch.Tensor]:
+    """What the three training cameras would photograph, each in its own light."""
+    photos = []
+    for view in range(3):
+        plain = model.eval().get_outputs_for_camera(camera(view))["rgb"]
+        radius2 = squared_radius(model.view_of_camera(camera(view), None))
+        photos.append(camera_response(plain, lights[view], radius2).clamp(0, 1))
+    return photos
+
+
+def test_training_finds_the_cameras_responses_and_leaves_the_scene_its_colours():
+    model = model_with("camera", distractors=DistractorConfig(per_view=0))
+    lights = torch.tensor([[0.3, 0.2, 0.1, 0, 0], [0, 0, 0, 0.2, 0], [-0.3, -0.2, -0.1, -0.2, 0]])
+    photos = lit_photos(model, lights)
+    trainer = Trainer(model)
+    model.strategy.refine_stop_iter = 0
+    trainer.optimizers = {
+        "camera_responses": torch.optim.Adam(model.get_param_groups()["camera_responses"], lr=0.01)
+    }
+    for step in range(240):
+        trainer.photo = photos[step % 3]
+        trainer.step(step, view=step % 3)
+    assert model.image_effects is not None and model.image_effects.responses is not None
+    found = model.image_effects.responses.weight.detach()
+    torch.testing.assert_close(found[:, :3], lights[:, :3], atol=0.06, rtol=0)
+    assert model.average_embedding()[:CENTRED].abs().max() < 1e-5
+    assert not torch.equal(draw(model.eval(), 0), draw(model, 2))
+
+
+def test_distractors_keep_their_own_colours_before_a_toned_scene():
+    model = model_with("camera").eval()
+    before = model.get_outputs_for_camera(camera(1))
+    assert model.image_effects is not None and model.image_effects.responses is not None
+    model.image_effects.responses.weight.data[1, :3] = 0.5
+    after = model.get_outputs_for_camera(camera(1))
+    assert torch.equal(before["rgb_distractor"], after["rgb_distractor"])
+    alpha, layer = after["alpha_distractor"], after["rgb_distractor"]
+    seen = (after["rgb_static"] < 1).all(dim=-1)
+    expected = layer + (1 - alpha) * after["rgb_static"]
+    torch.testing.assert_close(after["rgb_composite"][seen], expected.clamp(0, 1)[seen])
+    assert (after["rgb_static"] - before["rgb_static"]).max() > 0.05
+
+
+def test_an_exported_scene_has_its_true_colours_whatever_the_cameras_did():
+    model = model_with("camera").eval()
+    before = model.shs_0.clone()
+    assert model.image_effects is not None and model.image_effects.responses is not None
+    model.image_effects.responses.weight.data[:, :3] = torch.tensor([[0.5], [0.0], [-0.5]])
+    assert torch.equal(model.shs_0, before)
+    assert torch.equal(draw(model, None), draw(model_with("camera").eval(), None))
+
+
+def test_the_light_of_a_test_photo_is_found_on_its_left_half_at_once():
+    model = model_with("camera").eval()
+    light = torch.tensor([0.3, 0.1, -0.1, 0.15, 0.0])
+    plain = model.get_outputs_for_camera(held_out())["rgb"]
+    radius2 = squared_radius(model.view_of_camera(held_out(), None))
+    photo = camera_response(plain, light, radius2).clamp(0, 1)
+    photo[:, WIDTH // 2 :] = 0.5  # what the right half shows has no say
+    found = embedding_from_left_half(model, held_out(), photo, 0, 0.01)
+    with model.shown_in(found):
+        again = model.get_outputs_for_camera(held_out())["rgb"]
+    torch.testing.assert_close(left_half(again), left_half(photo), atol=2e-3, rtol=0)
