@@ -69,7 +69,7 @@ def distractor_optimizers() -> dict:
 def image_effect_optimizers() -> dict:
     """B.3, for appearance and background where they are on; the cheaper grades' are ours."""
     return {
-        "camera_responses": _decaying(5e-3, 5e-4),
+        "camera_responses": _decaying(2e-2, 5e-4),
         "background_coefficients": _decaying(1e-2, 1e-3),
         "appearance_mlp": _constant(5e-4),
         "image_embeddings": _constant(1e-3),
