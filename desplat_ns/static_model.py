@@ -34,6 +34,7 @@ from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
 from desplat_ns.photo_tourism.shown_light import ShownLight
+from desplat_ns.rendering.first_columns import needed_by_columns, rows_of
 from desplat_ns.rendering.layers import static_outputs
 from desplat_ns.rendering.views import view_of
 from desplat_ns.training.run_length import (
@@ -281,19 +282,40 @@ class StaticModel(SplatfactoModel):
         color = self._get_background_color()
         return color if self.training else color.expand(view.height, view.width, 3)
 
-    def as_function_of_embedding(self, view: View) -> Callable[[Tensor], Tensor]:
+    def as_function_of_embedding(
+        self, view: View, columns: int | None = None
+    ) -> Callable[[Tensor], Tensor]:
         """The static scene [H, W, 3] seen from `view`, given an image embedding [E].
 
-        Everything else is held constant.
+        Everything else is held constant. Where `columns` is given, only as many of the first ones
+        are right: what they do not need is left out.
         """
         constants = {name: value.detach() for name, value in self.gauss_params.items()}
+        settings, splats = self.render_settings(depth=False), self._splats(constants, None)
+        if columns is not None:
+            needed = needed_by_columns(self.rasterizer, splats, view, settings, columns)
+            constants = {name: value[needed] for name, value in constants.items()}
+            splats = rows_of(splats, needed)
+        lit = self._lit(splats, constants, view, settings, frozen=True)
 
         def draw(embedding: Tensor) -> Tensor:
-            splats = self._splats(constants, embedding)
-            static = self.rasterizer(splats, view, self.render_settings(depth=False))
+            static = self.rasterizer(lit(embedding), view, settings)
             return static_outputs(static, self.background_of(view, embedding))["rgb"]
 
         return draw
+
+    def _lit(
+        self,
+        splats: Splats,
+        params: RawParameters,
+        view: View,
+        settings: RenderSettings,
+        frozen: bool = False,
+    ) -> Callable[[Tensor | None], Splats]:
+        """Static Gaussians in the colours of an embedding, as far as `view` shows them."""
+        if self.image_effects is None or FEATURES not in params:
+            return lambda embedding: splats
+        return self.image_effects.lit(splats, params[FEATURES], view, settings, frozen)  # type: ignore[return-value]
 
     def _splats(self, params: RawParameters, embedding: Tensor | None) -> Splats:
         """Static Gaussians in the colours of the image that `embedding` describes."""
@@ -332,8 +354,10 @@ class StaticModel(SplatfactoModel):
         params: RawParameters = self.gauss_params
         if keep is not None:
             params = {name: value[keep] for name, value in params.items()}
-        splats = self._splats(params, embedding)
-        rendering = self.rasterizer(splats, view, self.render_settings(depth))
+        settings, splats = self.render_settings(depth), self._splats(params, None)
+        if embedding is not None:
+            splats = self._lit(splats, params, view, settings)(embedding)
+        rendering = self.rasterizer(splats, view, settings)
         if self.training:
             self.info = strategy_info(rendering, view)
             self.strategy.step_pre_backward(

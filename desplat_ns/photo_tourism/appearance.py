@@ -18,7 +18,7 @@ from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.photo_tourism.fused_mlp import Layers, mlp_of_rows
 from desplat_ns.photo_tourism.mlp import hidden_layers, zero_head
-from desplat_ns.photo_tourism.mlp_dtype import product_dtype
+from desplat_ns.photo_tourism.mlp_dtype import MlpDtype, product_dtype
 
 CENTRAL_QUANTILE = 0.97
 """Share of the points that set the scale of Fourier features: a few far ones do not count."""
@@ -81,7 +81,7 @@ class _Appearance(nn.Module):
         inputs = config.embedding_dim + per_gaussian
         self.body = hidden_layers(inputs, config.hidden_layers, width)
         self.head = zero_head(width, outputs)
-        self.mlp_dtype = config.mlp_dtype
+        self.mlp_dtype: MlpDtype = config.mlp_dtype
 
     def _predict(
         self,

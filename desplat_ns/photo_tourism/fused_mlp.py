@@ -126,6 +126,7 @@ class _Mlp(torch.autograd.Function):
             parts, weights, biases = job.split(tensors)
             out = _new(parts[0], len(weights[-1]), True)
             hidden = _run(job, parts, weights, biases, out, True)
+        assert hidden is not None
         gradients = _pull(job, tensors, ctx.needs_input_grad[1:], hidden, grad)
         _workspace.give_back(hidden)
         return None, *gradients

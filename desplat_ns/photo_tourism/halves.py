@@ -65,8 +65,11 @@ class LitModel(Protocol):
     config: Any
     """Has `ssim_lambda`."""
 
-    def as_function_of_embedding(self, view: View) -> Callable[[Tensor], Tensor]:
-        """The static scene [H, W, 3] seen from `view`, given an image embedding [E]."""
+    def as_function_of_embedding(
+        self, view: View, columns: int | None = None
+    ) -> Callable[[Tensor], Tensor]:
+        """The static scene [H, W, 3] seen from `view`, given an image embedding [E]; where
+        `columns` is given, no more than as many of the first columns need to be right."""
         ...
 
     def average_embedding(self) -> Tensor:
@@ -89,8 +92,9 @@ def embedding_from_left_half(
     """The embedding that explains the left half of a photo best.
 
     The model is in eval mode and stays bit-identical. The start is the average of the training
-    images' embeddings. The whole view is drawn: half of it would be cut at another border, where
-    EWA bounds and culls Gaussians differently (1e-3 of colour).
+    images' embeddings. The view keeps its size: half of it would be cut at another border, where
+    EWA bounds and culls Gaussians differently (1e-3 of colour). Gaussians that the left half does
+    not need are not drawn.
 
     Args:
         photo: the whole photo; columns from W // 2 on are not looked at.
@@ -106,7 +110,8 @@ def embedding_from_left_half(
             f"A photo to evaluate is {view.width} pixels wide; its halves need {MIN_WIDTH // 2} "
             "each. Leave it out of the test images, or evaluate by `desplat-eval --protocol full`."
         )
-    draw, ssim_weight = model.as_function_of_embedding(view), model.config.ssim_lambda
+    draw = model.as_function_of_embedding(view, view.width // 2)
+    ssim_weight = model.config.ssim_lambda
     seen = 1.0 if mask is None else left_half(mask.to(photo))
     target = left_half(photo) * seen
     return fit_embedding(
