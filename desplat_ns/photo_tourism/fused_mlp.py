@@ -156,7 +156,7 @@ def _run(
         hidden, at = _layers(memory, at if is_kept else 0, widths, size)
         for weight, bias, to in zip(w, b, hidden, strict=False):
             h = torch.addmm(bias, weight, h, out=to).relu_()
-        out[block] = torch.addmm(b[-1], w[-1], h).t().to(out.dtype)
+        _put(out, block, torch.addmm(b[-1], w[-1], h).t())
     if is_kept:
         return memory
     _workspace.give_back(memory)
@@ -165,6 +165,18 @@ def _run(
 
 def _count(block: Tensor | slice) -> int:
     return len(block) if isinstance(block, Tensor) else block.stop - block.start
+
+
+def _rows(values: Tensor, block: Tensor | slice) -> Tensor:
+    return values.index_select(0, block) if isinstance(block, Tensor) else values[block]
+
+
+def _put(to: Tensor, block: Tensor | slice, values: Tensor) -> None:
+    """Write rows; several times faster than `to[block] = values`."""
+    if isinstance(block, Tensor):
+        to.index_copy_(0, block, values.to(to.dtype))
+    else:
+        to[block] = values
 
 
 def _layers(memory: Tensor, at: int, widths: list[int], size: int) -> tuple[list[Tensor], int]:
@@ -177,7 +189,7 @@ def _layers(memory: Tensor, at: int, widths: list[int], size: int) -> tuple[list
 
 
 def _input(job: _Job, parts: list[Tensor], block: Tensor | slice) -> Tensor:
-    return torch.cat([part[block] for part in parts], dim=1).to(job.dtype)
+    return torch.cat([_rows(part, block) for part in parts], dim=1).to(job.dtype)
 
 
 def _pull(
@@ -201,7 +213,7 @@ def _pull(
     for block in blocks:
         h, at = _layers(hidden, at, widths, _count(block))
         x = _input(job, parts, block)
-        v = grad[block].t().to(job.dtype)
+        v = _rows(grad, block).t().to(job.dtype)
         for k in range(len(w) - 1, last - 1, -1):
             if needs_weights[k]:
                 _add_product(by_weight[k], v, h[k - 1] if k > 0 else x.t())
@@ -214,7 +226,7 @@ def _pull(
             columns = _pulled(w[0], v, turns[0]).t().split([part.shape[1] for part in parts], dim=1)
             for to, found in zip(by_part, columns, strict=True):
                 if to is not None:
-                    to[block] = found.to(to.dtype)
+                    _put(to, block, found)
     kept = zip([*by_weight, *by_bias], [*needs_weights, *needs_biases], strict=True)
     return [*by_part, *(found if is_needed else None for found, is_needed in kept)]
 

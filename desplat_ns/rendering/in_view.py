@@ -45,21 +45,27 @@ def in_view(splats: Splats, view: View, settings: RenderSettings) -> Bool[Tensor
     that are not finite are left out.
     """
     rotation, translation = view.viewmat[:3, :3], view.viewmat[:3, 3]
-    camera = splats.means @ rotation.T + translation
-    largest = splats.means.abs().amax(-1) * rotation.abs().sum(1).max() + translation.abs().max()
-    off = ROUNDING * torch.finfo(camera.dtype).eps * largest
-    z = camera[:, 2]
+    camera = (rotation @ splats.means.T + translation[:, None]).unbind(0)
+    largest = _largest(splats.means) * rotation.abs().sum(1).max() + translation.abs().max()
+    off = ROUNDING * torch.finfo(largest.dtype).eps * largest
+    z = camera[2]
     shown = (z + off >= settings.near_plane) & (z - off <= settings.far_plane)
     shown &= splats.opacities >= (1 - EASE) * ALPHA_CUTOFF
-    sigmas = (1 + EASE) * REACH_SIGMAS * splats.scales.abs().amax(-1) * _stretch(view)
+    sigmas = (1 + EASE) * REACH_SIGMAS * _largest(splats.scales) * _stretch(view)
     blurred = REACH_SIGMAS * math.sqrt(settings.eps2d + MORE_EPS) + PIXELS
     reach = sigmas + blurred * (z + off)
     for axis, size in ((0, view.width), (1, view.height)):
         focal, center = view.K[axis, axis], view.K[axis, 2]
-        place = focal * camera[:, axis] + center * z
+        place = focal * camera[axis] + center * z
         loose = reach + off * (focal + center.abs() + size)
         shown &= (place + loose >= 0) & (place - size * z - loose <= 0)
     return shown
+
+
+def _largest(vectors: Tensor) -> Tensor:
+    """The largest absolute value of each row of three: `amax` takes several times as long."""
+    x, y, z = vectors.abs().T.contiguous().unbind(0)
+    return torch.maximum(torch.maximum(x, y), z)
 
 
 def _stretch(view: View) -> Tensor:
