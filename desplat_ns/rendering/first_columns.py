@@ -18,6 +18,9 @@ from desplat_ns.backend.contributions import GEOMETRY
 from desplat_ns.backend.protocol import Rasterizer, RenderSettings, Splats, View
 from desplat_ns.rendering.in_view import in_view
 
+MAX_ROUNDS = 8
+"""Of adding what pixels miss. Three were needed in tests; after these, all in view are taken."""
+
 
 def rows_of(splats: Splats, rows: Bool[Tensor, " N"]) -> Splats:
     """Only these Gaussians."""
@@ -32,6 +35,9 @@ def needed_by_columns(
 
     Drawn alone they give those columns bit for bit, in whatever colours; the other columns are
     wrong. Takes two drawings, and two more for each round of pixels that would go on.
+
+    The `torch` backend sums in batches, whose rounding depends on what else is in a tile: there the
+    opacities differ everywhere, and all Gaussians in view are needed for the same bits.
     """
     geometry = {name: getattr(splats, name).detach() for name in GEOMETRY}
     white = torch.ones_like(splats.means)
@@ -40,13 +46,16 @@ def needed_by_columns(
     seen = in_view(alone, view, settings)
     alpha, weights = draw(alone, seen)
     needed = weights > 0
-    while True:
+    for _ in range(MAX_ROUNDS):
         goes_on = draw(alone, needed)[0] != alpha
         if not goes_on.any():
             return needed
         others = seen & ~needed
         missed = draw(alone, others, goes_on)[1] > 0
-        needed = needed | missed if missed.any() else seen
+        if not missed.any():
+            break
+        needed = needed | missed
+    return seen
 
 
 class _Columns:
