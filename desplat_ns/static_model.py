@@ -36,6 +36,7 @@ from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.rendering.compositing import over_background
+from desplat_ns.rendering.first_columns import needed_by_columns, rows_of
 from desplat_ns.rendering.views import view_of
 from desplat_ns.training.run_length import (
     SPLATFACTOS_INTERVAL,
@@ -301,18 +302,27 @@ class StaticModel(SplatfactoModel):
             return colors
         return self.image_effects.photographed(colors, view, embedding)
 
-    def as_function_of_embedding(self, view: View) -> Callable[[Tensor], Tensor]:
+    def as_function_of_embedding(
+        self, view: View, columns: int | None = None
+    ) -> Callable[[Tensor], Tensor]:
         """The static scene [H, W, 3] seen from `view`, given an image embedding [E].
 
-        Everything else is held constant.
+        Everything else is held constant. Where `columns` is given, only as many of the first ones
+        are right: what they do not need is left out.
         """
         constants = {name: value.detach() for name, value in self.gauss_params.items()}
+        settings, splats = self.render_settings(depth=False), self._splats(constants, None)
+        if columns is not None:
+            needed = needed_by_columns(self.rasterizer, splats, view, settings, columns)
+            constants = {name: value[needed] for name, value in constants.items()}
+            splats = rows_of(splats, needed)
+        lit = self._lit(splats, constants, view, settings, frozen=True)
+        static = self.rasterizer(splats, view, settings)
 
         def draw(embedding: Tensor) -> Tensor:
-            splats = self._splats(constants, embedding)
-            static = self.rasterizer(splats, view, self.render_settings(depth=False))
+            drawn = static if lit is None else self.rasterizer(lit(embedding), view, settings)
             background = self.background_of(view, embedding)
-            return self.image_of(static, background, view, embedding).clamp(0, 1)
+            return self.image_of(drawn, background, view, embedding).clamp(0, 1)
 
         return draw
 
@@ -322,12 +332,25 @@ class StaticModel(SplatfactoModel):
         if it takes an optimizer to find it."""
         if self.effects.appearance != "camera" or self.effects.image_embeddings:
             return None
-        static = self.rasterizer(
-            self._splats(self.gauss_params, None), view, self.render_settings(depth=False)
-        )
+        splats = self._splats(self.gauss_params, None)
+        static = self.rasterizer(splats, view, self.render_settings(depth=False))
         background = self.background_of(view, self.average_embedding())
         image = self.image_of(static, background, view, None)
         return fit_response(image[seen], photo[seen], squared_radius(view)[seen])
+
+    def _lit(
+        self,
+        splats: Splats,
+        params: RawParameters,
+        view: View,
+        settings: RenderSettings,
+        frozen: bool = False,
+    ) -> Callable[[Tensor], Splats] | None:
+        """Gives the static Gaussians in the colours of an embedding, as far as `view` shows them;
+        None if they have the same in all."""
+        if self.image_effects is None or FEATURES not in params:
+            return None
+        return self.image_effects.lit(splats, params[FEATURES], view, settings, frozen)
 
     def _splats(self, params: RawParameters, embedding: Tensor | None) -> Splats:
         """Static Gaussians in the colours of the image that `embedding` describes."""
@@ -372,8 +395,11 @@ class StaticModel(SplatfactoModel):
         params: RawParameters = self.gauss_params
         if keep is not None:
             params = {name: value[keep] for name, value in params.items()}
-        splats = self._splats(params, embedding)
-        rendering = self.rasterizer(splats, view, self.render_settings(depth))
+        settings, splats = self.render_settings(depth), self._splats(params, None)
+        lit = None if embedding is None else self._lit(splats, params, view, settings)
+        if embedding is not None and lit is not None:
+            splats = lit(embedding)
+        rendering = self.rasterizer(splats, view, settings)
         if self.training:
             self.info = strategy_info(rendering, view)
             self.strategy.step_pre_backward(

@@ -8,24 +8,23 @@ viewer can show the result. Letters in shapes: N Gaussians, K bases, E and Z num
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.photo_tourism.config import AppearanceConfig
+from desplat_ns.photo_tourism.fused_mlp import Layers, mlp_of_rows
 from desplat_ns.photo_tourism.mlp import hidden_layers, zero_head
+from desplat_ns.photo_tourism.mlp_dtype import MlpDtype, product_dtype
 
 CENTRAL_QUANTILE = 0.97
 """Share of the points that set the scale of Fourier features: a few far ones do not count."""
 
 FARTHEST = 1e6
 """Units of that scale. Farther points get the features of this distance, which are arbitrary."""
-
-ROWS_AT_ONCE = 4096
-"""Gaussians that pass through the MLP together on a CPU: their activations fit the cache, which
-halves the time of 100,000. A GPU takes all."""
 
 
 def fourier_features(points: Float[Tensor, "N 3"], frequencies: int) -> Float[Tensor, "N Z"]:
@@ -82,18 +81,27 @@ class _Appearance(nn.Module):
         inputs = config.embedding_dim + per_gaussian
         self.body = hidden_layers(inputs, config.hidden_layers, width)
         self.head = zero_head(width, outputs)
+        self.mlp_dtype: MlpDtype = config.mlp_dtype
 
     def _predict(
-        self, embedding: Float[Tensor, " E"], own: Float[Tensor, "N F"]
+        self,
+        embedding: Float[Tensor, " E"],
+        own: Sequence[Float[Tensor, "N _"]],
+        rows: Int[Tensor, " R"] | None,
     ) -> Float[Tensor, "N outputs"]:
-        """The embedding is the same in every row: its part of layer one is worked out once."""
-        first = self.body[0]
-        assert isinstance(first, nn.Linear)
-        of_image, of_gaussian = first.weight.split([len(embedding), own.shape[1]], dim=1)
-        bias = first.bias + of_image @ embedding
-        rows = ROWS_AT_ONCE if own.device.type == "cpu" else max(1, len(own))
-        hidden = (nn.functional.linear(part, of_gaussian, bias) for part in own.split(rows))
-        return torch.cat([self.head(self.body[1:](part)) for part in hidden])
+        """The outputs of the given rows, 0 in all others; of all rows if None.
+
+        The embedding is the same in every row: its part of layer one is worked out once.
+        """
+        first, *others = [m for m in (*self.body, self.head) if isinstance(m, nn.Linear)]
+        of_image, of_gaussian = first.weight.split(
+            [len(embedding), first.in_features - len(embedding)], dim=1
+        )
+        layers = Layers(
+            [of_gaussian, *(layer.weight for layer in others)],
+            [first.bias + of_image @ embedding, *(layer.bias for layer in others)],
+        )
+        return mlp_of_rows(own, layers, rows, product_dtype(self.mlp_dtype, own[0], self.training))
 
 
 class AffineAppearance(_Appearance):
@@ -111,12 +119,16 @@ class AffineAppearance(_Appearance):
         embedding: Float[Tensor, " E"],
         features: Float[Tensor, "N Z"],
         zeroth: Float[Tensor, "N 3"],
+        rows: Int[Tensor, " R"] | None = None,
     ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N 3"]]:
         """(beta, gamma) for e_j, z_i and the zeroth SH coefficient.
 
+        Args:
+            rows: of which Gaussians; all others get (0, 1). All if None.
+
         Source: Eq. 6.
         """
-        shift, scale = self._predict(embedding, torch.cat([features, zeroth], dim=1)).split(3, 1)
+        shift, scale = self._predict(embedding, [features, zeroth], rows).split(3, 1)
         return shift, 1 + scale
 
     def forward(
@@ -150,8 +162,10 @@ class ShAppearance(_Appearance):
         features: Float[Tensor, "N Z"],
         coefficients: Float[Tensor, "N K 3"],
         sh_degree: int,
+        rows: Int[Tensor, " R"] | None = None,
     ) -> Float[Tensor, "N K 3"]:
-        """The coefficients as the image shows them, up to `sh_degree`; those above stay."""
-        added = self._predict(embedding, features).unflatten(1, (self.num_bases, 3))
+        """The coefficients as the image shows them, up to `sh_degree`; those above stay, and those
+        of Gaussians that are not among `rows`, where it is given."""
+        added = self._predict(embedding, [features], rows).unflatten(1, (self.num_bases, 3))
         used = (sh_degree + 1) ** 2
         return torch.cat([coefficients[:, :used] + added[:, :used], coefficients[:, used:]], dim=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Literal
 
 from desplat_ns.errors import ConfigError
 
@@ -29,6 +30,10 @@ class AppearanceConfig:
     """Of the MLP. B.3."""
     hidden_width: int = 128
     """Units in each hidden layer. B.3."""
+    mlp_dtype: Literal["float32", "bfloat16"] = "float32"
+    """Of the MLP's products and of what lies between its layers. bfloat16 has 8 bits of mantissa
+    and takes about 0.6 of the time where the processor has instructions for it; elsewhere training
+    is refused. docs/photo_tourism.md has its errors."""
 
 
 @dataclass

@@ -65,8 +65,11 @@ class LitModel(Protocol):
     config: Any
     """Has `ssim_lambda`."""
 
-    def as_function_of_embedding(self, view: View) -> Callable[[Tensor], Tensor]:
-        """The static scene [H, W, 3] seen from `view`, given an image embedding [E]."""
+    def as_function_of_embedding(
+        self, view: View, columns: int | None = None
+    ) -> Callable[[Tensor], Tensor]:
+        """The static scene [H, W, 3] seen from `view`, given an image embedding [E]; where
+        `columns` is given, no more than as many of the first columns need to be right."""
         ...
 
     def embedding_in_closed_form(self, view: View, photo: Tensor, seen: Tensor) -> Tensor | None:
@@ -94,9 +97,9 @@ def embedding_from_left_half(
     """The embedding that explains the left half of a photo best.
 
     The model is in eval mode and stays bit-identical. Numbers of a camera's response are found in
-    closed form; other embeddings by Adam, from the average of the training images' on. The whole
-    view is drawn: half of it would be cut at another border, where EWA bounds and culls Gaussians
-    differently (1e-3 of colour).
+    closed form; other embeddings by Adam, from the average of the training images' on. The view
+    keeps its size: half of it would be cut at another border, where EWA bounds and culls Gaussians
+    differently (1e-3 of colour). Gaussians that the left half does not need are not drawn.
 
     Args:
         photo: the whole photo; columns from W // 2 on are not looked at.
@@ -117,7 +120,8 @@ def embedding_from_left_half(
     found = model.embedding_in_closed_form(view, photo, counts)
     if found is not None:
         return found
-    draw, ssim_weight = model.as_function_of_embedding(view), model.config.ssim_lambda
+    draw = model.as_function_of_embedding(view, view.width // 2)
+    ssim_weight = model.config.ssim_lambda
     seen = 1.0 if mask is None else left_half(mask.to(photo))
     target = left_half(photo) * seen
     return fit_embedding(

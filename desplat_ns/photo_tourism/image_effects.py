@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from desplat_ns.backend.protocol import Splats, View
+from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.effects import Effects
 from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance
@@ -24,6 +25,7 @@ from desplat_ns.photo_tourism.camera_response import (
 )
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig, check_sizes
 from desplat_ns.photo_tourism.embeddings import ImageEmbeddings, ImageTable
+from desplat_ns.photo_tourism.lit_splats import Lit, as_harmonics, lit_splats
 
 FEATURES = "appearance_features"
 """Name of z_i among the static Gaussians' parameters, where every split, clone and prune finds
@@ -107,16 +109,14 @@ class ImageEffects(nn.Module):
     def toned(
         self, splats: Splats, features: Float[Tensor, "N Z"], embedding: Float[Tensor, " E"]
     ) -> Splats:
-        """Static Gaussians in the colours of the image that `embedding` describes.
+        """All static Gaussians in the colours of the image that `embedding` describes.
 
         Args:
             features: z_i.
         """
         if self.appearance is None:
             return splats
-        if splats.sh_degree is None:  # colours without SH: a zeroth coefficient says the same
-            zeroth = (splats.colors[:, None] - 0.5) / C0
-            splats = replace(splats, colors=zeroth, sh_degree=0)
+        splats = as_harmonics(splats)
         assert splats.sh_degree is not None
         read = self._read_by_networks(embedding)
         colors = self.appearance(read, features, splats.colors, splats.sh_degree)
@@ -137,6 +137,25 @@ class ImageEffects(nn.Module):
         if not self.training and not numbers.any():
             return colors
         return camera_response(colors, numbers, squared_radius(view))
+
+    def lit(
+        self,
+        splats: Splats,
+        features: Float[Tensor, "N Z"],
+        view: View,
+        settings: RenderSettings,
+        frozen: bool = False,
+    ) -> Lit:
+        """Static Gaussians as a view shows them, given an embedding [E]; quicker than `toned`.
+
+        Args:
+            features: z_i.
+            frozen: whether nothing but the embedding is to get a gradient.
+        """
+        assert self.appearance is not None
+        appearance = deepcopy(self.appearance).requires_grad_(False) if frozen else self.appearance
+        lit = lit_splats(appearance, splats, features, view, settings)
+        return lambda embedding: lit(self._read_by_networks(embedding))
 
     def background_of(
         self, embedding: Float[Tensor, " E"], view: View, degree: int

@@ -138,13 +138,21 @@ def test_the_constant_of_the_basis():
     assert float(basis[0, 0]) == pytest.approx(C0)
 
 
-def test_many_gaussians_pass_in_parts(monkeypatch):
-    model = trained(AffineAppearance(SMALL))
-    inputs = numbers(5), numbers(NUM, FEATURES, seed=1), numbers(NUM, 3, seed=2)
-    whole = model.tones(*inputs)
-    monkeypatch.setattr("desplat_ns.photo_tourism.appearance.ROWS_AT_ONCE", 4)
-    for part, expected in zip(model.tones(*inputs), whole, strict=True):
-        torch.testing.assert_close(part, expected)
+@pytest.mark.parametrize("make", [AffineAppearance, lambda c: ShAppearance(c, 3)])
+def test_the_networks_work_on_the_rows_that_they_are_given(make):
+    model = trained(make(SMALL))
+    inputs, rows = (numbers(5), numbers(NUM, FEATURES, seed=1)), torch.tensor([1, 4, 5])
+    coefficients = numbers(NUM, BASES, 3, seed=2)
+    if isinstance(model, AffineAppearance):
+        whole = torch.cat(model.tones(*inputs, coefficients[:, 0]), dim=1)
+        some = torch.cat(model.tones(*inputs, coefficients[:, 0], rows), dim=1)
+        left_alone = torch.tensor([0.0, 0, 0, 1, 1, 1]).double().expand(NUM, 6)
+    else:
+        whole, some = model(*inputs, coefficients, 3), model(*inputs, coefficients, 3, rows)
+        left_alone = coefficients
+    others = torch.tensor([0, 2, 3])
+    torch.testing.assert_close(some[rows], whole[rows])
+    assert torch.equal(some[others], left_alone[others])
 
 
 @pytest.mark.parametrize("make", [AffineAppearance, lambda c: ShAppearance(c, 3)])

@@ -158,8 +158,10 @@ def _slopes(places, coefficients, s):
 
 @kernel(fastmath=_LOOSE, parallel=True)
 def _evaluate(means, values, radii, center, places, coefficients, sizes, out, counter, workers):
-    """Colours [N, 3] from coefficients [N, stored, 3]; sizes = (stored, used). 0 where culled."""
-    stored, used = sizes
+    """Colours [N, 3] from coefficients [N, stored, 3]; sizes = (stored, used, whether colours are
+    cut off at 0). 0 where culled."""
+    stored, used, is_cut = sizes
+    least = _ZERO if is_cut else -np.float32(np.inf)
     for _ in numba.prange(workers):
         s = np.empty(LANE * (_PLANES + 4), np.float32)
         first = take(counter) * BATCH
@@ -177,18 +179,19 @@ def _evaluate(means, values, radii, center, places, coefficients, sizes, out, co
                         g += weight * values[at + 3 * basis + 1]
                         b += weight * values[at + 3 * basis + 2]
                     half = np.float32(0.5)
-                    r, g, b = max(r + half, _ZERO), max(g + half, _ZERO), max(b + half, _ZERO)
+                    r, g, b = max(r + half, least), max(g + half, least), max(b + half, least)
                 i = 3 * (first + k)
                 out[i], out[i + 1], out[i + 2] = r, g, b
             first = take(counter) * BATCH
 
 
 @kernel(fastmath=_LOOSE)
-def _pull_values(values, out, grad, i, stored, used, s, plane, v_values):
+def _pull_values(values, out, grad, i, sizes, s, plane, v_values):
     """Gradients of the coefficients of the i-th Gaussian; f_k . v takes the place of B_k."""
-    r = grad[3 * i] if out[3 * i] > _ZERO else _ZERO
-    g = grad[3 * i + 1] if out[3 * i + 1] > _ZERO else _ZERO
-    b = grad[3 * i + 2] if out[3 * i + 2] > _ZERO else _ZERO
+    stored, used, is_cut = sizes
+    r = grad[3 * i] if not is_cut or out[3 * i] > _ZERO else _ZERO
+    g = grad[3 * i + 1] if not is_cut or out[3 * i + 1] > _ZERO else _ZERO
+    b = grad[3 * i + 2] if not is_cut or out[3 * i + 2] > _ZERO else _ZERO
     for basis in range(used):
         at, lane = 3 * (i * stored + basis), plane + LANE * basis
         weight = s[lane]
@@ -204,7 +207,7 @@ def _pull(
     counter, workers,
 ):  # fmt: skip
     """The reverse of `_evaluate`, from dL/dcolour, `grad`."""
-    stored, used = sizes
+    stored, used, _ = sizes
     for _ in numba.prange(workers):
         s = np.empty(LANE * (_PLANES + 4), np.float32)
         first = take(counter) * BATCH
@@ -215,7 +218,7 @@ def _pull(
             for k in range(number):
                 if radii[first + k] > 0:
                     plane = LANE * _BASIS + k
-                    _pull_values(values, out, grad, first + k, stored, used, s, plane, v_values)
+                    _pull_values(values, out, grad, first + k, sizes, s, plane, v_values)
                 else:
                     for at in range(3 * (first + k) * stored, 3 * (first + k + 1) * stored):
                         v_values[at] = 0
@@ -242,13 +245,14 @@ def _flat(tensor: Tensor) -> np.ndarray:
 
 
 class EvaluateColors(torch.autograd.Function):
-    """(means, coefficients [N, K, 3], radii, camera centre, degree) -> colours [N, 3]."""
+    """(means, coefficients [N, K, 3], radii, camera centre, degree, whether they are cut off at 0)
+    -> colours [N, 3]."""
 
     @staticmethod
-    def forward(ctx, means, values, radii, center, degree):  # type: ignore[override]
+    def forward(ctx, means, values, radii, center, degree, is_cut=True):  # type: ignore[override]
         out = torch.empty(means.shape[0], 3)
         inputs = (_flat(means), _flat(values), radii.numpy(), _flat(center), *sh_terms(degree))
-        sizes = (values.shape[1], (degree + 1) ** 2)
+        sizes = (values.shape[1], (degree + 1) ** 2, int(is_cut))
         with launching():
             _evaluate(*inputs, sizes, out.view(-1).numpy(), new_counter(), num_workers())
         ctx.state = (inputs, sizes, out.view(-1).numpy(), values.shape)
@@ -262,4 +266,4 @@ class EvaluateColors(torch.autograd.Function):
         found = (v_means.view(-1).numpy(), v_values.view(-1).numpy())
         with launching():
             _pull(*inputs, sizes, out, _flat(grad), *found, new_counter(), num_workers())
-        return v_means, v_values, None, None, None
+        return v_means, v_values, None, None, None, None

@@ -1,0 +1,38 @@
+"""View-dependent colours before they are cut off at 0: what Eq. 7 of DeSplat tones.
+
+By the kernels of the `numba` backend where they apply, else in plain torch: any device, any float
+dtype, differentiable in the camera.
+"""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from desplat_ns.backend.protocol import Splats, View
+from desplat_ns.backend.spherical_harmonics import sh_basis
+
+
+def uncut_colors(splats: Splats, view: View, shown: Bool[Tensor, " N"]) -> Float[Tensor, "N 3"]:
+    """SH + 1/2 seen from `view`, negative ones too; 0, without gradients, where not `shown`.
+
+    Args:
+        splats: with spherical harmonics.
+    """
+    assert splats.sh_degree is not None
+    center = -view.viewmat[:3, :3].T @ view.viewmat[:3, 3]
+    means, coefficients = splats.means, splats.colors
+    is_plain = means.device.type == "cpu" and means.dtype == coefficients.dtype == torch.float32
+    if is_plain and not center.requires_grad:
+        from desplat_ns.backend.numba_kernels.sh import EvaluateColors
+
+        return EvaluateColors.apply(
+            means, coefficients, shown.int(), center, splats.sh_degree, False
+        )  # type: ignore[return-value]
+    # Replaced before the length is divided by: 0 * inf in the backward pass is NaN.
+    away = torch.where(shown[:, None], means - center, 1.0)
+    basis = sh_basis(splats.sh_degree, torch.nn.functional.normalize(away, dim=-1))
+    used = coefficients[:, : basis.shape[1]].masked_fill(~shown[:, None, None], 0)
+    seen = torch.einsum("nk,nkc->nc", basis, used) + 0.5
+    return seen.masked_fill(~shown[:, None], 0)

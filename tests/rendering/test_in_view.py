@@ -1,0 +1,160 @@
+"""What `in_view` leaves out is not drawn: the same picture and gradients, to the last bit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from desplat_ns.backend.constants import ALPHA_CUTOFF
+from desplat_ns.backend.protocol import RenderSettings, Splats, View
+from desplat_ns.backend.registry import resolve
+from desplat_ns.rendering.in_view import in_view
+
+WIDTH, HEIGHT = 40, 28
+PARAMETERS = ("means", "quats", "scales", "opacities", "colors")
+
+
+def view_at(turn: list[float], place: list[float], focal: float) -> View:
+    """A turned camera, off the middle of its image, of unequal focal lengths."""
+    axis = torch.tensor([turn], dtype=torch.float64)
+    rotation = torch.linalg.matrix_exp(torch.linalg.cross(torch.eye(3).double(), -axis))
+    viewmat = torch.eye(4, dtype=torch.float64)
+    viewmat[:3, :3] = rotation
+    viewmat[:3, 3] = -rotation @ torch.tensor(place, dtype=torch.float64)
+    K = torch.tensor([[focal, 0, 0.4 * WIDTH], [0, 1.2 * focal, 0.6 * HEIGHT], [0, 0, 1]])
+    return View(viewmat.float(), K, WIDTH, HEIGHT)
+
+
+def cloud(seed: int, count: int = 120) -> Splats:
+    """Gaussians around the origin, from a thousandth of a unit to tens of units long, some of them
+    needles, some fainter than the cutoff; many at the place of a camera that stands there."""
+    rng = torch.Generator().manual_seed(seed)
+    spread = 10 ** (2.5 * torch.rand(count, 1, generator=rng) - 1.5)
+    log_scales = 4.5 * torch.rand(count, 3, generator=rng) - 3
+    small = torch.rand(count, generator=rng) < 0.6
+    log_scales[small] -= 1.5
+    return Splats(
+        means=spread * torch.randn(count, 3, generator=rng),
+        quats=torch.randn(count, 4, generator=rng),
+        scales=10**log_scales,
+        opacities=10 ** (-3 * torch.rand(count, generator=rng)),
+        colors=torch.rand(count, 3, generator=rng),
+    )
+
+
+def rows_of(splats: Splats, rows: torch.Tensor) -> Splats:
+    return replace(splats, **{name: getattr(splats, name)[rows] for name in PARAMETERS})
+
+
+def drawn(name: str, splats: Splats, view: View, settings: RenderSettings) -> Any:
+    """Rendering and gradients by all parameters, for fixed gradients of the images."""
+    leaves = {n: getattr(splats, n).clone().requires_grad_() for n in PARAMETERS}
+    rendering = resolve(name, "cpu")(Splats(**leaves), view, settings)  # type: ignore[arg-type]
+    rng = torch.Generator().manual_seed(1)
+    images = [rendering.rgb, rendering.alpha, rendering.depth]
+    weights = [torch.randn(image.shape, generator=rng) for image in images]
+    total = sum((a * b).sum() for a, b in zip(images, weights, strict=True))
+    return rendering, torch.autograd.grad(total, list(leaves.values()))
+
+
+def assert_nothing_is_missed(name: str, splats: Splats, view: View, settings: RenderSettings):
+    shown = in_view(splats, view, settings)
+    whole, gradients = drawn(name, splats, view, settings)
+    fewer, found = drawn(name, rows_of(splats, shown), view, settings)
+    for image in ("rgb", "alpha", "depth"):
+        assert torch.equal(getattr(whole, image), getattr(fewer, image)), image
+    for parameter, ours, theirs in zip(PARAMETERS, found, gradients, strict=True):
+        assert torch.equal(ours, theirs[shown]), parameter
+        assert (theirs[~shown] == 0).all(), parameter
+    return shown
+
+
+@pytest.mark.parametrize("name", ["torch", "numba"])
+@given(
+    seed=st.integers(0, 10**6),
+    turn=st.lists(st.floats(-3, 3), min_size=3, max_size=3),
+    place=st.lists(st.floats(-2, 2), min_size=3, max_size=3),
+    focal=st.sampled_from([6.0, 30.0, 400.0]),
+    antialiased=st.booleans(),
+)
+def test_without_the_rest_picture_and_gradients_are_the_same(
+    name, seed, turn, place, focal, antialiased
+):
+    """Cameras among the Gaussians, of fields of view from 6 to 147 degrees."""
+    settings = RenderSettings(depth=True, antialiased=antialiased)
+    assert_nothing_is_missed(name, cloud(seed), view_at(turn, place, focal), settings)
+
+
+@pytest.mark.parametrize("name", ["torch", "numba"])
+@pytest.mark.parametrize("seed", range(20))
+def test_the_same_at_the_borders(name, seed):
+    """Means within a pixel of where their reach ends, and within rounding of the near plane."""
+    settings, view = RenderSettings(depth=True), view_at([0.0] * 3, [0.0] * 3, 30.0)
+    rng = torch.Generator().manual_seed(seed)
+    n = 300
+    z = torch.cat([torch.full((n // 2,), settings.near_plane), 0.5 + torch.rand(n // 2) * 3])
+    z = z * (1 + 2e-7 * torch.randn(n, generator=rng))
+    sigma = 10 ** (3 * torch.rand(n, generator=rng) - 1)
+    beyond = 3.33 * (sigma.square() + 0.3).sqrt() * (0.95 + 0.1 * torch.rand(n, generator=rng))
+    side = torch.rand(n, generator=rng) < 0.5
+    pixel = torch.where(side, WIDTH + beyond, -beyond)
+    x = (pixel - view.K[0, 2]) / view.K[0, 0] * z
+    y = (torch.rand(n, generator=rng) * HEIGHT - view.K[1, 2]) / view.K[1, 1] * z
+    splats = Splats(
+        means=torch.stack([x, y, z], dim=-1),
+        quats=torch.randn(n, 4, generator=rng),
+        scales=(sigma * z / 30)[:, None].repeat(1, 3),
+        opacities=0.9 + 0.1 * torch.rand(n, generator=rng),
+        colors=torch.rand(n, 3, generator=rng),
+    )
+    shown = assert_nothing_is_missed(name, splats, view, settings)
+    assert shown.any()
+
+
+def one(mean: list[float], scale: float = 0.01, opacity: float = 0.9) -> Splats:
+    return Splats(
+        means=torch.tensor([mean]),
+        quats=torch.tensor([[1.0, 0, 0, 0]]),
+        scales=torch.full((1, 3), scale),
+        opacities=torch.tensor([opacity]),
+        colors=torch.ones(1, 3),
+    )
+
+
+@pytest.mark.parametrize(
+    ("splats", "expected"),
+    [
+        (one([0.0, 0.0, 2.0]), True),
+        (one([0.0, 0.0, -2.0]), False),
+        (one([0.0, 0.0, -2.0], scale=100.0), False),  # culled by its mean, however large
+        (one([0.0, 0.0, 0.009]), False),
+        (one([50.0, 0.0, 2.0]), False),
+        (one([50.0, 0.0, 2.0], scale=30.0), True),
+        (one([0.0, 50.0, 2.0]), False),
+        (one([0.0, 0.0, 2.0], opacity=0.9 * ALPHA_CUTOFF), False),
+        (one([math.nan, 0.0, 2.0]), False),
+        (one([math.inf, 0.0, 2.0]), False),
+        (one([0.0, 0.0, 1e11]), False),
+    ],
+)
+def test_single_gaussians(splats, expected):
+    view = view_at([0.0] * 3, [0.0] * 3, 30.0)
+    assert in_view(splats, view, RenderSettings()).tolist() == [expected]
+
+
+def test_of_small_gaussians_all_around_about_the_field_of_view_is_left():
+    """A field of view of 1/6 of the sphere's directions ahead: the test does leave out."""
+    rng = torch.Generator().manual_seed(0)
+    means = torch.nn.functional.normalize(torch.randn(20000, 3, generator=rng), dim=-1)
+    n = len(means)
+    quats, scales = torch.tensor([[1.0, 0, 0, 0]]).repeat(n, 1), torch.full((n, 3), 0.001)
+    splats = Splats(5 * means, quats, scales, torch.full((n,), 0.9), torch.ones(n, 3))
+    view = View(torch.eye(4), torch.tensor([[100.0, 0, 100], [0, 100, 100], [0, 0, 1]]), 200, 200)
+    share = in_view(splats, view, RenderSettings()).float().mean().item()
+    assert 1 / 6 < share < 0.19  # ahead is one face of a cube; the margin adds 4 pixels of 200
