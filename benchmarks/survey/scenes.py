@@ -87,9 +87,16 @@ class GeneratedScene:
         )
         return replace(spec, daylight=daylight)
 
-    def make(self, folder: Path) -> Capture:
-        """Write the scene and open the photos that have occluders, or their twins without."""
-        write_scene(self.spec(), folder)
+    @property
+    def folder_name(self) -> str:
+        """The name without what a path cannot hold."""
+        return self.name.replace("/", "_").replace(", ", "_").replace(" ", "")
+
+    def make(self, scenes: Path) -> Capture:
+        """Open the photos that have occluders, or their twins without; written if not there yet."""
+        folder = scenes / self.folder_name
+        if not (folder / "scene.json").is_file():
+            write_scene(self.spec(), folder)
         ratio = 1.0 if self.truth.distractors else 0.0
         parser = RobustNerfDataParserConfig(data=folder, train_split_clean_clutter_ratio=ratio)
         return capture_of(parser.setup().get_dataparser_outputs("train"))

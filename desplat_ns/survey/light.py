@@ -30,7 +30,7 @@ LOCAL_STEP = 0.15
 A surface in the sun has 1.3 to 2 times the value of one in the shade."""
 
 LOCAL_SHARE = 0.04
-"""Share of the places: the geometric mean of the most that edges and passers-by made in scenes where
+"""Share of the places: geometric mean of the most that edges and passers-by made in scenes where
 the light stands still (0.025), and of the least where the sun moved (0.064)."""
 
 LEAST_EXPLAINED = 0.3

@@ -100,7 +100,8 @@ def _roughness(photo: np.ndarray, columns: int, rows: int) -> np.ndarray:
     grey: np.ndarray = photo.astype(np.float32).mean(axis=2) / 255
     across = np.abs(np.diff(grey, axis=1, prepend=grey[:, :1]))
     down = np.abs(np.diff(grey, axis=0, prepend=grey[:1]))
-    return cv2.resize(across + down, (columns, rows), interpolation=cv2.INTER_AREA)
+    change = np.asarray(across + down, np.float32)
+    return cv2.resize(change, (columns, rows), interpolation=cv2.INTER_AREA)
 
 
 def _nothing_above(behind: np.ndarray, up: np.ndarray) -> np.ndarray:
