@@ -22,7 +22,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("", "errors"),
     ("backend", "options", "console"),
     ("rendering", "", "data"),
-    ("gaussians", "", "", "synthetic"),
+    ("gaussians", "", "survey", "synthetic"),
     ("training", "effects"),
     ("", "photo_tourism"),
     ("separation", "viewer", "evaluation"),

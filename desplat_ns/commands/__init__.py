@@ -1,4 +1,5 @@
 """The package's own commands, one file each: options and printing only.
 
-May import `pipeline`, `evaluation` and `errors`.
+May import `pipeline`, `evaluation`, `survey`, `photo_tourism`, `datamanager`, `data`, `console` and
+`errors`.
 """

@@ -11,6 +11,7 @@ from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
 from desplat_ns.console import announce, list_names
+from desplat_ns.data.tracks import METADATA_KEY as TRACKS
 from desplat_ns.errors import CaptureError
 
 LARGEST_SIDE = 1 << 16
@@ -72,10 +73,13 @@ def without_infinite_points(metadata: dict[str, Any], source: Path) -> dict[str,
         "coordinates and are left out.",
         warning=True,
     )
-    return {
+    kept: dict[str, Any] = {
         key: value[keep] if key.startswith("points3D") and isinstance(value, Tensor) else value
         for key, value in metadata.items()
     }
+    if TRACKS in kept:
+        kept[TRACKS] = kept[TRACKS].keep(keep.numpy())
+    return kept
 
 
 def _below(path: Path, folder: Path) -> str:

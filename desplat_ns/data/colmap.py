@@ -15,13 +15,14 @@ import torch
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParser, ColmapDataParserConfig
 from nerfstudio.data.scene_box import SceneBox
-from torch import Tensor
 
 from desplat_ns.console import announce
 from desplat_ns.data.checks import check_cameras, check_files, without_infinite_points
 from desplat_ns.data.colmap_model import Frame, Reconstruction, read_reconstruction
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
 from desplat_ns.data.poses import OrientedPoses, make_cameras, orient_poses, points_metadata
+from desplat_ns.data.tracks import METADATA_KEY as TRACKS
+from desplat_ns.data.tracks import Tracks
 from desplat_ns.errors import CaptureError, ConfigError
 
 _LIST_FILES = {
@@ -156,7 +157,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
             check_files(masks[1], masks[0], "masks", "--masks-path")
         metadata = self.metadata_of(chosen)
         if self.config.load_3D_points:
-            metadata.update(self._points_metadata())
+            metadata.update(self._points_metadata(chosen))
         half = self.config.scene_scale
         cameras = make_cameras(chosen, sources, oriented.camera_to_worlds[indices])
         check_cameras(cameras, [frame.name for frame in chosen], self.reconstruction.folder)
@@ -170,16 +171,19 @@ class DeSplatColmapDataParser(ColmapDataParser):
             metadata=metadata,
         )
 
-    def _points_metadata(self) -> dict[str, Tensor]:
+    def _points_metadata(self, frames: Sequence[Frame]) -> dict[str, Any]:
         if self.config.max_2D_matches_per_3D_point != 0:
             raise ConfigError(
                 "--max-2D-matches-per-3D-point is not used by desplat; leave it at 0."
             )
-        oriented = self.oriented
-        found = points_metadata(
-            self.reconstruction.points, oriented.local_transform, oriented.scale, oriented.origin
+        oriented, points = self.oriented, self.reconstruction.points
+        folder = self.reconstruction.folder
+        found: dict[str, Any] = points_metadata(
+            points, oriented.local_transform, oriented.scale, oriented.origin
         )
-        return without_infinite_points(found, self.reconstruction.folder)
+        photos = tuple(frame.image_id for frame in frames)
+        found[TRACKS] = Tracks(folder, photos, points.ids)
+        return without_infinite_points(found, folder)
 
 
 def _side_files(

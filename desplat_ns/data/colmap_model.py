@@ -62,6 +62,8 @@ class Points:
     error: Float[np.ndarray, " P"]
     """Mean reprojection error in pixels."""
     num_views: Int[np.ndarray, " P"]
+    ids: Int[np.ndarray, " P"]
+    """The reconstruction's own numbers of the points."""
 
 
 @dataclass(frozen=True)
@@ -253,4 +255,5 @@ def _points(model: pycolmap.Reconstruction, folder: Path) -> Points:
         rgb=np.array([point.color for point in points], dtype=np.uint8).reshape(-1, 3)[keep],
         error=np.array([point.error for point in points], dtype=np.float64)[keep],
         num_views=np.array([point.track.length() for point in points], dtype=np.int64)[keep],
+        ids=np.array(sorted(by_id), dtype=np.int64)[keep],
     )

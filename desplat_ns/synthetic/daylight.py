@@ -10,7 +10,7 @@ from jaxtyping import UInt8
 from desplat_ns.errors import ConfigError
 from desplat_ns.synthetic.cameras import PinholeCamera
 from desplat_ns.synthetic.light import Light, apply_light
-from desplat_ns.synthetic.render import Samples, to_pixels, to_uint8
+from desplat_ns.synthetic.render import AMBIENT, DIRECT, SUN, Samples, Sun, to_pixels, to_uint8
 from desplat_ns.synthetic.sky import Sky
 from desplat_ns.synthetic.textures import Color
 
@@ -22,6 +22,13 @@ SKY_SPREAD = 0.08
 
 HAZE = 0.3
 """... and its zenith lies up to this far on the way to the horizon's colour."""
+
+
+CLOUDED = 1 / 3
+"""Share of the photos with a sun of their own in which a cloud is before it: ..."""
+
+CLOUD = (0.25, 1.25)
+"""... by these factors on the sun's light and on the light from the sky."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +73,8 @@ class Daylight:
     light: Light
     sky: Sky | None
     """None: the sky of a scene without daylight, under this light."""
+    sun: Sun | None = None
+    """None: the sun of a scene without daylight."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +87,11 @@ class DaylightSpec:
     """Of the light, from 0 (the same in all photos) to 1. The sky does not depend on it."""
     sky: bool = True
     """Whether every photo has a sky of its own."""
+    sun: float = 0.0
+    """Degrees to either side by which photos differ in where the sun stands; a third of them has
+    clouds before it. Shadows move and change then: no factor on a photo's colours undoes that."""
+    plain_sky: Color | None = None
+    """A sky of this one colour in all photos, whatever `sky` is, before each photo's light."""
 
     def __post_init__(self) -> None:
         unknown = sorted(set(self.kinds) - set(KINDS))
@@ -88,6 +102,8 @@ class DaylightSpec:
             )
         if not 0 <= self.strength <= 1:
             raise ConfigError(f"Daylight's strength is {self.strength}. Choose it from 0 to 1.")
+        if not 0 <= self.sun <= 180:
+            raise ConfigError(f"Daylight's sun is {self.sun}. Choose it from 0 to 180 degrees.")
 
 
 def draw_daylights(spec: DaylightSpec, count: int, rng: np.random.Generator) -> list[Daylight]:
@@ -106,7 +122,20 @@ def _draw_daylight(spec: DaylightSpec, name: str, rng: np.random.Generator) -> D
     haze = rng.uniform(0, HAZE)
     r, g, b = (z + haze * (h - z) for h, z in zip(horizon, zenith, strict=True))
     sky = Sky(horizon, (r, g, b), kind.sky.glow, rng.uniform(0, 2 * np.pi))
-    return Daylight(name, light.scaled(spec.strength), sky if spec.sky else None)
+    if spec.plain_sky is not None:
+        sky = Sky(spec.plain_sky, spec.plain_sky, (0.0, 0.0, 0.0))
+    shown = sky if spec.sky or spec.plain_sky is not None else None
+    sun = _draw_sun(spec.sun, rng) if spec.sun > 0 else None
+    return Daylight(name, light.scaled(spec.strength), shown, sun)
+
+
+def _draw_sun(degrees: float, rng: np.random.Generator) -> Sun:
+    """A sun that stands elsewhere: turned about the vertical by up to `degrees`, and clouded."""
+    turn = np.radians(rng.uniform(-degrees, degrees))
+    x, y, z = SUN.astype(np.float64)
+    c, s = np.cos(turn), np.sin(turn)
+    direct, ambient = CLOUD if rng.random() < CLOUDED else (1.0, 1.0)
+    return Sun((c * x - s * y, s * x + c * y, float(z)), ambient * AMBIENT, direct * DIRECT)
 
 
 def _scaled(color: Color, low: float, high: float, rng: np.random.Generator) -> Color:

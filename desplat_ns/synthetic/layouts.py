@@ -98,4 +98,7 @@ def _write_split(scene: Scene, path: Path) -> None:
 def _write_light(scene: Scene, path: Path) -> None:
     frames = scene.clean + scene.clutter + scene.extra
     known = {frame.name: asdict(frame.daylight) for frame in frames if frame.daylight is not None}
+    for light in known.values():
+        if light["sun"] is None:
+            del light["sun"]
     path.write_text(json.dumps(known, indent=2) + "\n")

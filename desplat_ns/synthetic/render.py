@@ -21,6 +21,20 @@ AMBIENT, DIRECT = 0.6, 0.6
 
 
 @dataclass(frozen=True)
+class Sun:
+    """Where the light of one photo comes from."""
+
+    direction: tuple[float, float, float]
+    """Unit vector towards the sun."""
+    ambient: float = AMBIENT
+    direct: float = DIRECT
+
+
+STANDARD_SUN = Sun((float(SUN[0]), float(SUN[1]), float(SUN[2])))
+"""Of every photo unless its daylight has a sun of its own."""
+
+
+@dataclass(frozen=True)
 class Samples:
     """One camera's samples, before they are averaged into pixels."""
 
@@ -77,6 +91,7 @@ def draw(
     supersample: int,
     behind: Samples,
     shadows_from: Sequence[Primitive] = (),
+    sun: Sun = STANDARD_SUN,
 ) -> Samples:
     """`primitives` in front of (or hidden by) what `behind` already holds.
 
@@ -95,30 +110,35 @@ def draw(
     for index in np.unique(owner[owner >= 0]):
         mine = owner == index
         points = origin[:, :, 0] + depth[mine] * directions[:, mine]
-        rgb[:, mine] = shade(primitives[index], points, shadows_from)
+        rgb[:, mine] = shade(primitives[index], points, shadows_from, sun)
     return Samples(rgb, depth, owner >= 0)
 
 
 def shade(
-    primitive: Primitive, points: Float[np.ndarray, "3 N"], shadows_from: Sequence[Primitive]
+    primitive: Primitive,
+    points: Float[np.ndarray, "3 N"],
+    shadows_from: Sequence[Primitive],
+    sun: Sun = STANDARD_SUN,
 ) -> Float[np.ndarray, "3 N"]:
     """Colour in [0, 1] of points on a matt surface, the same from every direction."""
     normals, uv = primitive.surface(points)
-    toward_sun = dot(normals, SUN)
+    toward_sun = dot(normals, f32(sun.direction))
     lit = toward_sun > 0
     others = [caster for caster in shadows_from if caster is not primitive]
     if others and lit.any():
-        lit[lit] = ~in_shadow(points[:, lit], others)
-    light = AMBIENT * (0.8 + 0.2 * normals[2]) + DIRECT * np.where(lit, toward_sun, 0)
+        lit[lit] = ~in_shadow(points[:, lit], others, sun)
+    light = sun.ambient * (0.8 + 0.2 * normals[2]) + sun.direct * np.where(lit, toward_sun, 0)
     return np.clip(primitive.texture(uv) * light, 0, 1)
 
 
 def in_shadow(
-    points: Float[np.ndarray, "3 N"], casters: Sequence[Primitive]
+    points: Float[np.ndarray, "3 N"],
+    casters: Sequence[Primitive],
+    toward: Sun = STANDARD_SUN,
 ) -> Bool[np.ndarray, " N"]:
     """Whether a caster stands between each point and the sun."""
     hidden = np.zeros(points.shape[1], bool)
-    sun = SUN[:, None]
+    sun = f32(toward.direction)[:, None]
     for caster in casters:
         center, radius = caster.bounds()
         offset = f32(center)[:, None] - points

@@ -94,9 +94,17 @@ class _Drawing:
     centers: Samples
     """One sample at the centre of each pixel, without shadows."""
     daylight: Daylight | None
+    sunlit: Samples | None = None
+    """As `samples` under the photo's own sun, where it has one."""
+
+    @property
+    def own(self) -> Samples:
+        """What the photo shows, before its light."""
+        return self.samples if self.sunlit is None else self.sunlit
 
     def frame(self, name: str, supersample: int, daylight: Daylight | None) -> Frame:
-        image = develop(self.samples, self.camera, supersample, daylight)
+        samples = self.samples if daylight is None else self.own
+        image = develop(samples, self.camera, supersample, daylight)
         depth = self.centers.depth
         return Frame(name, self.camera, image, depth, np.zeros_like(depth), daylight)
 
@@ -114,7 +122,10 @@ def _draw_static(
         behind = sky(camera, spec.supersample)
         samples = draw(world, camera, spec.supersample, behind, things)
         centers = draw(world, camera, 1, sky(camera, 1))
-        drawings.append(_Drawing(camera, samples, centers, daylight))
+        sunlit = None
+        if daylight is not None and daylight.sun is not None:
+            sunlit = draw(world, camera, spec.supersample, behind, things, daylight.sun)
+        drawings.append(_Drawing(camera, samples, centers, daylight, sunlit))
     return drawings
 
 
@@ -151,7 +162,7 @@ class _Crowd:
             lambda parts: self._effect(view, draw(parts, camera, 1, drawing.centers).is_new),
             spec.rng(2, view),
         )
-        samples = draw(chosen, camera, spec.supersample, drawing.samples)
+        samples = draw(chosen, camera, spec.supersample, drawing.own)
         coverage = to_pixels(samples.is_new[None].astype(np.float32), spec.supersample)[..., 0]
         self.views_left -= self.points.hidden_by(view, coverage > 0)
         image = develop(samples, camera, spec.supersample, drawing.daylight)

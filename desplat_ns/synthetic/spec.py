@@ -102,4 +102,12 @@ class SceneSpec:
         """Plain values for a file; what was added later and is off is left out."""
         default = {f.name: f.default for f in fields(self)}
         is_off = {name for name in _OFF_BY_DEFAULT if getattr(self, name) == default[name]}
-        return {name: value for name, value in asdict(self).items() if name not in is_off}
+        record = {name: value for name, value in asdict(self).items() if name not in is_off}
+        if record.get("daylight") is not None:
+            off = {"sun": 0.0, "plain_sky": None}
+            record["daylight"] = {
+                name: value
+                for name, value in record["daylight"].items()
+                if name not in off or value != off[name]
+            }
+        return record

@@ -13,6 +13,7 @@ import torch
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig, with_pycolmap
+from desplat_ns.data.tracks import METADATA_KEY
 from desplat_ns.errors import CaptureError, ConfigError
 
 CAMERA_FIELDS = (
@@ -61,7 +62,7 @@ def assert_same_outputs(data: Path, **options) -> None:
         )
         assert other.dataparser_scale == pytest.approx(one.dataparser_scale, rel=1e-5)
         torch.testing.assert_close(other.scene_box.aabb, one.scene_box.aabb)
-        assert set(one.metadata) == set(other.metadata)
+        assert {*one.metadata, METADATA_KEY} == set(other.metadata)
         points, same = by_position(one.metadata), by_position(other.metadata)
         for key, value in points.items():
             torch.testing.assert_close(same[key], value, **TOLERANCE)

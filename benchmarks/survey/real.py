@@ -1,0 +1,88 @@
+"""The real scenes and what is true of them, as far as somebody who looks at the photos can tell."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
+
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
+from desplat_ns.survey.capture import Capture, capture_of
+from desplat_ns.survey.findings import Decision
+
+DATA_VARIABLE = "DESPLAT_NS_DATA"
+
+Allowed = dict[str, tuple[Decision, ...]]
+
+
+@dataclass(frozen=True)
+class RealScene:
+    """One scene and which decisions are right."""
+
+    name: str
+    parser: type[DeSplatColmapDataParserConfig]
+    right: Allowed
+    seen: str
+    """What its photos show."""
+    options: dict[str, float] = field(default_factory=dict)
+
+    def open(self, root: Path) -> Capture:
+        """Its training photos."""
+        config: DataParserConfig = self.parser(data=root / self.name, **self.options)  # pyright: ignore[reportArgumentType]
+        return capture_of(config.setup().get_dataparser_outputs("train"))
+
+
+def _right(
+    appearance: tuple[Decision, ...], background: tuple[Decision, ...], distractors: Decision
+) -> Allowed:
+    return {"appearance": appearance, "background": background, "distractors": (distractors,)}
+
+
+_INDOORS = _right(("off",), ("off",), False)
+_TREE = _right(("off", "camera"), ("off",), False)
+
+REAL = (
+    RealScene("fox", DeSplatColmapDataParserConfig, _INDOORS, "a room; a few photos are darker"),
+    RealScene(
+        "fox_cluttered",
+        RobustNerfDataParserConfig,
+        _right(("off",), ("off",), True),
+        "the same with pasted things",
+    ),
+    RealScene(
+        "fox_relit",
+        DeSplatColmapDataParserConfig,
+        _right(("camera",), ("off",), False),
+        "the same, each photo with a gain, a tint and a gamma",
+    ),
+    RealScene(
+        "monstree",
+        DeSplatColmapDataParserConfig,
+        _TREE,
+        "a tree that fills the photos; the white balance drifts a little, and a sky shows through "
+        "leaves in the corners of a few",
+    ),
+    RealScene(
+        "monstree_cluttered",
+        RobustNerfDataParserConfig,
+        {**_TREE, "distractors": (True,)},
+        "the same with pasted things",
+    ),
+    RealScene(
+        "sacre_coeur",
+        PhotoTourismDataParserConfig,
+        _right(("camera", "affine"), ("image",), True),
+        "eight tourists' photos of a church: crowds, and a sky that is another one each time",
+    ),
+)
+
+
+def available() -> Iterator[tuple[RealScene, Path]]:
+    """The scenes below the folder that `DESPLAT_NS_DATA` names, if any."""
+    root = Path(os.environ.get(DATA_VARIABLE) or "/nonexistent")
+    yield from ((scene, root) for scene in REAL if (root / scene.name).is_dir())

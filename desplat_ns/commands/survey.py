@@ -1,0 +1,98 @@
+"""`desplat-survey`: which effects does a capture call for? Looked at before training."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from nerfstudio.configs.dataparser_configs import AnnotatedDataParserUnion
+from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
+from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
+
+from desplat_ns.console import announce
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.colmap_model import find_models
+from desplat_ns.data.images import write_image
+from desplat_ns.datamanager import without_prompts
+from desplat_ns.errors import CaptureError, ConfigError, print_user_errors_plainly
+from desplat_ns.photo_tourism.dataparser import ROOTS
+from desplat_ns.survey.capture import capture_of
+from desplat_ns.survey.findings import Survey
+from desplat_ns.survey.picture import evidence_picture
+from desplat_ns.survey.survey import survey_with_evidence
+
+
+def survey_capture(
+    data: Annotated[Path | None, tyro.conf.Positional] = None,
+    output: Path = Path("survey"),
+    dataparser: AnnotatedDataParserUnion | None = None,
+) -> Survey:
+    """Say which effects a capture calls for, before any training.
+
+    Without a data parser's name, COLMAP's layouts (dense/sparse, sparse/0, sparse) and
+    transforms.json are found.
+
+    Args:
+        data: Folder of the capture.
+        output: Folder for survey.json (the findings) and survey.png (a sheet of the evidence).
+        dataparser: As in ns-train, with its options.
+    """
+    found, evidence = survey_with_evidence(capture_of(_outputs(data, dataparser)))
+    for line in found.summary():
+        announce(line)
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        (output / "survey.json").write_text(found.to_json(), "utf8")
+    except OSError as error:
+        raise ConfigError(
+            f"--output is '{output}', where nothing can be written ({error}). Name another folder."
+        ) from error
+    write_image(output / "survey.png", evidence_picture(evidence))
+    announce(f"Saved {output / 'survey.json'} and {output / 'survey.png'}.")
+    return found
+
+
+def find_parser(data: Path) -> DataParserConfig:
+    """The data parser for what lies in a folder: transforms.json before COLMAP's layouts.
+
+    Raises:
+        CaptureError: neither is there.
+    """
+    transforms = data if data.suffix == ".json" else data / "transforms.json"
+    if transforms.is_file():
+        return NerfstudioDataParserConfig(data=data, load_3D_points=True)
+    for root in ROOTS:
+        try:
+            find_models(data, root / "sparse")
+        except CaptureError:
+            continue
+        return DeSplatColmapDataParserConfig(
+            data=data, images_path=root / "images", colmap_path=root / "sparse"
+        )
+    raise CaptureError(
+        f"No capture was found in {data}: needed is transforms.json, or a COLMAP reconstruction in "
+        "dense/sparse, sparse/0 or sparse. Check the folder, or name a data parser and its "
+        "options: desplat-survey DATA dataparser:colmap-data --help."
+    )
+
+
+def _outputs(data: Path | None, dataparser: DataParserConfig | None):
+    if dataparser is None:
+        if data is None:
+            raise ConfigError("No capture is named. Type: desplat-survey FOLDER.")
+        dataparser = find_parser(data)
+    elif data is not None:
+        dataparser.data = data  # pyright: ignore[reportAttributeAccessIssue]
+    return without_prompts(dataparser).setup().get_dataparser_outputs("train")
+
+
+def main() -> None:
+    """Entry point of the command."""
+    print_user_errors_plainly()
+    tyro.cli(survey_capture, description=__doc__)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,184 @@
+"""Whether there is a sky, and whether its colour depends on direction and on the photo.
+
+Letters in shapes: K cells of all skies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from desplat_ns.survey.findings import Figure, Finding, confidence_of
+from desplat_ns.survey.observations import Observations
+from desplat_ns.survey.photo_light import FEWEST, LOWEST, PhotoLight, from_middle
+from desplat_ns.survey.sky import Sky, find_sky, vertical
+
+VISIBLE_SHARE = 0.04
+"""Of the photos' area, in the mean. Less is not worth a part of the model: Gaussians at the edge of
+the scene take it."""
+
+RANGE = 0.022
+"""Of the range of values: the difference between directions, from which on a smooth surface is
+visibly not of one colour. A sky of one colour showed 0.005."""
+
+BY_PHOTO = 0.04
+"""Of the range of values: what a quarter of the photos' skies exceed in their RMS difference from
+what all photos show in the same direction. A few photos may have something before their sky."""
+
+CHROMA_BY_PHOTO = 0.055
+"""The same in log of a channel over the mean of the channels, used where light changes place by
+place: how bright a sky is then says nothing, for the light of a photo as a whole is not known."""
+
+TURN, RISE = 8.0, 3.0
+"""Degrees of azimuth and elevation that count as the same direction."""
+
+FEWEST_PHOTOS = 3
+"""That show a direction, without which they are not compared in it."""
+
+FEWEST_POINTS = 100
+"""Of a reconstruction, without which one cannot tell where there is nothing."""
+
+FEWEST_CELLS = 4
+
+EFFECT = "background"
+
+
+@dataclass(frozen=True)
+class SkyColors:
+    """Inner sky cells of all photos, in the light common to them."""
+
+    colors: Float[np.ndarray, "K 3"]
+    photo: Int[np.ndarray, " K"]
+    direction: Int[np.ndarray, " K"]
+    """Number of the bin of directions."""
+
+
+def skies_of(seen: Observations) -> dict[int, Sky]:
+    """The sky of every photo that shows anything of the scene; others say nothing of what is
+    behind it."""
+    up = vertical(seen.views)
+    known = np.flatnonzero(seen.is_shown.sum(axis=1) >= FEWEST)
+    return {int(row): find_sky(seen, int(row), up) for row in known}
+
+
+def sky_colors(seen: Observations, light: PhotoLight, skies: dict[int, Sky]) -> SkyColors:
+    """Colours of the skies without their photos' light, and their directions."""
+    up = vertical(seen.views)
+    north = np.cross(up, [1.0, 0.0, 0.0] if abs(up[0]) < 0.9 else [0.0, 1.0, 0.0])
+    north /= np.linalg.norm(north)
+    east = np.cross(north, up)
+    colors, photo, bins = [np.zeros((0, 3))], [], []
+    for row, sky in skies.items():
+        at = np.nonzero(sky.inner())
+        if len(at[0]) < FEWEST_CELLS:
+            continue
+        height, width = sky.cells.shape
+        rho2 = from_middle(width, height, np.stack([at[1] + 0.5, at[0] + 0.5], axis=-1))
+        colors.append(light.neutral(row, sky.values[at], rho2))
+        toward = sky.directions[at]
+        azimuth = np.degrees(np.arctan2(toward @ north, toward @ east))
+        elevation = np.degrees(np.arcsin(np.clip(toward @ up, -1, 1)))
+        bins += (1000 * np.round(azimuth / TURN) + np.round(elevation / RISE)).tolist()
+        photo += [row] * len(toward)
+    number = np.unique(np.array(bins, dtype=int), return_inverse=True)[1]
+    return SkyColors(np.concatenate(colors), np.array(photo, dtype=int), number.reshape(-1))
+
+
+def range_by_direction(found: SkyColors) -> float:
+    """How far directions differ within photos: 10% to 90% of the area, the widest channel.
+
+    Every photo's own median is taken out, so neither light nor weather of a photo counts.
+    """
+    if len(found.colors) == 0:
+        return float("nan")
+    values = found.colors.copy()
+    for row in np.unique(found.photo):
+        mine = found.photo == row
+        values[mine] -= np.median(values[mine], axis=0)
+    middles = _medians(values, found.direction)[found.direction]
+    low, high = np.quantile(middles, [0.1, 0.9], axis=0)
+    return float((high - low).max())
+
+
+def spread_by_photo(found: SkyColors, values: Float[np.ndarray, "K 3"]) -> float:
+    """RMS of a photo's median difference from what all photos show in the same directions: what a
+    quarter of the photos exceed.
+
+    NaN where fewer than `FEWEST_PHOTOS` photos look in any direction.
+    """
+    pairs = np.unique(np.stack([found.direction, found.photo]), axis=1)
+    shared = np.bincount(pairs[0])[found.direction] >= FEWEST_PHOTOS if pairs.size else pairs[0]
+    if not np.any(shared):
+        return float("nan")
+    differences = values - _medians(values, found.direction)[found.direction]
+    own = [
+        np.median(differences[mine], axis=0)
+        for row in np.unique(found.photo)
+        if (mine := (found.photo == row) & shared).sum() >= FEWEST_CELLS
+    ]
+    if not own:
+        return float("nan")
+    return float(np.quantile(np.sqrt(np.mean(np.square(own), axis=1)), 0.75))
+
+
+def background_finding(
+    seen: Observations, light: PhotoLight, skies: dict[int, Sky], light_is_local: bool
+) -> Finding:
+    """Decide what lies behind the scene.
+
+    Args:
+        light_is_local: whether light changes place by place, see `CHROMA_BY_PHOTO`.
+    """
+    shares = [sky.share for sky in skies.values()]
+    share = Figure(
+        "empty",
+        float(np.mean(shares)) if shares else float("nan"),
+        "share of the photos' area, smooth and high up, with no point behind or above it",
+        VISIBLE_SHARE,
+    )
+    unknown = ("whether a bare wall or ceiling above everything else is a sky",)
+    if len(seen.all_xyz) < FEWEST_POINTS or not shares:
+        reason = f"Fewer than {FEWEST_POINTS} points say where the scene is."
+        return Finding(EFFECT, "off", "off", "none", reason, (share,), unknown)
+    found = sky_colors(seen, light, skies)
+    logs = np.log(np.maximum(found.colors, LOWEST))
+    chroma = logs - logs.mean(axis=1, keepdims=True)
+    values, limit = (chroma, CHROMA_BY_PHOTO) if light_is_local else (found.colors, BY_PHOTO)
+    what = "tints" if light_is_local else "colours"
+    by_photo = Figure(
+        "by_photo",
+        spread_by_photo(found, values),
+        f"difference of photos' sky {what} without their light, exceeded by a quarter of them",
+        limit,
+    )
+    by_direction = Figure(
+        "by_direction",
+        range_by_direction(found),
+        "range of the sky's values between directions in one photo",
+        RANGE,
+    )
+    figures = (share, by_photo, by_direction)
+    if not share.is_above:
+        reason = "The scene fills the photos."
+        return Finding(EFFECT, "off", "off", confidence_of([share]), reason, figures, unknown)
+    if by_photo.is_above:
+        sure = confidence_of([share, by_photo])
+        reason = "There is a sky, and photos show different ones."
+        return Finding(EFFECT, "image", "off", sure, reason, figures, unknown)
+    if not by_photo.is_known:
+        unknown += ("whether photos have different skies: too few look in the same direction",)
+        reason = "There is a sky; photos do not look in the same directions."
+        return Finding(EFFECT, "sh", "off", "close", reason, figures, unknown)
+    sure = confidence_of(figures)
+    if by_direction.is_above:
+        reason = "There is a sky, the same in all photos, and not of one colour."
+        return Finding(EFFECT, "sh", "off", sure, reason, figures, unknown)
+    reason = "There is a sky of one colour."
+    return Finding(EFFECT, "constant", "off", sure, reason, figures, unknown)
+
+
+def _medians(values: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """Medians of the rows with each number."""
+    return np.array([np.median(values[number == one], axis=0) for one in range(number.max() + 1)])

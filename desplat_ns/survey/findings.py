@@ -1,0 +1,134 @@
+"""What the survey says: figures with thresholds, a decision for each effect, and what is unknown.
+
+A `Finding` is made of figures alone, so a further piece of evidence (a short training, say) is one
+more `Figure` for the function that decides.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+Effect = Literal["appearance", "background", "distractors"]
+Confidence = Literal["clear", "close", "none"]
+Decision = str | bool
+
+CLEAR = 1.5
+"""A figure that is so many times its threshold, or that part of it, is clear of it."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured number."""
+
+    name: str
+    value: float
+    """NaN where it could not be measured."""
+    meaning: str
+    """What it is, with its unit, for somebody who reads the console."""
+    threshold: float | None = None
+    """Above it the figure speaks for the effect; None for what is told beside."""
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it could be measured."""
+        return math.isfinite(self.value)
+
+    @property
+    def is_above(self) -> bool:
+        """Whether it was measured and speaks for the effect."""
+        return self.is_known and self.threshold is not None and self.value > self.threshold
+
+    @property
+    def margin(self) -> float:
+        """The larger of the ratios of value and threshold; at least 1."""
+        if not self.is_known or not self.threshold:
+            return 1.0
+        ratio = max(self.value, 0.0) / self.threshold
+        return max(ratio, 1 / ratio) if ratio > 0 else math.inf
+
+    def line(self) -> str:
+        """For a console."""
+        value = f"{self.value:.3g}" if self.is_known else "unknown"
+        limit = f" (calls for it above {self.threshold:.3g})" if self.threshold is not None else ""
+        return f"{self.name} {value}{limit}: {self.meaning}"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was seen of one effect, and what follows."""
+
+    effect: Effect
+    decision: Decision
+    """The value of the effect's switch that explains what was seen at the least cost."""
+    safe_side: Decision
+    """What is chosen where it cannot be told."""
+    confidence: Confidence
+    """`clear`: the deciding figures are off their thresholds by a factor of `CLEAR`; `close`: by
+    less; `none`: the safe side."""
+    reason: str
+    figures: tuple[Figure, ...]
+    could_not_tell: tuple[str, ...] = ()
+
+    def lines(self) -> list[str]:
+        """For a console: the decision, then its figures, then what is not known."""
+        how = {"clear": "clear", "close": "close to the threshold", "none": "the safe side"}
+        head = f"{self.effect}: {self.decision} ({how[self.confidence]}). {self.reason}"
+        told = [f"  {figure.line()}" for figure in self.figures]
+        return [head, *told, *(f"  Not told: {line}" for line in self.could_not_tell)]
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a capture calls for."""
+
+    appearance: Finding
+    background: Finding
+    distractors: Finding
+    num_photos: int
+    """Of the training split."""
+    num_surveyed: int
+    """That were looked at."""
+    num_points: int
+    """At which colours were compared."""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def findings(self) -> tuple[Finding, Finding, Finding]:
+        """In the order of the effects' switches."""
+        return self.distractors, self.appearance, self.background
+
+    def decisions(self) -> dict[str, Decision]:
+        """The switches by name."""
+        return {finding.effect: finding.decision for finding in self.findings}
+
+    def to_json(self) -> str:
+        """Everything, as JSON; numbers that could not be measured are null."""
+        return json.dumps(_plain(asdict(self)), indent=2, allow_nan=False) + "\n"
+
+    def summary(self) -> list[str]:
+        """Lines for a console."""
+        head = f"{self.num_surveyed} of {self.num_photos} training photos, {self.num_points} points"
+        lines = [f"Surveyed {head}.", *self.notes]
+        return lines + [line for finding in self.findings for line in finding.lines()]
+
+
+def confidence_of(figures: Sequence[Figure]) -> Confidence:
+    """How far the figures that decided are from their thresholds; the nearest one counts."""
+    known = [figure.margin for figure in figures if figure.is_known]
+    if not known:
+        return "none"
+    return "clear" if min(known) >= CLEAR else "close"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return round(value, 6) if math.isfinite(value) else None
+    return value

@@ -1,0 +1,163 @@
+"""Whether photos differ in their light: not at all, as a whole (`camera`), or place by place.
+
+Letters in shapes: V photos, M observations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from desplat_ns.console import list_names
+from desplat_ns.survey.findings import Figure, Finding, confidence_of
+from desplat_ns.survey.neighbourhood import near_means
+from desplat_ns.survey.observations import Observations
+from desplat_ns.survey.photo_light import FEWEST, PhotoLight, robust_spread
+
+DISPLAY_GAMMA = 2.2
+"""Between light and the values of files: a stop is a factor of 2^(1/2.2) in values."""
+
+QUARTER_STOP = 2 ** (0.25 / DISPLAY_GAMMA) - 1
+"""8%. Cameras' dials have thirds of a stop; half of the photos off by nearly as much is seen."""
+
+HALF_STOP = 2 ** (0.5 / DISPLAY_GAMMA) - 1
+"""17%. If a tenth of the photos are off by as much and most are not, it is said beside."""
+
+LOCAL_STEP = 0.15
+"""Of the value: a place is another one's shade if it and what is near are off by more than this.
+A surface in the sun has 1.3 to 2 times the value of one in the shade."""
+
+LOCAL_SHARE = 0.04
+"""Share of the places: geometric mean of the most that edges and passers-by made in scenes where
+the light stands still (0.025), and of the least where the sun moved (0.064)."""
+
+LEAST_EXPLAINED = 0.3
+"""Share of the variance between photos that their lights must explain to be believed."""
+
+FEW_NEAR = 3
+"""Other observations near a place without which it says nothing."""
+
+EFFECT = "appearance"
+
+
+def change_of_photos(light: PhotoLight) -> Float[np.ndarray, " V"]:
+    """How much each photo's light changes what it shows: RMS of the values' relative change.
+
+    NaN where fewer than `FEWEST` observations count.
+    """
+    changes = np.full(len(light.gains), np.nan)
+    ends = np.searchsorted(light.photo, np.arange(len(changes) + 1))
+    for row in np.flatnonzero(light.counts() >= FEWEST):
+        part = slice(ends[row], ends[row + 1])
+        squares = np.expm1(light.change[part]) ** 2
+        changes[row] = np.sqrt(np.average(squares, weights=light.weight[part]))
+    return changes
+
+
+def local_steps(seen: Observations, light: PhotoLight) -> Float[np.ndarray, " M"]:
+    """What a photo's light leaves at each observation and near it, in log; the lesser of both.
+
+    0 where they contradict each other, NaN where too little is near. The residual is the channels'
+    median; it is enlarged by what the point's colour took of it: n photos leave (n - 1) / n.
+    """
+    photos = np.bincount(light.point, minlength=len(seen.xyz))[light.point]
+    own = np.median(light.residual, axis=1) * photos / np.maximum(photos - 1, 1)
+    steps = np.full(len(own), np.nan)
+    ends = np.searchsorted(light.photo, np.arange(len(seen.views) + 1))
+    for row, view in enumerate(seen.views):
+        part = slice(ends[row], ends[row + 1])
+        places = seen.places[row, light.point[part]]
+        near, count = near_means(view, places, np.clip(own[part], -0.5, 0.5))
+        agree = np.sign(near) == np.sign(own[part])
+        lesser = np.where(agree, np.minimum(np.abs(near), np.abs(own[part])), 0.0)
+        steps[part] = np.where(count >= FEW_NEAR, lesser * np.sign(near), np.nan)
+    return steps
+
+
+def appearance_finding(
+    seen: Observations, light: PhotoLight, exposures: Sequence[float | None] = ()
+) -> Finding:
+    """Decide how photos' light is to be explained.
+
+    Args:
+        exposures: each photo's light value in stops as its file gives it, or None; told beside.
+    """
+    changes = change_of_photos(light)
+    known = changes[np.isfinite(changes)]
+    median, top = (
+        Figure(name, _quantile(known, q), meaning, threshold)
+        for name, q, meaning, threshold in (
+            ("change", 0.5, "change of values by a photo's own light, median photo", QUARTER_STOP),
+            ("largest_changes", 0.9, "the same, exceeded by a tenth of the photos", None),
+        )
+    )
+    before, after = robust_spread(light.residual_before), robust_spread(light.residual)
+    share = 1 - (after / before) ** 2 if before > 0 else float("nan")
+    explained = Figure(
+        "explained", share, "share of the variance between photos that their light explains"
+    )
+    steps = local_steps(seen, light)
+    steps = np.abs(steps[np.isfinite(steps)])
+    local = Figure(
+        "local",
+        float((steps > LOCAL_STEP).mean()) if len(steps) else float("nan"),
+        f"share of places off by more than {LOCAL_STEP:.0%} together with what is near",
+        LOCAL_SHARE,
+    )
+    figures = (median, top, local, explained, *_beside(light, exposures))
+    unknown = _unknown(seen, changes)
+    if len(known) < 2:
+        reason = "Fewer than two photos show enough common points to compare their colours."
+        return Finding(EFFECT, "off", "off", "none", reason, figures, unknown)
+    if local.is_above:
+        reason = "Light changes from place to place: shadows move, or sun and clouds alternate."
+        return Finding(EFFECT, "affine", "off", confidence_of([local]), reason, figures, unknown)
+    sure = confidence_of([median, local])
+    if median.is_above and share > LEAST_EXPLAINED:
+        reason = "Photos differ in exposure, white balance or contrast as a whole."
+        return Finding(EFFECT, "camera", "off", sure, reason, figures, unknown)
+    reason = "Photos show the same colours, as far as the eye would notice."
+    if top.value > HALF_STOP:
+        reason = (
+            "Most photos show the same colours; a tenth are off by half a stop or more, which "
+            "`camera` would explain."
+        )
+        sure = "close"
+    return Finding(EFFECT, "off", "off", sure, reason, figures, unknown)
+
+
+def _quantile(values: np.ndarray, q: float) -> float:
+    return float(np.quantile(values, q)) if len(values) else float("nan")
+
+
+def _beside(light: PhotoLight, exposures: Sequence[float | None]) -> list[Figure]:
+    """What decides nothing."""
+    usable = light.counts() >= FEWEST
+    told = [value for value in exposures if value is not None]
+    spread = float(np.std(told)) if len(told) >= 2 else float("nan")
+    gains, gammas = light.gains[usable], light.gammas[usable]
+    colors = gains - gains.mean(axis=1, keepdims=True)
+    values = [
+        ("exposure", gains.mean(axis=1), "photos' gains, standard deviation in log of the values"),
+        ("white_balance", colors, "the same of each channel against the photo's mean"),
+        ("contrast", gammas, "photos' gammas, standard deviation"),
+        ("vignetting", light.vignetting[usable], "corners against the middle, standard deviation"),
+    ]
+    figures = [Figure(n, float(v.std()) if v.size else float("nan"), what) for n, v, what in values]
+    meaning = "exposure as the files' EXIF gives it, standard deviation in stops"
+    return [*figures, Figure("exif_exposure", spread, meaning)]
+
+
+def _unknown(seen: Observations, changes: np.ndarray) -> tuple[str, ...]:
+    lines = []
+    missing = [name for name, change in zip(seen.names, changes, strict=True) if np.isnan(change)]
+    if missing:
+        lines.append(
+            f"the light of {len(missing)} photos that show fewer than {FEWEST} known points with "
+            f"values that are not clipped: {list_names(missing, 5)}"
+        )
+    if not seen.has_tracks:
+        lines.append("which photo observed which point: there are no tracks")
+    return tuple(lines)

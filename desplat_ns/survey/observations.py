@@ -1,0 +1,253 @@
+"""Small photos and what they show at the points of the reconstruction, read once for all evidence.
+
+At each point lies a square of `GRID` x `GRID` samples that faces the cameras. Every photo into
+which it projects shows it as a patch, whether the photo observed the point or not.
+Letters in shapes: V photos, P points, S = GRID^2 samples, H x W pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from desplat_ns.data.dataset import check_size
+from desplat_ns.data.images import read_image, read_mask, resize_image, resize_mask
+from desplat_ns.survey.capture import Capture
+from desplat_ns.survey.views import View, small_view
+
+MOST_PHOTOS = 160
+"""Larger captures are judged by so many photos, evenly spread over them."""
+
+MOST_POINTS = 3000
+"""Points at which colours are compared; more make no figure steadier."""
+
+GRID = 5
+"""Samples along a patch's side, about a pixel apart: the least that has a structure."""
+
+PATCH_RADIUS = 2.0
+"""Pixels from the middle to the side of a patch in the photo that is the middle one in scale."""
+
+SCALES = (0.4, 3.0)
+"""A patch is not looked at where it is so many times smaller or larger: it shows other detail."""
+
+DARKEST, BRIGHTEST = 0.02, 0.98
+"""Values beyond these are clipped: what the camera saw there is not known."""
+
+HIDING_CELL = 1 / 50
+"""Of the longest side: points in one cell of this size are compared in depth."""
+
+HIDING_GAP = 0.93
+"""A point is hidden where another one in its cell lies nearer than this fraction of its depth."""
+
+
+@dataclass
+class Observations:
+    """What the photos show at the points."""
+
+    indices: Int[np.ndarray, " V"]
+    """The photos' numbers in the split."""
+    names: list[str]
+    views: list[View]
+    photos: list[np.ndarray]
+    """Small copies: [H, W, 3], uint8."""
+    allowed: list[np.ndarray | None]
+    """Where a photo may be used ([H, W], bool), if the capture says so."""
+    xyz: Float[np.ndarray, "P 3"]
+    """The chosen points."""
+    places: Float[np.ndarray, "V P 2"]
+    """Pixels at which the points appear, whether they are shown or not; NaN outside."""
+    depths: Float[np.ndarray, "V P"]
+    is_shown: Bool[np.ndarray, "V P"]
+    """The patch lies inside the photo, in a fitting scale, and no nearer point is before it."""
+    is_tracked: Bool[np.ndarray, "V P"]
+    """The reconstruction found the point in this photo; without tracks, it is in view there."""
+    colors: Float[np.ndarray, "V P 3"]
+    """Mean of the patch in [0, 1]; 0 where it is not shown."""
+    is_clipped: Bool[np.ndarray, "V P"]
+    """A channel of the mean is too dark or too bright to be believed."""
+    structures: Float[np.ndarray, "V P S"]
+    """Brightness of the samples minus their mean, in the photo's own light."""
+    has_tracks: bool
+    num_photos: int
+    """Of the split; more than were looked at if there are many."""
+    all_xyz: Float[np.ndarray, "_ 3"]
+    """All points, for what lies behind."""
+
+
+def observe(capture: Capture) -> Observations:
+    """Read the photos, one after the other, and sample them at the points.
+
+    Raises:
+        CaptureError: a photo or mask that cannot be read, or does not fit its camera.
+    """
+    count = len(capture.photos)
+    indices = np.unique(np.linspace(0, count - 1, min(count, MOST_PHOTOS)).round().astype(int))
+    views = [small_view(capture.cameras, int(i)) for i in indices]
+    tracked = _tracked(capture, indices, views)
+    chosen = _chosen_points(tracked)
+    xyz, tracked = capture.xyz[chosen], tracked[:, chosen]
+    grids = patch_grids(xyz, tracked, views)
+    found = Observations(
+        indices=indices,
+        names=[str(capture.photos[i].name) for i in indices],
+        views=views,
+        photos=[],
+        allowed=[],
+        xyz=xyz,
+        places=np.full((len(views), len(xyz), 2), np.nan, np.float32),
+        depths=np.zeros((len(views), len(xyz)), np.float32),
+        is_shown=np.zeros((len(views), len(xyz)), bool),
+        is_tracked=tracked,
+        colors=np.zeros((len(views), len(xyz), 3), np.float32),
+        is_clipped=np.zeros((len(views), len(xyz)), bool),
+        structures=np.zeros((len(views), len(xyz), GRID * GRID), np.float32),
+        has_tracks=capture.tracks is not None,
+        num_photos=count,
+        all_xyz=capture.xyz,
+    )
+    for row, (index, view) in enumerate(zip(indices, views, strict=True)):
+        photo = read_small(capture.photos[index], capture, int(index), view)
+        allowed = None
+        if capture.masks is not None:
+            mask = read_mask(capture.masks[index])
+            allowed = resize_mask(mask, view.width, view.height)
+        found.photos.append(photo)
+        found.allowed.append(allowed)
+        _sample(found, row, grids, hidden_points(view, xyz, capture.xyz))
+    found.is_tracked &= found.is_shown
+    return found
+
+
+def read_small(path: Path, capture: Capture, index: int, view: View) -> np.ndarray:
+    """The photo at its view's size: [H, W, 3], uint8, white behind what is transparent.
+
+    Raises:
+        CaptureError: it cannot be read, or does not fit its camera.
+    """
+    image = read_image(path)
+    cameras = capture.cameras
+    size = int(cameras.width.reshape(-1)[index]), int(cameras.height.reshape(-1)[index])
+    check_size(path, (image.shape[1], image.shape[0]), size)
+    image = resize_image(image, view.width, view.height)
+    if image.shape[2] == 4:
+        alpha = image[..., 3:] / 255.0
+        image = np.rint(image[..., :3] * alpha + 255 * (1 - alpha)).astype(np.uint8)
+    return image
+
+
+def _tracked(capture: Capture, indices: np.ndarray, views: Sequence[View]) -> np.ndarray:
+    """[V, all points]: which photo found which point; without tracks, which can have it in view."""
+    tracked = np.zeros((len(views), len(capture.xyz)), bool)
+    if capture.tracks is not None:
+        for row, seen in zip(tracked, capture.tracks.read(indices.tolist()), strict=True):
+            row[seen.points] = True
+        return tracked
+    for row, view in zip(tracked, views, strict=True):
+        row |= _inside(view, *view.project(capture.xyz))
+    return tracked
+
+
+def _inside(view: View, places: np.ndarray, depths: np.ndarray, margin: float = 0.0) -> np.ndarray:
+    x, y = places[..., 0], places[..., 1]
+    with np.errstate(invalid="ignore"):
+        inside = (x >= margin) & (x <= view.width - margin)
+        return inside & (y >= margin) & (y <= view.height - margin) & (depths > 0)
+
+
+def _chosen_points(tracked: np.ndarray) -> np.ndarray:
+    """Points that two photos found, those of the longest tracks if there are too many.
+
+    Among tracks of three and more the choice is even, drawn with a fixed seed: long tracks alone
+    would lie where all photos look.
+    """
+    views = tracked.sum(axis=0)
+    chosen = np.flatnonzero(views >= 2)
+    if len(chosen) > MOST_POINTS:
+        draw = np.random.default_rng(0).random(len(views))
+        order = np.lexsort((draw[chosen], -np.minimum(views[chosen], 3)))
+        chosen = np.sort(chosen[order[:MOST_POINTS]])
+    return chosen
+
+
+def patch_grids(
+    xyz: Float[np.ndarray, "P 3"], tracked: Bool[np.ndarray, "V P"], views: Sequence[View]
+) -> Float[np.ndarray, "P S 3"]:
+    """Samples of the points' squares in the world; the middle one is the point.
+
+    A square faces the mean direction of the photos that found the point. Its size is such that it
+    has `PATCH_RADIUS` in the middle one of them.
+    """
+    positions = np.array([view.position for view in views])
+    focal = np.array([view.focal.mean() for view in views])
+    toward = positions[:, None] - xyz[None]
+    distance = np.linalg.norm(toward, axis=-1)
+    weight = tracked / np.maximum(distance, 1e-12)
+    normal = (toward * weight[..., None]).sum(axis=0)
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    pixel = np.where(tracked, distance / focal[:, None], np.nan)
+    radius = PATCH_RADIUS * np.nanmedian(pixel, axis=0) if len(xyz) else np.zeros(0)
+    helper = np.where(np.abs(normal[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
+    across = np.cross(helper, normal)
+    across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-12)
+    down = np.cross(normal, across)
+    steps = np.linspace(-1, 1, GRID)
+    a, b = (part.ravel()[None, :, None] for part in np.meshgrid(steps, steps))
+    return xyz[:, None] + radius[:, None, None] * (a * across[:, None] + b * down[:, None])
+
+
+def hidden_points(
+    view: View, xyz: Float[np.ndarray, "P 3"], all_xyz: Float[np.ndarray, "_ 3"]
+) -> Bool[np.ndarray, " P"]:
+    """Which points have another point before them, in the same or a neighbouring cell."""
+    cell = HIDING_CELL * max(view.width, view.height)
+    shape = int(view.height / cell) + 3, int(view.width / cell) + 3
+    nearest = np.full(shape, np.inf, np.float32)
+    places, depths = view.project(all_xyz)
+    inside = _inside(view, places, depths)
+    at = (places[inside] / cell).astype(int) + 1
+    np.minimum.at(nearest, (at[:, 1], at[:, 0]), depths[inside].astype(np.float32))
+    nearest = cv2.erode(nearest, np.ones((3, 3), np.uint8))
+    places, depths = view.project(xyz)
+    inside = _inside(view, places, depths)
+    at = np.where(inside[:, None], places / cell, 0).astype(int) + 1
+    return inside & (nearest[at[:, 1], at[:, 0]] < HIDING_GAP * depths)
+
+
+def _sample(found: Observations, row: int, grids: np.ndarray, hidden: np.ndarray) -> None:
+    """Fill in what one photo shows."""
+    view, photo, allowed = found.views[row], found.photos[row], found.allowed[row]
+    places, depths = view.project(found.xyz)
+    corners, corner_depths = view.project(grids)
+    inside = _inside(view, corners, corner_depths, 0.5).all(axis=-1)
+    with np.errstate(invalid="ignore"):
+        reach = np.linalg.norm(corners[:, -1] - corners[:, 0], axis=-1) / np.sqrt(8)
+        shown = inside & (reach > SCALES[0] * PATCH_RADIUS) & (reach < SCALES[1] * PATCH_RADIUS)
+    shown &= ~hidden
+    if allowed is not None:
+        at = np.where(inside[:, None], places, 0).astype(int)
+        shown &= allowed[at[:, 1].clip(0, view.height - 1), at[:, 0].clip(0, view.width - 1)]
+    which, values = np.flatnonzero(shown), photo.astype(np.float32)
+    at = (corners[which] - 0.5).astype(np.float32)
+    patches = np.zeros((len(which), GRID * GRID, 3), np.float32)
+    for start in range(0, len(which), 8192):  # OpenCV's maps have fewer than 2^15 rows
+        part = slice(start, start + 8192)
+        patches[part] = cv2.remap(
+            values,
+            at[part, :, 0],
+            at[part, :, 1],
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+    patches /= 255
+    mean = patches.mean(axis=1)
+    grey = patches.mean(axis=2)
+    found.places[row], found.depths[row], found.is_shown[row] = places, depths, shown
+    found.colors[row, which] = mean
+    lowest, highest = mean.min(axis=1), mean.max(axis=1)
+    found.is_clipped[row, which] = (lowest < DARKEST) | (highest > BRIGHTEST)
+    found.structures[row, which] = grey - grey.mean(axis=1, keepdims=True)

@@ -1,0 +1,207 @@
+"""The light of each photo, as a few numbers for the whole image, fitted to the points' colours.
+
+A photo i shows a point p of true colour T in channel c as
+
+    log photo_ipc = gain_ic + gamma_i log T_pc + vignetting_i rho^2 + noise
+
+where rho is the distance from the middle of the photo over that of its corners. Both sides are
+values of the files, between 0 and 1. Gains are 0 and gammas 1 in the mean of the photos: a light
+that all have in common belongs to the scene.
+Letters in shapes: V photos, P points, M observations that count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from desplat_ns.survey.observations import Observations
+
+ITERATIONS = 20
+"""Of photos' light and points' colours in turn; the figures do not change after a dozen."""
+
+DARK = 0.08
+"""A value of this size counts a quarter: what the camera adds as noise is a larger part of it."""
+
+PRIOR = np.array([1.0, 1.0, 1.0, 2.5, 10.0])
+"""Observations that speak for gains 0, gamma 1, no vignetting: a photo with few keeps its light."""
+
+JOINT_PRIOR = 0.1
+"""Observations that hold all gains where they are when they are changed at once: it makes the
+common light, which nothing determines, stay."""
+
+FEWEST = 15
+"""Observations without which a photo's light is not known."""
+
+LOWEST = 1 / 255
+
+
+@dataclass(frozen=True)
+class PhotoLight:
+    """The fitted light and what it was fitted to."""
+
+    gains: Float[np.ndarray, "V 3"]
+    gammas: Float[np.ndarray, " V"]
+    vignetting: Float[np.ndarray, " V"]
+    true_colors: Float[np.ndarray, "P 3"]
+    """Logarithms; 0 at points that fewer than two photos show."""
+    photo: Int[np.ndarray, " M"]
+    """Which photo an observation is of, ascending."""
+    point: Int[np.ndarray, " M"]
+    change: Float[np.ndarray, "M 3"]
+    """What the photo's light does to the true colour, in log."""
+    residual: Float[np.ndarray, "M 3"]
+    """What the light leaves, in log."""
+    residual_before: Float[np.ndarray, "M 3"]
+    """What is left if all photos have one light."""
+    weight: Float[np.ndarray, "M 3"]
+    """Less for dark values, in [0, 1]."""
+
+    def counts(self) -> Int[np.ndarray, " V"]:
+        """Observations per photo."""
+        return np.bincount(self.photo, minlength=len(self.gains))
+
+    def neutral(
+        self, row: int, colors: Float[np.ndarray, "*N 3"], rho2: Float[np.ndarray, "*N"]
+    ) -> Float[np.ndarray, "*N 3"]:
+        """Colours of one photo as the mean light would show them.
+
+        Args:
+            rho2: rho^2 at which they were seen.
+        """
+        logs = np.log(np.maximum(colors, LOWEST)) - self.gains[row]
+        logs = (logs - self.vignetting[row] * rho2[..., None]) / self.gammas[row]
+        return np.exp(np.minimum(logs, 1.0))
+
+
+def from_middle(
+    width: int, height: int, places: Float[np.ndarray, "*N 2"]
+) -> Float[np.ndarray, "*N"]:
+    """rho^2: 0 in the middle of the photo, 1 in its corners."""
+    half = np.array([width / 2, height / 2])
+    return ((places - half) ** 2).sum(axis=-1) / (half**2).sum()
+
+
+def fit_light(seen: Observations) -> PhotoLight:
+    """Fit every photo's light; what few photos show otherwise (passers-by, glints) hardly counts.
+
+    Reweighted least squares with Cauchy's weights, colours and lights in turn.
+    """
+    use = seen.is_tracked & ~seen.is_clipped
+    use &= use.sum(axis=0) >= 2
+    photo, point = np.nonzero(use)
+    colors = seen.colors[photo, point].astype(np.float64)
+    logs = np.log(np.maximum(colors, LOWEST))
+    weight = (colors / (colors + DARK)) ** 2
+    half = np.array([[view.width / 2, view.height / 2] for view in seen.views])
+    places = seen.places[photo, point] - half[photo]
+    rho2 = (places**2).sum(axis=1) / (half**2).sum(axis=1)[photo]
+    count = len(seen.views), len(seen.xyz)
+    before = _alternate(photo, point, logs, weight, rho2, count, fits_photos=False)
+    after = _alternate(photo, point, logs, weight, rho2, count, fits_photos=True)
+    gains, gammas, vignetting, true, residual = after
+    return PhotoLight(
+        gains=gains,
+        gammas=gammas,
+        vignetting=vignetting,
+        true_colors=true,
+        photo=photo,
+        point=point,
+        change=logs - residual - true[point],
+        residual=residual,
+        residual_before=before[-1],
+        weight=weight,
+    )
+
+
+def robust_spread(values: Float[np.ndarray, "*N"]) -> float:
+    """Standard deviation about 0 of what is normal among the values, from their median size."""
+    return 1.4826 * float(np.median(np.abs(values))) if values.size else float("nan")
+
+
+def _alternate(
+    photo: np.ndarray,
+    point: np.ndarray,
+    logs: np.ndarray,
+    weight: np.ndarray,
+    rho2: np.ndarray,
+    count: tuple[int, int],
+    fits_photos: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Gains, gammas, vignetting, true colours and residuals."""
+    gains, gammas, vignetting = np.zeros((count[0], 3)), np.ones(count[0]), np.zeros(count[0])
+    ends = np.searchsorted(photo, np.arange(count[0] + 1))
+    trust = np.ones((len(photo), 1))
+
+    def explain() -> tuple[np.ndarray, np.ndarray]:
+        """Colours that fit the lights best, and what both leave."""
+        offset = gains[photo] + (vignetting[photo] * rho2)[:, None]
+        scale = gammas[photo, None]
+        true = _means(point, (logs - offset) / scale, weight * trust * scale**2, count[1])
+        return true, logs - offset - scale * true[point]
+
+    for _ in range(ITERATIONS if len(photo) else 0):
+        true, residual = explain()
+        spread = robust_spread(residual) + 1e-4
+        trust = (1 / (1 + (residual / (2 * spread)) ** 2)).min(axis=1, keepdims=True)
+        if not fits_photos:
+            continue
+        middle = float(np.average(true[point], weights=weight))
+        for row in range(count[0]):
+            part = slice(ends[row], ends[row + 1])
+            colors, sure = true[point[part]], weight[part] * trust[part]
+            found = _solve(colors, middle, rho2[part], logs[part], sure)
+            gains[row], gammas[row], vignetting[row] = found[:3], found[3], found[4]
+        gammas /= gammas.mean()
+        _, residual = explain()
+        gains += _joint_gains(photo, point, residual, weight * trust, count)
+        gains -= gains.mean(axis=0)
+    return gains, gammas, vignetting, *explain()
+
+
+def _joint_gains(
+    photo: np.ndarray, point: np.ndarray, residual: np.ndarray, weight: np.ndarray, count: tuple
+) -> np.ndarray:
+    """Changes [V, 3] of all gains at once that lessen the residual most.
+
+    Alone, photos that share few points creep towards one another: a light that changes slowly along
+    a walk around the scene would take hundreds of turns. Points are eliminated: with weights W
+    [V, P], the matrix is diag(W 1) - W diag(1 / W^T 1) W^T.
+    """
+    changes = np.zeros((count[0], 3))
+    table, wanted = np.zeros(count), np.zeros(count)
+    for channel in range(3):
+        table[photo, point] = weight[:, channel]
+        wanted[photo, point] = weight[:, channel] * residual[:, channel]
+        share = table / np.maximum(table.sum(axis=0), 1e-12)
+        left = np.diag(table.sum(axis=1) + JOINT_PRIOR) - share @ table.T
+        right = (wanted - share * wanted.sum(axis=0)).sum(axis=1)
+        changes[:, channel] = np.linalg.solve(left, right)
+    return changes
+
+
+def _solve(
+    true: np.ndarray, middle: float, rho2: np.ndarray, logs: np.ndarray, weight: np.ndarray
+) -> np.ndarray:
+    """One photo's gains [3], gamma and vignetting; `PRIOR` holds at the brightness `middle`.
+
+    The unknowns are the light's change at that brightness, gamma - 1 and vignetting.
+    """
+    rows = np.zeros((len(true), 3, 5))
+    rows[:, np.arange(3), np.arange(3)] = 1
+    rows[:, :, 3] = true - middle
+    rows[:, :, 4] = rho2[:, None]
+    flat, sure = rows.reshape(-1, 5), weight.reshape(-1, 1)
+    left = flat.T @ (sure * flat) + np.diag(PRIOR)
+    found = np.linalg.solve(left, flat.T @ (sure[:, 0] * (logs - true).reshape(-1)))
+    steeper = np.clip(found[3], -0.8, 4.0)
+    return np.array([*(found[:3] - steeper * middle), 1 + steeper, found[4]])
+
+
+def _means(index: np.ndarray, values: np.ndarray, weight: np.ndarray, size: int) -> np.ndarray:
+    """Weighted means [size, 3] of rows with the same index."""
+    total = [np.bincount(index, values[:, c] * weight[:, c], size) for c in range(3)]
+    weights = [np.bincount(index, weight[:, c], size) for c in range(3)]
+    return np.stack(total, axis=1) / np.maximum(np.stack(weights, axis=1), 1e-12)

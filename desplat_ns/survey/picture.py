@@ -1,0 +1,93 @@
+"""A sheet of the evidence: photos, the same without their light, what disagrees, and the sky."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from desplat_ns.survey.photo_light import from_middle
+from desplat_ns.survey.survey import Evidence
+
+MOST_COLUMNS = 8
+CELL_SIDE, GAP, HEAD = 200, 6, 18
+"""Pixels: the square in which a photo is shown, between two of them, above each row."""
+
+ROWS = (
+    "photos",
+    "without each photo's own light",
+    "expected points: green agrees, orange disagrees, red and all near disagree",
+    "blue: nothing behind",
+)
+AGREES, DISAGREES, COVERED = (60, 190, 90), (250, 160, 40), (230, 30, 50)
+SKY = np.array([40, 110, 255])
+
+
+def evidence_picture(evidence: Evidence) -> UInt8[np.ndarray, "H W 3"]:
+    """Rows as in `ROWS`; columns are photos evenly spread, with the one most covered among them."""
+    seen = evidence.seen
+    count = len(seen.views)
+    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_COLUMNS)).round().astype(int))
+    worst = int(evidence.disagreement.is_covered.sum(axis=1).argmax())
+    if worst not in chosen:
+        chosen[np.abs(chosen - worst).argmin()] = worst
+    columns = [
+        [
+            seen.photos[row],
+            _without_light(evidence, row),
+            _with_points(evidence, row),
+            _with_sky(evidence, row),
+        ]
+        for row in chosen.tolist()
+    ]
+    rows = []
+    for number, title in enumerate(ROWS):
+        head = np.full((HEAD, len(chosen) * (CELL_SIDE + GAP) + GAP, 3), 255, np.uint8)
+        place = (GAP, HEAD - 5)
+        cv2.putText(head, title, place, cv2.FONT_HERSHEY_SIMPLEX, 0.4, (20, 20, 20), 1, cv2.LINE_AA)
+        rows += [head, _row([column[number] for column in columns])]
+    return np.concatenate(rows)
+
+
+def _row(pictures: list[np.ndarray]) -> np.ndarray:
+    sheet = np.full((CELL_SIDE + GAP, len(pictures) * (CELL_SIDE + GAP) + GAP, 3), 255, np.uint8)
+    for column, picture in enumerate(pictures):
+        height, width = picture.shape[:2]
+        ratio = CELL_SIDE / max(height, width)
+        size = max(1, round(width * ratio)), max(1, round(height * ratio))
+        small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+        left = GAP + column * (CELL_SIDE + GAP) + (CELL_SIDE - size[0]) // 2
+        sheet[: size[1], left : left + size[0]] = small
+    return sheet
+
+
+def _without_light(evidence: Evidence, row: int) -> np.ndarray:
+    photo = evidence.seen.photos[row]
+    height, width = photo.shape[:2]
+    places = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
+    neutral = evidence.light.neutral(row, photo / 255.0, from_middle(width, height, places))
+    return np.rint(neutral.clip(0, 1) * 255).astype(np.uint8)
+
+
+def _with_points(evidence: Evidence, row: int) -> np.ndarray:
+    found, photo = evidence.disagreement, evidence.seen.photos[row]
+    pale = (photo // 2 + 110).astype(np.uint8)
+    radius = max(1, round(max(photo.shape[:2]) / 160))
+    for which, color in (
+        (found.is_expected[row] & ~found.disagrees[row], AGREES),
+        (found.disagrees[row] & ~found.is_covered[row], DISAGREES),
+        (found.is_covered[row], COVERED),
+    ):
+        for x, y in evidence.seen.places[row, which]:
+            cv2.circle(pale, (int(x), int(y)), radius, color, -1, cv2.LINE_AA)
+    return pale
+
+
+def _with_sky(evidence: Evidence, row: int) -> np.ndarray:
+    photo, sky = evidence.seen.photos[row], evidence.skies.get(row)
+    if sky is None:
+        return photo
+    size = photo.shape[1], photo.shape[0]
+    cells = cv2.resize(sky.cells.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    mixed = (0.4 * photo + 0.6 * SKY).astype(np.uint8)
+    return np.where(cells[..., None], mixed, photo)
