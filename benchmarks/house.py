@@ -20,10 +20,10 @@ PICTURE = CHECKOUT / "docs" / "house.svg"
 
 FLOORS: tuple[tuple[str, ...], ...] = (
     ("", "errors"),
-    ("backend", "options", "console"),
+    ("backend", "options", "console", "effects"),
     ("rendering", "", "data"),
     ("gaussians", "", "survey", "synthetic"),
-    ("training", "effects"),
+    ("training",),
     ("", "photo_tourism"),
     ("separation", "viewer", "evaluation"),
     ("", "", "nerfstudio_quirks", "datamanager"),

@@ -15,7 +15,7 @@ from nerfstudio.data.datamanagers.full_images_datamanager import (
     FullImageDatamanager,
     FullImageDatamanagerConfig,
 )
-from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
+from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig, DataparserOutputs
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import (
     Nerfstudio,
@@ -60,6 +60,14 @@ def without_prompts(config: DataParserConfig) -> DataParserConfig:
     if type(config) is NerfstudioDataParserConfig and config._target is Nerfstudio:
         return replace(config, _target=PromptFreeNerfstudio)
     return config
+
+
+def training_split(config: DeSplatDataManagerConfig) -> DataparserOutputs:
+    """Cameras, photos and points of the training split, without a data manager and its photos."""
+    dataparser = without_prompts(config.dataparser)
+    if config.data is not None:
+        dataparser.data = Path(config.data)
+    return dataparser.setup().get_dataparser_outputs("train")
 
 
 class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):

@@ -9,7 +9,7 @@ import copy
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.engine.trainer import Trainer, TrainerConfig
@@ -19,11 +19,14 @@ from nerfstudio.utils.rich_utils import CONSOLE
 from torch.cuda.amp.grad_scaler import GradScaler
 
 from desplat_ns.console import announce
+from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
+from desplat_ns.effects import Effects
 from desplat_ns.errors import CheckpointError, ConfigError
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
 from desplat_ns.options import check_finite_options
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.static_model import StaticModelConfig
+from desplat_ns.survey.decide import decided_effects
 from desplat_ns.training import resume
 from desplat_ns.training.checkpoint_files import (
     checkpoint_folder,
@@ -33,6 +36,7 @@ from desplat_ns.training.checkpoint_files import (
     remove_others,
     save_atomically,
 )
+from desplat_ns.training.checkpoint_record import SceneRecord
 from desplat_ns.training.run_length import schedule_scale
 from desplat_ns.training.schedules import scaled_optimizers
 from desplat_ns.training.step_guard import (
@@ -124,6 +128,32 @@ class DeSplatTrainer(Trainer):
         self._loaded_from: Path | None = None
         self._saved_rng: dict[str, Any] | None = None
         self._waiting_in_viewer = False
+
+    def setup(self, test_mode: Literal["test", "val", "inference"] = "val") -> None:
+        """nerfstudio's, once it is decided which effects the run has.
+
+        Raises:
+            CaptureError: photos that cannot be surveyed.
+            CheckpointError: one that cannot be gone on from.
+        """
+        self._decide_effects()
+        super().setup(test_mode)
+
+    def _decide_effects(self) -> None:
+        """With `effects.auto` those of the checkpoint, or those that the capture calls for;
+        config.yml then has them, for ns-eval and the next resume."""
+        model, manager = self.config.pipeline.model, self.config.pipeline.datamanager
+        if not (isinstance(model, StaticModelConfig) and model.effects.auto):
+            return
+        assert isinstance(manager, DeSplatDataManagerConfig)
+        found = self._read_checkpoint()
+        if found is None:
+            split = training_split(manager)
+            model.effects = decided_effects(model.effects, split, self.base_dir)
+        else:
+            record = SceneRecord.from_state(found[1]["pipeline"].get("_extra_state"))
+            model.effects = model.effects.decided(Effects(**record.effects))
+        self.config.save_config()
 
     def setup_optimizers(self) -> Optimizers:
         """Optimizers whose learning rates follow the schedules of this run's length."""

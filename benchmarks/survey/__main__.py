@@ -1,7 +1,7 @@
 """Survey generated scenes and the real ones; write docs/survey.json and docs/survey.md.
 
-    python -m benchmarks.survey            (15 minutes the first time: scenes are generated and kept)
-    python -m benchmarks.survey --report   (the document only)
+python -m benchmarks.survey            (15 minutes the first time: scenes are generated and kept)
+python -m benchmarks.survey --report   (the document only)
 """
 
 from __future__ import annotations
@@ -60,7 +60,9 @@ def main() -> None:
         for real, root in available():
             found, record = measure(real.open(root))
             decisions = found.decisions()
-            wrong = [effect for effect, right in real.right.items() if decisions[effect] not in right]
+            wrong = [
+                effect for effect, right in real.right.items() if decisions[effect] not in right
+            ]
             records["real"].append({"name": real.name, "seen": real.seen, "wrong": wrong, **record})
             print(real.name, wrong or "right", flush=True)
         FILE.write_text(json.dumps(records, indent=1) + "\n", "utf8")
