@@ -178,7 +178,7 @@ MUTATIONS = (
              GRADIENTS),
     Mutation("a mask over a part of the photo is no mask", "separation/distractor_layer.py",
              "owned.masked_fill(~mask, 1.0)", "owned.masked_fill(~mask.any(), 1.0)", GRADIENTS),
-    Mutation("poses learn nothing", "static_model.py",
+    Mutation("poses learn nothing", "lit_model.py",
              "pose = self.camera_optimizer.apply_to_camera(camera)",
              "pose = self.camera_optimizer.apply_to_camera(camera).detach()", GRADIENTS),
 )  # fmt: skip
