@@ -42,8 +42,8 @@ def test_float32_is_as_good_as_float64_allows(degree):
     assert (wanted < 0).any()
     for result, (inputs, _) in ((seen, ours), (wanted, exact)):
         (result**2).sum().backward()
-        assert (inputs.colors.grad[~SHOWN] == 0).all()
-        assert degree == 0 or (inputs.means.grad[~SHOWN] == 0).all()
+        for leaf in (inputs.colors, inputs.means):
+            assert leaf.grad is None or (leaf.grad[~SHOWN] == 0).all()
     for name in ("means", "colors") if degree > 0 else ("colors",):
         found, expected = (getattr(one[0], name).grad for one in (ours, exact))
         nearest = exact[0].means.detach().norm(dim=-1).min()  # gradients grow with 1 / |r|
@@ -84,6 +84,6 @@ def test_what_is_not_shown_may_be_anything(dtype):
     with torch.no_grad():
         scene.colors[0], scene.means[3] = float("nan"), 0.0
     seen = uncut_colors(scene, view, SHOWN)
-    seen.sum().backward()
     assert seen.isfinite().all() and (seen[~SHOWN] == 0).all()
-    assert scene.means.grad.isfinite().all() and scene.colors.grad.isfinite().all()
+    gradients = torch.autograd.grad(seen.sum(), [scene.means, scene.colors])
+    assert all(gradient.isfinite().all() for gradient in gradients)

@@ -48,25 +48,41 @@ def by_modules(parts: list[Tensor], layers: Layers) -> Tensor:
     return h
 
 
-def rounding(widths: tuple[int, ...], dtype: torch.dtype) -> float:
-    """Relative to a sum of absolute values: a unit in the last place for each product and sum."""
-    return 2 * (sum(widths) + NUM) * torch.finfo(dtype).eps
+def in_float64(parts: list[Tensor], layers: Layers) -> tuple[list[Tensor], Layers]:
+    """The same numbers as leaves of float64."""
+    found = [t.detach().double().requires_grad_() for t in leaves_of(parts, layers)]
+    n, depth = len(parts), len(layers.weights)
+    return found[:n], Layers(found[n : n + depth], found[n + depth :])
+
+
+def absolute(parts: list[Tensor], layers: Layers) -> tuple[list[Tensor], Layers]:
+    """The network of absolute values: all units are on, nothing cancels."""
+    with torch.no_grad():
+        parts, layers = in_float64(parts, layers)
+        for t in leaves_of(parts, layers):
+            t.abs_()
+    return parts, layers
 
 
 @pytest.mark.parametrize("widths", [WIDTHS, (7, 5, 2), (7, 4)])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_values_and_gradients_are_those_of_modules(widths, dtype):
+    """Every number is a sum of products along the network's paths. Rounding is at most a unit in
+    the last place for each operation on a path, of the same sum with absolute values."""
     parts, layers = random_inputs(dtype, widths)
-    seen, expected = mlp_of_rows(parts, layers), by_modules(parts, layers)
-    weight = torch.linspace(-1, 1, expected.numel(), dtype=dtype).view(expected.shape)
-    leaves = leaves_of(parts, layers)
-    gradients = torch.autograd.grad(seen, leaves, weight)
-    wanted = torch.autograd.grad(expected, leaves, weight)
-    # Where numbers cancel, errors are those of the largest that came together: 30 is above all.
-    bound = 30 * rounding(widths, dtype)
-    torch.testing.assert_close(seen, expected, rtol=0, atol=bound * float(expected.abs().max()))
-    for ours, theirs in zip(gradients, wanted, strict=True):
-        torch.testing.assert_close(ours, theirs, rtol=0, atol=bound * float(theirs.abs().max()))
+    results = []
+    for network, (ins, through) in (
+        (mlp_of_rows, (parts, layers)),
+        (by_modules, in_float64(parts, layers)),
+        (by_modules, absolute(parts, layers)),
+    ):
+        out = network(ins, through)
+        weight = torch.ones_like(out)
+        results.append([out, *torch.autograd.grad(out, leaves_of(ins, through), weight)])
+    operations = 2 * (sum(widths) + NUM)
+    for ours, exact, bound in zip(*results, strict=True):
+        error = (ours - exact).abs()
+        assert (error <= operations * torch.finfo(dtype).eps * bound).all()
 
 
 def test_gradcheck():
@@ -148,11 +164,12 @@ def test_bfloat16_is_off_by_its_rounding_and_sums_gradients_in_float32():
     parts, layers = random_inputs(torch.float32)
     seen = mlp_of_rows(parts, layers, dtype=torch.bfloat16)
     assert seen.dtype == torch.float32
-    h, error, unit = torch.cat(parts, dim=1).double(), 0.0, 2.0**-8
+    h, unit = torch.cat(parts, dim=1).double(), 2.0**-8
+    error = torch.zeros_like(h)
     for i, (weight, bias) in enumerate(zip(layers.weights, layers.biases, strict=True)):
         w, b = weight.double(), bias.double()
         total = h.abs() @ w.abs().T + b.abs()
-        error = (error @ w.abs().T if i else 0) + 4 * unit * total
+        error = error @ w.abs().T + 4 * unit * total
         h = h @ w.T + b
         h = torch.relu(h) if i < len(layers.weights) - 1 else h
     assert ((seen - h).abs() <= error).all()

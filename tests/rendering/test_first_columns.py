@@ -9,6 +9,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from desplat_ns.backend import BackendName
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.registry import resolve
 from desplat_ns.rendering.first_columns import needed_by_columns, rows_of
@@ -32,7 +33,7 @@ def crowd(seed: int, count: int, opacity: float) -> Splats:
     )
 
 
-def of_columns(name: str, splats: Splats) -> list[torch.Tensor]:
+def of_columns(name: BackendName, splats: Splats) -> list[torch.Tensor]:
     drawn = resolve(name, "cpu")(splats, VIEW, RenderSettings())
     return [drawn.rgb[:, :COLUMNS], drawn.alpha[:, :COLUMNS]]
 

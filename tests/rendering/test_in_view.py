@@ -11,6 +11,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from desplat_ns.backend import BackendName
 from desplat_ns.backend.constants import ALPHA_CUTOFF
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.registry import resolve
@@ -52,18 +53,19 @@ def rows_of(splats: Splats, rows: torch.Tensor) -> Splats:
     return replace(splats, **{name: getattr(splats, name)[rows] for name in PARAMETERS})
 
 
-def drawn(name: str, splats: Splats, view: View, settings: RenderSettings) -> Any:
+def drawn(name: BackendName, splats: Splats, view: View, settings: RenderSettings) -> Any:
     """Rendering and gradients by all parameters, for fixed gradients of the images."""
     leaves = {n: getattr(splats, n).clone().requires_grad_() for n in PARAMETERS}
     rendering = resolve(name, "cpu")(Splats(**leaves), view, settings)  # type: ignore[arg-type]
     rng = torch.Generator().manual_seed(1)
     images = [rendering.rgb, rendering.alpha, rendering.depth]
     weights = [torch.randn(image.shape, generator=rng) for image in images]
-    total = sum((a * b).sum() for a, b in zip(images, weights, strict=True))
-    return rendering, torch.autograd.grad(total, list(leaves.values()))
+    return rendering, torch.autograd.grad(images, list(leaves.values()), weights)
 
 
-def assert_nothing_is_missed(name: str, splats: Splats, view: View, settings: RenderSettings):
+def assert_nothing_is_missed(
+    name: BackendName, splats: Splats, view: View, settings: RenderSettings
+):
     shown = in_view(splats, view, settings)
     whole, gradients = drawn(name, splats, view, settings)
     fewer, found = drawn(name, rows_of(splats, shown), view, settings)
@@ -92,24 +94,27 @@ def test_without_the_rest_picture_and_gradients_are_the_same(
 
 
 @pytest.mark.parametrize("name", ["torch", "numba"])
-@pytest.mark.parametrize("seed", range(20))
-def test_the_same_at_the_borders(name, seed):
-    """Means within a pixel of where their reach ends, and within rounding of the near plane."""
-    settings, view = RenderSettings(depth=True), view_at([0.0] * 3, [0.0] * 3, 30.0)
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("focal", [30.0, 400.0])
+def test_the_same_at_the_borders(name, seed, focal):
+    """Means about where their reach ends, above or below, and within rounding of the near plane; at
+    the longer focal length the bound on the Jacobian is what it is."""
+    settings, view = RenderSettings(depth=True), view_at([0.0] * 3, [0.0] * 3, focal)
     rng = torch.Generator().manual_seed(seed)
     n = 300
-    z = torch.cat([torch.full((n // 2,), settings.near_plane), 0.5 + torch.rand(n // 2) * 3])
+    far = 0.5 + 3 * torch.rand(n // 2, generator=rng)
+    z = torch.cat([torch.full((n // 2,), settings.near_plane), far])
     z = z * (1 + 2e-7 * torch.randn(n, generator=rng))
     sigma = 10 ** (3 * torch.rand(n, generator=rng) - 1)
     beyond = 3.33 * (sigma.square() + 0.3).sqrt() * (0.95 + 0.1 * torch.rand(n, generator=rng))
     side = torch.rand(n, generator=rng) < 0.5
-    pixel = torch.where(side, WIDTH + beyond, -beyond)
-    x = (pixel - view.K[0, 2]) / view.K[0, 0] * z
-    y = (torch.rand(n, generator=rng) * HEIGHT - view.K[1, 2]) / view.K[1, 1] * z
+    x = (torch.rand(n, generator=rng) * WIDTH - view.K[0, 2]) / view.K[0, 0] * z
+    pixel = torch.where(side, HEIGHT + beyond, -beyond)
+    y = (pixel - view.K[1, 2]) / view.K[1, 1] * z
     splats = Splats(
         means=torch.stack([x, y, z], dim=-1),
         quats=torch.randn(n, 4, generator=rng),
-        scales=(sigma * z / 30)[:, None].repeat(1, 3),
+        scales=(sigma * z / view.K[1, 1])[:, None].repeat(1, 3),
         opacities=0.9 + 0.1 * torch.rand(n, generator=rng),
         colors=torch.rand(n, 3, generator=rng),
     )
