@@ -1,7 +1,7 @@
 """Survey generated scenes and the real ones; write docs/survey.json and docs/survey.md.
 
-    python -m benchmarks.survey            (15 minutes the first time: scenes are generated and kept)
-    python -m benchmarks.survey --report   (the document only)
+python -m benchmarks.survey            (15 minutes the first time: scenes are generated and kept)
+python -m benchmarks.survey --report   (the document only)
 """
 
 from __future__ import annotations
@@ -28,13 +28,11 @@ def measure(capture: Capture) -> tuple[Survey, dict[str, Any]]:
     start = time.process_time()
     found = survey(capture)
     seconds = time.process_time() - start
-    figures = {f.name: f.value for finding in found.findings for f in finding.figures}
-    plain = json.loads(found.to_json())
-    known = {f["name"] for e in found.decisions() for f in plain[e]["figures"] if f["value"]}
+    figures = [figure for finding in found.findings for figure in finding.figures]
     return found, {
         "decisions": found.decisions(),
         "confidence": {finding.effect: finding.confidence for finding in found.findings},
-        "figures": {n: round(v, 5) if n in known else None for n, v in figures.items()},
+        "figures": {f.name: round(f.value, 5) if f.is_known else None for f in figures},
         "cpu_seconds": round(seconds, 2),
         "photos": found.num_surveyed,
     }
@@ -60,7 +58,9 @@ def main() -> None:
         for real, root in available():
             found, record = measure(real.open(root))
             decisions = found.decisions()
-            wrong = [effect for effect, right in real.right.items() if decisions[effect] not in right]
+            wrong = [
+                effect for effect, right in real.right.items() if decisions[effect] not in right
+            ]
             records["real"].append({"name": real.name, "seen": real.seen, "wrong": wrong, **record})
             print(real.name, wrong or "right", flush=True)
         FILE.write_text(json.dumps(records, indent=1) + "\n", "utf8")
