@@ -28,13 +28,11 @@ def measure(capture: Capture) -> tuple[Survey, dict[str, Any]]:
     start = time.process_time()
     found = survey(capture)
     seconds = time.process_time() - start
-    figures = {f.name: f.value for finding in found.findings for f in finding.figures}
-    plain = json.loads(found.to_json())
-    known = {f["name"] for e in found.decisions() for f in plain[e]["figures"] if f["value"]}
+    figures = [figure for finding in found.findings for figure in finding.figures]
     return found, {
         "decisions": found.decisions(),
         "confidence": {finding.effect: finding.confidence for finding in found.findings},
-        "figures": {n: round(v, 5) if n in known else None for n, v in figures.items()},
+        "figures": {f.name: round(f.value, 5) if f.is_known else None for f in figures},
         "cpu_seconds": round(seconds, 2),
         "photos": found.num_surveyed,
     }

@@ -31,7 +31,7 @@ DECIDING = {
 
 
 def confusion_table(records: Sequence[dict[str, Any]], effect: str) -> str:
-    """Rows are truths, columns decisions, cells numbers of scenes; last the range of the figures."""
+    """Rows are truths, columns decisions, cells numbers of scenes; last the figures' ranges."""
     values = EFFECTS[effect]
     counts = Counter((r["truth"][effect], r["decisions"][effect]) for r in records)
     head = ["truth", *(f"says {value}" for value in values), *DECIDING[effect]]

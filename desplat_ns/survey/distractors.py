@@ -74,7 +74,7 @@ def compare_photos(seen: Observations, light: PhotoLight) -> Disagreement:
     expected, disagrees = np.zeros(shape, bool), np.zeros(shape, bool)
     says = says_something(seen)
     tracked = seen.is_tracked & says[:, None]
-    for row in np.flatnonzero(says):
+    for row in np.flatnonzero(says).tolist():
         others = neighbours(row, tracked, toward, distance)
         is_there = others >= 0
         expected[row] = seen.is_shown[row] & (is_there.sum(axis=0) >= FEWEST_NEIGHBOURS)
@@ -86,7 +86,7 @@ def compare_photos(seen: Observations, light: PhotoLight) -> Disagreement:
             same[which] |= (step < COLOR_STEP) | are_alike(seen, (row, which), pair)
         disagrees[row] = expected[row] & ~same
     covered, judged = np.zeros(shape, bool), np.full(shape[0], np.nan)
-    for row in np.flatnonzero(says):
+    for row in np.flatnonzero(says).tolist():
         covered[row], judged[row] = _gathered(seen, row, expected[row], disagrees[row])
     return Disagreement(expected, disagrees, covered, judged)
 

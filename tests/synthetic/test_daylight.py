@@ -8,6 +8,7 @@ import pytest
 from desplat_ns.errors import ConfigError
 from desplat_ns.synthetic.cameras import PinholeCamera, look_at
 from desplat_ns.synthetic.daylight import (
+    CLOUD,
     KINDS,
     TINT_SPREAD,
     Daylight,
@@ -17,7 +18,7 @@ from desplat_ns.synthetic.daylight import (
 )
 from desplat_ns.synthetic.light import Light, apply_light
 from desplat_ns.synthetic.primitives import Sphere
-from desplat_ns.synthetic.render import draw, sky, to_pixels, to_uint8
+from desplat_ns.synthetic.render import DIRECT, SUN, draw, sky, to_pixels, to_uint8
 from desplat_ns.synthetic.sky import Sky
 from desplat_ns.synthetic.textures import Plain
 
@@ -103,3 +104,35 @@ def test_a_photo_can_be_developed_twice():
     before = samples.rgb.copy()
     develop(samples, CAMERA, 1, Daylight("noon", Light(), SKY))
     np.testing.assert_array_equal(samples.rgb, before)
+
+
+def test_a_sun_of_its_own_is_turned_about_the_vertical_and_sometimes_clouded():
+    drawn = daylights(DaylightSpec(sun=60.0), 60)
+    suns = [daylight.sun for daylight in drawn if daylight.sun is not None]
+    assert len(suns) == 60
+    towards = np.array([sun.direction for sun in suns])
+    np.testing.assert_allclose(np.linalg.norm(towards, axis=1), 1, rtol=1e-6)
+    np.testing.assert_allclose(towards[:, 2], SUN[2], rtol=1e-6)
+    turns = np.degrees(np.arctan2(towards[:, 1], towards[:, 0]) - np.arctan2(SUN[1], SUN[0]))
+    assert 40 < np.abs((turns + 180) % 360 - 180).max() <= 60
+    assert {sun.direct for sun in suns} == {DIRECT, CLOUD[0] * DIRECT}
+
+
+def test_without_a_sun_of_its_own_nothing_is_drawn_that_was_not_before():
+    for one, other in zip(
+        daylights(DaylightSpec(sun=60.0), 1), daylights(DaylightSpec(), 1), strict=True
+    ):
+        assert other.sun is None
+        assert (one.light, one.sky) == (other.light, other.sky)
+
+
+def test_a_plain_sky_is_one_colour_in_every_direction():
+    (daylight,) = daylights(DaylightSpec(sky=False, plain_sky=(0.1, 0.2, 0.3)), 1)
+    assert daylight.sky is not None
+    colors = daylight.sky.toward(np.random.default_rng(0).normal(size=(3, 20)))
+    np.testing.assert_allclose(colors.T, np.tile([0.1, 0.2, 0.3], (20, 1)), rtol=1e-6)
+
+
+def test_a_sun_beyond_half_a_turn_is_an_error():
+    with pytest.raises(ConfigError, match="sun is 200"):
+        DaylightSpec(sun=200.0)

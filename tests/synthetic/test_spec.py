@@ -43,3 +43,10 @@ def test_each_purpose_has_random_numbers_of_its_own():
     numbers = {spec.rng(*purpose).random() for purpose in [(0,), (1,), (2, 0), (2, 1)]}
     numbers.add(SceneSpec(seed=4).rng(0).random())
     assert len(numbers) == 5
+
+
+def test_a_daylight_without_a_sun_of_its_own_is_recorded_as_before():
+    record = replace(SceneSpec(), daylight=DaylightSpec()).to_dict()["daylight"]
+    assert set(record) == {"kinds", "strength", "sky"}
+    sunny = replace(SceneSpec(), daylight=DaylightSpec(sun=30.0)).to_dict()["daylight"]
+    assert sunny["sun"] == 30.0

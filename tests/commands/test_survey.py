@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.commands.survey import find_parser, survey_capture
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.errors import CaptureError, ConfigError
+
+
+def test_a_capture_is_found_and_the_findings_are_written(tiny_scene, tmp_path):
+    found = survey_capture(tiny_scene.folder, tmp_path / "out")
+    written = json.loads((tmp_path / "out" / "survey.json").read_text())
+    assert written["distractors"]["decision"] == found.distractors.decision
+    assert (tmp_path / "out" / "survey.png").stat().st_size > 1000
+
+
+def test_a_data_parser_chooses_the_photos(tiny_scene, tmp_path):
+    parser = RobustNerfDataParserConfig(train_split_clean_clutter_ratio=0.0)
+    found = survey_capture(tiny_scene.folder, tmp_path, parser)
+    assert found.num_photos == tiny_scene.spec.num_views
+    assert parser.data == tiny_scene.folder
+
+
+def test_layouts_are_found(tiny_scene, tmp_path):
+    assert find_parser(tiny_scene.folder).colmap_path == Path("sparse")  # pyright: ignore
+    (tmp_path / "dense").symlink_to(tiny_scene.folder)
+    assert find_parser(tmp_path).colmap_path == Path("dense/sparse")  # pyright: ignore
+    (tmp_path / "transforms.json").write_text("{}")
+    assert type(find_parser(tmp_path)).__name__ == "NerfstudioDataParserConfig"
+
+
+def test_mistakes_say_what_to_do(tiny_scene, tmp_path):
+    with pytest.raises(CaptureError, match="No capture was found"):
+        find_parser(tmp_path)
+    with pytest.raises(ConfigError, match="desplat-survey FOLDER"):
+        survey_capture()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="--output"):
+        survey_capture(tiny_scene.folder, tmp_path / "file")

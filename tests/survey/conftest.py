@@ -1,0 +1,52 @@
+"""Tiny generated scenes, surveyed once for all tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from desplat_ns.survey.capture import Capture
+    from desplat_ns.synthetic import SceneSpec
+
+
+@pytest.fixture(scope="session")
+def small_spec() -> SceneSpec:
+    """Ten views of 96x72 pixels without sky."""
+    from desplat_ns.synthetic import SceneSpec
+
+    return SceneSpec(num_views=10, num_extras=1, width=96, height=72, num_points=1200, seed=3)
+
+
+@pytest.fixture(scope="session")
+def make_capture(
+    small_spec: SceneSpec, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[..., Capture]:
+    """A capture of the small scene, changed as asked for; its clean twins unless `cluttered`."""
+    from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+    from desplat_ns.survey.capture import capture_of
+    from desplat_ns.synthetic import write_scene
+
+    made: dict[str, Path] = {}
+
+    def make(cluttered: bool = False, **changes) -> Capture:
+        spec = replace(small_spec, **changes)
+        if repr(spec) not in made:
+            made[repr(spec)] = tmp_path_factory.mktemp("scene")
+            write_scene(spec, made[repr(spec)])
+        parser = RobustNerfDataParserConfig(
+            data=made[repr(spec)], train_split_clean_clutter_ratio=float(cluttered)
+        )
+        return capture_of(parser.setup().get_dataparser_outputs("train"))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def still(make_capture: Callable[..., Capture]) -> Capture:
+    """Nothing in the way, one light, no sky."""
+    return make_capture()

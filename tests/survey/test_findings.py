@@ -1,0 +1,23 @@
+from __future__ import annotations
+
+import math
+
+from desplat_ns.survey.findings import CLEAR, Figure, confidence_of
+
+
+def figure(value: float, threshold: float | None = 1.0) -> Figure:
+    return Figure("one", value, "a figure", threshold)
+
+
+def test_a_figure_is_above_its_threshold_only_if_it_is_known():
+    assert figure(1.1).is_above
+    assert not figure(0.9).is_above
+    assert not figure(math.nan).is_above
+    assert not figure(5.0, None).is_above
+
+
+def test_confidence_is_that_of_the_figure_nearest_to_its_threshold():
+    assert confidence_of([figure(CLEAR * 1.01), figure(0.0)]) == "clear"
+    assert confidence_of([figure(1.1), figure(100.0)]) == "close"
+    assert confidence_of([figure(1 / (CLEAR * 1.01))]) == "clear"
+    assert confidence_of([figure(math.nan)]) == "none"

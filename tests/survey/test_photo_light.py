@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from desplat_ns.survey.capture import Capture
+from desplat_ns.survey.observations import observe
+from desplat_ns.survey.photo_light import fit_light, from_middle
+from desplat_ns.synthetic import DaylightSpec, make_scene
+
+
+def test_the_corner_is_at_one_and_the_middle_at_zero():
+    places = np.array([[0.0, 0.0], [40.0, 30.0], [80.0, 60.0]])
+    np.testing.assert_allclose(from_middle(80, 60, places), [1, 0, 1])
+
+
+def test_fitted_lights_are_those_that_the_photos_were_taken_in(
+    make_capture: Callable[..., Capture], small_spec
+):
+    from dataclasses import replace
+
+    daylight = DaylightSpec(sky=False)
+    light = fit_light(observe(make_capture(daylight=daylight)))
+    frames = make_scene(replace(small_spec, daylight=daylight)).clean
+    true = [frame.daylight.light for frame in frames if frame.daylight is not None]
+    gammas = np.array([one.gamma for one in true])
+    gains = np.log([one.gain * np.array(one.tint) for one in true])
+    # What all share belongs to the scene: gammas over their mean, gains about a line in gamma.
+    np.testing.assert_allclose(light.gammas, gammas / gammas.mean(), atol=0.05)
+    shown = gains + gammas[:, None] * np.log(0.5)
+    fitted = light.gains + light.gammas[:, None] * np.log(0.5)
+    spread = (shown - shown.mean(axis=0)) - (fitted - fitted.mean(axis=0))
+    assert np.abs(spread).max() < 0.1
+    assert np.abs(shown - shown.mean(axis=0)).max() > 0.25
+
+
+def test_a_light_taken_back_gives_the_colour_under_the_mean_light(still: Capture):
+    light = fit_light(observe(still))
+    light.gains[0], light.gammas[0], light.vignetting[0] = [0.1, 0.0, -0.1], 1.3, -0.2
+    true = np.array([[0.5, 0.25, 0.7]])
+    seen = np.exp(np.array([0.1, 0.0, -0.1]) + 1.3 * np.log(true) - 0.2 * 0.4)
+    np.testing.assert_allclose(light.neutral(0, seen, np.array([0.4])), true, rtol=1e-12)

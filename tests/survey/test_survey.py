@@ -1,0 +1,192 @@
+"""Decisions on tiny scenes whose truth is known, and what cannot be looked at."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from desplat_ns.data.images import read_image, write_image
+from desplat_ns.errors import CaptureError
+from desplat_ns.survey import observations
+from desplat_ns.survey.capture import Capture
+from desplat_ns.survey.findings import Figure
+from desplat_ns.survey.picture import evidence_picture
+from desplat_ns.survey.survey import survey, survey_with_evidence
+from desplat_ns.synthetic import DaylightSpec
+
+OFF = {"distractors": False, "appearance": "off", "background": "off"}
+SAFE = {"distractors": True, "appearance": "off", "background": "off"}
+
+
+def copied(capture: Capture, folder: Path) -> Capture:
+    """The same capture with photos of its own, to be damaged."""
+    photos = [Path(shutil.copy(path, folder / path.name)) for path in capture.photos]
+    return replace(capture, photos=photos)
+
+
+def some(capture: Capture, which: list[int]) -> Capture:
+    """Some of the photos."""
+    tracks = capture.tracks
+    assert tracks is not None
+    return replace(
+        capture,
+        cameras=capture.cameras[torch.tensor(which, dtype=torch.long)],
+        photos=[capture.photos[i] for i in which],
+        tracks=replace(tracks, image_ids=tuple(tracks.image_ids[i] for i in which)),
+    )
+
+
+def test_a_still_scene_in_one_light_needs_nothing(still: Capture):
+    assert survey(still).decisions() == OFF
+
+
+def test_passers_by_are_seen(make_capture: Callable[..., Capture]):
+    found = survey(make_capture(cluttered=True))
+    assert found.decisions() == {**OFF, "distractors": True}
+    assert found.distractors.confidence == "clear"
+
+
+def test_exposure_and_white_balance_of_each_photo_are_a_matter_of_the_camera(
+    make_capture: Callable[..., Capture],
+):
+    found = survey(make_capture(daylight=DaylightSpec(sky=False)))
+    assert found.decisions() == {**OFF, "appearance": "camera"}
+
+
+def test_a_sun_that_moves_is_a_matter_of_places(make_capture: Callable[..., Capture]):
+    found = survey(make_capture(daylight=DaylightSpec(strength=0.5, sky=False, sun=120.0)))
+    assert found.appearance.decision == "affine"
+
+
+@pytest.mark.parametrize(
+    ("daylight", "decision"),
+    [
+        (DaylightSpec(strength=0.0, sky=False, plain_sky=(0.5, 0.6, 0.8)), "constant"),
+        (None, "sh"),
+        (DaylightSpec(strength=0.0), "image"),
+    ],
+)
+def test_skies_are_told_apart(make_capture: Callable[..., Capture], daylight, decision):
+    found = survey(make_capture(daylight=daylight, wall_height=2.0))
+    assert found.decisions() == {**OFF, "background": decision}
+
+
+def test_the_same_capture_gives_the_same_findings(still: Capture):
+    assert survey(still).to_json() == survey(still).to_json()
+
+
+def test_json_is_plain_and_says_what_the_console_says(still: Capture):
+    found = survey(still)
+    plain = json.loads(found.to_json())
+    assert {e: plain[e]["decision"] for e in found.decisions()} == found.decisions()
+    lines = "\n".join(found.summary())
+    assert all(f.name in lines for finding in found.findings for f in finding.figures)
+
+
+def test_evidence_from_elsewhere_counts_for_distractors(still: Capture):
+    for value, decision in ((2.0, True), (0.1, False), (float("nan"), False)):
+        probe = Figure("probe", value, "of a short training", threshold=1.0)
+        finding = survey(still, [probe]).distractors
+        assert finding.decision is decision
+        assert finding.figures[-1] == probe
+
+
+def test_without_tracks_patches_stand_for_them(make_capture: Callable[..., Capture]):
+    for cluttered in (False, True):
+        capture = replace(make_capture(cluttered=cluttered), tracks=None)
+        found = survey(capture)
+        assert found.distractors.decision is cluttered
+        assert any("tracks" in line for line in found.notes)
+
+
+def test_without_points_safe_sides_are_taken_and_named(still: Capture):
+    for tracks in (still.tracks and still.tracks.keep(np.zeros(len(still.xyz), bool)), None):
+        found = survey(replace(still, xyz=np.zeros((0, 3)), tracks=tracks))
+        assert found.decisions() == SAFE
+        assert {finding.confidence for finding in found.findings} == {"none"}
+        assert "no points" in found.notes[0]
+
+
+def test_two_photos_and_one_are_not_enough_to_rule_distractors_out(still: Capture):
+    for which in ([0, 1], [4]):
+        found = survey(some(still, which))
+        assert found.decisions() == SAFE
+        assert found.distractors.confidence == "none"
+
+
+def test_no_photo_is_an_error(still: Capture):
+    with pytest.raises(CaptureError, match="no training photo"):
+        survey(some(still, []))
+
+
+def test_photos_that_are_all_alike_call_for_nothing_that_is_seen(still: Capture, tmp_path: Path):
+    capture = copied(still, tmp_path)
+    for path in capture.photos:
+        write_image(path, np.full((72, 96, 3), 128, np.uint8))
+    assert survey(capture).appearance.decision == "off"
+
+
+@pytest.mark.parametrize("level", [0, 255])
+def test_a_black_or_white_photo_changes_no_decision_and_is_named(
+    still: Capture, tmp_path: Path, level: int
+):
+    capture = copied(still, tmp_path)
+    write_image(capture.photos[3], np.full((72, 96, 3), level, np.uint8))
+    found = survey(capture)
+    assert found.decisions() == OFF
+    for finding in (found.appearance, found.distractors):
+        assert any(capture.photos[3].name in line for line in finding.could_not_tell)
+
+
+def test_a_photo_of_the_sky_alone_does_not_make_a_background(still: Capture, tmp_path: Path):
+    capture = copied(still, tmp_path)
+    write_image(capture.photos[3], np.full((72, 96, 3), (120, 170, 230), np.uint8))
+    assert survey(capture).background.decision == "off"
+
+
+def test_a_photo_that_cannot_be_read_is_named(still: Capture, tmp_path: Path):
+    capture = copied(still, tmp_path)
+    Path(capture.photos[2]).write_bytes(b"no picture")
+    with pytest.raises(CaptureError, match=capture.photos[2].name):
+        survey(capture)
+
+
+def test_large_captures_are_sampled_evenly_and_say_so(
+    still: Capture, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(observations, "MOST_PHOTOS", 5)
+    found = survey(still)
+    assert (found.num_surveyed, found.num_photos) == (5, 10)
+    assert any("evenly" in line for line in found.notes)
+
+
+def test_what_masks_leave_out_is_not_looked_at(
+    make_capture: Callable[..., Capture], tmp_path: Path
+):
+    capture = make_capture(cluttered=True)
+    masks = []
+    for path in capture.photos:
+        truth = read_image(path.parent.parent / "masks" / path.name)[..., 0] > 0
+        masks.append(tmp_path / path.name)
+        widened = np.pad(truth, 4)
+        widened = np.stack(
+            [np.roll(widened, shift, axis) for axis in (0, 1) for shift in range(-4, 5)]
+        ).any(axis=0)[4:-4, 4:-4]
+        write_image(masks[-1], ~widened)
+    masked = survey(replace(capture, masks=masks))
+    covered = {True: masked, False: survey(capture)}
+    values = {key: found.distractors.figures[0].value for key, found in covered.items()}
+    assert values[True] < 0.1 * values[False]
+
+
+def test_the_picture_shows_all_rows(still: Capture):
+    picture = evidence_picture(survey_with_evidence(still)[1])
+    assert picture.dtype == np.uint8
+    assert picture.shape[0] > 4 * 150

@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from desplat_ns.survey.views import View, small_view
+
+VIEW = View(
+    np.eye(3),
+    np.zeros(3),
+    np.array([90.0, 80.0]),
+    np.array([48.0, 36.0]),
+    96,
+    72,
+    np.zeros(6),
+    False,
+)
+POINTS = np.random.default_rng(0).uniform([-0.4, -0.3, 1.0], [0.4, 0.3, 2.0], (20, 3))
+K = np.array([[90.0, 0, 48], [0, 80, 36], [0, 0, 1]])
+
+
+def test_distortion_is_opencvs():
+    k1, k2, k3, p1, p2 = 0.1, -0.05, 0.02, 0.01, -0.02
+    bent = replace(VIEW, distortion=np.array([k1, k2, k3, 0, p1, p2]))
+    expected, _ = cv2.projectPoints(
+        POINTS, np.zeros(3), np.zeros(3), K, np.array([k1, k2, p1, p2, k3])
+    )
+    np.testing.assert_allclose(bent.project(POINTS)[0], expected[:, 0], atol=1e-9)
+
+
+def test_fisheye_is_opencvs():
+    bent = replace(VIEW, distortion=np.array([0.1, -0.05, 0.02, 0.01, 0, 0]), is_fisheye=True)
+    expected, _ = cv2.fisheye.projectPoints(
+        POINTS[:, None], np.zeros(3), np.zeros(3), K, np.array([0.1, -0.05, 0.02, 0.01])
+    )
+    np.testing.assert_allclose(bent.project(POINTS)[0], expected[:, 0], atol=1e-9)
+
+
+def test_directions_lead_to_the_points():
+    pixels, _ = VIEW.project(POINTS)
+    unit = POINTS / np.linalg.norm(POINTS, axis=1, keepdims=True)
+    np.testing.assert_allclose(VIEW.directions(pixels), unit, atol=1e-12)
+
+
+def test_what_is_behind_has_no_pixel():
+    pixels, depths = VIEW.project(np.array([[0.0, 0.0, -1.0]]))
+    assert np.isnan(pixels).all() and depths[0] == -1
+
+
+def test_a_small_view_sees_a_generated_scenes_points_where_they_were_observed(still):
+    observed = still.tracks.read([0, 5])
+    for index, seen in zip((0, 5), observed, strict=True):
+        view = small_view(still.cameras, index)
+        pixels, _ = view.project(still.xyz[seen.points])
+        off = np.abs(pixels / [view.width, view.height] - seen.places) * [view.width, view.height]
+        assert np.median(off) < 1.0
