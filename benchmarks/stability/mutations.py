@@ -42,6 +42,7 @@ FORMULAS = (
 )
 DENSIFICATION = "tests/gaussians/test_densification.py"
 GRADIENTS = "tests/test_model_gradients.py"
+RESPONSE = "tests/photo_tourism/test_camera_response.py"
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,8 @@ MUTATIONS = (
     Mutation("numba: a harmonic's slope", _SH,
              "per * (gx - along * x)", "per * (gx + along * x)", SH),
     Mutation("numba: a gradient through a colour's clamp", _SH,
-             "r = grad[3 * i] if out[3 * i] > _ZERO else _ZERO", "r = grad[3 * i]", SH),
+             "r = grad[3 * i] if not is_cut or out[3 * i] > _ZERO else _ZERO", "r = grad[3 * i]",
+             SH),
     Mutation("numba: ellipses too small", "backend/numba_kernels/ellipses.py",
              "np.sqrt(2 * s * c / det)", "np.sqrt(s * c / det)", ELLIPSES),
     # Losses and compositing
@@ -174,8 +176,10 @@ MUTATIONS = (
              "if step < self.config.stop_placing_at:", "if step >= 0:",
              "tests/separation/test_placement.py"),
     Mutation("the composite trains the background", "separation/distractor_layer.py",
-             "beneath.detached(), background.detach()", "beneath.detached(), background",
-             GRADIENTS),
+             "image.detach() if alone else image", "image", GRADIENTS),
+    Mutation("the scene's own colours drift off into the cameras' responses",
+             "photo_tourism/camera_response.py",
+             "self.weight[:, :CENTRED].mean(dim=0)", "self.weight[:, :CENTRED].mean()", RESPONSE),
     Mutation("a mask over a part of the photo is no mask", "separation/distractor_layer.py",
              "owned.masked_fill(~mask, 1.0)", "owned.masked_fill(~mask.any(), 1.0)", GRADIENTS),
     Mutation("poses learn nothing", "lit_model.py",
