@@ -25,10 +25,11 @@ ITERATIONS = 20
 DARK = 0.08
 """A value of this size counts a quarter: what the camera adds as noise is a larger part of it."""
 
-PRIOR = np.array([1.0, 1.0, 1.0, 2.5, 10.0])
-"""Observations that speak for gains 0, gamma 1, no vignetting: a photo with few keeps its light."""
+PRIOR = np.array([0.1, 0.1, 0.1, 2.5, 10.0])
+"""Observations that speak for gains 0, gamma 1, no vignetting: a photo with few keeps its light.
+Those of the gains are few, for they would hold back a light that changes along a walk."""
 
-JOINT_PRIOR = 0.1
+JOINT_PRIOR = 0.001
 """Observations that hold all gains where they are when they are changed at once: it makes the
 common light, which nothing determines, stay."""
 

@@ -3,10 +3,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
 from desplat_ns.survey.capture import Capture
-from desplat_ns.survey.observations import observe
+from desplat_ns.survey.observations import Observations, observe
 from desplat_ns.survey.photo_light import fit_light, from_middle
+from desplat_ns.survey.views import View
 from desplat_ns.synthetic import DaylightSpec, make_scene
 
 
@@ -41,3 +43,50 @@ def test_a_light_taken_back_gives_the_colour_under_the_mean_light(still: Capture
     true = np.array([[0.5, 0.25, 0.7]])
     seen = np.exp(np.array([0.1, 0.0, -0.1]) + 1.3 * np.log(true) - 0.2 * 0.4)
     np.testing.assert_allclose(light.neutral(0, seen, np.array([0.4])), true, rtol=1e-12)
+
+
+def chain(gains: np.ndarray) -> Observations:
+    """A walk: every photo shares 40 points with the next one and none with any other."""
+    rng = np.random.default_rng(0)
+    count, shared = len(gains), 40
+    number = shared * (count - 1)
+    tracked = np.zeros((count, number), bool)
+    for row in range(count - 1):
+        tracked[row : row + 2, shared * row : shared * (row + 1)] = True
+    colors = rng.uniform(0.2, 0.6, (number, 3)) * np.exp(gains)[:, None, None]
+    view = View(
+        rotation=np.eye(3),
+        position=np.zeros(3),
+        focal=np.full(2, 90.0),
+        center=np.array([48.0, 36.0]),
+        width=96,
+        height=72,
+        distortion=np.zeros(6),
+        is_fisheye=False,
+    )
+    return Observations(
+        indices=np.arange(count),
+        names=[str(row) for row in range(count)],
+        views=[view] * count,
+        photos=[],
+        allowed=[],
+        xyz=np.zeros((number, 3)),
+        places=np.broadcast_to(rng.uniform([0, 0], [96, 72], (number, 2)), (count, number, 2)),
+        depths=np.ones((count, number)),
+        is_shown=tracked,
+        is_tracked=tracked,
+        colors=colors,
+        is_clipped=np.zeros_like(tracked),
+        structures=np.zeros((count, number, 25)),
+        has_tracks=True,
+        num_photos=count,
+        all_xyz=np.zeros((0, 3)),
+    )
+
+
+def test_a_light_that_creeps_along_a_walk_is_found_to_its_end():
+    """Photo by photo the ends would have come a part of the way only: see `_joint_gains`."""
+    gains = np.linspace(-0.3, 0.3, 30)
+    light = fit_light(chain(gains))
+    fitted = light.gains.mean(axis=1) + (light.gammas - 1) * np.log(0.4)
+    assert fitted[-1] - fitted[0] == pytest.approx(0.6, abs=0.1)
