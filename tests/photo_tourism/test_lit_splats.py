@@ -55,6 +55,7 @@ def test_pictures_and_gradients_are_those_of_all_toned(appearance, has_harmonics
     (splats, view), features = scene(has_harmonics), torch.randn(NUM, FEATURES).double()
     features.requires_grad_()
     embedding = effects.of(1)
+    assert effects.embeddings is not None
     leaves = [*(getattr(splats, n) for n in ("means", "scales", "opacities", "colors")), features]
     leaves += [effects.embeddings.weight, *weights_of(effects)]
     found = []
