@@ -30,6 +30,11 @@ class Effects:
         light of its own, which has to be found before it can be scored."""
         return self.image_embeddings or self.appearance == "camera"
 
+    @property
+    def closed_form(self) -> bool:
+        """Whether a test photo's light is found in closed form; else it takes an optimizer."""
+        return self.appearance == "camera" and not self.image_embeddings
+
 
 @dataclass
 class EffectsConfig:

@@ -194,11 +194,9 @@ class LitModel(SplatfactoModel):
         return draw
 
     @torch.no_grad()
-    def embedding_in_closed_form(self, view: View, photo: Tensor, seen: Tensor) -> Tensor | None:
-        """The embedding [E] that explains a photo [H, W, 3] best in the pixels `seen` [H, W]; None
-        if it takes an optimizer to find it."""
-        if self.effects.appearance != "camera" or self.effects.image_embeddings:
-            return None
+    def embedding_in_closed_form(self, view: View, photo: Tensor, seen: Tensor) -> Tensor:
+        """The numbers of the camera's response [5] that explain a photo [H, W, 3] best in the
+        pixels `seen` [H, W]. Call it only if `effects.closed_form`."""
         splats = self._splats(self.gauss_params, None)
         static = self.rasterizer(splats, view, self.render_settings(depth=False))
         background = self.background_of(view, self.average_embedding())

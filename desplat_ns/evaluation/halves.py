@@ -77,6 +77,8 @@ class RightHalfByLeft:
         how = f"{self.config.steps} steps of Adam at {self.config.learning_rate:g} on its left half"
         if self.config.load_embeddings is not None:
             how = f"loaded from {self.config.load_embeddings.name}"
+        elif self.model.effects.closed_form:
+            how = "in closed form on its left half"
         return f"right half, static Gaussians only; each image's embedding: {how}"
 
     def score(

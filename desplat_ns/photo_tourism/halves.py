@@ -15,6 +15,7 @@ from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
 from desplat_ns.backend.protocol import View
+from desplat_ns.effects import Effects
 from desplat_ns.errors import CaptureError
 from desplat_ns.rendering.views import view_of
 from desplat_ns.training.losses import photometric_loss
@@ -64,6 +65,8 @@ class LitModel(Protocol):
 
     config: Any
     """Has `ssim_lambda`."""
+    effects: Effects
+    """Those of this model."""
 
     def as_function_of_embedding(
         self, view: View, columns: int | None = None
@@ -72,9 +75,9 @@ class LitModel(Protocol):
         `columns` is given, no more than as many of the first columns need to be right."""
         ...
 
-    def embedding_in_closed_form(self, view: View, photo: Tensor, seen: Tensor) -> Tensor | None:
-        """The embedding [E] that explains a photo [H, W, 3] best in the pixels `seen` [H, W]; None
-        if it takes an optimizer to find it."""
+    def embedding_in_closed_form(self, view: View, photo: Tensor, seen: Tensor) -> Tensor:
+        """The embedding [E] that explains a photo [H, W, 3] best in the pixels `seen` [H, W]. Call
+        it only if the effects have one."""
         ...
 
     def average_embedding(self) -> Tensor:
@@ -115,11 +118,10 @@ def embedding_from_left_half(
             f"A photo to evaluate is {view.width} pixels wide; its halves need {MIN_WIDTH // 2} "
             "each. Leave it out of the test images, or evaluate by `desplat-eval --protocol full`."
         )
-    left = torch.arange(view.width, device=photo.device) < view.width // 2
-    counts = left.expand(view.height, -1) if mask is None else left & (mask[..., 0] != 0)
-    found = model.embedding_in_closed_form(view, photo, counts)
-    if found is not None:
-        return found
+    if model.effects.closed_form:
+        left = torch.arange(view.width, device=photo.device) < view.width // 2
+        counts = left.expand(view.height, -1) if mask is None else left & (mask[..., 0] != 0)
+        return model.embedding_in_closed_form(view, photo, counts)
     draw = model.as_function_of_embedding(view, view.width // 2)
     ssim_weight = model.config.ssim_lambda
     seen = 1.0 if mask is None else left_half(mask.to(photo))

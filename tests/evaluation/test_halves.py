@@ -94,3 +94,12 @@ def test_an_image_without_a_loaded_embedding_is_named(model):
     protocol = RightHalfByLeft(model, EvaluationConfig(load_embeddings=Path("e.npz")), {})
     with pytest.raises(ConfigError, match="no embedding of 'a'"):
         protocol.score(held_out(), {"image": torch.rand(HEIGHT, WIDTH, 3)}, "a")
+
+
+def test_the_protocol_says_how_the_light_was_found():
+    by_adam = RightHalfByLeft(moved(model_with("affine")).eval(), SHORT)
+    assert "6 steps of Adam at 0.05" in by_adam.describe()
+    at_once = RightHalfByLeft(model_with("camera").eval(), SHORT)
+    assert "closed form" in at_once.describe()
+    with_sky = RightHalfByLeft(model_with("camera", background="image").eval(), SHORT)
+    assert "6 steps of Adam" in with_sky.describe()
