@@ -63,7 +63,7 @@ def _picture(path: Path) -> np.ndarray:
 def test_a_checkpoint_holds_gaussians_and_their_scene_and_no_metric_network(checkpoint: dict):
     state = checkpoint["pipeline"]
     assert checkpoint["step"] == STEPS - 1
-    effects = {"distractors": True, "appearance": "off", "background": False}
+    effects = {"distractors": True, "appearance": "off", "background": "off"}
     assert state["_extra_state"]["effects"] == effects
     assert len(state["_extra_state"]["train_images"]) == NUM_TRAIN
     assert not [key for key in state if "lpips" in key]
