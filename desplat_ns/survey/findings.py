@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from desplat_ns.survey.costs import cost_of
+
 Effect = Literal["appearance", "background", "distractors"]
 Confidence = Literal["clear", "close", "none"]
 Decision = str | bool
@@ -78,7 +80,8 @@ class Finding:
         how = {"clear": "clear", "close": "close to the threshold", "none": "the safe side"}
         head = f"{self.effect}: {self.decision} ({how[self.confidence]}). {self.reason}"
         told = [f"  {figure.line()}" for figure in self.figures]
-        return [head, *told, *(f"  Not told: {line}" for line in self.could_not_tell)]
+        cost = f"  costs: {cost_of(self.effect, self.decision)}"
+        return [head, *told, cost, *(f"  Not told: {line}" for line in self.could_not_tell)]
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,10 @@ class Survey:
 
     def to_json(self) -> str:
         """Everything, as JSON; numbers that could not be measured are null."""
-        return json.dumps(_plain(asdict(self)), indent=2, allow_nan=False) + "\n"
+        told = asdict(self)
+        for finding in self.findings:
+            told[finding.effect]["cost"] = cost_of(finding.effect, finding.decision)
+        return json.dumps(_plain(told), indent=2, allow_nan=False) + "\n"
 
     def summary(self) -> list[str]:
         """Lines for a console."""
