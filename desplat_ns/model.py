@@ -105,6 +105,7 @@ class DeSplatModel(StaticModel):
         static = self.render_static(view, embedding)
         background = self.background_of(view, embedding)
         image = self.image_of(static, background, view, embedding)
+        background = self.photographed(background, view, embedding).clamp(0, 1)
         outputs = static_outputs(static, image, background)
         if self.layer is not None:
             outputs["rgb_static"] = outputs["rgb"]
@@ -151,9 +152,11 @@ class DeSplatModel(StaticModel):
 
         docs/separation.md says what `distractors.start` and `static_alone` change.
         """
-        losses = super().get_loss_dict(outputs, batch, metrics_dict)
         if not self.training:
-            return losses
+            return super().get_loss_dict(outputs, batch, metrics_dict)
+        if self.effects.background != "off" or batch["image"].shape[2] == 4:
+            outputs = {**outputs, "background": self._photographed_background(outputs)}
+        losses = super().get_loss_dict(outputs, batch, metrics_dict)
         photo = self.composite_with_background(
             self.get_gt_img(batch["image"]), outputs["background"]
         )
@@ -183,17 +186,20 @@ class DeSplatModel(StaticModel):
         alpha_s = outputs["accumulation"]
         return layer.losses(self.step, visit, alpha_s, opacities, self.memory, mask)
 
+    def _photographed_background(self, outputs: dict[str, Any]) -> Tensor:
+        """What the step's photo shows behind everything: what a transparent pixel of it shows."""
+        visit = self.visit
+        assert visit is not None
+        embedding = self.embedding_of(visit.index)
+        return self.photographed(outputs["background"], visit.view, embedding).clamp(0, 1)
+
     def _background_loss(
         self, outputs: dict[str, Any], photo: Tensor, mask: Tensor | None
     ) -> Tensor:
         """The background's term of Eq. 12."""
         config, alpha_s = self.config.background, outputs["accumulation"]
         alpha_d = outputs.get("alpha_distractor", torch.zeros_like(alpha_s))
-        visit = self.visit
-        assert visit is not None
-        embedding = self.embedding_of(visit.index)
-        behind = self.photographed(outputs["background"], visit.view, embedding)
-        explained = explained_by_background(behind, photo, config.max_error)
+        explained = explained_by_background(outputs["background"], photo, config.max_error)
         if mask is not None:
             explained &= mask
         return config.lambda_bg * background_opacity_loss(alpha_d, alpha_s, explained)

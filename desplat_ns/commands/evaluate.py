@@ -35,16 +35,16 @@ class Evaluate:
     strip_images: int = 5
     """How many."""
     protocol: ProtocolName | None = None
-    """half: optimize each image's embedding on its left half, score its right half. full: score
-    whole images in the training images' average light. right: score right halves in that light, to
-    compare a model without appearance with others on the same pixels. auto: half if there is an
-    appearance model, else full. This and the next four: without them, as saved with the run."""
+    """half: find each image's embedding on its left half, score its right half. full: score whole
+    images in the training images' average light. right: score right halves in that light, to
+    compare a model without appearance with others on the same pixels. auto: half if images have a
+    light of their own, else full. This and the next four: without them, as saved with the run."""
     steps: int | None = None
-    """Steps of Adam for an embedding."""
+    """Steps of Adam for an embedding; `appearance camera` alone takes none."""
     learning_rate: float | None = None
     """Of the embedding."""
     load_embeddings: Path | None = None
-    """Take the embeddings from this file instead of optimizing them."""
+    """Take the embeddings from this file instead of finding them."""
     save_embeddings: Path | None = None
     """Write the test images' embeddings into this file (.npz)."""
 

@@ -60,6 +60,8 @@ def find_parser(data: Path) -> DataParserConfig:
     Raises:
         CaptureError: neither is there.
     """
+    if not data.exists():
+        raise CaptureError(f"There is no folder {data}. Check the path to the capture.")
     transforms = data if data.suffix == ".json" else data / "transforms.json"
     if transforms.is_file():
         return NerfstudioDataParserConfig(data=data, load_3D_points=True)

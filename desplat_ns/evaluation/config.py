@@ -22,11 +22,12 @@ class EvaluationConfig:
     light, to compare a model without appearance with others on the same pixels. auto: half if
     images have a light of their own, else full."""
     steps: int = 128
-    """Steps of Adam for an embedding. B.3."""
+    """Steps of Adam for an embedding. B.3. The numbers of `appearance camera` alone are found in
+    closed form; there, steps and rate mean nothing."""
     learning_rate: float = 0.01
     """Of the embedding. B.3."""
     load_embeddings: Path | None = None
-    """Take the embeddings from this file (of `save_embeddings`) instead of optimizing them."""
+    """Take the embeddings from this file (of `save_embeddings`) instead of finding them."""
     save_embeddings: Path | None = None
     """Write the test images' embeddings into this file (.npz)."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
@@ -22,6 +22,15 @@ from desplat_ns.photo_tourism.halves import LitModel, embedding_from_left_half, 
 @runtime_checkable
 class ScoredLitModel(ScoredModel, LitModel, Protocol):
     """A model with embeddings whose images are scored."""
+
+
+def _counted(batch: dict[str, Any]) -> Shaped[Tensor, "H W 1"] | None:
+    """The mask of a photo, without what is transparent in it; None if all of it counts."""
+    image, mask = batch["image"], batch.get("mask")
+    if image.shape[2] < 4:
+        return mask
+    opaque = image[..., 3:] > 0
+    return opaque if mask is None else opaque & (mask.to(opaque.device) != 0)
 
 
 def score_right_half(
@@ -113,7 +122,7 @@ class RightHalfByLeft:
         config, model = self.config, self.model
         if config.load_embeddings is None:
             photo = model.composite_with_background(model.get_gt_img(batch["image"]), behind)
-            options = config.steps, config.learning_rate, batch.get("mask")
+            options = config.steps, config.learning_rate, _counted(batch)
             return embedding_from_left_half(model, camera, photo, *options)
         if name not in self.known:
             raise ConfigError(

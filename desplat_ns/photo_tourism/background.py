@@ -1,4 +1,5 @@
-"""What lies behind all Gaussians: spherical harmonics that depend on the image (Eq. 8-11)."""
+"""What lies behind all Gaussians: one colour, or spherical harmonics that all images share or that
+depend on the image (Eq. 8-11)."""
 
 from __future__ import annotations
 

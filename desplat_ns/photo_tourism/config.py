@@ -38,7 +38,8 @@ class AppearanceConfig:
 
 @dataclass
 class BackgroundConfig:
-    """A background that depends on the direction and the image. `effects.background` has it."""
+    """What lies behind everything, if `effects.background` has it. The network's sizes are of its
+    grade `image`."""
 
     sh_degree: int = 4
     """Of its spherical harmonics. B.3."""

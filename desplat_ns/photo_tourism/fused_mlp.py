@@ -90,15 +90,18 @@ class _Workspace:
 
     def take(self, size: int, like: Tensor, dtype: torch.dtype) -> Tensor:
         """A flat tensor of `size` numbers at least, of any value."""
-        while self._free:
+        try:
             found = self._free.pop()
-            if len(found) >= size and found.dtype == dtype and found.device == like.device:
-                return found
-        return like.new_empty(size + size // 8, dtype=dtype)
+        except IndexError:
+            found = None
+        if found is None or len(found) < size or found.dtype != dtype:
+            return like.new_empty(size + size // 8, dtype=dtype)
+        return found
 
     def give_back(self, memory: Tensor) -> None:
-        """Keep one for the next step; more would be held for nothing."""
-        self._free[:] = [memory]
+        """Keep one for the next step, on a CPU; a GPU's allocator does so itself."""
+        if memory.device.type == "cpu":
+            self._free[:] = [memory]
 
 
 _workspace = _Workspace()

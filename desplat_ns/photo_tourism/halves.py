@@ -61,7 +61,7 @@ def fit_embedding(
 
 @runtime_checkable
 class LitModel(Protocol):
-    """A model whose images have embeddings: a `DeSplatModel` with an appearance model."""
+    """A model whose images have embeddings: a `DeSplatModel` whose images have a light."""
 
     config: Any
     """Has `ssim_lambda`."""
@@ -120,7 +120,9 @@ def embedding_from_left_half(
         )
     if model.effects.closed_form:
         left = torch.arange(view.width, device=photo.device) < view.width // 2
-        counts = left.expand(view.height, -1) if mask is None else left & (mask[..., 0] != 0)
+        counts = left.expand(view.height, -1)
+        if mask is not None:
+            counts = counts & (mask[..., 0].to(photo.device) != 0)
         return model.embedding_in_closed_form(view, photo, counts)
     draw = model.as_function_of_embedding(view, view.width // 2)
     ssim_weight = model.config.ssim_lambda

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 
 from desplat_ns.data.dataset import check_size
 from desplat_ns.data.images import read_image, read_mask, resize_image, resize_mask
@@ -111,11 +111,10 @@ def observe(capture: Capture) -> Observations:
         all_xyz=capture.xyz,
     )
     for row, (index, view) in enumerate(zip(indices, views, strict=True)):
-        photo = read_small(capture.photos[index], capture, int(index), view)
-        allowed = None
+        photo, allowed = read_small(capture.photos[index], capture, int(index), view)
         if capture.masks is not None:
-            mask = read_mask(capture.masks[index])
-            allowed = resize_mask(mask, view.width, view.height)
+            mask = resize_mask(read_mask(capture.masks[index]), view.width, view.height)
+            allowed = mask if allowed is None else mask & allowed
         found.photos.append(photo)
         found.allowed.append(allowed)
         _sample(found, row, grids, hidden_points(view, xyz, capture.xyz))
@@ -123,8 +122,10 @@ def observe(capture: Capture) -> Observations:
     return found
 
 
-def read_small(path: Path, capture: Capture, index: int, view: View) -> np.ndarray:
-    """The photo at its view's size: [H, W, 3], uint8, white behind what is transparent.
+def read_small(
+    path: Path, capture: Capture, index: int, view: View
+) -> tuple[UInt8[np.ndarray, "H W 3"], Bool[np.ndarray, "H W"] | None]:
+    """The photo at its view's size, and where it is opaque; None if it is everywhere.
 
     Raises:
         CaptureError: it cannot be read, or does not fit its camera.
@@ -134,10 +135,7 @@ def read_small(path: Path, capture: Capture, index: int, view: View) -> np.ndarr
     size = int(cameras.width.reshape(-1)[index]), int(cameras.height.reshape(-1)[index])
     check_size(path, (image.shape[1], image.shape[0]), size)
     image = resize_image(image, view.width, view.height)
-    if image.shape[2] == 4:
-        alpha = image[..., 3:] / 255.0
-        image = np.rint(image[..., :3] * alpha + 255 * (1 - alpha)).astype(np.uint8)
-    return image
+    return image[..., :3], image[..., 3] == 255 if image.shape[2] == 4 else None
 
 
 def _tracked(capture: Capture, indices: np.ndarray, views: Sequence[View]) -> np.ndarray:

@@ -54,7 +54,12 @@ class SceneRecord:
                 f"The checkpoint is damaged: its record lacks {', '.join(missing)}. "
                 "Load an earlier one with `--load-step`."
             )
-        return cls(**{name: state[name] for name in names})
+        record = {name: state[name] for name in names}
+        background = record["effects"].get("background")
+        if isinstance(background, bool):  # before there were grades
+            grade = "image" if background else "off"
+            record["effects"] = {**record["effects"], "background": grade}
+        return cls(**record)
 
 
 def check_same_scene(saved: SceneRecord, here: SceneRecord) -> None:
@@ -71,7 +76,7 @@ def check_same_scene(saved: SceneRecord, here: SceneRecord) -> None:
 
 def _check_effects(saved: Mapping[str, Any], here: Mapping[str, Any]) -> None:
     # An effect that either side has not heard of is off there.
-    off = {"appearance": "off"}
+    off = {"appearance": "off", "background": "off"}
     saved, here = ({**off, **side} for side in (saved, here))
     names = sorted({*saved, *here})
     differing = [name for name in names if saved.get(name, False) != here.get(name, False)]

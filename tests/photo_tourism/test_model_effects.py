@@ -238,3 +238,38 @@ def test_the_light_of_a_test_photo_is_found_on_its_left_half_at_once():
     with model.shown_in(found):
         again = model.get_outputs_for_camera(held_out())["rgb"]
     torch.testing.assert_close(left_half(again), left_half(photo), atol=2e-3, rtol=0)
+
+
+@pytest.mark.parametrize("background", ["constant", "off"])
+def test_a_transparent_pixel_shows_the_background_as_the_photos_camera_does(background):
+    model = model_with("camera", background=background, background_color="white")
+    assert model.image_effects is not None and model.image_effects.responses is not None
+    model.image_effects.responses.weight.data[1] = torch.tensor([0.1, -0.3, -0.5, 0.2, -0.2])
+    trainer = Trainer(model)
+    for training in (True, False):
+        model.train(training)
+        model.step, model.optimizers = 0, trainer.optimizers
+        outputs = model(camera(1))
+        if training:
+            outputs = {**outputs, "background": model._photographed_background(outputs)}
+        clear = torch.zeros(HEIGHT, WIDTH, 4)
+        shown = model.composite_with_background(clear, outputs["background"])
+        empty = outputs["accumulation"][..., 0] == 0
+        assert empty.any()
+        static = outputs.get("rgb_static", outputs["rgb"])
+        torch.testing.assert_close(static[empty], shown.clamp(0, 1)[empty], atol=1e-5, rtol=0)
+
+
+def test_transparent_pixels_of_a_training_photo_do_not_pull_at_its_light():
+    model = model_with("camera", distractors=DistractorConfig(per_view=0))
+    assert model.image_effects is not None and model.image_effects.responses is not None
+    model.image_effects.responses.weight.data[0, :3] = 0.3
+    trainer = Trainer(model)
+    trainer.photo = torch.zeros(HEIGHT, WIDTH, 4)
+    losses = []
+    for color in ("white", "black"):
+        model.config.background_color = color
+        model.gauss_params["opacities"].data.fill_(-20.0)  # nothing is in sight
+        losses.append(trainer.step(0)["losses"]["main_loss"])
+    for loss in losses:
+        assert loss < 1e-3

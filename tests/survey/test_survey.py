@@ -151,6 +151,18 @@ def test_a_photo_of_the_sky_alone_does_not_make_a_background(still: Capture, tmp
     assert survey(capture).background.decision == "off"
 
 
+def test_what_is_cut_out_of_all_photos_is_no_sky(still: Capture, tmp_path: Path):
+    capture = copied(still, tmp_path)
+    for path in capture.photos:
+        photo = read_image(path)
+        alpha = np.full((*photo.shape[:2], 1), 255, np.uint8)
+        alpha[: len(photo) // 3] = 0
+        write_image(path, np.concatenate([photo[..., :3], alpha], axis=2))
+    found = survey(capture)
+    assert found.background.decision == "off"
+    assert found.distractors.decision is False
+
+
 def test_a_photo_that_cannot_be_read_is_named(still: Capture, tmp_path: Path):
     capture = copied(still, tmp_path)
     Path(capture.photos[2]).write_bytes(b"no picture")

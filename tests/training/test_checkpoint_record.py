@@ -49,6 +49,12 @@ def test_a_record_with_holes_is_damaged():
         SceneRecord.from_state(state)
 
 
+@pytest.mark.parametrize(("before", "grade"), [(False, "off"), (True, "image")])
+def test_a_background_of_before_there_were_grades_is_understood(before, grade):
+    state = replace(HERE, effects={**HERE.effects, "background": before}).to_state()
+    assert SceneRecord.from_state(state).effects["background"] == grade
+
+
 def test_other_effects_are_named_with_the_switch_to_set():
     saved = replace(HERE, effects={"distractors": False})
     with pytest.raises(CheckpointError, match=r"--pipeline\.model\.effects\.distractors False"):

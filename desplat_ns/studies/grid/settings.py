@@ -47,7 +47,7 @@ OF_EFFECTS: Mapping[str, tuple[str, ...]] = {
         "pipeline.model.appearance.",
         "optimizers.appearance_",
         "optimizers.image_embeddings.",
-        "optimizers.camera_",
+        "optimizers.camera_responses.",
     ),
     "background": ("pipeline.model.background.", "optimizers.background_"),
 }

@@ -103,6 +103,12 @@ def test_settings_of_effects_that_are_off_are_left_out():
     assert all(any(name.startswith(one) for name in lit) for one in sum(OF_EFFECTS.values(), ()))
 
 
+def test_the_pose_optimizer_is_no_setting_of_appearance():
+    rate = "optimizers.camera_opt.optimizer.lr"
+    today = {f"{EFFECTS}appearance": "off", rate: 1e-4}
+    assert changes(today | {rate: 1e-2}, today) == [rate]
+
+
 def test_older_records_that_hold_them_are_compared_without_them():
     today = {f"{EFFECTS}distractors": False, "a": 1}
     older = today | {"pipeline.model.distractors.lambda_d": 0.1}
