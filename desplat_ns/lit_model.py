@@ -184,10 +184,13 @@ class LitModel(SplatfactoModel):
             constants = {name: value[needed] for name, value in constants.items()}
             splats = rows_of(splats, needed)
         lit = self._lit(splats, constants, view, settings, frozen=True)
-        static = self.rasterizer(splats, view, settings)
+        static = self.rasterizer(splats, view, settings) if lit is None else None
 
         def draw(embedding: Tensor) -> Tensor:
-            drawn = static if lit is None else self.rasterizer(lit(embedding), view, settings)
+            drawn = static
+            if lit is not None:
+                drawn = self.rasterizer(lit(embedding), view, settings)
+            assert drawn is not None
             background = self.background_of(view, embedding)
             return self.image_of(drawn, background, view, embedding).clamp(0, 1)
 

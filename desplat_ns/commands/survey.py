@@ -76,7 +76,7 @@ def find_parser(data: Path) -> DataParserConfig:
     raise CaptureError(
         f"No capture was found in {data}: needed is transforms.json, or a COLMAP reconstruction in "
         "dense/sparse, sparse/0 or sparse. Check the folder, or name a data parser and its "
-        "options: desplat-survey DATA dataparser:colmap-data --help."
+        "options: desplat-survey DATA colmap --help."
     )
 
 

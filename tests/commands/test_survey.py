@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+import tyro
 
 from desplat_ns.commands.survey import find_parser, survey_capture
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
@@ -30,6 +31,17 @@ def test_layouts_are_found(tiny_scene, tmp_path):
     assert find_parser(tmp_path).colmap_path == Path("dense/sparse")  # pyright: ignore
     (tmp_path / "transforms.json").write_text("{}")
     assert type(find_parser(tmp_path)).__name__ == "NerfstudioDataParserConfig"
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+def test_the_command_takes_a_parser_by_the_name_that_its_message_gives(tiny_scene, tmp_path):
+    with pytest.raises(CaptureError, match="desplat-survey DATA colmap --help"):
+        find_parser(tmp_path)
+    for parser in ("colmap", "robustnerf-data"):
+        arguments = [str(tiny_scene.folder), "--output", str(tmp_path / parser), parser]
+        found = tyro.cli(survey_capture, args=[*arguments, "--data", str(tiny_scene.folder)])
+        assert found.num_photos > 0
+        assert (tmp_path / parser / "survey.json").is_file()
 
 
 def test_mistakes_say_what_to_do(tiny_scene, tmp_path):
