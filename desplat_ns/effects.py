@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from desplat_ns.errors import ConfigError
 
@@ -42,7 +42,7 @@ class EffectsConfig:
 
     auto: bool = False
     """Look at the capture first and switch on what it calls for, at the least cost that explains
-    it. An effect that is given here stays as it is given."""
+    it. An effect that is given here stays as it is given. On in `desplat`."""
     distractors: bool | None = None
     """Explain what stands in the way by a set of Gaussians for each training view; False gives the
     plain baseline, Splatfacto's loss and schedule. None: as `auto` finds, else True."""
@@ -56,24 +56,32 @@ class EffectsConfig:
     each direction; image: one for each direction and photo (Eq. 8-12). None: as `auto` finds, else
     off."""
 
+    @property
+    def is_open(self) -> bool:
+        """Whether a survey has to decide on something."""
+        return self.auto and None in self._given().values()
+
     def settled(self) -> Effects:
         """The effects as they are given, else as they are by default.
 
         Raises:
             ConfigError: `auto` is on, and nothing has decided yet.
         """
-        given = {name: getattr(self, name) for name in ("distractors", "appearance", "background")}
-        if self.auto and None in given.values():
+        if self.is_open:
             raise ConfigError(
                 "`--pipeline.model.effects.auto` is on, but no survey has decided on the effects. "
                 "Training by `ns-train` makes one; elsewhere give each effect."
             )
-        return Effects(**{name: value for name, value in given.items() if value is not None})
+        return Effects(**{k: value for k, value in self._given().items() if value is not None})
 
     def decided(self, found: Effects) -> EffectsConfig:
         """A copy in which `found` stands for what is not given."""
         effects = replace(self, auto=False)
-        for name in ("distractors", "appearance", "background"):
-            if getattr(self, name) is None:
+        for name, value in self._given().items():
+            if value is None:
                 setattr(effects, name, getattr(found, name))
         return effects
+
+    def _given(self) -> dict[str, Any]:
+        """All effects by name; None for what is not given."""
+        return {name: getattr(self, name) for name in ("distractors", "appearance", "background")}

@@ -1,6 +1,7 @@
 """The registered methods. Those that end in `-paper` have the numbers of App. B.3 and Splatfacto's
-and nothing else; `desplat` changes what `separating_distractors` lists and refines seldom, and
-`desplat-phototourism` is `desplat` with the effects that a tourist scene needs."""
+and nothing else; `desplat` changes what `separating_distractors` lists, refines seldom and has the
+effects that a survey of the capture asks for; `desplat-phototourism` has those of tourists' photos.
+"""
 
 from __future__ import annotations
 
@@ -150,7 +151,7 @@ def _method(
 desplat = _method(
     "desplat",
     "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU.",
-    desplat_model(EffectsConfig()),
+    desplat_model(EffectsConfig(auto=True)),
     NerfstudioDataParserConfig(load_3D_points=True),
 )
 

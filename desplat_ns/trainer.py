@@ -143,7 +143,7 @@ class DeSplatTrainer(Trainer):
         """With `effects.auto` those of the checkpoint, or those that the capture calls for;
         config.yml then has them, for ns-eval and the next resume."""
         model, manager = self.config.pipeline.model, self.config.pipeline.datamanager
-        if not (isinstance(model, StaticModelConfig) and model.effects.auto):
+        if not (isinstance(model, StaticModelConfig) and model.effects.is_open):
             return
         assert isinstance(manager, DeSplatDataManagerConfig)
         found = self._read_checkpoint()

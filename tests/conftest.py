@@ -78,7 +78,7 @@ def tiny_scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 @pytest.fixture(scope="session")
 def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
-    """`ns-train desplat` on the tiny scene into a folder: 24 steps, a few refinements.
+    """`ns-train desplat` on the tiny scene into a folder: 24 steps, a few refinements, no survey.
 
     With distractors from the first step on, as in the paper: 24 steps leave no time for a warm-up.
     """
@@ -87,6 +87,7 @@ def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
         from nerfstudio.configs.method_configs import all_methods
 
         from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+        from desplat_ns.effects import EffectsConfig
         from desplat_ns.gaussians.distractors import DistractorConfig
 
         assert tiny_scene.folder is not None
@@ -96,6 +97,7 @@ def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
         config.steps_per_eval_image, config.steps_per_eval_all_images = 10, 20
         config.output_dir, config.experiment_name, config.timestamp = output, "tiny", "run"
         model = config.pipeline.model
+        model.effects = EffectsConfig()
         model.num_downscales, model.schedule_scale = 0, 0.02
         model.distractors = DistractorConfig(per_view=40)
         return config

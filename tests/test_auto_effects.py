@@ -24,7 +24,8 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 def auto_run(scene: Scene, output: Path, **effects: Any) -> Any:
     config = registered_desplat(scene, output, max_num_iterations=2)
-    config.pipeline.model.effects = EffectsConfig(auto=True, **effects)
+    for name, value in effects.items():
+        setattr(config.pipeline.model.effects, name, value)
     return config
 
 
@@ -54,6 +55,13 @@ def test_what_is_given_stays(scene, tmp_path, capsys):
     assert (
         "distractors: False, as given; the survey would have said True" in capsys.readouterr().out
     )
+
+
+def test_nothing_is_surveyed_where_all_is_given(scene, tmp_path):
+    given = Effects(distractors=False)
+    config = auto_run(scene, tmp_path, **dataclasses.asdict(given))
+    assert set_up(config).pipeline.model.effects == given
+    assert not (config.get_base_dir() / FILE).exists()
 
 
 def test_a_resumed_run_keeps_the_effects_of_its_checkpoint(scene, tmp_path):

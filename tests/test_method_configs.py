@@ -78,16 +78,18 @@ def test_the_paper_is_refined_and_culled_like_the_splatfacto_it_was_built_on():
     assert model.distractors == DistractorConfig(cull_to_the_end=True)
 
 
-def test_the_methods_differ_in_distractors_and_refinement_alone():
+def test_the_methods_differ_in_the_survey_distractors_and_refinement_alone():
     ours: Any = desplat.config
     assert ours.pipeline.model.distractors == separating_distractors() != DistractorConfig()
     mine, paper = vars(ours.pipeline.model), vars(CONFIG.pipeline.model)
     assert {name for name in mine if mine[name] != paper[name]} == {
+        "effects",
         "distractors",
         "refine_every",
         "gaussians_per_pixel",
         "cull_to_the_end",
     }
+    assert (ours.pipeline.model.effects.auto, CONFIG.pipeline.model.effects.auto) == (True, False)
     assert ours.optimizers == CONFIG.optimizers
     assert ours.max_num_iterations == CONFIG.max_num_iterations
     assert (ours.method_name, CONFIG.method_name) == ("desplat", "desplat-paper")

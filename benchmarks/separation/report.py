@@ -4,84 +4,29 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from statistics import median
 from string import Template
 
 from benchmarks.documents import DOCS
 from benchmarks.separation import one_pixel
 from benchmarks.separation.records import BEFORE, FILE
 from benchmarks.separation.runs import ABLATIONS, CLEAN, HARD, OTHERS, SEEDS, SETTINGS, STUDY
+from desplat_ns.studies.grid.figures import Figures, spread
 from desplat_ns.studies.grid.records import Records, load
-from desplat_ns.studies.grid.runs import Run
-from desplat_ns.studies.grid.sources import Cell, Measured, Reference, sourced_table
+from desplat_ns.studies.grid.sources import Cell, Reference
 
 TEMPLATE = Path(__file__).with_name("separation.md.template")
 REPORT, FIGURE = "separation.md", "separation.png"
-NOT_YET = "not measured"
 
 NUMBERS_S, NUMBERS_D = 59, 14
 """Numbers in which a static Gaussian (degree 3) and a distractor are stored."""
 
-Key = tuple[str, str, int, int]
-"""Setting, scene, downscale and steps of runs that differ in nothing but their seed."""
 
-
-class Figures:
-    """Medians over the seeds that were measured, and the records that they are of."""
-
-    def __init__(self, records: Records, today: Reference | None):
-        """`today`: None for the figures of older code, whose settings are not to be today's."""
-        self.records, self.today = records, today
-
-    def by_seed(self, key: Key) -> dict[int, Measured]:
-        """The seeds that were measured."""
-        runs = {seed: Run(*key, seed) for seed in SEEDS}
-        return {
-            seed: (run, self.records[run.name])
-            for seed, run in runs.items()
-            if run.name in self.records
-        }
-
-    def together(self, figure: str, *keys: Key) -> tuple[list[tuple[float, ...]], list[Measured]]:
-        """A figure of several runs, for each seed of which all have it; and their records."""
-        found = [self.by_seed(key) for key in keys]
-        seeds = [
-            seed
-            for seed in SEEDS
-            if all(seed in one and figure in one[seed][1].figures for one in found)
-        ]
-        values = [tuple(one[seed][1].figures[figure] for one in found) for seed in seeds]
-        return values, [one[seed] for seed in seeds for one in found]
-
-    def cell(self, key: Key, figure: str, form: str) -> Cell:
-        """Median and range of a figure."""
-        values, measured = self.together(figure, key)
-        return Cell(spread([value for (value,) in values], form), tuple(measured))
-
-    def has(self, key: Key) -> bool:
-        """Whether a run was measured with any seed."""
-        return bool(self.by_seed(key))
-
-    def gap(self, setting: str, scene: str, clean: str, downscale: int, steps: int) -> Cell:
-        """Share of the way from "off" to the clean twins, seed by seed."""
-        runs = ((setting, scene), ("off", scene), ("off", clean))
-        values, measured = self.together("psnr", *((*run, downscale, steps) for run in runs))
-        gaps = [(ours - off) / (top - off) for ours, off, top in values]
-        return Cell(spread(gaps, ".2f"), tuple(measured))
-
-    def table(self, head: list[str], rows: list[list[str | Cell]]) -> str:
-        """A table that says what its records are of."""
-        return sourced_table(head, rows, self.today) if rows else f"*{NOT_YET} yet*"
-
-
-def spread(values: list[float], form: str) -> str:
-    """Median, and in brackets the least and the largest of several."""
-    if not values:
-        return ""
-    text = format(median(values), form)
-    if len(values) == 1:
-        return text
-    return f"{text} ({format(min(values), form)} - {format(max(values), form)})"
+def gap(figures: Figures, setting: str, scene: str, clean: str, downscale: int, steps: int) -> Cell:
+    """Share of the way from "off" to the clean twins, seed by seed."""
+    runs = ((setting, scene), ("off", scene), ("off", clean))
+    values, measured = figures.together("psnr", *((*run, downscale, steps) for run in runs))
+    gaps = [(ours - off) / (top - off) for ours, off, top in values]
+    return Cell(spread(gaps, ".2f"), tuple(measured))
 
 
 def scene_table(
@@ -97,7 +42,7 @@ def scene_table(
             [
                 SETTINGS[name].what,
                 figures.cell(run, "psnr", ".2f"),
-                figures.gap(name, scene, clean, downscale, steps),
+                gap(figures, name, scene, clean, downscale, steps),
                 figures.cell(run, "ssim", ".3f"),
                 figures.cell(run, "mask_iou", ".2f"),
                 figures.cell(run, "alpha_outside_masks", ".3f"),
@@ -141,7 +86,7 @@ def hard_table(figures: Figures, steps: int) -> str:
             figures.cell(ours, "mask_iou", ".2f"),
             figures.cell(ours, "alpha_outside_masks", ".3f"),
         ]
-        rows.append([scene, *cells, figures.gap("desplat", scene, "clean", 2, steps), *scores])
+        rows.append([scene, *cells, gap(figures, "desplat", scene, "clean", 2, steps), *scores])
     return figures.table(["", "off", "`desplat`", "gap closed", "mask IoU", "alpha outside"], rows)
 
 
@@ -197,7 +142,7 @@ def write_report(
         before: those of `records.BEFORE`.
         today: see `sources`.
     """
-    figures, old = Figures(now, today), Figures(before, None)
+    figures, old = Figures(now, today, SEEDS), Figures(before, None, SEEDS)
     main = "off trimmed paper desplat truth"
 
     def filled(match: re.Match[str]) -> str:

@@ -12,23 +12,30 @@ from desplat_ns.synthetic import SceneSpec
 
 BASELINES = "desplat_ns.studies.reproduce.baselines"
 DISTRACTORS = "--pipeline.model.distractors"
-OFF = ("--pipeline.model.effects.distractors", "False")
+GIVEN = ("--pipeline.model.effects.auto", "False")
+"""Distractors alone, whatever a survey would say: what is studied is not what it decides."""
+
+OFF = (*GIVEN, "--pipeline.model.effects.distractors", "False")
 
 
 SETTINGS = {
     "off": Setting("desplat", OFF, "distractors off"),
     "trimmed": Setting(f"{BASELINES}:by_residual", (), "off, trimmed loss"),
     "paper": Setting("desplat-paper", (), "`desplat-paper`"),
-    "desplat": Setting("desplat", (), "**`desplat`**"),
+    "desplat": Setting("desplat", GIVEN, "**`desplat`**"),
     "truth": Setting(f"{BASELINES}:by_truth", (), "off, true masks as weights"),
-    "no-warmup": Setting("desplat", (f"{DISTRACTORS}.static-warmup", "0"), "without warm-up"),
+    "no-warmup": Setting(
+        "desplat", (*GIVEN, f"{DISTRACTORS}.static-warmup", "0"), "without warm-up"
+    ),
     "shared-loss": Setting(
-        "desplat", (f"{DISTRACTORS}.static-alone", "False"), "one loss for both sets"
+        "desplat", (*GIVEN, f"{DISTRACTORS}.static-alone", "False"), "one loss for both sets"
     ),
     "everywhere": Setting(
-        "desplat", (f"{DISTRACTORS}.start", "everywhere"), "distractors start everywhere"
+        "desplat", (*GIVEN, f"{DISTRACTORS}.start", "everywhere"), "distractors start everywhere"
     ),
-    "lambda-paper": Setting("desplat", (f"{DISTRACTORS}.lambda-d", "0.01"), "lambda_d 0.01"),
+    "lambda-paper": Setting(
+        "desplat", (*GIVEN, f"{DISTRACTORS}.lambda-d", "0.01"), "lambda_d 0.01"
+    ),
 }
 """By name. The last four are `desplat` with one thing taken away."""
 

@@ -116,11 +116,13 @@ def configured(scene: Path, output: Path, steps: int, trainer: type) -> Any:
     from nerfstudio.configs.method_configs import all_methods
 
     from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+    from desplat_ns.effects import EffectsConfig
 
     config: Any = copy.deepcopy(all_methods["desplat"])
     config._target = trainer
     config.pipeline.datamanager.dataparser = RobustNerfDataParserConfig(data=scene)
     model = config.pipeline.model
+    model.effects = EffectsConfig()
     model.num_downscales, model.distractors.per_view = 0, 40
     # In pictures so small every Gaussian is wide enough to be split at each refinement, and pixels
     # weigh hundreds of times as much in a mean: 300 Gaussians would become 100,000 in 2,000 steps.

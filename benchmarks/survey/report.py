@@ -10,6 +10,10 @@ from string import Template
 from typing import Any
 
 from benchmarks.documents import DOCS
+from benchmarks.survey.runs import SCENES, SEEDS, STEPS, STUDY, TRAINING, downscale_of, settings_on
+from desplat_ns.studies.grid.figures import Figures
+from desplat_ns.studies.grid.records import Records, load
+from desplat_ns.studies.grid.sources import Cell, Reference
 from desplat_ns.survey import background, distractors, findings, light
 
 FILE = DOCS / "survey.json"
@@ -76,8 +80,33 @@ def share_right(records: Sequence[dict[str, Any]]) -> str:
     return f"{right} of {total} decisions ({right / max(total, 1):.1%})"
 
 
-def report(records: dict[str, list[dict[str, Any]]]) -> str:
-    """The document's text."""
+def training_table(trained: Records, today: Reference) -> str:
+    """One row for each scene: PSNR and seconds as the survey says, with nothing on, with all."""
+    figures = Figures(trained, today, SEEDS)
+    rows: list[list[str | Cell]] = []
+    for scene in SCENES:
+        cells: list[str | Cell] = [scene]
+        for setting in settings_on(scene):
+            key = (setting, scene, downscale_of(scene), STEPS)
+            cells.append(figures.cell(key, "psnr", ".2f"))
+            cells.append(figures.cell(key, "train_cpu_seconds", ".0f"))
+        rows.append(cells)
+    head = ["right halves, dB and CPU s", "`auto`", "", "nothing on", "", "everything on", ""]
+    return figures.table(head, rows)
+
+
+def report(
+    records: dict[str, list[dict[str, Any]]],
+    trained: Records,
+    today: Reference = STUDY.settings_of,
+) -> str:
+    """The document's text.
+
+    Args:
+        records: of surveys.
+        trained: of what was trained with their decisions and without.
+        today: see `sources`.
+    """
     visible = [record for record in records["evaluation"] if record["is_visible"]]
     faint = [record for record in records["evaluation"] if not record["is_visible"]]
     seconds = sorted(record["cpu_seconds"] for record in records["evaluation"])
@@ -98,6 +127,8 @@ def report(records: dict[str, list[dict[str, Any]]]) -> str:
     return Template(TEMPLATE.read_text("utf8")).substitute(
         limits,
         **tables,
+        training_table=training_table(trained, today),
+        training_steps=f"{STEPS:,}",
         right_setting=share_right(records["setting"]),
         right_visible=share_right(visible),
         right_faint=share_right(faint),
@@ -116,7 +147,7 @@ def report(records: dict[str, list[dict[str, Any]]]) -> str:
 
 def write_report() -> Path:
     """Write the document from the file in docs/; returns where it is."""
-    REPORT.write_text(report(json.loads(FILE.read_text("utf8"))), "utf8")
+    REPORT.write_text(report(json.loads(FILE.read_text("utf8")), load(TRAINING)), "utf8")
     return REPORT
 
 

@@ -26,6 +26,7 @@ from nerfstudio.scripts import train
 from nerfstudio.utils import writer
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.effects import EffectsConfig
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.synthetic import SceneSpec, write_scene
 from desplat_ns.trainer import DeSplatTrainer
@@ -133,7 +134,7 @@ class Life:
 
 
 def configured(scene: Path, output: Path, timestamp: str) -> Any:
-    """`ns-train desplat` with distractors and refinements from the start, saved often."""
+    """`ns-train desplat` with distractors, refinements from the start, saved often."""
     config: Any = copy.deepcopy(all_methods["desplat"])
     config._target = Telling
     config.pipeline.datamanager.dataparser = RobustNerfDataParserConfig(data=scene)
@@ -142,6 +143,7 @@ def configured(scene: Path, output: Path, timestamp: str) -> Any:
     config.steps_per_save = STEPS_PER_SAVE
     config.output_dir, config.experiment_name, config.timestamp = output, "killed", timestamp
     model = config.pipeline.model
+    model.effects = EffectsConfig()
     model.num_downscales, model.schedule_scale = 0, 0.02
     model.distractors = DistractorConfig(per_view=40)
     return config

@@ -164,7 +164,7 @@ def of_active_effects(settings: Settings) -> Settings:
 
 def flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     """Names and JSON values of everything below a value, whose own name is the first argument."""
-    if isinstance(value, EffectsConfig) and not value.auto:
+    if isinstance(value, EffectsConfig) and not value.is_open:
         value = value.settled()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         parts = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}

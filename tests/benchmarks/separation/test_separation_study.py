@@ -10,8 +10,9 @@ from benchmarks.documents import DOCS
 from benchmarks.separation import one_pixel, report
 from benchmarks.separation.hard_cases import CASES, RECURRING, make_case
 from benchmarks.separation.records import BEFORE, FILE, enter
-from benchmarks.separation.runs import FIGURES, PLAN, SCENES, SETTINGS, STUDY
+from benchmarks.separation.runs import FIGURES, PLAN, SCENES, SEEDS, SETTINGS, STUDY
 from desplat_ns.data.images import read_image, read_mask
+from desplat_ns.studies.grid.figures import NOT_YET, Figures
 from desplat_ns.studies.grid.records import Record, Records, State, load, state_of
 from desplat_ns.studies.grid.runs import Run
 from desplat_ns.studies.grid.settings import method_config
@@ -73,8 +74,8 @@ def fake(values: dict[tuple[str, str], list[float]]) -> Records:
     }
 
 
-def figures_of(records: Records, older: bool = False) -> report.Figures:
-    return report.Figures(records, None if older else lambda run: TODAY)
+def figures_of(records: Records, older: bool = False) -> Figures:
+    return Figures(records, None if older else lambda run: TODAY, SEEDS)
 
 
 def test_a_gap_is_closed_seed_by_seed_and_summed_up_by_its_median():
@@ -87,7 +88,7 @@ def test_a_gap_is_closed_seed_by_seed_and_summed_up_by_its_median():
             }
         )
     )
-    gap = figures.gap("desplat", "clutter", "clean", 2, 1000)
+    gap = report.gap(figures, "desplat", "clutter", "clean", 2, 1000)
     assert gap.text == "0.60 (0.50 - 0.80)" and len(gap.records) == 9
     text = report.scene_table(figures, "off desplat paper", "clutter", "clean", 2, 1000)
     assert "| **`desplat`** | 26.00 (25.00 - 29.00) | 0.60 (0.50 - 0.80) |" in text
@@ -104,7 +105,7 @@ def test_a_seed_that_is_missing_in_one_run_is_left_out_of_the_gap():
         }
     )
     del found[Run("off", "clutter", 2, 1000, 43).name]
-    gap = figures_of(found).gap("desplat", "clutter", "clean", 2, 1000)
+    gap = report.gap(figures_of(found), "desplat", "clutter", "clean", 2, 1000)
     assert gap.text == "0.40 (0.30 - 0.50)"
 
 
@@ -136,7 +137,7 @@ def test_captures_stand_with_what_they_were_above_what_they_are():
 def test_a_report_can_be_written_at_any_time(tmp_path, monkeypatch):
     monkeypatch.setattr(one_pixel, "draw", lambda path: path.touch())
     text = report.write_report({}, {}, tmp_path).read_text()
-    assert report.NOT_YET in text
+    assert NOT_YET in text
     assert "{{" not in text and "$" not in text
 
 

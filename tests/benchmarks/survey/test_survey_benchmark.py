@@ -7,7 +7,9 @@ import pytest
 from benchmarks.survey.__main__ import measure
 from benchmarks.survey.real import REAL, RealScene
 from benchmarks.survey.report import FILE, REPORT, confusion_table, report, share_right
+from benchmarks.survey.runs import TRAINING
 from benchmarks.survey.scenes import COMBINATIONS, EVALUATION, SETTING
+from desplat_ns.studies.grid.records import load
 
 
 def test_scenes_for_thresholds_and_for_counting_have_no_seed_in_common():
@@ -34,7 +36,7 @@ def test_a_wrong_decision_lowers_the_share_and_is_in_the_table():
 
 
 def test_the_document_is_that_of_the_records():
-    assert REPORT.read_text("utf8") == report(json.loads(FILE.read_text("utf8")))
+    assert REPORT.read_text("utf8") == report(json.loads(FILE.read_text("utf8")), load(TRAINING))
 
 
 @pytest.mark.real_data

@@ -19,8 +19,9 @@ from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
 
-OFF = ("--pipeline.model.effects.distractors", "False")
-SETTINGS = {"ours": Setting("desplat"), "off": Setting("desplat", OFF)}
+GIVEN = ("--pipeline.model.effects.auto", "False")
+OFF = (*GIVEN, "--pipeline.model.effects.distractors", "False")
+SETTINGS = {"ours": Setting("desplat", GIVEN), "off": Setting("desplat", OFF)}
 SCENES = {"fox": Scene(RealCapture("fox"), ("colmap",))}
 PLAN = tuple(Run(name, "fox", 2, 1000, seed) for seed in (42, 43) for name in SETTINGS)
 STUDY = Study(SETTINGS, SCENES, PLAN, ("psnr",))

@@ -94,7 +94,9 @@ def test_a_setting_that_one_side_lacks_is_a_difference_even_if_the_other_is_none
 
 
 def test_settings_of_effects_that_are_off_are_left_out():
-    off = resolve("desplat", ("--pipeline.model.effects.distractors", "False", *READ))
+    given = ("auto", "False"), ("distractors", "False")
+    switches = [word for name, value in given for word in (f"--{EFFECTS}{name}", value)]
+    off = resolve("desplat", (*switches, *READ))
     idle = ("distractors.", "appearance.", "background.", "optimizers.distractor_")
     idle += ("optimizers.background_", "optimizers.appearance_", "optimizers.image_embeddings")
     assert not [name for name in off if name.removeprefix("pipeline.model.").startswith(idle)]

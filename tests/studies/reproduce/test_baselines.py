@@ -30,10 +30,14 @@ def test_both_train_the_static_scene_alone():
         assert not model.effects.distractors
 
 
+EFFECTS = "--pipeline.model.effects"
+OFF = (f"{EFFECTS}.auto", "False", f"{EFFECTS}.distractors", "False")
+
+
 @pytest.mark.usefixtures("tyro_may_build")
 @pytest.mark.parametrize("name", ["by_truth", "by_residual"])
 def test_they_differ_from_off_in_nothing_but_the_loss(name: str):
-    off = resolve("desplat", ("--pipeline.model.effects.distractors", "False"))
+    off = resolve("desplat", OFF)
     found = resolve(f"desplat_ns.studies.reproduce.baselines:{name}", ())
     apart = ["method_name", "pipeline.model._target", "pipeline.model.by_truth"]
     assert changes(off, found) == apart
