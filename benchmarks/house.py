@@ -28,8 +28,9 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("separation", "viewer", "evaluation", "lit_model"),
     ("", "", "nerfstudio_quirks", "datamanager"),
     ("", "static_model", "pipeline"),
-    ("model", "trainer", "", "commands"),
-    ("", "method_configs"),
+    ("model", "trainer"),
+    ("calibration", "method_configs"),
+    ("", "", "", "commands"),
     ("", "studies"),
 )
 """Rooms from the ground up, in columns; "" for an empty place. A room imports rooms of lower floors

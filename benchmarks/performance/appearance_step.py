@@ -23,6 +23,8 @@ from benchmarks.performance.steps import product_adam
 from benchmarks.performance.training_step import TrainingStep
 from desplat_ns.backend.protocol import Splats
 from desplat_ns.backend.ssim import ssim
+from desplat_ns.calibration.scenes import SH_DEGREE, Scene, make_scene
+from desplat_ns.calibration.timing import threads, time_in_turns
 from desplat_ns.effects import Effects
 from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.photo_tourism.appearance import fourier_features
@@ -30,9 +32,7 @@ from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects
 from desplat_ns.rendering.in_view import in_view
 from desplat_ns.studies.grid.machine import describe_machine
-from desplat_ns.studies.grid.timing import threads, time_in_turns
 from desplat_ns.studies.pixels.contenders import backends
-from desplat_ns.studies.pixels.scenes import SH_DEGREE, Scene, make_scene
 
 SIZES = ((20_000, 480, 270), (100_000, 648, 420))
 NUM_IMAGES = 8

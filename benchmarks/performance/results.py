@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from benchmarks.performance.pairs import Pairs
 from benchmarks.performance.steps import StepTimes
 from benchmarks.performance.yardstick import YARDSTICK
-from desplat_ns.studies.grid.timing import Timing
+from desplat_ns.calibration.timing import Timing
 from desplat_ns.studies.pixels.accuracy import Errors
 from desplat_ns.studies.pixels.growth import Point
 from desplat_ns.studies.pixels.rasterizing import BLENDING, Row

@@ -18,14 +18,14 @@ from benchmarks.performance.results import Results
 from benchmarks.performance.steps import time_adam, time_steps
 from benchmarks.performance.yardstick import YARDSTICK
 from benchmarks.performance.yardstick_squares import SQUARES
+from desplat_ns.calibration.scenes import Scene, make_scene
+from desplat_ns.calibration.timing import thread_counts
 from desplat_ns.studies.grid.machine import describe_machine
-from desplat_ns.studies.grid.timing import thread_counts
 from desplat_ns.studies.pixels.accuracy import measure_errors
 from desplat_ns.studies.pixels.contenders import Contender, backends
 from desplat_ns.studies.pixels.growth import measure_growth
 from desplat_ns.studies.pixels.memory import measure_peak
 from desplat_ns.studies.pixels.rasterizing import time_rasterizers
-from desplat_ns.studies.pixels.scenes import Scene, make_scene
 
 SIZES = {(20_000, 480, 270): (6, 5), (100_000, 648, 420): (6, 3)}
 """Gaussians, width, height; and how many turns every case has, and every slow one."""

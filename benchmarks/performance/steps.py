@@ -14,9 +14,9 @@ from torch.optim import Adam, Optimizer
 from benchmarks.performance.training_step import OTHER, PARTS, Clock, TrainingStep
 from benchmarks.performance.yardstick import YARDSTICK
 from desplat_ns.backend.ssim import ssim
-from desplat_ns.studies.grid.timing import Timing, threads, time_in_turns
+from desplat_ns.calibration.scenes import Scene
+from desplat_ns.calibration.timing import Timing, threads, time_in_turns
 from desplat_ns.studies.pixels.contenders import Contender
-from desplat_ns.studies.pixels.scenes import Scene
 
 EPS = 1e-15
 """Of Adam, as in nerfstudio's configuration of Splatfacto."""

@@ -7,10 +7,10 @@ from benchmarks.performance.results import Results
 from benchmarks.performance.targets import targets
 from benchmarks.performance.training_step import OTHER, PARTS
 from benchmarks.performance.yardstick import YARDSTICK
+from desplat_ns.calibration.scenes import PARAMETERS
+from desplat_ns.calibration.timing import Timing
 from desplat_ns.studies.grid.tables import table
-from desplat_ns.studies.grid.timing import Timing
 from desplat_ns.studies.pixels.rasterizing import BLENDING, WHOLE
-from desplat_ns.studies.pixels.scenes import PARAMETERS
 
 
 def milliseconds(value: float) -> str:

@@ -1,5 +1,5 @@
 """The package's own commands, one file each: options and printing only.
 
-May import `pipeline`, `evaluation`, `survey`, `photo_tourism`, `datamanager`, `data`, `console` and
-`errors`.
+May import `method_configs`, `calibration`, `pipeline`, `static_model`, `evaluation`, `survey`,
+`photo_tourism`, `datamanager`, `data`, `effects`, `console` and `errors`.
 """

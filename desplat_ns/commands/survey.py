@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import sys
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, cast
 
 import tyro
 from nerfstudio.configs.dataparser_configs import AnnotatedDataParserUnion
@@ -16,9 +18,12 @@ from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.images import write_image
 from desplat_ns.datamanager import without_prompts
+from desplat_ns.effects import Effects
 from desplat_ns.errors import CaptureError, ConfigError, print_user_errors_plainly
 from desplat_ns.photo_tourism.dataparser import ROOTS
-from desplat_ns.survey.capture import capture_of
+from desplat_ns.static_model import StaticModelConfig
+from desplat_ns.survey.capture import Capture, capture_of
+from desplat_ns.survey.decide import effects_of
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.picture import evidence_picture
 from desplat_ns.survey.survey import survey_with_evidence
@@ -27,6 +32,7 @@ from desplat_ns.survey.survey import survey_with_evidence
 def survey_capture(
     data: Annotated[Path | None, tyro.conf.Positional] = None,
     output: Path = Path("survey"),
+    measure_costs: bool = True,
     dataparser: AnnotatedDataParserUnion | None = None,
 ) -> Survey:
     """Say which effects a capture calls for, before any training.
@@ -37,14 +43,19 @@ def survey_capture(
     Args:
         data: Folder of the capture.
         output: Folder for survey.json (the findings) and survey.png (a sheet of the evidence).
+        measure_costs: Whether to time training steps with and without what is called for.
         dataparser: As in ns-train, with its options.
     """
-    found, evidence = survey_with_evidence(capture_of(_outputs(data, dataparser)))
+    capture = capture_of(_outputs(data, dataparser))
+    found, evidence = survey_with_evidence(capture)
     for line in found.summary():
         announce(line)
+    told = json.loads(found.to_json())
+    if measure_costs:
+        told["on_this_machine"] = costs_on_this_machine(found, capture)
     try:
         output.mkdir(parents=True, exist_ok=True)
-        (output / "survey.json").write_text(found.to_json(), "utf8")
+        (output / "survey.json").write_text(json.dumps(told, indent=2) + "\n", "utf8")
     except OSError as error:
         raise ConfigError(
             f"--output is '{output}', where nothing can be written ({error}). Name another folder."
@@ -52,6 +63,32 @@ def survey_capture(
     write_image(output / "survey.png", evidence_picture(evidence))
     announce(f"Saved {output / 'survey.json'} and {output / 'survey.png'}.")
     return found
+
+
+def costs_on_this_machine(found: Survey, capture: Capture) -> dict[str, Any]:
+    """Time steps with each effect that is called for, and with all of them; say so.
+
+    Returns:
+        The size of the step, as JSON, and each case with its effects.
+    """
+    from desplat_ns.calibration.effects_cost import StepSize, measure  # takes seconds
+    from desplat_ns.method_configs import desplat
+
+    model = cast(StaticModelConfig, desplat.config.pipeline.model)
+    width, height = (int(side.median()) for side in (capture.cameras.width, capture.cameras.height))
+    num_photos = len(capture.photos)
+    size = StepSize.for_photos(width, height, num_photos, model.gaussians_per_pixel)
+    announce(
+        f"On this machine, at {size.width} x {size.height} pixels and {size.num_gaussians} static "
+        "Gaussians (before any distractor is placed):"
+    )
+    nothing, every = Effects(distractors=False), effects_of(found)
+    called_for = {k: v for k, v in asdict(every).items() if v not in (False, "off")}
+    alone = [replace(nothing, **{name: value}) for name, value in called_for.items()]
+    costs = measure(size, [*alone, every], num_photos)
+    for cost in costs:
+        announce(f"  {cost.line()}")
+    return {"size": asdict(size), "steps": [asdict(cost) for cost in costs]}
 
 
 def find_parser(data: Path) -> DataParserConfig:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ import tyro
 
 from desplat_ns.commands.survey import find_parser, survey_capture
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.effects import Effects
 from desplat_ns.errors import CaptureError, ConfigError
 
 
@@ -16,11 +18,15 @@ def test_a_capture_is_found_and_the_findings_are_written(tiny_scene, tmp_path):
     written = json.loads((tmp_path / "out" / "survey.json").read_text())
     assert written["distractors"]["decision"] == found.distractors.decision
     assert (tmp_path / "out" / "survey.png").stat().st_size > 1000
+    steps = written["on_this_machine"]["steps"]
+    assert steps[0]["ratio"] == 1 and steps[0]["effects"] == asdict(Effects(distractors=False))
+    assert steps[-1]["effects"] == found.decisions()
+    assert all(step["milliseconds"] > 0 for step in steps)
 
 
 def test_a_data_parser_chooses_the_photos(tiny_scene, tmp_path):
     parser = RobustNerfDataParserConfig(train_split_clean_clutter_ratio=0.0)
-    found = survey_capture(tiny_scene.folder, tmp_path, parser)
+    found = survey_capture(tiny_scene.folder, tmp_path, False, parser)
     assert found.num_photos == tiny_scene.spec.num_views
     assert parser.data == tiny_scene.folder
 
@@ -38,7 +44,8 @@ def test_the_command_takes_a_parser_by_the_name_that_its_message_gives(tiny_scen
     with pytest.raises(CaptureError, match="desplat-survey DATA colmap --help"):
         find_parser(tmp_path)
     for parser in ("colmap", "robustnerf-data"):
-        arguments = [str(tiny_scene.folder), "--output", str(tmp_path / parser), parser]
+        arguments = [str(tiny_scene.folder), "--output", str(tmp_path / parser)]
+        arguments += ["--no-measure-costs", parser]
         found = tyro.cli(survey_capture, args=[*arguments, "--data", str(tiny_scene.folder)])
         assert found.num_photos > 0
         assert (tmp_path / parser / "survey.json").is_file()

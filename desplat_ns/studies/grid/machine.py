@@ -8,8 +8,8 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
+from desplat_ns.calibration.timing import all_cores
 from desplat_ns.studies.grid.code_version import code_version, short
-from desplat_ns.studies.grid.timing import all_cores
 
 PACKAGES = ("torch", "numba", "llvmlite", "numpy", "gsplat", "pytorch-msssim")
 

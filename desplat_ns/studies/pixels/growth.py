@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from desplat_ns.studies.grid.timing import Timing, threads, time_in_turns
+from desplat_ns.calibration.scenes import Scene, make_scene, tensors_of
+from desplat_ns.calibration.timing import Timing, threads, time_in_turns
 from desplat_ns.studies.pixels.contenders import Contender
 from desplat_ns.studies.pixels.rasterizing import SETTINGS, forward_and_both
-from desplat_ns.studies.pixels.scenes import Scene, make_scene, tensors_of
 
 SIZE = (20_000, 480, 270)
 """Gaussians, width and height from which one is varied at a time."""

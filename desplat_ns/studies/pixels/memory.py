@@ -62,9 +62,9 @@ def peak_in_this_process(name: str, size: tuple[int, int, int]) -> float:
         name: see `contender_called`.
     """
     from desplat_ns.backend import Rendering
+    from desplat_ns.calibration.scenes import Scene, make_scene, tensors_of
     from desplat_ns.studies.pixels.contenders import contender_called
     from desplat_ns.studies.pixels.rasterizing import SETTINGS, forward_and_both
-    from desplat_ns.studies.pixels.scenes import Scene, make_scene, tensors_of
 
     contender = contender_called(name)
 

@@ -9,14 +9,14 @@ import torch
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, RenderSettings
-from desplat_ns.studies.grid.timing import Timing, threads, time_in_turns
+from desplat_ns.calibration.scenes import Scene, tensors_of
+from desplat_ns.calibration.timing import Timing, threads, time_in_turns
 from desplat_ns.studies.pixels.contenders import (
     Contender,
     cotangents,
     images_of,
     tensors_of_projected,
 )
-from desplat_ns.studies.pixels.scenes import Scene, tensors_of
 
 SETTINGS = RenderSettings(depth=True)
 """RGB, depth and alpha in one pass. No absgrad: the yardstick has none."""

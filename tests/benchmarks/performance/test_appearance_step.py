@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from benchmarks.performance.appearance_step import CASES, LitStep, parts
+from desplat_ns.calibration.scenes import make_scene
 from desplat_ns.photo_tourism.mlp_dtype import has_bfloat16
-from desplat_ns.studies.pixels.scenes import make_scene
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -7,7 +7,7 @@ from benchmarks.performance.pairs import count_pairs, square_entries
 from desplat_ns.backend import numba_tiles
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
 from desplat_ns.backend.protocol import RenderSettings
-from desplat_ns.studies.pixels.scenes import Scene, make_scene
+from desplat_ns.calibration.scenes import Scene, make_scene
 
 NEAR = 1e-4
 """Relative distance from a threshold at which float32 may decide otherwise."""

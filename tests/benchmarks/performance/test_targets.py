@@ -7,7 +7,7 @@ from benchmarks.performance.results import Results
 from benchmarks.performance.steps import StepTimes
 from benchmarks.performance.targets import targets
 from benchmarks.performance.training_step import ADAM, LOSS, OTHER, PARTS, PULL
-from desplat_ns.studies.grid.timing import Timing
+from desplat_ns.calibration.timing import Timing
 from desplat_ns.studies.pixels.accuracy import Errors
 from desplat_ns.studies.pixels.rasterizing import BLENDING, WHOLE, Row
 

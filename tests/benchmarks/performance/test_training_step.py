@@ -7,8 +7,8 @@ from benchmarks.performance.steps import plain_adam, plain_ssim
 from benchmarks.performance.training_step import PARTS, TrainingStep
 from benchmarks.performance.yardstick import YARDSTICK
 from desplat_ns.backend.ssim import ssim
+from desplat_ns.calibration.scenes import make_scene
 from desplat_ns.studies.pixels.contenders import backends
-from desplat_ns.studies.pixels.scenes import make_scene
 
 CONTENDERS = [YARDSTICK, *(c for c in backends()[0] if c.has_seams)]
 

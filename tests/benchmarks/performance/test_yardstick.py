@@ -8,9 +8,9 @@ import torch
 from benchmarks.performance.yardstick import YARDSTICK, Yardstick
 from benchmarks.performance.yardstick_squares import SquaresYardstick
 from desplat_ns.backend import Rasterizer, RenderSettings, Splats, View, resolve
+from desplat_ns.calibration.scenes import PARAMETERS, make_scene, tensors_of
 from desplat_ns.studies.pixels.accuracy import measure_errors
 from desplat_ns.studies.pixels.contenders import cotangents, images_of
-from desplat_ns.studies.pixels.scenes import PARAMETERS, make_scene, tensors_of
 
 SETTINGS = RenderSettings(depth=True)
 

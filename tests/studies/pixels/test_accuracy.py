@@ -6,9 +6,9 @@ import pytest
 import torch
 
 from desplat_ns.backend import Rendering, resolve
+from desplat_ns.calibration.scenes import make_scene
 from desplat_ns.studies.pixels.accuracy import FLIP, measure_errors
 from desplat_ns.studies.pixels.contenders import Contender, backends
-from desplat_ns.studies.pixels.scenes import make_scene
 
 SCENE = make_scene(300, 64, 48)
 

@@ -20,7 +20,7 @@ def test_the_yardstick_holds_what_its_graph_must():
     except OSError as error:
         pytest.skip(f"the system does not tell the peak: {error}")
     from benchmarks.performance.pairs import count_pairs
-    from desplat_ns.studies.pixels.scenes import make_scene
+    from desplat_ns.calibration.scenes import make_scene
 
     listed = count_pairs(make_scene(2000, 160, 120)).listed
     assert 6 * 4 * listed / 2**20 < found < 100 * 4 * listed / 2**20

@@ -5,7 +5,7 @@ import torch
 from benchmarks.performance.pairs import count_pairs
 from desplat_ns.backend import RenderSettings
 from desplat_ns.backend.projection import project
-from desplat_ns.studies.pixels.scenes import PARAMETERS, make_scene
+from desplat_ns.calibration.scenes import PARAMETERS, make_scene
 
 
 def test_the_same_call_makes_the_same_scene():

@@ -6,8 +6,8 @@ import numba
 import pytest
 import torch
 
-from desplat_ns.studies.grid import timing
-from desplat_ns.studies.grid.timing import Timing, thread_counts, threads, time_in_turns
+from desplat_ns.calibration import timing
+from desplat_ns.calibration.timing import Timing, thread_counts, threads, time_in_turns
 
 
 def test_cases_take_turns():

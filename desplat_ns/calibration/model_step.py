@@ -1,0 +1,100 @@
+"""One training step of the whole model on a generated scene, for timing."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import torch
+from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.data.scene_box import SceneBox
+
+from desplat_ns.backend.registry import BackendName
+from desplat_ns.calibration.scenes import Scene
+from desplat_ns.effects import Effects, EffectsConfig
+from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+
+LATE = 20_000
+"""A step with all degrees of the harmonics, after densification."""
+
+
+def cameras_of(scene: Scene, num_views: int) -> Cameras:
+    """The scene's view, as every one of the training cameras."""
+    view = scene.view
+    to_world = torch.linalg.inv(view.viewmat)[:3] @ torch.diag(torch.tensor([1.0, -1, -1, 1]))
+    return Cameras(
+        to_world.repeat(num_views, 1, 1),
+        float(view.K[0, 0]),
+        float(view.K[1, 1]),
+        float(view.K[0, 2]),
+        float(view.K[1, 2]),
+        view.width,
+        view.height,
+    )
+
+
+class ModelStep:
+    """A model, its optimizers, and one step of training of them all.
+
+    Distractors are those of one view before any is placed: a view in which nothing is in the way.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        effects: Effects,
+        num_views: int = 8,
+        device: str = "cpu",
+        backend: BackendName = "numba",
+    ) -> None:
+        """Args:
+        scene: its Gaussians are the static ones, its view is that of every photo.
+        backend: a rasterizer, or "auto".
+        """
+        cameras = cameras_of(scene, num_views).to(device)
+        config = DeSplatModelConfig(
+            effects=EffectsConfig(**asdict(effects)),
+            distractors=DistractorConfig(start="residual", static_alone=True),
+        )
+        config.num_downscales, config.backend = 0, backend
+        torch.manual_seed(0)
+        self.model: DeSplatModel = config.setup(
+            scene_box=SceneBox(torch.tensor([[-1.0] * 3, [1.0] * 3])),
+            num_train_data=num_views,
+            metadata={"train_cameras": cameras},
+            seed_points=(
+                scene.params["means"],
+                torch.full(scene.params["means"].shape, 128, dtype=torch.uint8),
+            ),
+        )
+        for name, value in scene.params.items():
+            self.model.gauss_params[name].data = value.clone()
+        self.model.to(device).train()
+        self.model.step = LATE
+        self.camera = cameras[:1]
+        self.camera.metadata = {"train_idx": torch.tensor([[0]])}
+        self.photo = torch.rand(scene.view.height, scene.view.width, 3).to(device)
+        self.model.optimizers = {
+            name: torch.optim.Adam(parameters, lr=0.0, fused=True)
+            for name, parameters in self.model.get_param_groups().items()
+            if parameters
+        }
+
+    def __call__(self) -> None:
+        """Draw, weigh, pull back and step; nothing is densified."""
+        for optimizer in self.model.optimizers.values():
+            optimizer.zero_grad()
+        torch.stack(list(self.losses().values())).sum().backward()
+        for optimizer in self.model.optimizers.values():
+            optimizer.step()
+        if self.photo.is_cuda:
+            torch.cuda.synchronize()
+
+    def losses(self) -> dict[str, torch.Tensor]:
+        """The model's own, of the first photo."""
+        return self.model.get_loss_dict(self.model(self.camera), {"image": self.photo})
+
+    def trained_bytes(self) -> int:
+        """Of all parameters, with Adam's two moments of each."""
+        groups = self.model.get_param_groups().values()
+        return sum(3 * p.numel() * p.element_size() for group in groups for p in group)

@@ -1,0 +1,31 @@
+"""What an effect costs is the difference to a step that has none, at the capture's own size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from desplat_ns.calibration.effects_cost import MOST_GAUSSIANS, MOST_PIXELS, StepSize, measure
+from desplat_ns.effects import Effects
+
+NOTHING = Effects(distractors=False)
+
+
+def test_small_captures_are_measured_as_they_are_and_large_ones_in_their_shape():
+    assert StepSize.for_photos(240, 135, 10, 0.05) == StepSize(240, 135, 16_200)
+    large = StepSize.for_photos(4000, 3000, 1700, 0.05)
+    assert large.num_gaussians == MOST_GAUSSIANS
+    assert large.width * large.height == pytest.approx(MOST_PIXELS, rel=0.01)
+    assert large.width / large.height == pytest.approx(4 / 3, rel=0.01)
+
+
+def test_every_case_is_told_once_after_the_step_that_has_nothing_on():
+    camera = replace(NOTHING, appearance="camera")
+    affine = replace(NOTHING, appearance="affine")
+    found = measure(StepSize(64, 48, 1000), [camera, affine, camera], num_photos=3, rounds=1)
+    assert [cost.effects for cost in found] == [NOTHING, camera, affine]
+    assert found[0].ratio == 1 and found[0].extra_bytes == 0
+    assert found[1].extra_bytes == 3 * 4 * 3 * 5  # three photos, five numbers, and their moments
+    assert found[2].extra_bytes > 3 * 4 * 24 * 1000
+    assert "appearance camera" in found[1].line() and "nothing on:" in found[0].line()
