@@ -85,9 +85,11 @@ def training_table(trained: Records, today: Reference) -> str:
     figures = Figures(trained, today, SEEDS)
     rows: list[list[str | Cell]] = []
     for scene in SCENES:
+        keys = [(setting, scene, downscale_of(scene), STEPS) for setting in settings_on(scene)]
+        if not any(figures.has(key) for key in keys):
+            continue
         cells: list[str | Cell] = [scene]
-        for setting in settings_on(scene):
-            key = (setting, scene, downscale_of(scene), STEPS)
+        for key in keys:
             cells.append(figures.cell(key, "psnr", ".2f"))
             cells.append(figures.cell(key, "train_cpu_seconds", ".0f"))
         rows.append(cells)
