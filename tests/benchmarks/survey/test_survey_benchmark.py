@@ -35,6 +35,7 @@ def test_a_wrong_decision_lowers_the_share_and_is_in_the_table():
     )
 
 
+@pytest.mark.usefixtures("tyro_may_build")
 def test_the_document_is_that_of_the_records():
     assert REPORT.read_text("utf8") == report(json.loads(FILE.read_text("utf8")), load(TRAINING))
 
