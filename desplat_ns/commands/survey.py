@@ -51,8 +51,16 @@ def survey_capture(
     for line in found.summary():
         announce(line)
     told = json.loads(found.to_json())
+    _write(told, output)
+    write_image(output / "survey.png", evidence_picture(evidence))
     if measure_costs:
-        told["on_this_machine"] = costs_on_this_machine(found, capture)
+        _write(told | {"on_this_machine": costs_on_this_machine(found, capture)}, output)
+    announce(f"Saved {output / 'survey.json'} and {output / 'survey.png'}.")
+    return found
+
+
+def _write(told: dict[str, Any], output: Path) -> None:
+    """Write survey.json. Raises ConfigError where that cannot be done."""
     try:
         output.mkdir(parents=True, exist_ok=True)
         (output / "survey.json").write_text(json.dumps(told, indent=2) + "\n", "utf8")
@@ -60,9 +68,6 @@ def survey_capture(
         raise ConfigError(
             f"--output is '{output}', where nothing can be written ({error}). Name another folder."
         ) from error
-    write_image(output / "survey.png", evidence_picture(evidence))
-    announce(f"Saved {output / 'survey.json'} and {output / 'survey.png'}.")
-    return found
 
 
 def costs_on_this_machine(found: Survey, capture: Capture) -> dict[str, Any]:
