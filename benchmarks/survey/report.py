@@ -80,8 +80,12 @@ def share_right(records: Sequence[dict[str, Any]]) -> str:
     return f"{right} of {total} decisions ({right / max(total, 1):.1%})"
 
 
+SETTING_NAMES = ("`auto`", "nothing on", "everything on", "`camera` given")
+"""In the order of `settings_on`."""
+
+
 def training_table(trained: Records, today: Reference) -> str:
-    """One row for each scene: PSNR and seconds as the survey says, with nothing on, with all."""
+    """One row for each scene: PSNR and seconds of each setting."""
     figures = Figures(trained, today, SEEDS)
     rows: list[list[str | Cell]] = []
     for scene in SCENES:
@@ -92,9 +96,9 @@ def training_table(trained: Records, today: Reference) -> str:
         for key in keys:
             cells.append(figures.cell(key, "psnr", ".2f"))
             cells.append(figures.cell(key, "train_cpu_seconds", ".0f"))
-        rows.append(cells)
-    head = ["right halves, dB and CPU s", "`auto`", "", "nothing on", "", "everything on", ""]
-    return figures.table(head, rows)
+        rows.append(cells + ["", ""] * (len(SETTING_NAMES) - len(keys)))
+    head = [word for name in SETTING_NAMES for word in (name, "")]
+    return figures.table(["right halves, dB and CPU s", *head], rows)
 
 
 def report(

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from desplat_ns.survey.costs import cost_of
+from desplat_ns.survey.memory import memory_of
 
 Effect = Literal["appearance", "background", "distractors"]
 Confidence = Literal["clear", "close", "none"]
@@ -80,8 +80,8 @@ class Finding:
         how = {"clear": "clear", "close": "close to the threshold", "none": "the safe side"}
         head = f"{self.effect}: {self.decision} ({how[self.confidence]}). {self.reason}"
         told = [f"  {figure.line()}" for figure in self.figures]
-        cost = f"  costs: {cost_of(self.effect, self.decision)}"
-        return [head, *told, cost, *(f"  Not told: {line}" for line in self.could_not_tell)]
+        memory = f"  memory: {memory_of(self.effect, self.decision)}"
+        return [head, *told, memory, *(f"  Not told: {line}" for line in self.could_not_tell)]
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Survey:
         """Everything, as JSON; numbers that could not be measured are null."""
         told = asdict(self)
         for finding in self.findings:
-            told[finding.effect]["cost"] = cost_of(finding.effect, finding.decision)
+            told[finding.effect]["memory"] = memory_of(finding.effect, finding.decision)
         return json.dumps(_plain(told), indent=2, allow_nan=False) + "\n"
 
     def summary(self) -> list[str]:
