@@ -28,8 +28,10 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("separation", "viewer", "evaluation", "lit_model"),
     ("", "", "nerfstudio_quirks", "datamanager"),
     ("", "static_model", "pipeline"),
-    ("model", "trainer"),
-    ("calibration", "method_configs"),
+    ("model",),
+    ("calibration",),
+    ("trainer",),
+    ("method_configs",),
     ("", "", "", "commands"),
     ("", "studies"),
 )

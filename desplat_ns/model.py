@@ -22,6 +22,7 @@ from desplat_ns.rendering.layers import layered_outputs, static_outputs
 from desplat_ns.separation.distractor_layer import DistractorLayer
 from desplat_ns.separation.visit import Visit
 from desplat_ns.static_model import StaticModel, StaticModelConfig
+from desplat_ns.training.budget import Stretch
 from desplat_ns.training.culled import CulledCount, culled_always, too_many_culled
 from desplat_ns.training.run_length import photo_downscale, scaled_fields
 from desplat_ns.viewer import LayerControl
@@ -51,7 +52,8 @@ class DeSplatModelConfig(StaticModelConfig):
     def downscale_factor(self, step: int) -> int:
         """As `StaticModelConfig`'s; with a warm-up, small photos are over by the middle of it."""
         warmup = self.distractors.static_warmup if self.effects.settled().distractors else 0
-        return photo_downscale(step, self.num_downscales, self.resolution_schedule, warmup)
+        usual = photo_downscale(step, self.num_downscales, self.resolution_schedule, warmup)
+        return max(self.train_downscale, usual)
 
 
 class DeSplatModel(StaticModel):
@@ -137,6 +139,13 @@ class DeSplatModel(StaticModel):
         """Draws distractors into a view."""
         settings = self.render_settings(depth=False)
         return lambda splats: self.rasterizer(splats, view, settings)
+
+    def reschedule(self, stretch: Stretch) -> None:
+        """As `StaticModel`'s; the distractors' steps follow."""
+        super().reschedule(stretch)
+        settings = self.config.distractors
+        for name in DISTRACTOR_STEPS:
+            setattr(settings, name, stretch.moved(getattr(settings, name)))
 
     def get_param_groups(self) -> dict[str, list[nn.Parameter]]:
         """The static scene's groups and one for each kind of distractor parameter."""

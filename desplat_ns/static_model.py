@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import torch
+from gsplat.strategy import DefaultStrategy
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import OrientedBox
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackAttributes
@@ -19,6 +20,7 @@ from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
 from desplat_ns.gaussians.activation import RawParameters, resize_rows
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.memory import GaussianMemory
+from desplat_ns.gaussians.relocation import RelocatingStrategy, RelocationConfig
 from desplat_ns.gaussians.seed_points import check_seed_points, clamp_seed_scales
 from desplat_ns.gaussians.strategy import NEVER, StaticStrategy
 from desplat_ns.lit_model import LitModel, LitModelConfig
@@ -26,8 +28,10 @@ from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
 )
+from desplat_ns.training.budget import Stretch
 from desplat_ns.training.run_length import (
     SPLATFACTOS_INTERVAL,
+    degree_for,
     pause_after_reset,
     photo_downscale,
     scaled_fields,
@@ -67,10 +71,21 @@ class StaticModelConfig(LitModelConfig):
     """Refinements that a run has time for, however long it is: they are as many steps apart as
     `stop_split_at` has by this number, and at least half a round of the views. See
     docs/separation.md, "How often, and how many"."""
+    train_downscale: int = 1
+    """Factor by which photos are smaller in training at least, to the end; a step then costs less.
+    Renderings and evaluation have their full size."""
+    photos_per_coefficient: float = 0.0
+    """Training photos that each coefficient of the colours' harmonics has at least: where there are
+    fewer, their degree is lowered. 0: `sh_degree` as it is, as in the paper."""
     gaussians_per_pixel: float = 0.0
     """Static Gaussians at most, per pixel of all training photos together: more than the photos can
     hold in place become floaters. 0 for no limit, as in the paper. A capture that starts with more
     keeps those, but does not grow."""
+    density_control: Literal["gradients", "relocation"] = "gradients"
+    """gradients: clone and split what has large ones, prune what is faint, reset opacities (ADC).
+    relocation: move what is faint, with a price on opacity and size (3DGS as MCMC)."""
+    relocation: RelocationConfig = field(default_factory=RelocationConfig)
+    """What belongs to `density-control relocation`."""
     cull_to_the_end: bool = False
     """Prune faint static Gaussians after `stop_split_at` as well. Splatfacto did so when the paper
     was written (nerfstudio 1.1.4: `continue_cull_post_densification`)."""
@@ -87,12 +102,15 @@ class StaticModelConfig(LitModelConfig):
         run.refine_every = steps_between_refinements(
             num_views, run.stop_split_at, self.refinements, self.refine_every
         )
+        run.sh_degree = degree_for(num_views, self.photos_per_coefficient, self.sh_degree)
         return run
 
     def _check(self) -> None:
         for name, value, least in (
             ("refine-every", self.refine_every, 0),
             ("refinements", self.refinements, 1),
+            ("train-downscale", self.train_downscale, 1),
+            ("photos-per-coefficient", self.photos_per_coefficient, 0),
             ("gaussians-per-pixel", self.gaussians_per_pixel, 0),
         ):
             if not value >= least:
@@ -102,7 +120,8 @@ class StaticModelConfig(LitModelConfig):
 
     def downscale_factor(self, step: int) -> int:
         """By how much photos are smaller at a step. Call it on what `for_run` gave."""
-        return photo_downscale(step, self.num_downscales, self.resolution_schedule)
+        usual = photo_downscale(step, self.num_downscales, self.resolution_schedule)
+        return max(self.train_downscale, usual)
 
     @property
     def reset_every(self) -> int:
@@ -143,18 +162,46 @@ class StaticModel(LitModel):
         """Refinement and resets as this run and this capture want them."""
         config, cameras = self.config, self.kwargs["metadata"]["train_cameras"]
         pixels = int((cameras.width * cameras.height).sum())
-        self.strategy = StaticStrategy.in_place_of(
-            self.strategy,
-            reset_every=config.reset_every,
-            pause_refine_after_reset=pause_after_reset(self.num_train_data, config.reset_every),
-            most=config.most_gaussians(pixels),
-            cull_to_the_end=config.cull_to_the_end,
-            verbose=False,
-        )
+        most = config.most_gaussians(pixels)
+        if config.density_control == "relocation":
+            self.strategy = RelocatingStrategy(
+                config.relocation,
+                refine_every=max(1, config.stop_split_at // config.relocation.times),
+                refine_start_iter=config.warmup_length,
+                refine_stop_iter=config.stop_split_at,
+                most=most,
+            )
+        else:
+            assert isinstance(self.strategy, DefaultStrategy)
+            self.strategy = StaticStrategy.in_place_of(
+                self.strategy,
+                reset_every=config.reset_every,
+                pause_refine_after_reset=pause_after_reset(self.num_train_data, config.reset_every),
+                most=most,
+                cull_to_the_end=config.cull_to_the_end,
+                verbose=False,
+            )
 
     def _get_downscale_factor(self) -> int:
         """By how much photos are smaller than they are; Splatfacto's hook."""
         return self.config.downscale_factor(self.step) if self.training else 1
+
+    def get_loss_dict(
+        self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
+    ) -> dict[str, Tensor]:
+        """Splatfacto's, and what `density-control relocation` charges."""
+        losses = super().get_loss_dict(outputs, batch, metrics_dict)
+        if self.training and self.config.density_control == "relocation":
+            losses["relocation"] = self.config.relocation.price(self.gauss_params)
+        return losses
+
+    def reschedule(self, stretch: Stretch) -> None:
+        """Move what is still ahead. Intervals stay."""
+        for name in ("stop_screen_size_at", "stop_split_at"):
+            setattr(self.config, name, stretch.moved(getattr(self.config, name)))
+        self.strategy.refine_stop_iter = self.config.stop_split_at
+        if isinstance(self.strategy, StaticStrategy):
+            self.strategy.refine_scale2d_stop_iter = self.config.stop_screen_size_at
 
     @property
     def memory(self) -> GaussianMemory:

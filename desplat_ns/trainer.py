@@ -18,16 +18,20 @@ from nerfstudio.utils.misc import step_check
 from nerfstudio.utils.rich_utils import CONSOLE
 from torch.cuda.amp.grad_scaler import GradScaler
 
+from desplat_ns.calibration.budgeted_run import BudgetedRun, process_started
 from desplat_ns.console import announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.effects import Effects
 from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.gaussians.strategy import NEVER
+from desplat_ns.model import DeSplatModel, DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
 from desplat_ns.options import check_finite_options
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.static_model import StaticModelConfig
 from desplat_ns.survey.decide import decided_effects
 from desplat_ns.training import resume
+from desplat_ns.training.budget import seconds_of
 from desplat_ns.training.checkpoint_files import (
     checkpoint_folder,
     checkpoint_path,
@@ -58,6 +62,10 @@ class DeSplatTrainerConfig(TrainerConfig):
     max_skipped_steps: int = 10
     """A step whose loss or gradient is not finite is skipped; after so many, in all, the run is
     saved and stops."""
+
+    budget: str = ""
+    """Wall time for the run, for example 10min: start-up, training and saving. Steps and the size
+    of photos are then chosen, at most `max_num_iterations` steps, and corrected on the way."""
 
     def resolve_schedule_scale(self) -> float:
         """Settle the model's `schedule_scale`, from the numbers of steps where it is None.
@@ -91,11 +99,13 @@ class DeSplatTrainerConfig(TrainerConfig):
     def setup(self, **kwargs: Any) -> Any:
         """Build the trainer, the schedule scale settled before it builds the pipeline.
 
-        Raises ConfigError where an option is no finite number, or for several processes.
+        Raises ConfigError where an option is no finite number or no time, or for several processes.
         """
         self._refuse_several_processes()
         self.resolve_schedule_scale()
         check_finite_options(self)
+        if self.budget:
+            seconds_of(self.budget)
         return super().setup(**kwargs)
 
     def _refuse_several_processes(self) -> None:
@@ -128,6 +138,8 @@ class DeSplatTrainer(Trainer):
         self._loaded_from: Path | None = None
         self._saved_rng: dict[str, Any] | None = None
         self._waiting_in_viewer = False
+        self._started = process_started()
+        self._budgeted: BudgetedRun | None = None
 
     def setup(self, test_mode: Literal["test", "val", "inference"] = "val") -> None:
         """nerfstudio's, once it is decided which effects the run has.
@@ -135,9 +147,15 @@ class DeSplatTrainer(Trainer):
         Raises:
             CaptureError: photos that cannot be surveyed.
             CheckpointError: one that cannot be gone on from.
+            ConfigError: a budget in which nothing can be trained.
         """
         self._decide_effects()
+        self._plan_budget()
         super().setup(test_mode)
+        if self._budgeted is not None:
+            schedulers, optimizers = self.optimizers.schedulers, self.optimizers.optimizers
+            model = cast(DeSplatModel, self.pipeline.model)
+            self._budgeted.attach(model, schedulers.values(), optimizers.values())
 
     def _decide_effects(self) -> None:
         """With `effects.auto` those of the checkpoint, or those that the capture calls for;
@@ -154,6 +172,29 @@ class DeSplatTrainer(Trainer):
             record = SceneRecord.from_state(found[1]["pipeline"].get("_extra_state"))
             model.effects = model.effects.decided(Effects(**record.effects))
         self.config.save_config()
+
+    def _plan_budget(self) -> None:
+        """With a budget, settle the number of steps; config.yml then has it."""
+        config, model = self.config, self.config.pipeline.model
+        manager = config.pipeline.datamanager
+        if not config.budget:
+            return
+        assert isinstance(model, DeSplatModelConfig)
+        assert isinstance(manager, DeSplatDataManagerConfig)
+        found = self._read_checkpoint()
+        self._budgeted = BudgetedRun(
+            seconds_of(config.budget),
+            self._started,
+            training_split(manager),
+            model,
+            (config.max_num_iterations, config.nominal_num_iterations),
+            config.machine.device_type,
+            None if found is None else found[1].get("budget"),
+        )
+        config.max_num_iterations = self._budgeted.state.steps
+        config.steps_per_eval_batch = config.steps_per_eval_image = 0
+        config.steps_per_eval_all_images = 0
+        config.save_config()
 
     def setup_optimizers(self) -> Optimizers:
         """Optimizers whose learning rates follow the schedules of this run's length."""
@@ -188,17 +229,22 @@ class DeSplatTrainer(Trainer):
         whole = self.config
         # nerfstudio 1.1.5 trains as many steps *more*; only its loop is to see the smaller number
         self.config = copy.copy(whole)
-        self.config.max_num_iterations = remaining
+        self.config.max_num_iterations = remaining if self._budgeted is None else NEVER
         try:
             with on_stop_signal(self._stop_after_this_step):
                 super().train()
         finally:
             self.config = whole
+            if self._budgeted is not None:
+                whole.max_num_iterations = self._steps_done
+                self._budgeted.say_cost(self._steps_done)
 
     def train_iteration(self, step: int) -> Any:
         """One step; counts it as done once it is."""
         result = super().train_iteration(step)
         self._steps_done = step + 1
+        if self._budgeted is not None and self._budgeted.after_step(step):
+            self.stop_training = True
         return result
 
     def eval_iteration(self, step: int) -> None:
@@ -250,6 +296,8 @@ class DeSplatTrainer(Trainer):
             "rng": resume.rng_state(),
             "sampler": pipeline.datamanager.sampler_state(),
         }
+        if self._budgeted is not None:
+            state["budget"] = self._budgeted.saved(step + 1)
         return state
 
     def _load_checkpoint(self) -> None:
@@ -267,6 +315,12 @@ class DeSplatTrainer(Trainer):
         if state.get("scalers"):  # empty where the saved run had no mixed precision
             self.grad_scaler.load_state_dict(state["scalers"])
         self._load_randomness(state)
+        if "budget" in state and self._budgeted is None:
+            announce(
+                "This run had a budget. Without --budget it goes on as one of "
+                f"{self.config.max_num_iterations} steps.",
+                warning=True,
+            )
         self._start_step = self._steps_done = steps_done
         self._loaded_from = path
         announce(f"Going on from {path}, {steps_done} steps are done.")
@@ -318,7 +372,7 @@ class DeSplatTrainer(Trainer):
 
     def _train_complete_viewer(self) -> None:
         """Keep the viewer open, unless the run was told to stop."""
-        if not self.stop_training:
+        if not self.stop_training or self._budgeted is not None:
             self._waiting_in_viewer = True
             super()._train_complete_viewer()
 

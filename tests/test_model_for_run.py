@@ -144,3 +144,17 @@ def test_without_a_warm_up_photos_keep_splatfactos_sizes(options):
     config = config.for_run(40)
     sizes = [config.downscale_factor(step) for step in (0, 2999, 3000, 5999, 6000)]
     assert sizes == ([1] * 5 if config.num_downscales == 0 else [4, 4, 2, 2, 1])
+
+
+def test_photos_are_smaller_to_the_end_where_that_is_wanted_and_else_as_before():
+    usual, smaller = run_of(3000, 40), run_of(3000, 40, train_downscale=2)
+    sizes = [usual.downscale_factor(step) for step in range(0, 3000, 50)]
+    assert sizes[0] == 4 and sizes[-1] == 1
+    assert [smaller.downscale_factor(step) for step in range(0, 3000, 50)] == [
+        max(2, size) for size in sizes
+    ]
+
+
+def test_photos_cannot_be_larger_in_training_than_they_are():
+    with pytest.raises(ConfigError, match="train-downscale` is 0; it has to be 1 or more"):
+        run_of(3000, 40, train_downscale=0)

@@ -1,4 +1,5 @@
-"""What training costs on this machine: steps of generated scenes that cost what trained ones do.
+"""What training costs on this machine, and what a budget of time buys there.
 
-May import `model`, `gaussians`, `backend` and `effects`.
+Steps of generated scenes are timed that cost what trained ones do. May import `model`, `training`,
+`gaussians`, `backend`, `effects`, `console` and `errors`.
 """

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -41,7 +41,7 @@ class ScaledExponentialDecaySchedulerConfig(ExponentialDecaySchedulerConfig):
             max_steps=scaled_steps(self.max_steps, scale),
         )
 
-    def lr_at(self, step: int, lr_init: float) -> float:
+    def lr_at(self, step: int | float, lr_init: float) -> float:
         """Learning rate at `step`: a ramp from `lr_pre_warmup` up to `lr_init`, then log-linear
         down to `lr_final`, reached at `max_steps` and kept.
 
@@ -115,3 +115,22 @@ def scaled_optimizers(optimizers: Mapping[str, Any], scale: float) -> dict[str, 
         name: {**group, "scheduler": scaled_scheduler(group.get("scheduler"), scale)}
         for name, group in optimizers.items()
     }
+
+
+def follow(scheduler: LRScheduler, planned: Callable[[int | float], int | float]) -> None:
+    """Let a scheduler go by the step that `planned` gives for the step at hand, from now on.
+
+    A scheduler that is not made of functions of the step (torch's LambdaLR) keeps its steps.
+    """
+    if not isinstance(scheduler, LambdaLR):
+        return
+    curves: list[Any] = list(scheduler.lr_lambdas)
+    scheduler.lr_lambdas = [_at(curve, planned) for curve in curves]
+    factors = [curve(scheduler.last_epoch) for curve in scheduler.lr_lambdas]
+    rates = [base * factor for base, factor in zip(scheduler.base_lrs, factors, strict=True)]
+    for group, rate in zip(scheduler.optimizer.param_groups, rates, strict=True):
+        group["lr"] = rate
+
+
+def _at(curve: Callable[[int | float], int | float], planned: Callable[[int | float], int | float]):
+    return lambda step: curve(planned(step))

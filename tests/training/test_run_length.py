@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.training.run_length import scaled_steps, schedule_scale
+from desplat_ns.training.run_length import degree_for, scaled_steps, schedule_scale
 
 
 def test_the_scale_is_the_ratio_of_steps_and_never_above_one():
@@ -36,3 +36,15 @@ def test_scaling_keeps_the_order_of_events_and_never_lengthens(steps, more, scal
     assert 1 <= scaled_steps(steps, scale) <= steps
     assert scaled_steps(steps, scale) <= scaled_steps(steps + more, scale)
     assert scaled_steps(steps, 1.0) == steps
+
+
+@pytest.mark.parametrize(
+    ("views", "degree"), [(1, 0), (7, 0), (8, 1), (17, 1), (18, 2), (31, 2), (32, 3), (1700, 3)]
+)
+def test_each_coefficient_has_two_photos(views, degree):
+    assert degree_for(views, 2.0, at_most=3) == degree
+
+
+def test_harmonics_are_of_the_degree_given_where_photos_are_not_counted():
+    assert degree_for(1, 0.0, at_most=3) == 3
+    assert degree_for(1000, 2.0, at_most=2) == 2

@@ -53,7 +53,15 @@ OF_EFFECTS: Mapping[str, tuple[str, ...]] = {
 }
 """How the names of the settings begin that matter only where an effect is on."""
 
-NEUTRAL: Mapping[str, Any] = {"pipeline.model.distractors.refine_when_next_seen": True}
+CONTROL, BY_GRADIENTS = "pipeline.model.density_control", "gradients"
+
+NEUTRAL: Mapping[str, Any] = {
+    "budget": "",
+    CONTROL: BY_GRADIENTS,
+    "pipeline.model.distractors.refine_when_next_seen": True,
+    "pipeline.model.photos_per_coefficient": 0.0,
+    "pipeline.model.train_downscale": 1,
+}
 """Settings that older code did not have, by the value with which code does what it did before. A
 record that lacks such a name is not stale while today's value is this one. Enter a new setting here
 only if a test holds that its value changes nothing."""
@@ -152,13 +160,16 @@ def changes(found: Settings, wanted: Settings) -> list[str]:
 
 
 def of_active_effects(settings: Settings) -> Settings:
-    """Settings without those of effects that are off: no figure depends on them."""
+    """Settings without those of effects that are off, and of relocation where gradients control the
+    density: no figure depends on them."""
     idle = tuple(
         prefix
         for effect, prefixes in OF_EFFECTS.items()
         if settings.get(f"{EFFECTS}{effect}") in (False, "off")
         for prefix in prefixes
     )
+    if settings.get(CONTROL, BY_GRADIENTS) == BY_GRADIENTS:
+        idle += ("pipeline.model.relocation.",)
     return {name: value for name, value in settings.items() if not name.startswith(idle)}
 
 

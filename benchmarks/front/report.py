@@ -1,0 +1,70 @@
+"""Write docs/accuracy-and-time.md from the records."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from string import Template
+
+from benchmarks.documents import DOCS
+from benchmarks.front.kept import FILE as BUDGETS
+from benchmarks.front.kept import Kept
+from benchmarks.front.runs import (
+    CHOSEN_ON,
+    FILE,
+    PLAN,
+    REPORTED_ON,
+    SETTINGS,
+    STUDY,
+    downscale_of,
+)
+from benchmarks.separation.runs import SEEDS
+from desplat_ns.studies.grid.figures import Figures
+from desplat_ns.studies.grid.records import Records, load
+from desplat_ns.studies.grid.sources import Cell, Reference
+from desplat_ns.training.budget import seconds_of
+
+REPORT = DOCS / "accuracy-and-time.md"
+TEMPLATE = Path(__file__).with_name("accuracy-and-time.md.template")
+
+COLUMNS = (
+    ("PSNR, dB", "psnr", ".2f"),
+    ("mask IoU", "mask_iou", ".2f"),
+    ("static", "num_static_gaussians", ",.0f"),
+    ("CPU s", "train_cpu_seconds", ".0f"),
+)
+
+
+def front_table(records: Records, today: Reference, scenes: tuple[str, ...]) -> str:
+    """One row for each scene, number of steps and setting that was measured there."""
+    figures = Figures(records, today, SEEDS)
+    planned = dict.fromkeys((run.scene, run.steps) for run in PLAN if run.scene in scenes)
+    rows: list[list[str | Cell]] = []
+    for scene, steps in sorted(planned, key=lambda one: (scenes.index(one[0]), one[1])):
+        for setting, described in SETTINGS.items():
+            key = (setting, scene, downscale_of(scene), steps)
+            if figures.has(key):
+                cells = [figures.cell(key, figure, form) for _, figure, form in COLUMNS]
+                rows.append([f"`{scene}`", f"{steps:,}", described.what, *cells])
+    return figures.table(["scene", "steps", "setting", *(name for name, _, _ in COLUMNS)], rows)
+
+
+def report(records: Records, budget_rows: list[str], today: Reference = STUDY.settings_of) -> str:
+    """The document's text. `today`: see `sources`."""
+    return Template(TEMPLATE.read_text("utf8")).substitute(
+        chosen_table=front_table(records, today, CHOSEN_ON),
+        reported_table=front_table(records, today, REPORTED_ON),
+        budget_rows="\n".join(budget_rows),
+    )
+
+
+def budget_rows() -> list[str]:
+    """A row for each budget that was kept or not, by scene and length."""
+    found = [Kept(**one) for one in json.loads(BUDGETS.read_text("utf8"))]
+    return [kept.row() for kept in sorted(found, key=lambda k: (k.scene, seconds_of(k.budget)))]
+
+
+def write_report() -> Path:
+    """Write the document; where it is."""
+    REPORT.write_text(report(load(FILE), budget_rows()), "utf8")
+    return REPORT

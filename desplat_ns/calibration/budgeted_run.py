@@ -1,0 +1,158 @@
+"""A training run with a budget of wall time: planned, kept to, saved and gone on from."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import psutil
+from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
+from torch.optim import Optimizer
+from torch.optim.lr_scheduler import LRScheduler
+
+from desplat_ns.calibration.run_plan import measure_costs, plan_run
+from desplat_ns.console import announce
+from desplat_ns.errors import ConfigError
+from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.training.budget import END_SECONDS, BudgetKeeper, BudgetState
+from desplat_ns.training.schedules import follow
+
+BYTES_A_SECOND = 100e6
+"""At which a checkpoint is written, at least."""
+
+WORTH_SAYING = 0.1
+"""Change of the number of steps since it was last said."""
+
+
+def process_started() -> float:
+    """When the command began, by the monotonic clock; now, if this is no command of its own."""
+    is_command = Path(sys.argv[0]).stem.startswith("ns-train")
+    age = time.time() - psutil.Process().create_time() if is_command else 0.0
+    return time.monotonic() - max(0.0, age)
+
+
+class BudgetedRun:
+    """What a trainer asks where a run has a budget."""
+
+    def __init__(
+        self,
+        budget: float,
+        started: float,
+        outputs: DataparserOutputs,
+        model: DeSplatModelConfig,
+        lengths: tuple[int, int],
+        device: str,
+        saved: dict[str, Any] | None,
+    ):
+        """Measure what a step costs here, and plan; settles the model's schedules and photo size.
+
+        Args:
+            budget: seconds of wall time.
+            started: when the run began, by the monotonic clock.
+            outputs: of the training split.
+            model: effects decided; is changed.
+            lengths: the most steps that are wanted, and the method's own number.
+            device: on which the run trains.
+            saved: `saved()` of the run's checkpoint, to go on; None for a new run.
+
+        Raises:
+            ConfigError: too few steps fit, or the run that is gone on from is over.
+        """
+        most, nominal = lengths
+        self.budget, self._started = budget, started
+        self.cost = measure_costs(outputs, model, device)
+        num_views = len(outputs.cameras)
+        if saved is None:
+            self.state = plan_run(
+                budget, self._clock(), model, num_views, (most, nominal), self.cost
+            )
+        else:
+            self.state = BudgetState.from_saved(saved["state"])
+            self._check_unfinished(saved["steps_done"])
+        model.train_downscale = self.state.downscale
+        model.schedule_scale = min(1.0, self.state.first_steps / nominal)
+        self.keeper = BudgetKeeper(budget, self.state, self._cost, most, self._clock)
+        self._model: DeSplatModel | None = None
+        self._said = self.state.steps
+        self._say_plan(self.cost.mean(model, num_views, nominal))
+
+    def _check_unfinished(self, steps_done: int) -> None:
+        spent = self.state.spent + self._clock()
+        if steps_done < self.state.steps and spent + END_SECONDS < self.budget:
+            return
+        raise ConfigError(
+            f"There is nothing left to train: {spent:.0f} of {self.budget:.0f} s are spent, and "
+            f"{steps_done} of the {self.state.steps} steps that fit are done. A run that was "
+            "stopped goes on with a larger --budget (the total); one that came to its end has had "
+            "its schedules: start a new one for more time."
+        )
+
+    def saved(self, steps_done: int) -> dict[str, Any]:
+        """What a checkpoint keeps."""
+        return {"state": self.state.saved(), "steps_done": steps_done}
+
+    def _clock(self) -> float:
+        return time.monotonic() - self._started
+
+    def _cost(self, step: int) -> float:
+        assert self._model is not None
+        return self.cost.at(self._model.config, step)
+
+    def _say_plan(self, a_step: float) -> None:
+        smaller = self.state.downscale
+        photos = "photos in full size" if smaller == 1 else f"photos {smaller} times smaller"
+        announce(
+            f"Budget: {self.budget:.0f} s, of which {self.keeper.spent():.0f} are spent. A step is "
+            f"expected to take {1e3 * a_step:.0f} ms on average: {self.state.steps} steps are "
+            f"planned, {photos}. No evaluation on the way."
+        )
+
+    def attach(
+        self,
+        model: DeSplatModel,
+        schedulers: Iterable[LRScheduler],
+        optimizers: Iterable[Optimizer],
+    ) -> None:
+        """Take up the model that is trained, and what was stretched before it was saved."""
+        self._model, self._optimizers = model, list(optimizers)
+        for stretch in self.state.stretches:
+            model.reschedule(stretch)
+        for scheduler in schedulers:
+            follow(scheduler, self.state.planned)
+        self.keeper.start()
+
+    def after_step(self, step: int) -> bool:
+        """Look at the clock; whether that was the last step that fits."""
+        assert self._model is not None
+        self.keeper.reserve = END_SECONDS + self._bytes_to_save() / BYTES_A_SECOND
+        stretch = self.keeper.after_step(step)
+        if stretch is not None:
+            self._model.reschedule(stretch)
+            self._say_change(step + 1)
+        return self.keeper.is_over(step + 1)
+
+    def _say_change(self, done: int) -> None:
+        """Say how many steps there will be, if that is another number than was said last."""
+        steps = self.state.steps
+        if abs(steps / self._said - 1) >= WORTH_SAYING:
+            announce(
+                f"{done} steps in {self.keeper.spent():.0f} s: there will be {steps} in all, not "
+                f"{self._said}."
+            )
+            self._said = steps
+
+    def _bytes_to_save(self) -> int:
+        """Of parameters with Adam's two moments."""
+        groups = (group for optimizer in self._optimizers for group in optimizer.param_groups)
+        return sum(3 * p.numel() * p.element_size() for group in groups for p in group["params"])
+
+    def say_cost(self, steps_done: int) -> None:
+        """What the run did cost."""
+        spent = self.keeper.spent()
+        announce(
+            f"Budget: {spent:.0f} of {self.budget:.0f} s were spent ({spent / self.budget:.0%}), "
+            f"for {steps_done} steps; {self.state.first_steps} had been planned."
+        )

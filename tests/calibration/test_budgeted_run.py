@@ -1,0 +1,123 @@
+"""`ns-train desplat --budget`: the clock decides, and nothing trained is lost."""
+
+from __future__ import annotations
+
+import dataclasses
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import torch
+import yaml
+
+from desplat_ns.calibration import budgeted_run
+from desplat_ns.calibration.run_plan import StepCost
+from desplat_ns.errors import ConfigError
+from desplat_ns.training.budget import StepSeconds
+from desplat_ns.training.checkpoint_files import load_newest
+
+BUDGET = 60
+
+
+@pytest.fixture
+def clock(monkeypatch) -> SimpleNamespace:
+    """A clock that goes on by a fixed time whenever it is read; steps cost what it says."""
+    clock = SimpleNamespace(now=0.0, tick=0.05)
+
+    def monotonic() -> float:
+        clock.now += clock.tick
+        return clock.now
+
+    monkeypatch.setattr(budgeted_run, "time", SimpleNamespace(monotonic=monotonic))
+    cost = StepCost(StepSeconds(fixed=0.2, whole_photo=0.0), share_at_start=1.0)
+    monkeypatch.setattr(budgeted_run, "measure_costs", lambda *_: cost)
+    return clock
+
+
+@pytest.fixture
+def config(tiny_run, tmp_path) -> Any:
+    config = tiny_run(tmp_path)
+    config.budget, config.max_num_iterations = f"{BUDGET}s", 30_000
+    return config
+
+
+def train(config: Any) -> Any:
+    trainer = config.setup(local_rank=0, world_size=1)
+    trainer.setup()
+    trainer.train()
+    return trainer
+
+
+def newest(trainer: Any) -> dict[str, Any]:
+    return load_newest(trainer.checkpoint_dir)[1]
+
+
+def test_a_run_spends_its_budget_and_says_so(config, clock, capsys):
+    trainer = train(config)
+    assert 0.9 * BUDGET <= clock.now <= BUDGET
+    saved = newest(trainer)
+    assert saved["step"] + 1 == saved["budget"]["steps_done"] == config.max_num_iterations
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"of {BUDGET} s were spent" in said
+    assert f"{saved['budget']['state']['first_steps']} had been planned" in said
+
+
+def test_schedules_are_those_of_the_planned_length(config, clock):
+    trainer = train(config)
+    scale = trainer.pipeline.model.config.schedule_scale
+    first = newest(trainer)["budget"]["state"]["first_steps"]
+    assert scale == pytest.approx(first / config.nominal_num_iterations)
+    text = (trainer.base_dir / "config.yml").read_text()
+    assert yaml.load(text, yaml.Loader).pipeline.model.schedule_scale == scale
+
+
+def test_the_rates_reach_their_end_on_a_machine_half_as_fast_as_measured(config, clock):
+    clock.tick = 0.1
+    trainer = train(config)
+    group = trainer.optimizers.optimizers["means"].param_groups[0]
+    assert newest(trainer)["budget"]["state"]["stretches"]
+    assert group["lr"] == pytest.approx(1.6e-6, rel=0.3)  # from 1.6e-4
+
+
+def test_a_stopped_run_goes_on_and_counts_what_was_spent(config, clock, monkeypatch):
+    whole = train(dataclasses.replace(config, timestamp="whole"))
+    steps = newest(whole)["budget"]["steps_done"]
+    clock.now = 0.0
+    first = config.setup(local_rank=0, world_size=1)
+    first.setup()
+    after_step = first._budgeted.after_step
+    monkeypatch.setattr(first._budgeted, "after_step", lambda s: after_step(s) or s == 40)
+    first.train()
+    spent = newest(first)["budget"]["state"]["spent"]
+    assert 0 < spent < 0.5 * BUDGET
+    clock.now = 0.0
+    second = train(dataclasses.replace(config, load_dir=first.checkpoint_dir, timestamp="on"))
+    saved = newest(second)["budget"]
+    assert spent + clock.now == pytest.approx(BUDGET, rel=0.1)
+    assert saved["steps_done"] == pytest.approx(steps, rel=0.1)
+
+
+def test_a_run_at_its_end_is_not_gone_on_with(config, clock):
+    first = train(config)
+    before = newest(first)
+    with pytest.raises(ConfigError, match="nothing left to train"):
+        train(dataclasses.replace(config, load_dir=first.checkpoint_dir, timestamp="on"))
+    assert torch.equal(
+        before["pipeline"]["_model.gauss_params.means"],
+        newest(first)["pipeline"]["_model.gauss_params.means"],
+    )
+
+
+def test_going_on_without_the_budget_is_said(config, clock, capsys):
+    first = train(config)
+    steps = newest(first)["step"] + 1
+    again = dataclasses.replace(config, budget="", load_dir=first.checkpoint_dir, timestamp="on")
+    again.max_num_iterations = steps + 2
+    train(again)
+    assert "This run had a budget." in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_budget_that_is_no_time_is_refused_before_anything_is_read(config):
+    config.budget, config.data = "soon", None
+    with pytest.raises(ConfigError, match="such as 10min"):
+        config.setup(local_rank=0, world_size=1)

@@ -1,0 +1,82 @@
+"""What fits into a budget, and how large the photos are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from desplat_ns.calibration.run_plan import (
+    FEWEST_STEPS,
+    SAMPLED_STEPS,
+    STEPS_WANTED,
+    StepCost,
+    expected_gaussians,
+    measure_costs,
+    plan_run,
+)
+from desplat_ns.datamanager import training_split
+from desplat_ns.effects import EffectsConfig
+from desplat_ns.errors import ConfigError
+from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.training.budget import END_SECONDS, StepSeconds
+
+EVEN = StepCost(StepSeconds(fixed=0.1, whole_photo=0.0), share_at_start=1.0)
+MODEL = DeSplatModelConfig(effects=EffectsConfig(distractors=False), num_downscales=0)
+
+
+def plan(budget: float, cost: StepCost = EVEN, model: DeSplatModelConfig = MODEL, spent=0.0):
+    return plan_run(budget, spent, model, 10, (30_000, 30_000), cost)
+
+
+def test_steps_are_what_the_time_left_holds():
+    found = plan(budget=210 + END_SECONDS, spent=10.0)
+    assert found.steps == found.first_steps == pytest.approx(2000, abs=1)
+    assert (found.downscale, found.spent) == (1, 0.0)
+
+
+def test_no_more_steps_are_planned_than_are_wanted():
+    assert plan(budget=1e6).steps == 30_000
+
+
+def test_photos_shrink_where_too_few_steps_would_fit():
+    by_pixels = StepCost(StepSeconds(fixed=0.0, whole_photo=0.2), share_at_start=1.0)
+    full = plan(0.2 * STEPS_WANTED * 1.1 + END_SECONDS, by_pixels)
+    half = plan(0.2 * STEPS_WANTED * 0.5 + END_SECONDS, by_pixels)
+    assert full.downscale == 1
+    assert half.downscale == 2
+    assert half.steps == pytest.approx(4 * 0.5 * STEPS_WANTED, abs=1)
+
+
+def test_a_budget_that_holds_no_run_is_refused_with_one_that_does():
+    with pytest.raises(ConfigError, match=r"Give (\d+)s or more") as refused:
+        plan(0.1 * FEWEST_STEPS * 0.9)
+    enough = float(str(refused.value).split("Give ")[1].split("s or")[0])
+    assert plan(enough).steps >= FEWEST_STEPS
+
+
+def test_steps_are_cheaper_while_photos_and_the_set_are_small():
+    cost = StepCost(StepSeconds(fixed=0.04, whole_photo=0.16), share_at_start=0.25)
+    model = replace(MODEL, num_downscales=1, schedule_scale=SAMPLED_STEPS / 30_000)
+    run = model.for_run(10)
+    assert cost.at(run, 0) == pytest.approx(0.01 + 0.16 / 4)
+    assert cost.at(run, SAMPLED_STEPS - 1) == pytest.approx(0.2)
+    assert 0.15 < cost.mean(replace(model, schedule_scale=None), 10, 30_000) < 0.2
+
+
+def test_a_run_without_a_limit_is_expected_to_grow_as_much_as_one_with_desplats(tiny_run, tmp_path):
+    config = tiny_run(tmp_path)
+    outputs = training_split(config.pipeline.datamanager)
+    pixels = int((outputs.cameras.width * outputs.cameras.height).sum())
+    limited = replace(MODEL, gaussians_per_pixel=0.01)
+    assert expected_gaussians(outputs, MODEL) == round(0.05 * pixels)
+    assert expected_gaussians(outputs, limited) == round(0.01 * pixels)
+
+
+def test_costs_of_a_capture_are_measured_on_steps_of_its_size(tiny_run, tmp_path):
+    config = tiny_run(tmp_path)
+    outputs = training_split(config.pipeline.datamanager)
+    cost = measure_costs(outputs, config.pipeline.model, "cpu")
+    assert cost.seconds.fixed >= 0 and cost.seconds.whole_photo >= 0
+    assert 1e-4 < cost.seconds.fixed + cost.seconds.whole_photo < 10
+    assert 0 < cost.share_at_start <= 1
