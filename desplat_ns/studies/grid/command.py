@@ -7,15 +7,17 @@ import difflib
 import fnmatch
 import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import get_args
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid import records
-from desplat_ns.studies.grid.execute import execute, log_of
-from desplat_ns.studies.grid.records import Records, State
+from desplat_ns.studies.grid.execute import log_of
+from desplat_ns.studies.grid.executors import ExecutorName, executor_of
+from desplat_ns.studies.grid.records import Record, Records, State
 from desplat_ns.studies.grid.runs import Run, Study
 
 MOST_NAMED = 5
@@ -32,6 +34,13 @@ def parse_arguments(
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--jobs", type=int, default=1, help="runs beside each other (%(default)s)")
+    parser.add_argument(
+        "--executor",
+        choices=get_args(ExecutorName),
+        default="local",
+        help="where runs are done: here, or on Ray (%(default)s)",
+    )
+    parser.add_argument("--ray-address", help="of a cluster; without one Ray is started here")
     parser.add_argument(
         "--only",
         nargs="+",
@@ -83,25 +92,6 @@ def wanted_runs(study: Study, patterns: Sequence[str], known: Records) -> dict[R
     return wanted
 
 
-def measure(study: Study, run: Run, file: Path, folder: Path) -> bool:
-    """Do one run and keep its figures; False if it failed, which is said and leaves the others."""
-    try:
-        found = execute(study, run, folder)
-        records.enter(file, run, found)
-    except DeSplatError as error:
-        print(f"{run.name}: {error}", file=sys.stderr, flush=True)
-        return False
-    except Exception as error:
-        said = f"{type(error).__name__}: {error}. Its log, as far as it came: {log_of(run, folder)}"
-        print(f"{run.name}: {said}", file=sys.stderr, flush=True)
-        return False
-    seconds = found.figures.get("train_cpu_seconds", 0.0)
-    first = study.figures[0]
-    value = found.figures.get(first, float("nan"))
-    print(f"{run.name}: {first} {value:.2f}, {seconds:.0f} s", flush=True)
-    return True
-
-
 @dataclass(frozen=True)
 class Command:
     """A study's command."""
@@ -134,15 +124,24 @@ class Command:
         done = [True]
         if not chosen.report:
             chosen.output.mkdir(parents=True, exist_ok=True)
-            with ThreadPoolExecutor(chosen.jobs) as pool:
-                done = list(
-                    pool.map(
-                        lambda run: measure(self.study, run, self.file, chosen.output),
-                        self._wanted(chosen.only),
-                    )
-                )
+            executor = executor_of(chosen.executor, chosen.jobs, chosen.ray_address)
+            keep = partial(self._keep, chosen.output)
+            done = executor.do(self.study, self._wanted(chosen.only), chosen.output, keep)
         print(f"written: {self.write_report()}")
         return 0 if all(done) else 1
+
+    def _keep(self, output: Path, run: Run, found: Record | Exception) -> bool:
+        """Record a run's figures and say the first; False if it failed, which is said as well."""
+        if isinstance(found, Exception):
+            log = f"{type(found).__name__}: {found}. Its log, as far as it came: "
+            said = found if isinstance(found, DeSplatError) else f"{log}{log_of(run, output)}"
+            print(f"{run.name}: {said}", file=sys.stderr, flush=True)
+            return False
+        records.enter(self.file, run, found)
+        first, seconds = self.study.figures[0], found.figures.get("train_cpu_seconds", 0.0)
+        value = found.figures.get(first, float("nan"))
+        print(f"{run.name}: {first} {value:.2f}, {seconds:.0f} s", flush=True)
+        return True
 
     def _wanted(self, patterns: Sequence[str]) -> dict[Run, str]:
         return wanted_runs(self.study, patterns, records.load(self.file))

@@ -6,9 +6,11 @@ python -m desplat_ns.studies.grid.train_and_score RESULTS.json METHOD ...    (op
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from nerfstudio.scripts.train import _set_random_seed
@@ -66,8 +68,21 @@ def check_complete(done: int, wanted: int) -> None:
         )
 
 
+def end_with(parent: int) -> None:
+    """End this process soon after its parent, so that nothing trains on for a study that was
+    killed, into a folder in which another process begins again."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1)
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
+
+
 def main() -> None:
     """Entry point; pictures go into the folder `pictures` beside the results."""
+    end_with(os.getppid())
     target, method, *options = sys.argv[1:]
     results = train_and_score(method, options, Path(target).with_name("pictures"))
     Path(target).write_text(json.dumps(results))

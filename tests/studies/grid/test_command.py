@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.grid import command as module
+from desplat_ns.studies.grid import executors as module
 from desplat_ns.studies.grid.captures import RealCapture
 from desplat_ns.studies.grid.command import Command, named_runs
 from desplat_ns.studies.grid.execute import log_of

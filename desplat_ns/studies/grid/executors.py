@@ -1,0 +1,166 @@
+"""Where the runs of a study are done: on this machine, or on a Ray cluster."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol, runtime_checkable
+
+from desplat_ns.errors import DeSplatError
+from desplat_ns.studies.grid.captures import DATA_VARIABLE
+from desplat_ns.studies.grid.commands import surroundings
+from desplat_ns.studies.grid.execute import execute
+from desplat_ns.studies.grid.records import Record
+from desplat_ns.studies.grid.runs import Run, Study
+
+ExecutorName = Literal["local", "ray"]
+
+RETRIES = 3
+"""Times that a run is begun again on Ray if its worker was killed."""
+
+ANSWERS_WITHIN = 10
+"""Seconds."""
+
+Keep = Callable[[Run, Record | Exception], bool]
+"""Takes what became of a run as soon as it is known; whether it was measured."""
+
+
+@runtime_checkable
+class Executor(Protocol):
+    """Does runs."""
+
+    def do(self, study: Study, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
+        """Do all runs and hand over what becomes of each; one that fails leaves the others.
+
+        Args:
+            folder: of what is trained.
+
+        Returns:
+            What `keep` said of each.
+
+        Raises:
+            DeSplatError: runs cannot be done here at all.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class LocalExecutor:
+    """On this machine, some beside each other."""
+
+    jobs: int = 1
+
+    def do(self, study: Study, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
+        """See `Executor`."""
+
+        def one(run: Run) -> bool:
+            return keep(run, outcome(study, run, folder))
+
+        with ThreadPoolExecutor(self.jobs) as pool:
+            return list(pool.map(one, runs))
+
+
+@dataclass(frozen=True)
+class RayExecutor:
+    """On a Ray cluster: one that is named, or one on this machine that is started and ended.
+
+    Workers need this package, the photos and `folder` in the same places as this machine.
+    """
+
+    address: str | None = None
+    jobs: int = 1
+    """Workers of a cluster that is started here."""
+
+    def do(self, study: Study, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
+        """See `Executor`. A run whose worker was killed is begun again."""
+        ray = import_ray()
+        folder, wanted = folder.resolve(), list(runs)
+        _make_captures(study, wanted, folder)
+        self._check_that_it_answers()
+        ray.init(**self._cluster())
+        try:
+            gpus = 1 if ray.cluster_resources().get("GPU", 0) else 0
+            task = ray.remote(num_cpus=1, num_gpus=gpus, max_retries=RETRIES)(_outcome_on_worker)
+            shared = ray.put(study)
+            pending = {task.remote(shared, run, folder): run for run in wanted}
+            done = []
+            while pending:
+                (ready, *_), _ = ray.wait(list(pending), num_returns=1)
+                done.append(keep(pending.pop(ready), _fetched(ray, ready)))
+            return done
+        finally:
+            ray.shutdown()
+
+    def _check_that_it_answers(self) -> None:
+        """Ray itself waits for minutes."""
+        host, colon, port = (self.address or "").removeprefix("ray://").rpartition(":")
+        if not colon:  # none, or a name of Ray's own such as auto
+            return
+        try:
+            socket.create_connection((host, int(port)), timeout=ANSWERS_WITHIN).close()
+        except (OSError, ValueError) as error:
+            raise DeSplatError(
+                f"No Ray cluster answers at --ray-address {self.address} ({error}). Start one with "
+                "`ray start --head`, or leave the address out to use this machine."
+            ) from error
+
+    def _cluster(self) -> dict[str, Any]:
+        """Arguments of `ray.init`."""
+        names = ("PYTHONPATH", DATA_VARIABLE)
+        environment = {name: value for name, value in surroundings().items() if name in names}
+        options = {"runtime_env": {"env_vars": environment}, "log_to_driver": False}
+        if self.address is None:
+            return options | {"num_cpus": self.jobs, "include_dashboard": False}
+        return options | {"address": self.address}
+
+
+def executor_of(name: ExecutorName, jobs: int, address: str | None) -> Executor:
+    """The executor of a name."""
+    return LocalExecutor(jobs) if name == "local" else RayExecutor(address, jobs)
+
+
+def outcome(study: Study, run: Run, folder: Path) -> Record | Exception:
+    """The record of a run, or why there is none."""
+    try:
+        return execute(study, run, folder)
+    except Exception as error:
+        return error
+
+
+def import_ray() -> Any:
+    """The module. Raises DeSplatError where it is not installed."""
+    try:
+        import ray  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        raise DeSplatError(
+            "--executor ray needs Ray, which is not installed. Type: pip install 'desplat-ns[ray]'."
+        ) from error
+    return ray
+
+
+def _make_captures(study: Study, runs: Iterable[Run], folder: Path) -> None:
+    """Write what is generated once, before workers look for it. What cannot be found is told by the
+    runs that need it."""
+    for scene in dict.fromkeys(run.scene for run in runs):
+        with suppress(DeSplatError):
+            study.scenes[scene].capture.locate(folder)
+
+
+def _outcome_on_worker(study: Study, run: Run, folder: Path) -> Record | Exception:
+    """As `outcome`; the error says on which machine."""
+    found = outcome(study, run, folder)
+    if isinstance(found, Exception):
+        return DeSplatError(f"On the Ray worker {socket.gethostname()}: {found}")
+    return found
+
+
+def _fetched(ray: Any, reference: Any) -> Record | Exception:
+    """What a task gave back, or why it gave nothing."""
+    try:
+        return ray.get(reference)
+    except ray.exceptions.RayError as error:
+        return DeSplatError(f"Ray gave up on it ({type(error).__name__}): {error}")

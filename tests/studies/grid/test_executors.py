@@ -1,0 +1,102 @@
+"""Runs on Ray are those of this machine; a killed worker costs time and nothing else."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.errors import DeSplatError
+from desplat_ns.studies.grid.captures import GeneratedCapture, RealCapture
+from desplat_ns.studies.grid.executors import (
+    Executor,
+    LocalExecutor,
+    RayExecutor,
+    executor_of,
+    import_ray,
+)
+from desplat_ns.studies.grid.records import Record
+from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
+from desplat_ns.synthetic import SceneSpec
+
+GIVEN = ("--pipeline.model.effects.auto", "False")
+
+
+@dataclass(frozen=True)
+class KillsOnce(GeneratedCapture):
+    """The first process that looks for it is killed on the spot, unless it is the study's own."""
+
+    marker: Path = Path()
+    study: int = 0
+
+    def locate(self, folder: Path) -> Path:
+        found = super().locate(folder)
+        if os.getpid() != self.study and not self.marker.exists():
+            self.marker.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return found
+
+
+TINY = GeneratedCapture("tiny", SceneSpec.tiny())
+RUNS = [Run("plain", scene, 1, 12, 42) for scene in ("tiny", "absent")]
+STUDY = Study(
+    {"plain": Setting("desplat", GIVEN)},
+    {
+        "tiny": Scene(TINY, ("robustnerf-data",)),
+        "absent": Scene(RealCapture("absent"), ("colmap",)),
+    },
+    tuple(RUNS),
+    ("psnr", "num_static_gaussians"),
+)
+
+
+def outcomes(executor: Executor, study: Study, folder: Path) -> dict[str, Record | Exception]:
+    """What becomes of each run, by its scene."""
+    found: dict[str, Record | Exception] = {}
+
+    def keep(run: Run, outcome: Record | Exception) -> bool:
+        found[run.scene] = outcome
+        return isinstance(outcome, Record)
+
+    folder.mkdir()
+    done = executor.do(study, study.plan, folder, keep)
+    assert sorted(done) == sorted(isinstance(one, Record) for one in found.values())
+    return found
+
+
+def test_ray_gives_what_this_machine_gives_and_begins_anew_when_a_worker_is_killed(tmp_path):
+    pytest.importorskip("ray", reason="Ray is not installed (pip install 'desplat-ns[ray]')")
+    here = outcomes(LocalExecutor(2), STUDY, tmp_path / "here")
+    deadly = KillsOnce("tiny", SceneSpec.tiny(), tmp_path / "killed", os.getpid())
+    study = replace(STUDY, scenes={**STUDY.scenes, "tiny": Scene(deadly, ("robustnerf-data",))})
+    there = outcomes(RayExecutor(jobs=2), study, tmp_path / "there")
+    assert deadly.marker.exists()
+    mine, other = here["tiny"], there["tiny"]
+    assert isinstance(mine, Record) and isinstance(other, Record), (mine, other)
+    assert mine.figures == other.figures and mine.settings == other.settings
+    for found, where in ((here, ""), (there, "On the Ray worker ")):
+        assert str(found["absent"]).startswith(where)
+        assert "The capture 'absent' is not at" in str(found["absent"])
+
+
+def test_a_study_without_ray_says_what_to_install(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(DeSplatError, match=r"pip install 'desplat-ns\[ray\]'"):
+        RayExecutor().do(STUDY, RUNS, tmp_path, lambda *_: True)
+    with pytest.raises(DeSplatError, match="not installed"):
+        import_ray()
+
+
+def test_an_address_at_which_no_cluster_answers_is_named(monkeypatch, tmp_path):
+    pytest.importorskip("ray", reason="Ray is not installed (pip install 'desplat-ns[ray]')")
+    with pytest.raises(DeSplatError, match=r"--ray-address 127\.0\.0\.1:1 "):
+        RayExecutor("127.0.0.1:1").do(STUDY, RUNS[:1], tmp_path, lambda *_: True)
+
+
+def test_executors_have_names():
+    assert executor_of("local", 3, None) == LocalExecutor(3)
+    assert executor_of("ray", 2, "here:1") == RayExecutor("here:1", 2)
