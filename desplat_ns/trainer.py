@@ -140,6 +140,7 @@ class DeSplatTrainer(Trainer):
         self._waiting_in_viewer = False
         self._started = process_started()
         self._budgeted: BudgetedRun | None = None
+        self._budget_is_up = False
 
     def setup(self, test_mode: Literal["test", "val", "inference"] = "val") -> None:
         """nerfstudio's, once it is decided which effects the run has.
@@ -182,6 +183,11 @@ class DeSplatTrainer(Trainer):
         assert isinstance(model, DeSplatModelConfig)
         assert isinstance(manager, DeSplatDataManagerConfig)
         found = self._read_checkpoint()
+        if found is not None and "budget" not in found[1]:
+            raise ConfigError(
+                f"--budget goes on only with a run that had one, and that of {found[0]} had none. "
+                "Leave --budget out and give --max-num-iterations, the total of steps."
+            )
         self._budgeted = BudgetedRun(
             seconds_of(config.budget),
             self._started,
@@ -189,7 +195,7 @@ class DeSplatTrainer(Trainer):
             model,
             (config.max_num_iterations, config.nominal_num_iterations),
             config.machine.device_type,
-            None if found is None else found[1].get("budget"),
+            None if found is None else found[1]["budget"],
         )
         config.max_num_iterations = self._budgeted.state.steps
         config.steps_per_eval_batch = config.steps_per_eval_image = 0
@@ -237,14 +243,13 @@ class DeSplatTrainer(Trainer):
             self.config = whole
             if self._budgeted is not None:
                 whole.max_num_iterations = self._steps_done
-                self._budgeted.say_cost(self._steps_done)
 
     def train_iteration(self, step: int) -> Any:
         """One step; counts it as done once it is."""
         result = super().train_iteration(step)
         self._steps_done = step + 1
         if self._budgeted is not None and self._budgeted.after_step(step):
-            self.stop_training = True
+            self.stop_training = self._budget_is_up = True
         return result
 
     def eval_iteration(self, step: int) -> None:
@@ -283,6 +288,8 @@ class DeSplatTrainer(Trainer):
             return
         if self.config.save_only_latest_checkpoint:
             remove_others(path)
+        if self._budgeted is not None and self.training_state == "completed":
+            self._budgeted.say_cost(step + 1)
 
     def _state(self, step: int) -> dict[str, Any]:
         """nerfstudio's checkpoint, and the keys `rng` and `sampler` that make resume exact."""
@@ -372,7 +379,7 @@ class DeSplatTrainer(Trainer):
 
     def _train_complete_viewer(self) -> None:
         """Keep the viewer open, unless the run was told to stop."""
-        if not self.stop_training or self._budgeted is not None:
+        if not self.stop_training or self._budget_is_up:
             self._waiting_in_viewer = True
             super()._train_complete_viewer()
 

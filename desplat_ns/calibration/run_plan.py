@@ -12,6 +12,7 @@ from desplat_ns.calibration.timing import time_in_turns
 from desplat_ns.errors import ConfigError
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.training.budget import END_SECONDS, BudgetState, StepSeconds
+from desplat_ns.training.resume import restore_rng, rng_state
 
 MOST_PIXELS = 500_000
 """Larger photos are measured smaller, and what they cost follows from their pixels."""
@@ -50,7 +51,7 @@ def measure_step(outputs: DataparserOutputs, model: DeSplatModelConfig, device: 
     """Time training steps on a generated scene of this capture's size, with its effects.
 
     Wall time, with the threads and the device that training will have; seconds, and half a minute
-    more where kernels are to be compiled.
+    more where kernels are to be compiled. The random generators are left as they were.
 
     Args:
         outputs: of the training split.
@@ -62,7 +63,7 @@ def measure_step(outputs: DataparserOutputs, model: DeSplatModelConfig, device: 
     expected = expected_gaussians(outputs, model)
     count = min(max(expected, 1000), MOST_GAUSSIANS)
     shrink = min(1.0, (MOST_PIXELS / (width * height)) ** 0.5)
-    effects = model.effects.settled()
+    effects, randomness = model.effects.settled(), rng_state()
     steps = {}
     for factor in (1, 2):
         size = [max(16, round(shrink * side / factor)) for side in (width, height)]
@@ -70,6 +71,7 @@ def measure_step(outputs: DataparserOutputs, model: DeSplatModelConfig, device: 
             make_scene(count, *size), effects, len(cameras), device, model.backend
         )
     timings = time_in_turns(steps, ROUNDS)
+    restore_rng(randomness)
     whole, half = (min(timings[name].wall) / 1e3 for name in steps)  # other programs only add
     measured = StepSeconds.through(whole, half)
     placed = PLACED if effects.distractors else 1.0

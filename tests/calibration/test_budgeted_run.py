@@ -10,13 +10,13 @@ import pytest
 import torch
 import yaml
 
-from desplat_ns.calibration import budgeted_run
+from desplat_ns.calibration import budgeted_run, run_plan
 from desplat_ns.calibration.run_plan import StepCost
 from desplat_ns.errors import ConfigError
 from desplat_ns.training.budget import StepSeconds
 from desplat_ns.training.checkpoint_files import load_newest
 
-BUDGET = 60
+BUDGET = 40
 
 
 @pytest.fixture
@@ -31,6 +31,7 @@ def clock(monkeypatch) -> SimpleNamespace:
     monkeypatch.setattr(budgeted_run, "time", SimpleNamespace(monotonic=monotonic))
     cost = StepCost(StepSeconds(fixed=0.2, whole_photo=0.0), share_at_start=1.0)
     monkeypatch.setattr(budgeted_run, "measure_costs", lambda *_: cost)
+    monkeypatch.setattr(run_plan, "FEWEST_STEPS", 20)  # photos are tiny, and so are these runs
     return clock
 
 
@@ -115,6 +116,38 @@ def test_going_on_without_the_budget_is_said(config, clock, capsys):
     again.max_num_iterations = steps + 2
     train(again)
     assert "This run had a budget." in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_run_that_had_no_budget_is_not_gone_on_with_one(config, clock):
+    plain = dataclasses.replace(config, budget="", max_num_iterations=4)
+    first = train(plain)
+    on = dataclasses.replace(config, load_dir=first.checkpoint_dir, timestamp="on")
+    with pytest.raises(ConfigError, match="had none"):
+        train(on)
+
+
+def test_the_viewer_stays_open_when_the_time_is_up_and_not_when_the_run_is_stopped(
+    config, clock, monkeypatch
+):
+    def waits_in_viewer(stopped_at: int | None) -> bool:
+        clock.now = 0.0
+        trainer = dataclasses.replace(config, timestamp=f"{stopped_at}").setup(
+            local_rank=0, world_size=1
+        )
+        trainer.setup()
+        at_step = trainer.pipeline.get_train_loss_dict
+
+        def stops(step: int):
+            if step == stopped_at:
+                trainer.stop_training = True
+            return at_step(step)
+
+        monkeypatch.setattr(trainer.pipeline, "get_train_loss_dict", stops)
+        trainer.train()
+        return trainer._waiting_in_viewer
+
+    assert waits_in_viewer(None)
+    assert not waits_in_viewer(10)
 
 
 def test_a_budget_that_is_no_time_is_refused_before_anything_is_read(config):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+import torch
 
 from desplat_ns.calibration.run_plan import (
     FEWEST_STEPS,
@@ -76,7 +77,11 @@ def test_a_run_without_a_limit_is_expected_to_grow_as_much_as_one_with_desplats(
 def test_costs_of_a_capture_are_measured_on_steps_of_its_size(tiny_run, tmp_path):
     config = tiny_run(tmp_path)
     outputs = training_split(config.pipeline.datamanager)
+    torch.manual_seed(7)
+    expected = torch.rand(3)
+    torch.manual_seed(7)
     cost = measure_costs(outputs, config.pipeline.model, "cpu")
+    assert torch.equal(torch.rand(3), expected)  # the seed of a run stays that of the run
     assert cost.seconds.fixed >= 0 and cost.seconds.whole_photo >= 0
     assert 1e-4 < cost.seconds.fixed + cost.seconds.whole_photo < 10
     assert 0 < cost.share_at_start <= 1
