@@ -132,12 +132,16 @@ class Command:
 
     def _keep(self, output: Path, run: Run, found: Record | Exception) -> bool:
         """Record a run's figures and say the first; False if it failed, which is said as well."""
+        if isinstance(found, Record):
+            try:
+                records.enter(self.file, run, found)
+            except Exception as error:  # a full disk leaves the other runs
+                found = error
         if isinstance(found, Exception):
             log = f"{type(found).__name__}: {found}. Its log, as far as it came: "
             said = found if isinstance(found, DeSplatError) else f"{log}{log_of(run, output)}"
             print(f"{run.name}: {said}", file=sys.stderr, flush=True)
             return False
-        records.enter(self.file, run, found)
         first, seconds = self.study.figures[0], found.figures.get("train_cpu_seconds", 0.0)
         value = found.figures.get(first, float("nan"))
         print(f"{run.name}: {first} {value:.2f}, {seconds:.0f} s", flush=True)

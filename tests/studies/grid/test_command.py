@@ -8,6 +8,7 @@ import pytest
 
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid import executors as module
+from desplat_ns.studies.grid import records
 from desplat_ns.studies.grid.captures import RealCapture
 from desplat_ns.studies.grid.command import Command, named_runs
 from desplat_ns.studies.grid.execute import log_of
@@ -75,6 +76,22 @@ def test_what_is_to_be_done_is_done_and_recorded(command: Command, capsys):
         assert found[run.name] == Record({"psnr": 30.0}, "new", TODAY)
     assert len(found) == 4
     assert "page.md" in capsys.readouterr().out
+
+
+def test_a_record_that_cannot_be_written_leaves_the_other_runs(command, monkeypatch, capsys):
+    enter = records.enter
+
+    def full_for_one(file: Path, run: Run, found: Record) -> None:
+        if run == STALE:
+            raise OSError("No space left on device")
+        enter(file, run, found)
+
+    monkeypatch.setattr(records, "enter", full_for_one)
+    assert command.main(["--only", "*-42"]) == 1
+    found = load(command.file)
+    assert found[STALE.name].settings == {"steps": 2}
+    assert found[MISSING.name].figures == {"psnr": 30.0}
+    assert f"{STALE.name}: OSError: No space left" in capsys.readouterr().err
 
 
 def test_a_report_alone_runs_nothing(command: Command, monkeypatch):
