@@ -109,6 +109,7 @@ class StaticModelConfig(LitModelConfig):
         for name, value, least in (
             ("refine-every", self.refine_every, 0),
             ("refinements", self.refinements, 1),
+            ("relocation.times", self.relocation.times, 1),
             ("train-downscale", self.train_downscale, 1),
             ("photos-per-coefficient", self.photos_per_coefficient, 0),
             ("gaussians-per-pixel", self.gaussians_per_pixel, 0),

@@ -59,3 +59,9 @@ def test_a_set_that_is_controlled_by_relocation_trains_and_grows():
     model.reschedule(Stretch(24, 2.0))
     trainer.step(25)
     assert model.num_points == grown
+
+
+def test_nothing_is_charged_for_relocation_where_gradients_control_the_density():
+    model = make_model(distractors=DistractorConfig(per_view=20))
+    assert isinstance(model.strategy, StaticStrategy)
+    assert "relocation" not in Trainer(model).step(1)["losses"]
