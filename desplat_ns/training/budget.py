@@ -25,7 +25,7 @@ LEAST_STRETCH = 0.02
 """Smaller corrections are left for later."""
 
 END_SECONDS = 3.0
-"""For saving and ending the process, until a save of this run was timed."""
+"""For ending the process; what a save takes comes on top."""
 
 
 def seconds_of(text: str) -> float:
