@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from desplat_ns.studies.grid.commands import EXPERIMENT, TIMESTAMP, run_command
 from desplat_ns.studies.grid.records import Record
@@ -30,7 +32,8 @@ def execute(study: Study, run: Run, folder: Path) -> Record:
     draft.mkdir(parents=True)
     results = draft / RESULTS
     places = ["--data", data, "--output-dir", draft]
-    line = ["python", "-m", PROGRAM, results, study.settings[run.setting].method, *places]
+    method = study.settings[run.setting].method
+    line = ["python", "-m", PROGRAM, results, study.evaluations, method, *places]
     run_command([*line, "--machine.seed", run.seed, *study.options_of(run)], log_of(run, folder))
     found = read_results(study, run, results)
     _settle(draft, folder / run.name)
@@ -54,10 +57,14 @@ def _settle(draft: Path, output: Path) -> None:
 def read_results(study: Study, run: Run, path: Path) -> Record:
     """The figures that a study keeps, of a file that `train_and_score` wrote."""
     results = json.loads(path.read_text())
-    figures = results["figures"]
-    kept = {name: figures[name] for name in study.figures if name in figures}
+
+    def kept(figures: Mapping[str, Any], *more: str) -> dict[str, Any]:
+        return {name: figures[name] for name in (*more, *study.figures) if name in figures}
+
     settings = results["settings"] | study.scene_of(run)
-    return Record(kept, results["commit"], settings, results["device"], results["backend"])
+    curve = tuple(kept(point, "step") for point in results["curve"])
+    where = (results["device"], results["backend"])
+    return Record(kept(results["figures"]), results["commit"], settings, *where, curve)
 
 
 def config_of(study: Study, run: Run, folder: Path) -> Path:

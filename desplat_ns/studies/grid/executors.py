@@ -7,7 +7,9 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
+from threading import Lock
 from typing import Any, Literal, Protocol, runtime_checkable
 
 from desplat_ns.errors import DeSplatError
@@ -37,6 +39,7 @@ class Executor(Protocol):
         """Do all runs and hand over what becomes of each; one that fails leaves the others.
 
         Args:
+            runs: the next is asked for when there is a place for it, in this process.
             folder: of what is trained.
 
         Returns:
@@ -56,12 +59,20 @@ class LocalExecutor:
 
     def do(self, study: Study, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
         """See `Executor`."""
+        coming, done, asking = iter(runs), list[bool](), Lock()
 
-        def one(run: Run) -> bool:
-            return keep(run, outcome(study, run, folder))
+        def work() -> None:
+            while True:
+                with asking:
+                    run = next(coming, None)
+                if run is None:
+                    return
+                done.append(keep(run, outcome(study, run, folder)))
 
         with ThreadPoolExecutor(self.jobs) as pool:
-            return list(pool.map(one, runs))
+            for worker in [pool.submit(work) for _ in range(self.jobs)]:
+                worker.result()
+        return done
 
 
 @dataclass(frozen=True)
@@ -78,20 +89,27 @@ class RayExecutor:
     def do(self, study: Study, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
         """See `Executor`. A run whose worker was killed is begun again."""
         ray = import_ray()
-        folder, wanted = folder.resolve(), list(runs)
-        _make_captures(study, wanted, folder)
+        folder, coming = folder.resolve(), iter(runs)
         self._check_that_it_answers()
         ray.init(**self._cluster())
         try:
-            gpus = 1 if ray.cluster_resources().get("GPU", 0) else 0
-            task = ray.remote(num_cpus=1, num_gpus=gpus, max_retries=RETRIES)(_outcome_on_worker)
+            resources = ray.cluster_resources()
+            gpus = int(resources.get("GPU", 0))
+            places = max(1, gpus or int(resources.get("CPU", 1)))
+            task = ray.remote(num_cpus=1, num_gpus=min(1, gpus), max_retries=RETRIES)(
+                _outcome_on_worker
+            )
             shared = ray.put(study)
-            pending = {task.remote(shared, run, folder): run for run in wanted}
+            pending: dict[Any, Run] = {}
             done = []
-            while pending:
+            while True:
+                for run in islice(coming, places - len(pending)):
+                    _make_capture(study, run, folder)
+                    pending[task.remote(shared, run, folder)] = run
+                if not pending:
+                    return done
                 (ready, *_), _ = ray.wait(list(pending), num_returns=1)
                 done.append(keep(pending.pop(ready), _fetched(ray, ready)))
-            return done
         finally:
             ray.shutdown()
 
@@ -142,12 +160,11 @@ def import_ray() -> Any:
     return ray
 
 
-def _make_captures(study: Study, runs: Iterable[Run], folder: Path) -> None:
-    """Write what is generated once, before workers look for it. What cannot be found is told by the
-    runs that need it."""
-    for scene in dict.fromkeys(run.scene for run in runs):
-        with suppress(DeSplatError):
-            study.scenes[scene].capture.locate(folder)
+def _make_capture(study: Study, run: Run, folder: Path) -> None:
+    """Write what is generated once, before a worker looks for it. What cannot be found is told by
+    the run itself."""
+    with suppress(DeSplatError):
+        study.scenes[run.scene].capture.locate(folder)
 
 
 def _outcome_on_worker(study: Study, run: Run, folder: Path) -> Record | Exception:

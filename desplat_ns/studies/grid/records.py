@@ -48,6 +48,8 @@ class Record:
     """Its type, `cpu` or `cuda`; None if it is not known, as of older records."""
     backend: str | None = None
     """The rasterizer that was used, whatever chose it; None as above."""
+    curve: tuple[Figures, ...] = ()
+    """The figures on the way and in the end, each with its `step`; empty if it was scored once."""
 
 
 Records = dict[str, Record]
@@ -78,7 +80,8 @@ def load(path: Path) -> Records:
 def _record(fields: dict[str, Any], settings: dict[str, Settings]) -> Record:
     commit, key = fields.pop("commit"), fields.pop("settings")
     device, backend = fields.pop("device", None), fields.pop("backend", None)
-    return Record(fields, commit, None if key is None else settings[key], device, backend)
+    curve = tuple(fields.pop("curve", ()))
+    return Record(fields, commit, None if key is None else settings[key], device, backend, curve)
 
 
 def save(path: Path, records: Records) -> None:
@@ -95,6 +98,7 @@ def save(path: Path, records: Records) -> None:
             "settings": None if r.settings is None else digest(r.settings),
             **{key: value for key, value in where(r).items() if value is not None},
             **r.figures,
+            **({"curve": r.curve} if r.curve else {}),
         }
         for name, r in sorted(records.items())
     }

@@ -66,6 +66,9 @@ class Study:
     """Type of the device that all runs are to be on; None: any, and the records say which."""
     backend: str | None = None
     """Rasterizer that all runs are to use; None as above."""
+    evaluations: int = 1
+    """How often a run is scored: in the end, after half of its steps, after a quarter, and so on;
+    with more than one its record has a curve."""
 
     def options_of(self, run: Run) -> tuple[str, ...]:
         """Options of `ns-train` for a run, all but its seed and its places."""

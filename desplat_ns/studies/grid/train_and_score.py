@@ -1,6 +1,8 @@
 """Train a run and score it in one process: what `ns-train` and then `ns-eval` do, started once.
 
-python -m desplat_ns.studies.grid.train_and_score RESULTS.json METHOD ...    (options of ns-train)
+python -m desplat_ns.studies.grid.train_and_score RESULTS.json EVALUATIONS METHOD ...
+
+The rest are options of ns-train.
 """
 
 from __future__ import annotations
@@ -17,21 +19,29 @@ from nerfstudio.scripts.train import _set_random_seed
 
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid.code_version import code_version
+from desplat_ns.studies.grid.curve import Curve, TrainingClock, scored_steps
 from desplat_ns.studies.grid.records import where_of
 from desplat_ns.studies.grid.settings import parse, settings_of
 
+PICTURES = "pictures"
+"""Folder beside the results, with the photos and the renderings beside them."""
 
-def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str, Any]:
+
+def train_and_score(
+    method: str, options: list[str], pictures: Path, evaluations: int = 1
+) -> dict[str, Any]:
     """Figures, and what they are of.
 
     Args:
         method, options: see `settings.parse`.
         pictures: folder for the photos and the renderings beside them.
+        evaluations: how often the run is scored, see `curve.scored_steps`.
 
     Returns:
-        `figures` as `ns-eval` writes them, with `train_cpu_seconds`, those of the training steps
-        without start-up and evaluation; `commit`, `settings`, `device` and `backend`, see
-        `records.Record`.
+        `figures` as `ns-eval` writes them, with `train_cpu_seconds` and `train_wall_seconds`, those
+        of the training steps without start-up and evaluation; `curve`, the same figures on the way
+        and in the end, if there are several evaluations; `commit`, `settings`, `device` and
+        `backend`, see `records.Record`.
 
     Raises:
         DeSplatError: training was stopped before its last step; such a model is not scored.
@@ -44,15 +54,28 @@ def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str
     _set_random_seed(config.machine.seed)
     trainer = config.setup(local_rank=0, world_size=1)
     trainer.setup()
-    started = time.process_time()
+
+    def score(pictures: Path | None = None) -> dict[str, Any]:
+        return trainer.pipeline.get_average_eval_image_metrics(
+            step=trainer.step, output_path=pictures, get_std=True
+        )
+
+    wanted = config.max_num_iterations
+    clock = TrainingClock()
+    curve = Curve(clock, score, scored_steps(wanted, evaluations)[:-1])
+    curve.attach(trainer)
     trainer.train()
-    seconds = round(time.process_time() - started, 1)
-    check_complete(trainer.step + 1, config.max_num_iterations)
-    figures = trainer.pipeline.get_average_eval_image_metrics(
-        step=trainer.step, output_path=pictures, get_std=True
-    )
-    figures = figures | {"train_cpu_seconds": seconds}
-    return {"figures": figures, "commit": version, "settings": settings, **where_of(figures)}
+    seconds = clock.seconds()
+    check_complete(trainer.step + 1, wanted)
+    figures = score(pictures) | seconds
+    points = [*curve.points, {"step": wanted, **figures}] if evaluations > 1 else []
+    return {
+        "figures": figures,
+        "curve": points,
+        "commit": version,
+        "settings": settings,
+        **where_of(figures),
+    }
 
 
 def check_complete(done: int, wanted: int) -> None:
@@ -83,8 +106,9 @@ def end_with(parent: int) -> None:
 def main() -> None:
     """Entry point; pictures go into the folder `pictures` beside the results."""
     end_with(os.getppid())
-    target, method, *options = sys.argv[1:]
-    results = train_and_score(method, options, Path(target).with_name("pictures"))
+    target, evaluations, method, *options = sys.argv[1:]
+    pictures = Path(target).with_name(PICTURES)
+    results = train_and_score(method, options, pictures, int(evaluations))
     Path(target).write_text(json.dumps(results))
 
 

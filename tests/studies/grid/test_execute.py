@@ -76,7 +76,7 @@ def test_the_process_has_one_thread_and_sleeps_while_it_waits(monkeypatch, tmp_p
         "figures = {'OMP_WAIT_POLICY': os.environ.get('OMP_WAIT_POLICY') == 'passive'}\n"
         "for name in ('OMP_NUM_THREADS', 'NUMBA_NUM_THREADS'):\n"
         "    figures[name] = int(os.environ.get(name, 0))\n"
-        "rest = {'commit': 'x', 'settings': {}, 'device': 'cpu', 'backend': None}\n"
+        "rest = {'curve': [], 'commit': 'x', 'settings': {}, 'device': 'cpu', 'backend': None}\n"
         "json.dump({'figures': figures, **rest}, open(sys.argv[1], 'w'))\n"
     )
     monkeypatch.syspath_prepend(tmp_path)  # what this process can import, the other can
@@ -105,7 +105,7 @@ def test_an_earlier_run_stays_until_another_is_whole(monkeypatch, tmp_path: Path
         execute(study_of(tmp_path), RUN, tmp_path)
     assert earlier.exists() and log_of(RUN, tmp_path).is_file()
     probe = tmp_path / "whole.py"
-    results = {"figures": {"psnr": 1.0}, "commit": "c", "settings": {}, **WHERE}
+    results = {"figures": {"psnr": 1.0}, "curve": [], "commit": "c", "settings": {}, **WHERE}
     probe.write_text(f"import sys; open(sys.argv[1], 'w').write({json.dumps(results)!r})")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(module, "PROGRAM", "whole")
@@ -116,9 +116,9 @@ def test_an_earlier_run_stays_until_another_is_whole(monkeypatch, tmp_path: Path
 
 def test_only_the_studys_figures_are_kept(tmp_path: Path):
     results = {"figures": {"psnr": 1.0, "ssim": 2.0}, "commit": "c", "settings": {"a": 1}}
-    results |= WHERE
+    results |= WHERE | {"curve": [{"step": 5, "psnr": 0.5, "ssim": 1.0}]}
     (tmp_path / "results.json").write_text(json.dumps(results))
     plain, settings = study_of(None), {"a": 1, "scene.folder": "ready"}
     assert read_results(plain, RUN, tmp_path / "results.json") == Record(
-        {"psnr": 1.0}, "c", settings, **WHERE
+        {"psnr": 1.0}, "c", settings, **WHERE, curve=({"step": 5, "psnr": 0.5},)
     )

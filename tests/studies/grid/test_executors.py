@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import DeSplatError
+from desplat_ns.studies.grid import executors
 from desplat_ns.studies.grid.captures import GeneratedCapture, RealCapture
 from desplat_ns.studies.grid.executors import (
     Executor,
@@ -95,6 +96,25 @@ def test_an_address_at_which_no_cluster_answers_is_named(monkeypatch, tmp_path):
     pytest.importorskip("ray", reason="Ray is not installed (pip install 'desplat-ns[ray]')")
     with pytest.raises(DeSplatError, match=r"--ray-address 127\.0\.0\.1:1 "):
         RayExecutor("127.0.0.1:1").do(STUDY, RUNS[:1], tmp_path, lambda *_: True)
+
+
+def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(monkeypatch, tmp_path):
+    """So that who gives the runs may go by the clock."""
+    events = []
+    runs = [replace(RUNS[0], seed=seed) for seed in range(3)]
+
+    def coming():
+        for run in runs:
+            events.append(("asked", run.seed))
+            yield run
+
+    def keep(run: Run, outcome: Record | Exception) -> bool:
+        events.append(("done", run.seed))
+        return run.seed != 1
+
+    monkeypatch.setattr(executors, "outcome", lambda study, run, folder: DeSplatError("no"))
+    assert LocalExecutor(1).do(STUDY, coming(), tmp_path, keep) == [True, False, True]
+    assert events == [(what, seed) for seed in range(3) for what in ("asked", "done")]
 
 
 def test_executors_have_names():

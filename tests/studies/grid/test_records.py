@@ -59,6 +59,13 @@ def test_records_come_back_as_they_were_entered(file: Path):
     assert found[WITHOUT.name].settings == STUDY.settings_of(WITHOUT)
 
 
+def test_a_curve_comes_back_and_takes_no_place_where_there_is_none(file: Path):
+    assert "curve" not in file.read_text()
+    bent = replace(load(file)[OURS.name], curve=({"step": 5, "psnr": 20.0},))
+    enter(file, OURS, bent)
+    assert load(file)[OURS.name] == bent and load(file)[WITHOUT.name].curve == ()
+
+
 def test_a_run_is_done_until_a_default_changes(file: Path, monkeypatch):
     assert state_of(STUDY, OURS, load(file)) == (State.DONE, [])
     change_default(monkeypatch, "refinements", 99)
