@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from threading import Event, Thread
 from typing import Any
 
 from nerfstudio.utils.rich_utils import CONSOLE
@@ -44,3 +45,30 @@ def progress_over(total: int, label: str) -> Iterator[Any]:
     with Progress(*columns, transient=True) as bar:
         task = bar.add_task(f"[green]{label}", total=total)
         yield lambda: bar.advance(task)
+
+
+@contextmanager
+def progress_in_time(seconds: float, spent: Callable[[], float]) -> Iterator[Any]:
+    """A bar that fills as time goes by; calling what is yielded says what is being done.
+
+    Args:
+        seconds: that the whole may take.
+        spent: how many of them are over.
+    """
+    columns = (BarColumn(), TextColumn("{task.fields[times]}"), TextColumn("{task.description}"))
+    over = Event()
+    with Progress(*columns, console=CONSOLE, transient=True) as bar:
+        task = bar.add_task("", total=seconds, times="")
+
+        def go_on() -> None:
+            while not over.wait(0.5):
+                times = f"{spent() / 60:.0f} of {seconds / 60:.0f} min"
+                bar.update(task, completed=min(spent(), seconds), times=times)
+
+        thread = Thread(target=go_on, daemon=True)
+        thread.start()
+        try:
+            yield lambda what: bar.update(task, description=escape(what))
+        finally:
+            over.set()
+            thread.join()

@@ -27,6 +27,10 @@ print_user_errors_plainly()
 STEPS = 30_000
 """Length of the full schedule, B.3."""
 
+FULL_RATE_VISITS = 100.0
+"""Visits of each photo for which Splatfacto's learning rates are right. Chosen on generated scenes
+and one real one (docs/accuracy-and-time.md, "Learning rates of short runs")."""
+
 PHOTO_TOURISM_STEPS = 200_000
 """The same for Photo Tourism."""
 
@@ -122,6 +126,7 @@ def _method(
     model: DeSplatModelConfig,
     dataparser: DataParserConfig,
     steps: int = STEPS,
+    full_rate_visits: float = 0.0,
 ) -> MethodSpecification:
     return MethodSpecification(
         config=DeSplatTrainerConfig(
@@ -129,6 +134,7 @@ def _method(
             machine=MachineConfig(device_type="cuda" if torch.cuda.is_available() else "cpu"),
             max_num_iterations=steps,
             nominal_num_iterations=steps,
+            full_rate_visits=full_rate_visits,
             mixed_precision=False,
             steps_per_save=2000,
             steps_per_eval_batch=0,
@@ -153,6 +159,7 @@ desplat = _method(
     "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU.",
     desplat_model(EffectsConfig(auto=True)),
     NerfstudioDataParserConfig(load_3D_points=True),
+    full_rate_visits=FULL_RATE_VISITS,
 )
 
 desplat_paper = _method(
@@ -167,6 +174,7 @@ desplat_phototourism = _method(
     "DeSplat for tourists' photos: `desplat` with light and sky of each photo's own.",
     desplat_model(EffectsConfig(appearance="affine", background="image")),
     PhotoTourismDataParserConfig(),
+    full_rate_visits=FULL_RATE_VISITS,
 )
 
 desplat_phototourism_paper = _method(

@@ -41,7 +41,8 @@ from desplat_ns.training.checkpoint_files import (
     save_atomically,
 )
 from desplat_ns.training.checkpoint_record import SceneRecord
-from desplat_ns.training.run_length import schedule_scale
+from desplat_ns.training.optimizers import raised_rates
+from desplat_ns.training.run_length import rate_factor, schedule_scale
 from desplat_ns.training.schedules import scaled_optimizers
 from desplat_ns.training.step_guard import (
     GuardedModel,
@@ -59,6 +60,9 @@ class DeSplatTrainerConfig(TrainerConfig):
     _target: type = field(default_factory=lambda: DeSplatTrainer)
     nominal_num_iterations: int = 30000
     """The method's own number of steps (B.3); shorter runs shrink every schedule by their ratio."""
+    full_rate_visits: float = 0.0
+    """Visits of each photo, steps over photos, for which the learning rates are meant. A run with
+    fewer multiplies those of the static Gaussians, by 4 at most; 0: they are as they are given."""
     max_skipped_steps: int = 10
     """A step whose loss or gradient is not finite is skipped; after so many, in all, the run is
     saved and stops."""
@@ -204,11 +208,31 @@ class DeSplatTrainer(Trainer):
 
     def setup_optimizers(self) -> Optimizers:
         """Optimizers whose learning rates follow the schedules of this run's length."""
-        scale = self.config.resolve_schedule_scale()
+        config = self.config
+        scale = config.resolve_schedule_scale()
         if scale != 1.0:
             CONSOLE.print(f"Schedules are scaled by {scale:g}, for a run of this length.")
-        optimizers = scaled_optimizers(self.config.optimizers, scale)
+        optimizers = scaled_optimizers(raised_rates(config.optimizers, self._rate_factor()), scale)
         return GuardedOptimizers(optimizers, self.pipeline.get_param_groups(), self._may_step)
+
+    def _rate_factor(self) -> float:
+        """By how much learning rates are raised; said where they are."""
+        config = self.config
+        if config.full_rate_visits == 0:
+            return 1.0
+        steps = (
+            config.max_num_iterations
+            if self._budgeted is None
+            else self._budgeted.state.first_steps
+        )
+        photos = len(cast(DeSplatPipeline, self.pipeline).datamanager.train_image_names)
+        factor = rate_factor(photos, steps, config.full_rate_visits)
+        if factor != 1.0:
+            CONSOLE.print(
+                f"Learning rates are {factor:.3g} times as high: each photo is seen "
+                f"{steps / photos:.3g} times, and they are meant for {config.full_rate_visits:g}."
+            )
+        return factor
 
     @property
     def _model(self) -> GuardedModel:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from benchmarks.documents import DOCS
-from benchmarks.separation.runs import FIGURES, GIVEN, SCENES, SEEDS
+from benchmarks.separation.runs import FIGURES, GIVEN, RATES, SCENES, SEEDS
+from benchmarks.survey.runs import OWN_LIGHT
+from benchmarks.survey.runs import SCENES as SURVEYED
 from desplat_ns.studies.grid.runs import Run, Setting, Study
 
 FILE = DOCS / "accuracy_and_time.json"
@@ -13,32 +15,27 @@ FILE = DOCS / "accuracy_and_time.json"
 
 MODEL = "--pipeline.model"
 COEFFICIENTS = (f"{MODEL}.photos-per-coefficient", "2")
-FEWER = (f"{MODEL}.gaussians-per-pixel", "0.0125")
+AUTO_OFF = (f"{MODEL}.effects.auto", "False")
 
 SETTINGS = {
-    "base": Setting("desplat", GIVEN, "`desplat`"),
-    "coefficients": Setting("desplat", (*GIVEN, *COEFFICIENTS), "two photos per coefficient"),
-    "fewer": Setting("desplat", (*GIVEN, *FEWER), "a quarter of the Gaussians at most"),
-    "fewer-coefficients": Setting("desplat", (*GIVEN, *FEWER, *COEFFICIENTS), "both"),
-    "relocation": Setting(
-        "desplat", (*GIVEN, f"{MODEL}.density-control", "relocation"), "relocation (MCMC)"
-    ),
-    "relocation-fewer": Setting(
-        "desplat",
-        (*GIVEN, f"{MODEL}.density-control", "relocation", *FEWER),
-        "relocation, a quarter of the Gaussians",
-    ),
-    "half": Setting(
-        "desplat", (*GIVEN, f"{MODEL}.train-downscale", "2"), "photos of half their size"
+    "base": Setting("desplat", GIVEN, "Splatfacto's rates"),
+    "raised": Setting("desplat", AUTO_OFF, "**`desplat`**: rates raised in short runs"),
+    "base-lit": Setting("desplat", OWN_LIGHT, "Splatfacto's rates, effects as the survey says"),
+    "raised-lit": Setting("desplat", OWN_LIGHT[len(RATES) :], "**`desplat`**, effects likewise"),
+    "coefficients": Setting(
+        "desplat", (*GIVEN, *COEFFICIENTS), "two photos per coefficient, Splatfacto's rates"
     ),
 }
 
-CHOSEN_ON, REPORTED_ON = ("yard8", "yard24", "clutter"), ("around", "yard16")
+CHOSEN_ON = ("yard8", "yard24", "yard60", "clutter")
+REPORTED_ON = ("around", "yard16", "yard40", "relit", "sacre")
+LIT = {"relit": "fox_relit", "sacre": "sacre_coeur"}
+"""Names of the folders of scenes in which photos have a light of their own."""
 
 
 def downscale_of(scene: str) -> int:
     """By how much a scene's photos are reduced on disk, for every setting."""
-    return 2 if scene in ("clutter", "around") else 1
+    return 2 if scene in ("clutter", "around", "relit") else 1
 
 
 def _runs(settings: str, scenes: str, steps: int, seeds: int) -> Iterator[Run]:
@@ -52,14 +49,19 @@ FEW_VIEWS = "around yard8 yard16 yard24"
 """Scenes whose harmonics two photos per coefficient lower."""
 
 PLAN = (
-    *_runs("base coefficients", FEW_VIEWS, 1000, 3),
-    *_runs("base coefficients", FEW_VIEWS, 3000, 3),
-    *_runs("fewer fewer-coefficients", FEW_VIEWS, 1000, 3),
-    *_runs("base", "clutter", 1000, 3),
-    *_runs("relocation relocation-fewer half", "around yard24 clutter", 1000, 1),
-    *_runs("base half", "clutter around", 500, 1),
-    *_runs("base half", "clutter", 250, 1),
-    *_runs("half", "clutter", 2000, 1),
+    *_runs("base raised", "clutter", 500, 3),
+    *_runs("base raised", "yard8", 250, 3),
+    *_runs("base raised", "clutter yard24 yard60", 1000, 3),
+    *_runs("base raised", "around yard16", 500, 3),
+    *_runs("base raised", "around yard16 yard40", 1000, 3),
+    *_runs("base-lit raised-lit", "relit", 1000, 3),
+    *_runs("base-lit raised-lit", "sacre", 1000, 3),
+    *_runs("base", "yard8", 1000, 3),
+    *_runs("coefficients", FEW_VIEWS, 1000, 3),
+    *_runs("raised", "clutter", 2000, 3),
+    *_runs("base raised", "clutter", 3000, 3),
 )
 
-STUDY = Study(SETTINGS, {name: SCENES[name] for name in (*CHOSEN_ON, *REPORTED_ON)}, PLAN, FIGURES)
+FOUND = {name: SCENES[name] for name in (*CHOSEN_ON, *REPORTED_ON) if name not in LIT}
+LIT_SCENES = {name: SURVEYED[folder] for name, folder in LIT.items()}
+STUDY = Study(SETTINGS, FOUND | LIT_SCENES, PLAN, FIGURES)

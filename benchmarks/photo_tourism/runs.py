@@ -10,6 +10,8 @@ from desplat_ns.synthetic import SceneSpec
 FILE = DOCS / "photo_tourism.json"
 
 EFFECTS = "--pipeline.model.effects"
+RATES = ("--full-rate-visits", "0")
+"""Splatfacto's learning rates whatever the length of a run."""
 
 
 def _setting(
@@ -27,7 +29,7 @@ def _setting(
         *(f"{EFFECTS}.distractors", str(distractors)),
     )
     right = ("--pipeline.evaluation.protocol", "right") if appearance == "off" else ()
-    return Setting(method, (*options, *switches, *right), what)
+    return Setting(method, (*RATES, *options, *switches, *right), what)
 
 
 A, FULL = "desplat-phototourism-a-paper", "desplat-phototourism-paper"

@@ -36,5 +36,6 @@ def enter(
             `STUDY.settings_of(run)` only where that code resolves the same as today's.
     """
     figures = {name: results[name] for name in FIGURES if name in results}
-    found = Record(figures, commit, settings, **records.where_of(results))
+    where = records.where_of(results)
+    found = Record(figures, commit, settings, where["device"], where["backend"])
     records.enter(path, run, found)

@@ -14,8 +14,10 @@ TRAINING = DOCS / "survey_training.json"
 """The records."""
 
 EFFECTS = "--pipeline.model.effects"
-OWN_LIGHT = ("--pipeline.evaluation.protocol", "half")
-AVERAGE_LIGHT = ("--pipeline.evaluation.protocol", "right")
+RATES = ("--full-rate-visits", "0")
+"""Splatfacto's learning rates whatever the length of a run."""
+OWN_LIGHT = (*RATES, "--pipeline.evaluation.protocol", "half")
+AVERAGE_LIGHT = (*RATES, "--pipeline.evaluation.protocol", "right")
 
 
 def _given(distractors: bool, appearance: str, background: str) -> tuple[str, ...]:

@@ -41,10 +41,17 @@ SAMPLED_STEPS = 1_000
 """Length of the run whose sizes of photos stand for those of any length."""
 
 
-def expected_gaussians(outputs: DataparserOutputs, model: DeSplatModelConfig) -> int:
-    """Static Gaussians at the end of a run: as many as may be, or as `desplat` lets be."""
-    pixels = int((outputs.cameras.width * outputs.cameras.height).sum())
+def expected_gaussians(pixels: int, model: DeSplatModelConfig) -> int:
+    """Static Gaussians at the end of a run: as many as may be, or as `desplat` lets be.
+
+    Args:
+        pixels: of all training photos together.
+    """
     return min(model.most_gaussians(pixels), max(1, round(USUAL_PER_PIXEL * pixels)))
+
+
+def _pixels_of(outputs: DataparserOutputs) -> int:
+    return int((outputs.cameras.width * outputs.cameras.height).sum())
 
 
 def measure_step(outputs: DataparserOutputs, model: DeSplatModelConfig, device: str) -> StepSeconds:
@@ -60,7 +67,7 @@ def measure_step(outputs: DataparserOutputs, model: DeSplatModelConfig, device: 
     """
     cameras = outputs.cameras
     width, height = int(cameras.width.median()), int(cameras.height.median())
-    expected = expected_gaussians(outputs, model)
+    expected = expected_gaussians(_pixels_of(outputs), model)
     count = min(max(expected, 1000), MOST_GAUSSIANS)
     shrink = min(1.0, (MOST_PIXELS / (width * height)) ** 0.5)
     effects, randomness = model.effects.settled(), rng_state()
@@ -105,7 +112,8 @@ class StepCost:
 
 def measure_costs(outputs: DataparserOutputs, model: DeSplatModelConfig, device: str) -> StepCost:
     """What steps of a run on this capture cost on this machine; arguments as `measure_step`'s."""
-    most, points = expected_gaussians(outputs, model), outputs.metadata.get("points3D_xyz")
+    most = expected_gaussians(_pixels_of(outputs), model)
+    points = outputs.metadata.get("points3D_xyz")
     start = most if points is None else len(points)
     return StepCost(measure_step(outputs, model, device), min(1.0, start / most))
 

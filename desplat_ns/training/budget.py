@@ -28,8 +28,11 @@ END_SECONDS = 3.0
 """For ending the process; what a save takes comes on top."""
 
 
-def seconds_of(text: str) -> float:
+def seconds_of(text: str, option: str = "--budget") -> float:
     """Seconds of a time such as 10min, 90s, 1h30min; a number alone is seconds.
+
+    Args:
+        option: as errors name it.
 
     Raises:
         ConfigError: it is not understood, or not above 0.
@@ -42,7 +45,7 @@ def seconds_of(text: str) -> float:
     seconds = sum(part * unit for part, unit in zip(parts, (3600, 60, 1), strict=False))
     if not seconds > 0:
         raise ConfigError(
-            f"--budget is '{text}'; it has to be a time above 0 such as 10min, 90s or 1h30min."
+            f"{option} is '{text}'; it has to be a time above 0 such as 10min, 90s or 1h30min."
         )
     return seconds
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +11,22 @@ import torch
 from nerfstudio.engine.optimizers import AdamOptimizerConfig
 from torch import nn
 from torch.optim import Optimizer
+
+RAISED = ("means", "scales", "quats", "features_dc", "features_rest")
+"""Groups whose rates are raised in short runs: the static set's. Its opacities have rates for short
+runs already, and distractors have visits of their own."""
+
+
+def raised_rates(optimizers: Mapping[str, Any], factor: float) -> dict[str, Any]:
+    """A copy of a TrainerConfig's `optimizers` in which the rates of `RAISED` are multiplied; where
+    a rate decays, what it decays to stays."""
+    raised = dict(optimizers)
+    for name in RAISED:
+        if name in raised and factor != 1.0:
+            optimizer = copy(raised[name]["optimizer"])
+            optimizer.lr *= factor
+            raised[name] = {**raised[name], "optimizer": optimizer}
+    return raised
 
 
 @dataclass

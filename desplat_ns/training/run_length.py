@@ -37,6 +37,27 @@ def scaled_fields(config: Any, names: Iterable[str], scale: float) -> dict[str, 
     return {name: scaled_steps(getattr(config, name), scale) for name in names}
 
 
+MOST_RATE_FACTOR = 4.0
+"""Rates are at most so many times as high as they are given: at 6 times nothing was better."""
+
+
+def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
+    """Factor, 1 to `MOST_RATE_FACTOR`, on the learning rates of a run that sees photos seldom.
+
+    Adam's steps are as long as the rate whatever the gradient, so that rates for a run of many
+    visits leave a short one far from where it is heading; and rates for few visits fit each photo
+    of a long one more closely than the views between them.
+
+    Args:
+        steps: of the run.
+        full_visits: of each photo, for which the rates are meant; 0 for a factor of 1.
+    """
+    if full_visits <= 0:
+        return 1.0
+    visits = steps / max(1, num_views)
+    return min(MOST_RATE_FACTOR, max(1.0, full_visits / visits))
+
+
 def steps_between_refinements(
     num_views: int, densification: int, refinements: int, at_most: int
 ) -> int:

@@ -1,11 +1,13 @@
 """Fused Adam: the same steps as the plain one, where torch has it."""
 
+import copy
+
 import pytest
 import torch
 from torch import nn
 
 from desplat_ns.method_configs import desplat
-from desplat_ns.training.optimizers import FusedAdamConfig
+from desplat_ns.training.optimizers import RAISED, FusedAdamConfig, raised_rates
 
 
 def stepped(fused: bool) -> torch.Tensor:
@@ -51,3 +53,16 @@ def test_options_reach_adam():
     assert found == {"lr": 0.1, "eps": 1e-9, "weight_decay": 0.5}
     with pytest.raises(ValueError, match="learning rate"):
         FusedAdamConfig(lr=-1.0).setup([nn.Parameter(torch.zeros(1))])
+
+
+def test_only_the_static_sets_rates_are_raised_and_the_originals_stay():
+    before = copy.deepcopy(desplat.config.optimizers)
+    raised = raised_rates(desplat.config.optimizers, 3.0)
+    assert desplat.config.optimizers == before
+    assert set(raised) == set(before) >= set(RAISED)
+    for name, group in raised.items():
+        rate = before[name]["optimizer"].lr
+        factor = 3.0 if name in RAISED else 1.0
+        assert group["optimizer"].lr == pytest.approx(factor * rate)
+        assert group["scheduler"] == before[name]["scheduler"]
+    assert raised_rates(before, 1.0) == before

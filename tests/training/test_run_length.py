@@ -7,7 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.training.run_length import degree_for, scaled_steps, schedule_scale
+from desplat_ns.training.run_length import (
+    MOST_RATE_FACTOR,
+    degree_for,
+    rate_factor,
+    scaled_steps,
+    schedule_scale,
+)
 
 
 def test_the_scale_is_the_ratio_of_steps_and_never_above_one():
@@ -48,3 +54,17 @@ def test_each_coefficient_has_two_photos(views, degree):
 def test_harmonics_are_of_the_degree_given_where_photos_are_not_counted():
     assert degree_for(1, 0.0, at_most=3) == 3
     assert degree_for(1000, 2.0, at_most=2) == 2
+
+
+def test_rates_are_raised_where_photos_are_seen_seldom_and_nowhere_else():
+    assert rate_factor(40, 1_000, 100.0) == 4.0
+    assert rate_factor(40, 2_000, 100.0) == 2.0
+    assert rate_factor(40, 4_000, 100.0) == rate_factor(40, 30_000, 100.0) == 1.0
+    assert rate_factor(40, 10, 100.0) == MOST_RATE_FACTOR
+    assert rate_factor(40, 10, 0.0) == 1.0
+
+
+@given(views=st.integers(0, 5_000), steps=st.integers(1, 10**6), more=st.integers(0, 10**6))
+def test_a_longer_run_never_has_higher_rates(views, steps, more):
+    short, long = (rate_factor(views, n, 100.0) for n in (steps, steps + more))
+    assert 1.0 <= long <= short <= MOST_RATE_FACTOR
