@@ -27,7 +27,7 @@ print_user_errors_plainly()
 STEPS = 30_000
 """Length of the full schedule, B.3."""
 
-FULL_RATE_VISITS = 100.0
+FULL_RATE_VISITS = 75.0
 """Visits of each photo for which Splatfacto's learning rates are right. Chosen on generated scenes
 and one real one (docs/accuracy-and-time.md, "Learning rates of short runs")."""
 
