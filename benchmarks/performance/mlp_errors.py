@@ -11,20 +11,12 @@ from __future__ import annotations
 import copy
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from desplat_ns.photo_tourism.appearance import AffineAppearance, fourier_features, toned_color
-from desplat_ns.photo_tourism.config import AppearanceConfig
+from desplat_ns.studies.pixels.appearance_dial import trained_network
 
 NUM = 50_000
-
-
-def trained_network() -> AffineAppearance:
-    """B.3's sizes, weights of torch's own start, and a head that has moved."""
-    torch.manual_seed(0)
-    network = AffineAppearance(AppearanceConfig())
-    nn.init.normal_(network.head.weight, std=0.06)
-    return network
 
 
 def colors_and_gradients(network: AffineAppearance, dtype: torch.dtype) -> list[Tensor]:

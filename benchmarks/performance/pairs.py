@@ -9,7 +9,6 @@ import numba
 import numpy as np
 import torch
 
-from benchmarks.performance.yardstick_squares import squares
 from desplat_ns.backend import numba_tiles
 from desplat_ns.backend.constants import ALPHA_CUTOFF
 from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, Lists, tile_lists
@@ -20,6 +19,7 @@ from desplat_ns.backend.projection import ProjectedSplats
 from desplat_ns.backend.protocol import RenderSettings
 from desplat_ns.backend.tile_lists import TILE, tile_grid
 from desplat_ns.calibration.scenes import Scene
+from desplat_ns.studies.pixels.square_lists import squares
 
 
 @dataclass(frozen=True)

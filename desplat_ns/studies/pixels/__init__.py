@@ -1,3 +1,3 @@
-"""Rasterizers on generated Gaussians: how exact, how fast and how frugal each is. It may import
-`studies.grid` and `desplat_ns` outside of `studies`.
+"""Rasterizers on generated Gaussians: how exact, how fast and how frugal each is, and what being
+more exact costs. It may import `studies.grid` and `desplat_ns` outside of `studies`.
 """
