@@ -32,8 +32,8 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("calibration",),
     ("trainer",),
     ("method_configs",),
-    ("", "", "", "commands"),
     ("", "studies"),
+    ("", "", "", "commands"),
 )
 """Rooms from the ground up, in columns; "" for an empty place. A room imports rooms of lower floors
 only."""

@@ -1,5 +1,5 @@
 """The package's own commands, one file each: options and printing only.
 
 May import `method_configs`, `calibration`, `pipeline`, `static_model`, `evaluation`, `survey`,
-`photo_tourism`, `datamanager`, `data`, `effects`, `console` and `errors`.
+`photo_tourism`, `datamanager`, `studies`, `training`, `data`, `effects`, `console` and `errors`.
 """

@@ -1,0 +1,106 @@
+"""`desplat-tradeoff`: what accuracy costs in time on a capture, measured on this machine."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from desplat_ns.calibration.timing import all_cores
+from desplat_ns.console import announce, progress_in_time
+from desplat_ns.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.studies.grid.commands import ONE_THREAD
+from desplat_ns.studies.grid.executors import ExecutorName, executor_of
+from desplat_ns.studies.tradeoff.report import write_report
+from desplat_ns.studies.tradeoff.study import Request, Sitting, open_study
+from desplat_ns.training.budget import seconds_of
+
+MOST_JOBS = 8
+"""Trainings beside each other, unless more are asked for."""
+
+
+@dataclass
+class Arguments:
+    """Measure what accuracy costs in time: rasterizers, trainings, evaluations.
+
+    DATA may be followed by a data parser's name and its options, as `ns-train` takes them.
+    """
+
+    data: Annotated[Path, tyro.conf.Positional]
+    """Folder of the capture."""
+    time: str = "30min"
+    """Wall time for the whole study, earlier sittings included."""
+    output: Path = Path("tradeoff")
+    """Folder for the report, its plots, results.json and what is trained. What is there already is
+    gone on with."""
+    jobs: int = 0
+    """Trainings beside each other, one thread each; 0: one for each core, eight at most."""
+    executor: ExecutorName = "local"
+    """Where trainings are done: here, or on Ray."""
+    ray_address: str | None = None
+    """Of a cluster; without one Ray is started here."""
+
+    def request(self, parser: tuple[str, ...]) -> Request:
+        """What is to be studied.
+
+        Raises:
+            ConfigError: an option cannot be.
+        """
+        if self.jobs < 0:
+            raise ConfigError(f"--jobs is {self.jobs}; give 1 or more, or 0 for one each core.")
+        jobs = self.jobs or min(all_cores(), MOST_JOBS)
+        executor = executor_of(self.executor, jobs, self.ray_address)
+        seconds = seconds_of(self.time, "--time")
+        return Request(self.data, parser, self.output, seconds, jobs, executor)
+
+
+def study(request: Request) -> Path:
+    """Do a study as far as its time goes and write its report; where that is.
+
+    Raises:
+        DeSplatError: the capture, the time or the folder will not do.
+    """
+    results = open_study(request)
+
+    def spent() -> float:
+        return sitting.clock.spent
+
+    def tell(what: str) -> None:
+        say(what)
+
+    sitting = Sitting(request, results, tell)
+    with progress_in_time(request.seconds, spent) as say:
+        sitting.do()
+    return write_report(request.output, results, sitting.records)
+
+
+def parse(arguments: list[str]) -> tuple[Arguments, tuple[str, ...]]:
+    """The options, and the data parser's.
+
+    Raises:
+        ConfigError: an option is not known, and no data parser is named before it.
+    """
+    found, rest = tyro.cli(Arguments, args=arguments, return_unknown_args=True)
+    if rest and rest[0].startswith("-"):
+        raise ConfigError(
+            f"{rest[0]} is no option of desplat-tradeoff; see --help. Options of a data parser "
+            "follow its name, as in: desplat-tradeoff DATA colmap --downscale-factor 2."
+        )
+    return found, tuple(rest)
+
+
+def main() -> None:
+    """Entry point of the command."""
+    print_user_errors_plainly()
+    arguments, parser = parse(sys.argv[1:])
+    os.environ |= ONE_THREAD  # of what this process times itself
+    report = study(arguments.request(parser))
+    announce(f"Written: {report}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,255 @@
+"""The report of a study: one HTML file that needs no other, and the plots beside it."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from PIL import Image
+
+from desplat_ns.effects import Effects
+from desplat_ns.studies.grid.code_version import short
+from desplat_ns.studies.grid.records import Records
+from desplat_ns.studies.grid.train_and_score import PICTURES
+from desplat_ns.studies.tradeoff.plan import BASE, SCENE, SEEDS, compared, study_of
+from desplat_ns.studies.tradeoff.plots import draw_all
+from desplat_ns.studies.tradeoff.results import RUNS, Results
+from desplat_ns.studies.tradeoff.summary import (
+    Measured,
+    Spread,
+    best_within,
+    decibels_to_tell,
+    finals,
+    measured,
+    on_front,
+    soonest_at,
+    times_to_tell,
+    verdict,
+)
+
+FILE = "report.html"
+TEMPLATE = Path(__file__).with_name("report.html.jinja")
+
+PICTURE_WIDTH, PICTURE_QUALITY = 900, 85
+"""Pixels, and JPEG's, of pictures in the report."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A setting at a number of steps, in words."""
+
+    what: str
+    steps: str
+    psnr: str
+    more: tuple[str, ...]
+    """SSIM, LPIPS, mask IoU."""
+    wall: str
+    cpu: str
+    static: str
+    distractors: str
+    seeds: int
+    verdict: str
+    is_on_front: bool
+    is_base: bool
+
+
+def write_report(folder: Path, results: Results, records: Records) -> Path:
+    """Draw the plots and write the report; where it is."""
+    found = _measured(results, records)
+    plots = draw_all(folder, found, results.pixels, results.evaluation)
+    environment = jinja2.Environment(
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"seconds": seconds_in_words, "digits": digits}
+    template = environment.from_string(TEMPLATE.read_text("utf8"))
+    text = template.render(
+        subject=results.subject,
+        effects=effects_in_words(results.subject.effects),
+        results=results,
+        seeds=len(SEEDS),
+        rows=training_rows(found, results),
+        within=told_within(found),
+        reached=told_reached(found),
+        on_the_front=front_in_words(found),
+        plots={name: inline(folder / f"{name}.svg") for name in plots},
+        pictures=pictures_of(folder, found),
+        pixels=pixel_groups(results.pixels),
+        what={name: one.what for name, one in compared(results.subject.effects).items()},
+        commits=sorted({short(r.commit) for r in records.values() if r.commit}),
+    )
+    (folder / FILE).write_text(text, "utf8")
+    return folder / FILE
+
+
+def _measured(results: Results, records: Records) -> list[Measured]:
+    if results.plan is None:
+        return []
+    return measured(study_of(results.subject, results.plan).plan, records)
+
+
+# --- training ------------------------------------------------------------------------------------
+
+
+def training_rows(found: Sequence[Measured], results: Results) -> list[Row]:
+    """Whole runs: the base's lengths first, then the other settings at the comparison's."""
+    ends = sorted(finals(found), key=lambda one: (one.setting != BASE, one.steps))
+    base = {one.steps: one for one in ends if one.setting == BASE}
+    settings, front = compared(results.subject.effects), on_front(ends)
+    return [
+        Row(
+            settings[one.setting].what,
+            f"{one.steps:,}",
+            spread(one.psnr, ".2f"),
+            tuple(_figure(one, name, ".3f") for name in ("ssim", "lpips", "mask_iou")),
+            spread(one.wall, ".0f"),
+            _figure(one, "train_cpu_seconds", ".0f"),
+            _figure(one, "num_static_gaussians", ",.0f", alone=True),
+            _figure(one, "num_distractor_gaussians", ",.0f", alone=True),
+            one.seeds,
+            verdict(one, base.get(one.steps)),
+            index in front,
+            one.setting == BASE,
+        )
+        for index, one in enumerate(ends)
+    ]
+
+
+def spread(values: Spread, form: str) -> str:
+    """Median, and the range of several seeds."""
+    text = format(values.median, form)
+    if len(values.values) == 1:
+        return text
+    return f"{text} ({values.least:{form}} to {values.most:{form}})"
+
+
+def _figure(one: Measured, name: str, form: str, alone: bool = False) -> str:
+    values = one.figures.get(name)
+    if values is None:
+        return ""
+    return format(values.median, form) if alone else spread(values, form)
+
+
+def told_within(found: Sequence[Measured]) -> list[dict[str, str]]:
+    """The best of the defaults within some training times."""
+    ours = [one for one in found if one.setting == BASE]
+    told = [(seconds, best_within(seconds, ours)) for seconds in times_to_tell(ours) if ours]
+    return [
+        {"time": seconds_in_words(seconds), "psnr": spread(one.psnr, ".2f"), "run": _run_words(one)}
+        for seconds, one in told
+        if one is not None
+    ]
+
+
+def told_reached(found: Sequence[Measured]) -> list[dict[str, str]]:
+    """How soon the defaults reached whole dB."""
+    ours = [one for one in found if one.setting == BASE]
+    told = [(decibels, soonest_at(decibels, ours)) for decibels in decibels_to_tell(ours) if ours]
+    return [
+        {"psnr": f"{decibels} dB", "time": spread(one.wall, ".0f") + " s", "run": _run_words(one)}
+        for decibels, one in told
+        if one is not None
+    ]
+
+
+def _run_words(one: Measured) -> str:
+    if one.is_final:
+        return f"a run of {one.steps:,} steps"
+    return f"after {one.done:,} of {one.steps:,} steps"
+
+
+def front_in_words(found: Sequence[Measured]) -> str:
+    """Whether the defaults are worth their time, and what beats them if they are not."""
+    ends = finals(found)
+    if not ends:
+        return ""
+    front = on_front(ends)
+    beaten = [o for i, o in enumerate(ends) if o.setting == BASE and i not in front]
+    if not beaten:
+        return "Every length of the defaults lies on the front."
+    better = {ends[i].setting for i in front if ends[i].setting != BASE}
+    lengths = ", ".join(f"{one.steps:,}" for one in sorted(beaten, key=lambda one: one.steps))
+    return (
+        f"The defaults at {lengths} steps lie behind the front, by medians. On it are also: "
+        f"{', '.join(sorted(better)) or 'other lengths of the defaults alone'}. The table says "
+        "what may be claimed of each."
+    )
+
+
+# --- pixels --------------------------------------------------------------------------------------
+
+
+def pixel_groups(pixels: Mapping[str, Any] | None) -> dict[str, list[Mapping[str, Any]]]:
+    """The points of each group, today's default first, then dial by dial."""
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for point in pixels["points"] if pixels else []:
+        groups.setdefault(point["group"], []).append(point)
+    return {name: sorted(of, key=lambda p: not p["is_default"]) for name, of in groups.items()}
+
+
+# --- words and pictures --------------------------------------------------------------------------
+
+
+def effects_in_words(effects: Effects) -> str:
+    """What is on."""
+    on = {name: value for name, value in asdict(effects).items() if value not in (False, "off")}
+    return ", ".join(k if v is True else f"{k} {v}" for k, v in on.items()) or "none"
+
+
+def seconds_in_words(seconds: float) -> str:
+    """45 s, 2 min, 1 h."""
+    if seconds < 60:
+        return f"{seconds:.0f} s"
+    if seconds < 3600:
+        return f"{seconds / 60:g} min" if seconds % 60 == 0 else f"{seconds / 60:.1f} min"
+    return f"{seconds / 3600:g} h"
+
+
+def digits(value: float) -> str:
+    """Three digits that count."""
+    return "" if not math.isfinite(value) else f"{value:.3g}"
+
+
+def inline(svg: Path) -> str:
+    """An SVG file's picture for HTML: without the prologue and a size of its own."""
+    text = svg.read_text("utf8")
+    tag, rest = text[text.index("<svg") :].split(">", 1)
+    return re.sub(r' (?:width|height)="[^"]*"', "", tag) + ">" + rest
+
+
+def pictures_of(folder: Path, found: Sequence[Measured]) -> list[dict[str, str]]:
+    """The first held-out photo beside its rendering, by the shortest and by the best run."""
+    ends = [one for one in finals(found) if one.setting == BASE]
+    if not ends:
+        return []
+    shortest = min(ends, key=lambda one: one.steps)
+    best = max(ends, key=lambda one: one.psnr.median)
+    shown = []
+    for one in dict.fromkeys((shortest.steps, best.steps)):
+        name = f"{BASE}-{SCENE}-1-{one}-{SEEDS[0]}"
+        found_pictures = sorted((folder / RUNS / name / PICTURES).glob("eval_img_*.png"))
+        if found_pictures:
+            shown.append({"steps": f"{one:,}", "data": data_of(found_pictures[0])})
+    return shown
+
+
+def data_of(picture: Path) -> str:
+    """A picture as a data address, made smaller if it is large."""
+    with Image.open(picture) as opened:
+        image = opened.convert("RGB")
+    if image.width > PICTURE_WIDTH:
+        height = round(image.height * PICTURE_WIDTH / image.width)
+        image = image.resize((PICTURE_WIDTH, height), Image.Resampling.LANCZOS)
+    buffer = io.BytesIO()
+    image.save(buffer, "JPEG", quality=PICTURE_QUALITY)
+    return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode()}"
