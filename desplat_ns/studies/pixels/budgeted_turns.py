@@ -13,11 +13,19 @@ from desplat_ns.studies.pixels.dial_errors import DialErrors
 from desplat_ns.studies.pixels.dial_points import DialPoint, Label
 from desplat_ns.studies.pixels.rasterizing import Cases
 
-LEAST_TURNS, MOST_TURNS = 4, 15
+MOST_TURNS = 15
 """Of each fast case: the more, the less what else the machine does decides which is faster."""
 
+FAST_ROUNDS = 4
+"""Rounds before slow cases join in."""
+
 MOST_SLOW_TURNS = 3
-"""Of each slow one (`timing.SLOW`), which has one at least: a call outlasts most busy spells."""
+"""Of each slow case: a call outlasts most busy spells."""
+
+SLOW_PAIR = 4 * SLOW
+"""Seconds of a forward and a forward + backward from which a case is slow: two calls, and the first
+time that it is drawn takes up to twice as long. Slow cases are timed once a turn, fast ones REPEATS
+times after one call that is not counted."""
 
 FORWARD_SHARE = 0.5
 """Seconds of a forward over those of a forward + backward: a third to a half."""
@@ -70,26 +78,22 @@ class Case:
     forward: Timing = field(default_factory=Timing)
     both: Timing = field(default_factory=Timing)
     turns: int = 0
-    is_slow: bool = field(init=False)
 
-    def __post_init__(self) -> None:
-        self.is_slow = self.seconds > 2 * SLOW
+    @property
+    def is_slow(self) -> bool:
+        return self.seconds > SLOW_PAIR
 
     @property
     def turn_seconds(self) -> float:
         return self.seconds if self.is_slow else (1 + REPEATS) * self.seconds
 
-    @property
-    def turns_due(self) -> int:
-        """Of those that it has at least."""
-        return max((1 if self.is_slow else LEAST_TURNS) - self.turns, 0)
-
     def take_turn(self) -> None:
         """As in `timing.time_in_turns`."""
+        is_slow = self.is_slow
         for call, timing in zip(self.calls, (self.forward, self.both), strict=True):
-            if not self.is_slow:
+            if not is_slow:
                 call()
-            for _ in range(1 if self.is_slow else REPEATS):
+            for _ in range(1 if is_slow else REPEATS):
                 timing.add(call)
         self.turns += 1
         self.seconds = (self.forward.wall[-1] + self.both.wall[-1]) / 1e3
@@ -118,17 +122,17 @@ class Case:
 
 
 def due_seconds(cases: Sequence[Case]) -> float:
-    """Of the turns that cases still have at least."""
-    return sum((case.turns_due * case.turn_seconds for case in cases), 0.0)
+    """Of the first turns of cases that had none."""
+    return sum((case.turn_seconds for case in cases if case.turns == 0), 0.0)
 
 
 def take_turns(cases: Sequence[Case], budget: Budget) -> None:
-    """Give cases their turns while there is time, first of all those that they have at least.
+    """Give cases their turns while there is time, and to no case so many that another has none.
 
-    Slow cases join in when the fast ones have had theirs. Every other round goes from the last to
-    the first, so that none always follows the slow ones.
+    Slow cases join in after some rounds. Every other round goes from the last to the first, so that
+    none always follows the slow ones.
     """
-    slow_rounds = range(LEAST_TURNS, LEAST_TURNS + MOST_SLOW_TURNS)
+    slow_rounds = range(FAST_ROUNDS, FAST_ROUNDS + MOST_SLOW_TURNS)
     gc.collect()
     gc.disable()
     try:
@@ -136,7 +140,7 @@ def take_turns(cases: Sequence[Case], budget: Budget) -> None:
             for case in cases[:: -1 if turn % 2 else 1]:
                 if case.is_slow and turn not in slow_rounds:
                     continue
-                is_due = case.turns_due > 0 and budget.left > 0
+                is_due = case.turns == 0 and budget.left > 0
                 if is_due or due_seconds(cases) + case.turn_seconds <= budget.left:
                     case.take_turn()
             gc.collect(0)  # what these calls left: nothing else is as young

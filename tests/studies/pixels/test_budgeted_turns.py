@@ -2,8 +2,10 @@ from __future__ import annotations
 
 import time
 
+from desplat_ns.calibration.timing import REPEATS
+from desplat_ns.studies.pixels import budgeted_turns
 from desplat_ns.studies.pixels.budgeted_turns import (
-    LEAST_TURNS,
+    FAST_ROUNDS,
     MOST_SLOW_TURNS,
     MOST_TURNS,
     Budget,
@@ -35,21 +37,36 @@ def test_what_does_not_fit_beside_the_turns_of_others_is_told_why():
     assert spent(61.0, of=60.0).hindrance(0.0, 0.0) == "no time was left of 60 s"
 
 
-def test_with_time_every_case_has_all_its_turns():
-    fast, slow = case_of(1e-3), case_of(1.0)
+def test_with_time_every_case_has_all_its_turns(monkeypatch):
+    monkeypatch.setattr(budgeted_turns, "SLOW_PAIR", 0.01)
+    fast, slow = case_of(1e-3), case_of(0.02)
+    slow.calls = (lambda: None, lambda: time.sleep(0.02))
     take_turns([fast, slow], Budget(60.0))
     assert (fast.turns, slow.turns) == (MOST_TURNS, MOST_SLOW_TURNS)
     assert len(slow.both.cpu) == MOST_SLOW_TURNS
     assert due_seconds([fast, slow]) == 0
 
 
-def test_turns_that_are_due_come_before_further_ones():
-    """The slow case's turns are said to take longer than there is: the fast one has those that it
-    is to have, and waits."""
+def test_no_case_has_so_many_turns_that_another_has_none():
+    """The slow case is said to take longer than there is: the fast one waits until it is through
+    after its own first turn."""
+    order: list[str] = []
     fast, slow = case_of(1e-3), case_of(100.0)
+    fast.calls = (lambda: order.append("fast"), lambda: None)
+    slow.calls = (lambda: order.append("slow"), lambda: None)
     assert due_seconds([fast, slow]) > 100
     take_turns([fast, slow], Budget(60.0))
-    assert slow.turns >= 1 and fast.turns >= LEAST_TURNS
+    assert order.index("slow") == 1 + REPEATS
+    assert order.count("fast") > 1 + REPEATS
+
+
+def test_with_time_fast_cases_have_rounds_of_their_own_first():
+    order: list[str] = []
+    fast, slow = case_of(1e-3), case_of(2.0)
+    fast.calls = (lambda: order.append("fast"), lambda: None)
+    slow.calls = (lambda: order.append("slow"), lambda: None)
+    take_turns([slow, fast], Budget(60.0))
+    assert order.index("slow") >= FAST_ROUNDS * (1 + REPEATS)
 
 
 def test_when_the_time_is_over_nothing_is_called():

@@ -19,8 +19,8 @@ SCENE = make_scene(100, 32, 16)
 @pytest.fixture(scope="module")
 def study() -> DialStudy:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(budgeted_turns, "LEAST_TURNS", 1)
         patch.setattr(budgeted_turns, "MOST_TURNS", 1)
+        patch.setattr(budgeted_turns, "FAST_ROUNDS", 0)
         return measure_dials(SCENE, 120.0, lambda line: None)
 
 

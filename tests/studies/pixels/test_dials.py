@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -89,14 +91,15 @@ def test_without_limits_only_float32_is_between_a_backend_and_the_truth(name, tr
 
 @pytest.mark.parametrize("name", BACKENDS)
 def test_with_a_lower_cutoff_more_reach_into_the_picture_from_outside(name):
-    contender = contender_called(name)
+    """The picture is moved aside by half its width: many Gaussians lie at any distance from it."""
+    contender, K = contender_called(name), SCENE.view.K.clone()
+    K[0, 2] -= SCENE.view.width / 2
     drawing = Drawing(contender, SCENE, TODAY, SCENE.splats)
 
     def number(setting: Setting) -> int:
         with turned(replacements(contender, setting)):
-            return int(
-                contender.rasterizer(drawing.splats, SCENE.view, drawing.settings).visible.sum()
-            )
+            view = replace(SCENE.view, K=K)
+            return int(contender.rasterizer(drawing.splats, view, drawing.settings).visible.sum())
 
     assert number(Setting(cutoff=EXACT.cutoff)) > number(TODAY)
 
