@@ -18,6 +18,7 @@ from desplat_ns.effects import Effects
 from desplat_ns.studies.grid.code_version import short
 from desplat_ns.studies.grid.records import Records
 from desplat_ns.studies.grid.train_and_score import PICTURES
+from desplat_ns.studies.pixels.dial_points import ANTIALIASING, APPEARANCE, RASTERIZING
 from desplat_ns.studies.tradeoff.plan import BASE, SCENE, SEEDS, compared, study_of
 from desplat_ns.studies.tradeoff.plots import draw_all
 from desplat_ns.studies.tradeoff.results import RUNS, Results
@@ -36,6 +37,9 @@ from desplat_ns.studies.tradeoff.summary import (
 
 FILE = "report.html"
 TEMPLATE = Path(__file__).with_name("report.html.jinja")
+
+GROUPS = (RASTERIZING, ANTIALIASING, APPEARANCE)
+"""Of the rasterizers' dials, in their order."""
 
 PICTURE_WIDTH, PICTURE_QUALITY = 900, 85
 """Pixels, and JPEG's, of pictures in the report."""
@@ -191,10 +195,14 @@ def front_in_words(found: Sequence[Measured]) -> str:
 
 def pixel_groups(pixels: Mapping[str, Any] | None) -> dict[str, list[Mapping[str, Any]]]:
     """The points of each group, today's default first, then dial by dial."""
-    groups: dict[str, list[Mapping[str, Any]]] = {}
+    groups: dict[str, list[Mapping[str, Any]]] = {name: [] for name in GROUPS}
     for point in pixels["points"] if pixels else []:
         groups.setdefault(point["group"], []).append(point)
-    return {name: sorted(of, key=lambda p: not p["is_default"]) for name, of in groups.items()}
+    return {
+        name: sorted(points, key=lambda point: not point["is_default"])
+        for name, points in groups.items()
+        if points
+    }
 
 
 # --- words and pictures --------------------------------------------------------------------------
