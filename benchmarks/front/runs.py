@@ -59,7 +59,6 @@ PLAN = (
     *_runs("base", "yard8", 1000, 3),
     *_runs("coefficients", FEW_VIEWS, 1000, 3),
     *_runs("raised", "clutter", 2000, 3),
-    *_runs("base raised", "clutter", 3000, 3),
 )
 
 FOUND = {name: SCENES[name] for name in (*CHOSEN_ON, *REPORTED_ON) if name not in LIT}
