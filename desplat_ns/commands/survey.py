@@ -122,6 +122,20 @@ def find_parser(data: Path) -> DataParserConfig:
     )
 
 
+def parser_arguments(data: Path) -> tuple[str, ...]:
+    """What `ns-train desplat` needs to read what `find_parser` finds: a data parser's name and its
+    options, or nothing where the method's own does.
+
+    Raises:
+        CaptureError: see `find_parser`.
+    """
+    found = find_parser(data)
+    if not isinstance(found, DeSplatColmapDataParserConfig):
+        return ()
+    paths = found.images_path.as_posix(), found.colmap_path.as_posix()
+    return ("colmap", "--images-path", paths[0], "--colmap-path", paths[1])
+
+
 def _outputs(data: Path | None, dataparser: DataParserConfig | None):
     if dataparser is None:
         if data is None:

@@ -11,6 +11,7 @@ from typing import Annotated
 import tyro
 
 from desplat_ns.calibration.timing import all_cores
+from desplat_ns.commands.survey import parser_arguments
 from desplat_ns.console import announce, progress_in_time
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
 from desplat_ns.studies.grid.commands import ONE_THREAD
@@ -27,7 +28,8 @@ MOST_JOBS = 8
 class Arguments:
     """Measure what accuracy costs in time: rasterizers, trainings, evaluations.
 
-    DATA may be followed by a data parser's name and its options, as `ns-train` takes them.
+    A data parser's name and its options, as `ns-train` takes them, may follow; without them
+    COLMAP's layouts and transforms.json are found.
     """
 
     data: Annotated[Path, tyro.conf.Positional]
@@ -48,10 +50,12 @@ class Arguments:
         """What is to be studied.
 
         Raises:
+            CaptureError: no capture is found.
             ConfigError: an option cannot be.
         """
         if self.jobs < 0:
             raise ConfigError(f"--jobs is {self.jobs}; give 1 or more, or 0 for one each core.")
+        parser = parser or parser_arguments(self.data)
         jobs = self.jobs or min(all_cores(), MOST_JOBS)
         executor = executor_of(self.executor, jobs, self.ray_address)
         seconds = seconds_of(self.time, "--time")

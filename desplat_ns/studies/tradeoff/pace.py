@@ -37,12 +37,14 @@ class Clock:
     """Seconds."""
     earlier: float = 0.0
     """Seconds that earlier sittings took."""
-    _start: float = field(default_factory=time.monotonic)
+    _start: float = field(default_factory=lambda: Clock._now())
+
+    _now = staticmethod(time.monotonic)
 
     @property
     def spent(self) -> float:
         """Seconds."""
-        return self.earlier + time.monotonic() - self._start
+        return self.earlier + self._now() - self._start
 
     @property
     def left(self) -> float:

@@ -229,8 +229,8 @@ def digits(value: float) -> str:
 
 
 def inline(svg: Path) -> str:
-    """An SVG file's picture for HTML: without the prologue and a size of its own."""
-    text = svg.read_text("utf8")
+    """An SVG file's picture for HTML: without the prologue, metadata and a size of its own."""
+    text = re.sub(r"<metadata>.*?</metadata>", "", svg.read_text("utf8"), flags=re.DOTALL)
     tag, rest = text[text.index("<svg") :].split(">", 1)
     return re.sub(r' (?:width|height)="[^"]*"', "", tag) + ">" + rest
 

@@ -199,7 +199,7 @@ class Sitting:
 
     def _noted(self, runs: Iterable[Run]) -> Iterator[Run]:
         for run in runs:
-            self._begun[run] = time.monotonic()
+            self._begun[run] = self.clock.spent
             self._tell(f"training: {run.setting}, {run.steps:,} steps, seed {run.seed}")
             yield run
 
@@ -211,7 +211,7 @@ class Sitting:
             self.save()
             return False
         records.enter(self._folder / RECORDS, run, found)
-        took, training = time.monotonic() - self._begun[run], found.figures["train_wall_seconds"]
+        took, training = self.clock.spent - self._begun[run], found.figures["train_wall_seconds"]
         pace.add(run, took, training)
         self.results.failed.pop(run.name, None)
         announce(f"{run.name}: {found.figures['psnr']:.2f} dB after {training:.0f} s of training")

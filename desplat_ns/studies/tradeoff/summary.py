@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 
-from desplat_ns.studies.grid.records import Records
+from desplat_ns.studies.grid.records import Figures, Records
 from desplat_ns.studies.grid.runs import Run
 from desplat_ns.studies.pixels import pareto
 from desplat_ns.studies.tradeoff.plan import BASE, SEEDS
@@ -72,7 +72,7 @@ class Measured:
 def measured(runs: Sequence[Run], records: Records) -> list[Measured]:
     """All settings and lengths of which a seed was measured, in the order of the plan, each on its
     way and in the end."""
-    by_cell: dict[tuple[str, int], list[Mapping[int, Mapping[str, float]]]] = {}
+    by_cell: dict[tuple[str, int], list[Mapping[int, Figures]]] = {}
     for run in runs:
         record = records.get(run.name)
         if record is not None:
@@ -86,7 +86,7 @@ def measured(runs: Sequence[Run], records: Records) -> list[Measured]:
     ]
 
 
-def _spreads(figures: Sequence[Mapping[str, float]]) -> dict[str, Spread]:
+def _spreads(figures: Sequence[Figures]) -> dict[str, Spread]:
     names = [name for name in figures[0] if all(name in one for one in figures)]
     return {name: Spread(tuple(float(one[name]) for one in figures)) for name in names}
 
@@ -101,13 +101,13 @@ def on_front(found: Sequence[Measured]) -> set[int]:
     return pareto.front([(one.wall.median, -one.psnr.median) for one in found])
 
 
-def best_within(seconds: float, found: Iterable[Measured]) -> Measured | None:
+def best_within(seconds: float | int, found: Iterable[Measured]) -> Measured | None:
     """The most dB that were reached in a training time; None if nothing was."""
     in_time = [one for one in found if one.wall.median <= seconds]
     return max(in_time, key=lambda one: one.psnr.median, default=None)
 
 
-def soonest_at(decibels: float, found: Iterable[Measured]) -> Measured | None:
+def soonest_at(decibels: float | int, found: Iterable[Measured]) -> Measured | None:
     """What reached so many dB first; None if nothing did."""
     enough = [one for one in found if one.psnr.median >= decibels]
     return min(enough, key=lambda one: one.wall.median, default=None)

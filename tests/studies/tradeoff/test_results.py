@@ -1,0 +1,55 @@
+"""A study's folder: read again as it was written, and nothing else is taken for one."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+
+import pytest
+
+from desplat_ns.errors import ConfigError
+from desplat_ns.studies.tradeoff.plan import BASE, TrainingPlan
+from desplat_ns.studies.tradeoff.results import FILE, Results
+from tests.helpers.tradeoff import SUBJECT
+
+
+def test_what_is_saved_comes_back(tmp_path):
+    plan = TrainingPlan(250, (BASE, "fewer"), 30_000)
+    results = Results(SUBJECT, 12.5, 2, plan, failed={"pixels": "no memory"}, left_out=["a"])
+    results.save(tmp_path / "new", {})
+    found = Results.load(tmp_path / "new")
+    assert found is not None and asdict(found) == asdict(results)
+
+
+def test_a_new_or_empty_folder_is_free(tmp_path):
+    assert Results.load(tmp_path) is None
+    assert Results.load(tmp_path / "absent") is None
+
+
+def test_a_folder_that_holds_something_else_is_left_alone(tmp_path):
+    (tmp_path / "thesis.tex").write_text("x")
+    with pytest.raises(ConfigError, match="no study of this kind"):
+        Results.load(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"format": 99}', '{"format": 1}'])
+def test_a_file_that_is_no_studys_is_refused(tmp_path, text):
+    (tmp_path / FILE).write_text(text)
+    with pytest.raises(ConfigError, match="Name another --output"):
+        Results.load(tmp_path)
+
+
+def test_a_disk_that_is_full_is_said_and_the_earlier_file_stays(tmp_path, monkeypatch):
+    results = Results(SUBJECT)
+    results.save(tmp_path, {})
+    before = (tmp_path / FILE).read_text()
+
+    def full(self, *args, **kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_text", full)
+    results.spent = 99.0
+    with pytest.raises(ConfigError, match="Make room or name another --output"):
+        results.save(tmp_path, {})
+    assert (tmp_path / FILE).read_text() == before
+    assert json.loads(before)["spent"] == 0.0

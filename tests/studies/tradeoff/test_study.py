@@ -1,0 +1,125 @@
+"""A study from end to end, with trainings that are made up: levels, failures, sittings."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.errors import ConfigError, DeSplatError
+from desplat_ns.studies.tradeoff import pace, study
+from desplat_ns.studies.tradeoff.evaluation_level import Score
+from desplat_ns.studies.tradeoff.pace import Pace
+from desplat_ns.studies.tradeoff.report import write_report
+from desplat_ns.studies.tradeoff.results import FILE, RECORDS, Results
+from desplat_ns.studies.tradeoff.study import Request, Sitting, open_study
+from tests.helpers.tradeoff import SUBJECT, MadeUpExecutor, failing
+
+pytestmark = pytest.mark.usefixtures("tyro_may_build")
+
+
+@dataclass
+class Time:
+    """A clock that made-up work sets forward."""
+
+    now: float = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def wait(self, seconds: float) -> None:
+        self.now += seconds
+
+
+@pytest.fixture
+def time(monkeypatch: pytest.MonkeyPatch) -> Time:
+    clock = Time()
+    monkeypatch.setattr(pace.Clock, "_now", staticmethod(clock.monotonic))
+    monkeypatch.setattr(study, "first_pace", lambda subject, device: Pace(0.08))
+    monkeypatch.setattr(study, "measure_dials", no_rasterizer)
+    return clock
+
+
+def no_rasterizer(*_):
+    raise DeSplatError("no rasterizer today")
+
+
+def scores(study, setting, steps, folder) -> list[Score]:
+    return [Score(setting, number, 20.0 + number / 100, 0.5) for number in (0, 8)]
+
+
+def sit(folder: Path, time: Time, seconds: float, outcome=None) -> tuple[Sitting, MadeUpExecutor]:
+    executor = MadeUpExecutor(time.wait)
+    if outcome is not None:
+        executor.outcome = outcome
+    request = Request(Path(SUBJECT.data), SUBJECT.parser, folder, seconds, 1, executor)
+    results = Results.load(folder) or Results(SUBJECT)
+    sitting = Sitting(request, results, lambda what: None)
+    sitting.do()
+    return sitting, executor
+
+
+def test_all_levels_end_up_in_the_file_and_the_report(time, tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "scores_by_steps", scores)
+    sitting, executor = sit(tmp_path, time, 7200.0)
+    written = json.loads((tmp_path / FILE).read_text())
+    assert written["failed"] == {"pixels": "no rasterizer today"}
+    assert set(written["training"]) == {run.name for run in executor.done}
+    assert written["spent"] <= 7200.0
+    steps = sitting.results.plan.steps
+    assert steps >= 500 and {run.seed for run in executor.done} == {42, 43, 44}
+    graded = {one["setting"]: one["steps"] for one in written["evaluation"]}
+    assert graded["desplat"] is None and graded["appearance-affine"] == 8
+    report = write_report(tmp_path, sitting.results, sitting.records).read_text()
+    assert "garden: what accuracy costs in time" in report
+    assert "no rasterizer today" in report and "with every seed" in report
+    outside = re.findall(r"<script|<link|(?:src|href)=.(?!data:|#)", report)
+    assert outside == [], "the page needs no other file"
+    for name in ("training", "ssim", "evaluation"):
+        assert (tmp_path / f"{name}.svg").stat().st_size > 1000
+        assert (tmp_path / f"{name}.png").stat().st_size > 1000
+
+
+def test_a_training_that_fails_is_reported_and_the_rest_goes_on(time, tmp_path):
+    sitting, executor = sit(tmp_path, time, 1800.0, failing("fewer-capture"))
+    failed = [name for name in sitting.results.failed if name.startswith("fewer-capture")]
+    assert failed and all(sitting.results.failed[name] == "too dark" for name in failed)
+    assert len(sitting.records) == len(executor.done) - len(failed) > 10
+    report = write_report(tmp_path, sitting.results, sitting.records).read_text()
+    assert "too dark" in report
+
+
+def test_another_sitting_goes_on_with_what_is_missing(time, tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "scores_by_steps", scores)
+    first, before = sit(tmp_path, time, 600.0)
+    assert first.results.left_out
+    again, nothing = sit(tmp_path, time, 600.0)
+    assert nothing.done == [] and again.results.plan == first.results.plan
+    assert again.clock.spent == pytest.approx(first.clock.spent), "earlier sittings count"
+    more, after = sit(tmp_path, time, 1200.0)
+    assert after.done and not set(after.done) & set(before.done)
+    assert len(more.results.left_out) < len(first.results.left_out)
+
+
+def test_too_little_time_for_one_training_is_refused(time, tmp_path):
+    with pytest.raises(ConfigError, match="Give --time"):
+        sit(tmp_path, time, 10.0)
+
+
+def test_a_study_of_another_capture_is_not_gone_on_with(tmp_path):
+    Results(SUBJECT).save(tmp_path, {})
+    executor = MadeUpExecutor(lambda seconds: None)
+    other = Request(Path("/photos/castle"), SUBJECT.parser, tmp_path, 60.0, 1, executor)
+    with pytest.raises(ConfigError, match="the study of another capture"):
+        open_study(other)
+    same = replace(other, data=Path(SUBJECT.data))
+    assert open_study(same).subject == SUBJECT
+
+
+def test_records_of_a_study_are_those_of_every_study(time, tmp_path):
+    _, executor = sit(tmp_path, time, 600.0)
+    text = (tmp_path / RECORDS).read_text()
+    assert all(f'"{run.name}"' in text for run in executor.done)
