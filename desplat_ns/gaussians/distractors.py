@@ -153,8 +153,8 @@ class DistractorGaussians(nn.Module):
         """Number of Gaussians of all views, as `recount` keeps it."""
 
     def train(self, mode: bool = True) -> DistractorGaussians:
-        """nn.Module's, for this module alone: parameters know no mode, and nerfstudio calls it
-        before every step (1.1.5), which took 6 ms for 1,700 views."""
+        """For this module alone: parameters know no mode, and nerfstudio 1.1.5 calls it in every
+        step, which took 5 ms for 1,700 views."""
         self.training = mode
         return self
 
@@ -181,11 +181,8 @@ class DistractorGaussians(nn.Module):
     def draws(self, view: int) -> None:
         """Note that a view is drawn in training; forget others, unless they still have gradients
         because those of several steps are accumulated."""
-
-        def has_gradients(one: int) -> bool:
-            return any(value.grad is not None for value in self.params_of(one).values())
-
-        kept = [one for one in self.drawn if one != view and has_gradients(one)]
+        others = [(one, self.params_of(one)) for one in self.drawn if one != view]
+        kept = [n for n, params in others if any(p.grad is not None for p in params.values())]
         self.drawn[:] = [*kept, view]
 
     def param_groups(self) -> dict[str, list[nn.Parameter]]:

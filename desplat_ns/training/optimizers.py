@@ -44,7 +44,7 @@ class OptimizersOfViews(Optimizers):
 
     Adam updates what has a gradient: of the distractors those of the view that was drawn. To find
     them, torch and nerfstudio 1.1.5 look at every view's, four times a step for each kind of
-    parameter, which took 20 ms for 1,700 views.
+    parameter, which took some 20 ms for 1,700 views.
     """
 
     def __init__(self, config: dict[str, Any], param_groups: dict[str, list[nn.Parameter]]):
