@@ -219,7 +219,7 @@ class DeSplatModel(StaticModel):
         metrics: dict[str, Any] = super().get_metrics_dict(outputs, batch)
         metrics["culled_static"] = self.culled.static
         if self.distractors is not None:
-            metrics["distractor_count"] = sum(self.distractors.counts())
+            metrics["distractor_count"] = self.distractors.total
             metrics["culled_distractors"] = self.culled.distractors
         return metrics
 

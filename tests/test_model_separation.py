@@ -9,6 +9,7 @@ import desplat_ns.separation.expected_residual as excess
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModel
+from tests.helpers.guarded_trainer import GuardedTrainer, everywhere
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
 NO_DENSIFICATION: dict[str, Any] = {"warmup_length": 10_000}
@@ -168,3 +169,16 @@ def test_nothing_is_watched_in_the_warm_up_nor_learned_from_a_dropped_step():
     trainer.step(4, 0)
     assert model.layer.watch.sights[0] is not None
     assert model.memory.number("visits") == 4
+
+
+def test_the_log_counts_distractors_as_refinement_and_placement_leave_them():
+    model = everywhere()
+    trainer, counted = GuardedTrainer(model), set()
+    assert model.distractors is not None
+    for step in range(9):
+        trainer.step(step)
+        assert model.distractors.total == sum(model.distractors.counts())
+        counted.add(model.distractors.total)
+    assert len(counted) > 1
+    metrics = model.get_metrics_dict(model(camera(0)), {"image": trainer.photo})
+    assert metrics["distractor_count"] == model.distractors.total

@@ -7,6 +7,10 @@ from pathlib import Path
 from string import Template
 
 from benchmarks.documents import DOCS
+from benchmarks.front.growth import FILE as GROWTH
+from benchmarks.front.growth import Growth
+from benchmarks.front.growth import load as load_growth
+from benchmarks.front.growth_report import growth_texts
 from benchmarks.front.kept import FILE as BUDGETS
 from benchmarks.front.kept import Kept
 from benchmarks.front.runs import (
@@ -49,12 +53,18 @@ def front_table(records: Records, today: Reference, scenes: tuple[str, ...]) -> 
     return figures.table(["scene", "steps", "setting", *(name for name, _, _ in COLUMNS)], rows)
 
 
-def report(records: Records, budget_rows: list[str], today: Reference = STUDY.settings_of) -> str:
+def report(
+    records: Records,
+    budget_rows: list[str],
+    growth: Growth,
+    today: Reference = STUDY.settings_of,
+) -> str:
     """The document's text. `today`: see `sources`."""
     return Template(TEMPLATE.read_text("utf8")).substitute(
         chosen_table=front_table(records, today, CHOSEN_ON),
         reported_table=front_table(records, today, REPORTED_ON),
         budget_rows="\n".join(budget_rows),
+        **growth_texts(growth),
     )
 
 
@@ -66,5 +76,5 @@ def budget_rows() -> list[str]:
 
 def write_report() -> Path:
     """Write the document; where it is."""
-    REPORT.write_text(report(load(FILE), budget_rows()), "utf8")
+    REPORT.write_text(report(load(FILE), budget_rows(), load_growth(GROWTH)), "utf8")
     return REPORT

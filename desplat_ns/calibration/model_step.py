@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Iterable
+from dataclasses import asdict, replace
+from typing import Any
 
 import torch
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import SceneBox
+from torch import nn
 
+from desplat_ns.backend.protocol import View
 from desplat_ns.backend.registry import BackendName
 from desplat_ns.calibration.scenes import Scene
 from desplat_ns.effects import Effects, EffectsConfig
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorConfig, fill_view
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.training.optimizers import FusedAdamConfig, OptimizersOfViews
 
 LATE = 20_000
 """A step with all degrees of the harmonics, after densification."""
@@ -36,7 +41,8 @@ def cameras_of(scene: Scene, num_views: int) -> Cameras:
 class ModelStep:
     """A model, its optimizers, and one step of training of them all.
 
-    Distractors are those of one view before any is placed: a view in which nothing is in the way.
+    Distractors are those of one view before any is placed, a view in which nothing is in the way,
+    unless some are asked for. Learning rates are 0, so that every step has the same work to do.
     """
 
     def __init__(
@@ -46,10 +52,12 @@ class ModelStep:
         num_views: int = 8,
         device: str = "cpu",
         backend: BackendName = "numba",
+        distractors_per_view: int = 0,
     ) -> None:
         """Args:
         scene: its Gaussians are the static ones, its view is that of every photo.
         backend: a rasterizer, or "auto".
+        distractors_per_view: spread over every photo; only if `effects` has distractors.
         """
         cameras = cameras_of(scene, num_views).to(device)
         config = DeSplatModelConfig(
@@ -69,24 +77,42 @@ class ModelStep:
         )
         for name, value in scene.params.items():
             self.model.gauss_params[name].data = value.clone()
+        if distractors_per_view > 0:
+            self._spread_distractors(scene.view, distractors_per_view, range(num_views))
         self.model.to(device).train()
         self.model.step = LATE
         self.camera = cameras[:1]
         self.camera.metadata = {"train_idx": torch.tensor([[0]])}
         self.photo = torch.rand(scene.view.height, scene.view.width, 3).to(device)
-        self.model.optimizers = {
-            name: torch.optim.Adam(parameters, lr=0.0, fused=True)
-            for name, parameters in self.model.get_param_groups().items()
-            if parameters
-        }
+        groups = {name: group for name, group in self.model.get_param_groups().items() if group}
+        self.optimizers = self._optimizers_of(groups)
+        self.model.optimizers = self.optimizers.optimizers
+
+    def _optimizers_of(self, groups: dict[str, list[nn.Parameter]]) -> OptimizersOfViews:
+        return OptimizersOfViews(self._options_of(groups), groups)
+
+    def _options_of(self, groups: Iterable[str]) -> dict[str, Any]:
+        """The package's Adam, which moves nothing."""
+        adam = {"optimizer": FusedAdamConfig(lr=0.0, eps=1e-15), "scheduler": None}
+        return dict.fromkeys(groups, adam)
+
+    def _spread_distractors(self, view: View, per_view: int, views: Iterable[int]) -> None:
+        """Give some views so many distractors, evenly over their photos."""
+        distractors = self.model.distractors
+        assert distractors is not None
+        everywhere = replace(self.model.config.distractors, start="everywhere", per_view=per_view)
+        for index in views:
+            params = distractors.params_of(index)
+            for name, value in fill_view(view, everywhere).items():
+                params[name].data = value
+            distractors.recount(index)
 
     def __call__(self) -> None:
         """Draw, weigh, pull back and step; nothing is densified."""
-        for optimizer in self.model.optimizers.values():
-            optimizer.zero_grad()
+        self.optimizers.zero_grad_all()
         torch.stack(list(self.losses().values())).sum().backward()
-        for optimizer in self.model.optimizers.values():
-            optimizer.step()
+        with self.optimizers.drawn_alone():
+            self.optimizers.optimizer_step_all()
         if self.photo.is_cuda:
             torch.cuda.synchronize()
 

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from desplat_ns.backend.protocol import RenderSettings, View
 from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians.activation import resize_rows
+from desplat_ns.gaussians.parameters_of_views import ParametersOfViews
 from desplat_ns.options import check_finite_options
 from desplat_ns.rendering.views import view_of
 
@@ -145,6 +146,17 @@ class DistractorGaussians(nn.Module):
             start = fill_view(view_of(cameras[i : i + 1]), config)
             params = {name: nn.Parameter(start[name]) for name in PARAMETER_NAMES}
             self.views.append(nn.ParameterDict(params))
+        self.drawn: list[int] = []
+        """Views of which there may be gradients; see `draws`."""
+        self._counts = self.counts()
+        self.total = sum(self._counts)
+        """Number of Gaussians of all views, as `recount` keeps it."""
+
+    def train(self, mode: bool = True) -> DistractorGaussians:
+        """For this module alone: parameters know no mode, and nerfstudio 1.1.5 calls it in every
+        step, which took 5 ms for 1,700 views."""
+        self.training = mode
+        return self
 
     def params_of(self, view: int) -> nn.ParameterDict:
         """Parameters of one training view."""
@@ -157,8 +169,21 @@ class DistractorGaussians(nn.Module):
         return self.params_of(view)["means"].shape[0]
 
     def counts(self) -> list[int]:
-        """Number of Gaussians of every training view."""
+        """Number of Gaussians of every training view, counted anew."""
         return [self.count_of(view) for view in range(len(self.views))]
+
+    def recount(self, view: int) -> None:
+        """Bring `total` up to date after a step that may have changed one view's number."""
+        count = self.count_of(view)
+        self.total += count - self._counts[view]
+        self._counts[view] = count
+
+    def draws(self, view: int) -> None:
+        """Note that a view is drawn in training; forget others, unless they still have gradients
+        because those of several steps are accumulated."""
+        others = [(one, self.params_of(one)) for one in self.drawn if one != view]
+        kept = [n for n, params in others if any(p.grad is not None for p in params.values())]
+        self.drawn[:] = [*kept, view]
 
     def param_groups(self) -> dict[str, list[nn.Parameter]]:
         """One optimizer group for each kind of parameter, over all views.
@@ -166,8 +191,9 @@ class DistractorGaussians(nn.Module):
         A view that was not rendered has no gradient, so Adam leaves its Gaussians and their moments
         alone.
         """
+        views = [self.params_of(view) for view in range(len(self.views))]
         return {
-            f"distractor_{name}": [self.params_of(view)[name] for view in range(len(self.views))]
+            f"distractor_{name}": ParametersOfViews((one[name] for one in views), self.drawn)
             for name in PARAMETER_NAMES
         }
 
@@ -175,6 +201,7 @@ class DistractorGaussians(nn.Module):
         """torch's hook, called before the views load: each takes the saved number of Gaussians."""
         for view in range(len(self.views)):
             resize_rows(self.params_of(view), state_dict, f"{prefix}views.{view}.")
+            self.recount(view)
         super()._load_from_state_dict(state_dict, prefix, *args)
 
     @torch.no_grad()

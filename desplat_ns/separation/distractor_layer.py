@@ -73,6 +73,7 @@ class DistractorLayer:
             return None
         rendering = self.draw(index, rasterize)
         if rendering is not None:
+            self.gaussians.draws(index)
             self.densifier.before_backward(rendering)
         return rendering
 
@@ -165,6 +166,7 @@ class DistractorLayer:
                 self.gaussians, visit.index, optimizers, step, info, pixels_of
             )
         self.placement.place(visit, self.gaussians, self.densifier, optimizers)
+        self.gaussians.recount(visit.index)
         self.watch.look(step, means)
 
     def state_dict(self) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, TrainingError
 from desplat_ns.training.checkpoint_files import checkpoints_in
 from desplat_ns.training.culled import too_many_culled
+from desplat_ns.training.optimizers import OptimizersOfViews
 
 ADVICE = (
     "Look at that photo and its pose, give a lower --optimizers.GROUP.optimizer.lr for a group "
@@ -81,8 +82,8 @@ def find_fault(
     return Fault(bad_losses, bad_groups) if bad_losses or bad_groups else None
 
 
-class GuardedOptimizers(Optimizers):
-    """nerfstudio's optimizers, which step only if the step at hand is sound."""
+class GuardedOptimizers(OptimizersOfViews):
+    """Optimizers that step only if the step at hand is sound."""
 
     def __init__(
         self,
@@ -96,13 +97,16 @@ class GuardedOptimizers(Optimizers):
 
     def optimizer_scaler_step_some(self, grad_scaler: GradScaler, param_groups: list[str]) -> None:
         """Step, or change nothing and drop all gradients; nerfstudio 1.1.5 steps no other way."""
-        if self._may_step(grad_scaler):
+        with self.drawn_alone():
+            is_sound = self._may_step(grad_scaler)
+            if not is_sound and grad_scaler.is_enabled():
+                # the scaler's update() insists on having seen the gradients
+                for name in gradients_of(self.optimizers):
+                    grad_scaler.unscale_(self.optimizers[name])
+        if is_sound:
             super().optimizer_scaler_step_some(grad_scaler, param_groups)
-            return
-        if grad_scaler.is_enabled():  # its update() insists on having seen the gradients
-            for name in gradients_of(self.optimizers):
-                grad_scaler.unscale_(self.optimizers[name])
-        self.zero_grad_all()
+        else:
+            self.zero_grad_all()
 
 
 @runtime_checkable

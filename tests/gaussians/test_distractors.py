@@ -7,6 +7,7 @@ from nerfstudio.cameras.cameras import Cameras
 from desplat_ns.backend.protocol import RenderSettings
 from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians, even_points
+from desplat_ns.gaussians.parameters_of_views import ParametersOfViews
 from desplat_ns.rendering.views import view_of
 
 
@@ -62,6 +63,42 @@ def test_groups_cover_every_parameter_once():
     assert len(grouped) == 2 * 5
 
 
+def test_training_mode_is_set_without_a_visit_to_every_view(monkeypatch):
+    distractors = DistractorGaussians(DistractorConfig(per_view=2), cameras())
+
+    def visited(self, mode=True):
+        raise AssertionError("a view was visited")
+
+    monkeypatch.setattr(torch.nn.ParameterDict, "train", visited)
+    assert not distractors.eval().training
+    assert distractors.train().training
+
+
+def test_the_total_follows_the_view_that_changed():
+    distractors = DistractorGaussians(DistractorConfig(per_view=5), cameras())
+    assert distractors.total == 10
+    params = distractors.params_of(1)
+    params["means"] = torch.nn.Parameter(params["means"].data[:2])
+    distractors.recount(0)
+    assert distractors.total == 10
+    distractors.recount(1)
+    assert distractors.total == sum(distractors.counts()) == 7
+
+
+def test_drawn_views_are_remembered_as_long_as_they_have_gradients():
+    distractors = DistractorGaussians(DistractorConfig(per_view=2), cameras())
+    groups = [g for g in distractors.param_groups().values() if isinstance(g, ParametersOfViews)]
+    distractors.draws(0)
+    distractors.params_of(0)["rgbs"].sum().backward()
+    distractors.draws(1)
+    assert [group.drawn for group in groups] == [[0, 1]] * 5
+    distractors.draws(1)
+    assert distractors.drawn == [0, 1]
+    distractors.params_of(0)["rgbs"].grad = None
+    distractors.draws(0)
+    assert [group.drawn for group in groups] == [[0]] * 5
+
+
 def test_colours_that_left_the_range_come_back_to_its_border():
     distractors = DistractorGaussians(DistractorConfig(per_view=2), cameras())
     rgbs = distractors.params_of(1)["rgbs"]
@@ -78,6 +115,7 @@ def test_a_checkpoint_with_other_numbers_loads_into_the_same_parameters():
     target.load_state_dict(source.state_dict())
     assert target.params_of(1)["means"] is held
     assert torch.equal(held, source.params_of(1)["means"])
+    assert target.total == source.total == 14
     assert target.counts() == [7, 7]
 
 

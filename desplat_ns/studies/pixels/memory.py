@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -78,10 +79,15 @@ def peak_in_this_process(name: str, size: tuple[int, int, int]) -> float:
 
     run(make_scene(*TINY))
     scene = make_scene(*size)
+    return peak_mib(lambda: run(scene))
+
+
+def peak_mib(call: Callable[[], object]) -> float:
+    """MiB above what this process holds now, while `call` runs. Raises OSError as `status_mib`."""
     _return_free_memory()
     Path("/proc/self/clear_refs").write_text("5")  # VmHWM starts anew
     before = status_mib("VmRSS")
-    run(scene)
+    call()
     return status_mib("VmHWM") - before
 
 

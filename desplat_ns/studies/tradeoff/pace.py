@@ -13,7 +13,7 @@ from desplat_ns.datamanager import training_split
 from desplat_ns.errors import ConfigError
 from desplat_ns.studies.grid.runs import Run
 from desplat_ns.studies.grid.settings import parse
-from desplat_ns.studies.tradeoff.plan import BASE, SHORTEST, TrainingPlan
+from desplat_ns.studies.tradeoff.plan import BASE, SCENE, SEEDS, SHORTEST, TrainingPlan
 from desplat_ns.studies.tradeoff.subject import METHOD, Subject
 
 START_SECONDS = 20.0
@@ -25,8 +25,12 @@ DEARER = {"appearance-affine": 2.5, "relocation": 1.6}
 BESIDE_OTHERS = 1.25
 """A step beside other jobs takes so many times what it takes alone, until a run is done."""
 
-SHORTEST_WANTED = 500
-"""Steps of a comparison with all seeds; where that many do not fit, one seed has to do."""
+WANTED = 500
+"""Steps of a comparison at least, if the time allows: of shorter runs little can be learned, so
+that one seed, or fewer settings, have to do first."""
+
+SHARE_OF_ONE = 0.1
+"""Of the time that a single run of the comparison may take, where not all settings fit."""
 
 
 @dataclass
@@ -106,7 +110,8 @@ def first_pace(subject: Subject, device: str) -> Pace:
 def plan_for(
     seconds: float, jobs: int, pace: Pace, settings: Sequence[str], most: int
 ) -> TrainingPlan:
-    """The longest comparison of which all runs fit, or at least those of the first seed.
+    """The longest comparison of which all runs fit. If none of `WANTED` steps does, the longest of
+    at most as many of which those of the first seed fit, or one run is no large part of the time.
 
     Args:
         seconds: of wall time, for trainings.
@@ -127,15 +132,20 @@ def plan_for(
             "parser's --downscale-factor)."
         )
 
-    def fits(plan: TrainingPlan, every_seed: bool) -> bool:
-        runs = [run for run in plan.runs() if every_seed or run.seed == plan.runs()[0].seed]
-        runs = [run for run in runs if run.steps <= 4 * plan.steps]
+    def fits(plan: TrainingPlan, seeds: tuple[int, ...]) -> bool:
+        runs = [run for run in plan.runs() if run.seed in seeds and run.steps <= 4 * plan.steps]
         return sum(map(pace.seconds, runs)) <= seconds * jobs
 
+    def is_short(plan: TrainingPlan) -> bool:
+        one = pace.seconds(Run(BASE, SCENE, 1, plan.steps, SEEDS[0]))
+        return one <= SHARE_OF_ONE * seconds * jobs
+
     plans = list(_longer(plan))
-    with_seeds = [one for one in plans if fits(one, True) and one.steps >= SHORTEST_WANTED]
-    alone = [one for one in plans if fits(one, False) and one.steps <= SHORTEST_WANTED]
-    return (with_seeds or alone or [plan])[-1]
+    whole = [one for one in plans if one.steps >= WANTED and fits(one, SEEDS)]
+    parts = [
+        one for one in plans if one.steps <= WANTED and (fits(one, SEEDS[:1]) or is_short(one))
+    ]
+    return (whole or parts or [plan])[-1]
 
 
 def _longer(plan: TrainingPlan) -> Iterator[TrainingPlan]:

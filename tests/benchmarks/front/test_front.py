@@ -5,6 +5,7 @@ import json
 import pytest
 
 from benchmarks.front.budgets import enter
+from benchmarks.front.growth import load as load_growth
 from benchmarks.front.kept import Kept
 from benchmarks.front.report import REPORT, budget_rows, front_table, report
 from benchmarks.front.runs import CHOSEN_ON, FILE, PLAN, REPORTED_ON, STUDY
@@ -19,7 +20,7 @@ def test_scenes_to_choose_on_are_not_those_to_report_on():
 
 @pytest.mark.usefixtures("tyro_may_build")
 def test_the_document_is_that_of_the_records():
-    assert REPORT.read_text("utf8") == report(load(FILE), budget_rows())
+    assert REPORT.read_text("utf8") == report(load(FILE), budget_rows(), load_growth())
 
 
 def test_a_table_without_records_says_so():

@@ -50,6 +50,12 @@ def test_a_plan_of_all_seeds_fits_its_time(seconds, jobs, step):
         assert {r.seed for r in of_comparison} == set(SEEDS)
 
 
+def test_few_settings_at_a_telling_length_come_before_all_at_a_short_one():
+    names = (BASE, *(f"other{n}" for n in range(20)))
+    assert plan_for(900.0, 1, Pace(0.1), names, 30_000).steps == 500
+    assert plan_for(300.0, 1, Pace(0.1), names, 30_000).steps < 500
+
+
 def test_too_little_time_says_how_much_is_needed():
     with pytest.raises(ConfigError, match=r"Give --time \d+min or more"):
         plan_for(10.0, 1, Pace(0.05), NAMES, 30_000)
