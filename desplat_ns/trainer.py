@@ -42,7 +42,7 @@ from desplat_ns.training.checkpoint_files import (
 )
 from desplat_ns.training.checkpoint_record import SceneRecord
 from desplat_ns.training.optimizers import raised_rates
-from desplat_ns.training.run_length import rate_factor, schedule_scale
+from desplat_ns.training.run_length import rate_factor, schedule_scale, steps_for_visits
 from desplat_ns.training.schedules import scaled_optimizers
 from desplat_ns.training.step_guard import (
     GuardedModel,
@@ -60,6 +60,9 @@ class DeSplatTrainerConfig(TrainerConfig):
     _target: type = field(default_factory=lambda: DeSplatTrainer)
     nominal_num_iterations: int = 30000
     """The method's own number of steps (B.3); shorter runs shrink every schedule by their ratio."""
+    visits: float = 0.0
+    """Without `max_num_iterations`, as many steps as show each photo so often, the method's own
+    number at most; 0: that number, however few photos there are."""
     full_rate_visits: float = 0.0
     """Visits of each photo, steps over photos, for which the learning rates are meant. A run with
     fewer multiplies those of the static Gaussians, by 4 at most; 0: they are as they are given."""
@@ -155,6 +158,7 @@ class DeSplatTrainer(Trainer):
             ConfigError: a budget in which nothing can be trained.
         """
         self._decide_effects()
+        self._settle_length()
         self._plan_budget()
         super().setup(test_mode)
         if self._budgeted is not None:
@@ -177,6 +181,25 @@ class DeSplatTrainer(Trainer):
             record = SceneRecord.from_state(found[1]["pipeline"].get("_extra_state"))
             model.effects = model.effects.decided(Effects(**record.effects))
         self.config.save_config()
+
+    def _settle_length(self) -> None:
+        """With `visits`, and the method's own number of steps, as many as the photos ask for;
+        config.yml then has them."""
+        config, manager = self.config, self.config.pipeline.datamanager
+        nominal = config.nominal_num_iterations
+        if config.visits <= 0 or config.max_num_iterations != nominal:
+            return
+        assert isinstance(manager, DeSplatDataManagerConfig)
+        photos = len(training_split(manager).cameras)
+        config.max_num_iterations = steps_for_visits(config.visits, photos, nominal)
+        model = cast(StaticModelConfig, config.pipeline.model)
+        if model.schedule_scale == 1.0:  # as it was settled for `nominal` steps
+            model.schedule_scale = schedule_scale(config.max_num_iterations, nominal)
+        announce(
+            f"{config.max_num_iterations} steps: {photos} photos, {config.visits:g} visits of "
+            "each. --max-num-iterations gives another number."
+        )
+        config.save_config()
 
     def _plan_budget(self) -> None:
         """With a budget, settle the number of steps; config.yml then has it."""

@@ -27,6 +27,11 @@ def schedule_scale(max_num_iterations: int, nominal: int) -> float:
     return min(1.0, max_num_iterations / nominal)
 
 
+def steps_for_visits(visits: float, num_views: int, at_most: int) -> int:
+    """Steps in which each of the views is drawn `visits` times, `at_most` of them."""
+    return max(1, min(at_most, math.ceil(visits * num_views)))
+
+
 def scaled_steps(steps: int, scale: float) -> int:
     """`steps` times `scale`, rounded, at least 1. What is switched off (0 or below) stays so."""
     return max(1, round(steps * scale)) if steps > 0 else steps

@@ -13,6 +13,7 @@ from desplat_ns.training.run_length import (
     rate_factor,
     scaled_steps,
     schedule_scale,
+    steps_for_visits,
 )
 
 
@@ -68,3 +69,10 @@ def test_rates_are_raised_where_photos_are_seen_seldom_and_nowhere_else():
 def test_a_longer_run_never_has_higher_rates(views, steps, more):
     short, long = (rate_factor(views, n, 100.0) for n in (steps, steps + more))
     assert 1.0 <= long <= short <= MOST_RATE_FACTOR
+
+
+def test_visits_make_steps_up_to_the_methods_own_number():
+    assert steps_for_visits(25.0, 40, 30_000) == 1_000
+    assert steps_for_visits(0.5, 3, 30_000) == 2
+    assert steps_for_visits(150.0, 1_700, 30_000) == 30_000
+    assert steps_for_visits(25.0, 0, 30_000) == 1

@@ -58,6 +58,7 @@ CONTROL, BY_GRADIENTS = "pipeline.model.density_control", "gradients"
 NEUTRAL: Mapping[str, Any] = {
     "budget": "",
     "full_rate_visits": 0.0,
+    "visits": 0.0,
     CONTROL: BY_GRADIENTS,
     "pipeline.model.distractors.refine_when_next_seen": True,
     "pipeline.model.photos_per_coefficient": 0.0,

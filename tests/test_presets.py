@@ -1,0 +1,57 @@
+"""Presets: as long as the photos ask for; config.yml says how long that is."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from nerfstudio.configs.method_configs import all_methods
+
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.synthetic import Scene
+from tests.helpers.registered import set_up
+
+
+def preset(name: str, scene: Scene, output: Path, **changes: Any) -> Any:
+    assert scene.folder is not None
+    config: Any = copy.deepcopy(all_methods[name])
+    config.pipeline.datamanager.dataparser = RobustNerfDataParserConfig(data=scene.folder)
+    config.pipeline.model.effects.auto = False
+    config.output_dir, config.experiment_name, config.timestamp = output, "tiny", "run"
+    config.vis = "tensorboard"
+    for field, value in changes.items():
+        setattr(config, field, value)
+    config.save_config()  # as ns-train does
+    return config
+
+
+@pytest.mark.parametrize(("name", "visits"), [("desplat-quick", 25), ("desplat-best", 150)])
+def test_a_preset_is_as_long_as_the_photos_ask_for(name, visits, tiny_scene, tmp_path, capsys):
+    config = preset(name, tiny_scene, tmp_path)
+    trainer = set_up(config)
+    photos = len(trainer.pipeline.datamanager.train_image_names)
+    steps = visits * photos
+    assert trainer.config.max_num_iterations == steps
+    assert trainer.config.pipeline.model.schedule_scale == steps / 30_000
+    assert f"{steps} steps: {photos} photos" in " ".join(capsys.readouterr().out.split())
+    saved = yaml.load((config.get_base_dir() / "config.yml").read_text(), Loader=yaml.Loader)
+    assert saved.max_num_iterations == steps
+    assert saved.pipeline.model.schedule_scale == steps / 30_000
+    rate = trainer.optimizers.optimizers["scales"].param_groups[0]["lr"]
+    assert rate == pytest.approx(5e-3 * (3 if name == "desplat-quick" else 1))
+
+
+def test_a_number_of_steps_that_is_given_is_kept(tiny_scene, tmp_path):
+    config = preset("desplat-quick", tiny_scene, tmp_path, max_num_iterations=40)
+    assert set_up(config).config.max_num_iterations == 40
+
+
+def test_presets_differ_from_desplat_in_their_length_alone():
+    plain = vars(copy.deepcopy(all_methods["desplat"]))
+    for name in ("desplat-quick", "desplat-best"):
+        other = vars(all_methods[name])
+        apart = {field for field in plain if repr(plain[field]) != repr(other[field])}
+        assert apart == {"method_name", "visits"}
