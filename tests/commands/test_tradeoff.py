@@ -1,0 +1,95 @@
+"""`desplat-tradeoff` as its user meets it: once for real on a tiny capture, and its refusals."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.commands.survey import parser_arguments
+from desplat_ns.commands.tradeoff import Arguments, parse, study
+from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.studies.grid.executors import LocalExecutor
+from desplat_ns.studies.tradeoff import evaluation_level, plan
+from desplat_ns.studies.tradeoff import study as module
+from desplat_ns.studies.tradeoff.plan import BASE, TrainingPlan
+from desplat_ns.studies.tradeoff.results import RUNS
+from desplat_ns.studies.tradeoff.study import Request
+from desplat_ns.synthetic import Scene
+
+pytestmark = pytest.mark.usefixtures("tyro_may_build")
+
+
+@pytest.mark.slow
+def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, monkeypatch):
+    assert tiny_scene.folder is not None
+    settled = TrainingPlan(12, (BASE, "appearance-affine"), 12)
+    monkeypatch.setattr(module, "plan_for", lambda *_: settled)
+    monkeypatch.setattr(plan, "SEEDS", (42,))
+    monkeypatch.setattr(plan, "LADDER", (1.0,))
+    request = Request(
+        tiny_scene.folder, ("robustnerf-data",), tmp_path / "out", 300.0, 2, LocalExecutor(2)
+    )
+    monkeypatch.setattr(module, "MOST_FOR_PIXELS", 2.0)
+    monkeypatch.setattr(evaluation_level, "STEPS", (0, 8))
+    report = study(request)
+    found = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert found["failed"] == {} and found["left_out"] == []
+    assert {name.split("-capture")[0] for name in found["training"]} == set(settled.settings)
+    assert all(
+        [p["step"] for p in row["curve"]] == [3, 6, 12] for row in found["training"].values()
+    )
+    searched = [one["steps"] for one in found["evaluation"] if one["setting"] != BASE]
+    assert searched == [0, 8]
+    assert found["pixels"]["points"]
+    assert "data:image/jpeg;base64," in report.read_text()
+    models = [
+        path.parts[-5] for path in (tmp_path / "out" / RUNS).glob("*/*/*/*/nerfstudio_models")
+    ]
+    assert models == ["appearance-affine-capture-1-12-42"], "the others' are not needed any more"
+    before = (tmp_path / "out" / "training.json").read_bytes()
+    study(replace(request, seconds=301.0))
+    assert (tmp_path / "out" / "training.json").read_bytes() == before, "all of it was done"
+
+
+def test_options_of_the_data_parser_follow_its_name():
+    found, parser = parse(["photos", "--time", "5min", "colmap", "--downscale-factor", "2"])
+    assert (found.data, found.time) == (Path("photos"), "5min")
+    assert parser == ("colmap", "--downscale-factor", "2")
+    with pytest.raises(ConfigError, match="--tiem is no option of desplat-tradeoff"):
+        parse(["photos", "--tiem", "5min"])
+
+
+def test_options_that_cannot_be_are_named():
+    with pytest.raises(ConfigError, match="--time is 'soon'"):
+        Arguments(Path("photos"), time="soon").request(("colmap",))
+    with pytest.raises(ConfigError, match="--jobs is -1"):
+        Arguments(Path("photos"), jobs=-1).request(("colmap",))
+    assert Arguments(Path("photos")).request(("colmap",)).jobs >= 1
+
+
+def test_layouts_are_found_and_read_as_ns_train_would(tiny_scene: Scene, tmp_path: Path):
+    assert tiny_scene.folder is not None
+    found = parser_arguments(tiny_scene.folder)
+    assert found == ("colmap", "--images-path", "images", "--colmap-path", "sparse")
+    with pytest.raises(CaptureError, match="There is no folder"):
+        parser_arguments(tmp_path / "absent")
+    (tmp_path / "transforms.json").write_text("{}")
+    assert parser_arguments(tmp_path) == ()
+
+
+def test_a_capture_that_cannot_be_scored_is_refused(tiny_scene: Scene, tmp_path: Path):
+    assert tiny_scene.folder is not None
+    folder = tmp_path / "capture"
+    shutil.copytree(tiny_scene.folder, folder)
+    for photo in (folder / "images").glob("*extra*"):
+        photo.unlink()
+    options = ("robustnerf-data",)
+    request = Request(folder, options, tmp_path / "out", 60.0, 1, LocalExecutor(1))
+    with pytest.raises(CaptureError, match=r"extra|held out"):
+        module.open_study(request)
+    with pytest.raises(CaptureError, match="There is no folder"):
+        module.open_study(replace(request, data=tmp_path / "absent"))
