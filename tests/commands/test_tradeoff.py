@@ -34,7 +34,8 @@ def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, mo
         tiny_scene.folder, ("robustnerf-data",), tmp_path / "out", 300.0, 2, LocalExecutor(2)
     )
     monkeypatch.setattr(module, "MOST_FOR_PIXELS", 2.0)
-    monkeypatch.setattr(evaluation_level, "STEPS", (0, 8))
+    for user in (evaluation_level, module):
+        monkeypatch.setattr(user, "STEPS", (0, 8))
     report = study(request)
     found = json.loads((tmp_path / "out" / "results.json").read_text())
     assert found["failed"] == {} and found["left_out"] == []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -55,19 +55,34 @@ def scores_as_trained(names: list[str], steps: int, records: Records) -> list[Sc
     ]
 
 
-def scores_by_steps(study: Study, setting: str, steps: int, folder: Path) -> list[Score]:
-    """Scores of a run with every number of steps, in a process of its own.
+def steps_in(seconds: float, a_step: float) -> tuple[int, ...]:
+    """The first of `STEPS` that can all be taken in a time.
+
+    Args:
+        a_step: seconds of a step, for all photos together.
+    """
+    number = len(STEPS)
+    while number > 0 and sum(STEPS[:number]) * a_step > seconds:
+        number -= 1
+    return STEPS[:number]
+
+
+def scores_by_steps(
+    study: Study, setting: str, steps: int, folder: Path, numbers: Sequence[int]
+) -> list[Score]:
+    """Scores of a run with several numbers of steps, in a process of its own.
 
     Args:
         steps: of a run of the comparison.
         folder: of what is trained.
+        numbers: some of `STEPS`.
 
     Raises:
         DeSplatError: it failed; the message names its log.
     """
     run = run_of(setting, steps)
     target = folder / run.name / "embedding_steps.json"
-    line = ["python", "-m", PROGRAM, config_of(study, run, folder), target, *STEPS]
+    line = ["python", "-m", PROGRAM, config_of(study, run, folder), target, *numbers]
     run_command(line, target.with_suffix(".log"))
     found: dict[str, Any] = json.loads(target.read_text("utf8"))
     return [_score(setting, int(number), figures) for number, figures in found.items()]

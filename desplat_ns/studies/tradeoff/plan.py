@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from desplat_ns.effects import AppearanceGrade, BackgroundGrade, Effects
@@ -63,6 +63,16 @@ class Compared:
         return Setting(METHOD, (*switches, *protocol, *self.options), self.what)
 
 
+def grades(settings: Mapping[str, Compared]) -> dict[str, Compared]:
+    """Those of `compared` that differ in nothing but the light of each photo, the base first."""
+    base = settings[BASE].effects
+    return {
+        name: one
+        for name, one in settings.items()
+        if replace(one.effects, appearance=base.appearance) == base and not one.options
+    }
+
+
 def compared(base: Effects) -> dict[str, Compared]:
     """What is compared, the base first; each other one differs from it in one thing.
 
@@ -102,13 +112,11 @@ def _switched(base: Effects) -> dict[str, Compared]:
     return {
         "distractors": Compared(on_off, replace(base, distractors=not base.distractors)),
         **{
-            f"appearance-{grade}": Compared(
-                f"appearance `{grade}`", replace(base, appearance=grade)
-            )
+            f"appearance-{grade}": Compared(f"appearance {grade}", replace(base, appearance=grade))
             for grade in grades
             if grade != base.appearance
         },
-        "background": Compared(f"background `{background}`", replace(base, background=background)),
+        "background": Compared(f"background {background}", replace(base, background=background)),
     }
 
 

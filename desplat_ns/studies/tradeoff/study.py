@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from desplat_ns.calibration.run_plan import expected_gaussians
 from desplat_ns.calibration.scenes import make_scene
@@ -16,7 +15,7 @@ from desplat_ns.errors import ConfigError, DeSplatError
 from desplat_ns.studies.grid import records
 from desplat_ns.studies.grid.execute import config_of, log_of
 from desplat_ns.studies.grid.executors import Executor
-from desplat_ns.studies.grid.records import Record, Records, State
+from desplat_ns.studies.grid.records import Figures, Record, Records, State
 from desplat_ns.studies.grid.runs import Run, Study
 from desplat_ns.studies.grid.settings import method_config
 from desplat_ns.studies.pixels.dial_study import measure_dials
@@ -25,6 +24,7 @@ from desplat_ns.studies.tradeoff.evaluation_level import (
     run_of,
     scores_as_trained,
     scores_by_steps,
+    steps_in,
     with_embeddings,
 )
 from desplat_ns.studies.tradeoff.pace import (
@@ -35,7 +35,7 @@ from desplat_ns.studies.tradeoff.pace import (
     fitting,
     plan_for,
 )
-from desplat_ns.studies.tradeoff.plan import Compared, TrainingPlan, compared, study_of
+from desplat_ns.studies.tradeoff.plan import Compared, TrainingPlan, compared, grades, study_of
 from desplat_ns.studies.tradeoff.results import RECORDS, RUNS, Results
 from desplat_ns.studies.tradeoff.subject import METHOD, Subject, subject_of
 
@@ -242,7 +242,7 @@ class Sitting:
         assert results.plan is not None
         study, steps = study_of(results.subject, results.plan), results.plan.steps
         lit = with_embeddings(self.compared)
-        plain = [name for name in self.compared if name not in lit]
+        plain = [name for name in grades(self.compared) if name not in lit]
         kept = [one for one in results.evaluation if one["steps"] is not None]
         kept += map(asdict, scores_as_trained(plain, steps, known))
         for name in lit:
@@ -250,22 +250,25 @@ class Sitting:
             record = known.get(run_of(name, steps).name)
             if record is None or any(one["setting"] == name for one in kept):
                 continue
-            if self._seconds_to_search(record.figures) > self.clock.left:
-                results.left_out.append(label)
+            numbers = self._steps_to_search(record.figures)
+            if len(numbers) < len(STEPS):
+                results.left_out.append(f"{label} with all numbers of steps")
+            if len(numbers) < 2:
                 continue
             self._tell(label)
             try:
-                kept += map(asdict, scores_by_steps(study, name, steps, self._runs))
+                kept += map(asdict, scores_by_steps(study, name, steps, self._runs, numbers))
                 results.failed.pop(label, None)
             except Exception as error:
                 self._fail(label, error)
         results.evaluation = kept
         self.save()
 
-    def _seconds_to_search(self, figures: Any) -> float:
-        """Expected: as long for a step as when the run was scored with B.3's 128."""
-        each = figures.get("embedding_seconds", 0.0) * sum(STEPS) / 128
-        return START_SECONDS + self.results.subject.held_out * each
+    def _steps_to_search(self, figures: Figures) -> tuple[int, ...]:
+        """Numbers of steps for which time is left, by what the run's own scoring took."""
+        settings = method_config(METHOD).pipeline.evaluation
+        a_step = figures.get("embedding_seconds", 0.0) / settings.steps
+        return steps_in(self.clock.left - START_SECONDS, a_step * self.results.subject.held_out)
 
     def _fail(self, name: str, error: Exception, more: str = "") -> None:
         said = str(error) if isinstance(error, DeSplatError) else f"{type(error).__name__}: {error}"

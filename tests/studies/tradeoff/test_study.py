@@ -47,7 +47,7 @@ def no_rasterizer(*_):
     raise DeSplatError("no rasterizer today")
 
 
-def scores(study, setting, steps, folder) -> list[Score]:
+def scores(study, setting, steps, folder, numbers) -> list[Score]:
     return [Score(setting, number, 20.0 + number / 100, 0.5) for number in (0, 8)]
 
 
