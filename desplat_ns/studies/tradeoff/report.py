@@ -38,6 +38,9 @@ from desplat_ns.studies.tradeoff.summary import (
 FILE = "report.html"
 TEMPLATE = Path(__file__).with_name("report.html.jinja")
 
+MORE = {"ssim": "SSIM", "lpips": "LPIPS", "mask_iou": "mask IoU"}
+"""Figures of a run beside its PSNR, as the table calls them."""
+
 GROUPS = (RASTERIZING, ANTIALIASING, APPEARANCE)
 """Of the rasterizers' dials, in their order."""
 
@@ -53,7 +56,7 @@ class Row:
     steps: str
     psnr: str
     more: tuple[str, ...]
-    """SSIM, LPIPS, mask IoU."""
+    """Of `MORE`, those that were measured of any run."""
     wall: str
     cpu: str
     static: str
@@ -83,6 +86,7 @@ def write_report(folder: Path, results: Results, records: Records) -> Path:
         results=results,
         seeds=len(SEEDS),
         rows=training_rows(found, results),
+        more=[MORE[name] for name in measured_of(found)],
         within=told_within(found),
         reached=told_reached(found),
         on_the_front=front_in_words(found),
@@ -115,7 +119,7 @@ def training_rows(found: Sequence[Measured], results: Results) -> list[Row]:
             settings[one.setting].what,
             f"{one.steps:,}",
             spread(one.psnr, ".2f"),
-            tuple(_figure(one, name, ".3f") for name in ("ssim", "lpips", "mask_iou")),
+            tuple(_figure(one, name, ".3f") for name in measured_of(ends)),
             spread(one.wall, ".0f"),
             _figure(one, "train_cpu_seconds", ".0f"),
             _figure(one, "num_static_gaussians", ",.0f", alone=True),
@@ -127,6 +131,11 @@ def training_rows(found: Sequence[Measured], results: Results) -> list[Row]:
         )
         for index, one in enumerate(ends)
     ]
+
+
+def measured_of(found: Sequence[Measured]) -> list[str]:
+    """Those of `MORE` that were measured of any run."""
+    return [name for name in MORE if any(name in one.figures for one in found)]
 
 
 def spread(values: Spread, form: str) -> str:

@@ -133,7 +133,7 @@ def verdict(one: Measured, base: Measured | None) -> str:
         return ""
     difference = one.psnr.median - base.psnr.median
     if min(one.seeds, base.seeds) < len(SEEDS):
-        return f"{difference:+.2f} dB, too few seeds for a claim"
+        return f"{difference:+.2f} dB, no claim"
     if one.psnr.overlaps(base.psnr):
         return f"{difference:+.2f} dB, within the spread"
     return f"{difference:+.2f} dB, with every seed"

@@ -29,7 +29,7 @@ def test_a_difference_is_claimed_only_with_all_seeds_and_apart():
     assert verdict(one((20.3, 20.4, 20.5)), base) == "+0.30 dB, with every seed"
     assert verdict(one((20.1, 20.4, 20.5)), base) == "+0.30 dB, within the spread"
     assert verdict(one((19.0, 19.1, 19.2)), base) == "-1.00 dB, with every seed"
-    assert verdict(one((25.0,)), base) == "+4.90 dB, too few seeds for a claim"
+    assert verdict(one((25.0,)), base) == "+4.90 dB, no claim"
     assert verdict(base, base) == verdict(base, None) == ""
 
 
