@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from threading import Lock
+from threading import Event, Lock
 from typing import Any, Literal, Protocol, runtime_checkable
 
 from desplat_ns.errors import DeSplatError
@@ -59,19 +59,27 @@ class LocalExecutor:
 
     def do(self, study: Study, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
         """See `Executor`."""
-        coming, done, asking = iter(runs), list[bool](), Lock()
+        coming, done, asking, over = iter(runs), list[bool](), Lock(), Event()
 
         def work() -> None:
-            while True:
-                with asking:
-                    run = next(coming, None)
-                if run is None:
-                    return
-                done.append(keep(run, outcome(study, run, folder)))
+            try:
+                while not over.is_set():
+                    with asking:
+                        run = next(coming, None)
+                    if run is None:
+                        return
+                    done.append(keep(run, outcome(study, run, folder)))
+            except BaseException:  # nobody is to begin another run
+                over.set()
+                raise
 
         with ThreadPoolExecutor(self.jobs) as pool:
-            for worker in [pool.submit(work) for _ in range(self.jobs)]:
-                worker.result()
+            workers = [pool.submit(work) for _ in range(self.jobs)]
+            try:
+                for worker in workers:
+                    worker.result()
+            finally:
+                over.set()  # where this thread was interrupted
         return done
 
 

@@ -86,6 +86,7 @@ def open_study(request: Request) -> Results:
             f"{request.output} holds the study of another capture or data parser: {options}. "
             "Name another --output, or that capture to go on with it."
         )
+    found.jobs = request.jobs
     return found
 
 
@@ -204,13 +205,21 @@ class Sitting:
             yield run
 
     def _keep(self, study: Study, pace: Pace, run: Run, found: Record | Exception) -> bool:
-        """Record a run and make room; False if it failed, which is said."""
+        """Record a run and make room; False if it failed, which is said.
+
+        Raises:
+            ConfigError: nothing can be written, for instance because the disk is full.
+        """
+        if isinstance(found, Record):
+            try:
+                records.enter(self._folder / RECORDS, run, found)
+            except OSError as error:
+                found = error
         if isinstance(found, Exception):
             log = "" if isinstance(found, DeSplatError) else f" Its log: {log_of(run, self._runs)}"
             self._fail(run.name, found, log)
             self.save()
             return False
-        records.enter(self._folder / RECORDS, run, found)
         took, training = self.clock.spent - self._begun[run], found.figures["train_wall_seconds"]
         pace.add(run, took, training)
         self.results.failed.pop(run.name, None)

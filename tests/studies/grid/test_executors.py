@@ -117,6 +117,23 @@ def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(monkeypatch, tmp
     assert events == [(what, seed) for seed in range(3) for what in ("asked", "done")]
 
 
+def test_no_further_run_begins_once_a_record_cannot_be_kept(monkeypatch, tmp_path):
+    asked = []
+
+    def coming():
+        for seed in range(100):
+            asked.append(seed)
+            yield replace(RUNS[0], seed=seed)
+
+    def keep(run: Run, outcome: Record | Exception) -> bool:
+        raise DeSplatError("the disk is full")
+
+    monkeypatch.setattr(executors, "outcome", lambda study, run, folder: DeSplatError("no"))
+    with pytest.raises(DeSplatError, match="the disk is full"):
+        LocalExecutor(2).do(STUDY, coming(), tmp_path, keep)
+    assert len(asked) <= 2
+
+
 def test_executors_have_names():
     assert executor_of("local", 3, None) == LocalExecutor(3)
     assert executor_of("ray", 2, "here:1") == RayExecutor("here:1", 2)

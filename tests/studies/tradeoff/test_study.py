@@ -10,13 +10,14 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import ConfigError, DeSplatError
+from desplat_ns.studies.grid import records as module_records
 from desplat_ns.studies.tradeoff import pace, study
 from desplat_ns.studies.tradeoff.evaluation_level import Score
 from desplat_ns.studies.tradeoff.pace import Pace
 from desplat_ns.studies.tradeoff.report import write_report
 from desplat_ns.studies.tradeoff.results import FILE, RECORDS, Results
 from desplat_ns.studies.tradeoff.study import Request, Sitting, open_study
-from tests.helpers.tradeoff import SUBJECT, MadeUpExecutor, failing
+from tests.helpers.tradeoff import SUBJECT, MadeUpExecutor, failing, made_up
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
 
@@ -102,6 +103,21 @@ def test_another_sitting_goes_on_with_what_is_missing(time, tmp_path, monkeypatc
     more, after = sit(tmp_path, time, 1200.0)
     assert after.done and not set(after.done) & set(before.done)
     assert len(more.results.left_out) < len(first.results.left_out)
+
+
+def test_a_full_disk_ends_a_study_with_what_to_do(time, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    def fail_later(study, run):
+        monkeypatch.setattr(module_records, "enter", full)
+        monkeypatch.setattr(Path, "write_text", full)
+        return made_up(study, run)
+
+    with pytest.raises(ConfigError, match="Make room"):
+        sit(tmp_path, time, 600.0, fail_later)
+    monkeypatch.undo()
+    assert Results.load(tmp_path) is not None, "what was there can be gone on with"
 
 
 def test_too_little_time_for_one_training_is_refused(time, tmp_path):
