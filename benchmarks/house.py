@@ -30,6 +30,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("", "static_model", "pipeline"),
     ("model",),
     ("calibration",),
+    ("", "run_config"),
     ("trainer",),
     ("method_configs",),
     ("", "studies"),

@@ -6,13 +6,12 @@ nerfstudio's loop does the training; here is only what it leaves open.
 from __future__ import annotations
 
 import copy
-import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, cast
 
 from nerfstudio.engine.optimizers import Optimizers
-from nerfstudio.engine.trainer import Trainer, TrainerConfig
+from nerfstudio.engine.trainer import Trainer
 from nerfstudio.utils.decorators import check_main_thread
 from nerfstudio.utils.misc import step_check
 from nerfstudio.utils.rich_utils import CONSOLE
@@ -20,29 +19,19 @@ from torch.cuda.amp.grad_scaler import GradScaler
 
 from desplat_ns.calibration.budgeted_run import BudgetedRun, process_started
 from desplat_ns.console import announce
-from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
-from desplat_ns.effects import Effects
-from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.errors import CheckpointError
 from desplat_ns.gaussians.strategy import NEVER
-from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.model import DeSplatModel
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
-from desplat_ns.options import check_finite_options
 from desplat_ns.pipeline import DeSplatPipeline
-from desplat_ns.static_model import StaticModelConfig
-from desplat_ns.survey.decide import decided_effects
+from desplat_ns.run_config import RunConfig, SavedRun
 from desplat_ns.training import resume
-from desplat_ns.training.budget import seconds_of
 from desplat_ns.training.checkpoint_files import (
-    checkpoint_folder,
     checkpoint_path,
-    load_checkpoint,
-    load_newest,
     remove_others,
     save_atomically,
 )
-from desplat_ns.training.checkpoint_record import SceneRecord
 from desplat_ns.training.optimizers import raised_rates
-from desplat_ns.training.run_length import rate_factor, schedule_scale, steps_for_visits
 from desplat_ns.training.schedules import scaled_optimizers
 from desplat_ns.training.step_guard import (
     GuardedModel,
@@ -54,77 +43,10 @@ from desplat_ns.training.stop_signals import EndAtOnce, on_stop_signal
 
 
 @dataclass
-class DeSplatTrainerConfig(TrainerConfig):
-    """Configuration of a training run. `max_num_iterations` is its total, resumed or not."""
+class DeSplatTrainerConfig(RunConfig):
+    """Configuration of a training run; see `RunConfig`."""
 
     _target: type = field(default_factory=lambda: DeSplatTrainer)
-    nominal_num_iterations: int = 30000
-    """The method's own number of steps (B.3); shorter runs shrink every schedule by their ratio."""
-    visits: float = 0.0
-    """Without `max_num_iterations`, as many steps as show each photo so often, the method's own
-    number at most; 0: that number, however few photos there are."""
-    full_rate_visits: float = 0.0
-    """Visits of each photo, steps over photos, for which the learning rates are meant. A run with
-    fewer multiplies those of the static Gaussians, by 4 at most; 0: they are as they are given."""
-    max_skipped_steps: int = 10
-    """A step whose loss or gradient is not finite is skipped; after so many, in all, the run is
-    saved and stops."""
-
-    budget: str = ""
-    """Wall time for the run, for example 10min: start-up, training and saving. Steps and the size
-    of photos are then chosen, at most `max_num_iterations` steps, and corrected on the way."""
-
-    def resolve_schedule_scale(self) -> float:
-        """Settle the model's `schedule_scale`, from the numbers of steps where it is None.
-
-        Once settled it stays, whatever becomes of the numbers of steps.
-        Raises ConfigError where it is not a positive number.
-        """
-        model = cast(StaticModelConfig, self.pipeline.model)
-        scale = model.schedule_scale
-        if scale is None:
-            scale = schedule_scale(self.max_num_iterations, self.nominal_num_iterations)
-            model.schedule_scale = scale
-        if not (math.isfinite(scale) and scale > 0):
-            raise ConfigError(
-                f"--pipeline.model.schedule-scale is {scale}; it has to be above 0, for example "
-                "0.1 for schedules a tenth as long. Leave it out to derive it from the number of "
-                "steps."
-            )
-        return scale
-
-    def save_config(self) -> None:
-        """Save config.yml with the schedule scale settled: ns-eval has no trainer to do it.
-
-        ns-train calls it before it starts any process. Raises ConfigError where there would be
-        several.
-        """
-        self._refuse_several_processes()
-        self.resolve_schedule_scale()
-        super().save_config()
-
-    def setup(self, **kwargs: Any) -> Any:
-        """Build the trainer, the schedule scale settled before it builds the pipeline.
-
-        Raises ConfigError where an option is no finite number or no time, or for several processes.
-        """
-        self._refuse_several_processes()
-        self.resolve_schedule_scale()
-        check_finite_options(self)
-        if self.budget:
-            seconds_of(self.budget)
-        return super().setup(**kwargs)
-
-    def _refuse_several_processes(self) -> None:
-        machine = self.machine
-        count = machine.num_devices * machine.num_machines
-        if count > 1:
-            raise ConfigError(
-                f"--machine.num-devices {machine.num_devices} and --machine.num-machines "
-                f"{machine.num_machines} ask for {count} processes; this method trains in one. "
-                "Densification replaces the parameters in each process by itself, and the copies "
-                "would drift apart. Leave both at 1."
-            )
 
 
 class DeSplatTrainer(Trainer):
@@ -143,6 +65,7 @@ class DeSplatTrainer(Trainer):
         self._guard = StepGuard(config.max_skipped_steps)
         self._steps_done = 0
         self._loaded_from: Path | None = None
+        self._saved: SavedRun | None = None
         self._saved_rng: dict[str, Any] | None = None
         self._waiting_in_viewer = False
         self._started = process_started()
@@ -157,77 +80,15 @@ class DeSplatTrainer(Trainer):
             CheckpointError: one that cannot be gone on from.
             ConfigError: a budget in which nothing can be trained.
         """
-        self._decide_effects()
-        self._settle_length()
-        self._plan_budget()
+        self._saved = self.config.saved_run()
+        self.config.decide_effects(self._saved, self.base_dir)
+        self.config.settle_length()
+        self._budgeted = self.config.plan_budget(self._saved, self._started)
         super().setup(test_mode)
         if self._budgeted is not None:
             schedulers, optimizers = self.optimizers.schedulers, self.optimizers.optimizers
             model = cast(DeSplatModel, self.pipeline.model)
             self._budgeted.attach(model, schedulers.values(), optimizers.values())
-
-    def _decide_effects(self) -> None:
-        """With `effects.auto` those of the checkpoint, or those that the capture calls for;
-        config.yml then has them, for ns-eval and the next resume."""
-        model, manager = self.config.pipeline.model, self.config.pipeline.datamanager
-        if not (isinstance(model, StaticModelConfig) and model.effects.is_open):
-            return
-        assert isinstance(manager, DeSplatDataManagerConfig)
-        found = self._read_checkpoint()
-        if found is None:
-            split = training_split(manager)
-            model.effects = decided_effects(model.effects, split, self.base_dir)
-        else:
-            record = SceneRecord.from_state(found[1]["pipeline"].get("_extra_state"))
-            model.effects = model.effects.decided(Effects(**record.effects))
-        self.config.save_config()
-
-    def _settle_length(self) -> None:
-        """With `visits`, and the method's own number of steps, as many as the photos ask for;
-        config.yml then has them."""
-        config, manager = self.config, self.config.pipeline.datamanager
-        nominal = config.nominal_num_iterations
-        if config.visits <= 0 or config.max_num_iterations != nominal:
-            return
-        assert isinstance(manager, DeSplatDataManagerConfig)
-        photos = len(training_split(manager).cameras)
-        config.max_num_iterations = steps_for_visits(config.visits, photos, nominal)
-        model = cast(StaticModelConfig, config.pipeline.model)
-        if model.schedule_scale == 1.0:  # as it was settled for `nominal` steps
-            model.schedule_scale = schedule_scale(config.max_num_iterations, nominal)
-        announce(
-            f"{config.max_num_iterations} steps: {photos} photos, {config.visits:g} visits of "
-            "each. --max-num-iterations gives another number."
-        )
-        config.save_config()
-
-    def _plan_budget(self) -> None:
-        """With a budget, settle the number of steps; config.yml then has it."""
-        config, model = self.config, self.config.pipeline.model
-        manager = config.pipeline.datamanager
-        if not config.budget:
-            return
-        assert isinstance(model, DeSplatModelConfig)
-        assert isinstance(manager, DeSplatDataManagerConfig)
-        found = self._read_checkpoint()
-        if found is not None and "budget" not in found[1]:
-            raise ConfigError(
-                f"--budget goes on only with a run that had one, and that of {found[0]} had none. "
-                "Leave --budget out and give --max-num-iterations, the total of steps."
-            )
-        self._budgeted = BudgetedRun(
-            seconds_of(config.budget),
-            self._started,
-            training_split(manager),
-            model,
-            (config.max_num_iterations, config.nominal_num_iterations),
-            config.machine.device_type,
-            None if found is None else found[1]["budget"],
-        )
-        config.max_num_iterations = self._budgeted.state.steps
-        config.steps_per_eval_batch = config.steps_per_eval_image = 0
-        config.steps_per_eval_all_images = 0
-        config.save_config()
 
     def setup_optimizers(self) -> Optimizers:
         """Optimizers whose learning rates follow the schedules of this run's length."""
@@ -235,27 +96,12 @@ class DeSplatTrainer(Trainer):
         scale = config.resolve_schedule_scale()
         if scale != 1.0:
             CONSOLE.print(f"Schedules are scaled by {scale:g}, for a run of this length.")
-        optimizers = scaled_optimizers(raised_rates(config.optimizers, self._rate_factor()), scale)
-        return GuardedOptimizers(optimizers, self.pipeline.get_param_groups(), self._may_step)
-
-    def _rate_factor(self) -> float:
-        """By how much learning rates are raised; said where they are."""
-        config = self.config
-        if config.full_rate_visits == 0:
-            return 1.0
-        steps = (
-            config.max_num_iterations
-            if self._budgeted is None
-            else self._budgeted.state.first_steps
-        )
+        budget = self._budgeted
+        steps = config.max_num_iterations if budget is None else budget.state.first_steps
         photos = len(cast(DeSplatPipeline, self.pipeline).datamanager.train_image_names)
-        factor = rate_factor(photos, steps, config.full_rate_visits)
-        if factor != 1.0:
-            CONSOLE.print(
-                f"Learning rates are {factor:.3g} times as high: each photo is seen "
-                f"{steps / photos:.3g} times, and they are meant for {config.full_rate_visits:g}."
-            )
-        return factor
+        raised = raised_rates(config.optimizers, config.rate_factor(photos, steps))
+        optimizers = scaled_optimizers(raised, scale)
+        return GuardedOptimizers(optimizers, self.pipeline.get_param_groups(), self._may_step)
 
     @property
     def _model(self) -> GuardedModel:
@@ -356,7 +202,7 @@ class DeSplatTrainer(Trainer):
 
     def _load_checkpoint(self) -> None:
         """Go on from --load-checkpoint or --load-dir, if given. Raises CheckpointError."""
-        found = self._read_checkpoint()
+        found, self._saved = self._saved, None
         if found is None:
             CONSOLE.print("No checkpoint given: training from scratch.")
             return
@@ -384,19 +230,6 @@ class DeSplatTrainer(Trainer):
         if "sampler" in state:
             cast(DeSplatPipeline, self.pipeline).datamanager.load_sampler_state(state["sampler"])
         self._saved_rng = state.get("rng")
-
-    def _read_checkpoint(self) -> tuple[Path, dict[str, Any]] | None:
-        config = self.config
-        if config.load_dir is not None:
-            folder = checkpoint_folder(config.load_dir, config.relative_model_dir)
-            if config.load_step is None:
-                return load_newest(folder)
-            path = checkpoint_path(folder, config.load_step)
-        elif config.load_checkpoint is not None:
-            path = config.load_checkpoint
-        else:
-            return None
-        return path, load_checkpoint(path)
 
     def _say_nothing_is_left(self) -> None:
         announce(

@@ -29,6 +29,7 @@ class StubDatamanager:
     """Draws training views without replacement, as the real one does."""
 
     def __init__(self) -> None:
+        self.train_image_names = [f"{number}.png" for number in range(5)]
         self.train_dataset = [0, 1, 2, 3, 4]
         self.eval_dataset = None
         self.left: list[int] = []

@@ -1,0 +1,208 @@
+"""Settings of a training run, and what is settled of them before it starts: the length of its
+schedules, its effects, its steps. config.yml then has them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from nerfstudio.engine.trainer import TrainerConfig
+from nerfstudio.utils.rich_utils import CONSOLE
+
+from desplat_ns.calibration.budgeted_run import BudgetedRun
+from desplat_ns.console import announce
+from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
+from desplat_ns.effects import Effects
+from desplat_ns.errors import ConfigError
+from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.options import check_finite_options
+from desplat_ns.static_model import StaticModelConfig
+from desplat_ns.survey.decide import decided_effects
+from desplat_ns.training.budget import seconds_of
+from desplat_ns.training.checkpoint_files import (
+    checkpoint_folder,
+    checkpoint_path,
+    load_checkpoint,
+    load_newest,
+)
+from desplat_ns.training.checkpoint_record import SceneRecord
+from desplat_ns.training.run_length import rate_factor, schedule_scale, steps_for_visits
+
+SavedRun = tuple[Path, dict[str, Any]]
+"""A checkpoint's file and what it holds."""
+
+
+@dataclass
+class RunConfig(TrainerConfig):
+    """Settings of a training run. `max_num_iterations` is its total, resumed or not."""
+
+    nominal_num_iterations: int = 30000
+    """The method's own number of steps (B.3); shorter runs shrink every schedule by their ratio."""
+    visits: float = 0.0
+    """Without `max_num_iterations`, as many steps as show each photo so often, the method's own
+    number at most; 0: that number, however few photos there are."""
+    full_rate_visits: float = 0.0
+    """Visits of each photo, steps over photos, for which the learning rates are meant. A run with
+    fewer multiplies those of the static Gaussians, by 4 at most; 0: they are as they are given."""
+    max_skipped_steps: int = 10
+    """A step whose loss or gradient is not finite is skipped; after so many, in all, the run is
+    saved and stops."""
+
+    budget: str = ""
+    """Wall time for the run, for example 10min: start-up, training and saving. Steps and the size
+    of photos are then chosen, at most `max_num_iterations` steps, and corrected on the way."""
+
+    def resolve_schedule_scale(self) -> float:
+        """Settle the model's `schedule_scale`, from the numbers of steps where it is None.
+
+        Once settled it stays, whatever becomes of the numbers of steps.
+        Raises ConfigError where it is not a positive number.
+        """
+        model = cast(StaticModelConfig, self.pipeline.model)
+        scale = model.schedule_scale
+        if scale is None:
+            scale = schedule_scale(self.max_num_iterations, self.nominal_num_iterations)
+            model.schedule_scale = scale
+        if not (math.isfinite(scale) and scale > 0):
+            raise ConfigError(
+                f"--pipeline.model.schedule-scale is {scale}; it has to be above 0, for example "
+                "0.1 for schedules a tenth as long. Leave it out to derive it from the number of "
+                "steps."
+            )
+        return scale
+
+    def save_config(self) -> None:
+        """Save config.yml with the schedule scale settled: ns-eval has no trainer to do it.
+
+        ns-train calls it before it starts any process. Raises ConfigError where there would be
+        several.
+        """
+        self._refuse_several_processes()
+        self.resolve_schedule_scale()
+        super().save_config()
+
+    def setup(self, **kwargs: Any) -> Any:
+        """Build the trainer, the schedule scale settled before it builds the pipeline.
+
+        Raises ConfigError where an option is no finite number or no time, or for several processes.
+        """
+        self._refuse_several_processes()
+        self.resolve_schedule_scale()
+        check_finite_options(self)
+        if self.budget:
+            seconds_of(self.budget)
+        return super().setup(**kwargs)
+
+    def _refuse_several_processes(self) -> None:
+        machine = self.machine
+        count = machine.num_devices * machine.num_machines
+        if count > 1:
+            raise ConfigError(
+                f"--machine.num-devices {machine.num_devices} and --machine.num-machines "
+                f"{machine.num_machines} ask for {count} processes; this method trains in one. "
+                "Densification replaces the parameters in each process by itself, and the copies "
+                "would drift apart. Leave both at 1."
+            )
+
+    def decide_effects(self, saved: SavedRun | None, folder: Path) -> None:
+        """With `effects.auto` those of the checkpoint, or those that the capture calls for;
+        config.yml then has them, for ns-eval and the next resume.
+
+        Args:
+            saved: what the run goes on from.
+            folder: of the run, for the survey's findings.
+
+        Raises:
+            CaptureError: photos that cannot be surveyed.
+        """
+        model, manager = self.pipeline.model, self.pipeline.datamanager
+        if not (isinstance(model, StaticModelConfig) and model.effects.is_open):
+            return
+        assert isinstance(manager, DeSplatDataManagerConfig)
+        if saved is None:
+            split = training_split(manager)
+            model.effects = decided_effects(model.effects, split, folder)
+        else:
+            record = SceneRecord.from_state(saved[1]["pipeline"].get("_extra_state"))
+            model.effects = model.effects.decided(Effects(**record.effects))
+        self.save_config()
+
+    def settle_length(self) -> None:
+        """With `visits`, and the method's own number of steps, as many as the photos ask for;
+        config.yml then has them."""
+        manager = self.pipeline.datamanager
+        nominal = self.nominal_num_iterations
+        if self.visits <= 0 or self.max_num_iterations != nominal:
+            return
+        assert isinstance(manager, DeSplatDataManagerConfig)
+        photos = len(training_split(manager).cameras)
+        self.max_num_iterations = steps_for_visits(self.visits, photos, nominal)
+        model = cast(StaticModelConfig, self.pipeline.model)
+        if model.schedule_scale == 1.0:  # as it was settled for `nominal` steps
+            model.schedule_scale = schedule_scale(self.max_num_iterations, nominal)
+        announce(
+            f"{self.max_num_iterations} steps: {photos} photos, {self.visits:g} visits of "
+            "each. --max-num-iterations gives another number."
+        )
+        self.save_config()
+
+    def plan_budget(self, saved: SavedRun | None, started: float) -> BudgetedRun | None:
+        """With a budget, settle the number of steps; config.yml then has it.
+
+        Args:
+            saved: what the run goes on from.
+            started: when the process was.
+
+        Raises:
+            ConfigError: nothing can be trained in it, or the saved run had none.
+        """
+        model, manager = self.pipeline.model, self.pipeline.datamanager
+        if not self.budget:
+            return None
+        assert isinstance(model, DeSplatModelConfig)
+        assert isinstance(manager, DeSplatDataManagerConfig)
+        if saved is not None and "budget" not in saved[1]:
+            raise ConfigError(
+                f"--budget goes on only with a run that had one, and that of {saved[0]} had none. "
+                "Leave --budget out and give --max-num-iterations, the total of steps."
+            )
+        budgeted = BudgetedRun(
+            seconds_of(self.budget),
+            started,
+            training_split(manager),
+            model,
+            (self.max_num_iterations, self.nominal_num_iterations),
+            self.machine.device_type,
+            None if saved is None else saved[1]["budget"],
+        )
+        self.max_num_iterations = budgeted.state.steps
+        self.steps_per_eval_batch = self.steps_per_eval_image = 0
+        self.steps_per_eval_all_images = 0
+        self.save_config()
+        return budgeted
+
+    def rate_factor(self, photos: int, steps: int) -> float:
+        """By how much learning rates are raised in a run; said where they are."""
+        factor = rate_factor(photos, steps, self.full_rate_visits)
+        if factor != 1.0:
+            CONSOLE.print(
+                f"Learning rates are {factor:.3g} times as high: each photo is seen "
+                f"{steps / photos:.3g} times, and they are meant for {self.full_rate_visits:g}."
+            )
+        return factor
+
+    def saved_run(self) -> SavedRun | None:
+        """What --load-checkpoint or --load-dir names. Raises CheckpointError."""
+        if self.load_dir is not None:
+            folder = checkpoint_folder(self.load_dir, self.relative_model_dir)
+            if self.load_step is None:
+                return load_newest(folder)
+            path = checkpoint_path(folder, self.load_step)
+        elif self.load_checkpoint is not None:
+            path = self.load_checkpoint
+        else:
+            return None
+        return path, load_checkpoint(path)
