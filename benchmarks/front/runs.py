@@ -55,10 +55,9 @@ PLAN = (
     *_runs("base raised", "around yard16", 500, 3),
     *_runs("base raised", "around yard16 yard40", 1000, 3),
     *_runs("base-lit raised-lit", "relit", 1000, 3),
-    *_runs("base-lit raised-lit", "sacre", 1000, 3),
+    *_runs("base-lit raised-lit", "sacre", 250, 3),
     *_runs("base", "yard8", 1000, 3),
     *_runs("coefficients", FEW_VIEWS, 1000, 3),
-    *_runs("raised", "clutter", 2000, 3),
 )
 
 FOUND = {name: SCENES[name] for name in (*CHOSEN_ON, *REPORTED_ON) if name not in LIT}

@@ -1,8 +1,14 @@
-"""What `desplat-tradeoff` said of four captures, side by side."""
+"""What `desplat-tradeoff` said of four captures, side by side.
+
+python -m benchmarks.front.studies FOLDER=NAME ...    (an output of desplat-tradeoff, its capture)
+"""
 
 from __future__ import annotations
 
 import json
+import shutil
+import sys
+from pathlib import Path
 from typing import Any
 
 from benchmarks.documents import DOCS
@@ -23,6 +29,22 @@ def results() -> dict[str, dict[str, Any]]:
     """By the names of the captures."""
     found = sorted(FOLDER.glob("*.json"))
     return {path.stem: json.loads(path.read_text("utf8")) for path in found}
+
+
+def keep(output: Path, name: str) -> Path:
+    """Copy a study's figures and the plot of its trainings, without what is the machine's.
+
+    Args:
+        name: of the capture.
+    """
+    content = json.loads((output / "results.json").read_text("utf8"))
+    content["subject"]["data"] = name
+    content["failed"] = sorted(content["failed"])
+    FOLDER.mkdir(exist_ok=True)
+    target = FOLDER / f"{name}.json"
+    target.write_text(json.dumps(content, indent=1) + "\n", "utf8")
+    shutil.copyfile(output / "training.svg", FOLDER / f"{name}.svg")
+    return target
 
 
 def _measured(content: dict[str, Any]) -> list[Measured]:
@@ -82,3 +104,9 @@ def _cell(one: Measured, base: Measured) -> str:
     longer = one.wall.median / base.wall.median
     seeds = f", {one.seeds} seeds" if one.seeds > 1 else ""
     return f"{decibels:+.2f} dB, {longer:.2f} x{seeds}"
+
+
+if __name__ == "__main__":
+    for argument in sys.argv[1:]:
+        folder, _, name = argument.partition("=")
+        print(f"Wrote {keep(Path(folder), name)}.")
