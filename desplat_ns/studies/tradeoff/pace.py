@@ -13,13 +13,13 @@ from desplat_ns.datamanager import training_split
 from desplat_ns.errors import ConfigError
 from desplat_ns.studies.grid.runs import Run
 from desplat_ns.studies.grid.settings import parse
-from desplat_ns.studies.tradeoff.plan import BASE, SCENE, SEEDS, SHORTEST, TrainingPlan
+from desplat_ns.studies.tradeoff.plan import BACKEND, BASE, SCENE, SEEDS, SHORTEST, TrainingPlan
 from desplat_ns.studies.tradeoff.subject import METHOD, Subject
 
 START_SECONDS = 20.0
 """Of a run beside its steps, until one is done: imports, photos, evaluations."""
 
-DEARER = {"appearance-affine": 2.5, "relocation": 1.6}
+DEARER = {"appearance-affine": 2.5, "relocation": 1.6, BACKEND: 20.0}
 """Settings whose steps cost so many times the base's, until a run of theirs is done."""
 
 BESIDE_OTHERS = 1.25
@@ -133,7 +133,11 @@ def plan_for(
         )
 
     def fits(plan: TrainingPlan, seeds: tuple[int, ...]) -> bool:
-        runs = [run for run in plan.runs() if run.seed in seeds and run.steps <= 4 * plan.steps]
+        runs = [
+            run
+            for run in plan.runs()
+            if run.seed in seeds and run.steps <= 4 * plan.steps and run.setting != BACKEND
+        ]
         return sum(map(pace.seconds, runs)) <= seconds * jobs
 
     def is_short(plan: TrainingPlan) -> bool:

@@ -18,6 +18,10 @@ SCENE = "capture"
 BASE = "desplat"
 """The setting that the others are compared with: the method's defaults."""
 
+BACKEND = "torch"
+"""The setting with the backend that runs anywhere: it is compared in a short run, and last, for it
+takes many times as long."""
+
 LADDER = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Lengths of the base's runs, in lengths of the comparison."""
 
@@ -79,7 +83,12 @@ def compared(base: Effects) -> dict[str, Compared]:
     Args:
         base: the effects that the capture calls for.
     """
-    return {BASE: Compared("the defaults", base), **_dials(base), **_switched(base)}
+    return {
+        BASE: Compared("the defaults", base),
+        **_dials(base),
+        **_switched(base),
+        BACKEND: Compared("backend torch", base, (f"{MODEL}.backend", "torch")),
+    }
 
 
 def _dials(base: Effects) -> dict[str, Compared]:
@@ -127,15 +136,16 @@ class TrainingPlan:
     steps: int
     """Of a run of the comparison."""
     settings: tuple[str, ...]
-    """The base first."""
+    """Those that are compared at this length, the base first."""
     most: int
     """Steps of the method itself: no run has more."""
 
     def runs(self) -> tuple[Run, ...]:
         """All of them, each once: seed after seed the base's lengths, then every setting."""
-        return tuple(dict.fromkeys(run for seed in SEEDS for run in self._of_seed(seed))) + tuple(
-            self._run(BASE, LONGER, seed) for seed in SEEDS if self.steps * LONGER <= self.most
-        )
+        first = dict.fromkeys(run for seed in SEEDS for run in self._of_seed(seed))
+        longer = [self._run(BASE, LONGER, seed) for seed in SEEDS]
+        backend = self._run(BACKEND, LADDER[0], SEEDS[0])
+        return (*first, *(run for run in longer if run.steps <= self.most), backend)
 
     def _of_seed(self, seed: int) -> Iterator[Run]:
         *short, longest = (length for length in LADDER if self.steps * length <= self.most)

@@ -35,7 +35,14 @@ from desplat_ns.studies.tradeoff.pace import (
     fitting,
     plan_for,
 )
-from desplat_ns.studies.tradeoff.plan import Compared, TrainingPlan, compared, grades, study_of
+from desplat_ns.studies.tradeoff.plan import (
+    BACKEND,
+    Compared,
+    TrainingPlan,
+    compared,
+    grades,
+    study_of,
+)
 from desplat_ns.studies.tradeoff.results import RECORDS, RUNS, Results
 from desplat_ns.studies.tradeoff.subject import METHOD, Subject, subject_of
 
@@ -169,7 +176,8 @@ class Sitting:
         share = 1 - EVALUATION_SHARE if with_embeddings(self.compared) else 1.0
         until = Clock(share * self.clock.budget, self.clock.spent)
         if results.plan is None:
-            names, most = tuple(self.compared), config.max_num_iterations
+            names = tuple(name for name in self.compared if name != BACKEND)
+            most = config.max_num_iterations
             results.plan = plan_for(until.left, results.jobs, pace, names, most)
         study = study_of(results.subject, results.plan)
         done = set(self._known(study, pace))

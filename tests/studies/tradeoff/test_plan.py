@@ -8,7 +8,7 @@ import pytest
 
 from desplat_ns.effects import Effects
 from desplat_ns.studies.grid.settings import differences
-from desplat_ns.studies.tradeoff.plan import BASE, SEEDS, TrainingPlan, compared, study_of
+from desplat_ns.studies.tradeoff.plan import BACKEND, BASE, SEEDS, TrainingPlan, compared, study_of
 from tests.helpers.tradeoff import SUBJECT
 
 SWITCH = "pipeline.model.effects."
@@ -29,7 +29,7 @@ def test_each_setting_differs_from_the_base_in_one_thing(base):
 @pytest.mark.usefixtures("tyro_may_build")
 def test_the_method_understands_every_setting():
     study = study_of(SUBJECT, TrainingPlan(500, tuple(compared(SUBJECT.effects)), 30_000))
-    runs = {run.setting: run for run in study.plan if run.steps == 500}
+    runs = {run.setting: run for run in study.plan if run.steps == 500 or run.setting == BACKEND}
     base = study.settings_of(runs[BASE])
     assert base[SWITCH + "distractors"] is True and base[SCORED] == "right"
     for name, run in runs.items():
@@ -49,7 +49,8 @@ def test_every_run_is_there_once_and_the_base_comes_before_what_is_compared_with
     assert {(r.setting, r.seed) for r in runs if r.steps == 500} == set(
         product((BASE, "fewer"), SEEDS)
     )
-    assert [run.steps for run in runs[-3:]] == [4000] * 3
+    assert [run.steps for run in runs[-4:-1]] == [4000] * 3
+    assert (runs[-1].setting, runs[-1].steps) == (BACKEND, 125), "the slow backend comes last"
 
 
 def test_no_run_is_longer_than_the_method():
