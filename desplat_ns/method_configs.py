@@ -160,30 +160,32 @@ def _method(
     )
 
 
-desplat = _method(
-    "desplat",
-    "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU.",
-    desplat_model(EffectsConfig(auto=True)),
-    NerfstudioDataParserConfig(load_3D_points=True),
-    full_rate_visits=FULL_RATE_VISITS,
+def _desplat(name: str, description: str, visits: float = 0.0) -> MethodSpecification:
+    """`desplat`, or a preset of it: they differ in their length alone."""
+    return _method(
+        name,
+        description,
+        desplat_model(EffectsConfig(auto=True)),
+        NerfstudioDataParserConfig(load_3D_points=True),
+        full_rate_visits=FULL_RATE_VISITS,
+        visits=visits,
+    )
+
+
+desplat = _desplat(
+    "desplat", "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU."
 )
 
-desplat_quick = _method(
+desplat_quick = _desplat(
     "desplat-quick",
     "DeSplat for a first look: 25 visits of each photo, 1,000 steps for 40; minutes on a laptop.",
-    desplat_model(EffectsConfig(auto=True)),
-    NerfstudioDataParserConfig(load_3D_points=True),
-    full_rate_visits=FULL_RATE_VISITS,
-    visits=QUICK_VISITS,
+    QUICK_VISITS,
 )
 
-desplat_best = _method(
+desplat_best = _desplat(
     "desplat-best",
-    "DeSplat with 150 visits of each photo, 6,000 steps for 40: more gained nothing, as measured.",
-    desplat_model(EffectsConfig(auto=True)),
-    NerfstudioDataParserConfig(load_3D_points=True),
-    full_rate_visits=FULL_RATE_VISITS,
-    visits=BEST_VISITS,
+    "DeSplat with 150 visits of each photo, 6,000 steps for 40; for 24 photos or more.",
+    BEST_VISITS,
 )
 
 desplat_paper = _method(

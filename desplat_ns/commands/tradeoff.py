@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +13,11 @@ from desplat_ns.calibration.timing import all_cores
 from desplat_ns.commands.survey import parser_arguments
 from desplat_ns.console import announce, progress_in_time
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
-from desplat_ns.studies.grid.commands import ONE_THREAD
 from desplat_ns.studies.grid.executors import ExecutorName, executor_of
+from desplat_ns.studies.grid.settings import method_config
 from desplat_ns.studies.tradeoff.report import write_report
 from desplat_ns.studies.tradeoff.study import Request, Sitting, open_study
+from desplat_ns.studies.tradeoff.subject import METHOD
 from desplat_ns.training.budget import seconds_of
 
 MOST_JOBS = 8
@@ -40,7 +40,8 @@ class Arguments:
     """Folder for the report, its plots, results.json and what is trained. What is there already is
     gone on with."""
     jobs: int = 0
-    """Trainings beside each other, one thread each; 0: one for each core, eight at most."""
+    """Trainings beside each other, one thread each; 0: one on a GPU, else one for each core, eight
+    at most."""
     executor: ExecutorName = "local"
     """Where trainings are done: here, or on Ray."""
     ray_address: str | None = None
@@ -54,12 +55,17 @@ class Arguments:
             ConfigError: an option cannot be.
         """
         if self.jobs < 0:
-            raise ConfigError(f"--jobs is {self.jobs}; give 1 or more, or 0 for one each core.")
+            raise ConfigError(f"--jobs is {self.jobs}; give 1 or more, or 0 to have it chosen.")
         parser = parser or parser_arguments(self.data)
-        jobs = self.jobs or min(all_cores(), MOST_JOBS)
+        jobs = self.jobs or default_jobs(method_config(METHOD).machine.device_type)
         executor = executor_of(self.executor, jobs, self.ray_address)
         seconds = seconds_of(self.time, "--time")
         return Request(self.data, parser, self.output, seconds, jobs, executor)
+
+
+def default_jobs(device: str) -> int:
+    """Trainings beside each other: a GPU is shared badly, and times beside others mean little."""
+    return min(all_cores(), MOST_JOBS) if device == "cpu" else 1
 
 
 def study(request: Request) -> Path:
@@ -101,7 +107,6 @@ def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
     arguments, parser = parse(sys.argv[1:])
-    os.environ |= ONE_THREAD  # of what this process times itself
     report = study(arguments.request(parser))
     announce(f"Written: {report}")
 

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from desplat_ns.calibration.timing import all_cores
 from desplat_ns.commands.survey import parser_arguments
-from desplat_ns.commands.tradeoff import Arguments, parse, study
+from desplat_ns.commands.tradeoff import Arguments, default_jobs, parse, study
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.studies.grid.executors import LocalExecutor
 from desplat_ns.studies.tradeoff import evaluation_level, plan
@@ -71,6 +72,11 @@ def test_options_that_cannot_be_are_named():
     with pytest.raises(ConfigError, match="--jobs is -1"):
         Arguments(Path("photos"), jobs=-1).request(("colmap",))
     assert Arguments(Path("photos")).request(("colmap",)).jobs >= 1
+
+
+def test_a_gpu_has_one_training_at_a_time():
+    assert default_jobs("cuda") == 1
+    assert default_jobs("cpu") == min(all_cores(), 8)
 
 
 def test_layouts_are_found_and_read_as_ns_train_would(tiny_scene: Scene, tmp_path: Path):

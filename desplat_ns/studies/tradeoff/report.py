@@ -156,7 +156,7 @@ def _figure(one: Measured, name: str, form: str, alone: bool = False) -> str:
 def told_within(found: Sequence[Measured]) -> list[dict[str, str]]:
     """The best of the defaults within some training times."""
     ours = [one for one in found if one.setting == BASE]
-    told = [(seconds, best_within(seconds, ours)) for seconds in times_to_tell(ours) if ours]
+    told = [(seconds, best_within(seconds, ours)) for seconds in times_to_tell(ours)]
     return [
         {"time": seconds_in_words(seconds), "psnr": spread(one.psnr, ".2f"), "run": _run_words(one)}
         for seconds, one in told
@@ -167,7 +167,7 @@ def told_within(found: Sequence[Measured]) -> list[dict[str, str]]:
 def told_reached(found: Sequence[Measured]) -> list[dict[str, str]]:
     """How soon the defaults reached whole dB."""
     ours = [one for one in found if one.setting == BASE]
-    told = [(decibels, soonest_at(decibels, ours)) for decibels in decibels_to_tell(ours) if ours]
+    told = [(decibels, soonest_at(decibels, ours)) for decibels in decibels_to_tell(ours)]
     return [
         {"psnr": f"{decibels} dB", "time": spread(one.wall, ".0f") + " s", "run": _run_words(one)}
         for decibels, one in told

@@ -265,19 +265,22 @@ class Sitting:
         for name in lit:
             label = f"evaluation of {name}"
             record = known.get(run_of(name, steps).name)
-            if record is None or any(one["setting"] == name for one in kept):
+            known_of = [one for one in kept if one["setting"] == name]
+            if record is None or len(known_of) == len(STEPS):
                 continue
             numbers = self._steps_to_search(record.figures)
             if len(numbers) < len(STEPS):
                 results.left_out.append(f"{label} with all numbers of steps")
-            if len(numbers) < 2:
+            if len(numbers) < max(2, len(known_of) + 1):
                 continue
             self._tell(label)
             try:
-                kept += map(asdict, scores_by_steps(study, name, steps, self._runs, numbers))
-                results.failed.pop(label, None)
+                found = scores_by_steps(study, name, steps, self._runs, numbers)
             except Exception as error:
                 self._fail(label, error)
+                continue
+            kept = [one for one in kept if one["setting"] != name] + [asdict(one) for one in found]
+            results.failed.pop(label, None)
         results.evaluation = kept
         self.save()
 

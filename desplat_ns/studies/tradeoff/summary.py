@@ -116,6 +116,8 @@ def soonest_at(decibels: float | int, found: Iterable[Measured]) -> Measured | N
 def times_to_tell(found: Sequence[Measured]) -> list[int]:
     """Training times between the least and the largest that was measured, and one above."""
     walls = [one.wall.median for one in found]
+    if not walls:
+        return []
     told = [seconds for seconds in NICE_SECONDS if min(walls) <= seconds <= max(walls)]
     above = [seconds for seconds in NICE_SECONDS if seconds > max(walls)]
     return told + above[:1]
@@ -124,6 +126,8 @@ def times_to_tell(found: Sequence[Measured]) -> list[int]:
 def decibels_to_tell(found: Sequence[Measured]) -> list[int]:
     """Whole dB that were reached, the upper six."""
     values = [one.psnr.median for one in found]
+    if not values:
+        return []
     return list(range(int(min(values)) + 1, int(max(values)) + 1))[-6:]
 
 

@@ -12,7 +12,7 @@ import pytest
 from desplat_ns.errors import ConfigError, DeSplatError
 from desplat_ns.studies.grid import records as module_records
 from desplat_ns.studies.tradeoff import pace, study
-from desplat_ns.studies.tradeoff.evaluation_level import Score
+from desplat_ns.studies.tradeoff.evaluation_level import STEPS, Score
 from desplat_ns.studies.tradeoff.pace import Pace
 from desplat_ns.studies.tradeoff.report import write_report
 from desplat_ns.studies.tradeoff.results import FILE, RECORDS, Results
@@ -91,6 +91,35 @@ def test_a_training_that_fails_is_reported_and_the_rest_goes_on(time, tmp_path):
     assert len(sitting.records) == len(executor.done) - len(failed) > 10
     report = write_report(tmp_path, sitting.results, sitting.records).read_text()
     assert "too dark" in report
+
+
+def test_a_study_of_which_every_training_fails_still_has_a_report(time, tmp_path):
+    sitting, executor = sit(tmp_path, time, 600.0, failing(""))
+    assert executor.done and not sitting.records
+    report = write_report(tmp_path, sitting.results, sitting.records).read_text()
+    assert "No training was measured" in report and "too dark" in report
+
+
+def test_numbers_of_steps_that_had_no_time_are_searched_in_another_sitting(
+    time, tmp_path, monkeypatch
+):
+    searched = []
+
+    def some(study, setting, steps, folder, numbers) -> list[Score]:
+        searched.append(numbers)
+        return [Score(setting, number, 20.0, 0.5) for number in numbers]
+
+    monkeypatch.setattr(study, "scores_by_steps", some)
+    monkeypatch.setattr(Sitting, "_steps_to_search", lambda *_: (0, 8, 32))
+    first, _ = sit(tmp_path, time, 1200.0)
+    assert any("all numbers of steps" in name for name in first.results.left_out)
+    sit(tmp_path, time, 1200.0)
+    assert searched == [(0, 8, 32)], "no more time, nothing to search"
+    monkeypatch.setattr(Sitting, "_steps_to_search", lambda *_: STEPS)
+    last, _ = sit(tmp_path, time, 1200.0)
+    assert searched == [(0, 8, 32), STEPS]
+    steps = [one["steps"] for one in last.results.evaluation if one["steps"] is not None]
+    assert steps == list(STEPS)
 
 
 def test_another_sitting_goes_on_with_what_is_missing(time, tmp_path, monkeypatch):
