@@ -17,6 +17,10 @@ _SAME_SURFACE = 0.015
 FEW_VIEWS = 3
 """Points seen in fewer views than this are dropped, as COLMAP drops short tracks."""
 
+BARE, BARE_INDOORS = 2.0, 0.02
+"""What a place without structure counts as where points are sought; on bare walls none are found.
+"""
+
 
 View: TypeAlias = tuple[PinholeCamera, UInt8[np.ndarray, "_ _ 3"], Float[np.ndarray, "_ _"]]
 """Camera, picture without occluders, and its depth in metres."""
@@ -45,12 +49,16 @@ class PointCloud:
 
 
 def sample_pixels(
-    image: UInt8[np.ndarray, "H W 3"], count: int, rng: np.random.Generator
+    image: UInt8[np.ndarray, "H W 3"], count: int, rng: np.random.Generator, bare: float = BARE
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of `count` pixels, likelier where the picture has structure."""
+    """Rows and columns of `count` pixels, likelier where the picture has structure.
+
+    Args:
+        bare: the slope (of 255 per pixel) that a place without structure counts as.
+    """
     grey = image.astype(np.float64).mean(axis=2)
     down, across = np.gradient(grey)
-    weight = np.hypot(down, across) + 2.0
+    weight = np.hypot(down, across) + bare
     chosen = rng.choice(weight.size, size=count, p=(weight / weight.sum()).ravel())
     rows, columns = np.unravel_index(chosen, weight.shape)
     return rows, columns
@@ -76,12 +84,18 @@ def sees(
     return inside & (np.abs(depth[rows, columns] - z) < _SAME_SURFACE * z), rows, columns
 
 
-def sample_points(views: Sequence[View], count: int, rng: np.random.Generator) -> PointCloud:
-    """`count` points, or as many as can be had, each seen by three of `views` or more."""
+def sample_points(
+    views: Sequence[View], count: int, rng: np.random.Generator, bare: float = BARE
+) -> PointCloud:
+    """`count` points, or as many as can be had, each seen by three of `views` or more.
+
+    Args:
+        bare: see `sample_pixels`.
+    """
     per_view = -(-count * 5 // (4 * len(views)))
     xyz, rgb = [], []
     for camera, image, depth in views:
-        rows, columns = sample_pixels(image, per_view, rng)
+        rows, columns = sample_pixels(image, per_view, rng, bare)
         on_surface = np.isfinite(depth[rows, columns])
         rows, columns = rows[on_surface], columns[on_surface]
         xyz.append(lift(camera, rows, columns, depth[rows, columns]))

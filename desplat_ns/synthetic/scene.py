@@ -12,8 +12,17 @@ from desplat_ns.errors import ConfigError
 from desplat_ns.synthetic.cameras import PinholeCamera, arc
 from desplat_ns.synthetic.daylight import Daylight, develop, draw_daylights
 from desplat_ns.synthetic.occluders import Effect, occluders_for_view
-from desplat_ns.synthetic.points import FEW_VIEWS, PointCloud, mean_colors, sample_points
+from desplat_ns.synthetic.points import (
+    BARE,
+    BARE_INDOORS,
+    FEW_VIEWS,
+    PointCloud,
+    mean_colors,
+    sample_points,
+)
+from desplat_ns.synthetic.primitives import Primitive
 from desplat_ns.synthetic.render import Samples, draw, sky, to_pixels
+from desplat_ns.synthetic.room import glossy_things, walls_and_floor
 from desplat_ns.synthetic.spec import SceneSpec
 from desplat_ns.synthetic.yard import furniture, walls_and_ground
 
@@ -112,8 +121,11 @@ class _Drawing:
 def _draw_static(
     spec: SceneSpec, cameras: list[PinholeCamera], rng: np.random.Generator
 ) -> list[_Drawing]:
-    things = furniture()
-    world = walls_and_ground(spec.wall_height) + things
+    if spec.place == "room":
+        things, around = glossy_things(), walls_and_floor(spec.wall_height)
+    else:
+        things, around = furniture(), walls_and_ground(spec.wall_height)
+    world = around + things
     daylights: list[Daylight | None] = [None] * len(cameras)
     if spec.daylight is not None:
         daylights = [*draw_daylights(spec.daylight, len(cameras), rng)]
@@ -147,6 +159,8 @@ class _Crowd:
         seen = points.is_seen[: spec.num_views].sum(axis=0)
         self.views_left = (seen - 1) // 2
         """How many more views may hide each point."""
+        self.last: list[Primitive] = []
+        """Occluders of the view before."""
 
     def _effect(self, view: int, new: Bool[np.ndarray, "H W"]) -> Effect:
         worn_out = self.points.hidden_by(view, new) & (self.views_left <= 0)
@@ -155,13 +169,16 @@ class _Crowd:
     def join(self, view: int, name: str, drawing: _Drawing) -> Frame:
         """The twin of a clean picture: occluders are drawn over its samples."""
         spec, camera = self.spec, drawing.camera
+        stay = spec.occluders.lingering > spec.rng(10, view).random()
         chosen = occluders_for_view(
             spec.occluders,
             camera,
             view,
             lambda parts: self._effect(view, draw(parts, camera, 1, drawing.centers).is_new),
             spec.rng(2, view),
+            self.last if stay else (),
         )
+        self.last = chosen
         samples = draw(chosen, camera, spec.supersample, drawing.own)
         coverage = to_pixels(samples.is_new[None].astype(np.float32), spec.supersample)[..., 0]
         self.views_left -= self.points.hidden_by(view, coverage > 0)
@@ -191,7 +208,8 @@ def make_scene(spec: SceneSpec) -> Scene:
     names += [_name(spec, "extra", i) for i in range(len(extra))]
     plain = [d.frame(n, spec.supersample, None) for n, d in zip(names, drawings, strict=True)]
     views = [(frame.camera, frame.image, frame.depth) for frame in plain]
-    points = sample_points(views, spec.num_points, spec.rng(3))
+    bare = BARE_INDOORS if spec.place == "room" else BARE
+    points = sample_points(views, spec.num_points, spec.rng(3), bare)
     crowd = _Crowd(spec, points)
     clutter = [
         crowd.join(i, _name(spec, "clutter", i), d) for i, d in enumerate(drawings[: len(train)])

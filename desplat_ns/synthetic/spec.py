@@ -12,8 +12,9 @@ from desplat_ns.synthetic.daylight import DaylightSpec
 from desplat_ns.synthetic.occluders import OccluderSpec
 
 LAYOUTS = ("robustnerf", "phototourism")
+PLACES = ("yard", "room")
 
-_OFF_BY_DEFAULT = ("daylight", "other_sizes", "layout")
+_OFF_BY_DEFAULT = ("daylight", "other_sizes", "layout", "place")
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,8 @@ class SceneSpec:
     have the same angle of view along the longer side."""
     layout: str = "robustnerf"
     """How the files are arranged and named: `robustnerf` or `phototourism`, see `write_scene`."""
+    place: str = "yard"
+    """`yard`, where everything has texture, or `room`: bare walls around glossy things."""
 
     def __post_init__(self) -> None:
         if self.num_views < 3 or self.num_extras < 1:
@@ -69,6 +72,8 @@ class SceneSpec:
                 )
         if self.layout not in LAYOUTS:
             raise ConfigError(f"layout is {self.layout!r}. Choose one of {', '.join(LAYOUTS)}.")
+        if self.place not in PLACES:
+            raise ConfigError(f"place is {self.place!r}. Choose one of {', '.join(PLACES)}.")
 
     @classmethod
     def tiny(cls, seed: int = 0) -> SceneSpec:
@@ -89,6 +94,21 @@ class SceneSpec:
             layout="phototourism",
         )
 
+    @classmethod
+    def bare_room(cls, num_views: int, seed: int = 0) -> SceneSpec:
+        """All around glossy things between bare walls; some occluders are faint, some linger."""
+        return cls(
+            num_views=num_views,
+            num_extras=8,
+            width=160,
+            height=120,
+            arc_degrees=360.0 * (1 - 1 / num_views),
+            wall_height=5.0,
+            occluders=OccluderSpec(faint=0.25, lingering=0.2),
+            seed=seed,
+            place="room",
+        )
+
     @property
     def sizes(self) -> list[tuple[int, int]]:
         """Width and height in pixels of all kinds of pictures."""
@@ -103,6 +123,9 @@ class SceneSpec:
         default = {f.name: f.default for f in fields(self)}
         is_off = {name for name in _OFF_BY_DEFAULT if getattr(self, name) == default[name]}
         record = {name: value for name, value in asdict(self).items() if name not in is_off}
+        for name in ("faint", "lingering"):
+            if record["occluders"][name] == 0:
+                del record["occluders"][name]
         if record.get("daylight") is not None:
             off = {"sun": 0.0, "plain_sky": None}
             record["daylight"] = {

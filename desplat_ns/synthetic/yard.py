@@ -19,14 +19,16 @@ def turn_z(angle: float) -> np.ndarray:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _box(
+def box(
     xy: tuple[float, float], bottom: float, size: Sequence[float], angle: float, texture: Texture
 ) -> Box:
+    """An upright box; metres, radians."""
     half = np.array(size) / 2
     return Box(np.array([*xy, bottom + half[2]]), half, turn_z(angle), texture)
 
 
-def _post(xy: tuple[float, float], height: float, radius: float, texture: Texture) -> Capsule:
+def post(xy: tuple[float, float], height: float, radius: float, texture: Texture) -> Capsule:
+    """An upright post that stands on the ground; metres."""
     start, end = np.array([*xy, 0.0]), np.array([*xy, height - radius])
     return Capsule(start, end, radius, texture)
 
@@ -60,17 +62,17 @@ def furniture() -> list[Primitive]:
     harlequin = Checker((0.95, 0.6, 0.15), (0.3, 0.2, 0.5), 0.12)
     ball = Stripes((0.95, 0.3, 0.22), (0.98, 0.92, 0.7), 0.2, np.pi / 2)
     return [
-        _box((0.0, 0.2), 0.0, (1.3, 1.0, 0.7), 0.35, marble),
+        box((0.0, 0.2), 0.0, (1.3, 1.0, 0.7), 0.35, marble),
         Sphere(np.array([0.0, 0.2, 1.25]), 0.55, Grained(ball, 0.15, (0.2, 0.2), 30)),
-        _box((-1.9, 0.9), 0.0, (0.9, 0.9, 0.9), 0.6, crate),
-        _box((-1.85, 0.95), 0.9, (0.55, 0.55, 0.55), 0.1, cube),
-        _box((2.0, 1.2), 0.0, (1.5, 0.6, 0.5), -0.5, wood),
+        box((-1.9, 0.9), 0.0, (0.9, 0.9, 0.9), 0.6, crate),
+        box((-1.85, 0.95), 0.9, (0.55, 0.55, 0.55), 0.1, cube),
+        box((2.0, 1.2), 0.0, (1.5, 0.6, 0.5), -0.5, wood),
         Sphere(np.array([2.0, 1.2, 0.8]), 0.3, Dots((0.98, 0.85, 0.2), (0.25, 0.3, 0.6), 0.16)),
-        _post((1.35, -0.75), 0.62, 0.26, clay),
+        post((1.35, -0.75), 0.62, 0.26, clay),
         Sphere(np.array([1.35, -0.75, 0.82]), 0.36, leaves),
-        _post((-1.2, -0.9), 0.75, 0.13, Stripes((0.9, 0.2, 0.2), (0.95, 0.95, 0.95), 0.15)),
-        _post((-3.3, 2.3), 3.2, 0.28, Stripes((0.25, 0.55, 0.55), (0.9, 0.86, 0.75), 0.3, 0.6)),
-        _post((3.6, 2.5), 3.2, 0.28, Stripes((0.6, 0.3, 0.5), (0.9, 0.86, 0.75), 0.3, -0.6)),
-        _box((0.7, 3.3), 0.0, (1.6, 0.5, 1.9), 0.0, board),
+        post((-1.2, -0.9), 0.75, 0.13, Stripes((0.9, 0.2, 0.2), (0.95, 0.95, 0.95), 0.15)),
+        post((-3.3, 2.3), 3.2, 0.28, Stripes((0.25, 0.55, 0.55), (0.9, 0.86, 0.75), 0.3, 0.6)),
+        post((3.6, 2.5), 3.2, 0.28, Stripes((0.6, 0.3, 0.5), (0.9, 0.86, 0.75), 0.3, -0.6)),
+        box((0.7, 3.3), 0.0, (1.6, 0.5, 1.9), 0.0, board),
         Sphere(np.array([-0.75, -0.35, 0.22]), 0.22, harlequin),
     ]

@@ -18,6 +18,7 @@ from desplat_ns.synthetic.spec import SceneSpec
         {"supersample": 0},
         {"other_sizes": ((48, 64), (64, 8))},
         {"layout": "llff"},
+        {"place": "attic"},
     ],
 )
 def test_scenes_that_cannot_be_drawn_are_an_error_that_names_the_field(change):
@@ -31,10 +32,16 @@ def test_what_is_off_leaves_no_trace_in_the_record():
         "daylight",
         "other_sizes",
         "layout",
+        "place",
     }
+    assert set(record["occluders"]) == {"kinds", "min_fraction", "max_fraction"}
     lit = replace(SceneSpec(), daylight=DaylightSpec()).to_dict()
     assert set(lit) - set(record) == {"daylight"}
-    assert set(SceneSpec.tourism().to_dict()) == {f.name for f in fields(SceneSpec)}
+    tourism = SceneSpec.tourism().to_dict()
+    assert set(tourism) == {f.name for f in fields(SceneSpec)} - {"place"}
+    room = SceneSpec.bare_room(15).to_dict()
+    assert room["place"] == "room"
+    assert (room["occluders"]["faint"], room["occluders"]["lingering"]) == (0.25, 0.2)
 
 
 def test_each_purpose_has_random_numbers_of_its_own():

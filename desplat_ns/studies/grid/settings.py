@@ -63,6 +63,9 @@ NEUTRAL: Mapping[str, Any] = {
     "pipeline.model.distractors.refine_when_next_seen": True,
     "pipeline.model.photos_per_coefficient": 0.0,
     "pipeline.model.train_downscale": 1,
+    f"{SCENE}generated.occluders.faint": 0.0,
+    f"{SCENE}generated.occluders.lingering": 0.0,
+    f"{SCENE}generated.place": "yard",
 }
 """Settings that older code did not have, by the value with which code does what it did before. A
 record that lacks such a name is not stale while today's value is this one. Enter a new setting here
