@@ -9,6 +9,7 @@ import desplat_ns.separation.expected_residual as excess
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModel
+from desplat_ns.rendering.views import image_points, view_of
 from tests.helpers.guarded_trainer import GuardedTrainer, everywhere
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
@@ -66,6 +67,22 @@ def test_distractors_appear_where_one_photo_differs_and_nowhere_else():
     assert alpha[:, 19:].mean() < 0.1
     colors = distractors_of(model, 0)["rgbs"]
     assert ((colors - torch.tensor([1.0, 0.0, 1.0])).abs().amax(-1) < 0.2).sum() > 5
+
+
+@pytest.mark.usefixtures("judged_by_few")
+@pytest.mark.parametrize("masked", [slice(0, 11), slice(0, WIDTH)])
+def test_no_distractor_is_placed_where_the_users_mask_leaves_a_photo_out(masked):
+    """Left of the middle, or everywhere; what is seen to the right of a mask still counts."""
+    model = a_dense_model(static_warmup=60)
+    trainer = Crossing(model)
+    for step in range(60):
+        trainer.visit(step, 1 + step % 2)
+    trainer.mask = torch.ones(HEIGHT, WIDTH, 1)
+    trainer.mask[:, masked] = 0
+    trainer.visit(60, 0)
+    u, _, _ = image_points(distractors_of(model, 0)["means"].detach(), view_of(camera(0)))
+    assert ((u * WIDTH).round(decimals=3) >= masked.stop).all()
+    assert (len(u) > 0) == (masked.stop < WIDTH)
 
 
 @pytest.mark.usefixtures("judged_by_few")

@@ -107,6 +107,7 @@ class DistractorLayer:
             mask: the user's, False in pixels that do not count; None if there is none.
         """
         config, free = self.config, None
+        visit.mask = mask
         if step >= config.static_warmup:
             visit.sight = sight_of(visit.view, visit.alpha_d)
         if config.start == "residual":

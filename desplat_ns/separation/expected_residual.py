@@ -44,16 +44,36 @@ MIN_RESIDUAL = 1e-4
 
 
 def local_residual(
-    static: Float[Tensor, "H W 3"], photo: Float[Tensor, "H W 3"], grid: tuple[int, int]
+    static: Float[Tensor, "H W 3"],
+    photo: Float[Tensor, "H W 3"],
+    grid: tuple[int, int],
+    mask: Bool[Tensor, "H W 1"] | None = None,
 ) -> Float[Tensor, "rows columns"]:
     """Mean absolute difference of the colours around each cell, colours in [0, 1].
 
     The difference is averaged over 3 x 3 pixels before its absolute value is taken: what is only
     not sharp yet cancels out.
+
+    Args:
+        mask: True in the pixels that count, None if all do. All averages are over these alone.
     """
-    smooth = _box3((static - photo).permute(2, 0, 1))
-    cells = pooled(smooth.abs().mean(0)[..., None], grid)
+    difference = (static - photo).permute(2, 0, 1)
+    if mask is not None:
+        return _masked_residual(difference, mask.permute(2, 0, 1), grid)
+    cells = pooled(_box3(difference).abs().mean(0)[..., None], grid)
     return _averaged(cells)[0].clamp(min=MIN_RESIDUAL)
+
+
+def _masked_residual(
+    difference: Float[Tensor, "3 H W"], mask: Bool[Tensor, "1 H W"], grid: tuple[int, int]
+) -> Float[Tensor, "rows columns"]:
+    """`local_residual` of the pixels that count: sums over them by how many they are."""
+    counts = mask.to(difference)
+    sums = _box3(difference.masked_fill(~mask, 0.0))
+    smooth = sums / _box3(counts).clamp(min=1 / 9)  # 1 of 9: the pixel itself, where it counts
+    errors = (smooth.abs().mean(0, keepdim=True) * counts)[0]
+    total, number = _averaged(pooled(torch.stack([errors, counts[0]], dim=-1), grid))
+    return (total / number.clamp(min=torch.finfo(number.dtype).eps)).clamp(min=MIN_RESIDUAL)
 
 
 @dataclass(frozen=True)
@@ -85,6 +105,7 @@ def excess_residual(
     opacities: Float[Tensor, " N"],
     known: UsualResiduals,
     num_views: int,
+    counted: Bool[Tensor, "rows columns"] | None = None,
 ) -> tuple[Float[Tensor, "rows columns"], UsualResiduals]:
     """The residual beyond the expected one, and what is known once this view is remembered too.
 
@@ -96,16 +117,30 @@ def excess_residual(
         opacities: in [0, 1]; what is transparent has no say.
         known: before this view.
         num_views: that are visited in turn.
+        counted: cells that are not masked, None if none is. The others have no excess and no part
+            in the level; to Gaussians in them this visit is none.
     """
-    level = residual.flatten().quantile(LEVEL_QUANTILE)
+    level = _level(residual, counted)
     relative = F.pad((residual / level).log().flatten(), (0, 1))
-    inside, cell = _cells_of(means2d, visible, residual.shape)
+    inside, cell = _cells_of(means2d, visible, residual.shape, counted)
     usual, times_seen, visits = known.usual, known.times_seen + inside, known.visits + 1
     say = opacities * (times_seen * (num_views / visits) >= MIN_VIEWS)
     expected, judged = _mean_by_cell(usual, say, cell, residual.shape)
     off = torch.sign(relative.index_select(0, cell) - usual)
     learned = UsualResiduals(usual + MEDIAN_STEP * off * inside, times_seen, visits)
+    if counted is not None:
+        judged = judged & counted
     return torch.where(judged, residual - level * expected.exp(), 0.0), learned
+
+
+def _level(
+    residual: Float[Tensor, "rows columns"], counted: Bool[Tensor, "rows columns"] | None
+) -> Float[Tensor, ""]:
+    """The view's own level; of a view that is masked wholly any, as nobody asks for it."""
+    if counted is None:
+        return residual.flatten().quantile(LEVEL_QUANTILE)
+    level = residual.masked_fill(~counted, torch.nan).flatten().nanquantile(LEVEL_QUANTILE)
+    return torch.where(counted.any(), level, MIN_RESIDUAL)
 
 
 def _box3(image: Float[Tensor, "C H W"]) -> Float[Tensor, "C H W"]:
@@ -120,16 +155,21 @@ def _averaged(cells: Float[Tensor, "C rows columns"]) -> Float[Tensor, "C rows c
 
 
 def _cells_of(
-    means2d: Tensor, visible: Tensor, shape: torch.Size
+    means2d: Tensor, visible: Tensor, shape: torch.Size, counted: Tensor | None
 ) -> tuple[Bool[Tensor, " N"], Int[Tensor, " N"]]:
-    """Which Gaussians have their centre in the image, and their cells as flat indices.
+    """Which Gaussians have their centre in the image and not in a masked cell, and their cells as
+    flat indices.
 
     All others are in one cell more, behind the last. Nothing is gathered: most are in the image.
     """
     rows, columns = shape
     x, y = means2d.floor().unbind(-1)
     inside = visible & (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-    return inside, torch.where(inside, y * columns + x, rows * columns).long()
+    cell = torch.where(inside, y * columns + x, rows * columns).long()
+    if counted is None:
+        return inside, cell
+    inside = F.pad(counted.flatten(), (0, 1), value=False).index_select(0, cell)
+    return inside, torch.where(inside, cell, rows * columns)
 
 
 def _mean_by_cell(

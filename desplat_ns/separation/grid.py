@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 
+import torch
 import torch.nn.functional as F
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 CELLS = 8000
 """Cells per image: 2 x 2 pixels at 135 x 240."""
+
+COUNTED_SHARE = 0.5
+"""A cell is masked if less than this share of its pixels counts."""
 
 
 def grid_of(width: int, height: int, cells: int = CELLS) -> tuple[int, int]:
@@ -18,6 +22,25 @@ def grid_of(width: int, height: int, cells: int = CELLS) -> tuple[int, int]:
     return max(1, round(width / size)), max(1, round(height / size))
 
 
-def pooled(image: Float[Tensor, "H W C"], grid: tuple[int, int]) -> Float[Tensor, "C rows columns"]:
-    """Mean of an image over each cell of a grid of (columns, rows)."""
+def pooled(
+    image: Float[Tensor, "H W C"],
+    grid: tuple[int, int],
+    mask: Bool[Tensor, "H W 1"] | None = None,
+) -> Float[Tensor, "C rows columns"]:
+    """Mean of an image over each cell of a grid of (columns, rows).
+
+    Args:
+        mask: True in the pixels that count, None if all do; a cell in which none does gets 0.
+    """
+    if mask is not None:
+        both = torch.cat([image.masked_fill(~mask, 0.0), mask.to(image)], dim=-1)
+        sums = pooled(both, grid)
+        return sums[:-1] / sums[-1:].clamp(min=torch.finfo(image.dtype).tiny)
     return F.adaptive_avg_pool2d(image.permute(2, 0, 1)[None], (grid[1], grid[0]))[0]
+
+
+def counted_cells(
+    mask: Bool[Tensor, "H W 1"], grid: tuple[int, int]
+) -> Bool[Tensor, "rows columns"]:
+    """The cells of a grid of (columns, rows) that are not masked; `mask`: True where it counts."""
+    return pooled(mask.to(torch.float32), grid)[0] >= COUNTED_SHARE

@@ -19,7 +19,7 @@ from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussia
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import image_points
 from desplat_ns.separation.expected_residual import UsualResiduals, excess_residual, local_residual
-from desplat_ns.separation.grid import grid_of, pooled
+from desplat_ns.separation.grid import counted_cells, grid_of, pooled
 from desplat_ns.separation.ownership import interior, pixels_of
 from desplat_ns.separation.regions import outlier_regions
 from desplat_ns.separation.visit import Visit
@@ -55,32 +55,43 @@ def find_regions(
         num_views: number of training views.
 
     Returns:
-        The regions, and what is known once this visit is remembered too.
+        The regions, and what is known once this visit is remembered too. Masked cells are in none.
     """
     width, height = visit.view.width, visit.view.height
-    grid = grid_of(width, height)
+    grid, counted = grid_of(width, height), masked_grid(visit)
     scale = visit.photo.new_tensor([grid[0] / width, grid[1] / height])
     excess, learned = excess_residual(
-        local_residual(visit.static_rgb.detach(), visit.photo, grid),
+        local_residual(visit.static_rgb.detach(), visit.photo, grid, visit.mask),
         visit.static.means2d.detach()[0] * scale,
         visit.static.visible,
         torch.sigmoid(opacities.detach()[:, 0]),
         known,
         num_views,
+        counted,
     )
     peak = peak_excess(step, known.visits / num_views, config)
-    return outlier_regions(excess, config.weak_excess, peak), learned
+    regions = outlier_regions(excess, config.weak_excess, peak)
+    return regions if counted is None else regions & counted, learned
+
+
+def masked_grid(visit: Visit) -> Bool[Tensor, "rows columns"] | None:
+    """The cells of `grid_of` that the user's mask leaves; None without a mask."""
+    if visit.mask is None:
+        return None
+    return counted_cells(visit.mask, grid_of(visit.view.width, visit.view.height))
 
 
 def uncovered_regions(
     visit: Visit, config: DistractorConfig
 ) -> Bool[Tensor, "grid_rows grid_columns"]:
-    """Cells in which distractors belong and none covers much, of a grid of `config.per_view`."""
+    """Cells in which distractors belong and none covers much, of a grid of `config.per_view`;
+    masked ones are left out."""
     assert visit.inside is not None
     grid = grid_of(visit.view.width, visit.view.height, max(1, config.per_view))
     inside = pooled(visit.inside[..., None].to(torch.float32), grid)[0]
     covered = pooled(visit.alpha_d.detach(), grid)[0]
-    return (inside >= COVERED_SHARE) & (covered < COVERED_SHARE)
+    wanted = (inside >= COVERED_SHARE) & (covered < COVERED_SHARE)
+    return wanted if visit.mask is None else wanted & counted_cells(visit.mask, grid)
 
 
 def distractors_in(
@@ -91,7 +102,7 @@ def distractors_in(
     row, column = cells.nonzero(as_tuple=True)
     x = (column + 0.5) * visit.view.width / columns
     y = (row + 0.5) * visit.view.height / rows
-    colors = pooled(visit.photo, (columns, rows))[:, row, column].T.contiguous()
+    colors = pooled(visit.photo, (columns, rows), visit.mask)[:, row, column].T.contiguous()
     return distractors_at(visit.view, config, torch.stack([x, y], dim=-1), colors)
 
 
@@ -134,12 +145,13 @@ class Placement:
         )
         if step < self.config.static_warmup:
             return None
-        inside = interior(regions)
+        counted = masked_grid(visit)
+        inside = interior(regions, counted)
         if step < self.config.stop_placing_at:
             visit.inside = inside
         if step >= self.config.leave_out_at:
             visit.left_out = regions
-        return pixels_of(interior(inside), *visit.photo.shape[:2])
+        return pixels_of(interior(inside, counted), *visit.photo.shape[:2])
 
     @torch.no_grad()
     def place(

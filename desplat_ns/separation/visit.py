@@ -35,6 +35,8 @@ class Visit:
     """The static scene as an image, over the background."""
     alpha_d: Float[Tensor, "H W 1"] = field(init=False)
     """Opacity of the distractors."""
+    mask: Bool[Tensor, "H W 1"] | None = None
+    """The user's, True in the pixels that count; None if there is none."""
 
     inside: Bool[Tensor, "rows columns"] | None = None
     """Where distractors belong, on the grid of `grid_of`; None if the view is not to get any."""

@@ -61,6 +61,8 @@ class Trainer:
             if params
         }
         self.photo = torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(1))
+        self.mask: torch.Tensor | None = None
+        """The user's, [H, W, 1], nonzero in the pixels that count."""
 
     def step(self, step: int, view: int = 0) -> dict[str, Any]:
         model = self.model
@@ -69,7 +71,8 @@ class Trainer:
         for optimizer in self.optimizers.values():
             optimizer.zero_grad()
         outputs = model(camera(view))
-        losses = model.get_loss_dict(outputs, {"image": self.photo})
+        batch = {"image": self.photo} | ({} if self.mask is None else {"mask": self.mask})
+        losses = model.get_loss_dict(outputs, batch)
         torch.stack(list(losses.values())).sum().backward()
         for optimizer in self.optimizers.values():
             optimizer.step()

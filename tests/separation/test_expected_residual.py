@@ -1,5 +1,6 @@
 """A residual counts by what the other views leave at the same place."""
 
+import dataclasses
 import math
 
 import pytest
@@ -34,8 +35,8 @@ class Memory:
         self.visible = torch.ones(len(self.means2d), dtype=torch.bool)
         self.opacities = torch.full((len(self.means2d),), 0.8)
 
-    def see(self, residual: torch.Tensor) -> torch.Tensor:
-        rest = self.visible, self.opacities, self.known, self.num_views
+    def see(self, residual: torch.Tensor, counted: torch.Tensor | None = None) -> torch.Tensor:
+        rest = self.visible, self.opacities, self.known, self.num_views, counted
         found, self.known = excess_residual(residual, self.means2d, *rest)
         return found
 
@@ -151,3 +152,84 @@ def test_what_floats_in_front_of_one_camera_does_not_vouch_for_what_stands_in_it
         found = memory.see(with_block(0.2) if visit % 40 == 0 else flat())
         if visit % 40 == 0:
             assert found[8:12, 12:16].min() > 0.15
+
+
+def left_half() -> torch.Tensor:
+    """Cells that count."""
+    counted = torch.zeros(ROWS, COLUMNS, dtype=torch.bool)
+    counted[:, : COLUMNS // 2] = True
+    return counted
+
+
+def test_a_gaussian_in_a_masked_cell_learns_nothing_of_the_visit():
+    memory, counted = Memory(), left_half()
+    memory.see(torch.rand(ROWS, COLUMNS) + 0.1)
+    before = memory.known
+    memory.see(torch.rand(ROWS, COLUMNS) + 0.1, counted)
+    kept = ~counted.flatten()
+    for name in ("usual", "times_seen"):
+        old, new = getattr(before, name), getattr(memory.known, name)
+        assert torch.equal(old[kept], new[kept])
+        assert (old != new)[~kept].float().mean() > 0.9
+
+
+def test_what_is_masked_has_no_part_in_the_level_and_no_excess():
+    """Three quarters of the view: enough to be taken for the view, if it counted."""
+    residual, counted = flat(), torch.ones(ROWS, COLUMNS, dtype=torch.bool)
+    residual[:16], counted[:16] = 0.3, False
+    residual[18, 20] = 0.2
+    found = Memory().see(residual, counted)
+    assert (found[:16] == 0).all()
+    assert found[18, 20] == pytest.approx(0.18)
+    assert found[16:].median() == pytest.approx(0, abs=1e-7)
+    assert Memory().see(residual)[18, 20] < 0
+
+
+def test_neighbours_that_are_masked_do_not_say_what_is_expected():
+    """They remember large residuals; the cells beside the mask are judged as if they were not."""
+    counted, known = left_half(), math.log(5.0) * (~left_half()).flatten()
+    memory = Memory()
+    memory.known = dataclasses.replace(memory.nothing(), usual=known)
+    found = memory.see(flat(), counted)
+    assert torch.allclose(found, torch.zeros_like(found), atol=1e-7)
+    memory.known = dataclasses.replace(memory.nothing(), usual=known)
+    assert memory.see(flat())[:, COLUMNS // 2 - 1].max() < -0.01
+
+
+def test_a_view_that_is_masked_wholly_leaves_everything_as_it_was():
+    memory = Memory()
+    memory.see(flat())
+    before = memory.known
+    found = memory.see(flat(), torch.zeros(ROWS, COLUMNS, dtype=torch.bool))
+    assert (found == 0).all()
+    assert torch.equal(before.usual, memory.known.usual)
+    assert torch.equal(before.times_seen, memory.known.times_seen)
+
+
+def test_a_mask_over_nothing_changes_nothing():
+    residual = torch.rand(ROWS, COLUMNS, generator=torch.Generator().manual_seed(3)) + 0.1
+    plain, masked = Memory(), Memory()
+    everything = torch.ones(ROWS, COLUMNS, dtype=torch.bool)
+    for _ in range(3):
+        assert torch.equal(plain.see(residual), masked.see(residual, everything))
+    assert torch.equal(plain.known.usual, masked.known.usual)
+
+
+def test_a_local_residual_is_the_mean_over_the_pixels_that_count():
+    """0.1 left and 0.9 right of a border inside a cell: with the right masked, 0.1 everywhere."""
+    gray = torch.full((48, 60, 3), 0.5)
+    photo, mask = gray + 0.1, torch.ones(48, 60, 1, dtype=torch.bool)
+    photo[:, 29:] += 0.8
+    mask[:, 29:] = False
+    found = local_residual(gray, photo, (20, 16), mask)
+    assert torch.allclose(found[:, :11], torch.full((16, 11), 0.1), rtol=0, atol=1e-6)
+    assert local_residual(gray, photo, (20, 16))[:, 8].max() > 0.2
+    assert local_residual(gray, photo, (20, 16), torch.zeros_like(mask)).isfinite().all()
+
+
+def test_a_local_residual_ignores_what_a_masked_pixel_holds():
+    static, photo = torch.rand(2, 48, 60, 3, generator=torch.Generator().manual_seed(5))
+    mask = torch.rand(48, 60, 1, generator=torch.Generator().manual_seed(6)) > 0.3
+    spoiled = torch.where(mask, photo, torch.nan)
+    found = local_residual(static, photo, (20, 16), mask)
+    assert torch.equal(found, local_residual(static, spoiled, (20, 16), mask))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from desplat_ns.separation.grid import grid_of, pooled
+from desplat_ns.separation.grid import counted_cells, grid_of, pooled
 
 
 @pytest.mark.parametrize(
@@ -23,3 +23,17 @@ def test_a_grid_has_square_cells_not_smaller_than_a_pixel(width, height):
 def test_pooling_takes_means():
     image = torch.arange(24.0).reshape(4, 6, 1)
     assert torch.equal(pooled(image, (3, 2)), image.reshape(2, 2, 3, 2).mean((1, 3))[None])
+
+
+def test_pooling_takes_means_of_the_pixels_that_count():
+    image = torch.tensor([[[1.0], [2.0], [5.0], [7.0]]])
+    mask = torch.tensor([[[True], [False], [False], [False]]])
+    assert pooled(image, (2, 1), mask).tolist() == [[[1.0, 0.0]]]
+    whole = torch.rand(20, 30, 3, generator=torch.Generator().manual_seed(0))
+    everything = torch.ones(20, 30, 1, dtype=torch.bool)
+    assert torch.equal(pooled(whole, (7, 5), everything), pooled(whole, (7, 5)))
+
+
+def test_a_cell_counts_if_half_of_its_pixels_do():
+    mask = torch.tensor([[1, 1, 1, 0, 0, 0], [1, 1, 0, 1, 1, 0]], dtype=torch.bool)[..., None]
+    assert counted_cells(mask, (3, 1)).tolist() == [[True, True, False]]

@@ -50,3 +50,11 @@ def test_pixels_of_a_region(size):
     found = pixels_of(block(), *size)
     rows, columns = (torch.arange(n) * m // n for n, m in zip(size, (HEIGHT, WIDTH), strict=True))
     assert torch.equal(found[..., 0], block()[rows][:, columns])
+
+
+def test_the_interior_ends_at_a_mask_whose_border_is_no_edge():
+    counted = torch.ones_like(block())
+    counted[:, 40:] = False
+    expected = torch.zeros_like(block())
+    expected[11:19, 31:40] = True
+    assert torch.equal(interior(block() & counted, counted), expected)

@@ -89,6 +89,21 @@ def test_none_is_placed_where_distractors_cover_already():
     assert uncovered_regions(sighting(block(), alpha=0.4), CONFIG).sum() == 50
 
 
+def test_none_is_placed_in_a_cell_of_which_less_than_half_counts():
+    seen = sighting(block())
+    seen.mask = torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
+    seen.mask[:, 40:] = False
+    seen.mask[10, 30:40] = False  # half of each cell of the uppermost row
+    seen.mask[12:14, 30] = False
+    seen.mask[12, 31] = False  # three quarters of a cell
+    places = uncovered_regions(seen, CONFIG)
+    assert places.sum() == 5 * 5 - 1
+    assert places[5:10, 15:20].sum() == 5 * 5 - 1
+    assert not places[6, 15]
+    new = distractors_in(places, seen, CONFIG)
+    assert torch.allclose(new["rgbs"][0], seen.photo[11, 30:32].mean(0), atol=1e-6)
+
+
 def test_those_in_the_region_stay():
     everywhere = dataclasses.replace(CONFIG, start="everywhere")
     distractors = DistractorGaussians(everywhere, cameras())
@@ -135,12 +150,19 @@ class WellKnownScene:
         return visit
 
     def find(
-        self, step: int, photo: torch.Tensor, num_views: int, config: DistractorConfig
+        self,
+        step: int,
+        photo: torch.Tensor,
+        num_views: int,
+        config: DistractorConfig,
+        mask: torch.Tensor | None = None,
     ) -> torch.Tensor:
         """Its regions; the photo is remembered."""
         known = UsualResiduals.of(self.memory, len(self.opacities), photo.device)
         rest = self.opacities, known, num_views, config
-        regions, learned = find_regions(step, self.visit(photo), *rest)
+        visit = self.visit(photo)
+        visit.mask = mask
+        regions, learned = find_regions(step, visit, *rest)
         learned.keep_in(self.memory)
         return regions
 
@@ -168,6 +190,19 @@ def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
     true = torch.zeros_like(found)
     true[10:30, 20:40] = True
     assert (found & true).sum() / (found | true).sum() > 0.7
+
+
+def test_no_region_reaches_into_a_mask_though_one_lies_all_around_it():
+    scene = WellKnownScene()
+    for _ in range(5):
+        scene.find(0, scene.photo, 40, CONFIG)
+    mask = torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
+    mask[18:22, 28:32] = False
+    found = scene.find(0, scene.with_an_occluder(), 40, CONFIG, mask)
+    assert found[12:28, 22:38].sum() == 16 * 16 - 4 * 4
+    assert not found[18:22, 28:32].any()
+    mask[:] = False
+    assert not scene.find(0, scene.with_an_occluder(), 40, CONFIG, mask).any()
 
 
 def test_a_pale_occluder_is_found_once_each_view_was_seen_often_and_none_is_densified():
