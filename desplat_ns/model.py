@@ -19,6 +19,7 @@ from desplat_ns.gaussians.densification import to_device
 from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians
 from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
+from desplat_ns.rendering.views import held
 from desplat_ns.separation.distractor_layer import DistractorLayer
 from desplat_ns.separation.visit import Visit
 from desplat_ns.static_model import StaticModel, StaticModelConfig
@@ -120,7 +121,7 @@ class DeSplatModel(StaticModel):
         view, embedding = self.view_of_camera(camera, index), self.embedding_of(index)
         self.visit = visit = Visit(index, view, self.render_static(view, embedding))
         if self.layer is not None:
-            rasterize = self._rasterizer_of(view)
+            rasterize = self._rasterizer_of(held(view))  # poses are the static scene's to learn
             visit.distractors = self.layer.draw_for_training(self.step, index, rasterize)
         background = self.background_of(view, embedding)
         image = self.image_of(visit.static, background, view, embedding)

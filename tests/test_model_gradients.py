@@ -9,7 +9,14 @@ from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModel
-from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, make_model
+from tests.helpers.small_model import (
+    HEIGHT,
+    WIDTH,
+    Trainer,
+    camera,
+    distractors_of,
+    make_model,
+)
 
 EVERYWHERE = DistractorConfig(per_view=20, static_alone=True)
 TOGETHER = DistractorConfig(per_view=20)
@@ -54,6 +61,35 @@ def test_a_pose_that_is_off_is_put_right_by_its_own_photo(backend):
     losses = [trainer.step(step, view=1)["losses"]["main_loss"].item() for step in range(60)]
     assert losses[-1] < 0.2 * losses[0]
     assert not adjustment[[0, 2]].any()
+
+
+@pytest.mark.parametrize("distractors", [EVERYWHERE, TOGETHER])
+def test_distractors_pull_on_no_pose_and_the_static_scene_does(distractors):
+    """They hang right before the camera: in the composite, all of it would fit them."""
+    model = make_model(
+        camera_optimizer=CameraOptimizerConfig(mode="SO3xR3"), distractors=distractors
+    )
+    trainer = Trainer(model)
+    model.train()
+    model.optimizers = trainer.optimizers
+    outputs = model(camera(1))
+    pose = [model.camera_optimizer.pose_adjustment]
+    layer = outputs["rgb_distractor"].sum() + outputs["alpha_distractor"].sum()
+    for name in ("means", "opacities"):
+        assert reaches([distractors_of(model, 1)[name]], layer)
+    assert not reaches(pose, layer)
+    assert reaches(pose, outputs["rgb_static"].sum())
+    losses = model.get_loss_dict(outputs, {"image": trainer.photo})
+    for name in ("main_loss", "static_photometric"):
+        if name in losses:
+            alone = distractors.static_alone and name == "main_loss"
+            assert reaches(pose, losses[name]) != alone
+
+
+def reaches(parameters: list[torch.nn.Parameter], value: torch.Tensor) -> bool:
+    """Whether a value has a gradient in any of the parameters."""
+    found = torch.autograd.grad(value, parameters, retain_graph=True, allow_unused=True)
+    return any(gradient is not None and bool(gradient.any()) for gradient in found)
 
 
 def test_what_a_mask_leaves_out_is_nothing_to_the_static_loss_and_the_rest_is():

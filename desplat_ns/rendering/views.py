@@ -40,6 +40,11 @@ def view_of(
     )
 
 
+def held(view: View) -> View:
+    """The same view as a constant: no gradient of its pose or intrinsics."""
+    return View(view.viewmat.detach(), view.K.detach(), view.width, view.height)
+
+
 def image_points(
     means: Float[Tensor, "N 3"], view: View
 ) -> tuple[Float[Tensor, " N"], Float[Tensor, " N"], Float[Tensor, " N"]]:

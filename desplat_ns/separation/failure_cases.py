@@ -18,7 +18,7 @@ from desplat_ns.console import announce, list_names
 from desplat_ns.data.training_views import view_name
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.rendering.layers import MASK_THRESHOLD
-from desplat_ns.rendering.views import image_points
+from desplat_ns.rendering.views import held, image_points
 from desplat_ns.separation.grid import grid_of
 
 CELLS = 2000
@@ -68,8 +68,7 @@ def sight_of(view: View, alpha_d: Float[Tensor, "H W 1"]) -> Sight:
     x = ((torch.arange(columns, device=alpha_d.device) + 0.5) * view.width / columns).long()
     y = ((torch.arange(rows, device=alpha_d.device) + 0.5) * view.height / rows).long()
     covered = alpha_d.detach()[y[:, None], x, 0] > MASK_THRESHOLD
-    fixed = View(view.viewmat.detach(), view.K.detach(), view.width, view.height)
-    return Sight(fixed, covered)
+    return Sight(held(view), covered)
 
 
 def seen_and_hidden(
