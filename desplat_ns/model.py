@@ -243,6 +243,8 @@ class DeSplatModel(StaticModel):
         if self.layer is not None:
             self.layer.before_refinement(visit, self.means, opacities, self.memory)
         super().step_post_backward(step)
+        if step >= self.strategy.refine_stop_iter and step % self.strategy.refine_every == 0:
+            self.sweep()
         if self.num_points == 0:
             raise DeSplatError(
                 f"At step {step} the last static Gaussian was pruned: nothing is left to train. "
@@ -253,6 +255,12 @@ class DeSplatModel(StaticModel):
         if step % self.culled.interval == 0:
             self._count_culled(step)
         self.visit = None
+
+    def sweep(self) -> None:
+        """Remove static Gaussians that were cleared away since the last refinement."""
+        if self.layer is not None:
+            clearance = self.layer.clearance
+            clearance.sweep(self.gauss_params, self.optimizers, self.strategy_state)
 
     def _pixels_of(self, params: RawParameters) -> Tensor:
         """Contributions [N] of distractors of the view just drawn, in pixels of its full size."""

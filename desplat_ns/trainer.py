@@ -255,11 +255,18 @@ class DeSplatTrainer(Trainer):
             self.training_state = "completed"
             self.save_checkpoint(self.step)
             raise self._guard.error(checkpoint_path(self.checkpoint_dir, self.step))
+        if self._ran_to_its_end:  # of one that was stopped, going on must not tell the difference
+            cast(DeSplatModel, self.pipeline.model).sweep()
         super()._after_train()
+
+    @property
+    def _ran_to_its_end(self) -> bool:
+        """Whether the run ended by itself: it was not told to stop."""
+        return not self.stop_training or self._budget_is_up
 
     def _train_complete_viewer(self) -> None:
         """Keep the viewer open, unless the run was told to stop."""
-        if not self.stop_training or self._budget_is_up:
+        if self._ran_to_its_end:
             self._waiting_in_viewer = True
             super()._train_complete_viewer()
 

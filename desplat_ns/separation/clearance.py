@@ -8,12 +8,16 @@ far from each camera the scene starts.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import torch
+from gsplat.strategy.ops import remove
 from jaxtyping import Bool, Float
 from nerfstudio.cameras.cameras import Cameras
-from torch import Tensor
+from torch import Tensor, nn
+from torch.optim import Optimizer
 
+from desplat_ns.backend.constants import ALPHA_CUTOFF
 from desplat_ns.backend.protocol import View
 from desplat_ns.rendering.views import image_points, view_of
 
@@ -24,7 +28,7 @@ MAX_POINTS = 100_000
 """Of a larger reconstruction every so many points are looked at."""
 
 EXTINGUISHED = -10.0
-"""Logit of an opacity that is never drawn; the next refinement prunes it."""
+"""Logit of an opacity that is never drawn; the next refinement prunes it, or `Clearance.sweep`."""
 
 
 def scene_starts(points: Float[Tensor, "P 3"], cameras: Cameras) -> list[float]:
@@ -73,3 +77,23 @@ class Clearance:
         if self.depths[index] > 0:
             z = means @ view.viewmat[2, :3] + view.viewmat[2, 3]
             opacities.masked_fill_((visible & (z < self.depths[index]))[:, None], EXTINGUISHED)
+
+    @torch.no_grad()
+    def sweep(
+        self, params: nn.ParameterDict, optimizers: dict[str, Optimizer], state: dict[str, Any]
+    ) -> None:
+        """Remove static Gaussians that are too faint to be drawn, once no refinement does.
+
+        They have no gradient and come back in no view, so no image changes. Nothing happens where
+        nothing is cleared, nor where none would be left.
+
+        Args:
+            params: raw parameters of the static set.
+            optimizers: with one for each of them, by name.
+            state: of the strategy; rows of tensors follow.
+        """
+        if not any(self.depths):
+            return
+        gone = params["opacities"].flatten().sigmoid() < ALPHA_CUTOFF
+        if 0 < int(gone.sum()) < len(gone):
+            remove(params, optimizers, state, gone)  # pyright: ignore[reportArgumentType]

@@ -67,6 +67,9 @@ class StubModel:
     def culled_static(self) -> int:
         return 0
 
+    def sweep(self) -> None:
+        pass
+
 
 class StubPipeline(Pipeline):
     """Two groups of parameters whose loss depends on every random generator."""

@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.views import view_of
 from desplat_ns.separation.clearance import EXTINGUISHED, Clearance, scene_starts
 from tests.helpers.cameras import cameras
@@ -67,6 +68,74 @@ def test_a_gaussian_before_a_camera_is_pruned_when_clearance_says_so(clearance):
     hangs = model.means[:, 2] > 2.0
     assert bool(hangs.any()) == (clearance == 0)
     assert model.num_points > 100
+
+
+def with_one_before_a_camera(stop: int) -> tuple[DeSplatModel, Trainer]:
+    """Points around the origin and one at 0.3 before the cameras; until `stop` it may be refined,
+    every fifth step."""
+    points = torch.rand(200, 3, generator=torch.Generator().manual_seed(1)) - 0.5
+    model = make_model(
+        points,
+        distractors=DistractorConfig(per_view=20, start="residual", clearance=0.5),
+        warmup_length=10_000,
+    )
+    model.strategy.refine_every, model.strategy.refine_stop_iter = 5, stop
+    model.gauss_params["means"].data[100] = torch.tensor([0.0, 0.0, 2.7])
+    model.gauss_params["opacities"].data[:] = 2.0
+    return model, Trainer(model)
+
+
+def extinguished(model: DeSplatModel) -> int:
+    return int((model.gauss_params["opacities"] < EXTINGUISHED + 1).sum())
+
+
+def test_what_is_cleared_after_the_last_refinement_is_removed_with_all_that_belongs_to_it():
+    model, trainer = with_one_before_a_camera(stop=2)
+    for step in range(1, 5):
+        trainer.step(step, step % 3)
+    assert extinguished(model) == 1
+    kept = model.gauss_params["opacities"].flatten() > EXTINGUISHED + 1
+    before = {name: value[kept].clone() for name, value in model.gauss_params.items()}
+    seen = model.strategy_state["times_seen"][kept].clone()
+    model.sweep()
+    assert extinguished(model) == 0
+    assert model.num_points == 200 - 1
+    for name, value in model.gauss_params.items():
+        assert torch.equal(value, before[name])
+        (group,) = trainer.optimizers[name].param_groups
+        assert group["params"][0] is value
+        moments = trainer.optimizers[name].state[value]
+        assert moments["exp_avg"].shape == value.shape
+    assert torch.equal(model.strategy_state["times_seen"], seen)
+    trainer.step(5, 1)
+    assert model.strategy_state["times_seen"].shape == (199,)
+
+
+def test_once_refinement_is_over_it_happens_as_often_as_refinement_did():
+    model, trainer = with_one_before_a_camera(stop=6)
+    counts = []
+    for step in range(1, 11):
+        trainer.step(step, step % 3)
+        counts.append(model.num_points)
+    assert extinguished(model) == 0
+    assert counts == [200] * 9 + [199]
+
+
+def test_where_nothing_is_cleared_faint_gaussians_stay():
+    """And where every one is faint, so that something is left to look at."""
+    model, trainer = with_one_before_a_camera(stop=0)
+    trainer.step(1)
+    model.gauss_params["opacities"].data[:] = EXTINGUISHED
+    model.sweep()
+    assert model.num_points == 200
+    assert model.layer is not None
+    model.layer.clearance.depths = [0.0, 0.0, 0.0]
+    model.gauss_params["opacities"].data[:100] = 0.0
+    model.sweep()
+    assert model.num_points == 200
+    model.layer.clearance.depths = [0.0, 0.1, 0.0]
+    model.sweep()
+    assert model.num_points == 100
 
 
 def test_without_seed_points_nothing_is_cleared():
