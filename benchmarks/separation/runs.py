@@ -143,10 +143,13 @@ FIGURES = (
     "ssim",
     "mask_iou",
     "alpha_outside_masks",
+    "mask_iou_with_shadows",
+    "alpha_outside_masks_with_shadows",
     "num_static_gaussians",
     "num_distractor_gaussians",
     "train_cpu_seconds",
 )
-"""The mask scores are absent where there are no distractors or no masks."""
+"""The mask scores are absent where there are no distractors or no masks, those with shadows also
+where these have none."""
 
 STUDY = Study(SETTINGS, SCENES, PLAN, FIGURES)

@@ -20,6 +20,9 @@ from desplat_ns.errors import CaptureError
 METADATA_KEY = "distractor_mask_filenames"
 """Where the data parser leaves the masks' paths (or None), one for each training photo."""
 
+SHADOWS_PREFIX = "shadow_"
+"""The folder of shadow masks stands beside that of the masks; before its name there is this."""
+
 MASK_LEVEL = 127
 """8-bit grey above which a mask's pixel counts as distractor."""
 
@@ -33,6 +36,18 @@ def true_masks(folder: Path, frames: Sequence[Frame]) -> dict[str, list[Path | N
     paths = [folder / Path(frame.name).with_suffix(".png") for frame in frames]
     masks = [path if path.is_file() else None for path in paths]
     return {METADATA_KEY: masks} if any(masks) else {}
+
+
+def shadow_mask_of(mask: Path) -> Path | None:
+    """The mask of the shadows that go with a mask, white where one is; None if there is none.
+
+    Of masks/a/b.png it is shadow_masks/a/b.png.
+    """
+    for folder in mask.parents[:-1]:
+        beside = folder.with_name(SHADOWS_PREFIX + folder.name) / mask.relative_to(folder)
+        if beside.is_file():
+            return beside
+    return None
 
 
 def read_true_mask(path: Path, width: int, height: int) -> Bool[Tensor, "H W 1"]:

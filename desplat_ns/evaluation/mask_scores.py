@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import torch
+from jaxtyping import Bool
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
 from desplat_ns.console import progress_over
-from desplat_ns.data.true_masks import read_true_mask
+from desplat_ns.data.true_masks import read_true_mask, shadow_mask_of
 from desplat_ns.evaluation.metrics import mask_iou, mean_alpha_outside
 
 
@@ -25,6 +27,25 @@ class MaskedModel(Protocol):
         ...
 
 
+@dataclass
+class _Scores:
+    """What each view scored against one kind of truth."""
+
+    ious: list[float] = field(default_factory=list)
+    outside: list[float] = field(default_factory=list)
+    """Of the views that are not covered wholly."""
+
+    def add(self, outputs: dict[str, Tensor], truth: Bool[Tensor, "H W 1"]) -> None:
+        self.ious.append(mask_iou(outputs["distractor_mask"], truth))
+        alpha = mean_alpha_outside(outputs["alpha_distractor"], truth)
+        self.outside += [] if alpha is None else [alpha]
+
+    def means(self, suffix: str) -> dict[str, int | float]:
+        """By name, of the views that have a score; `suffix`: of the names."""
+        means = {"mask_iou": self.ious, "alpha_outside_masks": self.outside}
+        return {name + suffix: statistics.fmean(of) for name, of in means.items() if of}
+
+
 def score_masks(
     model: MaskedModel, masks: Sequence[tuple[Cameras, Path]]
 ) -> dict[str, int | float]:
@@ -34,6 +55,11 @@ def score_masks(
     lens distortion are left out: training undistorts them, but not their masks. Empty if there is
     no mask.
 
+    What stands in the way may throw a shadow, which the other photos do not show either. Over the
+    views that have a mask of these as well there are `mask_iou_with_shadows` and
+    `alpha_outside_masks_with_shadows`, against objects and shadows together, and
+    `num_shadow_masks`.
+
     Args:
         masks: the camera of each view that has a mask, and the mask's file.
 
@@ -42,19 +68,27 @@ def score_masks(
     masks = [(camera, path) for camera, path in masks if not _is_distorted(camera)]
     if not masks:
         return {}
-    ious: list[float] = []
-    outside: list[float] = []
+    objects, with_shadows = _Scores(), _Scores()
     with progress_over(len(masks), "Scoring distractor masks...") as advance:
         for camera, path in masks:
             outputs = model.get_outputs_for_camera(camera)
-            alpha = outputs["alpha_distractor"]
-            truth = read_true_mask(path, alpha.shape[1], alpha.shape[0]).to(alpha.device)
-            ious.append(mask_iou(outputs["distractor_mask"], truth))
-            alpha_outside = mean_alpha_outside(alpha, truth)
-            outside += [] if alpha_outside is None else [alpha_outside]
+            truth = _truth(path, outputs)
+            objects.add(outputs, truth)
+            shadows = shadow_mask_of(path)
+            if shadows is not None:
+                with_shadows.add(outputs, truth | _truth(shadows, outputs))
             advance()
-    scores = {"mask_iou": statistics.fmean(ious), "num_masks": len(masks)}
-    return scores | ({"alpha_outside_masks": statistics.fmean(outside)} if outside else {})
+    scores = objects.means("") | {"num_masks": len(masks)}
+    if with_shadows.ious:
+        scores |= with_shadows.means("_with_shadows")
+        scores["num_shadow_masks"] = len(with_shadows.ious)
+    return scores
+
+
+def _truth(path: Path, outputs: dict[str, Tensor]) -> Bool[Tensor, "H W 1"]:
+    """A true mask at the size of the rendering."""
+    alpha = outputs["alpha_distractor"]
+    return read_true_mask(path, alpha.shape[1], alpha.shape[0]).to(alpha.device)
 
 
 def _is_distorted(camera: Cameras) -> bool:

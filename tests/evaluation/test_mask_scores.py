@@ -9,6 +9,7 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.data.training_views import train_index
+from desplat_ns.data.true_masks import read_true_mask, shadow_mask_of
 from desplat_ns.evaluation.mask_scores import score_masks
 from tests.helpers.masks import HEIGHT, WIDTH, write_mask
 
@@ -68,3 +69,48 @@ def test_a_mask_over_everything_leaves_alpha_outside_undefined(tmp_path: Path):
 def test_distorted_photos_are_left_out(tmp_path: Path):
     masks: list[Path | None] = [write_mask(tmp_path / "0.png", 1)]
     assert score_masks(_Model(), _views(masks, distortion=0.1)) == {}
+
+
+def test_with_shadows_scores_are_against_both_together_over_the_views_that_have_them(
+    tmp_path: Path,
+):
+    for folder in ("masks", "shadow_masks"):
+        (tmp_path / folder).mkdir()
+    masks: list[Path | None] = [write_mask(tmp_path / f"masks/{i}.png", 1) for i in range(2)]
+    assert not {key for key in score_masks(_Model(), _views(masks)) if "shadow" in key}
+    write_mask(tmp_path / "shadow_masks/0.png", 3)
+    scores = score_masks(_Model(), _views(masks))
+    # View 0 alone has shadows: 4 pixels are predicted, 6 are objects or shadows, the rest is 0.1.
+    assert scores["mask_iou"] == pytest.approx((0.5 + 0.0) / 2)
+    assert scores["num_masks"] == 2
+    assert scores["mask_iou_with_shadows"] == pytest.approx(4 / 6)
+    assert scores["alpha_outside_masks_with_shadows"] == pytest.approx(0.1)
+    assert scores["num_shadow_masks"] == 1
+
+
+def test_objects_count_with_shadows_where_the_shadow_mask_leaves_them_out(tmp_path: Path):
+    """Shadow masks hold shadows alone: 2 columns of objects, none of shadows, both are covered."""
+    for folder, columns in (("masks", 2), ("shadow_masks", 0)):
+        (tmp_path / folder).mkdir()
+        write_mask(tmp_path / folder / "0.png", columns)
+    scores = score_masks(_Model(), _views([tmp_path / "masks/0.png"]))
+    assert scores["mask_iou"] == scores["mask_iou_with_shadows"] == 1.0
+
+
+def test_shadows_make_a_fifth_of_what_is_in_the_way_of_the_cluttered_fox(data_folder):
+    """Whoever covers all of it has 0.81 against objects alone: docs/separation.md says so."""
+    folder = data_folder("fox_cluttered")
+    paths: list[Path | None] = list(sorted((folder / "masks").iterdir()))
+
+    class Perfect:
+        def get_outputs_for_camera(self, camera: Cameras) -> dict[str, torch.Tensor]:
+            path = paths[train_index(camera) or 0]
+            assert path is not None
+            shadow = shadow_mask_of(path)
+            assert shadow is not None
+            both = read_true_mask(path, 240, 135) | read_true_mask(shadow, 240, 135)
+            return {"alpha_distractor": both.float(), "distractor_mask": both}
+
+    scores = score_masks(Perfect(), _views(paths))
+    assert scores["mask_iou_with_shadows"] == 1.0
+    assert scores["mask_iou"] == pytest.approx(0.81, abs=0.005)

@@ -17,7 +17,7 @@ from nerfstudio.plugins.types import MethodSpecification
 from PIL import Image
 from torch import Tensor
 
-from desplat_ns.data.true_masks import METADATA_KEY, read_true_mask
+from desplat_ns.data.true_masks import METADATA_KEY, read_true_mask, shadow_mask_of
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import CaptureError
 from desplat_ns.method_configs import desplat
@@ -64,9 +64,9 @@ class TrustedPixelsModel(DeSplatModel):
         """True masks and shadows [H, W, 1] of the view just drawn: any pixel they touch."""
         assert self.visit is not None
         path = mask_of(self.kwargs["metadata"], self.visit.index)
-        shadow = path.parent.parent / "shadow_masks" / path.name
+        shadow = shadow_mask_of(path)
         mask = _any_pixel(path, photo)
-        return mask | _any_pixel(shadow, photo) if shadow.exists() else mask
+        return mask if shadow is None else mask | _any_pixel(shadow, photo)
 
 
 def mask_of(metadata: dict[str, Any], index: int) -> Path:
