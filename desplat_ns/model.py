@@ -288,7 +288,7 @@ class DeSplatModel(StaticModel):
             return 0
         views = range(self.num_train_data)
         splats = (activate_distractors(self.distractors.params_of(view)) for view in views)
-        return sum(int(culled_always(one).sum()) for one in splats)
+        return int(sum(culled_always(one).sum() for one in splats))
 
     def _count_culled(self, step: int) -> None:
         """Raises TrainingError where most static Gaussians are culled in every view."""

@@ -18,9 +18,12 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from torch import Tensor
 from torch._subclasses.fake_tensor import FakeTensorDeviceMismatchError, FakeTensorMode
 from torch.fx.experimental.symbolic_shapes import ShapeEnv
+from torch.utils._python_dispatch import TorchDispatchMode
 
 import desplat_ns.separation.placement as separation
+from desplat_ns.backend.gsplat_cuda import _with_unsound_behind
 from desplat_ns.backend.protocol import Rendering, Splats, View
+from desplat_ns.backend.ssim import _window, ssim
 from desplat_ns.effects import Effects
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info, to_device
@@ -59,6 +62,7 @@ def fake_mode() -> Iterator[None]:
     """Every tensor is a fake one; those whose number of rows depends on values may be made."""
     with FakeTensorMode(shape_env=ShapeEnv()):
         yield
+    _window.cache_clear()  # a fake one is of use in its own mode only
 
 
 def cuda(*shape: int) -> Tensor:
@@ -153,6 +157,34 @@ def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone():
     assert_on_cuda(to_device(running, torch.device("cuda"))["grad2d"])
 
 
+def test_gsplat_is_given_gaussians_without_a_look_at_their_values():
+    """A look at one, such as whether all are finite, cannot be taken here."""
+    splats = activate_distractors(distractors_with_moments()[0].params_of(0))
+    assert_on_cuda(_with_unsound_behind(splats, the_view()))
+
+
+def test_the_window_of_ssim_is_sent_to_the_gpu_once():
+    images = cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 3)
+    ssim(*images)
+    with Sendings() as sent:
+        assert_on_cuda(ssim(*images))
+    assert sent.operations == []
+
+
+class Sendings(TorchDispatchMode):
+    """Writes down what copies from the host to the device."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.operations: list[str] = []
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):  # type: ignore[override]
+        result = func(*args, **(kwargs or {}))
+        if "copy" in str(func) and args[0].device != result.device:
+            self.operations.append(str(func))
+        return result
+
+
 def test_distractors_are_activated_on_the_gpu():
     splats = activate_distractors(distractors_with_moments()[0].params_of(0))
     assert_on_cuda(splats.means, splats.quats, splats.scales, splats.opacities, splats.colors)
@@ -163,8 +195,8 @@ def test_exchanging_distractors_stays_on_the_gpu():
     densifier = DistractorDensifier(CONFIG, SplatfactoModelConfig(), num_views=1)
     densifier.running[0]["grad2d"] = cuda(N)
     new = {name: cuda(5, width) for name, width in WIDTHS.items()}
-    keep = cuda(N) > 0.5
-    densifier.exchange(distractors, 0, optimizers, keep, new)
+    kept = torch.arange(0, N, 2, device="cuda")
+    densifier.exchange(distractors, 0, optimizers, kept, new)
     params = distractors.params_of(0)
     assert_on_cuda(*params.values(), densifier.running[0]["grad2d"])
     for name in PARAMETER_NAMES:

@@ -86,7 +86,7 @@ def _one_radius(info: dict[str, Any]) -> Int[Tensor, " N"]:
 def _with_unsound_behind(splats: Splats, view: View) -> Tensor:
     """Means, those of Gaussians that gsplat would turn into NaN moved behind the camera."""
     rotation, translation = view.viewmat[:3, :3].detach(), view.viewmat[:3, 3].detach()
-    behind = (rotation.new_tensor([0.0, 0.0, -1.0]) - translation) @ rotation
+    behind = -rotation[2] - translation @ rotation  # of (0, 0, -1), before the camera's axes
     return torch.where(sound(splats)[:, None], splats.means, behind)
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import torch
 from jaxtyping import Float
 from pytorch_msssim import ssim as msssim_ssim
+from pytorch_msssim.ssim import _fspecial_gauss_1d as gaussian_window
 from torch import Tensor
 
 try:
@@ -29,7 +32,13 @@ def ssim(pred: Float[Tensor, "H W C"], target: Float[Tensor, "H W C"]) -> Float[
     if _is_fast(pred, target):
         return _Ssim.apply(pred, target)  # type: ignore[no-any-return]
     planes = (image.movedim(-1, 0)[None] for image in (pred, target))
-    return msssim_ssim(*planes, data_range=1.0)
+    return msssim_ssim(*planes, data_range=1.0, win=_window(pred.shape[2], pred.dtype, pred.device))
+
+
+@cache
+def _window(channels: int, dtype: torch.dtype, device: torch.device) -> Tensor:
+    """pytorch_msssim's default window [C, 1, 1, 11]. It would be sent to a GPU by every call."""
+    return gaussian_window(11, 1.5).repeat(channels, 1, 1, 1).to(device, dtype)
 
 
 def ssim_of_planes(

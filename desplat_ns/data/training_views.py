@@ -12,11 +12,15 @@ from nerfstudio.cameras.cameras import Cameras
 def train_index(camera: Cameras) -> int | None:
     """Which training view this camera is, or None.
 
-    The datamanager says so in `metadata["train_idx"]`. nerfstudio's own `cam_idx` says nothing: its
-    viewer sends one with every frame.
+    The datamanager says so in `metadata["train_idx"]`. nerfstudio's own `cam_idx` alone says
+    nothing: its viewer sends one with every frame. With the other it is the same number, which
+    need not be fetched from a GPU.
     """
-    index = (camera.metadata or {}).get("train_idx")
-    return None if index is None else int(index.reshape(-1)[0])
+    metadata = camera.metadata or {}
+    index, number = metadata.get("train_idx"), metadata.get("cam_idx")
+    if index is None or isinstance(number, int):
+        return None if index is None else number
+    return int(index.reshape(-1)[0])
 
 
 def view_name(names: Sequence[str], index: int) -> str:

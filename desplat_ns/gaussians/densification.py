@@ -13,14 +13,14 @@ from typing import Any
 import gsplat
 import torch
 from gsplat.strategy import DefaultStrategy
-from jaxtyping import Bool, Float
+from jaxtyping import Float, Int
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.distractors import PARAMETER_NAMES, DistractorConfig, DistractorGaussians
-from desplat_ns.gaussians.strategy import prune, refine
+from desplat_ns.gaussians.strategy import prune, refine, sample
 
 RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) >= (1, 5)
 """gsplat 1.5 gives radii as [C, N, 2], 1.4 as [C, N]; each one's strategy takes only its own."""
@@ -122,7 +122,7 @@ class DistractorDensifier:
         large = pixels_of(params) >= self.config.min_pixels
         if not bool(large.all()):
             nothing = {name: value.data[:0] for name, value in params.items()}
-            self.exchange(distractors, view, optimizers, large, nothing)
+            self.exchange(distractors, view, optimizers, large.nonzero()[:, 0], nothing)
 
     def _refine(
         self,
@@ -155,7 +155,7 @@ class DistractorDensifier:
         if self.config.grow_grad > 0:
             twice_the_pixels = 2 * info["width"] * info["height"]
             info = info | {"width": twice_the_pixels, "height": twice_the_pixels}
-        self.strategy._update_state(params, state, info)  # pyright: ignore[reportArgumentType]
+        sample(self.strategy, params, state, info)
 
     @torch.no_grad()
     def exchange(
@@ -163,19 +163,20 @@ class DistractorDensifier:
         distractors: DistractorGaussians,
         view: int,
         optimizers: dict[str, Optimizer],
-        keep: Bool[Tensor, " N"],
+        kept: Int[Tensor, " M"],
         new: dict[str, Tensor],
     ) -> None:
-        """Remove the distractors of `view` that `keep` does not mark, and add `new` ones.
+        """Remove the distractors of `view` but for those in `kept`, and add `new` ones.
 
         Args:
             optimizers: nerfstudio's, by group name.
+            kept: numbers of rows, as a mask's number of rows would have to be waited for each time.
             new: raw parameters, by `PARAMETER_NAMES`; any number of rows.
         """
 
         def changed(old: Tensor, rows: Tensor | None = None) -> Tensor:
             rows = old.new_zeros(len(new["means"]), *old.shape[1:]) if rows is None else rows
-            return torch.cat([old[keep], rows])
+            return torch.cat([old[kept], rows])
 
         params = distractors.params_of(view)
         for name in PARAMETER_NAMES:

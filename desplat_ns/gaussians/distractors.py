@@ -281,12 +281,12 @@ def distractors_at(
     in_camera = torch.stack([x, y, torch.ones_like(x)], dim=-1) * config.depth
     rotation, translation = view.viewmat[:3, :3], view.viewmat[:3, 3]
     area = view.width * view.height
-    spacing = math.sqrt(area / max(config.per_view, 1)) / float(torch.sqrt(fx * fy))
+    spacing = math.sqrt(area / max(config.per_view, 1)) / torch.sqrt(fx * fy).double()
     like = {"dtype": view.K.dtype, "device": view.K.device}
     return {
         "means": (in_camera - translation) @ rotation,
-        "scales": torch.full((n, 3), math.log(0.5 * spacing * config.depth), **like),
-        "quats": torch.tensor([1.0, 0.0, 0.0, 0.0], **like).repeat(n, 1),
+        "scales": (0.5 * spacing * config.depth).log().to(**like).repeat(n, 3),
+        "quats": torch.eye(4, **like)[:1].repeat(n, 1),
         "rgbs": rgbs.to(**like),
         "opacities": torch.full((n, 1), config.initial_opacity, **like).logit(),
     }

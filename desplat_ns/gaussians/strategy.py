@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+import torch
 from gsplat.strategy import DefaultStrategy
 from gsplat.strategy.ops import reset_opa
 from torch import Tensor, nn
@@ -19,6 +20,39 @@ from torch.optim import Optimizer
 
 NEVER = 2**62
 """A step that no training reaches, and a number of Gaussians that no set has."""
+
+
+@torch.no_grad()
+def sample(
+    strategy: DefaultStrategy,
+    params: nn.ParameterDict,
+    state: dict[str, Any],
+    info: dict[str, Any],
+) -> None:
+    """Add the gradients of a visit to the statistics in `state`, by which `refine` judges.
+
+    As gsplat's `_update_state`, to the last bit, for a single camera. That one picks out the rows
+    that the view shows, and the host has to wait for their number three times.
+
+    Args:
+        info: of the rendering, as gsplat's strategies read it.
+    """
+    means2d, radii = info[strategy.key_for_gradient], info["radii"][0]
+    gradients = (means2d.absgrad if strategy.absgrad else means2d.grad)[0].clone()
+    gradients[:, 0] *= info["width"] / 2.0 * info["n_cameras"]
+    gradients[:, 1] *= info["height"] / 2.0 * info["n_cameras"]
+    seen = radii > 0
+    if radii.ndim == 2:
+        seen, radii = seen.all(dim=-1), radii.amax(dim=-1)
+    names = ["grad2d", "count"] + (["radii"] if strategy.refine_scale2d_stop_iter > 0 else [])
+    for name in names:
+        if state[name] is None:
+            state[name] = torch.zeros(len(params["means"]), device=gradients.device)
+    state["grad2d"] += torch.where(seen, gradients.norm(dim=-1), 0.0)
+    state["count"] += seen
+    if "radii" in names:
+        widths = radii / float(max(info["width"], info["height"]))
+        state["radii"] = torch.maximum(state["radii"], torch.where(seen, widths, 0.0))
 
 
 def refine(
@@ -95,7 +129,7 @@ class StaticStrategy(DefaultStrategy):
             step % self.reset_every < self.pause_refine_after_reset
         )
         if not recovering:
-            self._update_state(params, state, info, packed)  # pyright: ignore[reportArgumentType]
+            sample(self, params, state, info)
             state[self.SAMPLED] = state.get(self.SAMPLED, 0) + 1
         if step > self.refine_start_iter and state.get(self.SAMPLED, 0) >= self.refine_every:
             self._let_the_strongest_grow(state, step)

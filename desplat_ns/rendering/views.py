@@ -9,16 +9,15 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import View
 
-OPENGL_TO_OPENCV = (1.0, -1.0, -1.0)
-"""nerfstudio's cameras look along -z with y up; rasterizers look along +z with y down."""
-
 
 def world_to_camera(camera_to_world: Float[Tensor, "3 4"]) -> Float[Tensor, "4 4"]:
-    """Rigid world-to-camera transform in OpenCV axes, of a camera-to-world one in OpenGL axes."""
-    flip = camera_to_world.new_tensor(OPENGL_TO_OPENCV)
-    rotation = (camera_to_world[:, :3] * flip).T
+    """Rigid world-to-camera transform in OpenCV axes, of a camera-to-world one in OpenGL axes.
+
+    nerfstudio's cameras look along -z with y up; rasterizers look along +z with y down.
+    """
+    rotation = torch.cat([camera_to_world[:, :1], -camera_to_world[:, 1:3]], dim=1).T
     translation = -rotation @ camera_to_world[:, 3:]
-    last_row = camera_to_world.new_tensor([[0.0, 0.0, 0.0, 1.0]])
+    last_row = torch.eye(4, dtype=rotation.dtype, device=rotation.device)[3:]
     return torch.cat([torch.cat([rotation, translation], dim=1), last_row])
 
 
@@ -31,12 +30,12 @@ def view_of(
     """
     pose = camera.camera_to_worlds[0] if camera_to_world is None else camera_to_world
     intrinsics = camera.get_intrinsics_matrices()[0].to(pose)
-    scale = intrinsics.new_tensor([1 / downscale, 1 / downscale, 1.0])
+    width, height = torch.cat([camera.width, camera.height]).flatten().tolist()
     return View(
         viewmat=world_to_camera(pose),
-        K=intrinsics * scale[:, None],
-        width=int(camera.width.item()) // downscale,
-        height=int(camera.height.item()) // downscale,
+        K=torch.cat([intrinsics[:2] * (1 / downscale), intrinsics[2:]]),
+        width=width // downscale,
+        height=height // downscale,
     )
 
 

@@ -57,9 +57,9 @@ class Sight:
     covered: Bool[Tensor, "rows columns"]
 
     @property
-    def share(self) -> float:
+    def share(self) -> Float[Tensor, ""]:
         """Share of the image that is covered, in [0, 1]."""
-        return float(self.covered.float().mean())
+        return self.covered.float().mean()
 
 
 def sight_of(view: View, alpha_d: Float[Tensor, "H W 1"]) -> Sight:
@@ -133,7 +133,8 @@ class SeparationWatch:
         known = [(index, sight) for index, sight in enumerate(self.sights) if sight is not None]
         if 2 * len(known) <= len(self.sights):
             return
-        shares = {index: sight.share for index, sight in known}
+        each = torch.stack([sight.share for _, sight in known]).tolist()
+        shares = {index: share for (index, _), share in zip(known, each, strict=True)}
         covered = [index for index, share in shares.items() if share > MAX_COVERED]
         if 2 * len(covered) > len(known):
             self._warn_of_too_many(step, covered, shares)
@@ -141,8 +142,9 @@ class SeparationWatch:
         stride = -(-len(means) // MAX_PLACES)
         share, counts = hidden_places(means.detach()[::stride], [sight for _, sight in known])
         if share > MAX_HIDDEN_PLACES:
-            order = counts.argsort(descending=True).tolist()
-            self._warn_of_places(step, share, [known[i][0] for i in order if counts[i] > 0])
+            times = counts.tolist()
+            order = sorted(range(len(times)), key=lambda i: -times[i])
+            self._warn_of_places(step, share, [known[i][0] for i in order if times[i] > 0])
 
     def _warn_of_too_many(self, step: int, covered: list[int], shares: dict[int, float]) -> None:
         worst = sorted(covered, key=lambda index: -shares[index])

@@ -8,6 +8,7 @@ removed where it does not, and the static scene has to fit by itself all pixels 
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -22,6 +23,7 @@ from desplat_ns.separation.expected_residual import UsualResiduals, excess_resid
 from desplat_ns.separation.grid import counted_cells, grid_of, pooled
 from desplat_ns.separation.ownership import interior, pixels_of
 from desplat_ns.separation.regions import outlier_regions
+from desplat_ns.separation.transfers import masks_to_host, to_device
 from desplat_ns.separation.visit import Visit
 
 COVERED_SHARE = 0.5
@@ -59,10 +61,10 @@ def find_regions(
     """
     width, height = visit.view.width, visit.view.height
     grid, counted = grid_of(width, height), masked_grid(visit)
-    scale = visit.photo.new_tensor([grid[0] / width, grid[1] / height])
+    x, y = visit.static.means2d.detach()[0].unbind(-1)
     excess, learned = excess_residual(
         local_residual(visit.static_rgb.detach(), visit.photo, grid, visit.mask),
-        visit.static.means2d.detach()[0] * scale,
+        torch.stack([x * (grid[0] / width), y * (grid[1] / height)], dim=-1),
         visit.static.visible,
         torch.sigmoid(opacities.detach()[:, 0]),
         known,
@@ -95,11 +97,11 @@ def uncovered_regions(
 
 
 def distractors_in(
-    cells: Bool[Tensor, "grid_rows grid_columns"], visit: Visit, config: DistractorConfig
+    cells: Bool[np.ndarray, "grid_rows grid_columns"], visit: Visit, config: DistractorConfig
 ) -> dict[str, Tensor]:
-    """New distractors in the photo's colours, one for each cell that is set."""
+    """New distractors in the photo's colours, one for each cell that is set, on the host."""
     rows, columns = cells.shape
-    row, column = cells.nonzero(as_tuple=True)
+    row, column = to_device(np.stack(cells.nonzero()), visit.photo.device)
     x = (column + 0.5) * visit.view.width / columns
     y = (row + 0.5) * visit.view.height / rows
     colors = pooled(visit.photo, (columns, rows), visit.mask)[:, row, column].T.contiguous()
@@ -164,8 +166,9 @@ class Placement:
         """Give the view new distractors where they belong, and remove those out of place."""
         if visit.inside is None:
             return
-        keep = lie_in(visit.inside, distractors.params_of(visit.index)["means"], visit.view)
-        uncovered = uncovered_regions(visit, self.config)
-        if bool(uncovered.any()) or not bool(keep.all()):
+        stays = lie_in(visit.inside, distractors.params_of(visit.index)["means"], visit.view)
+        stays, uncovered = masks_to_host(stays, uncovered_regions(visit, self.config))
+        if uncovered.any() or not stays.all():
+            kept = to_device(np.flatnonzero(stays), visit.photo.device)
             new = distractors_in(uncovered, visit, self.config)
-            densifier.exchange(distractors, visit.index, optimizers, keep, new)
+            densifier.exchange(distractors, visit.index, optimizers, kept, new)

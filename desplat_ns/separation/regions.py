@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
+
+from desplat_ns.separation.transfers import to_device, to_host
 
 MIN_AREA = 0.002
 """Share of the image: a smaller region is left to the static scene."""
@@ -17,13 +18,21 @@ def outlier_regions(
 ) -> Bool[Tensor, "rows columns"]:
     """Connected cells above `weak`, one of them above `strong`; gaps are closed and holes filled.
 
+    They are found on the host: the excess goes there, and the regions come back.
+
     Two thresholds, because the inside of an occluder is in places coloured like what it covers,
     and because noise above the lower one alone is no reason. Regions of less than `MIN_AREA` are
     dropped.
 
     Source: hysteresis of Canny 1986.
     """
-    values = excess.detach().cpu().numpy()
+    return to_device(_regions_of(to_host(excess), weak, strong), excess.device)
+
+
+def _regions_of(
+    values: Float[np.ndarray, "rows columns"], weak: float, strong: float
+) -> Bool[np.ndarray, "rows columns"]:
+    """`outlier_regions`, on the host."""
     count, labels = _components(values > weak)
     keep = np.zeros(count, bool)
     keep[labels[values > strong]] = True
@@ -32,7 +41,7 @@ def outlier_regions(
     areas = np.bincount(labels.ravel(), minlength=count)
     large = areas >= MIN_AREA * labels.size
     large[0] = False
-    return torch.from_numpy(large[labels]).to(excess.device)
+    return large[labels]
 
 
 def _components(mask: np.ndarray) -> tuple[int, np.ndarray]:

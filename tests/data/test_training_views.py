@@ -14,6 +14,8 @@ def test_only_train_idx_says_which_training_view_a_camera_is():
     assert train_index(cameras()) is None
     assert train_index(cameras(metadata={"cam_idx": 3})) is None
     assert train_index(cameras(metadata={"train_idx": torch.tensor([[7]])})) == 7
+    both = {"train_idx": torch.tensor([[7]]), "cam_idx": 7}
+    assert train_index(cameras(metadata=both)) == 7
 
 
 def test_names_are_relative_to_the_folder_that_all_photos_share():

@@ -217,7 +217,7 @@ def test_exchanged_distractors_start_without_moments_and_the_others_keep_theirs(
     scene = Scene()
     scene.visit(11, grad=[0.1, 0.2, 0.3, 0.4])
     means, moments = scene.params()["means"].detach().clone(), scene.moment("means").clone()
-    keep = torch.tensor([True, False, True, True])
+    keep = torch.tensor([0, 2, 3])
     scene.densifier.exchange(scene.distractors, 0, scene.optimizers, keep, new_rows(2, scene))
     assert scene.distractors.counts() == [5, 4]
     assert torch.equal(scene.params()["means"][:3], means[keep])
@@ -233,10 +233,9 @@ def test_exchanged_distractors_start_without_moments_and_the_others_keep_theirs(
 def test_a_view_can_lose_all_its_distractors_and_get_new_ones():
     scene = Scene()
     scene.visit(11)
-    nobody = torch.zeros(4, dtype=torch.bool)
+    nobody = torch.zeros(0, dtype=torch.long)
     scene.densifier.exchange(scene.distractors, 0, scene.optimizers, nobody, new_rows(0, scene))
     assert scene.distractors.counts() == [0, 4]
-    nobody = torch.zeros(0, dtype=torch.bool)
     scene.densifier.exchange(scene.distractors, 0, scene.optimizers, nobody, new_rows(3, scene))
     assert scene.distractors.counts() == [3, 4]
     scene.visit(12)

@@ -9,7 +9,7 @@ from torch import nn
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.densification import strategy_info
-from desplat_ns.gaussians.strategy import NEVER, StaticStrategy
+from desplat_ns.gaussians.strategy import NEVER, StaticStrategy, sample
 
 VIEW = View(torch.eye(4), torch.eye(3), width=20, height=10)
 
@@ -54,6 +54,31 @@ def test_it_refines_by_the_mean_of_a_whole_sample():
     assert counts == [4, 4]
     assert scene.step(3, [0.0, 0.0, 0.0, 3.0]) == 6  # means 0.6, 0, 0 and 1
     assert [scene.step(step) for step in range(4, 8)] == [6, 6, 6, 6]  # the sum started anew
+
+
+@pytest.mark.parametrize("absgrad", [True, False])
+@pytest.mark.parametrize("by_width", [0, 100])
+def test_a_visit_is_sampled_to_the_bits_of_gsplats(absgrad, by_width):
+    """Of what is not visible nothing counts, not even a gradient that is no number."""
+    generator, n = torch.Generator().manual_seed(0), 500
+    settings: dict[str, Any] = {"absgrad": absgrad, "refine_scale2d_stop_iter": by_width}
+    strategy = DefaultStrategy(**settings)
+    ours, theirs = strategy.initialize_state(), strategy.initialize_state()
+    params = nn.ParameterDict({"means": nn.Parameter(torch.zeros(n, 3))})
+    for _ in range(3):
+        radii = torch.randint(-20, 40, (n,), generator=generator).clamp(min=0).int()
+        means2d: Any = torch.zeros(1, n, 2)
+        gradients = torch.randn(1, n, 2, generator=generator)
+        means2d.absgrad, means2d.grad = gradients.abs(), gradients
+        means2d.grad[0, radii == 0] = torch.nan
+        black = torch.zeros(10, 20, 3)
+        info = strategy_info(Rendering(black, black[..., :1], None, means2d, radii), VIEW)
+        sample(strategy, params, ours, info)
+        strategy._update_state(params, theirs, info)  # pyright: ignore[reportArgumentType]
+    assert ours.keys() == theirs.keys()
+    for name in ("grad2d", "count", *(["radii"] if by_width else [])):
+        assert torch.equal(ours[name], theirs[name])
+    assert ours["count"].max() > 1
 
 
 def test_steps_after_a_reset_are_not_in_the_sample():

@@ -66,7 +66,7 @@ def pixels(means: torch.Tensor, view: View) -> torch.Tensor:
 
 def test_new_distractors_lie_on_the_cells_of_the_region_in_the_photos_colours():
     seen = sighting(block())
-    new = distractors_in(uncovered_regions(seen, CONFIG), seen, CONFIG)
+    new = distractors_in(uncovered_regions(seen, CONFIG).numpy(), seen, CONFIG)
     found = pixels(new["means"], seen.view)
     assert len(found) == 5 * 10
     x, y = torch.meshgrid(torch.arange(31.0, 50, 2), torch.arange(11.0, 20, 2), indexing="xy")
@@ -80,7 +80,7 @@ def test_new_distractors_lie_on_the_cells_of_the_region_in_the_photos_colours():
 def test_as_many_pixels_wide_as_those_that_cover_the_whole_view():
     whole = DistractorGaussians(dataclasses.replace(CONFIG, start="everywhere"), cameras())
     seen = sighting(block())
-    new = distractors_in(uncovered_regions(seen, CONFIG), seen, CONFIG)
+    new = distractors_in(uncovered_regions(seen, CONFIG).numpy(), seen, CONFIG)
     assert torch.allclose(new["scales"], whole.params_of(0)["scales"][:50], atol=1e-6)
 
 
@@ -100,7 +100,7 @@ def test_none_is_placed_in_a_cell_of_which_less_than_half_counts():
     assert places.sum() == 5 * 5 - 1
     assert places[5:10, 15:20].sum() == 5 * 5 - 1
     assert not places[6, 15]
-    new = distractors_in(places, seen, CONFIG)
+    new = distractors_in(places.numpy(), seen, CONFIG)
     assert torch.allclose(new["rgbs"][0], seen.photo[11, 30:32].mean(0), atol=1e-6)
 
 
