@@ -4,11 +4,13 @@
 #   make test    the tests, on the CPU
 #   make bench   every backend is timed and the figures written to docs/performance.md (15 minutes)
 #   make stability  hard cases measured, docs/stability.md; wrong signs, kills, a long run (2 hours)
+#   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/gpu.md (10 minutes)
 #   make study   the runs behind docs/separation.md that are missing or stale, and the document (hours; resumes)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
 #
 # Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
+#           WHEELS=folder  GPU_ARGS='--device cpu --quick --output folder'  (make gpu: CONTRIBUTING.md)
 #           BENCH_ARGS='--quick --output folder'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
 
@@ -19,6 +21,9 @@ PYTEST_ARGS ?=
 DEMO_ARGS ?=
 BENCH_ARGS ?=
 STUDY_ARGS ?=
+GPU_ARGS ?=
+WHEELS ?=
+GPU_VENV ?= outputs/gpu-venv
 
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
@@ -28,11 +33,11 @@ export OMP_WAIT_POLICY ?= passive
 # The checks need nothing from the network.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 
-.PHONY: demo bench stability study test check lint clean distclean env help
+.PHONY: demo bench gpu stability study test check lint clean distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,14s/^# \{0,1\}//p' Makefile
+	@sed -n '3,16s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -47,6 +52,17 @@ stability: $(STAMP)
 	$(PY) -m benchmarks.stability.faults
 	$(PY) -m benchmarks.stability.soak
 	$(PY) -m benchmarks.stability
+
+# With WHEELS=folder nothing is fetched: the environment is made of that folder and of what the Python
+# at hand has. The time that takes counts towards the ten minutes.
+gpu: $(if $(WHEELS),,$(STAMP))
+ifneq ($(WHEELS),)
+	@started=$$(date +%s) && \
+	    $(or $(PYTHON),python3) -m benchmarks.gpu.environment "$(WHEELS)" "$(GPU_VENV)" && \
+	    "$(GPU_VENV)/bin/python" -m benchmarks.gpu --started $$started $(GPU_ARGS)
+else
+	$(PY) -m benchmarks.gpu $(GPU_ARGS)
+endif
 
 study: $(STAMP)
 	$(PY) -m benchmarks.separation $(STUDY_ARGS)

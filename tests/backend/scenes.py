@@ -174,7 +174,7 @@ class Backend:
     def render(self, scene: TestScene, settings: RenderSettings) -> tuple[TestScene, Rendering]:
         """Render; also the scene's leaves, whose gradients the caller asks for."""
         leaves = scene.to(self.dtype, self.device)
-        rendering = resolve(self.name)(leaves.splats, leaves.view, settings)  # pyright: ignore[reportArgumentType]
+        rendering = resolve(self.name, self.device)(leaves.splats, leaves.view, settings)  # pyright: ignore[reportArgumentType]
         if rendering.means2d.requires_grad:
             rendering.means2d.retain_grad()
         return leaves, rendering
@@ -185,13 +185,13 @@ BACKENDS = [
     pytest.param(("torch", "cpu", torch.float64), id="torch-float64"),
     pytest.param(("numba", "cpu", torch.float32), id="numba"),
     pytest.param(("torch", "cuda", torch.float32), id="torch-cuda", marks=pytest.mark.gpu),
-    pytest.param(("gsplat", "cuda", torch.float32), id="gsplat"),
+    pytest.param(("gsplat", "cuda", torch.float32), id="gsplat", marks=pytest.mark.gpu),
 ]
 
 
 def make_backend(name: str, device: str, dtype: torch.dtype) -> Backend:
     """The backend, or a skip that says why it cannot run here."""
-    reason = available()[name]
+    reason = available(device)[name]
     if reason is not None:
         pytest.skip(f"backend '{name}' {reason}")
     return Backend(name, device, dtype)

@@ -371,7 +371,7 @@ def test_the_camera_receives_gradients(backend):
     leaves.viewmat.requires_grad_()
     want = render_reference(truth, RenderSettings())
     (want.rgb * safe).sum().backward()
-    got = resolve(backend.name)(leaves.splats, leaves.view, RenderSettings())  # pyright: ignore[reportArgumentType]
+    got = resolve(backend.name, backend.device)(leaves.splats, leaves.view, RenderSettings())  # pyright: ignore[reportArgumentType]
     (got.rgb * safe.to(got.rgb)).sum().backward()
     # All Gaussians' shares add up, so their rounding does too.
     assert truth.viewmat.grad is not None

@@ -1,0 +1,109 @@
+"""Measure on a GPU what only a GPU can answer, and write docs/gpu.md.
+
+make gpu                        in the environment of `make env`
+make gpu WHEELS=folder          on a machine without a network, from a folder of wheels
+make gpu GPU_ARGS='--device cpu --quick --output folder'     a rehearsal without a GPU
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.documents import DOCS
+from benchmarks.gpu.plan import PARTS, PATIENCE, TOTAL, Job
+from benchmarks.gpu.records import Run
+from benchmarks.gpu.report import write_report
+from benchmarks.gpu.runner import Runner
+
+NO_GPU = 2
+"""Exit status where there is no GPU to measure on."""
+
+INCOMPLETE = 3
+"""Exit status where the document is written and a part was not measured."""
+
+
+def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.gpu",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--device", choices=("cuda", "cpu"), default="cuda", help="(%(default)s)")
+    parser.add_argument("--quick", action="store_true", help="tiny sizes: a check only")
+    parser.add_argument("--output", type=Path, help="folder for gpu.md and gpu.json (docs)")
+    names = [part.name for part in PARTS]
+    parser.add_argument("--only", nargs="+", default=names, choices=names, help="these parts")
+    parser.add_argument(
+        "--seconds", type=float, help=f"for everything together ({TOTAL:g}; a rehearsal has more)"
+    )
+    parser.add_argument(
+        "--started", type=float, help="since when they count, seconds since 1970 (now)"
+    )
+    chosen = parser.parse_args(arguments)
+    stand_in = chosen.quick or chosen.device == "cpu"
+    output = DOCS if chosen.output is None else chosen.output.resolve()
+    if stand_in and output == DOCS:
+        parser.error(
+            "a rehearsal (--device cpu, --quick) measures nothing to keep: name a folder other "
+            "than docs with --output"
+        )
+    chosen.output = output
+    chosen.is_stand_in = stand_in
+    if chosen.seconds is None:
+        chosen.seconds = PATIENCE * TOTAL if stand_in else TOTAL
+    if chosen.started is not None:
+        chosen.seconds -= max(0.0, time.time() - chosen.started)
+    return chosen
+
+
+def no_gpu() -> str | None:
+    """Why there is no GPU to measure on and what to do; None where there is one."""
+    import torch  # takes seconds: not for `--help`
+
+    if torch.cuda.is_available():
+        return None
+    built = f"built for CUDA {torch.version.cuda}" if torch.version.cuda else "built without CUDA"
+    return (
+        f"torch {torch.__version__} ({built}) sees no GPU, and nothing was measured. Run `make "
+        "gpu` on a machine whose `nvidia-smi` shows one; if it does, install a torch for that "
+        "driver. A rehearsal without a GPU, whose figures mean nothing: "
+        "make gpu GPU_ARGS='--device cpu --quick --output folder'"
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    chosen = parse_arguments(arguments)
+    if chosen.device == "cuda":
+        reason = no_gpu()
+        if reason is not None:
+            print(f"Error: {reason}", file=sys.stderr)
+            return NO_GPU
+    output: Path = chosen.output
+    output.mkdir(parents=True, exist_ok=True)
+
+    def written(run: Run) -> None:
+        run.save(output)
+        write_report(run, output)
+
+    def say(line: str) -> None:
+        print(line, flush=True)
+
+    with tempfile.TemporaryDirectory(prefix="desplat-gpu-") as work:
+        job = Job(chosen.device, chosen.quick, work)
+        parts = [part for part in PARTS if part.name in chosen.only]
+        if chosen.is_stand_in:
+            parts = [part.patient() for part in parts]
+        run = Runner(job, chosen.seconds, written, say, parts)()
+    missing = [name for name, record in run.parts.items() if not record.is_measured]
+    print(f"Written: gpu.md and gpu.json. Not measured: {', '.join(missing) or 'nothing'}.")
+    return INCOMPLETE if missing else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,36 @@
+"""How long a training step of DeSplat takes, over one of nerfstudio's Splatfacto."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from benchmarks.gpu.plan import Job
+from benchmarks.gpu.records import Figures
+from benchmarks.gpu.scenes import QUICK_SIZES, SIZES, SPLATFACTO, all_steps
+from benchmarks.gpu.spread import summary
+from benchmarks.gpu.stand_in import splatfacto_on
+from desplat_ns.calibration.scenes import make_scene
+from desplat_ns.calibration.timing import Timing, time_in_turns
+
+ROUNDS, QUICK_ROUNDS = 30, 2
+"""Turns of each case; `time_in_turns` counts three steps in each."""
+
+
+def measure(job: Job) -> Iterator[Figures]:
+    """Milliseconds of all cases, size after size."""
+    rows: list[dict[str, Any]] = []
+    for size in QUICK_SIZES if job.quick else SIZES:
+        scene = make_scene(*size)
+        with splatfacto_on(job.device):
+            rounds = QUICK_ROUNDS if job.quick else ROUNDS
+            timings = time_in_turns(all_steps(job, scene), rounds)
+        rows += [_row(scene.name, name, timings) for name in timings]
+        yield {"rows": rows}
+
+
+def _row(scene: str, name: str, timings: dict[str, Timing]) -> dict[str, Any]:
+    """A case, and its medians' ratio to Splatfacto's."""
+    wall = timings[name].wall
+    ratio = timings[name].wall_ms / timings[SPLATFACTO].wall_ms
+    return {"scene": scene, "case": name, "ms": summary(wall), "ratio": round(ratio, 4)}

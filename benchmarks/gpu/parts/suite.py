@@ -1,0 +1,77 @@
+"""The tests that skip without a GPU, run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.documents import CHECKOUT
+from benchmarks.gpu.plan import Job
+from benchmarks.gpu.records import Figures, without_places
+
+MOST_LISTED = 30
+"""Failures and reasons that are kept."""
+
+MARK = "mark" + ".gpu"
+"""In a file that marks tests, or what several test files take from it."""
+
+QUICK = "tests/backend/test_gsplat_cuda.py"
+"""What a rehearsal looks into."""
+
+
+def measure(job: Job) -> Iterator[Figures]:
+    """Numbers of tests by how they ended, and what was said of those that did not pass.
+
+    Raises:
+        RuntimeError: pytest ran none at all.
+    """
+    target = job.folder / "suite" / "results.xml"
+    command = [sys.executable, "-m", "pytest", "-m", "gpu", "-p", "no:cacheprovider"]
+    # A file that cannot be imported here is one error, not the end.
+    command += ["--continue-on-collection-errors", f"--junitxml={target}"]
+    command += [QUICK] if job.quick else places(CHECKOUT / "tests")
+    done = subprocess.run(command, cwd=CHECKOUT)
+    if not target.exists():
+        raise RuntimeError(f"pytest ended with status {done.returncode} before any test ran.")
+    yield read_results(target)
+
+
+def places(tests: Path) -> list[str]:
+    """Where tests are marked: collecting all others as well would take a minute. Files of tests;
+    of others that mark, as the lists of backends do, the folder."""
+    marking = [path for path in sorted(tests.rglob("*.py")) if MARK in path.read_text("utf8")]
+    found = [path if path.name.startswith("test_") else path.parent for path in marking]
+    return [str(one) for one in dict.fromkeys(found) if one.parent not in found]
+
+
+def read_results(path: Path) -> Figures:
+    """What a JUnit file says."""
+    counts: Counter[str] = Counter()
+    bad: list[str] = []
+    reasons: Counter[str] = Counter()
+    for case in ElementTree.parse(path).getroot().iter("testcase"):
+        kind, said = _outcome(case)
+        counts[kind] += 1
+        name = f"{case.get('classname', '')}.{case.get('name', '')}".strip(".")
+        if kind in ("failed", "error"):
+            bad.append(f"{name}: {said}")
+        elif kind == "skipped":
+            reasons[said] += 1
+    return {
+        **{kind: counts[kind] for kind in ("passed", "failed", "error", "skipped")},
+        "bad": bad[:MOST_LISTED],
+        "reasons": dict(reasons.most_common(MOST_LISTED)),
+    }
+
+
+def _outcome(case: ElementTree.Element) -> tuple[str, str]:
+    for tag, kind in (("failure", "failed"), ("error", "error"), ("skipped", "skipped")):
+        found = case.find(tag)
+        if found is not None:
+            said = without_places(found.get("message") or "").strip().splitlines()
+            return kind, said[0][:300] if said else ""
+    return "passed", ""
