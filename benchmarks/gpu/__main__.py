@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.documents import DOCS
-from benchmarks.gpu.plan import PARTS, PATIENCE, TOTAL, Job
+from benchmarks.gpu.plan import KERNELS, PARTS, PATIENCE, TOTAL, Job, Part
 from benchmarks.gpu.records import Run
 from benchmarks.gpu.report import write_report
 from benchmarks.gpu.runner import Runner
@@ -61,6 +61,14 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     return chosen
 
 
+def chosen_parts(names: Sequence[str], job: Job) -> list[Part]:
+    """The parts of these names; on a GPU the kernels as well where one of them draws with them."""
+    found = [part for part in PARTS if part.name in names]
+    if not job.is_stand_in and any(part.needs_kernels for part in found):
+        found = [part for part in PARTS if part in found or part == KERNELS]
+    return found
+
+
 def no_gpu() -> str | None:
     """Why there is no GPU to measure on and what to do; None where there is one."""
     import torch  # takes seconds: not for `--help`
@@ -96,7 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     with tempfile.TemporaryDirectory(prefix="desplat-gpu-") as work:
         job = Job(chosen.device, chosen.quick, work)
-        parts = [part for part in PARTS if part.name in chosen.only]
+        parts = chosen_parts(chosen.only, job)
         if chosen.is_stand_in:
             parts = [part.patient() for part in parts]
         run = Runner(job, chosen.seconds, written, say, parts)()

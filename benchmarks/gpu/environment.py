@@ -34,10 +34,11 @@ def check_folder(folder: Path, python: tuple[int, int]) -> Path:
         NoEnvironment: it is missing, too large, or for another Python.
     """
     archive = folder / ARCHIVE
-    if not archive.is_file():
+    lacking = [name for name in (ARCHIVE, MADE_FOR) if not (folder / name).is_file()]
+    if lacking:
         raise NoEnvironment(
-            f"WHEELS={folder} holds no {ARCHIVE}. Make the folder where there is a network: "
-            "python3 -m benchmarks.gpu.collect FOLDER"
+            f"WHEELS={folder} holds no {lacking[0]}, as a whole collection does. Make the folder "
+            "where there is a network: python3 -m benchmarks.gpu.collect FOLDER"
         )
     size = size_of(folder)
     if size > LIMIT:

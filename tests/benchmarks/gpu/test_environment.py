@@ -30,6 +30,13 @@ def test_a_missing_folder_is_named_with_what_makes_one(tmp_path: Path, capsys):
     assert not (tmp_path / "venv").exists()
 
 
+def test_a_collection_that_was_not_finished_is_no_collection(tmp_path: Path):
+    folder = a_collection(tmp_path / "wheels")
+    (folder / wheels.MADE_FOR).unlink()
+    with pytest.raises(environment.NoEnvironment, match="as a whole collection does"):
+        environment.check_folder(folder, HERE)
+
+
 def test_a_folder_that_is_too_large_is_refused(tmp_path: Path, monkeypatch):
     folder = a_collection(tmp_path / "wheels")
     monkeypatch.setattr(environment, "LIMIT", 10)

@@ -8,6 +8,7 @@ import torch
 
 from benchmarks.documents import DOCS
 from benchmarks.gpu import __main__ as command
+from benchmarks.gpu.plan import Job
 from benchmarks.gpu.records import MEASURED, WAITING, Run
 
 
@@ -32,6 +33,14 @@ def test_a_rehearsal_never_writes_into_docs(arguments, capsys):
 def test_what_was_spent_before_counts():
     chosen = command.parse_arguments(["--seconds", "100", "--started", str(time.time() - 30)])
     assert 60 < chosen.seconds <= 70
+
+
+def test_parts_that_draw_with_gsplat_bring_its_kernels():
+    def names(only, device):
+        return [part.name for part in command.chosen_parts(only, Job(device, False, ""))]
+
+    assert names(["steps"], "cuda") == ["kernels", "steps"]
+    assert names(["steps"], "cpu") == ["steps"] and names(["machine"], "cuda") == ["machine"]
 
 
 @pytest.mark.slow
