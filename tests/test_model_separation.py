@@ -5,7 +5,6 @@ from typing import Any
 import pytest
 import torch
 
-import desplat_ns.separation.expected_residual as excess
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.gaussians.distractors import DistractorConfig
 from desplat_ns.model import DeSplatModel
@@ -43,12 +42,6 @@ class Crossing(Trainer):
         return self.step(step, view)
 
 
-@pytest.fixture
-def judged_by_few(monkeypatch):
-    monkeypatch.setattr(excess, "MIN_VIEWS", 2)
-
-
-@pytest.mark.usefixtures("judged_by_few")
 def test_distractors_appear_where_one_photo_differs_and_nowhere_else():
     model = a_dense_model(static_warmup=60)
     trainer = Crossing(model)
@@ -69,7 +62,6 @@ def test_distractors_appear_where_one_photo_differs_and_nowhere_else():
     assert ((colors - torch.tensor([1.0, 0.0, 1.0])).abs().amax(-1) < 0.2).sum() > 5
 
 
-@pytest.mark.usefixtures("judged_by_few")
 @pytest.mark.parametrize("masked", [slice(0, 11), slice(0, WIDTH)])
 def test_no_distractor_is_placed_where_the_users_mask_leaves_a_photo_out(masked):
     """Left of the middle, or everywhere; what is seen to the right of a mask still counts."""
@@ -85,7 +77,6 @@ def test_no_distractor_is_placed_where_the_users_mask_leaves_a_photo_out(masked)
     assert (len(u) > 0) == (masked.stop < WIDTH)
 
 
-@pytest.mark.usefixtures("judged_by_few")
 def test_alone_the_static_scene_gets_no_gradient_from_the_composite():
     """Its gradient is that of its own losses, whatever the distractors do."""
     model = a_dense_model(start="everywhere", static_warmup=0)
@@ -105,7 +96,6 @@ def test_alone_the_static_scene_gets_no_gradient_from_the_composite():
     assert all(g.any() for g in own)
 
 
-@pytest.mark.usefixtures("judged_by_few")
 @pytest.mark.parametrize("leave_out_at", [61, 10_000])
 def test_a_region_is_left_out_of_the_static_loss_after_a_while(leave_out_at):
     model = a_dense_model(static_warmup=60, leave_out_at=leave_out_at)

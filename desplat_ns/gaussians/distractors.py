@@ -39,9 +39,9 @@ class DistractorConfig:
     weak_excess: float = 0.04
     """With start residual: by how much a residual (colours in [0, 1]) has to exceed the expected
     one for a place to belong to something in the way."""
-    strong_excess: float = 0.25
+    strong_excess: float = 0.2
     """With start residual: excess that something in the way has to reach in one place at least."""
-    settled_share: float = 0.6
+    settled_share: float = 0.75
     """Share of `strong_excess` that is enough after `settled_visits` and `stop_densify_at`: by then
     the scene's own excess has died away, and what differs little from what it covers can be told
     from it."""

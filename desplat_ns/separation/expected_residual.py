@@ -22,8 +22,12 @@ from torch import Tensor
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.separation.grid import pooled
 
-WINDOW = 5
-"""Cells (an odd number) over which residuals are averaged, so that texture does not count."""
+RESIDUAL_WINDOW = 3
+"""Cells (an odd number) over which residuals are averaged, so that texture does not count. What is
+as small as a cell or two is lost in a wider one."""
+
+EXPECTED_WINDOW = 5
+"""Cells (an odd number) over which Gaussians say what is expected."""
 
 LEVEL_QUANTILE = 0.25
 """A view's level is this quantile of its residuals: right as long as occluders cover less than
@@ -32,12 +36,14 @@ three quarters of it."""
 MEDIAN_STEP = 0.1
 """Step of a Gaussian's running median, in units of the residual's logarithm."""
 
-MIN_VIEWS = 5
-"""A Gaussian that fewer training views see has no say in what is expected: what floats in front of
-one camera remembers its photo alone, occluder and all."""
+LEAST_VIEWS = 2
+"""A Gaussian that so many training views see, or fewer, has no say in what is expected: what floats
+in front of one camera remembers its photo alone, occluder and all, and of two views nobody can tell
+which is right. A median of three holds against one."""
 
-MIN_WEIGHT = 1e-4
-"""Opacity per cell, of Gaussians with a say, below which there is none."""
+TYPICAL_WEIGHT = 0.02
+"""Opacity per cell with which what is usual in the whole scene counts everywhere. Where no Gaussian
+has a say, as before bare walls that few views see, it decides alone."""
 
 MIN_RESIDUAL = 1e-4
 """Below this, residuals (colours in [0, 1]) are equal."""
@@ -61,7 +67,7 @@ def local_residual(
     if mask is not None:
         return _masked_residual(difference, mask.permute(2, 0, 1), grid)
     cells = pooled(_box3(difference).abs().mean(0)[..., None], grid)
-    return _averaged(cells)[0].clamp(min=MIN_RESIDUAL)
+    return _averaged(cells, RESIDUAL_WINDOW)[0].clamp(min=MIN_RESIDUAL)
 
 
 def _masked_residual(
@@ -72,7 +78,9 @@ def _masked_residual(
     sums = _box3(difference.masked_fill(~mask, 0.0))
     smooth = sums / _box3(counts).clamp(min=1 / 9)  # 1 of 9: the pixel itself, where it counts
     errors = (smooth.abs().mean(0, keepdim=True) * counts)[0]
-    total, number = _averaged(pooled(torch.stack([errors, counts[0]], dim=-1), grid))
+    total, number = _averaged(
+        pooled(torch.stack([errors, counts[0]], dim=-1), grid), RESIDUAL_WINDOW
+    )
     return (total / number.clamp(min=torch.finfo(number.dtype).eps)).clamp(min=MIN_RESIDUAL)
 
 
@@ -109,7 +117,8 @@ def excess_residual(
 ) -> tuple[Float[Tensor, "rows columns"], UsualResiduals]:
     """The residual beyond the expected one, and what is known once this view is remembered too.
 
-    The excess is 0 in cells around which no Gaussian has a say: nothing is known there.
+    What is usual around the Gaussians in a part of the image is expected there, each counting by
+    its opacity and by its `certainty`; where they are few, what is usual in the whole scene is.
 
     Args:
         residual: `local_residual` of the view.
@@ -124,13 +133,18 @@ def excess_residual(
     relative = F.pad((residual / level).log().flatten(), (0, 1))
     inside, cell = _cells_of(means2d, visible, residual.shape, counted)
     usual, times_seen, visits = known.usual, known.times_seen + inside, known.visits + 1
-    say = opacities * (times_seen * (num_views / visits) >= MIN_VIEWS)
-    expected, judged = _mean_by_cell(usual, say, cell, residual.shape)
+    say = opacities * certainty(times_seen * (num_views / visits))
+    expected = _mean_by_cell(usual, say, cell, residual.shape)
     off = torch.sign(relative.index_select(0, cell) - usual)
     learned = UsualResiduals(usual + MEDIAN_STEP * off * inside, times_seen, visits)
-    if counted is not None:
-        judged = judged & counted
-    return torch.where(judged, residual - level * expected.exp(), 0.0), learned
+    excess = residual - level * expected.exp()
+    return excess if counted is None else excess.masked_fill(~counted, 0.0), learned
+
+
+def certainty(views: Float[Tensor, " N"]) -> Float[Tensor, " N"]:
+    """How far the median of so many views can be trusted, in [0, 1]: not up to `LEAST_VIEWS`, and
+    wholly from one more on."""
+    return (views - LEAST_VIEWS).clamp(0, 1)
 
 
 def _level(
@@ -150,8 +164,10 @@ def _box3(image: Float[Tensor, "C H W"]) -> Float[Tensor, "C H W"]:
     return (rows[..., :-2] + rows[..., 1:-1] + rows[..., 2:]) / 9
 
 
-def _averaged(cells: Float[Tensor, "C rows columns"]) -> Float[Tensor, "C rows columns"]:
-    return F.avg_pool2d(cells[None], WINDOW, 1, WINDOW // 2, count_include_pad=False)[0]
+def _averaged(
+    cells: Float[Tensor, "C rows columns"], window: int
+) -> Float[Tensor, "C rows columns"]:
+    return F.avg_pool2d(cells[None], window, 1, window // 2, count_include_pad=False)[0]
 
 
 def _cells_of(
@@ -174,9 +190,12 @@ def _cells_of(
 
 def _mean_by_cell(
     values: Float[Tensor, " N"], weights: Tensor, cell: Tensor, shape: torch.Size
-) -> tuple[Float[Tensor, "rows columns"], Bool[Tensor, "rows columns"]]:
-    """Weighted mean of the values around each cell, and where there is anything to average."""
+) -> Float[Tensor, "rows columns"]:
+    """Weighted mean of the values around each cell, drawn to the mean of all where weights are
+    small."""
     rows = torch.stack([weights * values, weights])
     sums = rows.new_zeros(2, shape[0] * shape[1] + 1).index_add_(1, cell, rows)
-    total, weight = _averaged(sums[:, :-1].reshape(2, *shape))
-    return total / weight.clamp(min=MIN_WEIGHT), weight > MIN_WEIGHT
+    total, weight = _averaged(sums[:, :-1].reshape(2, *shape), EXPECTED_WINDOW)
+    all_values, all_weights = rows.sum(dim=1)
+    typical = all_values / all_weights.clamp(min=torch.finfo(rows.dtype).tiny)
+    return (total + TYPICAL_WEIGHT * typical) / (weight + TYPICAL_WEIGHT)

@@ -15,16 +15,26 @@ from torch import Tensor
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
+from desplat_ns.console import announce
 from desplat_ns.gaussians.densification import DistractorDensifier
 from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians, distractors_at
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import image_points
-from desplat_ns.separation.expected_residual import UsualResiduals, excess_residual, local_residual
+from desplat_ns.separation.expected_residual import (
+    LEAST_VIEWS,
+    UsualResiduals,
+    excess_residual,
+    local_residual,
+)
 from desplat_ns.separation.grid import counted_cells, grid_of, pooled
 from desplat_ns.separation.ownership import interior, pixels_of
 from desplat_ns.separation.regions import outlier_regions
 from desplat_ns.separation.transfers import masks_to_host, to_device
 from desplat_ns.separation.visit import Visit
+
+FEW_VIEWS = 5
+"""With fewer training photos a warning is said: of three, two that are occluded alike outvote the
+third."""
 
 COVERED_SHARE = 0.5
 """A distractor is placed where more than this share of its cell is inside a region, and where the
@@ -118,12 +128,29 @@ def lie_in(
     return regions[row.clamp(0, rows - 1), column.clamp(0, columns - 1)]
 
 
+def _about_few_views(num_views: int) -> str:
+    """What a user is told who trains on fewer than `FEW_VIEWS` photos."""
+    found = f"There are {num_views} training photos. What is in the way is told from the scene by "
+    if num_views <= LEAST_VIEWS:
+        return (
+            f"{found}what most photos of a place show: {LEAST_VIEWS + 1} at least. So distractors "
+            "cannot be judged, and none is placed. Add photos, or mask what is in the way."
+        )
+    return (
+        f"{found}what most photos of a place show, and with fewer than {FEW_VIEWS} that is easily "
+        "wrong. Look at the distractor masks before trusting them; more photos help."
+    )
+
+
 class Placement:
     """Finds where each view's distractors belong, and moves them there after the optimizers."""
 
     def __init__(self, config: DistractorConfig, num_views: int):
+        """Says so where there are too few views to judge by."""
         self.config = config
         self.num_views = num_views
+        if config.start == "residual" and num_views < FEW_VIEWS:
+            announce(_about_few_views(num_views), warning=True)
 
     @torch.no_grad()
     def look(
@@ -131,16 +158,19 @@ class Placement:
     ) -> Bool[Tensor, "H W 1"] | None:
         """Find the view's regions, and note in the visit what follows from them.
 
+        Nothing is found where nobody has a say, with `LEAST_VIEWS` views or fewer.
+
         Args:
             opacities: logits of the static Gaussians.
             memory: what they remember; it is read only.
 
         Returns:
-            The pixels in which opacity is free; None in the warm-up, in which views are only
-            remembered. Residuals are averaged over some cells, so a region reaches beyond what
-            stands there: distractors keep off its outermost cells, and are free one cell further
-            in.
+            The pixels in which opacity is free; None if nothing is found, or in the warm-up, in
+            which views are only remembered. Residuals are averaged over some cells, so a region
+            reaches beyond what stands there: distractors keep off its outermost cells.
         """
+        if self.num_views <= LEAST_VIEWS:
+            return None
         known = UsualResiduals.of(memory, len(opacities), visit.photo.device)
         regions, visit.learned = find_regions(
             step, visit, opacities, known, self.num_views, self.config
@@ -153,7 +183,7 @@ class Placement:
             visit.inside = inside
         if step >= self.config.leave_out_at:
             visit.left_out = regions
-        return pixels_of(interior(inside, counted), *visit.photo.shape[:2])
+        return pixels_of(inside, *visit.photo.shape[:2])
 
     @torch.no_grad()
     def place(

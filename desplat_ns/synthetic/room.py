@@ -25,7 +25,8 @@ def walls_and_floor(wall_height: float) -> list[Primitive]:
     planks = Stripes((0.62, 0.5, 0.38), (0.56, 0.44, 0.33), 0.4)
     floor = Grained(planks, 0.25, (1.5, 0.2), 40)
     corner, x, y = np.array([-HALF, -HALF, 0.0]), np.array([side, 0, 0]), np.array([0, side, 0.0])
-    shades = [Plain(tuple(c * s for c in BARE_WALL)) for s in (1.0, 0.96, 1.04, 0.98)]
+    r, g, b = BARE_WALL
+    shades = [Plain((s * r, s * g, s * b)) for s in (1.0, 0.96, 1.04, 0.98)]
     return [
         Rect(corner, x, y, floor),
         Rect(corner + y, x, up, shades[0]),
@@ -41,6 +42,7 @@ def glossy_things() -> list[Primitive]:
     steel = Glossy(Plain((0.3, 0.32, 0.36)), 0.9)
     enamel = Glossy(Checker((0.15, 0.3, 0.55), (0.85, 0.85, 0.8), 0.25), 0.5)
     leather = Grained(Plain((0.2, 0.14, 0.1)), 0.4, (0.1, 0.1), 44)
+    chart = Checker((0.9, 0.9, 0.9), (0.2, 0.2, 0.2), 0.2)
     poster = Stripes((0.8, 0.3, 0.2), (0.2, 0.4, 0.45), 0.22, 0.5)
     return [
         box((0.0, 0.0), 0.35, (1.9, 0.8, 0.5), 0.3, lacquer),
@@ -51,5 +53,5 @@ def glossy_things() -> list[Primitive]:
         post((1.3, -1.0), 1.5, 0.1, enamel),
         post((-1.4, 1.2), 1.1, 0.22, Grained(Plain((0.3, 0.5, 0.25)), 0.8, (0.1, 0.1), 46)),
         box((0.2, HALF - 0.05), 1.0, (1.4, 0.06, 1.0), 0.0, poster),
-        box((HALF - 0.05, -1.0), 1.1, (0.06, 1.0, 0.8), 0.0, Checker((0.9,) * 3, (0.2,) * 3, 0.2)),
+        box((HALF - 0.05, -1.0), 1.1, (0.06, 1.0, 0.8), 0.0, chart),
     ]

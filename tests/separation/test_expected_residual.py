@@ -8,10 +8,11 @@ import torch
 
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.separation.expected_residual import (
+    LEAST_VIEWS,
     MEDIAN_STEP,
     MIN_RESIDUAL,
-    MIN_VIEWS,
     UsualResiduals,
+    certainty,
     excess_residual,
     local_residual,
 )
@@ -97,13 +98,15 @@ def test_what_is_not_seen_does_not_learn():
 
 
 def test_transparent_gaussians_have_no_say():
-    memory = Memory()
-    memory.see(flat())  # makes the memory
-    memory.known.usual.fill_(math.log(5.0))
-    assert memory.see(flat()).max() < -0.05
-    memory.known.usual.fill_(math.log(5.0))
-    memory.opacities.fill_(1e-9)
-    assert memory.see(flat()).abs().max() < 1e-3
+    """The left half remembers large residuals, the right half none."""
+    memory, left = Memory(), one_gaussian_per_cell()[:, 0] < COLUMNS // 2
+    for _ in range(LEAST_VIEWS + 1):
+        memory.see(flat())
+    memory.known.usual[left] = math.log(5.0)
+    assert memory.see(flat())[:, :10].max() < -0.05
+    memory.known.usual[left] = math.log(5.0)
+    memory.opacities[left] = 1e-9
+    assert memory.see(flat())[:, :10].abs().max() < 1e-3
 
 
 def test_gaussians_beyond_the_image_are_left_out():
@@ -126,17 +129,38 @@ def test_texture_cancels_out_and_a_shade_does_not():
     assert (local_residual(gray, gray, grid) == torch.tensor(MIN_RESIDUAL)).all()
 
 
-def test_a_place_that_few_views_see_is_not_judged():
+def test_a_median_is_trusted_from_three_views_on_and_gradually():
+    views = torch.tensor([0.0, 1.0, 2.0, 2.5, 3.0, 40.0])
+    assert certainty(views).tolist() == [0, 0, 0, 0.5, 1, 1]
+
+
+def test_a_place_that_two_views_see_is_judged_by_what_is_usual_elsewhere():
+    """The right half is large in all views, but only few of them see it."""
     memory = Memory()
-    memory.visible[:] = False
-    for _ in range(40 - MIN_VIEWS + 1):
-        memory.see(flat())
-    memory.visible[:] = True
-    for _ in range(MIN_VIEWS - 2):
-        memory.see(flat())
-    assert memory.see(flat()).abs().max() == 0
+    right = memory.means2d[:, 0] > COLUMNS // 2
+    residual = flat()
+    residual[:, COLUMNS // 2 :] = 0.2
+    for visit in range(40):
+        memory.visible = ~right if visit >= LEAST_VIEWS - 1 else torch.ones_like(right)
+        memory.see(residual)
+    memory.visible = torch.ones_like(right)
+    assert memory.see(residual)[:, -8:].min() > 0.15
+    for _ in range(40):
+        found = memory.see(residual)
+    assert found[:, -8:].max() < 0.05  # by now seen often enough to say that it is usual
+
+
+def test_where_no_gaussian_is_the_whole_scene_says_what_is_expected():
+    """A bare wall without Gaussians, in a scene of which twice the level is usual."""
+    memory = Memory()
     memory.see(flat())
-    assert memory.see(with_block(0.2))[8:12, 12:16].min() > 0.15
+    memory.known.usual.fill_(math.log(2.0))
+    memory.means2d[memory.means2d[:, 0] > 15] = -5.0
+    residual = flat()
+    residual[:, 20:] = 0.2
+    found = memory.see(residual)
+    assert found[:, 23:].min() == pytest.approx(0.16, abs=1e-3)  # 0.2 - 2 * 0.02
+    assert found[:, :12].abs().max() == pytest.approx(0.02, abs=1e-3)
 
 
 def test_what_floats_in_front_of_one_camera_does_not_vouch_for_what_stands_in_its_photo():
@@ -223,7 +247,7 @@ def test_a_local_residual_is_the_mean_over_the_pixels_that_count():
     mask[:, 29:] = False
     found = local_residual(gray, photo, (20, 16), mask)
     assert torch.allclose(found[:, :11], torch.full((16, 11), 0.1), rtol=0, atol=1e-6)
-    assert local_residual(gray, photo, (20, 16))[:, 8].max() > 0.2
+    assert local_residual(gray, photo, (20, 16))[:, 9].max() > 0.2
     assert local_residual(gray, photo, (20, 16), torch.zeros_like(mask)).isfinite().all()
 
 
