@@ -91,9 +91,9 @@ def assert_on_cuda(*found: Any) -> None:
 
 
 @pytest.fixture
-def regions_by_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Which cells are connected is OpenCV's to say, on the CPU, by their values."""
-    monkeypatch.setattr(separation, "outlier_regions", lambda excess, weak, strong: excess > weak)
+def regions_by_cell(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which cells are connected is OpenCV's to say, on the CPU."""
+    monkeypatch.setattr(separation, "outlier_regions", lambda weak, strong: weak & strong)
 
 
 def test_a_tensor_made_on_the_cpu_is_noticed():
@@ -101,7 +101,7 @@ def test_a_tensor_made_on_the_cpu_is_noticed():
         owned_share(cuda(HEIGHT, WIDTH, 1), torch.zeros(HEIGHT, WIDTH, dtype=torch.bool))
 
 
-@pytest.mark.usefixtures("regions_by_threshold")
+@pytest.mark.usefixtures("regions_by_cell")
 @pytest.mark.parametrize("step", [0, LATE])
 def test_looking_for_regions_stays_on_the_gpu(step):
     """Residual, expected residual, memories, excess, interior, pixels."""
@@ -117,7 +117,7 @@ def test_looking_for_regions_stays_on_the_gpu(step):
         assert_on_cuda(free, seen.inside, seen.left_out, owned_share(seen.alpha_d, seen.left_out))
 
 
-@pytest.mark.usefixtures("regions_by_threshold")
+@pytest.mark.usefixtures("regions_by_cell")
 def test_placing_stays_on_the_gpu():
     """`place` itself asks whether any is to be placed; what it asks, and what it then makes."""
     seen = a_visit()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
+from benchmarks.separation.few_views import keep_views
 from benchmarks.separation.hard_cases import make_case
 from desplat_ns.studies.grid.captures import AlteredCapture, GeneratedCapture, RealCapture
 from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
@@ -44,6 +45,13 @@ SETTINGS = {
 """By name. The last four are `desplat` with one thing taken away."""
 
 
+ROOMS = {"room15": (15, 7), "room40": (40, 7), "other15": (15, 8), "other40": (40, 8)}
+"""Generated rooms of bare walls and gloss, seen from all around: views and seed. Thresholds were
+chosen on `room15` and `room40`; the other two are kept out."""
+
+FEW = {"few12": 12, "few20": 20}
+"""So many of `fox_cluttered`'s views. Thresholds were chosen on `few12`; `few20` is kept out."""
+
 HARD = ("white", "black", "large", "small", "recurring")
 """One kind of difficult occluder each."""
 
@@ -67,6 +75,14 @@ def _yard(views: int) -> GeneratedCapture:
     return GeneratedCapture(f"yard{views}", spec)
 
 
+def _room(views: int, seed: int) -> GeneratedCapture:
+    return GeneratedCapture(f"room{views}-{seed}", SceneSpec.bare_room(views, seed))
+
+
+def _few(views: int) -> AlteredCapture:
+    return AlteredCapture(f"fox{views}", FOX, partial(keep_views, views))
+
+
 def _case(name: str) -> AlteredCapture:
     return AlteredCapture(name, FOX, partial(make_case, name))
 
@@ -82,6 +98,10 @@ SCENES = {
     **{f"yard{n}": Scene(_yard(n), CLUTTERED) for n in YARDS},
     **{f"yard{n}-clean": Scene(_yard(n), TWINS) for n in YARDS},
     **{name: Scene(_case(name), CLUTTERED) for name in HARD},
+    **{name: Scene(_room(*room), CLUTTERED) for name, room in ROOMS.items()},
+    **{f"{name}-clean": Scene(_room(*room), TWINS) for name, room in ROOMS.items()},
+    **{name: Scene(_few(views), CLUTTERED) for name, views in FEW.items()},
+    **{f"{name}-clean": Scene(_few(views), TWINS) for name, views in FEW.items()},
 }
 """By name. In `still` nothing moves; `yard` is the demo's generated scene."""
 
@@ -106,7 +126,17 @@ def _of_others(steps: int, seeds: int) -> Iterator[Run]:
         yield from _runs("off", scene + CLEAN, downscale, steps, seeds)
 
 
+def _of_unfamiliar(seeds: int) -> Iterator[Run]:
+    """Captures of the kinds that users bring, 3,000 steps: few views, bare walls, gloss."""
+    for scene in (*ROOMS, *FEW):
+        downscale = 2 if scene in FEW else 1
+        yield from _runs("off desplat", scene, downscale, 3000, seeds)
+        yield from _runs("off", scene + CLEAN, downscale, 3000, seeds)
+        yield from _runs("truth", scene, downscale, 3000, 1)
+
+
 _WANTED = (
+    *_of_unfamiliar(3),
     *_runs("off desplat paper trimmed truth", "clutter", 2, 1000, 3),
     *_runs("off", "clean", 2, 1000, 3),
     *_runs("off desplat", "still", 2, 1000, 3),

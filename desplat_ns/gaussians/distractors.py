@@ -39,15 +39,14 @@ class DistractorConfig:
     weak_excess: float = 0.04
     """With start residual: by how much a residual (colours in [0, 1]) has to exceed the expected
     one for a place to belong to something in the way."""
-    strong_excess: float = 0.2
+    strong_excess: float = 0.15
     """With start residual: excess that something in the way has to reach in one place at least."""
-    settled_share: float = 0.75
-    """Share of `strong_excess` that is enough after `settled_visits` and `stop_densify_at`: by then
-    the scene's own excess has died away, and what differs little from what it covers can be told
-    from it."""
-    settled_visits: int = 200
-    """With start residual: visits of each view, however long the run, before `settled_share` is
-    enough."""
+    weak_levels: float = 3.0
+    """The same as `weak_excess` in units of the view's own level (the lower quartile of its
+    residuals); the larger of the two counts. While the scene is not learned yet, all of it differs
+    from the photos."""
+    strong_levels: float = 20.0
+    """The same for `strong_excess`."""
     leave_out_at: int = 12000
     """With start residual and static_alone: step from which the static scene's own loss leaves out
     whole regions. Until then only what distractors cover, so that the scene gets a chance to learn
@@ -221,13 +220,18 @@ def _check(config: DistractorConfig) -> None:
         ("per-view", config.per_view, config.per_view >= 0, "0 or more"),
         ("clearance", config.clearance, 0 <= config.clearance < 1, "at least 0 and below 1"),
         ("max-warmup-visits", config.max_warmup_visits, config.max_warmup_visits >= 0, "0 or more"),
-        ("settled-share", config.settled_share, 0 < config.settled_share <= 1, "in (0, 1]"),
+        ("weak-levels", config.weak_levels, config.weak_levels >= 0, "0 or more"),
         ("refine-every", config.refine_every, config.refine_every >= 1, "1 or more"),
         ("refine-visits", config.refine_visits, config.refine_visits >= 0, "0 or more"),
         ("max-refinements", config.max_refinements, config.max_refinements >= 0, "0 or more"),
         ("grow-grad", config.grow_grad, config.grow_grad >= 0, "0 or more"),
         ("min-pixels", config.min_pixels, config.min_pixels >= 0, "0 or more"),
-        ("settled-visits", config.settled_visits, config.settled_visits >= 0, "0 or more"),
+        (
+            "strong-levels",
+            config.strong_levels,
+            config.strong_levels >= config.weak_levels,
+            f"not below weak-levels, {config.weak_levels}",
+        ),
         (
             "strong-excess",
             config.strong_excess,

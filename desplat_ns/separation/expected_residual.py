@@ -106,6 +106,20 @@ class UsualResiduals:
         memory.remember(usual_residual=self.usual, times_seen=self.times_seen, visits=self.visits)
 
 
+@dataclass(frozen=True)
+class Excess:
+    """How far a view's residuals are beyond the expected ones."""
+
+    values: Float[Tensor, "rows columns"]
+    """In colours in [0, 1]; below 0 where a residual is smaller than expected."""
+    level: Float[Tensor, ""]
+    """The view's own: `LEVEL_QUANTILE` of its residuals."""
+
+    def beyond(self, least: float, levels: float) -> Bool[Tensor, "rows columns"]:
+        """Which cells are above `least` and above so many levels of the view."""
+        return self.values > (levels * self.level).clamp(min=least)
+
+
 def excess_residual(
     residual: Float[Tensor, "rows columns"],
     means2d: Float[Tensor, "N 2"],
@@ -114,7 +128,7 @@ def excess_residual(
     known: UsualResiduals,
     num_views: int,
     counted: Bool[Tensor, "rows columns"] | None = None,
-) -> tuple[Float[Tensor, "rows columns"], UsualResiduals]:
+) -> tuple[Excess, UsualResiduals]:
     """The residual beyond the expected one, and what is known once this view is remembered too.
 
     What is usual around the Gaussians in a part of the image is expected there, each counting by
@@ -137,8 +151,9 @@ def excess_residual(
     expected = _mean_by_cell(usual, say, cell, residual.shape)
     off = torch.sign(relative.index_select(0, cell) - usual)
     learned = UsualResiduals(usual + MEDIAN_STEP * off * inside, times_seen, visits)
-    excess = residual - level * expected.exp()
-    return excess if counted is None else excess.masked_fill(~counted, 0.0), learned
+    values = residual - level * expected.exp()
+    values = values if counted is None else values.masked_fill(~counted, 0.0)
+    return Excess(values, level), learned
 
 
 def certainty(views: Float[Tensor, " N"]) -> Float[Tensor, " N"]:

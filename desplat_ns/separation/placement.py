@@ -41,18 +41,7 @@ COVERED_SHARE = 0.5
 distractors' mean opacity is less than it."""
 
 
-def peak_excess(step: int, visits: float, config: DistractorConfig) -> float:
-    """Excess that a region must reach in one cell at least, at a step, after `visits` of each view.
-
-    Once densification is over and each view was visited often, less is enough: until then, resets
-    of the opacities make the whole scene stand out for a while.
-    """
-    settled = step >= config.stop_densify_at and visits >= config.settled_visits
-    return config.strong_excess * (config.settled_share if settled else 1)
-
-
 def find_regions(
-    step: int,
     visit: Visit,
     opacities: Float[Tensor, "N 1"],
     known: UsualResiduals,
@@ -81,8 +70,10 @@ def find_regions(
         num_views,
         counted,
     )
-    peak = peak_excess(step, known.visits / num_views, config)
-    regions = outlier_regions(excess, config.weak_excess, peak)
+    regions = outlier_regions(
+        excess.beyond(config.weak_excess, config.weak_levels),
+        excess.beyond(config.strong_excess, config.strong_levels),
+    )
     return regions if counted is None else regions & counted, learned
 
 
@@ -172,9 +163,7 @@ class Placement:
         if self.num_views <= LEAST_VIEWS:
             return None
         known = UsualResiduals.of(memory, len(opacities), visit.photo.device)
-        regions, visit.learned = find_regions(
-            step, visit, opacities, known, self.num_views, self.config
-        )
+        regions, visit.learned = find_regions(visit, opacities, known, self.num_views, self.config)
         if step < self.config.static_warmup:
             return None
         counted = masked_grid(visit)

@@ -1,24 +1,25 @@
-"""Turns a noisy map of excess residuals into the regions that something covers."""
+"""Turns noisy maps of cells that stand out into the regions that something covers."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from torch import Tensor
 
-from desplat_ns.separation.transfers import to_device, to_host
+from desplat_ns.separation.transfers import masks_to_host, to_device
 
 MIN_AREA = 0.002
 """Share of the image: a smaller region is left to the static scene."""
 
 
 def outlier_regions(
-    excess: Float[Tensor, "rows columns"], weak: float, strong: float
+    weak: Bool[Tensor, "rows columns"], strong: Bool[Tensor, "rows columns"]
 ) -> Bool[Tensor, "rows columns"]:
-    """Connected cells above `weak`, one of them above `strong`; gaps are closed and holes filled.
+    """Connected cells that stand out at least weakly, one of them strongly; gaps are closed and
+    holes filled.
 
-    They are found on the host: the excess goes there, and the regions come back.
+    They are found on the host: the maps go there, and the regions come back.
 
     Two thresholds, because the inside of an occluder is in places coloured like what it covers,
     and because noise above the lower one alone is no reason. Regions of less than `MIN_AREA` are
@@ -26,16 +27,16 @@ def outlier_regions(
 
     Source: hysteresis of Canny 1986.
     """
-    return to_device(_regions_of(to_host(excess), weak, strong), excess.device)
+    return to_device(_regions_of(*masks_to_host(weak, strong)), weak.device)
 
 
 def _regions_of(
-    values: Float[np.ndarray, "rows columns"], weak: float, strong: float
+    weak: Bool[np.ndarray, "rows columns"], strong: Bool[np.ndarray, "rows columns"]
 ) -> Bool[np.ndarray, "rows columns"]:
     """`outlier_regions`, on the host."""
-    count, labels = _components(values > weak)
+    count, labels = _components(weak)
     keep = np.zeros(count, bool)
-    keep[labels[values > strong]] = True
+    keep[labels[strong]] = True
     region = _without_holes(_closed(keep[labels] & (labels > 0)))
     count, labels = _components(region)
     areas = np.bincount(labels.ravel(), minlength=count)

@@ -11,6 +11,7 @@ from desplat_ns.separation.expected_residual import (
     LEAST_VIEWS,
     MEDIAN_STEP,
     MIN_RESIDUAL,
+    Excess,
     UsualResiduals,
     certainty,
     excess_residual,
@@ -39,7 +40,7 @@ class Memory:
     def see(self, residual: torch.Tensor, counted: torch.Tensor | None = None) -> torch.Tensor:
         rest = self.visible, self.opacities, self.known, self.num_views, counted
         found, self.known = excess_residual(residual, self.means2d, *rest)
-        return found
+        return found.values
 
     def nothing(self) -> UsualResiduals:
         return UsualResiduals.of(GaussianMemory({}), len(self.means2d), self.means2d.device)
@@ -127,6 +128,13 @@ def test_texture_cancels_out_and_a_shade_does_not():
     assert torch.allclose(shaded, torch.full_like(shaded, 0.1), atol=1e-6)
     assert textured.max() < 0.04
     assert (local_residual(gray, gray, grid) == torch.tensor(MIN_RESIDUAL)).all()
+
+
+def test_a_cell_stands_out_beyond_a_least_excess_and_beyond_levels_of_the_view():
+    excess = Excess(torch.tensor([[0.03, 0.05, 0.2]]), torch.tensor(0.01))
+    assert excess.beyond(0.04, 3.0).tolist() == [[False, True, True]]
+    assert excess.beyond(0.04, 16.0).tolist() == [[False, False, True]]
+    assert excess.beyond(0.04, 21.0).tolist() == [[False, False, False]]
 
 
 def test_a_median_is_trusted_from_three_views_on_and_gradually():

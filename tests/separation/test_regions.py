@@ -9,7 +9,7 @@ WEAK, STRONG = 0.1, 0.5
 
 
 def regions(excess: torch.Tensor) -> torch.Tensor:
-    return outlier_regions(excess, WEAK, STRONG)
+    return outlier_regions(excess > WEAK, excess > STRONG)
 
 
 def block(*boxes: tuple[int, int, int, int], value: float = 0.2) -> torch.Tensor:

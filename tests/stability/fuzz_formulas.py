@@ -90,7 +90,7 @@ def _excess(residual: Tensor, means2d: Tensor, opacities: Tensor) -> Tensor:
     for _ in range(3):
         rest = visible, opacities.detach(), known, 1
         found, known = excess.excess_residual(residual, means2d.detach(), *rest)
-    return torch.stack([found.sum(), known.usual.sum(), known.times_seen.sum()])
+    return torch.stack([found.values.sum(), known.usual.sum(), known.times_seen.sum()])
 
 
 def _placed(means: Tensor) -> Tensor:
@@ -109,7 +109,7 @@ def _activated(means: Tensor, scales: Tensor, quats: Tensor, rgbs: Tensor, logit
 
 
 def _regions(cells: Tensor) -> Tensor:
-    return outlier_regions(cells, 0.04, 0.25).float()
+    return outlier_regions(cells > 0.04, cells > 0.25).float()
 
 
 def _new_distractors(pixels: Tensor, rgbs: Tensor) -> dict[str, Tensor]:
