@@ -53,6 +53,10 @@ OF_EFFECTS: Mapping[str, tuple[str, ...]] = {
 }
 """How the names of the settings begin that matter only where an effect is on."""
 
+DISTRACTORS = "pipeline.model.distractors."
+OF_RESIDUAL = tuple(f"{DISTRACTORS}{name}_" for name in ("weak", "strong", "settled"))
+"""How the names of the settings begin that matter only where distractors start by the residual."""
+
 CONTROL, BY_GRADIENTS = "pipeline.model.density_control", "gradients"
 
 NEUTRAL: Mapping[str, Any] = {
@@ -165,8 +169,8 @@ def changes(found: Settings, wanted: Settings) -> list[str]:
 
 
 def of_active_effects(settings: Settings) -> Settings:
-    """Settings without those of effects that are off, and of relocation where gradients control the
-    density: no figure depends on them."""
+    """Settings without those of effects that are off, of relocation where gradients control the
+    density, and of regions where distractors start everywhere: no figure depends on them."""
     idle = tuple(
         prefix
         for effect, prefixes in OF_EFFECTS.items()
@@ -175,6 +179,8 @@ def of_active_effects(settings: Settings) -> Settings:
     )
     if settings.get(CONTROL, BY_GRADIENTS) == BY_GRADIENTS:
         idle += ("pipeline.model.relocation.",)
+    if settings.get(f"{DISTRACTORS}start") == "everywhere":
+        idle += OF_RESIDUAL
     return {name: value for name, value in settings.items() if not name.startswith(idle)}
 
 

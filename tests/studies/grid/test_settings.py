@@ -148,3 +148,10 @@ def test_the_command_prints_them():
 
 def test_the_registered_method_is_the_packages():
     assert settings.method_config("desplat") == desplat.config
+
+
+def test_what_makes_a_region_does_not_matter_where_distractors_start_everywhere():
+    everywhere, residual = resolve("desplat-paper", ()), resolve("desplat", ())
+    for one, expected in ((everywhere, []), (residual, ["strong_excess"])):
+        other = one | {"pipeline.model.distractors.strong_excess": 0.5}
+        assert [name.rsplit(".")[-1] for name in changes(other, one)] == expected
