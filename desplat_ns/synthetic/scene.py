@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, UInt8
 from desplat_ns.errors import ConfigError
 from desplat_ns.synthetic.cameras import PinholeCamera, arc
 from desplat_ns.synthetic.daylight import Daylight, develop, draw_daylights
+from desplat_ns.synthetic.grove import ground, trees
 from desplat_ns.synthetic.occluders import Effect, occluders_for_view
 from desplat_ns.synthetic.points import (
     BARE,
@@ -118,13 +119,19 @@ class _Drawing:
         return Frame(name, self.camera, image, depth, np.zeros_like(depth), daylight)
 
 
+def _static_scene(spec: SceneSpec) -> tuple[list[Primitive], list[Primitive]]:
+    """What casts shadows, and what is around it."""
+    if spec.place == "room":
+        return glossy_things(), walls_and_floor(spec.wall_height)
+    if spec.place == "grove":
+        return trees(), ground()
+    return furniture(), walls_and_ground(spec.wall_height)
+
+
 def _draw_static(
     spec: SceneSpec, cameras: list[PinholeCamera], rng: np.random.Generator
 ) -> list[_Drawing]:
-    if spec.place == "room":
-        things, around = glossy_things(), walls_and_floor(spec.wall_height)
-    else:
-        things, around = furniture(), walls_and_ground(spec.wall_height)
+    things, around = _static_scene(spec)
     world = around + things
     daylights: list[Daylight | None] = [None] * len(cameras)
     if spec.daylight is not None:

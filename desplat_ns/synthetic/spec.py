@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from desplat_ns.synthetic.daylight import DaylightSpec
 from desplat_ns.synthetic.occluders import OccluderSpec
 
 LAYOUTS = ("robustnerf", "phototourism")
-PLACES = ("yard", "room")
+PLACES = ("yard", "room", "grove")
 
 _OFF_BY_DEFAULT = ("daylight", "other_sizes", "layout", "place")
 
@@ -51,7 +51,8 @@ class SceneSpec:
     layout: str = "robustnerf"
     """How the files are arranged and named: `robustnerf` or `phototourism`, see `write_scene`."""
     place: str = "yard"
-    """`yard`, where everything has texture, or `room`: bare walls around glossy things."""
+    """`yard`, where everything has texture, `room`: bare walls around glossy things, or `grove`:
+    trees whose bark and leaves are as fine as a pixel, with the sky around."""
 
     def __post_init__(self) -> None:
         if self.num_views < 3 or self.num_extras < 1:
@@ -108,6 +109,12 @@ class SceneSpec:
             seed=seed,
             place="room",
         )
+
+    @classmethod
+    def fine_grove(cls, num_views: int, seed: int = 0) -> SceneSpec:
+        """All around a tree, outdoors."""
+        room = cls.bare_room(num_views, seed)
+        return replace(room, place="grove", occluders=OccluderSpec())
 
     @property
     def sizes(self) -> list[tuple[int, int]]:
