@@ -81,6 +81,10 @@ class StaticModelConfig(LitModelConfig):
     """Static Gaussians at most, per pixel of all training photos together: more than the photos can
     hold in place become floaters. 0 for no limit, as in the paper. A capture that starts with more
     keeps those, but does not grow."""
+    opacity_prior: float = 0.0
+    """Weight of the mean opacity of the static Gaussians, divided by the number of training photos:
+    the fewer photos there are, the more it says beside them. What no photo needs fades and is
+    pruned (docs/separation.md, "What nobody sees"). 0 in the paper."""
     density_control: Literal["gradients", "relocation"] = "gradients"
     """gradients: clone and split what has large ones, prune what is faint, reset opacities (ADC).
     relocation: move what is faint, with a price on opacity and size (3DGS as MCMC)."""
@@ -113,6 +117,7 @@ class StaticModelConfig(LitModelConfig):
             ("train-downscale", self.train_downscale, 1),
             ("photos-per-coefficient", self.photos_per_coefficient, 0),
             ("gaussians-per-pixel", self.gaussians_per_pixel, 0),
+            ("opacity-prior", self.opacity_prior, 0),
         ):
             if not value >= least:
                 raise ConfigError(
@@ -190,8 +195,11 @@ class StaticModel(LitModel):
     def get_loss_dict(
         self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
     ) -> dict[str, Tensor]:
-        """Splatfacto's, and what `density-control relocation` charges."""
+        """Splatfacto's, and what `opacity-prior` and `density-control relocation` charge."""
         losses = super().get_loss_dict(outputs, batch, metrics_dict)
+        if self.training and self.config.opacity_prior > 0:
+            weight = self.config.opacity_prior / self.num_train_data
+            losses["opacity_prior"] = weight * self.gauss_params["opacities"].sigmoid().mean()
         if self.training and self.config.density_control == "relocation":
             losses["relocation"] = self.config.relocation.price(self.gauss_params)
         return losses

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 import torch
 
 from desplat_ns.gaussians.distractors import DistractorConfig
@@ -65,3 +66,15 @@ def test_nothing_is_charged_for_relocation_where_gradients_control_the_density()
     model = make_model(distractors=DistractorConfig(per_view=20))
     assert isinstance(model.strategy, StaticStrategy)
     assert "relocation" not in Trainer(model).step(1)["losses"]
+
+
+def test_an_opacity_prior_is_the_mean_opacity_over_the_number_of_photos():
+    model = make_model(opacity_prior=0.6, distractors=DistractorConfig(per_view=20))
+    opacity = model.gauss_params["opacities"].sigmoid().mean().detach()
+    charged = Trainer(model).step(1)["losses"]["opacity_prior"]
+    assert float(charged.detach()) == pytest.approx(float(0.6 / model.num_train_data * opacity))
+
+
+def test_without_an_opacity_prior_nothing_is_charged():
+    model = make_model(distractors=DistractorConfig(per_view=20))
+    assert "opacity_prior" not in Trainer(model).step(1)["losses"]

@@ -65,6 +65,7 @@ NEUTRAL: Mapping[str, Any] = {
     "visits": 0.0,
     CONTROL: BY_GRADIENTS,
     "pipeline.model.distractors.refine_when_next_seen": True,
+    "pipeline.model.opacity_prior": 0.0,
     "pipeline.model.photos_per_coefficient": 0.0,
     "pipeline.model.train_downscale": 1,
     f"{SCENE}generated.occluders.faint": 0.0,
