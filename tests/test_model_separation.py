@@ -43,7 +43,7 @@ class Crossing(Trainer):
 
 
 def test_distractors_appear_where_one_photo_differs_and_nowhere_else():
-    model = a_dense_model(static_warmup=60, strong_excess=0.25)  # learned by 60 steps of two views
+    model = a_dense_model(static_warmup=60, settled_share=1.0)  # learned by 60 steps of two views
     trainer = Crossing(model)
     assert model.distractors is not None
     for step in range(60):

@@ -39,14 +39,15 @@ class DistractorConfig:
     weak_excess: float = 0.04
     """With start residual: by how much a residual (colours in [0, 1]) has to exceed the expected
     one for a place to belong to something in the way."""
-    strong_excess: float = 0.15
-    """With start residual: excess that something in the way has to reach in one place at least."""
-    weak_levels: float = 3.0
-    """The same as `weak_excess` in units of the view's own level (the lower quartile of its
-    residuals); the larger of the two counts. While the scene is not learned yet, all of it differs
-    from the photos."""
+    strong_excess: float = 0.25
+    """With start residual: excess that something in the way has to reach in one place at least,
+    while the scene is not learned yet."""
+    settled_share: float = 0.6
+    """Share of `strong_excess` that is enough in the end: once the scene is learned, what differs
+    little from what it covers can be told from it."""
     strong_levels: float = 20.0
-    """The same for `strong_excess`."""
+    """What has to be reached lies between the two and is so many times the view's own level, the
+    lower quartile of its residuals: that falls as the scene is learned."""
     leave_out_at: int = 12000
     """With start residual and static_alone: step from which the static scene's own loss leaves out
     whole regions. Until then only what distractors cover, so that the scene gets a chance to learn
@@ -220,18 +221,13 @@ def _check(config: DistractorConfig) -> None:
         ("per-view", config.per_view, config.per_view >= 0, "0 or more"),
         ("clearance", config.clearance, 0 <= config.clearance < 1, "at least 0 and below 1"),
         ("max-warmup-visits", config.max_warmup_visits, config.max_warmup_visits >= 0, "0 or more"),
-        ("weak-levels", config.weak_levels, config.weak_levels >= 0, "0 or more"),
+        ("settled-share", config.settled_share, 0 < config.settled_share <= 1, "in (0, 1]"),
+        ("strong-levels", config.strong_levels, config.strong_levels >= 0, "0 or more"),
         ("refine-every", config.refine_every, config.refine_every >= 1, "1 or more"),
         ("refine-visits", config.refine_visits, config.refine_visits >= 0, "0 or more"),
         ("max-refinements", config.max_refinements, config.max_refinements >= 0, "0 or more"),
         ("grow-grad", config.grow_grad, config.grow_grad >= 0, "0 or more"),
         ("min-pixels", config.min_pixels, config.min_pixels >= 0, "0 or more"),
-        (
-            "strong-levels",
-            config.strong_levels,
-            config.strong_levels >= config.weak_levels,
-            f"not below weak-levels, {config.weak_levels}",
-        ),
         (
             "strong-excess",
             config.strong_excess,

@@ -115,9 +115,10 @@ class Excess:
     level: Float[Tensor, ""]
     """The view's own: `LEVEL_QUANTILE` of its residuals."""
 
-    def beyond(self, least: float, levels: float) -> Bool[Tensor, "rows columns"]:
-        """Which cells are above `least` and above so many levels of the view."""
-        return self.values > (levels * self.level).clamp(min=least)
+    def beyond(self, levels: float, least: float, most: float) -> Bool[Tensor, "rows columns"]:
+        """Which cells are above so many levels of the view, or what is nearest between `least` and
+        `most`."""
+        return self.values > (levels * self.level).clamp(least, most)
 
 
 def excess_residual(

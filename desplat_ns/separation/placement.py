@@ -70,9 +70,10 @@ def find_regions(
         num_views,
         counted,
     )
+    strong = config.strong_excess
     regions = outlier_regions(
-        excess.beyond(config.weak_excess, config.weak_levels),
-        excess.beyond(config.strong_excess, config.strong_levels),
+        excess.values > config.weak_excess,
+        excess.beyond(config.strong_levels, config.settled_share * strong, strong),
     )
     return regions if counted is None else regions & counted, learned
 

@@ -119,10 +119,7 @@ def own(counted: Synchronisations) -> dict[str, int]:
 @pytest.mark.slow
 def test_a_step_of_desplat_that_refines_nothing_waits_seldom(scene: Scene, tmp_path: Path):
     """With distractors, the search for regions, and the gradients of both sets sampled."""
-    config = registered_desplat(scene, tmp_path)
-    distractors = config.pipeline.model.distractors
-    distractors.strong_levels = distractors.weak_levels  # the scene is far from learned
-    trainer = set_up(config)
+    trainer = set_up(registered_desplat(scene, tmp_path))
     model, calm = trainer.pipeline.model, 0
     for step in range(SAMPLED.stop):
         rounds = list(model.layer.densifier.rounds)

@@ -130,11 +130,12 @@ def test_texture_cancels_out_and_a_shade_does_not():
     assert (local_residual(gray, gray, grid) == torch.tensor(MIN_RESIDUAL)).all()
 
 
-def test_a_cell_stands_out_beyond_a_least_excess_and_beyond_levels_of_the_view():
+def test_a_cell_stands_out_beyond_levels_of_the_view_within_limits():
     excess = Excess(torch.tensor([[0.03, 0.05, 0.2]]), torch.tensor(0.01))
-    assert excess.beyond(0.04, 3.0).tolist() == [[False, True, True]]
-    assert excess.beyond(0.04, 16.0).tolist() == [[False, False, True]]
-    assert excess.beyond(0.04, 21.0).tolist() == [[False, False, False]]
+    assert excess.beyond(3.0, 0.04, 0.25).tolist() == [[False, True, True]]
+    assert excess.beyond(16.0, 0.04, 0.25).tolist() == [[False, False, True]]
+    assert excess.beyond(21.0, 0.04, 0.25).tolist() == [[False, False, False]]
+    assert excess.beyond(21.0, 0.04, 0.15).tolist() == [[False, False, True]]
 
 
 def test_a_median_is_trusted_from_three_views_on_and_gradually():

@@ -67,7 +67,7 @@ def test_something_that_stays_in_most_photos_is_told_once_with_photos_and_option
     named = [int(number) for number in re.findall(r"photo_(\d\d)\[a\]\.jpg", text)]
     assert len(named) == 5 and min(named) >= 4
     assert "and 11 more" in text
-    assert "--pipeline.model.distractors.strong-excess (now 0.15)" in text
+    assert "--pipeline.model.distractors.strong-excess (now 0.25)" in text
     one.look(2 * STEP, wall())
     assert said(capsys) == ""
 

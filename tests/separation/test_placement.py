@@ -216,7 +216,7 @@ def test_a_pale_occluder_is_found_on_a_scene_that_is_learned_and_not_before():
 
 
 def test_the_advice_to_raise_strong_excess_helps():
-    scene, config = WellKnownScene(), dataclasses.replace(CONFIG, strong_excess=0.3)
+    scene, config = WellKnownScene(), dataclasses.replace(CONFIG, strong_excess=0.4)
     for _ in range(5):
         scene.find(scene.photo, 40, config)
     assert not scene.find(scene.with_a_pale_one(), 40, config).any()
