@@ -14,7 +14,7 @@ from nerfstudio.plugins.types import MethodSpecification
 from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import print_user_errors_plainly
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig

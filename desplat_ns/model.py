@@ -16,7 +16,8 @@ from desplat_ns.data.training_views import train_index, view_name
 from desplat_ns.errors import DeSplatError, TrainingError
 from desplat_ns.gaussians.activation import RawParameters, activate_distractors
 from desplat_ns.gaussians.densification import to_device
-from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
 from desplat_ns.rendering.views import held
@@ -194,7 +195,7 @@ class DeSplatModel(StaticModel):
         visit.alpha_d = outputs["alpha_distractor"]
         opacities = self.gauss_params["opacities"]
         alpha_s = outputs["accumulation"]
-        return layer.losses(self.step, visit, alpha_s, opacities, self.memory, mask)
+        return layer.losses(self.step, visit, alpha_s, self.means, opacities, self.memory, mask)
 
     def _photographed_background(self, outputs: dict[str, Any]) -> Tensor:
         """What the step's photo shows behind everything: what a transparent pixel of it shows."""

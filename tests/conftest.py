@@ -88,7 +88,7 @@ def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
 
         from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
         from desplat_ns.effects import EffectsConfig
-        from desplat_ns.gaussians.distractors import DistractorConfig
+        from desplat_ns.gaussians.distractor_config import DistractorConfig
 
         assert tiny_scene.folder is not None
         config: Any = copy.deepcopy(all_methods["desplat"])

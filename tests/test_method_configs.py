@@ -6,7 +6,7 @@ import pytest
 from nerfstudio.configs.method_configs import method_configs as upstream
 
 from desplat_ns.effects import Effects
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.method_configs import (
     desplat,
     desplat_paper,

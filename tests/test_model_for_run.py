@@ -7,7 +7,7 @@ import pytest
 
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import ConfigError
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.relocation import RelocationConfig
 from desplat_ns.gaussians.strategy import NEVER
 from desplat_ns.model import DeSplatModelConfig

@@ -7,7 +7,7 @@ import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
 
 from desplat_ns.effects import EffectsConfig
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from tests.helpers.small_model import (
     HEIGHT,

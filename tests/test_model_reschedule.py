@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.relocation import RelocatingStrategy
 from desplat_ns.gaussians.strategy import StaticStrategy
 from desplat_ns.training.budget import Stretch

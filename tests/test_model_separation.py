@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from desplat_ns.backend.ssim import ssim
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.views import image_points, view_of
 from tests.helpers.guarded_trainer import GuardedTrainer, everywhere

@@ -19,7 +19,8 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.gaussians.distractors import PARAMETER_NAMES, DistractorConfig, DistractorGaussians
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractors import PARAMETER_NAMES, DistractorGaussians
 from desplat_ns.gaussians.strategy import prune, refine, sample
 
 RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) >= (1, 5)

@@ -70,13 +70,18 @@ class Clearance:
     ) -> None:
         """Clear the space before the camera of a training view that was just rendered.
 
+        What has its centre beside the image stays: a bare wall that passes by the camera has no
+        points that would tell how near it is.
+
         Args:
             opacities: logits, which are written into.
             visible: which of them the view shows.
         """
         if self.depths[index] > 0:
-            z = means @ view.viewmat[2, :3] + view.viewmat[2, 3]
-            opacities.masked_fill_((visible & (z < self.depths[index]))[:, None], EXTINGUISHED)
+            u, v, depth = image_points(means, view)
+            within = visible & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
+            near = within & (depth < self.depths[index])
+            opacities.masked_fill_(near[:, None], EXTINGUISHED)
 
     @torch.no_grad()
     def sweep(

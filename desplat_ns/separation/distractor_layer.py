@@ -15,7 +15,8 @@ from torch.optim import Optimizer
 from desplat_ns.backend.protocol import Rendering, Splats
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info
-from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.layers import layered_outputs
 from desplat_ns.separation.clearance import Clearance
@@ -94,6 +95,7 @@ class DistractorLayer:
         step: int,
         visit: Visit,
         alpha_s: Float[Tensor, "H W 1"],
+        means: Float[Tensor, "N 3"],
         opacities: Float[Tensor, "N 1"],
         memory: GaussianMemory,
         mask: Bool[Tensor, "H W 1"] | None,
@@ -102,7 +104,8 @@ class DistractorLayer:
 
         Args:
             alpha_s: opacity of the static scene.
-            opacities: logits of the static Gaussians.
+            means: of the static Gaussians.
+            opacities: their logits.
             memory: what they remember; it is read only.
             mask: the user's, False in pixels that do not count; None if there is none.
         """
@@ -111,7 +114,7 @@ class DistractorLayer:
         if step >= config.static_warmup:
             visit.sight = sight_of(visit.view, visit.alpha_d)
         if config.start == "residual":
-            free = self.placement.look(step, visit, opacities, memory)
+            free = self.placement.look(step, visit, means, opacities, memory)
         losses = {
             "distractor_opacity": config.lambda_d * distractor_opacity_loss(visit.alpha_d, free),
             "static_transparency": config.lambda_s * static_transparency_loss(alpha_s),
@@ -171,9 +174,12 @@ class DistractorLayer:
         self.watch.look(step, means)
 
     def state_dict(self) -> dict[str, Any]:
-        """The densifier's running statistics, for a checkpoint."""
-        return self.densifier.state_dict()
+        """The densifier's running statistics and what the photos' comparison found, for a
+        checkpoint."""
+        return self.densifier.state_dict() | {"photos": self.placement.photos.state_dict()}
 
     def load_state_dict(self, state: dict[str, Any], device: torch.device) -> None:
         """Take up what `state_dict` gave, on `device`."""
         self.densifier.load_state_dict(state, device)
+        if "photos" in state:  # not in checkpoints of before
+            self.placement.photos.load_state_dict(state["photos"], device)

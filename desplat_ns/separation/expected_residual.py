@@ -55,10 +55,11 @@ def local_residual(
     grid: tuple[int, int],
     mask: Bool[Tensor, "H W 1"] | None = None,
 ) -> Float[Tensor, "rows columns"]:
-    """Mean absolute difference of the colours around each cell, colours in [0, 1].
+    """Largest difference of the three colours, averaged around each cell; colours in [0, 1].
 
     The difference is averaged over 3 x 3 pixels before its absolute value is taken: what is only
-    not sharp yet cancels out.
+    not sharp yet cancels out. The largest of the three: what is fine or moved differs in brightness
+    most, and what is another thing in one colour more than in the others.
 
     Args:
         mask: True in the pixels that count, None if all do. All averages are over these alone.
@@ -66,7 +67,7 @@ def local_residual(
     difference = (static - photo).permute(2, 0, 1)
     if mask is not None:
         return _masked_residual(difference, mask.permute(2, 0, 1), grid)
-    cells = pooled(_box3(difference).abs().mean(0)[..., None], grid)
+    cells = pooled(_box3(difference).abs().amax(0)[..., None], grid)
     return _averaged(cells, RESIDUAL_WINDOW)[0].clamp(min=MIN_RESIDUAL)
 
 
@@ -77,7 +78,7 @@ def _masked_residual(
     counts = mask.to(difference)
     sums = _box3(difference.masked_fill(~mask, 0.0))
     smooth = sums / _box3(counts).clamp(min=1 / 9)  # 1 of 9: the pixel itself, where it counts
-    errors = (smooth.abs().mean(0, keepdim=True) * counts)[0]
+    errors = smooth.abs().amax(0) * counts[0]
     total, number = _averaged(
         pooled(torch.stack([errors, counts[0]], dim=-1), grid), RESIDUAL_WINDOW
     )

@@ -16,7 +16,7 @@ from torch import Tensor
 from desplat_ns.backend.protocol import RenderSettings, View
 from desplat_ns.console import announce, list_names
 from desplat_ns.data.training_views import view_name
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.rendering.layers import MASK_THRESHOLD
 from desplat_ns.rendering.views import held, image_points
 from desplat_ns.separation.grid import grid_of

@@ -17,7 +17,8 @@ from torch.optim import Optimizer
 from desplat_ns.backend.protocol import View
 from desplat_ns.console import announce
 from desplat_ns.gaussians.densification import DistractorDensifier
-from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians, distractors_at
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorGaussians, distractors_at
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import image_points
 from desplat_ns.separation.expected_residual import (
@@ -28,6 +29,7 @@ from desplat_ns.separation.expected_residual import (
 )
 from desplat_ns.separation.grid import counted_cells, grid_of, pooled
 from desplat_ns.separation.ownership import interior, pixels_of
+from desplat_ns.separation.photo_consistency import ComparedPhotos
 from desplat_ns.separation.regions import outlier_regions
 from desplat_ns.separation.transfers import masks_to_host, to_device
 from desplat_ns.separation.visit import Visit
@@ -47,6 +49,7 @@ def find_regions(
     known: UsualResiduals,
     num_views: int,
     config: DistractorConfig,
+    contradiction: Float[Tensor, "rows columns"] | None = None,
 ) -> tuple[Bool[Tensor, "rows columns"], UsualResiduals]:
     """Find the regions of a photo that show what other views do not, on the grid of `grid_of`.
 
@@ -54,6 +57,7 @@ def find_regions(
         opacities: logits of the static Gaussians.
         known: what they remember of other visits.
         num_views: number of training views.
+        contradiction: of the photo with the others; None if it is not known.
 
     Returns:
         The regions, and what is known once this visit is remembered too. Masked cells are in none.
@@ -70,11 +74,12 @@ def find_regions(
         num_views,
         counted,
     )
-    strong = config.strong_excess
-    regions = outlier_regions(
-        excess.values > config.weak_excess,
-        excess.beyond(config.strong_levels, config.settled_share * strong, strong),
-    )
+    weak, peak = excess.values > config.weak_excess, config.strong_excess
+    strong = excess.beyond(config.strong_levels, config.settled_share * peak, peak)
+    if contradiction is not None:
+        weak = weak & (contradiction > config.weak_contradiction)
+        strong = strong & (contradiction > config.strong_contradiction)
+    regions = outlier_regions(weak, strong)
     return regions if counted is None else regions & counted, learned
 
 
@@ -141,19 +146,26 @@ class Placement:
         """Says so where there are too few views to judge by."""
         self.config = config
         self.num_views = num_views
+        self.photos = ComparedPhotos(num_views)
         if config.start == "residual" and num_views < FEW_VIEWS:
             announce(_about_few_views(num_views), warning=True)
 
     @torch.no_grad()
     def look(
-        self, step: int, visit: Visit, opacities: Float[Tensor, "N 1"], memory: GaussianMemory
+        self,
+        step: int,
+        visit: Visit,
+        means: Float[Tensor, "N 3"],
+        opacities: Float[Tensor, "N 1"],
+        memory: GaussianMemory,
     ) -> Bool[Tensor, "H W 1"] | None:
         """Find the view's regions, and note in the visit what follows from them.
 
         Nothing is found where nobody has a say, with `LEAST_VIEWS` views or fewer.
 
         Args:
-            opacities: logits of the static Gaussians.
+            means: of the static Gaussians.
+            opacities: their logits.
             memory: what they remember; it is read only.
 
         Returns:
@@ -163,15 +175,21 @@ class Placement:
         """
         if self.num_views <= LEAST_VIEWS:
             return None
+        self.photos.see(visit)
+        config, contradiction = self.config, None
+        if config.static_warmup <= step < config.stop_densify_at:
+            contradiction = self.photos.contradiction_of(visit, means)
         known = UsualResiduals.of(memory, len(opacities), visit.photo.device)
-        regions, visit.learned = find_regions(visit, opacities, known, self.num_views, self.config)
-        if step < self.config.static_warmup:
+        regions, visit.learned = find_regions(
+            visit, opacities, known, self.num_views, config, contradiction
+        )
+        if step < config.static_warmup:
             return None
         counted = masked_grid(visit)
         inside = interior(regions, counted)
-        if step < self.config.stop_placing_at:
+        if step < config.stop_placing_at:
             visit.inside = inside
-        if step >= self.config.leave_out_at:
+        if step >= config.leave_out_at:
             visit.left_out = regions
         return pixels_of(inside, *visit.photo.shape[:2])
 

@@ -20,9 +20,10 @@ MASK = VALUES > 2
 MOST = 12
 """In a step of `desplat` that refines nothing: what was asked for."""
 
-OWN = {"separation": 2, "rendering": 1, "training": 1}
-"""Of them those that no other package causes, by room: the excess of residuals, and which
-distractors stay and where some are missing; the size of the photo; whether the step is sound."""
+OWN = {"separation": 3, "rendering": 1, "training": 1}
+"""Of them those that no other package causes, by room: the excess of residuals, which distractors
+stay and where some are missing, and once for each view which photos were taken nearest; the size of
+the photo; whether the step is sound."""
 
 SAMPLED = range(25, 60)
 """Steps of a run of 120 in which there are distractors, and gradients of both sets are sampled."""

@@ -9,7 +9,8 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info
-from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorGaussians
 
 VIEW = View(torch.eye(4), torch.eye(3), width=20, height=10)
 STATIC = SplatfactoModelConfig(warmup_length=10, densify_grad_thresh=0.5)

@@ -6,7 +6,8 @@ from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.backend.protocol import RenderSettings
 from desplat_ns.errors import ConfigError
-from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians, even_points
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorGaussians, even_points
 from desplat_ns.gaussians.parameters_of_views import ParametersOfViews
 from desplat_ns.rendering.views import view_of
 

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.training.optimizers import FusedAdamConfig
 from desplat_ns.training.step_guard import (

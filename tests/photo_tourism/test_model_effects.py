@@ -9,7 +9,7 @@ import torch
 
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.gaussians.activation import activate_static
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.camera_response import CENTRED, camera_response, squared_radius
 from desplat_ns.photo_tourism.halves import embedding_from_left_half, left_half

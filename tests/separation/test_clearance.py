@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.views import view_of
 from desplat_ns.separation.clearance import EXTINGUISHED, Clearance, scene_starts
@@ -48,6 +48,15 @@ def test_what_a_view_shows_nearer_goes_out_and_nothing_else():
     visible = torch.tensor([True, False, True, True])
     clearance.keep(0, view_of(cameras()), means, opacities, visible)
     assert opacities.flatten().tolist() == [EXTINGUISHED, 1.0, 1.0, 1.0]
+
+
+def test_a_wall_that_passes_beside_the_camera_stays():
+    """It reaches into the image, its centre does not."""
+    beside = torch.tensor([[2.0, 0.5, 0.0]]) + EYE
+    opacities = torch.ones(1, 1)
+    clearance = Clearance(0.5, wall(2.0), cameras())
+    clearance.keep(0, view_of(cameras()), beside, opacities, torch.tensor([True]))
+    assert opacities.item() == 1.0
 
 
 @pytest.mark.parametrize("clearance", [0.0, 0.5])

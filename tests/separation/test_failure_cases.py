@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.separation.failure_cases import (
     MIN_INTERVAL,
     SeparationWatch,

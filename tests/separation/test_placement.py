@@ -10,7 +10,8 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.densification import DistractorDensifier
-from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import view_of
 from desplat_ns.separation.expected_residual import UsualResiduals
@@ -130,14 +131,15 @@ class WellKnownScene:
     """Textured blocks, rendered with noise; every pixel has a Gaussian."""
 
     def __init__(self) -> None:
-        self.generator, self.noise = torch.Generator().manual_seed(0), 0.03
+        self.generator, self.noise = torch.Generator().manual_seed(0), 0.02
         blocks = torch.rand(HEIGHT // 4, WIDTH // 4, 3, generator=self.generator)
         self.photo = blocks.repeat_interleave(4, 0).repeat_interleave(4, 1)
         y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
         means2d = torch.stack([x, y], dim=-1).reshape(1, -1, 2) + 0.5
         count = means2d.shape[1]
         self.drawn = replace(nothing_drawn(), means2d=means2d, radii=torch.ones(count).int())
-        self.opacities, self.memory = torch.zeros(count, 1), GaussianMemory({})
+        self.means, self.opacities = torch.zeros(count, 3), torch.zeros(count, 1)
+        self.memory = GaussianMemory({})
 
     def rendered(self) -> torch.Tensor:
         return self.photo + self.noise * torch.randn(self.photo.shape, generator=self.generator)
@@ -236,10 +238,10 @@ def test_too_few_photos_to_judge_by_are_told(views, words, capsys):
 def test_with_two_photos_nothing_is_placed_and_all_of_them_train():
     scene, placement = WellKnownScene(), Placement(WARMED_UP, 2)
     for _ in range(5):
-        placement.look(0, scene.visit(scene.photo), scene.opacities, scene.memory)
+        placement.look(0, scene.visit(scene.photo), scene.means, scene.opacities, scene.memory)
     visit = scene.visit(scene.with_an_occluder())
     step = WARMED_UP.leave_out_at
-    assert placement.look(step, visit, scene.opacities, scene.memory) is None
+    assert placement.look(step, visit, scene.means, scene.opacities, scene.memory) is None
     assert visit.inside is None
     assert visit.left_out is None
 
@@ -249,7 +251,7 @@ def test_distractors_keep_off_the_edge_of_a_region_and_are_free_inside():
 
     def look(step: int, photo: torch.Tensor) -> tuple[Visit, torch.Tensor | None]:
         visit = scene.visit(photo)
-        free = placement.look(step, visit, scene.opacities, scene.memory)
+        free = placement.look(step, visit, scene.means, scene.opacities, scene.memory)
         assert visit.learned is not None
         visit.learned.keep_in(scene.memory)
         return visit, free
@@ -275,7 +277,7 @@ def test_once_placing_has_stopped_none_comes_and_none_goes():
 
     def number_after(step: int, photo: torch.Tensor) -> int:
         visit = scene.visit(photo)
-        placement.look(step, visit, scene.opacities, scene.memory)
+        placement.look(step, visit, scene.means, scene.opacities, scene.memory)
         assert visit.learned is not None
         visit.learned.keep_in(scene.memory)
         placement.place(visit, distractors, densifier, optimizers)

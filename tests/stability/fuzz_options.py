@@ -19,7 +19,8 @@ from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.effects import Effects
 from desplat_ns.errors import DeSplatError
 from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
-from desplat_ns.gaussians.distractors import DistractorConfig, DistractorGaussians
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.options import check_finite_options
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig

@@ -27,7 +27,7 @@ from nerfstudio.utils import writer
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.effects import EffectsConfig
-from desplat_ns.gaussians.distractors import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.synthetic import SceneSpec, write_scene
 from desplat_ns.trainer import DeSplatTrainer
 from desplat_ns.training.checkpoint_files import (
