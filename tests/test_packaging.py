@@ -155,7 +155,7 @@ def test_no_dataparser_takes_a_name_of_nerfstudios(entry_points: list[EntryPoint
 
     group = "nerfstudio.dataparser_configs"
     ours = {point.name for point in entry_points if point.group == group}
-    assert ours == {"robustnerf-data", "photo-tourism-data"}
+    assert ours == {"robustnerf-data", "photo-tourism-data", "on-the-go-data"}
     assert not ours & set(dataparsers)
 
 
