@@ -10,7 +10,7 @@ from desplat_ns.datamanager import training_split, without_prompts
 from desplat_ns.effects import Effects
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.studies.grid.settings import Settings, parse
-from desplat_ns.survey.decide import decided_effects
+from desplat_ns.survey.decide import decided_effects, write_findings
 
 METHOD = "desplat"
 """The method whose settings are varied."""
@@ -92,7 +92,8 @@ def subject_of(data: Path, parser: tuple[str, ...], folder: Path) -> Subject:
     cameras = outputs.cameras
     held_out = _held_out(manager, data)
     points = outputs.metadata.get("points3D_xyz")
-    effects = decided_effects(model.effects, outputs, folder).settled()
+    effects, found = decided_effects(model.effects, outputs)
+    write_findings(found, folder)
     return Subject(
         str(data),
         parser,
@@ -101,7 +102,7 @@ def subject_of(data: Path, parser: tuple[str, ...], folder: Path) -> Subject:
         int(cameras.width.median()),
         int(cameras.height.median()),
         0 if points is None else len(points),
-        effects,
+        effects.settled(),
     )
 
 
