@@ -93,15 +93,22 @@ class RunConfig(TrainerConfig):
         super().save_config()
 
     def setup(self, **kwargs: Any) -> Any:
-        """Build the trainer, the schedule scale settled before it builds the pipeline.
+        """Build the trainer, the schedule scale and the dataparser settled before it builds the
+        pipeline. config.yml then names the dataparser that was recognised.
 
-        Raises ConfigError where an option is no finite number or no time, or for several processes.
+        Raises:
+            CaptureError: no capture is found.
+            ConfigError: an option is no finite number or no time, or the capture has no use for it;
+                or there would be several processes.
         """
         self._refuse_several_processes()
         self.resolve_schedule_scale()
         check_finite_options(self)
         if self.budget:
             seconds_of(self.budget)
+        manager = self.pipeline.datamanager
+        if isinstance(manager, DeSplatDataManagerConfig):
+            manager.settle_dataparser()
         return super().setup(**kwargs)
 
     def _refuse_several_processes(self) -> None:
