@@ -25,7 +25,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("gaussians", "", "survey", "synthetic"),
     ("training",),
     ("", "photo_tourism"),
-    ("separation", "viewer", "evaluation", "lit_model"),
+    ("separation", "viewer", "evaluation", "lit_model", "layouts"),
     ("", "", "nerfstudio_quirks", "datamanager"),
     ("", "static_model", "pipeline"),
     ("model",),

@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 import torch
 from nerfstudio.cameras.cameras import Cameras
-from nerfstudio.configs.dataparser_configs import AnnotatedDataParserUnion
 from nerfstudio.data.datamanagers.full_images_datamanager import (
     FullImageDatamanager,
     FullImageDatamanagerConfig,
@@ -29,6 +28,8 @@ from desplat_ns.data.training_views import image_names
 from desplat_ns.data.transforms_json import PromptFreeNerfstudio
 from desplat_ns.data.true_masks import METADATA_KEY
 from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
+from desplat_ns.layouts.choices import AnyDataParser
+from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
 
 
 @dataclass
@@ -36,20 +37,35 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
     """Full photos, kept as 8 bit."""
 
     _target: type = field(default_factory=lambda: DeSplatDataManager)
-    dataparser: AnnotatedDataParserUnion = field(
-        default_factory=lambda: NerfstudioDataParserConfig(load_3D_points=True)
-    )
+    dataparser: AnyDataParser = field(default_factory=DeSplatDataParserConfig)
     cache_images_type: Literal["uint8", "float32"] = "uint8"
     """How photos are kept in memory; uint8 takes a quarter of float32 and loses nothing."""
 
+    def settle_dataparser(self) -> DataParserConfig:
+        """Put the dataparser that reads the capture in the place of `desplat-data`, and ours in
+        the place of upstream's that ask questions; once settled it stays. Returns it.
+
+        Raises:
+            CaptureError: no capture is found.
+            ConfigError: as `without_prompts`, or options that the capture's layout has no use for.
+        """
+        if self.data is not None:
+            self.dataparser.data = Path(self.data)  # pyright: ignore[reportAttributeAccessIssue]
+        self.dataparser = without_prompts(self.dataparser)
+        return self.dataparser
+
 
 def without_prompts(config: DataParserConfig) -> DataParserConfig:
-    """The same dataparser, read our way where upstream's would ask questions.
+    """The dataparser that reads a capture: for desplat-data the one that it recognises, for
+    upstream's that ask questions ours, else the same.
 
     Raises:
+        CaptureError: no capture is found.
         ConfigError: upstream's phototourism-data (1.1.5), one hyphen from ours: it gives no 3D
             points and splits by its own rule, so figures would be wrong without a word.
     """
+    if isinstance(config, DeSplatDataParserConfig):
+        return config.recognised()
     if type(config) is PhototourismDataParserConfig:
         raise ConfigError(
             "nerfstudio's dataparser phototourism-data gives no 3D points to start from and does "
@@ -64,10 +80,7 @@ def without_prompts(config: DataParserConfig) -> DataParserConfig:
 
 def training_split(config: DeSplatDataManagerConfig) -> DataparserOutputs:
     """Cameras, photos and points of the training split, without a data manager and its photos."""
-    dataparser = without_prompts(config.dataparser)
-    if config.data is not None:
-        dataparser.data = Path(config.data)
-    return dataparser.setup().get_dataparser_outputs("train")
+    return config.settle_dataparser().setup().get_dataparser_outputs("train")
 
 
 class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
@@ -88,7 +101,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         local_rank: int = 0,
         **kwargs: Any,
     ):
-        config.dataparser = without_prompts(config.dataparser)
+        config.settle_dataparser()
         super().__init__(config, device, test_mode, world_size, local_rank, **kwargs)
 
     def create_train_dataset(self) -> CaptureDataset:

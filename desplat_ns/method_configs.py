@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import torch
 from nerfstudio.configs.base_config import MachineConfig, ViewerConfig
-from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
-from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 from nerfstudio.plugins.types import MethodSpecification
 
 from desplat_ns.datamanager import DeSplatDataManagerConfig
@@ -16,7 +14,6 @@ from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import print_user_errors_plainly
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModelConfig
-from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig
 from desplat_ns.trainer import DeSplatTrainerConfig
 from desplat_ns.training.optimizers import FusedAdamConfig
@@ -128,7 +125,6 @@ def _method(
     name: str,
     description: str,
     model: DeSplatModelConfig,
-    dataparser: DataParserConfig,
     steps: int = STEPS,
     full_rate_visits: float = 0.0,
     visits: float = 0.0,
@@ -147,9 +143,7 @@ def _method(
             steps_per_eval_image=100,
             steps_per_eval_all_images=1000,
             pipeline=DeSplatPipelineConfig(
-                datamanager=DeSplatDataManagerConfig(
-                    dataparser=dataparser, cache_images_type="uint8"
-                ),
+                datamanager=DeSplatDataManagerConfig(cache_images_type="uint8"),
                 model=model,
             ),
             optimizers=static_optimizers() | distractor_optimizers() | image_effect_optimizers(),
@@ -166,7 +160,6 @@ def _desplat(name: str, description: str, visits: float = 0.0) -> MethodSpecific
         name,
         description,
         desplat_model(EffectsConfig(auto=True)),
-        NerfstudioDataParserConfig(load_3D_points=True),
         full_rate_visits=FULL_RATE_VISITS,
         visits=visits,
     )
@@ -192,14 +185,12 @@ desplat_paper = _method(
     "desplat-paper",
     "DeSplat with the settings of the paper (App. B.3), to compare with.",
     paper_model(EffectsConfig()),
-    NerfstudioDataParserConfig(load_3D_points=True),
 )
 
 desplat_phototourism = _method(
     "desplat-phototourism",
     "DeSplat for tourists' photos: `desplat` with light and sky of each photo's own.",
     desplat_model(EffectsConfig(appearance="affine", background="image")),
-    PhotoTourismDataParserConfig(),
     full_rate_visits=FULL_RATE_VISITS,
 )
 
@@ -207,14 +198,12 @@ desplat_phototourism_paper = _method(
     "desplat-phototourism-paper",
     "DeSplat with the paper's settings for Photo Tourism (App. B.3), to compare with.",
     paper_model(EffectsConfig(appearance="affine", background="image")),
-    PhotoTourismDataParserConfig(),
-    PHOTO_TOURISM_STEPS,
+    steps=PHOTO_TOURISM_STEPS,
 )
 
 desplat_phototourism_a_paper = _method(
     "desplat-phototourism-a-paper",
     "As desplat-phototourism-paper, with the appearance model alone (DeSplat-A).",
     paper_model(EffectsConfig(appearance="affine")),
-    PhotoTourismDataParserConfig(),
-    PHOTO_TOURISM_STEPS,
+    steps=PHOTO_TOURISM_STEPS,
 )

@@ -43,7 +43,7 @@ from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.training.checkpoint_record import SceneRecord, check_same_scene
 from desplat_ns.training.step_guard import GuardedModel
-from desplat_ns.viewer import LayerControl
+from desplat_ns.viewer import FirstPhotoView, LayerControl
 
 MAX_KEYS_LISTED = 5
 """Parameters that an error message names before it only counts."""
@@ -91,6 +91,7 @@ class DeSplatPipeline(VanillaPipeline):
         super().__init__(*args, **kwargs)
         self.datamanager.train_dataset.check_sides(self._model.config.num_downscales)
         self.datamanager.eval_dataset.check_sides(0)
+        self.first_photo_view = FirstPhotoView(self.datamanager.train_dataset.cameras)
         give_masks_a_colormap_in_the_viewer()
         load_evaluated_checkpoints_like_resumed_ones()
 

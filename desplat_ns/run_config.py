@@ -21,6 +21,7 @@ from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.options import check_finite_options
 from desplat_ns.static_model import StaticModelConfig
 from desplat_ns.survey.decide import decided_effects
+from desplat_ns.survey.findings import Survey
 from desplat_ns.training.budget import seconds_of
 from desplat_ns.training.checkpoint_files import (
     checkpoint_folder,
@@ -75,25 +76,39 @@ class RunConfig(TrainerConfig):
         return scale
 
     def save_config(self) -> None:
-        """Save config.yml with the schedule scale settled: ns-eval has no trainer to do it.
+        """Settle the schedule scale; nothing is written yet, see `write_config`.
 
         ns-train calls it before it starts any process. Raises ConfigError where there would be
         several.
         """
         self._refuse_several_processes()
         self.resolve_schedule_scale()
+
+    def write_config(self) -> None:
+        """Write config.yml with all that was settled: ns-eval has no trainer to do it.
+
+        The trainer calls it once the run is set up. A command that fails before that leaves nothing
+        behind, and does not overwrite the config.yml of an earlier run.
+        """
         super().save_config()
 
     def setup(self, **kwargs: Any) -> Any:
-        """Build the trainer, the schedule scale settled before it builds the pipeline.
+        """Build the trainer, the schedule scale and the dataparser settled before it builds the
+        pipeline. config.yml then names the dataparser that was recognised.
 
-        Raises ConfigError where an option is no finite number or no time, or for several processes.
+        Raises:
+            CaptureError: no capture is found.
+            ConfigError: an option is no finite number or no time, or the capture has no use for it;
+                or there would be several processes.
         """
         self._refuse_several_processes()
         self.resolve_schedule_scale()
         check_finite_options(self)
         if self.budget:
             seconds_of(self.budget)
+        manager = self.pipeline.datamanager
+        if isinstance(manager, DeSplatDataManagerConfig):
+            manager.settle_dataparser()
         return super().setup(**kwargs)
 
     def _refuse_several_processes(self) -> None:
@@ -107,28 +122,29 @@ class RunConfig(TrainerConfig):
                 "would drift apart. Leave both at 1."
             )
 
-    def decide_effects(self, saved: SavedRun | None, folder: Path) -> None:
+    def decide_effects(self, saved: SavedRun | None) -> Survey | None:
         """With `effects.auto` those of the checkpoint, or those that the capture calls for;
         config.yml then has them, for ns-eval and the next resume.
 
         Args:
             saved: what the run goes on from.
-            folder: of the run, for the survey's findings.
+
+        Returns:
+            The survey's findings, if there was one.
 
         Raises:
             CaptureError: photos that cannot be surveyed.
         """
         model, manager = self.pipeline.model, self.pipeline.datamanager
         if not (isinstance(model, StaticModelConfig) and model.effects.is_open):
-            return
+            return None
         assert isinstance(manager, DeSplatDataManagerConfig)
         if saved is None:
-            split = training_split(manager)
-            model.effects = decided_effects(model.effects, split, folder)
-        else:
-            record = SceneRecord.from_state(saved[1]["pipeline"].get("_extra_state"))
-            model.effects = model.effects.decided(Effects(**record.effects))
-        self.save_config()
+            model.effects, found = decided_effects(model.effects, training_split(manager))
+            return found
+        record = SceneRecord.from_state(saved[1]["pipeline"].get("_extra_state"))
+        model.effects = model.effects.decided(Effects(**record.effects))
+        return None
 
     def settle_length(self) -> None:
         """With `visits`, and the method's own number of steps, as many as the photos ask for;
@@ -147,7 +163,6 @@ class RunConfig(TrainerConfig):
             f"{self.max_num_iterations} steps: {photos} photos, {self.visits:g} visits of "
             "each. --max-num-iterations gives another number."
         )
-        self.save_config()
 
     def plan_budget(self, saved: SavedRun | None, started: float) -> BudgetedRun | None:
         """With a budget, settle the number of steps; config.yml then has it.
@@ -181,7 +196,6 @@ class RunConfig(TrainerConfig):
         self.max_num_iterations = budgeted.state.steps
         self.steps_per_eval_batch = self.steps_per_eval_image = 0
         self.steps_per_eval_all_images = 0
-        self.save_config()
         return budgeted
 
     def rate_factor(self, photos: int, steps: int) -> float:

@@ -25,6 +25,7 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.run_config import RunConfig, SavedRun
+from desplat_ns.survey.decide import write_findings
 from desplat_ns.training import resume
 from desplat_ns.training.checkpoint_files import (
     checkpoint_path,
@@ -32,6 +33,7 @@ from desplat_ns.training.checkpoint_files import (
     save_atomically,
 )
 from desplat_ns.training.optimizers import raised_rates
+from desplat_ns.training.run_folder import run_folder
 from desplat_ns.training.schedules import scaled_optimizers
 from desplat_ns.training.step_guard import (
     GuardedModel,
@@ -73,7 +75,8 @@ class DeSplatTrainer(Trainer):
         self._budget_is_up = False
 
     def setup(self, test_mode: Literal["test", "val", "inference"] = "val") -> None:
-        """nerfstudio's, once it is decided which effects the run has.
+        """nerfstudio's, once it is decided which effects the run has. Whatever fails here leaves no
+        folder behind.
 
         Raises:
             CaptureError: photos that cannot be surveyed.
@@ -81,14 +84,18 @@ class DeSplatTrainer(Trainer):
             ConfigError: a budget in which nothing can be trained.
         """
         self._saved = self.config.saved_run()
-        self.config.decide_effects(self._saved, self.base_dir)
+        found = self.config.decide_effects(self._saved)
         self.config.settle_length()
         self._budgeted = self.config.plan_budget(self._saved, self._started)
-        super().setup(test_mode)
-        if self._budgeted is not None:
-            schedulers, optimizers = self.optimizers.schedulers, self.optimizers.optimizers
-            model = cast(DeSplatModel, self.pipeline.model)
-            self._budgeted.attach(model, schedulers.values(), optimizers.values())
+        with run_folder(self.base_dir):
+            super().setup(test_mode)
+            if self._budgeted is not None:
+                schedulers, optimizers = self.optimizers.schedulers, self.optimizers.optimizers
+                model = cast(DeSplatModel, self.pipeline.model)
+                self._budgeted.attach(model, schedulers.values(), optimizers.values())
+            self.config.write_config()
+        if found is not None:
+            write_findings(found, self.base_dir)
 
     def setup_optimizers(self) -> Optimizers:
         """Optimizers whose learning rates follow the schedules of this run's length."""

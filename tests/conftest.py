@@ -157,6 +157,21 @@ def photo_writer() -> Callable[..., np.ndarray]:
 
 
 @pytest.fixture
+def capture(tmp_path: Path) -> Callable[..., Path]:
+    """`capture(names, **of_write_model)`: a folder with `images` and `sparse/0`, written by hand:
+    COLMAP's text files line by line, photos of noise."""
+
+    def make(names: Sequence[str] = ("a.png", "b.png", "c.png"), **options) -> Path:
+        data = tmp_path / "capture"
+        write_model(data / "sparse" / "0", names, **options)
+        for seed, name in enumerate(names):
+            write_photo(data / "images" / name, seed=seed)
+        return data
+
+    return make
+
+
+@pytest.fixture
 def tyro_may_build() -> Iterator[None]:
     """Within, classes take nerfstudio's own defaults, such as `weight_decay: float = 0`, from tyro.
 

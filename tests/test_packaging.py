@@ -153,9 +153,11 @@ def test_no_dataparser_takes_a_name_of_nerfstudios(entry_points: list[EntryPoint
     """A plugin's dataparser replaces nerfstudio's of the same name, for every method."""
     from nerfstudio.configs.dataparser_configs import dataparsers
 
+    from desplat_ns.layouts.choices import OURS
+
     group = "nerfstudio.dataparser_configs"
     ours = {point.name for point in entry_points if point.group == group}
-    assert ours == {"robustnerf-data", "photo-tourism-data"}
+    assert ours == set(OURS)
     assert not ours & set(dataparsers)
 
 
@@ -193,6 +195,6 @@ def test_ns_train_knows_desplat_from_the_wheel_alone(clean_python: Path) -> None
         text=True,
     )
     assert shown.returncode == 0, shown.stderr[-2000:]
-    dataparsers = ("robustnerf-data", "photo-tourism-data")
+    dataparsers = ("desplat-data", "robustnerf-data", "photo-tourism-data", "on-the-go-data")
     for option in ("--max-num-iterations", "--pipeline.model.backend", *dataparsers):
         assert option in shown.stdout

@@ -109,8 +109,32 @@ def test_only_the_latest_checkpoint_stays_when_asked(config):
     assert [p.name for p in config.get_checkpoint_dir().iterdir()] == ["step-000000011.ckpt"]
 
 
+def test_a_run_that_cannot_be_set_up_leaves_no_folder(config, monkeypatch):
+    """Nor does it touch the folder, and the config.yml, of an earlier run of the same name."""
+
+    def fail(self: StubPipeline) -> Any:
+        raise CheckpointError("it does not fit")
+
+    config.output_dir = config.output_dir / "outputs"
+    with monkeypatch.context() as patch:
+        patch.setattr(StubPipeline, "get_param_groups", fail)
+        config.save_config()  # as ns-train does
+        with pytest.raises(CheckpointError, match="it does not fit"):
+            set_up(config)
+        assert not config.output_dir.exists()
+    train(config)
+    saved = {p: p.read_bytes() for p in config.output_dir.rglob("*") if p.is_file()}
+    config.steps_per_save = 99
+    with monkeypatch.context() as patch:
+        patch.setattr(StubPipeline, "get_param_groups", fail)
+        config.save_config()
+        with pytest.raises(CheckpointError, match="it does not fit"):
+            set_up(config)
+    assert {p: p.read_bytes() for p in config.output_dir.rglob("*") if p.is_file()} == saved
+
+
 def test_config_yml_holds_the_schedule_scale_that_was_resolved(config):
-    config.save_config()
+    set_up(config)
     text = (config.get_base_dir() / "config.yml").read_text()
     saved = yaml.load(text, Loader=yaml.Loader)
     assert saved.pipeline.model.schedule_scale == 0.5

@@ -1,19 +1,26 @@
-"""The viewer's layer control: off by default, off in evaluations, each layer what it says."""
+"""The viewer: its layers, each what it says and off in evaluations, and where it opens."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
+from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.viewer.utils import parse_object
-from nerfstudio.viewer.viewer_elements import ViewerElement
+from nerfstudio.viewer.viewer import Viewer
+from nerfstudio.viewer.viewer_elements import ViewerControl, ViewerElement
 from torch import nn
+from viser._viser import CameraHandle, ClientHandle, _CameraHandleState
 
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline
-from desplat_ns.viewer import LAYERS, LayerControl
+from desplat_ns.viewer import LAYERS, FirstPhotoView, LayerControl
 
 
 def _outputs() -> dict[str, torch.Tensor]:
@@ -104,3 +111,70 @@ def test_an_appearance_model_adds_three_controls():
 
 def test_no_controls_are_shown_where_there_are_no_distractors():
     assert parse_object(_pipeline(0), ViewerElement, "Custom Elements") == []
+
+
+# --- where it opens ------------------------------------------------------------------------------
+
+
+def _cameras() -> Cameras:
+    """Two photos, twice as high as wide; the first is rolled, and looks aside and down."""
+    turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    pose = np.eye(4)[:3]
+    pose[:, :3], pose[:, 3] = turn * np.linalg.det(turn), (0.3, -0.6, 0.2)
+    poses = torch.tensor(np.stack([pose, np.eye(4)[:3]]), dtype=torch.float32)
+    return Cameras(poses, fx=30.0, fy=40.0, cx=15.0, cy=30.0, width=30, height=60)
+
+
+class _Browser(ClientHandle):
+    """viser's own camera of a browser that has just opened the page; keeps what is sent to it."""
+
+    def __init__(self) -> None:
+        self.sent: list[Any] = []
+        connection: Any = SimpleNamespace(queue_message=self.sent.append)
+        self._websock_connection = connection
+        self.camera = CameraHandle(self)
+        corner, up = np.array([3.0, 3.0, 3.0]), np.array([0.0, 0.0, 1.0])
+        self.camera._state = _CameraHandleState(
+            client=self,
+            wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+            position=corner,
+            fov=1.3,
+            aspect=1.5,
+            look_at=np.zeros(3),
+            up_direction=up,
+            update_timestamp=1.0,
+            camera_cb=[],
+        )
+
+    def atomic(self) -> nullcontext:
+        return nullcontext()
+
+
+def _opened(cameras: Cameras) -> _Browser:
+    """A browser that has opened the viewer of these training photos."""
+    browser, viewer = _Browser(), Viewer.__new__(Viewer)
+    server: Any = SimpleNamespace(on_client_connect=lambda show: show(browser))
+    viewer.viser_server = server
+    FirstPhotoView(cameras)._setup(viewer)
+    return browser
+
+
+def test_the_viewer_opens_where_the_first_training_photo_was_taken():
+    cameras = _cameras()
+    viewer: Any = SimpleNamespace(ready=False, current_camera_idx=0)
+    seen = Viewer.get_camera_state(viewer, _opened(cameras))
+    assert torch.allclose(seen.c2w.float(), cameras.camera_to_worlds[0], atol=1e-6)
+    assert seen.fov == pytest.approx(2 * math.atan(30 / 40))  # from top to bottom
+
+
+def test_the_browser_is_told():
+    kinds = {type(message).__name__ for message in _opened(_cameras()).sent}
+    told = ("Position", "LookAt", "UpDirection", "Fov")
+    assert kinds == {f"SetCamera{what}Message" for what in told}
+
+
+def test_nerfstudios_viewer_finds_it_on_the_pipeline():
+    pipeline = _pipeline(5)
+    pipeline.first_photo_view = FirstPhotoView(_cameras())
+    found = parse_object(pipeline, ViewerControl, "Custom Elements")
+    assert [control for _, control in found] == [pipeline.first_photo_view]

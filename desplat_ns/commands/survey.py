@@ -9,18 +9,15 @@ from pathlib import Path
 from typing import Annotated, Any, cast
 
 import tyro
-from nerfstudio.configs.dataparser_configs import AnnotatedDataParserUnion
 from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
-from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.console import announce
-from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
-from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.images import write_image
 from desplat_ns.datamanager import without_prompts
 from desplat_ns.effects import Effects
-from desplat_ns.errors import CaptureError, ConfigError, print_user_errors_plainly
-from desplat_ns.photo_tourism.dataparser import ROOTS
+from desplat_ns.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.layouts.choices import AnyDataParser
+from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
 from desplat_ns.static_model import StaticModelConfig
 from desplat_ns.survey.capture import Capture, capture_of
 from desplat_ns.survey.decide import effects_of
@@ -33,12 +30,11 @@ def survey_capture(
     data: Annotated[Path | None, tyro.conf.Positional] = None,
     output: Path = Path("survey"),
     measure_costs: bool = True,
-    dataparser: AnnotatedDataParserUnion | None = None,
+    dataparser: AnyDataParser | None = None,
 ) -> Survey:
     """Say which effects a capture calls for, before any training.
 
-    Without a data parser's name, COLMAP's layouts (dense/sparse, sparse/0, sparse) and
-    transforms.json are found.
+    Without a data parser's name, the capture's layout is recognised, as in ns-train.
 
     Args:
         data: Folder of the capture.
@@ -96,51 +92,11 @@ def costs_on_this_machine(found: Survey, capture: Capture) -> dict[str, Any]:
     return {"size": asdict(size), "steps": [asdict(cost) for cost in costs]}
 
 
-def find_parser(data: Path) -> DataParserConfig:
-    """The data parser for what lies in a folder: transforms.json before COLMAP's layouts.
-
-    Raises:
-        CaptureError: neither is there.
-    """
-    if not data.exists():
-        raise CaptureError(f"There is no folder {data}. Check the path to the capture.")
-    transforms = data if data.suffix == ".json" else data / "transforms.json"
-    if transforms.is_file():
-        return NerfstudioDataParserConfig(data=data, load_3D_points=True)
-    for root in ROOTS:
-        try:
-            find_models(data, root / "sparse")
-        except CaptureError:
-            continue
-        return DeSplatColmapDataParserConfig(
-            data=data, images_path=root / "images", colmap_path=root / "sparse"
-        )
-    raise CaptureError(
-        f"No capture was found in {data}: needed is transforms.json, or a COLMAP reconstruction in "
-        "dense/sparse, sparse/0 or sparse. Check the folder, or name a data parser and its "
-        "options: desplat-survey DATA colmap --help."
-    )
-
-
-def parser_arguments(data: Path) -> tuple[str, ...]:
-    """What `ns-train desplat` needs to read what `find_parser` finds: a data parser's name and its
-    options, or nothing where the method's own does.
-
-    Raises:
-        CaptureError: see `find_parser`.
-    """
-    found = find_parser(data)
-    if not isinstance(found, DeSplatColmapDataParserConfig):
-        return ()
-    paths = found.images_path.as_posix(), found.colmap_path.as_posix()
-    return ("colmap", "--images-path", paths[0], "--colmap-path", paths[1])
-
-
 def _outputs(data: Path | None, dataparser: DataParserConfig | None):
     if dataparser is None:
         if data is None:
             raise ConfigError("No capture is named. Type: desplat-survey FOLDER.")
-        dataparser = find_parser(data)
+        dataparser = DeSplatDataParserConfig(data=data)
     elif data is not None:
         dataparser.data = data  # pyright: ignore[reportAttributeAccessIssue]
     return without_prompts(dataparser).setup().get_dataparser_outputs("train")

@@ -10,9 +10,9 @@ from typing import Annotated
 import tyro
 
 from desplat_ns.calibration.timing import all_cores
-from desplat_ns.commands.survey import parser_arguments
 from desplat_ns.console import announce, progress_in_time
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.layouts.recognition import recognise
 from desplat_ns.studies.grid.executors import ExecutorName, executor_of
 from desplat_ns.studies.grid.settings import method_config
 from desplat_ns.studies.tradeoff.report import write_report
@@ -28,8 +28,8 @@ MOST_JOBS = 8
 class Arguments:
     """Measure what accuracy costs in time: rasterizers, trainings, evaluations.
 
-    A data parser's name and its options, as `ns-train` takes them, may follow; without them
-    COLMAP's layouts and transforms.json are found.
+    A data parser's name and its options, as `ns-train` takes them, may follow; without them the
+    capture's layout is recognised, as there.
     """
 
     data: Annotated[Path, tyro.conf.Positional]
@@ -56,11 +56,22 @@ class Arguments:
         """
         if self.jobs < 0:
             raise ConfigError(f"--jobs is {self.jobs}; give 1 or more, or 0 to have it chosen.")
-        parser = parser or parser_arguments(self.data)
+        parser = parser or recognised_words(self.data)
         jobs = self.jobs or default_jobs(method_config(METHOD).machine.device_type)
         executor = executor_of(self.executor, jobs, self.ray_address)
         seconds = seconds_of(self.time, "--time")
         return Request(self.data, parser, self.output, seconds, jobs, executor)
+
+
+def recognised_words(data: Path) -> tuple[str, ...]:
+    """The data parser, and its options, that ns-train takes for a capture; says which and why.
+
+    Raises:
+        CaptureError: no capture is found.
+    """
+    found = recognise(data)
+    announce(found.line())
+    return found.match.words
 
 
 def default_jobs(device: str) -> int:

@@ -18,6 +18,15 @@ LARGEST_SIDE = 1 << 16
 """Pixels. No photo has a longer side; a camera that says so is damaged."""
 
 
+def how_to_get_poses(photos: Path) -> str:
+    """What to do with photos whose cameras have no poses yet, for errors."""
+    return (
+        "Poses have to come from COLMAP, run by itself or, where it is installed, by "
+        f"`ns-process-data images --data {photos} --output-dir CAPTURE`; then train with --data "
+        "CAPTURE."
+    )
+
+
 def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> None:
     """Make sure that all files are there.
 

@@ -131,6 +131,14 @@ def find_models(data: Path, colmap_path: Path) -> list[Path]:
     )
 
 
+def has_model(data: Path, colmap_path: Path) -> bool:
+    """Whether `find_models` finds one."""
+    try:
+        return bool(find_models(data, colmap_path))
+    except CaptureError:
+        return False
+
+
 def _is_model(folder: Path) -> bool:
     return any(
         all((folder / f"{part}.{kind}").is_file() for part in ("cameras", "images", "points3D"))

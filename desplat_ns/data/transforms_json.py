@@ -12,7 +12,7 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import Nerfstudio
 from torch import Tensor
 
 from desplat_ns.console import announce
-from desplat_ns.data.checks import check_cameras, without_infinite_points
+from desplat_ns.data.checks import check_cameras, how_to_get_poses, without_infinite_points
 from desplat_ns.data.colmap_model import find_models, read_reconstruction
 from desplat_ns.data.poses import points_metadata
 from desplat_ns.errors import CaptureError
@@ -84,7 +84,7 @@ class PromptFreeNerfstudio(Nerfstudio):
         try:
             find_models(data, Path("sparse"))
         except CaptureError:
-            return message + "Check --data, or make one with ns-process-data."
+            return f"{message}Check --data. {how_to_get_poses(Path('PHOTOS'))}"
         return message + (
             "It has a COLMAP reconstruction: add the dataparser at the end of the command, "
             f"`colmap --data {data}` (or `robustnerf-data --data {data}` for clean, clutter and "

@@ -18,7 +18,7 @@ from desplat_ns.data.colmap import (
     DeSplatColmapDataParser,
     DeSplatColmapDataParserConfig,
 )
-from desplat_ns.data.colmap_model import Frame, find_models
+from desplat_ns.data.colmap_model import Frame, has_model
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
 from desplat_ns.data.true_masks import true_masks
 from desplat_ns.errors import CaptureError, ConfigError
@@ -178,10 +178,7 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
             return None
         if config.split_file is not None:
             return config.data / config.split_file
-        data = config.data.resolve()
-        # Who names dense/ itself as the data has the split file one folder up.
-        above = [config.data / ".."] if data.name == "dense" else []
-        return find_split_file([config.data, config.data / "dense", *above])
+        return find_split_file(split_folders(config.data))
 
     def _drawn(self, names: Sequence[str]) -> PhotoSplit:
         config = self.config
@@ -195,6 +192,13 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
             f"{', '.join(names[i] for i in split.test)}."
         )
         return split
+
+
+def split_folders(data: Path) -> list[Path]:
+    """Where a scene's split file may be. Whoever names dense/ itself as the data has it one folder
+    up."""
+    above = [data / ".."] if data.resolve().name == ROOTS[0].name else []
+    return [data, data / ROOTS[0], *above]
 
 
 def find_layout(config: PhotoTourismDataParserConfig) -> Layout:
@@ -215,7 +219,7 @@ def find_layout(config: PhotoTourismDataParserConfig) -> Layout:
         )
         for root in ROOTS
     ]
-    with_model = [layout for layout in layouts if _has_model(data, layout.colmap)]
+    with_model = [layout for layout in layouts if has_model(data, layout.colmap)]
     complete = [layout for layout in with_model if (data / layout.images).is_dir()]
     for found in (complete, with_model):
         if found:
@@ -229,13 +233,6 @@ def find_layout(config: PhotoTourismDataParserConfig) -> Layout:
         "scene's folder with --data, or the reconstruction with --colmap-path and the photos with "
         "--images-path, relative to --data."
     )
-
-
-def _has_model(data: Path, colmap: Path) -> bool:
-    try:
-        return bool(find_models(data, colmap))
-    except CaptureError:
-        return False
 
 
 photo_tourism_dataparser = DataParserSpecification(

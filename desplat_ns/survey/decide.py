@@ -18,11 +18,10 @@ FILE = "survey.json"
 
 
 def decided_effects(
-    effects: EffectsConfig, outputs: DataparserOutputs, folder: Path
-) -> EffectsConfig:
-    """The effects that the training photos call for, where `effects` does not give them.
-
-    The findings are said on the console and written into `folder`.
+    effects: EffectsConfig, outputs: DataparserOutputs
+) -> tuple[EffectsConfig, Survey]:
+    """The effects that the training photos call for, where `effects` does not give them, and the
+    findings, which are said on the console.
 
     Args:
         outputs: of the training split.
@@ -38,12 +37,16 @@ def decided_effects(
     for name, value in found.decisions().items():
         if name in given and given[name] != value:
             announce(f"{name}: {given[name]}, as given; the survey would have said {value}.")
+    return decided, found
+
+
+def write_findings(found: Survey, folder: Path) -> None:
+    """Write `FILE` into a folder, which is made; where that cannot be done, it is said."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / FILE).write_text(found.to_json(), "utf8")
     except OSError as error:
         announce(f"The survey's findings could not be written ({error}).", warning=True)
-    return decided
 
 
 def effects_of(found: Survey) -> Effects:

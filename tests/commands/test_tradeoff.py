@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.calibration.timing import all_cores
-from desplat_ns.commands.survey import parser_arguments
-from desplat_ns.commands.tradeoff import Arguments, default_jobs, parse, study
+from desplat_ns.commands.tradeoff import Arguments, default_jobs, parse, recognised_words, study
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.studies.grid.executors import LocalExecutor
 from desplat_ns.studies.tradeoff import evaluation_level, plan
@@ -81,12 +80,11 @@ def test_a_gpu_has_one_training_at_a_time():
 
 def test_layouts_are_found_and_read_as_ns_train_would(tiny_scene: Scene, tmp_path: Path):
     assert tiny_scene.folder is not None
-    found = parser_arguments(tiny_scene.folder)
-    assert found == ("colmap", "--images-path", "images", "--colmap-path", "sparse")
+    assert recognised_words(tiny_scene.folder) == ("robustnerf-data",)
     with pytest.raises(CaptureError, match="There is no folder"):
-        parser_arguments(tmp_path / "absent")
+        recognised_words(tmp_path / "absent")
     (tmp_path / "transforms.json").write_text("{}")
-    assert parser_arguments(tmp_path) == ()
+    assert recognised_words(tmp_path) == ("nerfstudio-data", "--load-3D-points", "True")
 
 
 def test_a_capture_that_cannot_be_scored_is_refused(tiny_scene: Scene, tmp_path: Path):

@@ -50,7 +50,6 @@ def train_and_score(
     settings = settings_of(config)
     if config.data is not None:
         config.pipeline.datamanager.data = config.data
-    config.save_config()  # for what looks at the run afterwards
     _set_random_seed(config.machine.seed)
     trainer = config.setup(local_rank=0, world_size=1)
     trainer.setup()

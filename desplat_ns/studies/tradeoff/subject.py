@@ -6,11 +6,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.datamanager import training_split, without_prompts
+from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.effects import Effects
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.studies.grid.settings import Settings, parse
-from desplat_ns.survey.decide import decided_effects
+from desplat_ns.survey.decide import decided_effects, write_findings
 
 METHOD = "desplat"
 """The method whose settings are varied."""
@@ -90,9 +90,10 @@ def subject_of(data: Path, parser: tuple[str, ...], folder: Path) -> Subject:
     manager.data = data
     outputs = training_split(manager)
     cameras = outputs.cameras
-    held_out = _held_out(manager, data)
+    held_out = _held_out(manager)
     points = outputs.metadata.get("points3D_xyz")
-    effects = decided_effects(model.effects, outputs, folder).settled()
+    effects, found = decided_effects(model.effects, outputs)
+    write_findings(found, folder)
     return Subject(
         str(data),
         parser,
@@ -101,16 +102,16 @@ def subject_of(data: Path, parser: tuple[str, ...], folder: Path) -> Subject:
         int(cameras.width.median()),
         int(cameras.height.median()),
         0 if points is None else len(points),
-        effects,
+        effects.settled(),
     )
 
 
-def _held_out(manager: Any, data: Path) -> int:
+def _held_out(manager: DeSplatDataManagerConfig) -> int:
     """How many photos there are to score. Raises CaptureError where there is none."""
-    reader = without_prompts(manager.dataparser)
-    reader.data = data  # pyright: ignore[reportAttributeAccessIssue]
+    data = manager.data
+    assert data is not None
     try:
-        number = len(reader.setup().get_dataparser_outputs("test").cameras)
+        number = len(manager.settle_dataparser().setup().get_dataparser_outputs("test").cameras)
     except (IndexError, ValueError, ConfigError) as error:
         raise _nothing_to_score(data) from error
     if number == 0:

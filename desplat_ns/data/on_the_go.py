@@ -1,0 +1,184 @@
+"""NeRF On-the-go captures: split.json says which photos train and which are held out.
+
+`split.json` has the lists `clutter` (photos with distractors), `extra` (held out) and, in some
+scenes, `clean`. Their entries are positions, from 0, among the photos of transforms.json in the
+order of their file names. Source: the published dataset of NeRF On-the-go, Ren et al., CVPR 2024.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Literal
+
+import torch
+import tyro
+from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
+from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
+from nerfstudio.plugins.registry_dataparser import DataParserSpecification
+
+from desplat_ns.console import announce, list_names
+from desplat_ns.data.colmap import DeSplatColmapDataParser, DeSplatColmapDataParserConfig
+from desplat_ns.data.colmap_model import has_model
+from desplat_ns.data.photo_files import photo_names
+from desplat_ns.data.transforms_json import PromptFreeNerfstudio
+from desplat_ns.errors import CaptureError
+
+SPLIT_FILE = "split.json"
+TRANSFORMS_FILE = "transforms.json"
+
+_Hidden = tyro.conf.Suppress
+
+_BOTH_READ = (
+    *("data", "scale_factor", "downscale_factor", "scene_scale", "orientation_method"),
+    *("center_method", "auto_scale_poses", "depth_unit_scale_factor", "load_3D_points"),
+)
+"""Options that COLMAP captures and those with transforms.json have in common."""
+
+
+@dataclass
+class OnTheGoDataParserConfig(DeSplatColmapDataParserConfig):
+    """NeRF On-the-go scene: split.json over a COLMAP model, or over transforms.json."""
+
+    _target: type = field(default_factory=lambda: OnTheGoDataParser)
+    train_on: Literal["clutter", "clean"] = "clutter"
+    """Which list of split.json trains; `extra` is always held out."""
+    eval_mode: Annotated[Literal["fraction", "filename", "interval", "all"], _Hidden] = "filename"
+    """Not used: split.json decides."""
+    train_split_fraction: Annotated[float, _Hidden] = 0.9
+    """Not used: split.json decides."""
+    eval_interval: Annotated[int, _Hidden] = 8
+    """Not used: split.json decides."""
+
+
+class OnTheGoDataParser(DeSplatColmapDataParser):
+    """See `OnTheGoDataParserConfig`. Of a COLMAP model and transforms.json it takes the model,
+    which has points to start from."""
+
+    config: OnTheGoDataParserConfig
+
+    def views(self, names: Sequence[str], split: str) -> list[int]:
+        """Indices of a split's photos among `names`, paths inside the images folder.
+
+        Raises:
+            CaptureError: a split.json that does not fit, or no photo for this split.
+        """
+        wanted = self._wanted(split)
+        picked = [i for i, name in enumerate(names) if PurePosixPath(name).name in wanted]
+        missing = wanted - {PurePosixPath(names[i]).name for i in picked}
+        if not picked:
+            raise CaptureError(
+                f"None of the {len(wanted)} {split} photos that {self._split_file} lists has a "
+                f"pose: {list_names(sorted(wanted))}. The capture has {list_names(names)}."
+            )
+        if missing:
+            announce(
+                f"{len(missing)} of {len(wanted)} {split} photos in {self._split_file} have no "
+                f"pose and are left out: {list_names(sorted(missing))}.",
+                warning=True,
+            )
+        return picked
+
+    @property
+    def _split_file(self) -> Path:
+        return self.config.data / SPLIT_FILE
+
+    def _wanted(self, split: str) -> set[str]:
+        """File names of the photos in a split."""
+        data, kind = self.config.data, self.config.train_on if split == "train" else "extra"
+        ordered = ordered_names(data, self.config.images_path)
+        positions = read_split(self._split_file).get(kind, [])
+        beyond = [i for i in positions if not 0 <= i < len(ordered)]
+        if beyond:
+            raise CaptureError(
+                f"{self._split_file} lists photo {beyond[0]} as `{kind}`; positions go from 0 to "
+                f"{len(ordered) - 1}, as there are {len(ordered)} photos. Take the split.json that "
+                "belongs to this scene."
+            )
+        if not positions:
+            raise CaptureError(
+                f"{self._split_file} lists no photo as `{kind}`. It needs `clutter` or `clean` "
+                "photos to train on (--train-on) and `extra` photos to hold out."
+            )
+        return {ordered[i] for i in positions}
+
+    def _generate_dataparser_outputs(self, split: str = "train", **kwargs: Any):
+        config = self.config
+        if has_model(config.data, self.colmap_path):
+            return super()._generate_dataparser_outputs(split, **kwargs)
+        options: dict[str, Any] = {name: getattr(config, name) for name in _BOTH_READ}
+        whole = NerfstudioDataParserConfig(
+            _target=PromptFreeNerfstudio, train_split_fraction=1.0, **options
+        )
+        outputs = whole.setup().get_dataparser_outputs("train")
+        names = [path.name for path in outputs.image_filenames]
+        return _picked(outputs, self.views(names, split))
+
+
+def read_split(path: Path) -> dict[str, list[int]]:
+    """The lists of a split file, by their names.
+
+    Raises:
+        CaptureError: no such file, or not lists of positions under `clutter` and `extra`.
+    """
+    try:
+        content: Any = json.loads(path.read_text("utf8"))
+    except (OSError, ValueError) as error:
+        raise CaptureError(f"The split file {path} cannot be read: {error}.") from error
+    lists = content if isinstance(content, dict) else {}
+    lists = {name: lists[name] for name in ("clutter", "clean", "extra") if name in lists}
+    sound = all(
+        isinstance(one, list) and all(type(i) is int for i in one) for one in lists.values()
+    )
+    if not (sound and "extra" in lists and len(lists) > 1):
+        raise CaptureError(
+            f"{path} is no split file of NeRF On-the-go: it needs the lists `clutter` and `extra` "
+            "of photos' positions (0, 1, ...) in the order of their file names."
+        )
+    return lists
+
+
+def _are_positions(value: Any) -> bool:
+    return isinstance(value, list) and all(type(entry) is int for entry in value)
+
+
+def ordered_names(data: Path, images: Path) -> list[str]:
+    """File names that positions in split.json count: those of transforms.json, else the photos."""
+    path = data / TRANSFORMS_FILE
+    if not path.is_file():
+        return sorted(PurePosixPath(name).name for name in photo_names(data / images))
+    try:
+        frames: Any = json.loads(path.read_text("utf8"))["frames"]
+        return sorted(PurePosixPath(frame["file_path"]).name for frame in frames)
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        raise CaptureError(f"{path} cannot be read: {type(error).__name__}: {error}.") from error
+
+
+def _picked(outputs: DataparserOutputs, indices: list[int]) -> DataparserOutputs:
+    """The outputs of these photos only; points stay."""
+    count = len(outputs.image_filenames)
+    metadata: dict[str, Any] = {
+        key: [value[i] for i in indices]
+        if key.endswith("_filenames") and isinstance(value, list) and len(value) == count
+        else value
+        for key, value in outputs.metadata.items()
+    }
+    masks = outputs.mask_filenames
+    return DataparserOutputs(
+        image_filenames=[outputs.image_filenames[i] for i in indices],
+        cameras=outputs.cameras[torch.tensor(indices)],
+        alpha_color=outputs.alpha_color,
+        scene_box=outputs.scene_box,
+        mask_filenames=None if masks is None else [masks[i] for i in indices],
+        metadata=metadata,
+        dataparser_transform=outputs.dataparser_transform,
+        dataparser_scale=outputs.dataparser_scale,
+    )
+
+
+on_the_go_dataparser = DataParserSpecification(
+    config=OnTheGoDataParserConfig(),
+    description="NeRF On-the-go scene: split.json says which photos train and which are held out.",
+)

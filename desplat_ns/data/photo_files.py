@@ -1,0 +1,39 @@
+"""Which files of a folder are photos, and the folders of smaller copies beside it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+PHOTO_SUFFIXES = frozenset(
+    (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".exr", ".hdr", ".heic", ".jxl")
+)
+"""Endings of file names, in lower case."""
+
+
+def is_photo(path: Path) -> bool:
+    """Whether a file is a photo, by its name."""
+    return path.suffix.lower() in PHOTO_SUFFIXES and not path.name.startswith(".")
+
+
+def photo_names(folder: Path) -> list[str]:
+    """Photos in a folder and the folders inside it, sorted: paths below it with forward slashes.
+    Empty if there is no such folder."""
+    found = (path for path in folder.rglob("*") if is_photo(path)) if folder.is_dir() else ()
+    return sorted(path.relative_to(folder).as_posix() for path in found)
+
+
+def photos_near(folder: Path) -> list[str]:
+    """Photos in a folder and in those directly inside it, sorted, as paths below it."""
+    found = (path for pattern in ("*", "*/*") for path in folder.glob(pattern) if is_photo(path))
+    return sorted(path.relative_to(folder).as_posix() for path in found)
+
+
+def downscale_factors(images: Path) -> list[int]:
+    """The N of folders such as `images_2`, `images_4` beside `images`, ascending."""
+    found = (
+        re.fullmatch(re.escape(images.name) + r"_([1-9]\d*)", path.name)
+        for path in (images.parent.iterdir() if images.parent.is_dir() else ())
+        if path.is_dir()
+    )
+    return sorted(int(match[1]) for match in found if match is not None)

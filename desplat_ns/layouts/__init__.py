@@ -1,0 +1,4 @@
+"""Recognises how a capture lies on disk and takes the dataparser that reads it.
+
+May import `photo_tourism`, `data`, `console` and `errors`.
+"""

@@ -1,0 +1,133 @@
+"""`on-the-go-data`: positions in split.json choose the photos, whatever gives the poses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from desplat_ns.data.dataset import CaptureDataset
+from desplat_ns.data.on_the_go import (
+    OnTheGoDataParserConfig,
+    on_the_go_dataparser,
+    ordered_names,
+    read_split,
+)
+from desplat_ns.errors import CaptureError
+
+NAMES = ("2clutter_b.png", "1extra_a.png", "2clutter_a.png", "0clean_a.png")
+SPLIT = {"clean": [0], "extra": [1], "clutter": [2, 3]}
+"""Positions among the sorted names."""
+
+
+def write_transforms(data: Path) -> Path:
+    """Photo i of `NAMES` stands at x = i; without points."""
+    frames = []
+    for i, name in enumerate(NAMES):
+        pose = np.eye(4)
+        pose[0, 3] = i
+        frames.append({"file_path": f"images/{name}", "transform_matrix": pose.tolist()})
+    meta = {"fl_x": 10, "fl_y": 10, "cx": 4, "cy": 3, "w": 8, "h": 6, "frames": frames}
+    (data / "transforms.json").write_text(json.dumps(meta))
+    return data
+
+
+@pytest.fixture(params=["model", "transforms", "both"])
+def scene(request: pytest.FixtureRequest, capture) -> Path:
+    data = capture(NAMES)
+    if request.param != "model":
+        write_transforms(data)
+    if request.param == "transforms":
+        (data / "sparse").rename(data / "other")
+    (data / "split.json").write_text(json.dumps(SPLIT))
+    return data
+
+
+def outputs_of(data: Path, split: str, **options):
+    return OnTheGoDataParserConfig(data=data, **options).setup().get_dataparser_outputs(split)
+
+
+def names_of(data: Path, split: str, **options) -> set[str]:
+    return {path.name for path in outputs_of(data, split, **options).image_filenames}
+
+
+def test_clutter_trains_and_extras_are_held_out(scene: Path):
+    assert names_of(scene, "train") == {"2clutter_a.png", "2clutter_b.png"}
+    assert names_of(scene, "test") == names_of(scene, "val") == {"1extra_a.png"}
+    assert names_of(scene, "train", train_on="clean") == {"0clean_a.png"}
+
+
+def test_every_photo_keeps_its_own_camera(scene: Path):
+    """Photo i of `NAMES` stands at x = i, or at x = -i in COLMAP's capture (its pose is that of
+    the world)."""
+    plain = {"orientation_method": "none", "center_method": "none", "auto_scale_poses": False}
+    outputs = outputs_of(scene, "train", **plain)
+    names = [path.name for path in outputs.image_filenames]
+    places = outputs.cameras.camera_to_worlds[:, :, 3].norm(dim=1)
+    assert places.tolist() == pytest.approx([NAMES.index(name) for name in names])
+
+
+def test_photos_are_read_at_the_size_that_is_asked_for(scene: Path):
+    dataset = CaptureDataset(outputs_of(scene, "train", downscale_factor=2))
+    dataset.check_photos()
+    assert dataset.get_data(0)["image"].shape == (3, 4, 3)
+
+
+def test_points_come_from_the_model_if_there_is_one(scene: Path):
+    has_points = "points3D_xyz" in outputs_of(scene, "train").metadata
+    assert has_points == (scene / "sparse").exists()
+
+
+def test_a_listed_photo_without_a_pose_is_left_out_and_said(capture, capsys):
+    data = capture(NAMES[:3])
+    write_transforms(data)
+    (data / "split.json").write_text(json.dumps({"clutter": [2, 3, 0], "extra": [1]}))
+    assert names_of(data, "train") == {"2clutter_a.png", "2clutter_b.png"}
+    assert "1 of 3 train photos" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{", "cannot be read"),
+        ('["clutter"]', "is no split file"),
+        ('{"clutter": [0]}', "is no split file"),
+        ('{"clutter": ["a"], "extra": [1]}', "is no split file"),
+        ('{"clutter": [0, 4], "extra": [1]}', "photo 4 as `clutter`; positions go from 0 to 3"),
+        ('{"clutter": [-1], "extra": [1]}', "photo -1 as `clutter`"),
+        ('{"clutter": [], "extra": [1]}', "lists no photo as `clutter`"),
+    ],
+)
+def test_a_wrong_split_file_is_an_error_that_names_it(scene: Path, content: str, message: str):
+    (scene / "split.json").write_text(content)
+    with pytest.raises(CaptureError, match=rf"split\.json.*{message}"):
+        outputs_of(scene, "train")
+
+
+def test_no_photo_with_a_pose_is_an_error(capture):
+    data = capture(["a.png", "b.png"])
+    write_transforms(data)
+    (data / "split.json").write_text(json.dumps(SPLIT))
+    with pytest.raises(CaptureError, match=r"None of the 2 train photos .* has a pose"):
+        outputs_of(data, "train")
+
+
+def test_positions_count_the_photos_of_transforms_json_before_those_of_the_folder(capture):
+    data = capture(["z.png", "a.png"])
+    assert ordered_names(data, Path("images")) == ["a.png", "z.png"]
+    write_transforms(data)
+    assert ordered_names(data, Path("images")) == sorted(NAMES)
+    (data / "transforms.json").write_text('{"frames": [3]}')
+    with pytest.raises(CaptureError, match=r"transforms\.json cannot be read: TypeError"):
+        ordered_names(data, Path("images"))
+
+
+def test_a_split_file_that_is_not_there_is_named(tmp_path: Path):
+    with pytest.raises(CaptureError, match=r"split\.json cannot be read"):
+        read_split(tmp_path / "split.json")
+
+
+def test_the_registered_dataparser_is_this_one():
+    assert isinstance(on_the_go_dataparser.config, OnTheGoDataParserConfig)

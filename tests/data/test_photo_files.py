@@ -1,0 +1,33 @@
+"""Photos are told from other files by their names; folders of copies by their numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from desplat_ns.data.photo_files import downscale_factors, photo_names, photos_near
+
+
+def touch(folder: Path, *names: str) -> Path:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(b"")
+    return folder
+
+
+def test_photos_are_listed_below_their_folder(tmp_path: Path):
+    touch(tmp_path, "b.JPG", "a/c.png", "a/b/d.exr", "notes.txt", "._b.jpg")
+    assert photo_names(tmp_path) == ["a/b/d.exr", "a/c.png", "b.JPG"]
+    assert photo_names(tmp_path / "absent") == []
+
+
+def test_photos_near_are_not_looked_for_far_down(tmp_path: Path):
+    touch(tmp_path, "b.JPG", "a/c.png", "a/b/d.exr")
+    assert photos_near(tmp_path) == ["a/c.png", "b.JPG"]
+
+
+def test_factors_are_those_of_folders_beside_the_photos(tmp_path: Path):
+    for name in ("images", "images_16", "images_2", "images_0", "images_4x", "masks_3"):
+        (tmp_path / name).mkdir()
+    touch(tmp_path, "images_5")
+    assert downscale_factors(tmp_path / "images") == [2, 16]
+    assert downscale_factors(tmp_path / "absent" / "images") == []

@@ -1,0 +1,98 @@
+"""`desplat-data`: the default of every method, whose choice is kept in config.yml."""
+
+from __future__ import annotations
+
+import copy
+import json
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from nerfstudio.configs.method_configs import all_methods
+
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.robustnerf import RobustNerfDataParser, RobustNerfDataParserConfig
+from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
+from desplat_ns.errors import CaptureError
+from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
+from desplat_ns.layouts.table import LAYOUTS
+from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up
+
+METHODS = sorted(name for name in all_methods if name.startswith("desplat"))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_it_is_the_default_of_every_method(method: str):
+    assert all_methods[method].pipeline.datamanager.dataparser == DeSplatDataParserConfig()
+
+
+def test_it_gives_the_dataparser_that_reads_the_capture(tiny_scene, capsys):
+    parser = DeSplatDataParserConfig(data=tiny_scene.folder, downscale_factor=2).setup()
+    assert type(parser) is RobustNerfDataParser
+    assert parser.config == RobustNerfDataParserConfig(data=tiny_scene.folder, downscale_factor=2)
+    assert "has the layout of RobustNeRF" in capsys.readouterr().out
+
+
+def test_every_option_is_one_of_every_dataparser_that_it_takes():
+    ours = {f.name for f in fields(DeSplatDataParserConfig)} - {"_target", "data"}
+    for layout in LAYOUTS:
+        theirs: Any = layout.config()
+        assert ours <= {f.name for f in fields(theirs)}, layout.name
+
+
+def test_options_that_are_not_given_are_the_dataparsers_own(capture):
+    assert DeSplatDataParserConfig(data=capture()).recognised() == DeSplatColmapDataParserConfig(
+        data=capture()
+    )
+    given = DeSplatDataParserConfig(data=capture(), auto_scale_poses=False, scale_factor=0.0)
+    config = given.recognised()
+    assert isinstance(config, DeSplatColmapDataParserConfig)
+    assert (config.auto_scale_poses, config.scale_factor) == (False, 0.0)
+
+
+def test_once_settled_the_choice_stays(capture, capsys):
+    config = DeSplatDataManagerConfig(data=capture())
+    settled = config.settle_dataparser()
+    assert settled == config.dataparser == DeSplatColmapDataParserConfig(data=capture())
+    (capture() / "transforms.json").write_text("{}")
+    assert config.settle_dataparser() is settled
+    training_split(config)
+    assert capsys.readouterr().out.count("has the layout of") == 1
+
+
+def test_config_yml_names_the_dataparser_that_was_recognised(tmp_path):
+    from desplat_ns.synthetic import write_scene
+
+    scene = write_scene(EIGHT_VIEWS, tmp_path / "scene")
+    assert scene.folder is not None
+    config = registered_desplat(scene, tmp_path / "out", max_num_iterations=2)
+    config.pipeline.model.effects.auto = False
+    config.pipeline.datamanager.dataparser = DeSplatDataParserConfig()
+    config.pipeline.datamanager.data = scene.folder
+    set_up(config)
+    (tmp_path / "scene" / "transforms.json").write_text(json.dumps({"frames": []}))
+    saved = yaml.load((config.get_base_dir() / "config.yml").read_text(), Loader=yaml.Loader)
+    manager = saved.pipeline.datamanager
+    assert manager.dataparser == RobustNerfDataParserConfig(data=scene.folder)
+    assert manager.settle_dataparser() == RobustNerfDataParserConfig(data=scene.folder)
+
+
+@pytest.mark.parametrize("found", ["nothing", "photos", "a damaged model"])
+def test_a_capture_that_cannot_be_read_leaves_no_folder_behind(
+    tmp_path: Path, capture, photo_writer, found: str
+):
+    from nerfstudio.scripts import train
+
+    data = tmp_path / "data"
+    if found == "photos":
+        photo_writer(data / "a.jpg")
+    elif found == "a damaged model":
+        data = capture()
+        (data / "sparse" / "0" / "points3D.txt").write_text("1 nan")
+    config: Any = copy.deepcopy(all_methods["desplat"])
+    config.data, config.output_dir, config.vis = data, tmp_path / "outputs", "tensorboard"
+    with pytest.raises(CaptureError):
+        train.main(config)
+    assert not config.output_dir.exists()

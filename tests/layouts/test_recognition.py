@@ -1,0 +1,246 @@
+"""Every layout is recognised, the most specific first; what is no capture is told what to do."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
+from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
+
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.on_the_go import OnTheGoDataParserConfig
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.data.transforms_json import PromptFreeNerfstudio
+from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.layouts.recognition import Recognition, recognise
+from desplat_ns.layouts.table import LAYOUTS
+from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
+
+MODELS = ("sparse", "sparse/0", "colmap/sparse/0")
+TWINS = ("clean_1.png", "clutter_1.png", "extra_1.png")
+
+
+def write_transforms(data: Path) -> Path:
+    data.mkdir(exist_ok=True)
+    (data / "transforms.json").write_text(json.dumps({"frames": []}))
+    return data
+
+
+def parser_of(data: Path) -> type[DataParserConfig]:
+    return type(recognise(data).config({}))
+
+
+def parsers_beside(found: Recognition) -> list[str]:
+    return [other.layout.parser for other in found.others]
+
+
+def write_split(data: Path, **lists: list[int]) -> Path:
+    (data / "split.json").write_text(json.dumps(lists))
+    return data
+
+
+# --- each layout ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", MODELS)
+def test_a_colmap_model_is_found_in_every_usual_place(tmp_path, model_writer, place: str):
+    model_writer(tmp_path / place, ["a.png", "b.png"])
+    found = recognise(tmp_path)
+    assert found.match.words == ("colmap",)
+    assert type(found.config({})) is DeSplatColmapDataParserConfig
+    assert f"COLMAP's model in {place}. It is read by colmap." in found.line()
+
+
+def test_transforms_json_is_read_with_points_and_without_questions(tmp_path: Path):
+    for data in (write_transforms(tmp_path), tmp_path / "transforms.json"):
+        config = recognise(data).config({})
+        assert isinstance(config, NerfstudioDataParserConfig)
+        assert (config._target, config.load_3D_points) == (PromptFreeNerfstudio, True)
+        assert config.data == data
+
+
+def test_robustnerfs_names_are_told_from_others(capture: Callable[..., Path]):
+    data = capture(TWINS)
+    assert parser_of(data) is RobustNerfDataParserConfig
+    assert "1 clean, 1 clutter, 1 extra" in recognise(data).line()
+    for name in TWINS[:2]:
+        (data / "images" / name).unlink()
+    assert parser_of(data) is DeSplatColmapDataParserConfig  # an `extra` alone says nothing
+    (data / "images" / TWINS[0]).write_bytes(b"")
+    (data / "images" / TWINS[2]).unlink()
+    assert parser_of(data) is DeSplatColmapDataParserConfig  # nor does a `clean`
+
+
+def test_names_are_read_from_smaller_copies_if_there_is_nothing_else(capture):
+    data = capture(TWINS)
+    (data / "images").rename(data / "images_8")
+    (data / "images_16").mkdir()
+    assert recognise(data).match.words == ("robustnerf-data", "--downscale-factor", "8")
+
+
+@pytest.mark.parametrize("split", [True, False])
+def test_photo_tourism_is_dense_with_or_without_a_split_file(capture, tmp_path, split: bool):
+    data = tmp_path / "scene"
+    shutil.move(capture(), data / "dense")
+    if split:
+        (data / "scene.tsv").write_text("filename\tid\tsplit\na.png\t1\ttrain\n")
+    for folder in (data, data / "dense"):
+        found = recognise(folder)
+        assert type(found.config({})) is PhotoTourismDataParserConfig
+        assert ("the split file scene.tsv" if split else "no split file") in found.line()
+        assert found.others == ()
+
+
+def test_a_split_file_makes_photo_tourism_of_a_colmap_capture(capture: Callable[..., Path]):
+    data = capture()
+    (data / "notes.tsv").write_text("what\twhen\n")
+    assert parser_of(data) is DeSplatColmapDataParserConfig
+    (data / "nerfw.tsv").write_text("filename\tid\tsplit\n")
+    assert parser_of(data) is PhotoTourismDataParserConfig
+
+
+@pytest.mark.parametrize("poses", ["colmap", "transforms"])
+def test_on_the_go_is_its_split_file_over_poses(capture, tmp_path, poses: str):
+    data = capture(TWINS) if poses == "colmap" else write_transforms(tmp_path / "scene")
+    write_split(data, clutter=[0, 1], extra=[2])
+    found = recognise(data)
+    assert type(found.config({})) is OnTheGoDataParserConfig
+    assert "split.json (2 clutter, 1 extra)" in found.line()
+    assert found.others == ()
+    write_split(data, train=[0, 1], test=[2])
+    assert parser_of(data) is not OnTheGoDataParserConfig
+
+
+def test_mipnerf_360s_smaller_copies_are_said(capture: Callable[..., Path]):
+    data = capture()
+    for name in ("images_8", "images_2", "images_540x960"):
+        (data / name).mkdir()
+    found = recognise(data)
+    assert "Mip-NeRF 360: COLMAP's model in sparse/0 and images_2, images_8." in found.line()
+    assert found.match.words == ("colmap",)
+    (data / "images").rename(data / "taken_away")
+    assert recognise(data).match.words == ("colmap", "--downscale-factor", "2")
+
+
+# --- several at once -----------------------------------------------------------------------------
+
+
+def test_of_two_layouts_it_says_which_was_taken_and_what_to_type_for_the_other(capture):
+    found = recognise(write_transforms(capture()))
+    assert found.match.layout.parser == "nerfstudio-data"
+    assert found.line().endswith(
+        "Also found: COLMAP's model in sparse/0; to read that instead, end the command with "
+        "`colmap`."
+    )
+    (found.data / "images").joinpath("extra_1.png").write_bytes(b"")
+    (found.data / "images").joinpath("clean_1.png").write_bytes(b"")
+    assert "`nerfstudio-data --load-3D-points True`" in recognise(found.data).line()
+
+
+def test_what_reads_the_same_photos_more_plainly_is_not_offered(capture: Callable[..., Path]):
+    assert recognise(capture(TWINS)).others == ()
+
+
+def test_photos_before_and_after_undistortion_are_two_captures(capture, tmp_path: Path):
+    data = capture()
+    shutil.copytree(data, tmp_path / "undistorted")
+    shutil.move(tmp_path / "undistorted", data / "dense")
+    found = recognise(data)
+    assert found.match.layout.parser == "photo-tourism-data"
+    assert parsers_beside(found) == ["colmap"]
+
+
+def test_every_reading_is_offered_once(capture: Callable[..., Path]):
+    data = write_transforms(capture())
+    (data / "images_2").mkdir()
+    assert parsers_beside(recognise(data)) == ["colmap"]
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+def test_the_words_that_are_given_are_understood(capture: Callable[..., Path]):
+    from desplat_ns.studies.grid.settings import parse
+
+    (capture() / "images_2").mkdir()
+    data = capture()
+    shutil.rmtree(data / "images")
+    for found in (recognise(data), recognise(write_transforms(data))):
+        parsed = parse("desplat", list(found.match.words)).pipeline.datamanager.dataparser
+        assert parsed.downscale_factor == found.config({}).downscale_factor  # pyright: ignore
+        assert parsed.load_3D_points
+
+
+# --- options -------------------------------------------------------------------------------------
+
+
+def test_what_is_given_comes_before_what_the_layout_asks_for(tmp_path, model_writer):
+    model_writer(tmp_path / "sparse", ["a.png", "b.png"])
+    (tmp_path / "images_4").mkdir()
+    assert recognise(tmp_path).config({}).downscale_factor == 4  # pyright: ignore
+    given = recognise(tmp_path).config({"downscale_factor": 8, "eval_interval": 5})
+    assert isinstance(given, DeSplatColmapDataParserConfig)
+    assert (given.downscale_factor, given.eval_interval) == (8, 5)
+
+
+def test_a_split_cannot_be_asked_for_where_the_layout_has_one(capture: Callable[..., Path]):
+    with pytest.raises(ConfigError, match=r"--eval-mode all .*file names decide.*robustnerf-data"):
+        recognise(capture(TWINS)).config({"eval_mode": "all"})
+
+
+# --- no capture ----------------------------------------------------------------------------------
+
+
+def test_photos_without_poses_are_told_where_poses_come_from(tmp_path, photo_writer):
+    for name in ("a.jpg", "more/b.png"):
+        photo_writer(tmp_path / name)
+    with pytest.raises(CaptureError, match=r"2 photos \(a.jpg, more/b.png\) and no poses.*COLMAP"):
+        recognise(tmp_path)
+
+
+def test_a_folder_that_is_not_there_or_empty_or_a_file_is_named(tmp_path: Path):
+    with pytest.raises(CaptureError, match=r"There is no folder .*absent.*--data"):
+        recognise(tmp_path / "absent")
+    with pytest.raises(CaptureError, match=r"There is no folder .*absent\.json"):
+        recognise(tmp_path / "absent.json")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(CaptureError, match=r"The folder .*empty is empty"):
+        recognise(tmp_path / "empty")
+    (tmp_path / "film.mp4").write_bytes(b"")
+    with pytest.raises(CaptureError, match=r"film\.mp4 is a file. --data takes the folder"):
+        recognise(tmp_path / "film.mp4")
+
+
+def test_the_folder_of_captures_and_the_photos_of_one_lead_to_it(capture: Callable[..., Path]):
+    data = capture()
+    with pytest.raises(CaptureError, match=r"no capture, but holds some: capture\. .*/capture\."):
+        recognise(data.parent)
+    with pytest.raises(CaptureError, match=r"images is a part of the capture .*/capture\. Name"):
+        recognise(data / "images")
+
+
+def test_anything_else_is_told_what_is_needed_for_each_layout(tmp_path: Path):
+    (tmp_path / "notes.txt").write_text("")
+    with pytest.raises(CaptureError, match=r"which has notes\.txt\. Needed") as raised:
+        recognise(tmp_path)
+    assert all(layout.needs in str(raised.value) for layout in LAYOUTS)
+
+
+# --- real captures -------------------------------------------------------------------------------
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize(
+    ("scene", "parser"),
+    [
+        ("fox", "colmap"),
+        ("fox_cluttered", "robustnerf-data"),
+        ("monstree_cluttered", "robustnerf-data"),
+        ("sacre_coeur", "photo-tourism-data"),
+    ],
+)
+def test_real_captures(data_folder, scene: str, parser: str):
+    found = recognise(data_folder(scene))
+    assert (found.match.layout.parser, found.others) == (parser, ())
