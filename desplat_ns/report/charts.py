@@ -37,8 +37,9 @@ def svg(chart: Chart) -> str:
     points = [point for curve in chart.curves for point in curve.points]
     heights = [_height(chart, value) for _, value in points]
     low, high = _widened(min(heights), max(heights))
-    steps = Axis(0, max(step for step, _ in points) or 1, LEFT, WIDTH - RIGHT)
-    values = Axis(low, high, HEIGHT - BOTTOM, TOP)
+    last = max(step for step, _ in points) or 1.0
+    steps = Axis(0.0, last, float(LEFT), float(WIDTH - RIGHT))
+    values = Axis(low, high, float(HEIGHT - BOTTOM), float(TOP))
     lines = [
         f'<svg class="chart" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
         f'aria-label="{escape(chart.title)} over the steps">'

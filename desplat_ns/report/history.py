@@ -33,7 +33,6 @@ class Chart:
     """Curves that share their axes."""
 
     title: str
-    meaning: str
     curves: tuple[Curve, ...]
     is_logarithmic: bool = False
 
@@ -47,30 +46,26 @@ class History:
     """Of training, all sittings together; None if nothing was logged."""
 
 
-CHARTS: tuple[tuple[str, str, Mapping[str, str], bool], ...] = (
-    (
-        "Loss",
-        "What training makes small; on a logarithmic scale.",
-        {"Train Loss": "loss"},
-        True,
-    ),
+CHARTS: tuple[tuple[str, Mapping[str, str], bool], ...] = (
+    ("Loss, on a logarithmic scale", {"Train Loss": "what training makes small"}, True),
     (
         "PSNR, dB",
-        "Training photos with their distractors; held-out photos by the static scene alone.",
-        {"Train Metrics Dict/psnr": "training photos", ALL_HELD_OUT: "held-out photos"},
+        {
+            "Train Metrics Dict/psnr": "training photos, with their distractors",
+            ALL_HELD_OUT: "held-out photos, by the static scene alone",
+        },
         False,
     ),
     (
-        "Gaussians",
-        "How many there are; the distractors of all photos together.",
+        "Number of Gaussians",
         {
             "Train Metrics Dict/gaussian_count": "static",
-            "Train Metrics Dict/distractor_count": "distractors",
+            "Train Metrics Dict/distractor_count": "distractors of all photos",
         },
         False,
     ),
 )
-"""Title, meaning, tags with the names of their curves, whether the scale is logarithmic."""
+"""Title, tags with the names of their curves, whether the scale is logarithmic."""
 
 
 def read_history(files: Sequence[Path]) -> History:
@@ -79,15 +74,15 @@ def read_history(files: Sequence[Path]) -> History:
     Files that cannot be read are left out. A step that was done twice, by a run that went on from
     an earlier checkpoint, counts as it was done last.
     """
-    tags = {tag for _, _, names, _ in CHARTS for tag in names} | {TOTAL_TIME}
+    tags = {tag for _, names, _ in CHARTS for tag in names} | {TOTAL_TIME}
     values: dict[str, dict[int, float]] = {tag: {} for tag in tags}
     seconds = [_take(found, values) for path in files if (found := _scalars_of(path, tags))]
     charts = []
-    for title, meaning, names, is_logarithmic in CHARTS:
+    for title, names, is_logarithmic in CHARTS:
         curves = [Curve(name, thinned(values[tag], is_logarithmic)) for tag, name in names.items()]
         drawn = tuple(curve for curve in curves if curve.points)
         if drawn:
-            charts.append(Chart(title, meaning, drawn, is_logarithmic))
+            charts.append(Chart(title, drawn, is_logarithmic))
     return History(tuple(charts), sum(seconds) if seconds else None)
 
 

@@ -13,9 +13,11 @@ from desplat_ns.report.effect_reasons import EffectReason
 from desplat_ns.report.pictures import TrainingPhoto
 from desplat_ns.separation.placement import FEW_VIEWS, about_few_views
 
-QUICK_VISITS, BEST_VISITS = 25, 150
-"""Visits of each photo by `desplat-quick`, and those after which nothing more was gained where it
-was measured."""
+BEST_VISITS = 150
+"""Of each photo, by `desplat-best`; after these nothing more was gained where it was measured."""
+
+LONG = 30_000
+"""Steps; a run of as many is long, however many photos there are."""
 
 HARDLY = 0.001
 """Share of the photos. Distractors that cover less have found nothing."""
@@ -156,12 +158,11 @@ def _unsure(reasons: Sequence[EffectReason]) -> list[Notice]:
 
 
 def _short(cost: Cost) -> Notice | None:
-    if cost.visits >= BEST_VISITS or cost.steps >= 30_000:
+    if cost.visits >= BEST_VISITS or cost.steps >= LONG:
         return None
     most = BEST_VISITS * cost.num_photos
-    rest = "desplat-quick" if cost.visits < QUICK_VISITS else "desplat-best"
     return Notice(
         f"Each photo was seen {cost.visits:.0f} times.",
-        f"More steps may still help: {rest}, or --max-num-iterations; after about {most:,} "
-        "nothing more was gained where it was measured.",
+        "More steps may still help: desplat-best, or a larger --max-num-iterations. After "
+        f"{most:,} nothing more was gained on the captures that it was measured on.",
     )
