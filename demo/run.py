@@ -2,7 +2,7 @@
 
     python demo/run.py            (or: make demo)
 
-Everything it leaves lies in demo/output; start with report.md or sheet.png.
+Everything it leaves lies in demo/output; start with report.html or sheet.png.
 """
 
 from __future__ import annotations
@@ -28,6 +28,9 @@ ROWS = 5
 """Training views on the sheet."""
 
 TITLES = ("photo", "static scene", "truth", "distractors", "their mask", "true mask")
+
+PAGE = "report.html"
+"""What `desplat-report` writes about the run."""
 
 MARK = ".made-by-demo"
 """Tells the demo's folders from others, which it must not empty."""
@@ -97,6 +100,12 @@ def train_and_evaluate(run: Run, scene: Path, steps: int) -> float:
     return seconds
 
 
+def write_page(run: Run) -> None:
+    """Through `desplat-report`."""
+    line = ["desplat-report", "--load-config", run.config, "--output", run.output / PAGE]
+    execute(line, run.output / "page.log", "Writing the page")
+
+
 def draw_views(run: Run, scene: Scene) -> list[tuple[str, list[Picture]]]:
     """Rows of the sheet: training photos, what the trained model makes of them, the truth."""
     from nerfstudio.utils.eval_utils import eval_setup  # takes seconds: not for `--help`
@@ -153,7 +162,8 @@ def report(lines: list[str], run: Run) -> str:
             "# DeSplat demo\n",
             *(f"- {line}" for line in lines),
             "\n![training views](sheet.png)\n",
-            "All figures: `metrics.json`. To go on:\n",
+            f"Every photo, with sliders: [{PAGE}]({PAGE}). All figures: `metrics.json`. "
+            "To go on:\n",
             f"    ns-viewer --load-config {config}",
             f"    ns-render dataset --load-config {config} --output-path renders "
             "--rendered-output-names rgb distractor_mask",
@@ -183,8 +193,9 @@ def main() -> None:
     lines = summarize(run, plain, seconds)
     write_image(output / "sheet.png", sheet(rows, TITLES, f"DeSplat, {arguments.steps} steps"))
     (output / "report.md").write_text(report(lines, run))
+    write_page(run)
     CONSOLE.print("[bold]Done[/bold]", f"in {time.perf_counter() - begun:.0f} s:")
-    for line in [*lines, f"{shown(output)}: sheet.png, report.md, metrics.json"]:
+    for line in [*lines, f"{shown(output)}: {PAGE}, sheet.png, report.md, metrics.json"]:
         CONSOLE.print(f"  {line}", soft_wrap=True)
 
 

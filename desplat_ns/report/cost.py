@@ -63,7 +63,7 @@ def cost_of(
     """
     return Cost(
         str(config.experiment_name),
-        config.method_name,
+        str(config.method_name),
         str(config.pipeline.datamanager.data or ""),
         figures["steps"],
         config.max_num_iterations,

@@ -125,7 +125,8 @@ def _outliers(results: Mapping[str, Any]) -> Notice | None:
     if len(scores) < 3:
         return None
     median = statistics.median(scores.values())
-    low = sorted((n for n, score in scores.items() if score < median - FAR_BELOW), key=scores.get)
+    order = sorted(scores, key=lambda name: scores[name])
+    low = [name for name in order if scores[name] < median - FAR_BELOW]
     if not low:
         return None
     return Notice(
