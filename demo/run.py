@@ -101,9 +101,10 @@ def train_and_evaluate(run: Run, scene: Path, steps: int) -> float:
 
 
 def write_page(run: Run) -> None:
-    """Through `desplat-report`."""
-    line = ["desplat-report", "--load-config", run.config, "--output", run.output / PAGE]
-    execute(line, run.output / "page.log", "Writing the page")
+    """What `desplat-report` does; here, because another process would take longer to start."""
+    from desplat_ns.commands.report import Report
+
+    Report(run.config, run.output / PAGE).main()
 
 
 def draw_views(run: Run, scene: Scene) -> list[tuple[str, list[Picture]]]:
@@ -187,13 +188,13 @@ def main() -> None:
     if arguments.compare:
         plain = Run(output, "plain", ("--pipeline.model.effects.distractors", "False"))
         train_and_evaluate(plain, scene_folder, arguments.steps)
-    CONSOLE.print("[bold]3. Pictures[/bold]")
+    CONSOLE.print("[bold]3. Pictures and a page[/bold]")
     with printing_to(output / "draw.log"):
         rows = draw_views(run, scene)
+        write_page(run)
     lines = summarize(run, plain, seconds)
     write_image(output / "sheet.png", sheet(rows, TITLES, f"DeSplat, {arguments.steps} steps"))
     (output / "report.md").write_text(report(lines, run))
-    write_page(run)
     CONSOLE.print("[bold]Done[/bold]", f"in {time.perf_counter() - begun:.0f} s:")
     for line in [*lines, f"{shown(output)}: {PAGE}, sheet.png, report.md, metrics.json"]:
         CONSOLE.print(f"  {line}", soft_wrap=True)

@@ -170,11 +170,13 @@ def _held_out(figures: Mapping[str, Any], beside: Path) -> HeldOutPhoto:
     with Image.open(beside) as opened:
         both = np.asarray(opened.convert("RGB"))
     photo, rendering = np.split(both, 2, axis=1)
-    pictures = (
-        shrunk(one, LARGEST_SIDE) for one in (photo, rendering, error_map(photo, rendering))
+    return HeldOutPhoto(
+        str(figures["name"]),
+        shrunk(photo, LARGEST_SIDE),
+        shrunk(rendering, LARGEST_SIDE),
+        shrunk(error_map(photo, rendering), LARGEST_SIDE),
+        {key: float(value) for key, value in figures.items() if isinstance(value, float)},
     )
-    numbers = {key: float(v) for key, v in figures.items() if isinstance(v, float)}
-    return HeldOutPhoto(str(figures["name"]), *pictures, numbers)
 
 
 def error_map(
