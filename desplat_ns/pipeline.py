@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -92,6 +92,8 @@ class DeSplatPipeline(VanillaPipeline):
         self.datamanager.train_dataset.check_sides(self._model.config.num_downscales)
         self.datamanager.eval_dataset.check_sides(0)
         self.first_photo_view = FirstPhotoView(self.datamanager.train_dataset.cameras)
+        self.pictured: Collection[int] | None = None
+        """Numbers of the images whose pictures an evaluation writes; None: all of them."""
         give_masks_a_colormap_in_the_viewer()
         load_evaluated_checkpoints_like_resumed_ones()
 
@@ -230,7 +232,8 @@ class DeSplatPipeline(VanillaPipeline):
                 name = names[int(batch.get("image_idx", index))]
                 scored, pictures = protocol.score(camera, batch, name)
                 images.append(scored)
-                save_pictures(pictures, output_path, f"{prefix}_{{}}_{index:04d}.png")
+                if self.pictured is None or index in self.pictured:
+                    save_pictures(pictures, output_path, f"{prefix}_{{}}_{index:04d}.png")
                 advance()
         return images
 

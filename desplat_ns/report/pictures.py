@@ -152,16 +152,16 @@ def held_out_photos(
         CaptureError: a photo that cannot be read any more.
         DeSplatError: a figure of a photo is not a finite number.
     """
-    if most <= 0 or len(pipeline.datamanager.eval_dataset) == 0:
+    chosen = even_subset(len(pipeline.datamanager.eval_dataset), most)
+    if not chosen:
         return {}, []
     with tempfile.TemporaryDirectory(prefix="desplat-report-") as name:
+        pipeline.pictured = chosen  # full pictures of hundreds of photos would be gigabytes
         results = pipeline.get_average_eval_image_metrics(output_path=Path(name), get_std=True)
+        pipeline.pictured = None
         pipeline.eval()
         figures = results["images"]
-        shown = [
-            _held_out(figures[index], Path(name) / f"eval_img_{index:04d}.png")
-            for index in even_subset(len(figures), most)
-        ]
+        shown = [_held_out(figures[i], Path(name) / f"eval_img_{i:04d}.png") for i in chosen]
     return results, shown
 
 
