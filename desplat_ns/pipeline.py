@@ -86,14 +86,14 @@ class DeSplatPipeline(VanillaPipeline):
     config: DeSplatPipelineConfig
     datamanager: DeSplatDataManager
     _model: PipelineModel
+    pictured: Collection[int] | None = None
+    """Numbers of the images whose pictures an evaluation writes; None: all of them."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.datamanager.train_dataset.check_sides(self._model.config.num_downscales)
         self.datamanager.eval_dataset.check_sides(0)
         self.first_photo_view = FirstPhotoView(self.datamanager.train_dataset.cameras)
-        self.pictured: Collection[int] | None = None
-        """Numbers of the images whose pictures an evaluation writes; None: all of them."""
         give_masks_a_colormap_in_the_viewer()
         load_evaluated_checkpoints_like_resumed_ones()
 

@@ -39,7 +39,7 @@ def test_a_sample_of_easy_pictures_does_not_hide_hard_ones():
     pictures = [
         Picture(flat((9, 9, 9), 90, 60) if i % stride == 0 else noise(i, 90, 60)) for i in range(40)
     ]
-    assert fitted_into(pictures, 160_000).num_bytes <= 160_000
+    assert fitted_into(pictures, 130_000).num_bytes <= 130_000
 
 
 def test_pictures_in_order_and_those_shown_smaller_have_fewer_pixels():
