@@ -33,7 +33,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("", "run_config"),
     ("trainer",),
     ("method_configs",),
-    ("", "studies"),
+    ("report", "studies"),
     ("", "", "", "commands"),
 )
 """Rooms from the ground up, in columns; "" for an empty place. A room imports rooms of lower floors

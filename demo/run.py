@@ -2,7 +2,7 @@
 
     python demo/run.py            (or: make demo)
 
-Everything it leaves lies in demo/output; start with report.md or sheet.png.
+Everything it leaves lies in demo/output; start with report.html or sheet.png.
 """
 
 from __future__ import annotations
@@ -28,6 +28,9 @@ ROWS = 5
 """Training views on the sheet."""
 
 TITLES = ("photo", "static scene", "truth", "distractors", "their mask", "true mask")
+
+PAGE = "report.html"
+"""What `desplat-report` writes about the run."""
 
 MARK = ".made-by-demo"
 """Tells the demo's folders from others, which it must not empty."""
@@ -97,6 +100,13 @@ def train_and_evaluate(run: Run, scene: Path, steps: int) -> float:
     return seconds
 
 
+def write_page(run: Run) -> None:
+    """What `desplat-report` does; here, because another process would take longer to start."""
+    from desplat_ns.commands.report import Report
+
+    Report(run.config, run.output / PAGE).main()
+
+
 def draw_views(run: Run, scene: Scene) -> list[tuple[str, list[Picture]]]:
     """Rows of the sheet: training photos, what the trained model makes of them, the truth."""
     from nerfstudio.utils.eval_utils import eval_setup  # takes seconds: not for `--help`
@@ -153,7 +163,8 @@ def report(lines: list[str], run: Run) -> str:
             "# DeSplat demo\n",
             *(f"- {line}" for line in lines),
             "\n![training views](sheet.png)\n",
-            "All figures: `metrics.json`. To go on:\n",
+            f"Every photo, with sliders: [{PAGE}]({PAGE}). All figures: `metrics.json`. "
+            "To go on:\n",
             f"    ns-viewer --load-config {config}",
             f"    ns-render dataset --load-config {config} --output-path renders "
             "--rendered-output-names rgb distractor_mask",
@@ -177,14 +188,15 @@ def main() -> None:
     if arguments.compare:
         plain = Run(output, "plain", ("--pipeline.model.effects.distractors", "False"))
         train_and_evaluate(plain, scene_folder, arguments.steps)
-    CONSOLE.print("[bold]3. Pictures[/bold]")
+    CONSOLE.print("[bold]3. Pictures and a page[/bold]")
     with printing_to(output / "draw.log"):
         rows = draw_views(run, scene)
+        write_page(run)
     lines = summarize(run, plain, seconds)
     write_image(output / "sheet.png", sheet(rows, TITLES, f"DeSplat, {arguments.steps} steps"))
     (output / "report.md").write_text(report(lines, run))
     CONSOLE.print("[bold]Done[/bold]", f"in {time.perf_counter() - begun:.0f} s:")
-    for line in [*lines, f"{shown(output)}: sheet.png, report.md, metrics.json"]:
+    for line in [*lines, f"{shown(output)}: {PAGE}, sheet.png, report.md, metrics.json"]:
         CONSOLE.print(f"  {line}", soft_wrap=True)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -86,6 +86,8 @@ class DeSplatPipeline(VanillaPipeline):
     config: DeSplatPipelineConfig
     datamanager: DeSplatDataManager
     _model: PipelineModel
+    pictured: Collection[int] | None = None
+    """Numbers of the images whose pictures an evaluation writes; None: all of them."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -230,7 +232,8 @@ class DeSplatPipeline(VanillaPipeline):
                 name = names[int(batch.get("image_idx", index))]
                 scored, pictures = protocol.score(camera, batch, name)
                 images.append(scored)
-                save_pictures(pictures, output_path, f"{prefix}_{{}}_{index:04d}.png")
+                if self.pictured is None or index in self.pictured:
+                    save_pictures(pictures, output_path, f"{prefix}_{{}}_{index:04d}.png")
                 advance()
         return images
 

@@ -130,42 +130,52 @@ class SeparationWatch:
         """Warn if it is time to and there is a reason. `means`: of the static Gaussians."""
         if step < self.start or step % self.interval or len(self._said) == 2:
             return
-        known = [(index, sight) for index, sight in enumerate(self.sights) if sight is not None]
-        if 2 * len(known) <= len(self.sights):
+        if 2 * sum(sight is not None for sight in self.sights) <= len(self.sights):
             return
+        noticed = self.notice(means)
+        if noticed is not None:
+            self._say(noticed[0], f"Step {step}: {noticed[1]}")
+
+    def notice(self, means: Float[Tensor, "N 3"]) -> tuple[str, str] | None:
+        """The failure that the sights so far show, by its kind and in words; None if there is none.
+
+        Args:
+            means: of the static Gaussians.
+        """
+        known = [(index, sight) for index, sight in enumerate(self.sights) if sight is not None]
+        if not known:
+            return None
         each = torch.stack([sight.share for _, sight in known]).tolist()
         shares = {index: share for (index, _), share in zip(known, each, strict=True)}
         covered = [index for index, share in shares.items() if share > MAX_COVERED]
         if 2 * len(covered) > len(known):
-            self._warn_of_too_many(step, covered, shares)
-            return
-        stride = -(-len(means) // MAX_PLACES)
+            return "too many", self._about_too_many(covered, shares)
+        stride = max(1, -(-len(means) // MAX_PLACES))
         share, counts = hidden_places(means.detach()[::stride], [sight for _, sight in known])
-        if share > MAX_HIDDEN_PLACES:
-            times = counts.tolist()
-            order = sorted(range(len(times)), key=lambda i: -times[i])
-            self._warn_of_places(step, share, [known[i][0] for i in order if times[i] > 0])
+        if share <= MAX_HIDDEN_PLACES:
+            return None
+        times = counts.tolist()
+        order = sorted(range(len(times)), key=lambda i: -times[i])
+        return "places", self._about_places(share, [known[i][0] for i in order if times[i] > 0])
 
-    def _warn_of_too_many(self, step: int, covered: list[int], shares: dict[int, float]) -> None:
+    def _about_too_many(self, covered: list[int], shares: dict[int, float]) -> str:
         worst = sorted(covered, key=lambda index: -shares[index])
-        self._say(
-            "too many",
-            f"Step {step}: distractors cover more than {MAX_COVERED:.0%} of {len(covered)} of "
+        return (
+            f"distractors cover more than {MAX_COVERED:.0%} of {len(covered)} of "
             f"{len(shares)} photos, most of {self._listed(worst)}. They begin to explain the "
             "static scene, which cannot be learned behind them. Where the light, the weather or "
             "the sky changes from photo to photo: --pipeline.model.effects.appearance affine, and "
-            f"--pipeline.model.effects.background image for the sky. Else {self._dearer()}.",
+            f"--pipeline.model.effects.background image for the sky. Else {self._dearer()}."
         )
 
-    def _warn_of_places(self, step: int, share: float, views: list[int]) -> None:
-        self._say(
-            "places",
-            f"Step {step}: {share:.0%} of the static scene is behind distractors in most of the "
+    def _about_places(self, share: float, views: list[int]) -> str:
+        return (
+            f"{share:.0%} of the static scene is behind distractors in most of the "
             f"photos that see it, above all in {self._listed(views)}. Something may stand in the "
             "same place in many photos: leave some of these out, mask it, or add photos without "
             "it. If it is a part of the scene that changes, as clouds do: "
             "--pipeline.model.effects.appearance affine, --pipeline.model.effects.background image."
-            f" If nothing stands there: {self._dearer()}.",
+            f" If nothing stands there: {self._dearer()}."
         )
 
     def _dearer(self) -> str:

@@ -125,7 +125,7 @@ def lie_in(
     return regions[row.clamp(0, rows - 1), column.clamp(0, columns - 1)]
 
 
-def _about_few_views(num_views: int) -> str:
+def about_few_views(num_views: int) -> str:
     """What a user is told who trains on fewer than `FEW_VIEWS` photos."""
     found = f"There are {num_views} training photos. What is in the way is told from the scene by "
     if num_views <= LEAST_VIEWS:
@@ -148,7 +148,7 @@ class Placement:
         self.num_views = num_views
         self.photos = ComparedPhotos(num_views)
         if config.start == "residual" and num_views < FEW_VIEWS:
-            announce(_about_few_views(num_views), warning=True)
+            announce(about_few_views(num_views), warning=True)
 
     @torch.no_grad()
     def look(

@@ -83,6 +83,17 @@ def test_distractors_over_most_of_most_photos_are_told(capsys):
     assert "a higher --pipeline.model.distractors.lambda-d (now 0.01)" in text
 
 
+def test_what_is_noticed_can_be_asked_for_at_any_time_and_again(capsys):
+    one = watch()
+    assert one.notice(wall()) is None
+    for index in range(VIEWS):
+        one.see(index, sight_of(view(index), torch.full((HEIGHT, WIDTH, 1), 0.9)))
+    first = one.notice(wall())
+    assert first is not None and first == one.notice(wall())
+    assert first[0] == "too many" and first[1].startswith("distractors cover more than 50%")
+    assert said(capsys) == ""
+
+
 def test_nothing_is_said_before_distractors_have_settled_or_most_views_were_seen(capsys):
     one = watch()
     full = torch.full((HEIGHT, WIDTH, 1), 0.9)

@@ -1,0 +1,62 @@
+"""`desplat-report`: a trained run on one HTML page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from desplat_ns.console import announce
+from desplat_ns.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.report.run_files import check_output, find_run
+
+
+@dataclass
+class Report:
+    """Write a trained run on one HTML page that needs no other file.
+
+    Each training photo beside the static scene, its distractors and their mask; held-out photos
+    with error maps and scores; curves, effects and why they were chosen, cost, warnings.
+    """
+
+    load_config: Path
+    """config.yml of the run."""
+    output: Path | None = None
+    """The page, FILE.html. Without it: report.html beside config.yml."""
+    training_photos: int = 50
+    """Training photos to show; of more, as many evenly spread over the capture."""
+    held_out_photos: int = 12
+    """Held-out photos to show, likewise. All are scored; 0: none is, which saves that time."""
+
+    def main(self) -> None:
+        """Check what can be checked at once, then load, render, write, say where.
+
+        Raises:
+            DeSplatError: the run is not there or cannot be loaded, or the page not be written.
+        """
+        for name in ("training_photos", "held_out_photos"):
+            if getattr(self, name) < 0:
+                option = f"--{name.replace('_', '-')}"
+                raise ConfigError(f"{option} is {getattr(self, name)}; give 0 or more.")
+        files = find_run(self.load_config)
+        output = self.output or files.folder / "report.html"
+        check_output(output)
+
+        from desplat_ns.report.report import write_report  # seconds: not before the checks
+        from desplat_ns.studies.grid.machine import describe_machine
+
+        size = write_report(
+            files, output, self.training_photos, self.held_out_photos, describe_machine
+        )
+        announce(f"Saved the page to: {output} ({size / 1e6:.1f} MB)")
+
+
+def main() -> None:
+    """Entry point of the command."""
+    print_user_errors_plainly()
+    tyro.cli(Report, description=__doc__).main()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+"""What a run was and what it cost: steps, time, Gaussians, bytes, machine."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from desplat_ns.report.history import History
+from desplat_ns.report.run_files import RunFiles
+from desplat_ns.run_config import RunConfig
+
+
+@dataclass(frozen=True)
+class Cost:
+    """A run in numbers."""
+
+    experiment: str
+    method: str
+    capture: str
+    """The folder that was trained on."""
+    steps: int
+    """Done."""
+    planned: int
+    """Steps that the run was meant to have."""
+    num_photos: int
+    """Training photos."""
+    seconds: float | None
+    """Of training; None if the run did not record it."""
+    budget: str
+    """Wall time that the run was given; empty if none."""
+    num_static: int
+    num_distractors: int
+    parameter_mb: float
+    """10^6 bytes that the Gaussians' parameters take."""
+    checkpoint_mb: float
+    """10^6 bytes."""
+    trained_on: str
+    """In words: the device, and whether it was this machine."""
+
+    @property
+    def visits(self) -> float:
+        """How often each photo was seen."""
+        return self.steps / self.num_photos
+
+
+def cost_of(
+    config: RunConfig,
+    files: RunFiles,
+    checkpoint: Path,
+    history: History,
+    figures: Mapping[str, Any],
+) -> Cost:
+    """Gather what a run cost.
+
+    Args:
+        config: of the run.
+        checkpoint: that was loaded.
+        history: what the run logged.
+        figures: `steps`, `num_photos`, and those of `gaussian_counts`.
+    """
+    return Cost(
+        str(config.experiment_name),
+        str(config.method_name),
+        str(config.pipeline.datamanager.data or ""),
+        figures["steps"],
+        config.max_num_iterations,
+        figures["num_photos"],
+        history.seconds,
+        config.budget,
+        figures["num_static_gaussians"],
+        figures["num_distractor_gaussians"],
+        figures["static_memory_mb"] + figures["distractor_memory_mb"],
+        checkpoint.stat().st_size / 1e6,
+        trained_on(config.machine.device_type, files.events, socket.gethostname()),
+    )
+
+
+def trained_on(device: str, events: list[Path], host: str) -> str:
+    """The device, and whether it was this machine, by the names of a run's event files: these hold
+    the host's name, which is not given away."""
+    what = {"cuda": "a GPU", "cpu": "the CPU", "mps": "an Apple GPU"}.get(device, device)
+    if not events:
+        return f"{what}; which machine was not recorded"
+    is_here = all(f".{host}." in path.name for path in events)
+    return f"{what} of {'this machine' if is_here else 'another machine'}"
+
+
+def time_in_words(seconds: float) -> str:
+    """45 s, 2 min 5 s, 1 h 20 min."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"

@@ -1,0 +1,108 @@
+"""Which effects a run had, and why: what the survey decided, with its figures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from desplat_ns.effects import Effects
+
+TITLES = {
+    "distractors": "Distractors: what is in the way in one photo only",
+    "appearance": "Appearance: a light of each photo's own",
+    "background": "Background: what lies behind everything, as the sky",
+}
+"""The effects in their order, in words."""
+
+CONFIDENCE = {
+    "clear": "Its figures are clear of their thresholds.",
+    "close": "Its figures are close to their thresholds: training with another choice may be worth "
+    "a try.",
+    "none": "It could not be told; this is the safe side.",
+}
+
+
+@dataclass(frozen=True)
+class SurveyFigure:
+    """A number that the survey measured."""
+
+    name: str
+    value: float | None
+    """None if it could not be measured."""
+    threshold: float | None
+    """Above it the number speaks for the effect."""
+    meaning: str
+
+
+@dataclass(frozen=True)
+class EffectReason:
+    """One effect of a run."""
+
+    effect: str
+    title: str
+    value: str
+    """on, off, or the grade."""
+    why: str
+    is_unsure: bool = False
+    """Whether the survey said that it was close, or that it could not tell."""
+    figures: tuple[SurveyFigure, ...] = ()
+    could_not_tell: tuple[str, ...] = ()
+
+
+def read_survey(path: Path) -> dict[str, Any] | None:
+    """A survey's findings as they were written; None if there are none that can be read."""
+    try:
+        found = json.loads(path.read_text("utf8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) and set(TITLES) <= set(found) else None
+
+
+def effect_reasons(effects: Effects, survey: Mapping[str, Any] | None) -> list[EffectReason]:
+    """Every effect with its reason.
+
+    Args:
+        effects: of the trained model.
+        survey: as `read_survey` gives it.
+    """
+    had: dict[str, bool | str] = asdict(effects)
+    if survey is None:
+        why = "As given, or the method's default: the run has no record of a survey of the photos."
+        return [EffectReason(k, title, in_words(had[k]), why) for k, title in TITLES.items()]
+    return [_surveyed(name, had[name], survey[name]) for name in TITLES]
+
+
+def in_words(value: bool | str) -> str:
+    """An effect's switch: on, off, or its grade."""
+    return {True: "on", False: "off"}.get(value, str(value)) if isinstance(value, bool) else value
+
+
+def _surveyed(effect: str, had: bool | str, finding: Mapping[str, Any]) -> EffectReason:
+    decision, confidence = finding.get("decision"), str(finding.get("confidence"))
+    reason = str(finding.get("reason", ""))
+    if decision == had:
+        why = f"{reason} {CONFIDENCE.get(confidence, '')}".strip()
+    else:
+        would = in_words(decision) if isinstance(decision, (bool, str)) else "something else"
+        why = f"As given. The survey of the photos would have said {would}: {reason}"
+    return EffectReason(
+        effect,
+        TITLES[effect],
+        in_words(had),
+        why,
+        decision == had and confidence in ("close", "none"),
+        tuple(_figure(one) for one in finding.get("figures", ())),
+        tuple(map(str, finding.get("could_not_tell", ()))),
+    )
+
+
+def _figure(figure: Mapping[str, Any]) -> SurveyFigure:
+    return SurveyFigure(
+        str(figure.get("name", "")),
+        figure.get("value"),
+        figure.get("threshold"),
+        str(figure.get("meaning", "")),
+    )

@@ -1,0 +1,190 @@
+"""What a trained model shows: training photos taken apart, held-out photos beside renderings.
+
+Letters in shapes: H x W pixels.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from PIL import Image
+from torch import Tensor
+
+from desplat_ns.console import progress_over
+from desplat_ns.evaluation.metrics import psnr
+from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
+from desplat_ns.pipeline import DeSplatPipeline, PipelineModel
+from desplat_ns.rendering.views import view_of
+from desplat_ns.report.encoding import LARGEST_SIDE, shrunk
+from desplat_ns.separation.failure_cases import Sight, sight_of
+
+Rgb = UInt8[np.ndarray, "_ _ 3"]
+
+ERROR_TOP = 0.25
+"""Mean difference of the colours, which are in [0, 1], that gets the brightest colour."""
+
+ERROR_COLORS = ((8, 8, 24), (84, 18, 110), (186, 55, 84), (246, 140, 40), (252, 250, 160))
+"""8-bit colours of an error map, from no difference to `ERROR_TOP` in equal steps."""
+
+
+@dataclass(frozen=True)
+class TrainingPhoto:
+    """A training photo, taken apart; pictures are no larger than a page needs them."""
+
+    name: str
+    size: tuple[int, int]
+    """Width and height of the photo, pixels."""
+    psnr: float
+    """Of static scene and distractors together against the photo, dB."""
+    photo: Rgb
+    static: Rgb
+    """The static scene in the photo's light."""
+    distractors: Rgb | None = None
+    """On a chequered ground; None if the effect is off."""
+    mask: Rgb | None = None
+    covered: float | None = None
+    """Share of the photo inside the mask, in [0, 1]."""
+
+
+@dataclass(frozen=True)
+class HeldOutPhoto:
+    """A photo that was not trained on, and what the static scene shows in its place."""
+
+    name: str
+    photo: Rgb
+    rendering: Rgb
+    error: Rgb
+    figures: Mapping[str, float]
+
+
+def even_subset(count: int, most: int) -> list[int]:
+    """At most `most` of the numbers from 0 to `count` - 1, evenly spread, both ends among them."""
+    if count <= most:
+        return list(range(count))
+    return [int(i) for i in np.unique(np.linspace(0, count - 1, most).round())] if most > 0 else []
+
+
+def training_photos(
+    pipeline: DeSplatPipeline, chosen: Sequence[int]
+) -> Iterator[tuple[TrainingPhoto, Sight | None]]:
+    """Training photos taken apart, and where distractors cover them (None if the effect is off).
+
+    Raises:
+        CaptureError: a photo that cannot be read any more.
+    """
+    model, manager = cast(PipelineModel, pipeline.model), pipeline.datamanager
+    batches = _Batches(pipeline)
+    with (
+        model.layer_control.suspended(),
+        model.shown_light.suspended(),
+        progress_over(len(chosen), "Rendering training photos...") as advance,
+    ):
+        for index in chosen:
+            batch = batches[index]  # first: it may undistort, which changes the camera
+            camera = manager.train_dataset.cameras[index : index + 1].to(pipeline.device)
+            outputs = model.get_outputs_for_camera(camera)
+            photo = model.get_gt_img(batch["image"].to(pipeline.device))
+            photo = model.composite_with_background(photo, outputs["background"])
+            sight = None
+            if "alpha_distractor" in outputs:
+                sight = sight_of(view_of(camera), outputs["alpha_distractor"])
+            yield _taken_apart(manager.train_image_names[index], photo, outputs), sight
+            advance()
+
+
+class _Batches:
+    """Training photos by number, as training sees them; undistorted ones come all at once."""
+
+    def __init__(self, pipeline: DeSplatPipeline) -> None:
+        self.manager = pipeline.datamanager
+        distortion = self.manager.train_dataset.cameras.distortion_params
+        self.are_distorted = distortion is not None and bool(torch.any(distortion != 0))
+
+    def __getitem__(self, index: int) -> dict[str, Any]:
+        if self.are_distorted:
+            return self.manager.cached_train[index]
+        return self.manager.train_dataset.get_data(index, "uint8")
+
+
+def _taken_apart(
+    name: str, photo: Float[Tensor, "H W 3"], outputs: Mapping[str, Tensor]
+) -> TrainingPhoto:
+    size = photo.shape[1], photo.shape[0]
+    seen = small_rgb(photo)
+    if "alpha_distractor" not in outputs:
+        quality = psnr(outputs["rgb"], photo)
+        return TrainingPhoto(name, size, quality, seen, small_rgb(outputs["rgb"]))
+    rgb_d, alpha_d = (outputs[key].cpu().numpy() for key in ("rgb_distractor", "alpha_distractor"))
+    mask = outputs["distractor_mask"]
+    return TrainingPhoto(
+        name,
+        size,
+        psnr(outputs["rgb_composite"], photo),
+        seen,
+        small_rgb(outputs["rgb_static"]),
+        shrunk(to_rgb8(over_checkerboard(rgb_d, alpha_d, max(8, max(size) // 48))), LARGEST_SIDE),
+        small_rgb(mask.float()),
+        float(mask.float().mean()),
+    )
+
+
+def small_rgb(image: Float[Tensor, "H W _"]) -> Rgb:
+    """An image in [0, 1] of one or three channels, as large as a page may need it."""
+    return shrunk(to_rgb8(image.detach().cpu().numpy()), LARGEST_SIDE)
+
+
+def held_out_photos(
+    pipeline: DeSplatPipeline, most: int
+) -> tuple[dict[str, Any], list[HeldOutPhoto]]:
+    """The evaluation that `ns-eval` makes, of all held-out photos, and pictures of some.
+
+    Args:
+        most: pictures; with 0 nothing is evaluated.
+
+    Raises:
+        CaptureError: a photo that cannot be read any more.
+        DeSplatError: a figure of a photo is not a finite number.
+    """
+    chosen = even_subset(len(pipeline.datamanager.eval_dataset), most)
+    if not chosen:
+        return {}, []
+    with tempfile.TemporaryDirectory(prefix="desplat-report-") as name:
+        pipeline.pictured = chosen  # full pictures of hundreds of photos would be gigabytes
+        results = pipeline.get_average_eval_image_metrics(output_path=Path(name), get_std=True)
+        pipeline.pictured = None
+        pipeline.eval()
+        figures = results["images"]
+        shown = [_held_out(figures[i], Path(name) / f"eval_img_{i:04d}.png") for i in chosen]
+    return results, shown
+
+
+def _held_out(figures: Mapping[str, Any], beside: Path) -> HeldOutPhoto:
+    """From the picture that the evaluation wrote: the photo on the left, the rendering right."""
+    with Image.open(beside) as opened:
+        both = np.asarray(opened.convert("RGB"))
+    photo, rendering = np.split(both, 2, axis=1)
+    return HeldOutPhoto(
+        str(figures["name"]),
+        shrunk(photo, LARGEST_SIDE),
+        shrunk(rendering, LARGEST_SIDE),
+        shrunk(error_map(photo, rendering), LARGEST_SIDE),
+        {key: float(value) for key, value in figures.items() if isinstance(value, float)},
+    )
+
+
+def error_map(
+    photo: UInt8[np.ndarray, "H W 3"], rendering: UInt8[np.ndarray, "H W 3"]
+) -> UInt8[np.ndarray, "H W 3"]:
+    """Mean absolute difference of the colours, in `ERROR_COLORS`."""
+    difference = np.abs(photo.astype(np.float32) - rendering).mean(axis=2) / 255
+    levels = np.linspace(0, ERROR_TOP, len(ERROR_COLORS))
+    channels = np.asarray(ERROR_COLORS, np.float32).T
+    colors = [np.interp(difference, levels, channel) for channel in channels]
+    return np.stack(colors, axis=2).round().astype(np.uint8)

@@ -1,0 +1,153 @@
+"""Gathers what is known of a run and writes its page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import yaml
+from nerfstudio.engine.trainer import TrainerConfig
+from nerfstudio.utils.eval_utils import eval_setup
+
+from desplat_ns.errors import ConfigError
+from desplat_ns.evaluation.records import gaussian_counts
+from desplat_ns.model import DeSplatModel
+from desplat_ns.pipeline import DeSplatPipeline, PipelineModel
+from desplat_ns.report.cost import cost_of
+from desplat_ns.report.effect_reasons import effect_reasons, read_survey
+from desplat_ns.report.history import read_history
+from desplat_ns.report.notices import Seen, notices
+from desplat_ns.report.page import Contents, html_of
+from desplat_ns.report.pictures import (
+    TrainingPhoto,
+    even_subset,
+    held_out_photos,
+    training_photos,
+)
+from desplat_ns.report.run_files import RunFiles, unwritable
+from desplat_ns.run_config import RunConfig
+from desplat_ns.separation.failure_cases import SeparationWatch, Sight
+
+
+@dataclass(frozen=True)
+class LoadedRun:
+    """A run as its newest intact checkpoint has it."""
+
+    files: RunFiles
+    config: RunConfig
+    pipeline: DeSplatPipeline
+    checkpoint: Path
+    steps: int
+    """Done."""
+
+
+def load_run(files: RunFiles) -> LoadedRun:
+    """Load a run as `ns-eval` does.
+
+    Raises:
+        CaptureError: its capture cannot be read any more.
+        CheckpointError: no checkpoint is intact, or they are not of this run.
+        ConfigError: another version wrote config.yml.
+    """
+
+    def from_there(config: TrainerConfig) -> TrainerConfig:
+        config.relative_model_dir = files.checkpoints
+        return config
+
+    try:
+        config, pipeline, checkpoint, step = eval_setup(
+            files.config, update_config_callback=from_there
+        )
+    except (yaml.YAMLError, ImportError, AttributeError, KeyError) as error:
+        raise ConfigError(
+            f"'{files.config}' cannot be taken up ({str(error).splitlines()[0]}): another version "
+            "of this package, or of nerfstudio, wrote it. Use that version, or train anew."
+        ) from error
+    if not isinstance(pipeline, DeSplatPipeline):
+        raise ConfigError(f"'{files.config}' is of a run with another pipeline than desplat's.")
+    return LoadedRun(files, cast(RunConfig, config), pipeline, checkpoint, step + 1)
+
+
+def gather(
+    run: LoadedRun, most_training: int, most_held_out: int, machine: Mapping[str, str]
+) -> Contents:
+    """All that the page of a run shows.
+
+    Args:
+        most_training: training photos to show.
+        most_held_out: held-out photos to show; with 0 nothing is evaluated.
+        machine: what the page is made on.
+
+    Raises:
+        CaptureError: a photo that cannot be read any more.
+        DeSplatError: a figure of a held-out photo is not a finite number.
+    """
+    pipeline, files = run.pipeline, run.files
+    model = cast(PipelineModel, pipeline.model)
+    history = read_history(files.events)
+    num_photos = len(pipeline.datamanager.train_image_names)
+    chosen = even_subset(num_photos, most_training)
+    pairs = list(training_photos(pipeline, chosen))
+    photos = [photo for photo, _ in pairs]
+    results, held_out = held_out_photos(pipeline, most_held_out)
+    figures: dict[str, Any] = {"steps": run.steps, "num_photos": num_photos}
+    cost = cost_of(run.config, files, run.checkpoint, history, figures | gaussian_counts(model))
+    reasons = effect_reasons(model.effects, read_survey(files.survey))
+    failure, by_others = separation_of(model, photos, [sight for _, sight in pairs])
+    seen = Seen(cost, reasons, photos, results, failure, by_others)
+    return Contents(
+        cost,
+        notices(seen),
+        photos,
+        int(results.get("num_images", 0)),
+        held_out,
+        results,
+        history,
+        reasons,
+        machine,
+        str(files.config),
+    )
+
+
+def separation_of(
+    model: object, photos: list[TrainingPhoto], sights: list[Sight | None]
+) -> tuple[str | None, bool]:
+    """The failure case that the photos show, if any, and whether distractors start by residuals."""
+    if not isinstance(model, DeSplatModel) or model.layer is None:
+        return None, False
+    config = model.layer.config
+    watch = SeparationWatch(config, [photo.name for photo in photos], len(photos))
+    for index, sight in enumerate(sights):
+        if sight is not None:
+            watch.see(index, sight)
+    noticed = watch.notice(model.means)
+    return (None if noticed is None else noticed[1]), config.start == "residual"
+
+
+def write_report(
+    files: RunFiles,
+    output: Path,
+    most_training: int,
+    most_held_out: int,
+    machine: Callable[[], Mapping[str, str]],
+) -> int:
+    """Write the page of a run; its size in bytes.
+
+    Args:
+        machine: describes what the page is made on.
+
+    Raises:
+        DeSplatError: the run cannot be loaded or shown, or the page cannot be written.
+    """
+    text = html_of(gather(load_run(files), most_training, most_held_out, machine())).encode()
+    draft = output.with_name(f".{output.name}.draft")
+    try:
+        draft.write_bytes(text)
+        draft.replace(output)
+    except OSError as error:
+        raise unwritable(output, error) from error
+    finally:
+        draft.unlink(missing_ok=True)
+    return len(text)

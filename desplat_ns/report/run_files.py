@@ -1,0 +1,132 @@
+"""The files of a trained run, found without importing torch: mistakes are told at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from desplat_ns.errors import CheckpointError, ConfigError
+
+OURS = "tag:yaml.org,2002:python/object:desplat_ns."
+"""How the tag of the configuration of one of our runs begins."""
+
+SURVEY = "survey.json"
+"""What `desplat_ns.survey.decide` writes into a run's folder."""
+
+EVENTS = "events.out.tfevents.*"
+"""TensorBoard's files."""
+
+
+@dataclass(frozen=True)
+class RunFiles:
+    """A run's config.yml and the folder of its checkpoints, which holds one at least."""
+
+    config: Path
+    checkpoints: Path
+
+    @property
+    def folder(self) -> Path:
+        """The run's folder."""
+        return self.config.parent
+
+    @property
+    def events(self) -> list[Path]:
+        """TensorBoard's files, oldest first; empty if the run recorded nothing."""
+        return sorted(self.folder.glob(EVENTS))
+
+    @property
+    def survey(self) -> Path:
+        """Where the survey's findings are, if there was a survey."""
+        return self.folder / SURVEY
+
+
+def find_run(config: Path) -> RunFiles:
+    """The files of the run that a config.yml belongs to.
+
+    Checkpoints are looked for where the configuration says they are, then beside it: a run's
+    folder may have been moved.
+
+    Raises:
+        ConfigError: there is no such file, or it is not of a run of this package.
+        CheckpointError: the run saved no checkpoint.
+    """
+    settings = _settings(config)
+    relative = _text(settings.get("relative_model_dir")) or "nerfstudio_models"
+    names = [_text(settings.get(key)) for key in ("experiment_name", "method_name", "timestamp")]
+    said = Path(_text(settings.get("output_dir")), *filter(None, names), relative)
+    beside = config.parent / relative
+    for folder in (said, beside):
+        if any(folder.glob("step-*.ckpt")):
+            return RunFiles(config, folder.resolve())
+    raise CheckpointError(
+        f"The run of {config} has no checkpoint: neither {said} nor {beside} holds a "
+        "step-NNNNNNNNN.ckpt. Let the training end, or save earlier by --steps-per-save; a run's "
+        "folder that was copied needs its checkpoints beside config.yml."
+    )
+
+
+def _settings(config: Path) -> dict[str, yaml.Node]:
+    """The top level of a config.yml, unread."""
+    if config.is_dir():
+        raise ConfigError(f"'{config}' is a folder. Give the config.yml in the folder of a run.")
+    if not config.is_file():
+        raise ConfigError(
+            f"There is no '{config}'. Give the config.yml of a run: "
+            "outputs/<experiment>/<method>/<timestamp>/config.yml."
+        )
+    try:
+        root = yaml.compose(config.read_text("utf8"), Loader=yaml.SafeLoader)
+    except (yaml.YAMLError, UnicodeDecodeError, OSError) as error:
+        raise _not_a_run(config, f"it cannot be read as YAML ({_first_line(error)})") from error
+    if not isinstance(root, yaml.MappingNode):
+        raise _not_a_run(config, "it holds no settings")
+    if not root.tag.startswith(OURS):
+        raise _not_a_run(config, "it was not written by ns-train with a method of this package")
+    return {str(key.value): value for key, value in root.value}
+
+
+def _not_a_run(config: Path, why: str) -> ConfigError:
+    return ConfigError(
+        f"'{config}' is not the config.yml of a run of desplat: {why}. Give the one that "
+        "`ns-train desplat` wrote: outputs/<experiment>/<method>/<timestamp>/config.yml."
+    )
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).partition("\n")[0]
+
+
+def _text(node: yaml.Node | None) -> str:
+    """A scalar, or a path, which nerfstudio writes as the list of its parts; "" for others."""
+    if isinstance(node, yaml.SequenceNode):
+        return str(Path(*(str(part.value) for part in node.value)))
+    return str(node.value) if isinstance(node, yaml.ScalarNode) else ""
+
+
+def check_output(output: Path) -> None:
+    """Make the folder of a page and make sure that the page can be written.
+
+    Raises:
+        ConfigError: it cannot, or its name does not end in .html.
+    """
+    if output.suffix != ".html":
+        raise ConfigError(f"--output is '{output}'; give it the ending .html.")
+    there = output.exists()
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        with output.open("ab"):
+            pass
+        if not there:
+            output.unlink()
+    except OSError as error:
+        raise unwritable(output, error) from error
+
+
+def unwritable(output: Path, error: OSError) -> ConfigError:
+    """The error of a page that cannot be written."""
+    return ConfigError(
+        f"The page '{output}' cannot be written ({error.strerror or error}). Name another place "
+        "with --output FILE.html."
+    )

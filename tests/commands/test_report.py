@@ -1,0 +1,162 @@
+"""desplat-report on a tiny run: the page is whole; mistakes are told at once."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from desplat_ns.errors import CheckpointError, ConfigError
+
+NUM_TRAIN, NUM_TEST = 6, 2
+
+
+@pytest.fixture(scope="module")
+def page(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The page of a tiny run."""
+    from desplat_ns.commands.report import Report
+
+    output = tmp_path_factory.mktemp("report") / "new" / "page.html"
+    Report(trained, output).main()
+    assert [path.name for path in output.parent.iterdir()] == ["page.html"]
+    return output.read_text("utf8")
+
+
+@pytest.mark.slow
+def test_the_page_of_a_run_has_every_photo_with_its_layers(page: str):
+    alts = re.findall(r'<img[^>]* alt="([^"]*)"', page)
+    for what in ("the photo", "its distractors", "the mask of its distractors"):
+        assert sum(alt.endswith(f", {what}") for alt in alts) >= NUM_TRAIN, what
+    assert sum(alt.endswith(", error map") for alt in alts) == NUM_TEST
+    assert page.count('<input type="range"') == NUM_TRAIN
+
+
+@pytest.mark.slow
+def test_the_page_has_the_scores_of_ns_eval_and_what_the_run_logged(
+    page: str, trained: Path, tmp_path: Path
+):
+    from desplat_ns.commands.evaluate import Evaluate
+
+    Evaluate(trained, tmp_path / "m.json").main()
+    results: dict[str, Any] = json.loads((tmp_path / "m.json").read_text())["results"]
+    assert f"{results['psnr']:.2f} dB" in page
+    for image in results["images"]:
+        assert f"PSNR {image['psnr']:.2f} dB, SSIM {image['ssim']:.3f}" in page
+    assert f"{results['num_static_gaussians']:,} static" in page
+    assert page.count('<svg class="chart"') == 3
+    assert "held-out photos, by the static scene alone" in page
+    assert "no record of a survey" in page
+
+
+@pytest.mark.slow
+def test_fewer_photos_and_no_evaluation_are_said(trained: Path, tmp_path: Path):
+    from desplat_ns.commands.report import Report
+
+    Report(trained, tmp_path / "p.html", training_photos=2, held_out_photos=0).main()
+    html = (tmp_path / "p.html").read_text("utf8")
+    assert "2 of 6 photos are shown" in html
+    assert "None were evaluated" in html
+
+
+@pytest.mark.slow
+def test_only_pictures_that_are_shown_are_written_but_all_photos_are_scored(
+    trained: Path, tmp_path: Path
+):
+    from nerfstudio.utils.eval_utils import eval_setup
+
+    from desplat_ns.report.pictures import held_out_photos
+
+    pipeline: Any = eval_setup(trained)[1]
+    results, shown = held_out_photos(pipeline, 1)
+    assert results["num_images"] == NUM_TEST
+    assert [one.name for one in shown] == [results["images"][0]["name"]]
+    assert pipeline.pictured is None
+    pipeline.pictured = {1}
+    pipeline.get_average_eval_image_metrics(output_path=tmp_path, get_std=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["eval_img_0001.png"]
+
+
+@pytest.mark.slow
+def test_a_copied_run_has_a_page_of_its_own_and_curves_only_if_they_were_copied(
+    trained: Path, tmp_path: Path
+):
+    """With the survey's findings beside it; without TensorBoard's files."""
+    from desplat_ns.commands.report import Report
+
+    config: Any = yaml.load(trained.read_text(), Loader=yaml.Loader)
+    config.output_dir = tmp_path / "gone"
+    (tmp_path / "config.yml").write_text(yaml.dump(config))
+    shutil.copytree(trained.parent / "nerfstudio_models", tmp_path / "nerfstudio_models")
+    finding = {"decision": False, "confidence": "clear", "reason": "Nothing is in the way."}
+    names = ("distractors", "appearance", "background")
+    (tmp_path / "survey.json").write_text(json.dumps(dict.fromkeys(names, finding)))
+    Report(tmp_path / "config.yml", training_photos=1, held_out_photos=0).main()
+    html = (tmp_path / "report.html").read_text("utf8")
+    assert "would have said off: Nothing is in the way." in html
+    assert "there is no TensorBoard file" in html
+
+
+@pytest.mark.slow
+def test_a_config_of_another_version_and_a_damaged_checkpoint_are_named(
+    trained: Path, tmp_path: Path
+):
+    from desplat_ns.commands.report import Report
+
+    text = trained.read_text().replace("desplat_ns.model.DeSplat", "desplat_ns.elsewhere.DeSplat")
+    (tmp_path / "config.yml").write_text(text)
+    with pytest.raises(ConfigError, match=r"config\.yml' cannot be taken up .*another version"):
+        Report(tmp_path / "config.yml", tmp_path / "p.html").main()
+    config: Any = yaml.load(trained.read_text(), Loader=yaml.Loader)
+    config.output_dir = tmp_path / "gone"
+    (tmp_path / "config.yml").write_text(yaml.dump(config))
+    (tmp_path / "nerfstudio_models").mkdir()
+    (tmp_path / "nerfstudio_models" / "step-000000023.ckpt").write_bytes(b"cut off")
+    with pytest.raises(CheckpointError, match=r"step-000000023\.ckpt is damaged"):
+        Report(tmp_path / "config.yml", tmp_path / "p.html").main()
+    assert not (tmp_path / "p.html").exists()
+
+
+@pytest.mark.parametrize("option", ["training_photos", "held_out_photos"])
+def test_a_negative_number_of_photos_is_refused(option: str):
+    from desplat_ns.commands.report import Report
+
+    negative: dict[str, Any] = {option: -1}
+    with pytest.raises(ConfigError, match=rf"--{option.replace('_', '-')} is -1"):
+        Report(Path("config.yml"), **negative).main()
+
+
+SILENT = """
+import sys
+sys.argv = ["desplat-report", *sys.argv[1:]]
+from desplat_ns.commands.report import main
+try:
+    main()
+finally:
+    assert not {"torch", "nerfstudio.engine.trainer"} & set(sys.modules), "a heavy import"
+"""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["--help"], 0, "--held-out-photos"),
+        (["--load-config", "absent.yml"], 1, "Error: There is no 'absent.yml'"),
+        (["--load-config", "."], 1, "is a folder"),
+    ],
+)
+def test_help_and_mistakes_import_nothing_heavy(
+    arguments: list[str], status: int, words: str, checkout: Path
+):
+    found = subprocess.run(
+        [sys.executable, "-c", SILENT, *arguments], cwd=checkout, capture_output=True, text=True
+    )
+    assert words in found.stdout + found.stderr
+    assert "heavy" not in found.stderr
+    assert found.returncode == status

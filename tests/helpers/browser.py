@@ -1,0 +1,163 @@
+"""A headless Chromium, driven through its DevTools protocol."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+VARIABLE = "DESPLAT_NS_BROWSER"
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+ARGUMENTS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--remote-debugging-port=0",
+)
+BLANK = "about:blank"
+PATIENCE = 60.0
+"""Seconds for the browser to start, or to answer."""
+
+
+def find_browser() -> str:
+    """A Chromium that can be started; skips the test, with the reason, where there is none."""
+    named = os.environ.get(VARIABLE)
+    found = named or next(filter(None, map(shutil.which, NAMES)), None)
+    if found is None:
+        pytest.skip(f"no browser: install chromium, or set {VARIABLE} to a Chromium's program")
+    return found
+
+
+class Page:
+    """A page of a browser."""
+
+    def __init__(self, socket: Any) -> None:
+        self._socket = socket
+        self._last = 0
+        self.events: list[dict[str, Any]] = []
+        """What the browser told, in order."""
+
+    def call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """The answer to a method of the DevTools protocol."""
+        self._last += 1
+        message = {"id": self._last, "method": method, "params": parameters}
+        self._socket.send(json.dumps(message))
+        while True:
+            answer = json.loads(self._socket.recv(timeout=PATIENCE))
+            if answer.get("id") == self._last:
+                assert "error" not in answer, answer
+                return answer["result"]
+            self.events.append(answer)
+
+    def open(self, address: str) -> None:
+        """Go there and wait until it is loaded."""
+        self.call("Page.navigate", url=address)
+        until = time.monotonic() + PATIENCE
+        while self.value("document.readyState") != "complete" or self.value("location.href") != (
+            address
+        ):
+            assert time.monotonic() < until, f"{address} is not loaded"
+            time.sleep(0.05)
+
+    def value(self, expression: str) -> Any:
+        """What a JavaScript expression gives."""
+        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        assert "exceptionDetails" not in found, found
+        return found["result"].get("value")
+
+    def press(self, key: str, code: int) -> None:
+        """Press a key, as a user does."""
+        options = {"key": key, "code": key, "windowsVirtualKeyCode": code}
+        self.call("Input.dispatchKeyEvent", type="rawKeyDown", **options)
+        self.call("Input.dispatchKeyEvent", type="keyUp", **options)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """Press the mouse at a place of the window, move it, let go."""
+        moves = (("mousePressed", start, 1), ("mouseMoved", end, 1), ("mouseReleased", end, 0))
+        for kind, (x, y), held in moves:
+            where = {"x": x, "y": y, "button": "left", "buttons": held, "clickCount": 1}
+            self.call("Input.dispatchMouseEvent", type=kind, **where)
+
+    def swipe(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """Put a finger on a place of the window, move it, lift it."""
+        middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
+        for kind, places in (
+            ("touchStart", [start]),
+            ("touchMove", [middle]),
+            ("touchMove", [end]),
+            ("touchEnd", []),
+        ):
+            points = [{"x": x, "y": y} for x, y in places]
+            self.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+    def picture(self) -> Image.Image:
+        """What is in the window, one pixel for each of CSS's."""
+        found = self.call("Page.captureScreenshot", format="png")
+        return Image.open(io.BytesIO(base64.b64decode(found["data"]))).convert("RGB")
+
+    def requests(self) -> list[str]:
+        """Addresses that were asked for so far, by whatever is on the page."""
+        self.value("0")  # what was told before is heard then
+        return [
+            event["params"]["request"]["url"]
+            for event in self.events
+            if event["method"] == "Network.requestWillBeSent"
+        ]
+
+
+@contextmanager
+def headless_page(width: int = 1000, height: int = 800) -> Iterator[Page]:
+    """An empty page in a browser of its own, which is ended afterwards."""
+    program = find_browser()
+    client = pytest.importorskip("websockets.sync.client")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        process = subprocess.Popen(
+            [
+                program,
+                *ARGUMENTS,
+                f"--user-data-dir={profile}",
+                f"--window-size={width},{height}",
+                BLANK,
+            ],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            with client.connect(_address(Path(profile), process), max_size=None) as socket:
+                page = Page(socket)
+                for domain in ("Page", "Network", "Runtime", "Log"):
+                    page.call(f"{domain}.enable")
+                yield page
+        finally:
+            process.terminate()
+            process.wait(timeout=PATIENCE)
+
+
+def _address(profile: Path, process: subprocess.Popen[bytes]) -> str:
+    """Of the page's DevTools socket, once the browser is up."""
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until and process.poll() is None:
+        with_port = profile / "DevToolsActivePort"
+        if with_port.exists() and (lines := with_port.read_text().splitlines()):
+            with urllib.request.urlopen(f"http://127.0.0.1:{lines[0]}/json/list") as answer:
+                pages = [one for one in json.load(answer) if one["type"] == "page"]
+            if pages:
+                return pages[0]["webSocketDebuggerUrl"]
+        time.sleep(0.1)
+    pytest.skip(f"the browser did not start (exit status {process.poll()})")

@@ -1,0 +1,95 @@
+"""A run's files: found where they are, mistakes told with the file and what to do."""
+
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.report.run_files import check_output, find_run
+
+CONFIG = """!!python/object:desplat_ns.trainer.DeSplatTrainerConfig
+experiment_name: yard
+method_name: desplat
+output_dir: !!python/object/apply:pathlib.PosixPath [{parts}]
+relative_model_dir: !!python/object/apply:pathlib.PosixPath [nerfstudio_models]
+timestamp: run
+_target: !!python/name:desplat_ns.trainer.DeSplatTrainer ''
+"""
+
+
+def write_run(folder: Path, output_dir: Path, checkpoint: bool = True) -> Path:
+    """A run's folder, as far as it is looked at; its config.yml."""
+    folder.mkdir(parents=True)
+    parts = ", ".join(repr(part) for part in output_dir.parts)
+    (folder / "config.yml").write_text(CONFIG.format(parts=parts))
+    (folder / "nerfstudio_models").mkdir()
+    if checkpoint:
+        (folder / "nerfstudio_models" / "step-000000001.ckpt").touch()
+    return folder / "config.yml"
+
+
+def test_checkpoints_are_where_the_configuration_says(tmp_path: Path):
+    folder = tmp_path / "out" / "yard" / "desplat" / "run"
+    config = write_run(folder, tmp_path / "out")
+    assert find_run(config).checkpoints == (folder / "nerfstudio_models").resolve()
+    elsewhere = tmp_path / "copy.yml"
+    elsewhere.write_text(config.read_text())
+    assert find_run(elsewhere).checkpoints == (folder / "nerfstudio_models").resolve()
+
+
+def test_a_run_that_was_moved_is_found_beside_its_config(tmp_path: Path):
+    config = write_run(tmp_path / "moved", tmp_path / "gone")
+    found = find_run(config)
+    assert found.checkpoints == (tmp_path / "moved" / "nerfstudio_models").resolve()
+    assert found.folder == tmp_path / "moved"
+    assert found.events == []
+
+
+def test_a_run_without_a_checkpoint_is_named(tmp_path: Path):
+    config = write_run(tmp_path / "run", tmp_path / "gone", checkpoint=False)
+    with pytest.raises(CheckpointError, match=r"run/config\.yml has no checkpoint.*--steps-per-s"):
+        find_run(config)
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        ("a: [", "cannot be read as YAML"),
+        ("", "holds no settings"),
+        ("just words", "holds no settings"),
+        ("method_name: desplat", "was not written by ns-train"),
+        ("!!python/object:nerfstudio.engine.trainer.TrainerConfig\na: 1", "was not written by"),
+        (b"\xff\xfe\x00", "cannot be read as YAML"),
+    ],
+)
+def test_what_is_no_run_of_ours_is_named_with_what_to_give(tmp_path: Path, content, why: str):
+    path = tmp_path / "other.yml"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(ConfigError, match=rf"other\.yml' is not .*{why}.*`ns-train desplat` wrote"):
+        find_run(path)
+
+
+def test_what_is_not_there_or_a_folder_is_named(tmp_path: Path):
+    with pytest.raises(ConfigError, match=r"no '.*absent\.yml'.*outputs/<experiment>"):
+        find_run(tmp_path / "absent.yml")
+    with pytest.raises(ConfigError, match="is a folder"):
+        find_run(tmp_path)
+
+
+def test_a_page_that_cannot_be_written_is_told_before_the_work(tmp_path: Path):
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigError, match=r"page\.html' cannot be written .*--output FILE\.html"):
+        check_output(tmp_path / "file" / "page.html")
+    (tmp_path / "taken.html").mkdir()
+    with pytest.raises(ConfigError, match=r"taken\.html' cannot be written"):
+        check_output(tmp_path / "taken.html")
+    with pytest.raises(ConfigError, match=r"ending \.html"):
+        check_output(tmp_path / "page.pdf")
+
+
+def test_looking_whether_a_page_can_be_written_leaves_no_page(tmp_path: Path):
+    check_output(tmp_path / "new" / "page.html")
+    assert list((tmp_path / "new").iterdir()) == []
+    (tmp_path / "old.html").write_text("old")
+    check_output(tmp_path / "old.html")
+    assert (tmp_path / "old.html").read_text() == "old"
