@@ -45,9 +45,16 @@ SETTINGS = {
 """By name. The last four are `desplat` with one thing taken away."""
 
 
-ROOMS = {"room15": (15, 7), "room40": (40, 7), "other15": (15, 8), "other40": (40, 8)}
-"""Generated rooms of bare walls and gloss, seen from all around: views and seed. Thresholds were
-chosen on `room15` and `room40`; the other two are kept out."""
+PLACES = {
+    "room15": SceneSpec.bare_room(15, seed=7),
+    "room40": SceneSpec.bare_room(40, seed=7),
+    "grove18": SceneSpec.fine_grove(18, seed=7),
+    "other15": SceneSpec.bare_room(15, seed=8),
+    "other40": SceneSpec.bare_room(40, seed=8),
+    "other18": SceneSpec.fine_grove(18, seed=8),
+}
+"""Generated rooms of bare walls and gloss, and groves as fine as a pixel, seen from all around.
+Thresholds were chosen on those of seed 7; the others are kept out."""
 
 FEW = {"few12": 12, "few20": 20}
 """So many of `fox_cluttered`'s views. Thresholds were chosen on `few12`; `few20` is kept out."""
@@ -75,8 +82,9 @@ def _yard(views: int) -> GeneratedCapture:
     return GeneratedCapture(f"yard{views}", spec)
 
 
-def _room(views: int, seed: int) -> GeneratedCapture:
-    return GeneratedCapture(f"room{views}-{seed}", SceneSpec.bare_room(views, seed))
+def _place(name: str) -> GeneratedCapture:
+    spec = PLACES[name]
+    return GeneratedCapture(f"{spec.place}{spec.num_views}-{spec.seed}", spec)
 
 
 def _few(views: int) -> AlteredCapture:
@@ -98,8 +106,8 @@ SCENES = {
     **{f"yard{n}": Scene(_yard(n), CLUTTERED) for n in YARDS},
     **{f"yard{n}-clean": Scene(_yard(n), TWINS) for n in YARDS},
     **{name: Scene(_case(name), CLUTTERED) for name in HARD},
-    **{name: Scene(_room(*room), CLUTTERED) for name, room in ROOMS.items()},
-    **{f"{name}-clean": Scene(_room(*room), TWINS) for name, room in ROOMS.items()},
+    **{name: Scene(_place(name), CLUTTERED) for name in PLACES},
+    **{f"{name}-clean": Scene(_place(name), TWINS) for name in PLACES},
     **{name: Scene(_few(views), CLUTTERED) for name, views in FEW.items()},
     **{f"{name}-clean": Scene(_few(views), TWINS) for name, views in FEW.items()},
 }
@@ -127,8 +135,9 @@ def _of_others(steps: int, seeds: int) -> Iterator[Run]:
 
 
 def _of_unfamiliar(seeds: int) -> Iterator[Run]:
-    """Captures of the kinds that users bring, 3,000 steps: few views, bare walls, gloss."""
-    for scene in (*ROOMS, *FEW):
+    """Captures of the kinds that users bring, 3,000 steps: few views, bare walls, gloss, fine
+    detail outdoors."""
+    for scene in (*PLACES, *FEW):
         downscale = 2 if scene in FEW else 1
         yield from _runs("off desplat", scene, downscale, 3000, seeds)
         yield from _runs("off", scene + CLEAN, downscale, 3000, seeds)
