@@ -173,7 +173,7 @@ MUTATIONS = (
              "max(static.warmup_length, config.static_warmup)", "static.warmup_length",
              DENSIFICATION),
     Mutation("placing never stops", "separation/placement.py",
-             "if step < self.config.stop_placing_at:", "if step >= 0:",
+             "if step < config.stop_placing_at:", "if step >= 0:",
              "tests/separation/test_placement.py"),
     Mutation("the composite trains the background", "separation/distractor_layer.py",
              "image.detach() if alone else image", "image", GRADIENTS),
