@@ -144,6 +144,7 @@ class DistractorLayer:
         """
         if visit.learned is not None:
             visit.learned.keep_in(memory)
+            self.placement.photos.keep(visit)
         if visit.sight is not None:
             self.watch.see(visit.index, visit.sight)
         self.clearance.keep(visit.index, visit.view, means, opacities, visit.static.visible)

@@ -71,31 +71,34 @@ class ComparedPhotos:
         self._photos: dict[int, CellPhoto] = {}
         self._found: dict[int, Tensor] = {}
 
-    def see(self, visit: Visit) -> None:
-        """Keep the photo of a visit, unless there is one of its view."""
+    def keep(self, visit: Visit) -> None:
+        """Take up the photo of a sound visit, unless there is one of its view, and what was found."""
         if len(self._found) < self._num_views and visit.index not in self._photos:
             self._photos[visit.index] = CellPhoto.of(visit)
+        if visit.contradiction is not None:
+            self._found[visit.index] = visit.contradiction
 
-    def contradiction_of(
+    def compare(
         self, visit: Visit, means: Float[Tensor, "N 3"]
     ) -> Float[Tensor, "rows columns"] | None:
         """`contradiction` of the photo that is visited, on the grid of `grid_of`; None until all
-        photos were seen.
+        photos were kept. The visit notes it.
 
         Args:
             means: of the static Gaussians; those in view say how far the scene is.
         """
-        if visit.index not in self._found:
+        found = self._found.get(visit.index)
+        if found is None:
             if len(self._photos) < self._num_views:
                 return None
             photo = self._photos[visit.index]
             others = [other for other in self._photos.values() if other is not photo]
             depths = image_points(means.detach(), visit.view)[2]
             depth = depths.where(visit.static.visible, torch.nan).nanmedian()
-            asked = nearest(photo, others, depth)
-            self._found[visit.index] = contradiction(photo, asked, depth)
+            found = contradiction(photo, nearest(photo, others, depth), depth)
+        visit.contradiction = found
         columns, rows = grid_of(visit.view.width, visit.view.height)
-        return F.interpolate(self._found[visit.index][None, None], size=(rows, columns))[0, 0]
+        return F.interpolate(found[None, None], size=(rows, columns))[0, 0]
 
     def state_dict(self) -> dict[str, Any]:
         """What was found, by the number of the view, and the photos until all are compared."""

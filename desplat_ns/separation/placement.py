@@ -175,10 +175,9 @@ class Placement:
         """
         if self.num_views <= LEAST_VIEWS:
             return None
-        self.photos.see(visit)
         config, contradiction = self.config, None
         if config.static_warmup <= step < config.stop_densify_at:
-            contradiction = self.photos.contradiction_of(visit, means)
+            contradiction = self.photos.compare(visit, means)
         known = UsualResiduals.of(memory, len(opacities), visit.photo.device)
         regions, visit.learned = find_regions(
             visit, opacities, known, self.num_views, config, contradiction

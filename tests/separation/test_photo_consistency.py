@@ -143,13 +143,22 @@ def test_nothing_is_said_before_all_photos_were_seen_and_then_in_the_cells_of_re
     photos, means = ComparedPhotos(5), torch.tensor([[0.0, 0.0, DEPTH]])
     scene = visits()
     for visit in scene[:4]:
-        photos.see(visit)
-        assert photos.contradiction_of(visit, means) is None
-    photos.see(scene[4])
-    found = photos.contradiction_of(scene[2], means)
+        photos.keep(visit)
+        assert photos.compare(visit, means) is None
+    photos.keep(scene[4])
+    found = photos.compare(scene[2], means)
     columns, rows = grid_of(WIDTH, HEIGHT)
     assert found is not None and found.shape == (rows, columns)
     assert well_seen(found).max() < 0.05
+
+
+def test_a_visit_that_is_thrown_away_leaves_nothing_behind():
+    photos, means = ComparedPhotos(5), torch.tensor([[0.0, 0.0, DEPTH]])
+    for visit in visits():
+        photos.keep(visit)
+    before = photos.state_dict()
+    assert photos.compare(visits()[2], means) is not None
+    assert photos.state_dict()["found"] == before["found"] == {}
 
 
 def test_a_checkpoint_has_what_was_found_and_the_photos_that_are_still_needed():
@@ -158,15 +167,16 @@ def test_a_checkpoint_has_what_was_found_and_the_photos_that_are_still_needed():
     scene[1].mask = torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
     blocked(scene[2])
     for visit in scene:
-        before.see(visit)
-    found = before.contradiction_of(scene[2], means)
+        before.keep(visit)
+    found = before.compare(scene[2], means)
     after.load_state_dict(before.state_dict(), torch.device("cpu"))
     for visit in scene:
-        one, other = (photos.contradiction_of(visit, means) for photos in (before, after))
+        one, other = (photos.compare(visit, means) for photos in (before, after))
         assert one is not None and other is not None and torch.equal(one, other)
+        after.keep(visit)
     state = after.state_dict()
     assert not state["photos"]
     last = ComparedPhotos(5)
     last.load_state_dict(state, torch.device("cpu"))
-    again = last.contradiction_of(scene[2], means)
+    again = last.compare(scene[2], means)
     assert found is not None and again is not None and torch.equal(found, again)
