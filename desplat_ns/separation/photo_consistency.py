@@ -72,7 +72,7 @@ class ComparedPhotos:
         self._found: dict[int, Tensor] = {}
 
     def keep(self, visit: Visit) -> None:
-        """Take up the photo of a sound visit, unless there is one of its view, and what was found."""
+        """Take up a sound visit: its photo, unless there is one of the view, and what was found."""
         if len(self._found) < self._num_views and visit.index not in self._photos:
             self._photos[visit.index] = CellPhoto.of(visit)
         if visit.contradiction is not None:
