@@ -129,9 +129,7 @@ def read_split(path: Path) -> dict[str, list[int]]:
         raise CaptureError(f"The split file {path} cannot be read: {error}.") from error
     lists = content if isinstance(content, dict) else {}
     lists = {name: lists[name] for name in ("clutter", "clean", "extra") if name in lists}
-    sound = all(
-        isinstance(one, list) and all(type(i) is int for i in one) for one in lists.values()
-    )
+    sound = all(_are_positions(one) for one in lists.values())
     if not (sound and "extra" in lists and len(lists) > 1):
         raise CaptureError(
             f"{path} is no split file of NeRF On-the-go: it needs the lists `clutter` and `extra` "

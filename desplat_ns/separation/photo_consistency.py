@@ -72,11 +72,16 @@ class ComparedPhotos:
         self._found: dict[int, Tensor] = {}
 
     def keep(self, visit: Visit) -> None:
-        """Take up a sound visit: its photo, unless there is one of the view, and what was found."""
-        if len(self._found) < self._num_views and visit.index not in self._photos:
-            self._photos[visit.index] = CellPhoto.of(visit)
+        """Take up a sound visit: its photo, unless there is one of the view, and what was found.
+
+        Once all photos are compared, none is needed any more.
+        """
         if visit.contradiction is not None:
             self._found[visit.index] = visit.contradiction
+        if len(self._found) == self._num_views:
+            self._photos.clear()
+        elif visit.index not in self._photos:
+            self._photos[visit.index] = CellPhoto.of(visit)
 
     def compare(
         self, visit: Visit, means: Float[Tensor, "N 3"]
@@ -101,9 +106,8 @@ class ComparedPhotos:
         return F.interpolate(found[None, None], size=(rows, columns))[0, 0]
 
     def state_dict(self) -> dict[str, Any]:
-        """What was found, by the number of the view, and the photos until all are compared."""
-        compared = len(self._found) == self._num_views
-        photos = {} if compared else {i: asdict(photo) for i, photo in self._photos.items()}
+        """What was found, and the photos that are still needed, by the number of the view."""
+        photos = {index: asdict(photo) for index, photo in self._photos.items()}
         return {"found": dict(self._found), "photos": photos}
 
     def load_state_dict(self, state: dict[str, Any], device: torch.device) -> None:

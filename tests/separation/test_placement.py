@@ -156,10 +156,11 @@ class WellKnownScene:
         num_views: int,
         config: DistractorConfig,
         mask: torch.Tensor | None = None,
+        contradiction: torch.Tensor | None = None,
     ) -> torch.Tensor:
         """Its regions; the photo is remembered."""
         known = UsualResiduals.of(self.memory, len(self.opacities), photo.device)
-        rest = self.opacities, known, num_views, config
+        rest = self.opacities, known, num_views, config, contradiction
         visit = self.visit(photo)
         visit.mask = mask
         regions, learned = find_regions(visit, *rest)
@@ -215,6 +216,33 @@ def test_a_pale_occluder_is_found_on_a_scene_that_is_learned_and_not_before():
     for _ in range(5):
         assert not scene.find(scene.photo, 40, CONFIG).any()
     assert not scene.find(scene.with_a_pale_one(), 40, CONFIG).any()
+
+
+def test_what_does_not_contradict_the_other_photos_is_no_region():
+    scene, contradiction = WellKnownScene(), torch.ones(HEIGHT, WIDTH)
+    for _ in range(5):
+        scene.find(scene.photo, 40, CONFIG)
+
+    def found() -> torch.Tensor:
+        photo = scene.with_an_occluder()
+        return scene.find(photo, 40, CONFIG, contradiction=contradiction)[12:28, 22:38]
+
+    assert found().all()
+    contradiction[:, 30:] = CONFIG.weak_contradiction / 2
+    assert found()[:, :6].all()
+    assert not found()[:, 10:].any()
+    contradiction[:] = (CONFIG.weak_contradiction + CONFIG.strong_contradiction) / 2
+    assert not found().any()
+
+
+def test_photos_are_compared_from_the_warm_up_on_while_distractors_grow(monkeypatch):
+    config = dataclasses.replace(WARMED_UP, stop_densify_at=20)
+    scene, placement, asked = WellKnownScene(), Placement(config, 40), []
+    monkeypatch.setattr(placement.photos, "compare", lambda *_: asked.append(step))
+    for step in (0, 4, 5, 19, 20, 30):
+        visit = scene.visit(scene.photo)
+        placement.look(step, visit, scene.means, scene.opacities, scene.memory)
+    assert asked == [5, 19]
 
 
 def test_the_advice_to_raise_strong_excess_helps():
