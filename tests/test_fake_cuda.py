@@ -106,7 +106,7 @@ def test_a_tensor_made_on_the_cpu_is_noticed():
 @pytest.mark.usefixtures("regions_by_cell")
 @pytest.mark.parametrize("step", [0, LATE])
 def test_looking_for_regions_stays_on_the_gpu(step):
-    """Residual, expected residual, memories, excess, interior, pixels."""
+    """Residual, expected residual, memories, excess, detail, outlines, pixels."""
     seen, memory = a_visit(), GaussianMemory({})
     for _ in range(2):
         free = Placement(CONFIG, 8).look(step, seen, cuda(N, 3), cuda(N, 1), memory)

@@ -7,6 +7,7 @@ from functools import partial
 
 from benchmarks.separation.few_views import keep_views
 from benchmarks.separation.hard_cases import make_case
+from benchmarks.separation.single_lights import light_some
 from desplat_ns.studies.grid.captures import AlteredCapture, GeneratedCapture, RealCapture
 from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
 from desplat_ns.synthetic import SceneSpec
@@ -59,6 +60,10 @@ Thresholds were chosen on those of seed 7; the others are kept out."""
 FEW = {"few12": 12, "few20": 20}
 """So many of `fox_cluttered`'s views. Thresholds were chosen on `few12`; `few20` is kept out."""
 
+LIT = {"lit18": "grove18", "lit40": "other40"}
+"""The same photos, some with a light of their own. Thresholds were chosen on `lit18`; `lit40` is
+kept out."""
+
 HARD = ("white", "black", "large", "small", "recurring")
 """One kind of difficult occluder each."""
 
@@ -91,6 +96,10 @@ def _few(views: int) -> AlteredCapture:
     return AlteredCapture(f"fox{views}", FOX, partial(keep_views, views))
 
 
+def _lit(name: str) -> AlteredCapture:
+    return AlteredCapture(name, _place(LIT[name]), light_some)
+
+
 def _case(name: str) -> AlteredCapture:
     return AlteredCapture(name, FOX, partial(make_case, name))
 
@@ -108,6 +117,8 @@ SCENES = {
     **{name: Scene(_case(name), CLUTTERED) for name in HARD},
     **{name: Scene(_place(name), CLUTTERED) for name in PLACES},
     **{f"{name}-clean": Scene(_place(name), TWINS) for name in PLACES},
+    **{name: Scene(_lit(name), CLUTTERED) for name in LIT},
+    **{f"{name}-clean": Scene(_lit(name), TWINS) for name in LIT},
     **{name: Scene(_few(views), CLUTTERED) for name, views in FEW.items()},
     **{f"{name}-clean": Scene(_few(views), TWINS) for name, views in FEW.items()},
 }
@@ -137,7 +148,7 @@ def _of_others(steps: int, seeds: int) -> Iterator[Run]:
 def _of_unfamiliar(seeds: int) -> Iterator[Run]:
     """Captures of the kinds that users bring, 3,000 steps: few views, bare walls, gloss, fine
     detail outdoors."""
-    for scene in (*PLACES, *FEW):
+    for scene in (*PLACES, *LIT, *FEW):
         downscale = 2 if scene in FEW else 1
         yield from _runs("off desplat", scene, downscale, 3000, seeds)
         yield from _runs("off", scene + CLEAN, downscale, 3000, seeds)

@@ -39,6 +39,10 @@ class DistractorConfig:
     way. Asked until `stop_densify_at`; later, the scene that was learned meanwhile says more."""
     strong_contradiction: float = 0.08
     """With start residual: what something in the way has to reach of that in one place at least."""
+    shared_detail: float = 0.7
+    """With start residual: where the detail of a photo correlates more than this with that of the
+    static scene, it is the scene's own in another light, and nothing in the way; 1 or more asks
+    nothing."""
     leave_out_at: int = 12000
     """With start residual and static_alone: step from which the static scene's own loss leaves out
     whole regions. Until then only what distractors cover, so that the scene gets a chance to learn
@@ -129,6 +133,7 @@ def check_options(config: DistractorConfig) -> None:
         ("max-refinements", config.max_refinements, config.max_refinements >= 0, "0 or more"),
         ("grow-grad", config.grow_grad, config.grow_grad >= 0, "0 or more"),
         ("min-pixels", config.min_pixels, config.min_pixels >= 0, "0 or more"),
+        ("shared-detail", config.shared_detail, config.shared_detail > 0, "above 0"),
         (
             "strong-contradiction",
             config.strong_contradiction,

@@ -44,3 +44,27 @@ def counted_cells(
 ) -> Bool[Tensor, "rows columns"]:
     """The cells of a grid of (columns, rows) that are not masked; `mask`: True where it counts."""
     return pooled(mask.to(torch.float32), grid)[0] >= COUNTED_SHARE
+
+
+def window_sums(
+    cells: Float[Tensor, "C rows columns"], size: int
+) -> Float[Tensor, "C rows columns"]:
+    """Sums over windows of `size` x `size` cells (an odd number), as far as they are in the image.
+
+    From running sums along columns and rows, so that a wide window takes no longer than a narrow
+    one.
+    """
+    return _sums_along(_sums_along(cells, size, 2), size, 1)
+
+
+def window_means(
+    cells: Float[Tensor, "C rows columns"], size: int
+) -> Float[Tensor, "C rows columns"]:
+    """Means over windows as `window_sums` has them."""
+    return window_sums(cells, size) / window_sums(torch.ones_like(cells[:1]), size)
+
+
+def _sums_along(cells: Tensor, size: int, dim: int) -> Tensor:
+    count, half = cells.shape[dim], size // 2
+    running = F.pad(cells, [0, 0] * (2 - dim) + [half + 1, half]).cumsum(dim)
+    return running.narrow(dim, size, count) - running.narrow(dim, 0, count)

@@ -22,20 +22,6 @@ def pixels_of(
     return F.interpolate(cells, size=(height, width))[0, 0, :, :, None] > 0
 
 
-def interior(
-    regions: Bool[Tensor, "rows columns"], counted: Bool[Tensor, "rows columns"] | None = None
-) -> Bool[Tensor, "rows columns"]:
-    """Regions without their outermost cells; the image's border is no edge, nor is that of a mask.
-
-    Args:
-        counted: cells that are not masked, None if none is.
-    """
-    edges = ~regions if counted is None else ~regions & counted
-    outside = F.pad(edges.to(torch.float32), (1, 1, 1, 1))
-    inside = F.max_pool2d(outside[None], 3, 1)[0] == 0
-    return inside if counted is None else inside & counted
-
-
 def owned_share(
     alpha_d: Float[Tensor, "H W 1"], regions: Bool[Tensor, "rows columns"] | None = None
 ) -> Float[Tensor, "H W 1"]:

@@ -28,9 +28,11 @@ from desplat_ns.separation.expected_residual import (
     local_residual,
 )
 from desplat_ns.separation.grid import counted_cells, grid_of, pooled
-from desplat_ns.separation.ownership import interior, pixels_of
+from desplat_ns.separation.outlines import along_edges
+from desplat_ns.separation.ownership import pixels_of
 from desplat_ns.separation.photo_consistency import ComparedPhotos
 from desplat_ns.separation.regions import outlier_regions
+from desplat_ns.separation.shared_detail import shared_detail
 from desplat_ns.separation.transfers import masks_to_host, to_device
 from desplat_ns.separation.visit import Visit
 
@@ -65,8 +67,9 @@ def find_regions(
     width, height = visit.view.width, visit.view.height
     grid, counted = grid_of(width, height), masked_grid(visit)
     x, y = visit.static.means2d.detach()[0].unbind(-1)
+    static = visit.static_rgb.detach()
     excess, learned = excess_residual(
-        local_residual(visit.static_rgb.detach(), visit.photo, grid, visit.mask),
+        local_residual(static, visit.photo, grid, visit.mask),
         torch.stack([x * (grid[0] / width), y * (grid[1] / height)], dim=-1),
         visit.static.visible,
         torch.sigmoid(opacities.detach()[:, 0]),
@@ -74,12 +77,14 @@ def find_regions(
         num_views,
         counted,
     )
-    weak, peak = excess.values > config.weak_excess, config.strong_excess
-    strong = excess.beyond(config.strong_levels, config.settled_share * peak, peak)
+    own = shared_detail(static, visit.photo, visit.mask) <= config.shared_detail
+    weak, peak = (excess.values > config.weak_excess) & own, config.strong_excess
+    strong = excess.beyond(config.strong_levels, config.settled_share * peak, peak) & own
     if contradiction is not None:
         weak = weak & (contradiction > config.weak_contradiction)
         strong = strong & (contradiction > config.strong_contradiction)
     regions = outlier_regions(weak, strong)
+    regions = along_edges(regions, pooled(visit.photo, grid, visit.mask))
     return regions if counted is None else regions & counted, learned
 
 
@@ -184,8 +189,7 @@ class Placement:
         )
         if step < config.static_warmup:
             return None
-        counted = masked_grid(visit)
-        inside = interior(regions, counted)
+        inside = regions
         if step < config.stop_placing_at:
             visit.inside = inside
         if step >= config.leave_out_at:

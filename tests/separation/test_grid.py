@@ -5,7 +5,13 @@ from __future__ import annotations
 import pytest
 import torch
 
-from desplat_ns.separation.grid import counted_cells, grid_of, pooled
+from desplat_ns.separation.grid import (
+    counted_cells,
+    grid_of,
+    pooled,
+    window_means,
+    window_sums,
+)
 
 
 @pytest.mark.parametrize(
@@ -37,3 +43,17 @@ def test_pooling_takes_means_of_the_pixels_that_count():
 def test_a_cell_counts_if_half_of_its_pixels_do():
     mask = torch.tensor([[1, 1, 1, 0, 0, 0], [1, 1, 0, 1, 1, 0]], dtype=torch.bool)[..., None]
     assert counted_cells(mask, (3, 1)).tolist() == [[True, True, False]]
+
+
+@pytest.mark.parametrize("size", [1, 3, 13])
+def test_windows_are_summed_as_far_as_they_are_in_the_image(size):
+    cells = torch.rand(2, 9, 11, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    sums, half = torch.empty_like(cells), size // 2
+    means = torch.empty_like(cells)
+    for i in range(9):
+        for j in range(11):
+            rows, columns = (slice(max(0, k - half), k + half + 1) for k in (i, j))
+            sums[:, i, j] = cells[:, rows, columns].sum((1, 2))
+            means[:, i, j] = cells[:, rows, columns].mean((1, 2))
+    torch.testing.assert_close(window_sums(cells, size), sums)
+    torch.testing.assert_close(window_means(cells, size), means)

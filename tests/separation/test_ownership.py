@@ -1,4 +1,4 @@
-"""What distractors own reaches beyond their edge; a region is theirs, its interior their place."""
+"""What distractors own reaches beyond their edge; a region is theirs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from desplat_ns.separation.grid import grid_of
-from desplat_ns.separation.ownership import interior, owned_share, pixels_of
+from desplat_ns.separation.ownership import owned_share, pixels_of
 
 WIDTH, HEIGHT = 60, 40
 
@@ -37,24 +37,8 @@ def test_a_region_is_owned_whatever_covers_it():
     assert (owned[owned != 1] == 0.25).all()
 
 
-def test_the_interior_of_a_region_leaves_out_its_edge_but_not_the_images():
-    expected = torch.zeros_like(block())
-    expected[11:19, 31:49] = True
-    assert torch.equal(interior(block()), expected)
-    assert interior(torch.ones(5, 7, dtype=torch.bool)).all()
-    assert not interior(torch.zeros(5, 7, dtype=torch.bool)).any()
-
-
 @pytest.mark.parametrize("size", [(80, 120), (77, 111)])
 def test_pixels_of_a_region(size):
     found = pixels_of(block(), *size)
     rows, columns = (torch.arange(n) * m // n for n, m in zip(size, (HEIGHT, WIDTH), strict=True))
     assert torch.equal(found[..., 0], block()[rows][:, columns])
-
-
-def test_the_interior_ends_at_a_mask_whose_border_is_no_edge():
-    counted = torch.ones_like(block())
-    counted[:, 40:] = False
-    expected = torch.zeros_like(block())
-    expected[11:19, 31:40] = True
-    assert torch.equal(interior(block() & counted, counted), expected)

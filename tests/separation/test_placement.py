@@ -15,7 +15,7 @@ from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import view_of
 from desplat_ns.separation.expected_residual import UsualResiduals
-from desplat_ns.separation.ownership import interior, pixels_of
+from desplat_ns.separation.ownership import pixels_of
 from desplat_ns.separation.placement import (
     Placement,
     distractors_in,
@@ -207,15 +207,29 @@ def test_no_region_reaches_into_a_mask_though_one_lies_all_around_it():
 
 
 def test_a_pale_occluder_is_found_on_a_scene_that_is_learned_and_not_before():
-    """Its excess is 0.18, and the noise of a scene that is learned 0.01 after averaging."""
-    scene = WellKnownScene()
+    """Its excess is 0.18, and the noise of a scene that is learned 0.01 after averaging. It has the
+    detail of the scene behind it, which is not asked for here, and so no edge to follow."""
+    scene, config = WellKnownScene(), dataclasses.replace(CONFIG, shared_detail=1.0)
     for _ in range(5):
-        assert not scene.find(scene.photo, 40, CONFIG).any()
-    assert scene.find(scene.with_a_pale_one(), 40, CONFIG)[12:28, 22:38].all()
+        assert not scene.find(scene.photo, 40, config).any()
+    assert scene.find(scene.with_a_pale_one(), 40, config)[16:24, 26:34].all()
     scene.noise *= 4
     for _ in range(5):
-        assert not scene.find(scene.photo, 40, CONFIG).any()
-    assert not scene.find(scene.with_a_pale_one(), 40, CONFIG).any()
+        assert not scene.find(scene.photo, 40, config).any()
+    assert not scene.find(scene.with_a_pale_one(), 40, config).any()
+
+
+def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region():
+    scene = WellKnownScene()
+    for _ in range(5):
+        scene.find(scene.photo, 40, CONFIG)
+    y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
+    flare = 0.4 * torch.exp(-((x - 30) ** 2 + (y - 20) ** 2) / 200)[..., None]
+    unasked = dataclasses.replace(CONFIG, shared_detail=1.0)
+    taken = scene.find(scene.photo + flare, 40, unasked).sum()
+    assert taken > 1000
+    assert scene.find(scene.photo + flare, 40, CONFIG).sum() < 0.05 * taken
+    assert scene.find(scene.with_an_occluder(), 40, CONFIG)[12:28, 22:38].all()
 
 
 def test_what_does_not_contradict_the_other_photos_is_no_region():
@@ -246,7 +260,8 @@ def test_photos_are_compared_from_the_warm_up_on_while_distractors_grow(monkeypa
 
 
 def test_the_advice_to_raise_strong_excess_helps():
-    scene, config = WellKnownScene(), dataclasses.replace(CONFIG, strong_excess=0.4)
+    config = dataclasses.replace(CONFIG, strong_excess=0.4, shared_detail=1.0)
+    scene = WellKnownScene()
     for _ in range(5):
         scene.find(scene.photo, 40, config)
     assert not scene.find(scene.with_a_pale_one(), 40, config).any()
@@ -274,7 +289,7 @@ def test_with_two_photos_nothing_is_placed_and_all_of_them_train():
     assert visit.left_out is None
 
 
-def test_distractors_keep_off_the_edge_of_a_region_and_are_free_inside():
+def test_distractors_belong_in_the_whole_region_and_are_free_there():
     scene, placement = WellKnownScene(), Placement(WARMED_UP, 40)
 
     def look(step: int, photo: torch.Tensor) -> tuple[Visit, torch.Tensor | None]:
@@ -290,9 +305,9 @@ def test_distractors_keep_off_the_edge_of_a_region_and_are_free_inside():
     assert seen.left_out is not None
     assert seen.inside is not None
     assert free is not None
-    assert torch.equal(seen.inside, interior(seen.left_out))
+    assert torch.equal(seen.inside, seen.left_out)
     assert torch.equal(free, pixels_of(seen.inside, HEIGHT, WIDTH))
-    assert 0 < seen.inside.sum() < seen.left_out.sum()
+    assert seen.inside.any()
 
 
 def test_once_placing_has_stopped_none_comes_and_none_goes():

@@ -1,0 +1,100 @@
+"""Another light keeps the scene's detail; a thing in front has its own, or none."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from desplat_ns.separation.grid import grid_of
+from desplat_ns.separation.shared_detail import MOST_CONTRAST, shared_detail
+
+HEIGHT, WIDTH = 120, 160
+RECTANGLE = (slice(24, 100), slice(36, 134))
+"""Pixels that are changed."""
+
+
+@pytest.fixture
+def scene() -> torch.Tensor:
+    torch.manual_seed(0)
+    coarse = torch.rand(1, 1, HEIGHT // 5, WIDTH // 5)
+    fine = torch.nn.functional.interpolate(coarse, size=(HEIGHT, WIDTH), mode="bicubic")
+    return fine[0].clamp(0, 1).permute(1, 2, 0) * torch.tensor([0.9, 0.8, 0.7])
+
+
+def inner(found: torch.Tensor) -> torch.Tensor:
+    """The cells inside of what was changed."""
+    columns, rows = grid_of(WIDTH, HEIGHT)
+    down, right = RECTANGLE
+    y = slice(down.start * rows // HEIGHT + 4, down.stop * rows // HEIGHT - 4)
+    x = slice(right.start * columns // WIDTH + 4, right.stop * columns // WIDTH - 4)
+    return found[y, x]
+
+
+@pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (0.7, 0.0), (1.3, 0.0), (0.8, 0.3)])
+def test_a_light_keeps_the_detail(scene, gain, offset):
+    photo = scene.clone()
+    photo[RECTANGLE] = photo[RECTANGLE] * gain + offset
+    assert (inner(shared_detail(scene, photo)) > 0.7).float().mean() > 0.95
+
+
+def test_what_has_no_detail_or_another_shares_none(scene):
+    flat, other = scene.clone(), scene.clone()
+    flat[RECTANGLE] = 0.5
+    other[RECTANGLE] = scene.flip(0, 1)[RECTANGLE]
+    assert inner(shared_detail(scene, flat)).abs().max() < 0.01
+    assert inner(shared_detail(scene, other)).mean() < 0.3
+
+
+def test_before_a_bare_wall_nothing_is_shared():
+    wall = torch.full((HEIGHT, WIDTH, 3), 0.6)
+    # Running sums of 160 x 7 values below 1 are off by some 1e-4, means over 49 by 2e-6; the floor
+    # of the variances is 1e-3.
+    assert shared_detail(wall, wall + 0.2).abs().max() < 0.01
+
+
+def test_a_weak_ghost_of_what_stands_there_is_no_scene_in_another_light(scene):
+    """What one photo alone shows is learned as a ghost, with a part of its contrast."""
+    ghost = scene / (2 * MOST_CONTRAST) + 0.3
+    assert (inner(shared_detail(ghost, scene)) > 0.7).float().mean() < 0.01
+    weaker = scene / (0.8 * MOST_CONTRAST) + 0.1
+    assert (inner(shared_detail(weaker, scene)) > 0.7).float().mean() > 0.9
+
+
+def test_it_is_the_correlation_of_the_windows_by_a_count_of_its_own(scene):
+    """Against sums over the windows one by one, in float64; at this size a cell is a pixel."""
+    static, photo = scene[:8, :8], scene.flip(1)[:8, :8] * 0.5
+    s, p = (image.double().mean(-1) for image in (static, photo))
+
+    def means(x: torch.Tensor, size: int) -> torch.Tensor:
+        half = size // 2
+        found = torch.empty_like(x)
+        for i in range(8):
+            for j in range(8):
+                window = x[max(0, i - half) : i + half + 1, max(0, j - half) : j + half + 1]
+                found[i, j] = window.mean()
+        return found
+
+    s, p = means(s, 3), means(p, 3)
+    common = means(s * p, 7) - means(s, 7) * means(p, 7)
+    of_static, of_photo = (means(x * x, 7) - means(x, 7) ** 2 + 1e-3 for x in (s, p))
+    expected = common / (of_static * of_photo).sqrt()
+    assert (common / of_static).max() < MOST_CONTRAST
+    torch.testing.assert_close(shared_detail(static, photo).double(), expected, atol=1e-3, rtol=0)
+
+
+def test_masked_pixels_have_no_part_in_it(scene):
+    mask = torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
+    mask[40:80, 50:100] = False
+    photo = scene * 0.8
+    found = shared_detail(scene, photo, mask)
+    photo[~mask[..., 0]] = torch.rand_like(photo)[~mask[..., 0]]
+    torch.testing.assert_close(shared_detail(scene, photo, mask), found)
+
+
+def test_a_photo_of_another_size_gives_the_same(scene):
+    photo = scene.clone()
+    photo[RECTANGLE] = 0.5
+    larger = [x.repeat_interleave(2, 0).repeat_interleave(2, 1) for x in (scene, photo)]
+    torch.testing.assert_close(
+        inner(shared_detail(*larger)), inner(shared_detail(scene, photo)), atol=0.02, rtol=0
+    )
