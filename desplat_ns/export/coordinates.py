@@ -10,11 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from desplat_ns.backend.spherical_harmonics import sh_basis
 from desplat_ns.errors import CaptureError
-from desplat_ns.export.formats import Frame
+from desplat_ns.export.formats import Axes, Frame
 from desplat_ns.export.splat_cloud import SplatCloud
 
 ORTHOGONAL_TOLERANCE = 1e-4
@@ -35,7 +34,7 @@ def similarity_to(
     frame: Frame,
     transform: Float[np.ndarray, "3 4"],
     scale: float,
-    upright_axes: ArrayLike,
+    upright_axes: Axes,
 ) -> Similarity:
     """From the coordinates of training to those of a file.
 
@@ -45,7 +44,7 @@ def similarity_to(
     Args:
         transform: the dataparser's: the capture's coordinates to those of training, before scaling.
         scale: the dataparser's.
-        upright_axes: [3, 3], from nerfstudio's axes (z up) to the file's.
+        upright_axes: from nerfstudio's axes (z up) to the file's.
 
     Raises:
         CaptureError: the transform bends or stretches, so Gaussians cannot follow it.

@@ -18,10 +18,13 @@ from desplat_ns.export.splat_cloud import SplatCloud
 Frame = Literal["upright", "capture", "training"]
 """In which coordinates a file is; see `coordinates.similarity_to`."""
 
-Y_UP = ((1, 0, 0), (0, 0, 1), (0, -1, 0))
+Axes = tuple[tuple[int, ...], ...]
+"""A matrix [3, 3] of 0 and +-1 that turns one convention's axes into another's."""
+
+Y_UP: Axes = ((1, 0, 0), (0, 0, 1), (0, -1, 0))
 """nerfstudio's axes (x right, y forward, z up) as x right, y up, z backward: glTF's, and SPZ's."""
 
-Y_DOWN = ((1, 0, 0), (0, 0, -1), (0, 1, 0))
+Y_DOWN: Axes = ((1, 0, 0), (0, 0, -1), (0, 1, 0))
 """... as x right, y down, z forward: what viewers expect of a PLY, and turn upright."""
 
 
@@ -33,7 +36,7 @@ class Format:
     module: str
     function: str
     """Makes the file's bytes from a `SplatCloud`; imported when it is needed."""
-    upright_axes: tuple[tuple[int, ...], ...]
+    upright_axes: Axes
     """From nerfstudio's axes to those that viewers take for upright in such a file."""
     keeps_antialiasing: bool = False
     """Whether it says that opacities are meant for Mip-Splatting's low-pass filter."""

@@ -16,6 +16,9 @@ from nerfstudio.cameras.cameras import Cameras, CameraType
 WIDEST = 5.0
 """Tangent of the angle from the optical axis beyond which a pinhole is not drawn (79 degrees)."""
 
+MARGIN = 1
+"""Pixels around what is seen, for interpolation at the border."""
+
 CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 """When inverting a lens model stops; OpenCV's default of 5 rounds is off by pixels in corners."""
 
@@ -47,8 +50,8 @@ def pinhole_of(camera: Cameras) -> Pinhole:
     rays = np.where(np.isfinite(rays) & (np.abs(rays) <= WIDEST), rays, np.nan)
     least, most = np.nanmin(rays, axis=(0, 1)), np.nanmax(rays, axis=(0, 1))
     focal = np.array([float(camera.fx), float(camera.fy)])
-    center = -least * focal
-    width, height = np.ceil((most - least) * focal).astype(int) + 1
+    center = MARGIN - least * focal
+    width, height = np.ceil((most - least) * focal).astype(int) + 2 * MARGIN
     pinhole = Cameras(
         camera.camera_to_worlds,
         camera.fx,

@@ -12,7 +12,7 @@ import math
 import struct
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, UInt8, UInt32
 
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.splat_cloud import SplatCloud, xyzw
@@ -89,7 +89,7 @@ def _fixed_point(means: Float[np.ndarray, "N 3"], bits: int) -> UInt8[np.ndarray
     return np.ascontiguousarray(whole).view(np.uint8).reshape(-1, 3, 4)[..., :3].reshape(-1, 9)
 
 
-def _smallest_three(quats: Float[np.ndarray, "N 4"]) -> Int[np.ndarray, " N"]:
+def _smallest_three(quats: Float[np.ndarray, "N 4"]) -> UInt32[np.ndarray, " N"]:
     """32 bits: which part of xyzw is largest in magnitude (2), then of the other three, in order, a
     sign and 9 bits of the magnitude, of which 511 is 1/sqrt(2). The largest counts as positive."""
     rows = np.arange(len(quats))
