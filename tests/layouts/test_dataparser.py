@@ -35,11 +35,14 @@ def test_it_gives_the_dataparser_that_reads_the_capture(tiny_scene, capsys):
     assert "has the layout of RobustNeRF" in capsys.readouterr().out
 
 
-def test_every_option_is_one_of_every_dataparser_that_it_takes():
+def test_every_option_is_one_of_every_dataparser_or_is_refused_with_its_name():
     ours = {f.name for f in fields(DeSplatDataParserConfig)} - {"_target", "data"}
     for layout in LAYOUTS:
-        theirs: Any = layout.config()
-        assert ours <= {f.name for f in fields(theirs)}, layout.name
+        theirs: Any = layout.config(data=Path())
+        for name in sorted(ours - {f.name for f in fields(theirs)}):
+            assert layout.parser == "blender-data"
+            with pytest.raises(ConfigError, match=f"--{name.replace('_', '-')} 1 has no use"):
+                layout.config(data=Path(), **{name: 1})
 
 
 def test_options_that_are_not_given_are_the_dataparsers_own(capture):
