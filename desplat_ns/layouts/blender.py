@@ -44,11 +44,11 @@ def misfit(data: Path) -> str:
 def what_to_do(data: Path) -> str:
     """The error of a folder with a `TRAIN_FILE` that blender-data cannot read."""
     return (
-        f"{data} has a {TRAIN_FILE}, but nerfstudio's blender-data cannot read it: {misfit(data)}. "
-        "Where it has nerfstudio's fields (fl_x, fl_y, cx, cy, w, h), name the file itself: "
-        f"--data {data / TRAIN_FILE}; nerfstudio-data reads it then, and holds out one in ten of its "
-        "photos. To keep the splits, put all frames into one transforms.json with the lists "
-        "train_filenames, val_filenames and test_filenames."
+        f"{data} has a {TRAIN_FILE}, but nerfstudio's blender-data cannot read it: "
+        f"{misfit(data)}. Where it has nerfstudio's fields (fl_x, fl_y, cx, cy, w, h), name the "
+        f"file itself: --data {data / TRAIN_FILE}; nerfstudio-data reads it then, and holds out one "
+        "in ten of its photos. To keep the splits, put all frames into one transforms.json with "
+        "the lists train_filenames, val_filenames and test_filenames."
     )
 
 

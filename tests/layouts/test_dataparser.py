@@ -15,7 +15,7 @@ from nerfstudio.configs.method_configs import all_methods
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParser, RobustNerfDataParserConfig
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
-from desplat_ns.errors import CaptureError
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
 from desplat_ns.layouts.table import LAYOUTS
 from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up
