@@ -23,14 +23,14 @@ class Splats:
     load_config: Path
     """config.yml of the run."""
     output: Path
-    """The file. Its ending chooses the format: .ply (everything reads it), .spz (a tenth of its
-    size, rounded), .glb (glTF with KHR_gaussian_splatting, exact)."""
+    """The file. Its ending chooses the format: .ply (everything reads it), .spz (an eighth of
+    its size, rounded), .glb (glTF with KHR_gaussian_splatting, exact)."""
     frame: Frame = "upright"
     """upright: as viewers expect it of the format, in the capture's scale. capture: the capture's
     own coordinates, to lay over its points. training: nerfstudio's, as ns-export."""
     crop: float | None = None
-    """Keep what is at most so many times as far from a camera as the cameras look; 3 keeps the
-    scene and drops most of what floats around it."""
+    """Keep what is at most so many times as far from a camera as that camera looks (the median
+    depth of what it shows); 2 keeps the scene and drops what floats far beyond it."""
     light: str | None = None
     """Where photos have a light of their own: whose, `photo.jpg`, or `a.jpg:0.7,b.jpg:0.3` for a
     mix. Without it, their average."""
@@ -45,7 +45,7 @@ class Splats:
         """
         check_finite_options(self)
         if self.crop is not None and self.crop <= 0:
-            raise ConfigError(f"--crop is {self.crop:g}; give a number above 0, for example 3.")
+            raise ConfigError(f"--crop is {self.crop:g}; give a number above 0, for example 2.")
         format_of(self.output)
         files = find_run(self.load_config)
         check_new_file(self.output, self.overwrite)

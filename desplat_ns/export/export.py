@@ -149,8 +149,8 @@ def _cropped(cloud: SplatCloud, surroundings: Surroundings, factor: float) -> Sp
     kept = surroundings.within(cloud.means, factor)
     if not kept.any():
         raise ConfigError(
-            f"--crop {factor:g} leaves none of {len(cloud)} Gaussians. Give a larger number; 3 "
-            "keeps what is up to three times as far away as the cameras look."
+            f"--crop {factor:g} leaves none of {len(cloud)} Gaussians. Give a larger number; 2 "
+            "keeps what is up to twice as far away as the cameras look."
         )
     announce(f"--crop {factor:g} keeps {kept.sum()} of them and leaves out {(~kept).sum()}.")
     return cloud.rows(kept)

@@ -1,4 +1,4 @@
-"""Gaussians as SPZ, version 3: a gzipped stream of quantized attributes, a tenth of a PLY.
+"""Gaussians as SPZ, version 3: a gzipped stream of quantized attributes, an eighth of a PLY.
 
 Source: the format's description and reference implementation, nianticlabs/spz. Written here
 because the packages that PyPI has fix the positions' precision, or drop the mark of antialiased
@@ -28,8 +28,10 @@ MAX_FRACTIONAL_BITS = 20
 COLOR_SCALE = 0.15
 """Of zeroth coefficients, so that colours somewhat beyond [0, 1] fit into a byte."""
 
-SH_STEPS = (8, 16)
-"""Of 128ths, for degree one and those above: 5 and 4 bits, as the reference implementation has."""
+SH_STEPS = (2, 4)
+"""Of 128ths, for degree one and those above: 7 and 6 bits. The reference implementation's 5 and 4
+make a file a third smaller and, where harmonics are small as in short runs, 33 dB of 50
+(docs/export.md); readers need not be told."""
 
 
 def spz_bytes(cloud: SplatCloud) -> bytes:
@@ -37,7 +39,7 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
 
     Largest errors: half of 2^-bits of a coordinate (see `fractional_bits`), 1/32 of a scale's
     logarithm (between e^-10 and e^5.9), 1/510 of an opacity, 1/76 of a zeroth coefficient (within
-    3.3), 1/16 of the others (of degree one 1/32; within 1).
+    3.3), 1/64 of the others (of degree one 1/128; within 1).
 
     Raises:
         ConfigError: coordinates are too large for the format.
@@ -78,7 +80,7 @@ def fractional_bits(means: Float[np.ndarray, "N 3"]) -> int:
     if bits < 0:
         raise ConfigError(
             f"A Gaussian lies {farthest:.3g} units from the origin; SPZ holds {LARGEST:.3g} at "
-            "most. Leave out what is far away (--crop 3), or write .glb or .ply."
+            "most. Leave out what is far away (--crop 2), or write .glb or .ply."
         )
     return bits
 

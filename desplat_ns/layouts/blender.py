@@ -46,7 +46,7 @@ def what_to_do(data: Path) -> str:
     return (
         f"{data} has a {TRAIN_FILE}, but nerfstudio's blender-data cannot read it: "
         f"{misfit(data)}. Where it has nerfstudio's fields (fl_x, fl_y, cx, cy, w, h), name the "
-        f"file itself: --data {data / TRAIN_FILE}; nerfstudio-data reads it then, and holds out one "
+        f"file itself: --data {data / TRAIN_FILE}; nerfstudio-data reads it then and holds out one "
         "in ten of its photos. To keep the splits, put all frames into one transforms.json with "
         "the lists train_filenames, val_filenames and test_filenames."
     )
