@@ -38,7 +38,7 @@ class Pinhole:
         if self.places is None:
             return image
         x, y = np.moveaxis(self.places.astype(np.float32) - 0.5, -1, 0)
-        return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderValue=0.0)
+        return cv2.remap(image, x, y, cv2.INTER_LINEAR)
 
 
 def pinhole_of(camera: Cameras) -> Pinhole:
@@ -50,13 +50,14 @@ def pinhole_of(camera: Cameras) -> Pinhole:
     rays = np.where(np.isfinite(rays) & (np.abs(rays) <= WIDEST), rays, np.nan)
     least, most = np.nanmin(rays, axis=(0, 1)), np.nanmax(rays, axis=(0, 1))
     focal = np.array([float(camera.fx), float(camera.fy)])
-    center = MARGIN - least * focal
+    cx, cy = center = MARGIN - least * focal
     width, height = np.ceil((most - least) * focal).astype(int) + 2 * MARGIN
     pinhole = Cameras(
         camera.camera_to_worlds,
         camera.fx,
         camera.fy,
-        *torch.from_numpy(center).float().reshape(2, 1, 1),
+        float(cx),
+        float(cy),
         int(width),
         int(height),
     )

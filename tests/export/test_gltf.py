@@ -1,6 +1,7 @@
 """glTF read back by a reader written from the specification, and by trimesh."""
 
 import io
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ def test_the_primitive_is_points_with_what_the_extension_requires():
 
 def test_what_does_not_know_splats_sees_coloured_points():
     written = cloud(degree=0)
-    scene = trimesh.load(io.BytesIO(glb_bytes(written)), file_type="glb")
+    scene: Any = trimesh.load(io.BytesIO(glb_bytes(written)), file_type="glb")
     (points,) = scene.geometry.values()
     assert np.allclose(points.vertices, written.means, atol=1e-6)
     colors = (0.28209479 * written.harmonics[:, 0] + 0.5).clip(0, 1) * 255
