@@ -34,6 +34,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("trainer",),
     ("method_configs",),
     ("report", "studies"),
+    ("export",),
     ("", "", "", "commands"),
 )
 """Rooms from the ground up, in columns; "" for an empty place. A room imports rooms of lower floors

@@ -228,9 +228,13 @@ class LitModel(SplatfactoModel):
         return self.image_effects.toned(splats, params[FEATURES], embedding)
 
     @torch.no_grad()
+    def shown_splats(self) -> Splats:
+        """The static Gaussians in the light that is shown: what a file can hold of them."""
+        return self._splats(self.gauss_params, self.embedding_of(None))
+
     def baked_coefficients(self) -> Tensor:
-        """SH coefficients [N, K, 3] in the light that is shown: what a PLY can hold of it."""
-        return self._splats(self.gauss_params, self.embedding_of(None)).colors
+        """SH coefficients [N, K, 3] in the light that is shown."""
+        return self.shown_splats().colors
 
     @property
     def shs_0(self) -> Tensor:

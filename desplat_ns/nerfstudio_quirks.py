@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-import torchmetrics.image.lpip as torchmetrics_lpip
 from nerfstudio.models.splatfacto import RGB2SH, SplatfactoModel
 from nerfstudio.utils import writer
 from nerfstudio.viewer import control_panel
@@ -27,6 +26,8 @@ def splatfacto_modules_without_downloads() -> Iterator[None]:
     checkpoint. `populate_modules` imports the class by name each time it runs, so that replacing
     the name during the call is enough.
     """
+    import torchmetrics.image.lpip as torchmetrics_lpip  # half a second: not for `--help`
+
     name = "LearnedPerceptualImagePatchSimilarity"
     real = getattr(torchmetrics_lpip, name)
     setattr(torchmetrics_lpip, name, LazyLpips)

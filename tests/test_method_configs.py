@@ -1,5 +1,8 @@
 """`desplat-paper` has the numbers of App. B.3 and of Splatfacto; `desplat` changes a few."""
 
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -155,3 +158,16 @@ def test_tourists_photos_get_desplat_with_light_and_sky():
     assert ours.pipeline.model.effects.settled() == wanted
     assert ours.optimizers == plain.optimizers
     assert ours.max_num_iterations == plain.max_num_iterations
+
+
+@pytest.mark.slow
+def test_registering_the_methods_imports_nothing_that_only_training_needs(checkout: Path):
+    """Every command of nerfstudio's registers them, also for other methods and for `--help`."""
+    code = (
+        "import sys, nerfstudio.configs.method_configs, desplat_ns.method_configs; "
+        "print(sorted({'numba', 'pycolmap', 'torchmetrics', 'trimesh'} & set(sys.modules)))"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", code], cwd=checkout, capture_output=True, text=True, check=True
+    )
+    assert found.stdout.splitlines()[-1] == "[]"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from types import ModuleType
 
 import numpy as np
 import torch
@@ -11,11 +12,18 @@ from pytorch_msssim import ssim as msssim_ssim
 from pytorch_msssim.ssim import _fspecial_gauss_1d as gaussian_window
 from torch import Tensor
 
-try:
-    from desplat_ns.backend.numba_kernels import ssim as numba_ssim
-    from desplat_ns.backend.numba_kernels.runtime import launching, new_counter, num_workers
-except ImportError:  # numba is missing: `ssim` is slower then, not wrong
-    numba_ssim = None
+
+@cache
+def _kernels() -> ModuleType | None:
+    """The compiled kernels, imported when the first image is scored: numba is large.
+
+    None where numba is missing: `ssim` is slower then, not wrong.
+    """
+    try:
+        from desplat_ns.backend.numba_kernels import ssim as kernels
+    except ImportError:
+        return None
+    return kernels
 
 
 def ssim(pred: Float[Tensor, "H W C"], target: Float[Tensor, "H W C"]) -> Float[Tensor, ""]:
@@ -49,11 +57,13 @@ def ssim_of_planes(
 
 
 def _is_fast(pred: Tensor, target: Tensor) -> bool:
+    if any(t.device.type != "cpu" or t.dtype != torch.float32 for t in (pred, target)):
+        return False
+    kernels = _kernels()
     return (
-        numba_ssim is not None
-        and all(t.device.type == "cpu" and t.dtype == torch.float32 for t in (pred, target))
-        and pred.shape[2] == numba_ssim.CHANNELS
-        and min(pred.shape[:2]) >= numba_ssim.WINDOW
+        kernels is not None
+        and pred.shape[2] == kernels.CHANNELS
+        and min(pred.shape[:2]) >= kernels.WINDOW
         and not (target.requires_grad and torch.is_grad_enabled())
     )
 
@@ -76,22 +86,24 @@ class _Ssim(torch.autograd.Function):
 
 def _score(pred: Tensor, target: Tensor, with_gradient: bool) -> tuple[Tensor, Tensor | None]:
     """Mean SSIM and, if asked for, its gradient by `pred`."""
-    assert numba_ssim is not None
-    height, length = pred.shape[0], pred.shape[1] * numba_ssim.CHANNELS
-    out_rows, out_columns = height - numba_ssim.MARGIN, length - numba_ssim.SIDE
+    from desplat_ns.backend.numba_kernels import ssim as kernels
+    from desplat_ns.backend.numba_kernels.runtime import launching, new_counter, num_workers
+
+    height, length = pred.shape[0], pred.shape[1] * kernels.CHANNELS
+    out_rows, out_columns = height - kernels.MARGIN, length - kernels.SIDE
     x, y = (t.detach().contiguous().view(-1).numpy() for t in (pred, target))
-    blocks = (-(-out_rows // numba_ssim.ROWS), -(-out_columns // numba_ssim.COLUMNS))
+    blocks = (-(-out_rows // kernels.ROWS), -(-out_columns // kernels.COLUMNS))
     sums, count = np.empty(blocks), out_rows * out_columns
-    padded = 3 * (height + numba_ssim.MARGIN) * (length + numba_ssim.SIDE)
+    padded = 3 * (height + kernels.MARGIN) * (length + kernels.SIDE)
     slopes = np.empty(padded if with_gradient else 0, np.float32)
     size, workers = (height, length), num_workers()
     with launching():
-        numba_ssim.score_image(x, y, *size, slopes, sums, new_counter(), workers)
+        kernels.score_image(x, y, *size, slopes, sums, new_counter(), workers)
         value = torch.tensor(float(sums.sum()) / count)
         if not with_gradient:
             return value, None
         gradient = torch.empty(pred.shape)
         scale, counter = np.float32(1 / count), new_counter()
         out = gradient.view(-1).numpy()
-        numba_ssim.pull_image(x, y, *size, slopes, scale, out, counter, workers)
+        kernels.pull_image(x, y, *size, slopes, scale, out, counter, workers)
     return value, gradient

@@ -10,10 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-import numba
 import torch
-
-from desplat_ns.backend.numba_kernels.runtime import numba_config
 
 SLOW = 0.25
 """Seconds. A case this slow runs once a turn; others run REPEATS times, after one call that is not
@@ -83,6 +80,8 @@ def _first_call(call: Callable[[], object]) -> float:
 
 def all_cores() -> int:
     """Cores that this process may use."""
+    from desplat_ns.backend.numba_kernels.runtime import numba_config  # numba is large
+
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return min(cores or 1, numba_config.NUMBA_NUM_THREADS)
 
@@ -95,6 +94,8 @@ def thread_counts() -> list[int]:
 @contextmanager
 def threads(number: int) -> Iterator[None]:
     """Let torch and numba use so many threads."""
+    import numba
+
     before = torch.get_num_threads(), numba.get_num_threads()
     torch.set_num_threads(number)
     numba.set_num_threads(number)

@@ -5,19 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import cast
+from typing import Any
 
 import numpy as np
 import tyro
-from nerfstudio.engine.trainer import TrainerConfig
-from nerfstudio.utils.eval_utils import eval_setup
-from nerfstudio.utils.rich_utils import CONSOLE
-from PIL import Image
 
+from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
-from desplat_ns.evaluation.appearance_strip import appearance_strip
 from desplat_ns.evaluation.config import EvaluationConfig, ProtocolName
-from desplat_ns.pipeline import DeSplatPipeline, DeSplatPipelineConfig
 
 
 @dataclass
@@ -63,10 +58,10 @@ class Evaluate:
             )
         if self.strip is not None and self.strip_images < 1:
             raise ConfigError(f"--strip-images is {self.strip_images}; a strip shows 1 or more.")
-        config, found, checkpoint, _ = eval_setup(
-            self.load_config, update_config_callback=self._with_protocol
-        )
-        pipeline = cast(DeSplatPipeline, found)
+        from nerfstudio.utils.eval_utils import eval_setup  # seconds: not before the checks
+
+        loaded: Any = eval_setup(self.load_config, update_config_callback=self._with_protocol)
+        config, pipeline, checkpoint, _ = loaded
         results = pipeline.get_average_eval_image_metrics(
             output_path=self.render_output_path, get_std=True
         )
@@ -78,19 +73,23 @@ class Evaluate:
             "results": results,
         }
         self.output_path.write_text(json.dumps(record, indent=2), "utf8")
-        CONSOLE.print(f"Saved results to: {self.output_path}")
+        announce(f"Saved results to: {self.output_path}")
         if self.strip is not None:
             pipeline.eval()
             self._write_strip(pipeline, self.strip)
 
-    def _with_protocol(self, config: TrainerConfig) -> TrainerConfig:
+    def _with_protocol(self, config: Any) -> Any:
+        """A run's configuration with the options that were given."""
         options = {f.name: getattr(self, f.name) for f in fields(EvaluationConfig)}
         given = {name: value for name, value in options.items() if value is not None}
-        pipeline = cast(DeSplatPipelineConfig, config.pipeline)
-        pipeline.evaluation = replace(pipeline.evaluation, **given)
+        config.pipeline.evaluation = replace(config.pipeline.evaluation, **given)
         return config
 
-    def _write_strip(self, pipeline: DeSplatPipeline, path: Path) -> None:
+    def _write_strip(self, pipeline: Any, path: Path) -> None:
+        from PIL import Image
+
+        from desplat_ns.evaluation.appearance_strip import appearance_strip
+
         manager = pipeline.datamanager
         camera, _ = manager.fixed_indices_eval_dataloader[0]
         count = len(manager.train_dataset)
@@ -100,7 +99,7 @@ class Evaluate:
         picture = appearance_strip(pipeline.model, camera, name, [int(i) for i in chosen], photos)
         path.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(picture).save(path)
-        CONSOLE.print(f"Saved the strip to: {path}")
+        announce(f"Saved the strip to: {path}")
 
 
 def main() -> None:

@@ -8,18 +8,21 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 # PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
 import PIL.Image  # noqa: F401
-import pycolmap
 from jaxtyping import Float, Int, UInt8
 from nerfstudio.cameras.cameras import CameraType
 
 from desplat_ns.console import announce
 from desplat_ns.data.checks import LARGEST_SIDE
 from desplat_ns.errors import CaptureError
+
+if TYPE_CHECKING:
+    import pycolmap
 
 CAMERA_TYPES = {
     "SIMPLE_PINHOLE": CameraType.PERSPECTIVE,
@@ -147,6 +150,8 @@ def _is_model(folder: Path) -> bool:
 
 
 def _read_model(folder: Path) -> pycolmap.Reconstruction:
+    import pycolmap  # a quarter of a second: not for `--help`
+
     _check_points_file(folder / "points3D.bin")
     try:
         return pycolmap.Reconstruction(folder)

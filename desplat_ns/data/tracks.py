@@ -9,16 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 # PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
 import PIL.Image  # noqa: F401
-import pycolmap
 from jaxtyping import Bool, Float, Int
 
 from desplat_ns.errors import CaptureError
+
+if TYPE_CHECKING:
+    import pycolmap
 
 METADATA_KEY = "point_tracks"
 """Where the data parser leaves a `Tracks`, beside `points3D_xyz`."""
@@ -54,6 +56,8 @@ class Tracks:
         Raises:
             CaptureError: the reconstruction cannot be read any more, or has other photos now.
         """
+        import pycolmap  # a quarter of a second: not for `--help`
+
         try:
             images = pycolmap.Reconstruction(self.folder).images
             return [self._observed(images[self.image_ids[photo]]) for photo in photos]

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-import trimesh
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import Nerfstudio
 from torch import Tensor
@@ -49,6 +48,8 @@ class PromptFreeNerfstudio(Nerfstudio):
         self, ply_file_path: Path, transform_matrix: Tensor, scale_factor: float
     ) -> dict[str, Tensor] | None:
         """Points of a PLY file in the oriented, scaled world; None where it has none."""
+        import trimesh  # it brings a hundred modules, which only such captures need
+
         cloud = trimesh.load(ply_file_path, process=False)
         if not isinstance(cloud, (trimesh.PointCloud, trimesh.Trimesh)) or not len(cloud.vertices):
             return None

@@ -9,13 +9,13 @@ from __future__ import annotations
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
 from nerfstudio.utils.rich_utils import CONSOLE
 from pytorch_msssim import ssim as msssim_ssim
 from torch import Tensor
-from torchmetrics import Metric
 
 PSNR_MAX = 100.0
 """dB. Reported for identical images instead of infinity, which JSON cannot hold. It stands for an
@@ -90,7 +90,8 @@ class LazyLpips:
         self.normalize = normalize
         self.reason: str | None = None
         """Why there is no LPIPS; None as long as nothing is in its way."""
-        self._metric: Metric | None = None
+        self._metric: Any = None
+        """torchmetrics', imported when it is built, which takes half a second."""
 
     def __call__(
         self, truth: Float[Tensor, "B 3 H W"], pred: Float[Tensor, "B 3 H W"]

@@ -13,6 +13,7 @@ from desplat_ns.console import list_names
 from desplat_ns.data.checks import how_to_get_poses
 from desplat_ns.data.photo_files import photos_near
 from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.layouts.blender import TRAIN_FILE, what_to_do
 from desplat_ns.layouts.table import LAYOUTS, Evidence, Layout
 
 SPLIT_OPTIONS = ("eval_mode", "train_split_fraction", "eval_interval")
@@ -118,6 +119,8 @@ def _nothing_found(data: Path) -> str:
     entries = sorted(path.name for path in data.iterdir())
     if not entries:
         return f"The folder {data} is empty. Check the path after --data."
+    if TRAIN_FILE in entries:
+        return what_to_do(data)
     inside = [name for name in entries if (data / name).is_dir() and _matches(data / name)]
     if inside:
         return (

@@ -27,6 +27,7 @@ from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.data.robustnerf_names import describe
 from desplat_ns.data.transforms_json import PromptFreeNerfstudio
 from desplat_ns.errors import CaptureError
+from desplat_ns.layouts.blender import FILES, TRAIN_FILE, blender_config, misfit
 from desplat_ns.photo_tourism.dataparser import (
     ROOTS,
     PhotoTourismDataParserConfig,
@@ -127,6 +128,13 @@ def find_transforms(data: Path) -> Evidence | None:
     return Evidence(path.name, {"load_3D_points": True}) if path.is_file() else None
 
 
+def find_blender(data: Path) -> Evidence | None:
+    """transforms_train.json with its siblings, as blender-data reads them."""
+    if not (data / TRAIN_FILE).is_file() or misfit(data):
+        return None
+    return Evidence(", ".join(FILES))
+
+
 def find_mipnerf360(data: Path) -> Evidence | None:
     """A COLMAP model with folders of smaller copies; without `images`, of the largest copies."""
     model = _model_of(data, MODEL)
@@ -175,6 +183,14 @@ LAYOUTS = (
         "nerfstudio-data",
         partial(NerfstudioDataParserConfig, _target=PromptFreeNerfstudio),
         find_transforms,
+    ),
+    Layout(
+        "Blender (NeRF synthetic)",
+        "transforms_train.json, transforms_val.json and transforms_test.json",
+        "blender-data",
+        blender_config,
+        find_blender,
+        "transforms_train.json with those beside it",
     ),
     Layout(
         "Mip-NeRF 360",

@@ -38,8 +38,13 @@ class ImageLights(Protocol):
         ...
 
 
-def parse_light(text: str, names: Sequence[str]) -> list[tuple[int, float]]:
+def parse_light(
+    text: str, names: Sequence[str], given_by: str = VARIABLE
+) -> list[tuple[int, float]]:
     """(training image, share) pairs of a text such as `VARIABLE` holds; the shares sum to 1.
+
+    Args:
+        given_by: what an error calls the place of the text.
 
     Raises:
         ConfigError: an image that is not a training image, or shares that make no mix.
@@ -51,19 +56,19 @@ def parse_light(text: str, names: Sequence[str]) -> list[tuple[int, float]]:
             name, _, share = name.rpartition(":")
         if name not in names:
             raise ConfigError(
-                f"{VARIABLE} names '{name}', which is no training image. It takes one of "
+                f"{given_by} names '{name}', which is no training image. It takes one of "
                 f"{len(names)}: {list_names(names, 5)}."
             )
         try:
             parts.append((names.index(name), float(share)))
         except ValueError as error:
             raise ConfigError(
-                f"{VARIABLE} gives '{name}' the share '{share}', which is no number. Write for "
+                f"{given_by} gives '{name}' the share '{share}', which is no number. Write for "
                 f"example {names[0]}:0.5."
             ) from error
     total = sum(share for _, share in parts)
     if not total > 0 or any(share < 0 for _, share in parts):
-        raise ConfigError(f"{VARIABLE} is '{text}': its shares must not be negative, nor all zero.")
+        raise ConfigError(f"{given_by} is '{text}': its shares must not be negative, nor all zero.")
     return [(index, share / total) for index, share in parts]
 
 

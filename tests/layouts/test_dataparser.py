@@ -15,7 +15,7 @@ from nerfstudio.configs.method_configs import all_methods
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParser, RobustNerfDataParserConfig
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
-from desplat_ns.errors import CaptureError
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
 from desplat_ns.layouts.table import LAYOUTS
 from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up
@@ -35,11 +35,14 @@ def test_it_gives_the_dataparser_that_reads_the_capture(tiny_scene, capsys):
     assert "has the layout of RobustNeRF" in capsys.readouterr().out
 
 
-def test_every_option_is_one_of_every_dataparser_that_it_takes():
+def test_every_option_is_one_of_every_dataparser_or_is_refused_with_its_name():
     ours = {f.name for f in fields(DeSplatDataParserConfig)} - {"_target", "data"}
     for layout in LAYOUTS:
-        theirs: Any = layout.config()
-        assert ours <= {f.name for f in fields(theirs)}, layout.name
+        theirs: Any = layout.config(data=Path())
+        for name in sorted(ours - {f.name for f in fields(theirs)}):
+            assert layout.parser == "blender-data"
+            with pytest.raises(ConfigError, match=f"--{name.replace('_', '-')} 1 has no use"):
+                layout.config(data=Path(), **{name: 1})
 
 
 def test_options_that_are_not_given_are_the_dataparsers_own(capture):

@@ -43,6 +43,18 @@ def write_split(data: Path, **lists: list[int]) -> Path:
     return data
 
 
+def write_blender(data: Path, photo_writer, **changes: object) -> Path:
+    """The layout of the NeRF synthetic scenes: two photos in each split."""
+    for split in ("train", "val", "test"):
+        for i in range(2):
+            photo_writer(data / split / f"r_{i}.png")
+        pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
+        frames = [{"file_path": f"./{split}/r_{i}", "transform_matrix": pose} for i in range(2)]
+        document = {"camera_angle_x": 0.7, "frames": frames} | changes
+        (data / f"transforms_{split}.json").write_text(json.dumps(document))
+    return data
+
+
 # --- each layout ---------------------------------------------------------------------------------
 
 
@@ -244,3 +256,51 @@ def test_anything_else_is_told_what_is_needed_for_each_layout(tmp_path: Path):
 def test_real_captures(data_folder, scene: str, parser: str):
     found = recognise(data_folder(scene))
     assert (found.match.layout.parser, found.others) == (parser, ())
+
+
+# --- Blender's layout ----------------------------------------------------------------------------
+
+
+def test_nerf_synthetic_scenes_are_read_by_blender_data(tmp_path: Path, photo_writer):
+    found = recognise(write_blender(tmp_path, photo_writer))
+    assert found.match.words == ("blender-data",)
+    assert "transforms_val.json, transforms_test.json. It is read by blender-data." in found.line()
+    outputs = found.config({"scale_factor": 0.5}).setup().get_dataparser_outputs("train")
+    assert [path.name for path in outputs.image_filenames] == ["r_0.png", "r_1.png"]
+    assert outputs.cameras.camera_to_worlds[0, 2, 3] == 2
+    with pytest.raises(ConfigError, match=r"--eval-mode all has no use here.*transforms_train"):
+        found.config({"eval_mode": "all"})
+    with pytest.raises(ConfigError, match=r"--downscale-factor 2 has no use here.*blender-data"):
+        found.config({"downscale_factor": 2})
+
+
+def test_a_transforms_json_beside_it_comes_first(tmp_path: Path, photo_writer):
+    found = recognise(write_transforms(write_blender(tmp_path, photo_writer)))
+    assert found.match.layout.parser == "nerfstudio-data"
+    assert parsers_beside(found) == ["blender-data"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"camera_angle_x": None}, "transforms_train.json has no camera_angle_x"),
+        ({"frames": []}, "transforms_train.json has no frames"),
+        ({"frames": [{"file_path": "train/r_0.png"}]}, "there is no train/r_0.png.png"),
+        ({"frames": [{"path": "x"}]}, "transforms_train.json cannot be read (KeyError"),
+    ],
+)
+def test_what_blender_data_would_misread_is_told_what_to_type(
+    tmp_path: Path, photo_writer, changes: dict[str, object], why: str
+):
+    write_blender(tmp_path, photo_writer, **changes)
+    with pytest.raises(CaptureError) as raised:
+        recognise(tmp_path)
+    assert why in str(raised.value)
+    assert f"--data {tmp_path / 'transforms_train.json'}" in str(raised.value)
+
+
+def test_missing_siblings_are_named(tmp_path: Path, photo_writer):
+    write_blender(tmp_path, photo_writer)
+    (tmp_path / "transforms_val.json").unlink()
+    with pytest.raises(CaptureError, match=r"transforms_val\.json missing"):
+        recognise(tmp_path)

@@ -1,0 +1,104 @@
+"""`desplat-export`: a trained run in the files that viewers and other trainers read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from desplat_ns.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.export.formats import Frame, format_of
+from desplat_ns.export.new_files import check_new_file, check_new_folder
+from desplat_ns.export.photo_names import Naming
+from desplat_ns.options import check_finite_options
+from desplat_ns.report.run_files import find_run
+
+
+@dataclass
+class Splats:
+    """Write the static scene, without distractors, as splats: .ply, .spz or .glb."""
+
+    load_config: Path
+    """config.yml of the run."""
+    output: Path
+    """The file. Its ending chooses the format: .ply (everything reads it), .spz (an eighth of
+    its size, rounded), .glb (glTF with KHR_gaussian_splatting, exact)."""
+    frame: Frame = "upright"
+    """upright: as viewers expect it of the format, in the capture's scale. capture: the capture's
+    own coordinates, to lay over its points. training: nerfstudio's, as ns-export."""
+    crop: float | None = None
+    """Keep what is at most so many times as far from a camera as that camera looks (the median
+    depth of what it shows); 2 keeps the scene and drops what floats far beyond it."""
+    light: str | None = None
+    """Where photos have a light of their own: whose, `photo.jpg`, or `a.jpg:0.7,b.jpg:0.3` for a
+    mix. Without it, their average."""
+    overwrite: bool = False
+    """Replace the file if it is there."""
+
+    def main(self) -> None:
+        """Check what can be checked at once, then load and write.
+
+        Raises:
+            DeSplatError: the run is not there or cannot be loaded, or the file not be written.
+        """
+        check_finite_options(self)
+        if self.crop is not None and self.crop <= 0:
+            raise ConfigError(f"--crop is {self.crop:g}; give a number above 0, for example 2.")
+        format_of(self.output)
+        files = find_run(self.load_config)
+        check_new_file(self.output, self.overwrite)
+
+        from desplat_ns.export.export import SplatOptions, export_splats  # seconds
+
+        export_splats(files, self.output, SplatOptions(self.frame, self.crop, self.light))
+
+
+@dataclass
+class Masks:
+    """Write the distractor mask of every training photo as PNG, at the photo's full size.
+
+    Black is what is to be ignored, as COLMAP and nerfstudio want it.
+    """
+
+    load_config: Path
+    """config.yml of the run."""
+    output: Path
+    """The folder; folders of the photos are kept inside it."""
+    invert: bool = False
+    """White where distractors are, black elsewhere."""
+    dilate: float = 0.0
+    """Pixels of the photo by which what is masked grows on all sides."""
+    names: Naming = "colmap"
+    """colmap: photo.jpg.png. nerfstudio: photo.png."""
+    overwrite: bool = False
+    """Write into a folder that is not empty; files of the same name are replaced."""
+
+    def main(self) -> None:
+        """As `Splats.main`."""
+        check_finite_options(self)
+        if self.dilate < 0:
+            raise ConfigError(f"--dilate is {self.dilate:g}; give 0 or more pixels.")
+        files = find_run(self.load_config)
+        check_new_folder(self.output, self.overwrite)
+
+        from desplat_ns.export.export import export_masks  # seconds
+
+        export_masks(files, self.output, self.invert, self.dilate, self.names)
+
+
+Command = (
+    Annotated[Splats, tyro.conf.subcommand("splats")]
+    | Annotated[Masks, tyro.conf.subcommand("masks")]
+)
+
+
+def main() -> None:
+    """Entry point of the command."""
+    print_user_errors_plainly()
+    tyro.cli(Command, description=__doc__).main()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,171 @@
+"""From a run to its files: loads it, gathers, writes, says what was written."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import torch
+
+from desplat_ns.console import announce, progress_over
+from desplat_ns.data.images import write_image
+from desplat_ns.errors import ConfigError
+from desplat_ns.export.baked import baked
+from desplat_ns.export.coordinates import moved, similarity_to
+from desplat_ns.export.formats import Frame, format_of
+from desplat_ns.export.masks import dilated, distractor_mask
+from desplat_ns.export.new_files import whole_folder, write_whole
+from desplat_ns.export.photo_names import Naming, mask_names
+from desplat_ns.export.photos import training_photos
+from desplat_ns.export.splat_cloud import SplatCloud
+from desplat_ns.export.surroundings import Surroundings, surroundings_of
+from desplat_ns.model import DeSplatModel
+from desplat_ns.photo_tourism.shown_light import parse_light
+from desplat_ns.pipeline import DeSplatPipeline
+from desplat_ns.rendering.views import view_of
+from desplat_ns.report.pictures import even_subset
+from desplat_ns.report.report import load_run
+from desplat_ns.report.run_files import RunFiles
+
+MOST_CROP_VIEWS = 100
+"""Training views that are looked through to find how far the cameras look."""
+
+
+@dataclass(frozen=True)
+class SplatOptions:
+    """What a file of splats is to hold."""
+
+    frame: Frame = "upright"
+    crop: float | None = None
+    light: str | None = None
+
+
+def export_splats(files: RunFiles, output: Path, options: SplatOptions) -> SplatCloud:
+    """Write the static Gaussians of a run; say how many, how large, and what was left out.
+
+    Returns:
+        What was written, before the format rounds it.
+
+    Raises:
+        CaptureError: the capture cannot be read any more, or Gaussians cannot follow its transform.
+        CheckpointError: no checkpoint is intact.
+        ConfigError: an unknown light, nothing left to write, or nowhere to write it.
+    """
+    kind = format_of(output)
+    pipeline = load_run(files).pipeline
+    model = cast(DeSplatModel, pipeline.model)
+    with _shown_in(model, options.light):
+        cloud = baked(model.shown_splats(), model.render_settings(depth=False).antialiased)
+        announce(f"{len(cloud)} of {model.num_points} static Gaussians can be seen.")
+        if options.crop is not None:
+            cloud = _cropped(cloud, _surroundings(pipeline), options.crop)
+    outputs = pipeline.datamanager.train_dataparser_outputs
+    transform = outputs.dataparser_transform.numpy()
+    to_file = similarity_to(options.frame, transform, outputs.dataparser_scale, kind.upright_axes)
+    cloud = moved(cloud, to_file)
+    content = kind.bytes_of(cloud)
+    write_whole(output, content)
+    announce(
+        f"Saved {output}: {kind.name}, {len(cloud)} Gaussians with harmonics of degree "
+        f"{cloud.degree}, {len(content) / 1e6:.2f} MB."
+    )
+    for what in _left_out(model, cloud, kind.keeps_antialiasing):
+        announce(what, warning=True)
+    return cloud
+
+
+def export_masks(
+    files: RunFiles, output: Path, invert: bool, dilate: float, naming: Naming
+) -> list[float]:
+    """Write the distractor mask of every training photo as PNG, at the photo's full size.
+
+    Args:
+        invert: white where distractors are; else black there, as what is to be ignored.
+        dilate: pixels of the photo by which masks are grown.
+
+    Returns:
+        The share of each photo that is masked.
+
+    Raises:
+        CaptureError: a photo cannot be read any more.
+        CheckpointError: no checkpoint is intact.
+        ConfigError: the run has no distractors, or there is nowhere to write.
+    """
+    pipeline = load_run(files).pipeline
+    model = cast(DeSplatModel, pipeline.model)
+    if model.layer is None:
+        raise ConfigError(
+            f"The run of {files.config} has no distractors, so there is nothing to mask: the "
+            "survey found none, or --pipeline.model.effects.distractors was False. Train with "
+            "`--pipeline.model.effects.distractors True`."
+        )
+    photos = list(training_photos(pipeline.datamanager))
+    names = mask_names([photo.name for photo in photos], naming)
+    shares = []
+    with whole_folder(output) as folder, progress_over(len(photos), "Drawing masks...") as advance:
+        for photo, name in zip(photos, names, strict=True):
+            mask = dilated(distractor_mask(model, photo), dilate)
+            write_image(folder / name, mask == invert)
+            shares.append(float(mask.mean()))
+            advance()
+    announce(
+        f"Saved {len(names)} masks to {output}: {names[0]}, ... They cover {np.mean(shares):.1%} "
+        f"of the photos on average, {max(shares):.1%} at most; {shares.count(0.0)} cover nothing."
+    )
+    return shares
+
+
+def _shown_in(model: DeSplatModel, light: str | None) -> Any:
+    """Within, the light that was asked for is shown; None: the one that is shown anyway."""
+    if light is None:
+        return nullcontext()
+    effects = model.image_effects
+    if effects is None or effects.appearance is None:
+        raise ConfigError(
+            f"--light is '{light}', but the Gaussians of this run have the same colours in the "
+            "light of every photo. Leave it out."
+        )
+    mix = parse_light(light, model.names, "--light")
+    if not mix:
+        raise ConfigError("--light is empty. Name a training photo.")
+    return model.shown_in(torch.stack([share * effects.of(i) for i, share in mix]).sum(dim=0))
+
+
+@torch.no_grad()
+def _surroundings(pipeline: DeSplatPipeline) -> Surroundings:
+    """Where the training cameras stand and how far they look."""
+    model = cast(DeSplatModel, pipeline.model)
+    cameras = pipeline.datamanager.train_dataset.cameras.to(pipeline.device)
+    splats, settings = model.shown_splats(), model.render_settings(depth=True)
+    chosen = even_subset(len(cameras), MOST_CROP_VIEWS)
+    views = (view_of(cameras[i : i + 1]) for i in chosen)
+    return surroundings_of(views, lambda view: model.rasterizer(splats, view, settings))
+
+
+def _cropped(cloud: SplatCloud, surroundings: Surroundings, factor: float) -> SplatCloud:
+    kept = surroundings.within(cloud.means, factor)
+    if not kept.any():
+        raise ConfigError(
+            f"--crop {factor:g} leaves none of {len(cloud)} Gaussians. Give a larger number; 2 "
+            "keeps what is up to twice as far away as the cameras look."
+        )
+    announce(f"--crop {factor:g} keeps {kept.sum()} of them and leaves out {(~kept).sum()}.")
+    return cloud.rows(kept)
+
+
+def _left_out(model: DeSplatModel, cloud: SplatCloud, keeps_antialiasing: bool) -> list[str]:
+    """What the file cannot hold of this run."""
+    lines = []
+    if model.effects.background != "off":
+        lines.append(
+            "The background behind the scene (the sky) is no Gaussians and is not in the file."
+        )
+    if cloud.antialiased and not keeps_antialiasing:
+        lines.append(
+            "The run was trained with `rasterize-mode antialiased`, which this format cannot say: "
+            "switch antialiasing on in the viewer, or write .spz."
+        )
+    return lines

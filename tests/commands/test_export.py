@@ -1,0 +1,155 @@
+"""desplat-export on a tiny run: files are whole; mistakes are told at once and leave nothing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from desplat_ns.errors import ConfigError
+from tests.helpers.glb_reader import read_glb
+
+TRAINING_PHOTOS = 6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("frame", ["upright", "training"])
+def test_every_format_holds_the_same_gaussians(trained: Path, tmp_path: Path, frame: Any):
+    from plyfile import PlyData
+
+    from desplat_ns.commands.export import Splats
+
+    for name in ("a.ply", "a.glb", "a.spz"):
+        Splats(trained, tmp_path / name, frame).main()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.glb", "a.ply", "a.spz"]
+    table = PlyData.read(tmp_path / "a.ply")["vertex"].data
+    x, y, z = (table[name] for name in "xyz")
+    found = read_glb((tmp_path / "a.glb").read_bytes())[1]["POSITION"]
+    up = (x, y, z) if frame == "training" else (x, -y, -z)  # a PLY has its y down
+    assert np.allclose(np.stack(up, axis=1), found, atol=1e-6)
+    assert (tmp_path / "a.spz").stat().st_size < (tmp_path / "a.ply").stat().st_size / 4
+
+
+@pytest.mark.slow
+def test_gaussians_lie_over_the_points_of_the_capture(trained: Path, tmp_path: Path, tiny_scene):
+    """The reconstruction's points are where training began, and it was short."""
+    from plyfile import PlyData
+
+    from desplat_ns.commands.export import Splats
+    from desplat_ns.data.colmap_model import read_reconstruction
+
+    Splats(trained, tmp_path / "a.ply", "capture").main()
+    table = PlyData.read(tmp_path / "a.ply")["vertex"].data
+    means = np.stack([table[name] for name in "xyz"], axis=1)
+    points = read_reconstruction(tiny_scene.folder, Path("sparse")).points.xyz
+    nearest = np.linalg.norm(points[:, None] - means, axis=2).min(1)
+    extent = np.linalg.norm(points.max(0) - points.min(0))
+    assert np.median(nearest) < 0.01 * extent
+
+
+@pytest.mark.slow
+def test_a_crop_leaves_out_what_is_far_and_says_so(trained: Path, tmp_path: Path, capsys):
+    from desplat_ns.commands.export import Splats
+
+    counts = []
+    for crop in (None, 1.0, 1e6):
+        Splats(trained, tmp_path / f"{crop}.glb", crop=crop).main()
+        counts.append(len(read_glb((tmp_path / f"{crop}.glb").read_bytes())[1]["POSITION"]))
+    assert 0 < counts[1] < counts[0] == counts[2]
+    assert f"leaves out {counts[0] - counts[1]}" in capsys.readouterr().out
+    with pytest.raises(ConfigError, match=r"--crop 1e-06 leaves none of"):
+        Splats(trained, tmp_path / "none.glb", crop=1e-6).main()
+    assert not (tmp_path / "none.glb").exists()
+
+
+@pytest.mark.slow
+def test_every_training_photo_has_a_mask_of_its_size(
+    trained: Path, tmp_path: Path, tiny_scene, monkeypatch: pytest.MonkeyPatch
+):
+    """Distractors are faint after so few steps: anything that is there counts."""
+    from desplat_ns.commands.export import Masks
+
+    monkeypatch.setattr("desplat_ns.export.masks.MASK_THRESHOLD", 0.05)
+    Masks(trained, tmp_path / "a").main()
+    Masks(trained, tmp_path / "b", invert=True, dilate=2.0, names="nerfstudio").main()
+    used = sorted((tmp_path / "a").iterdir())
+    masked = sorted((tmp_path / "b").iterdir())
+    assert len(used) == len(masked) == TRAINING_PHOTOS
+    some = False
+    for one, other in zip(used, masked, strict=True):
+        photo = tiny_scene.folder / "images" / one.name.removesuffix(".png")
+        assert other.name == f"{photo.stem}.png"
+        black, white = (np.asarray(Image.open(path)) for path in (one, other))
+        assert black.shape == Image.open(photo).size[::-1] == white.shape
+        assert black.dtype == np.uint8 and set(np.unique(black)) <= {0, 255}
+        assert (white[black == 0] == 255).all(), "a grown mask holds the mask"
+        some |= bool((black == 0).any() and (white == 255).sum() > (black == 0).sum())
+    assert some, "something is masked, and grows"
+
+
+@pytest.mark.slow
+def test_a_run_without_distractors_has_no_masks(tiny_run, tmp_path: Path):
+    from nerfstudio.scripts import train
+
+    from desplat_ns.commands.export import Masks
+
+    config: Any = tiny_run(tmp_path / "runs")
+    config.max_num_iterations = 2
+    config.pipeline.model.effects.distractors = False
+    train.main(config)
+    with pytest.raises(ConfigError, match=r"no distractors.*effects\.distractors True"):
+        Masks(config.get_base_dir() / "config.yml", tmp_path / "masks").main()
+    assert not (tmp_path / "masks").exists()
+
+
+@pytest.mark.slow
+def test_a_light_is_refused_where_photos_have_none(trained: Path, tmp_path: Path):
+    from desplat_ns.commands.export import Splats
+
+    with pytest.raises(ConfigError, match=r"--light is 'a\.jpg'.*same colours"):
+        Splats(trained, tmp_path / "a.ply", light="a.jpg").main()
+    assert list(tmp_path.iterdir()) == []
+
+
+SILENT = """
+import sys
+sys.argv = ["desplat-export", *sys.argv[1:]]
+from desplat_ns.commands.export import main
+try:
+    main()
+finally:
+    assert not {"torch", "nerfstudio.engine.trainer"} & set(sys.modules), "a heavy import"
+"""
+
+SPLATS = ["splats", "--load-config", "absent.yml", "--output"]
+MASKS = ["masks", "--load-config", "absent.yml", "--output", "masks"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["--help"], 0, "masks"),
+        (["splats", "--help"], 0, "--crop"),
+        ([*SPLATS, "a.ply"], 1, "Error: There is no 'absent.yml'"),
+        ([*SPLATS, "a.obj"], 1, "the ending '.obj'. Known are: .ply (PLY), .spz (SPZ)"),
+        ([*SPLATS, "a"], 1, "has no ending"),
+        ([*SPLATS, "a.ply", "--crop", "0"], 1, "--crop is 0"),
+        ([*SPLATS, "a.ply", "--crop", "nan"], 1, "`--crop` is nan"),
+        ([*MASKS, "--dilate", "-1"], 1, "--dilate is -1"),
+        (MASKS, 1, "Error: There is no 'absent.yml'"),
+    ],
+)
+def test_help_and_mistakes_import_nothing_heavy(
+    arguments: list[str], status: int, words: str, checkout: Path
+):
+    found = subprocess.run(
+        [sys.executable, "-c", SILENT, *arguments], cwd=checkout, capture_output=True, text=True
+    )
+    assert words in found.stdout + found.stderr
+    assert "heavy" not in found.stderr
+    assert found.returncode == status

@@ -1,0 +1,51 @@
+"""PLY read back by plyfile, and by a program in C++."""
+
+import io
+
+import gaussforge
+import numpy as np
+import pytest
+from plyfile import PlyData
+
+from desplat_ns.export.ply import ply_bytes
+from desplat_ns.export.splat_cloud import SplatCloud
+from tests.helpers.clouds import cloud
+
+
+def columns(table, *names: str) -> np.ndarray:
+    return np.stack([table[name] for name in names], axis=-1)
+
+
+@pytest.mark.parametrize("degree", [0, 1, 3])
+def test_plyfile_reads_every_value_back(degree: int):
+    written = cloud(degree=degree)
+    table = PlyData.read(io.BytesIO(ply_bytes(written)))["vertex"].data
+    assert np.array_equal(columns(table, "x", "y", "z"), written.means.astype(np.float32))
+    quats = columns(table, "rot_0", "rot_1", "rot_2", "rot_3")
+    assert np.array_equal(quats, written.quats)
+    scales = np.exp(columns(table, "scale_0", "scale_1", "scale_2").astype(np.float64))
+    assert np.allclose(scales, written.scales, rtol=4 * 2.0**-24)  # |log| < 4
+    opacities = 1 / (1 + np.exp(-table["opacity"].astype(np.float64)))
+    assert np.allclose(opacities, written.opacities, atol=2.0**-24)
+    dc = columns(table, "f_dc_0", "f_dc_1", "f_dc_2")
+    assert np.array_equal(dc, written.harmonics[:, 0])
+    rest = [name for name in table.dtype.names if name.startswith("f_rest_")]
+    assert rest == [f"f_rest_{i}" for i in range(3 * ((degree + 1) ** 2 - 1))]
+    for i, name in enumerate(rest):  # all of red, then green, then blue
+        channel, base = divmod(i, len(rest) // 3)
+        assert np.array_equal(table[name], written.harmonics[:, 1 + base, channel])
+
+
+def test_a_viewers_reader_finds_the_harmonics_in_their_order():
+    written = cloud()
+    found = gaussforge.GaussForge().read(ply_bytes(written), "ply")["data"]
+    rest = np.frombuffer(found["sh"], np.float32).reshape(len(written), 15, 3)
+    assert np.array_equal(rest, written.harmonics[:, 1:])
+
+
+def test_opacities_of_0_and_1_have_finite_logits():
+    one = cloud(count=2)
+    full = SplatCloud(one.means, one.quats, one.scales, np.array([0, 1], np.float32), one.harmonics)
+    table = PlyData.read(io.BytesIO(ply_bytes(full)))["vertex"].data
+    assert np.isfinite(table["opacity"]).all()
+    assert table["opacity"][0] < -80 and table["opacity"][1] > 16
