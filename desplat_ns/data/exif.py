@@ -1,4 +1,4 @@
-"""Exposure and lens as a photo's file gives them: often absent, sometimes wrong, so never needed."""
+"""Exposure and lens as a file gives them: often absent, sometimes wrong, so never needed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Photos or a video to a capture with poses, for `desplat-process`: structure from motion by pycolmap.
+"""Photos or a video to a capture with poses, for `desplat-process`, by pycolmap.
 
 `sources` lists the photos and `folder` keeps the record of what is done, so that a second call goes
 on. `video`, `photos`, `masks` and `cameras` prepare; `jobs` runs one stage in a process of its own

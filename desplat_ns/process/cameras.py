@@ -13,8 +13,9 @@ from desplat_ns.process.request import CameraModel, Cameras
 
 FOCAL_OF_SIDE = 1.2
 """Focal length over the longer side that COLMAP starts from where nothing is known."""
-PHOTOS_FOR_TWO_TERMS = 10
-"""Photos of one camera from which on a second term of radial distortion is determined."""
+TERMS = ((10, "RADIAL"), (3, "SIMPLE_RADIAL"), (1, "SIMPLE_PINHOLE"))
+"""From so many photos of one camera on: two, one or no term of radial distortion. A term of a
+single photo takes up whatever does not fit, up to values that no lens has."""
 
 
 @dataclass(frozen=True)
@@ -62,10 +63,10 @@ def group_by_camera(photos: Sequence[Photo], cameras: Cameras, model: CameraMode
 
 def _camera(photos: Sequence[Photo], model: CameraModel) -> Camera:
     known = [photo.focal for photo in photos if photo.focal]
-    few = len(photos) < PHOTOS_FOR_TWO_TERMS
+    fitting = next(name for least, name in TERMS if len(photos) >= least)
     guess = FOCAL_OF_SIDE * max(photos[0].width, photos[0].height)
     return Camera(
-        model=("SIMPLE_RADIAL" if few else "RADIAL") if model == "auto" else model,
+        model=fitting if model == "auto" else model,
         focal=median(known) if known else guess,
         focal_is_known=bool(known),
         copies=tuple(photo.copy for photo in photos),

@@ -97,4 +97,5 @@ def _options(recipe: Recipe, threads: int) -> pycolmap.FeatureExtractionOptions:
     options.sift.max_num_features = recipe.most_features
     options.sift.peak_threshold = recipe.peak_threshold
     options.sift.domain_size_pooling = recipe.domain_size_pooling
+    options.sift.estimate_affine_shape = recipe.affine_shape
     return options

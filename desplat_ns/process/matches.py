@@ -24,7 +24,7 @@ from desplat_ns.process.pairs import (
     sequential_pairs,
     similar_pairs,
 )
-from desplat_ns.process.recipes import Recipe
+from desplat_ns.process.recipes import Recipe, verification_error
 from desplat_ns.process.similarity import similarities
 from desplat_ns.process.stationary import (
     SUSPICIOUS,
@@ -117,18 +117,21 @@ def _match(
     options = pycolmap.FeatureMatchingOptions()
     options.num_threads = threads
     options.guided_matching = recipe.guided
-    listed = database.with_name("pairs.txt")
+    listed, verification = database.with_name("pairs.txt"), _verification(database)
     for start in range(0, len(pairs), AT_ONCE):
         progress(start, len(pairs))
         chunk = pairs[start : start + AT_ONCE]
         listed.write_text("".join(f"{a} {b}\n" for a, b in chunk), "utf8")
         pairing = pycolmap.ImportedPairingOptions(match_list_path=listed)
-        pycolmap.match_image_pairs(database, options, pairing, _verification())
+        pycolmap.match_image_pairs(database, options, pairing, verification)
     progress(len(pairs), len(pairs))
 
 
-def _verification() -> pycolmap.TwoViewGeometryOptions:
+def _verification(database: Path) -> pycolmap.TwoViewGeometryOptions:
+    with pycolmap.Database.open(database) as db:
+        sides = [max(camera.width, camera.height) for camera in db.read_all_cameras()]
     options = pycolmap.TwoViewGeometryOptions()
+    options.ransac.max_error = verification_error(max(sides))
     options.ransac.random_seed = 0
     return options
 
@@ -158,7 +161,7 @@ def _verify_without_stationary(database: Path, threads: int) -> None:
     with pycolmap.Database.open(database) as db:
         db.clear_two_view_geometries()
         sides = [(camera.width, camera.height) for camera in db.read_all_cameras()]
-    options = _verification()
+    options = _verification(database)
     options.filter_stationary_matches = True
     options.stationary_matches_max_error = max(tolerance_of(*side) for side in sides)
     verifier = pycolmap.GeometricVerifierOptions()

@@ -53,7 +53,7 @@ class Photo:
 
 
 def numbered(sources: Sequence[str]) -> list[Photo]:
-    """A photo for each source, with names that do not meet: `a.png` beside `a.jpg` is `a_png.jpg`."""
+    """A photo for each source; no two share a name: `a.png` beside `a.jpg` is `a_png.jpg`."""
     photos: list[Photo] = []
     taken: set[str] = set()
     for number, source in enumerate(sources, 1):

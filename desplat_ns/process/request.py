@@ -39,7 +39,7 @@ class Request:
     """Which photos share focal length and distortion. auto: what EXIF and size say; one: all of one
     size; folder: those of one folder and size; photo: none."""
     camera_model: CameraModel = "auto"
-    """COLMAP's name. auto: one or two terms of radial distortion."""
+    """COLMAP's name. auto: up to two terms of radial distortion, by the number of photos."""
     matching: Matching = "auto"
     """Which pairs are compared. auto: all up to 200 photos, above those that look alike; of a video
     neighbours and what looks alike."""
