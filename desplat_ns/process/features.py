@@ -85,7 +85,7 @@ def _enter(database: Path, photos: Path, camera: Camera) -> None:
         found = db.read_camera(image.camera_id)
         params = np.array(found.params)
         params[list(found.focal_length_idxs())] = camera.focal
-        found.params = params
+        found.params = params.tolist()
         found.has_prior_focal_length = camera.focal_is_known
         db.update_camera(found)
 

@@ -1,8 +1,8 @@
 """How alike photos look, from their features alone, to choose the pairs that are matched.
 
 VLAD (Jégou et al., Aggregating Local Descriptors into a Compact Image Representation, CVPR 2010):
-the features of a photo are summed up as their differences from the nearest of a few words, which are
-learned from the same photos. Letters in shapes: N photos, F features, D numbers of a descriptor.
+the features of a photo are summed up as their differences from the nearest of a few words, which
+are learned from the same photos. Letters in shapes: N photos, F features, D numbers of a descriptor.
 """
 
 from __future__ import annotations

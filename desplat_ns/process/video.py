@@ -107,7 +107,7 @@ def _frame_count(video: Path) -> int:
     import imageio_ffmpeg
 
     try:
-        return max(1, imageio_ffmpeg.count_frames_and_secs(str(video))[0])
+        return max(1, imageio_ffmpeg.count_frames_and_secs(str(video))[0] or 1)
     except (RuntimeError, OSError) as error:
         raise _unreadable(video, str(error)) from error
 

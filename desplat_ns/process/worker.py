@@ -49,13 +49,14 @@ def _matches(job: Job, progress: Progress) -> Any:
 
 
 def _mapping(job: Job, progress: Progress) -> Any:
-    paths = (Path(job[name]) for name in ("database", "photos", "models"))
-    return map_photos(*paths, RECIPES[job["recipe"]], job["threads"], progress)
+    database, photos, models = (Path(job[name]) for name in ("database", "photos", "models"))
+    return map_photos(database, photos, models, RECIPES[job["recipe"]], job["threads"], progress)
 
 
 def _undistortion(job: Job, progress: Progress) -> Any:
-    paths = (Path(job[name]) for name in ("model", "photos", "output"))
-    return undistort(*paths, job["names"], job["longest_side"], job["threads"], progress)
+    model, photos, output = (Path(job[name]) for name in ("model", "photos", "output"))
+    side, threads = job["longest_side"], job["threads"]
+    return undistort(model, photos, output, job["names"], side, threads, progress)
 
 
 JOBS: dict[str, Callable[[Job, Progress], Any]] = {
