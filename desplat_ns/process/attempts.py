@@ -99,7 +99,7 @@ def _attempt(task: Task, recipe: Recipe) -> Attempt:
     matches = run("matching", how=task.how, pairs_file=pairs_file)
     for line in about_stationary(matches, task.masks is not None):
         announce(line, warning=True)
-    pairs = json.loads(pairs_file.read_text("utf8"))
+    pairs = [(a, b, count) for a, b, count in json.loads(pairs_file.read_text("utf8"))]
     if matches["left_out"] and len(pairs) < MIN_PHOTOS - 1:
         raise CaptureError(CAMERA_STANDS_STILL)
     models = run("mapping", photos=copies, models=place / "models")
