@@ -38,8 +38,8 @@ def test_frames_of_a_video_are_paired_with_neighbours_and_at_doubled_distances()
 
 def test_photos_are_paired_with_those_that_look_alike():
     rng = np.random.default_rng(0)
-    kinds = rng.normal(size=(2, 30, 128)).astype(np.float32) * 10
-    noise = rng.normal(size=(6, 30, 128)).astype(np.float32)
+    kinds = rng.normal(size=(2, 200, 128)).astype(np.float32) * 10
+    noise = rng.normal(size=(6, 200, 128)).astype(np.float32)
     likeness = similarities([kinds[i % 2] + noise[i] for i in range(6)])
     assert similar_pairs(likeness, 2) == [(0, 2), (0, 4), (1, 3), (1, 5), (2, 4), (3, 5)]
 
@@ -74,7 +74,8 @@ def test_matches_at_equal_places_are_counted_and_placed():
 def test_the_sharpest_frame_of_each_even_part_of_the_way_is_taken():
     way = [0.0, 0.0, 0.0, 0.1, 0.2, 0.3, 0.4]
     frames = [
-        Frame(i, s, d) for i, (s, d) in enumerate(zip([1.0, 5.0, 2.0, 3.0, 9.0, 1.0, 7.0], way, strict=True))
+        Frame(i, s, d)
+        for i, (s, d) in enumerate(zip([1.0, 5.0, 2.0, 3.0, 9.0, 1.0, 7.0], way, strict=True))
     ]
     assert [frame.index for frame in choose(frames, 2)] == [1, 4]
     assert len(choose([Frame(i, 1.0, 0.0) for i in range(9)], 5)) == 1
