@@ -2,7 +2,8 @@
 
 VLAD (Jégou et al., Aggregating Local Descriptors into a Compact Image Representation, CVPR 2010):
 the features of a photo are summed up as their differences from the nearest of a few words, which
-are learned from the same photos. Letters in shapes: N photos, F features, D numbers of a descriptor.
+are learned from the same photos. Letters in shapes: N photos, F features, D numbers of a
+descriptor, W words.
 """
 
 from __future__ import annotations

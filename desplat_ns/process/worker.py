@@ -9,8 +9,10 @@ whoever started it. What pycolmap prints goes to standard error.
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Mapping
@@ -78,6 +80,7 @@ def main() -> int:
             channel.write(json.dumps(what) + "\n")
             channel.flush()
 
+    _end_with_the_parent()
     job = json.loads(sys.stdin.readline())
     Thread(target=_end_with_the_input, daemon=True).start()
     try:
@@ -88,6 +91,13 @@ def main() -> int:
         return 1
     tell(result=result)
     return 0
+
+
+def _end_with_the_parent() -> None:
+    """On Linux at once, even while pycolmap works and no thread of Python gets its turn."""
+    if sys.platform == "linux":
+        set_parent_death_signal = 1  # PR_SET_PDEATHSIG of prctl(2)
+        ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGKILL)
 
 
 def _end_with_the_input() -> None:
