@@ -22,7 +22,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("", "errors"),
     ("backend", "options", "console", "effects"),
     ("rendering", "", "data"),
-    ("gaussians", "", "survey", "synthetic"),
+    ("gaussians", "process", "survey", "synthetic"),
     ("training",),
     ("", "photo_tourism"),
     ("separation", "viewer", "evaluation", "lit_model", "layouts"),

@@ -9,7 +9,14 @@ from typing import Any
 
 from nerfstudio.utils.rich_utils import CONSOLE
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 LISTED_NAMES = 10
 """So many names are listed in an error; the rest is counted."""
@@ -45,6 +52,22 @@ def progress_over(total: int, label: str) -> Iterator[Any]:
     with Progress(*columns, transient=True) as bar:
         task = bar.add_task(f"[green]{label}", total=total)
         yield lambda: bar.advance(task)
+
+
+@contextmanager
+def progress_with_time_left(label: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar on the console with the time left; what is yielded takes what is done and the total."""
+    columns = (
+        TextColumn("[progress.description]{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left:"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=CONSOLE, transient=True) as bar:
+        task = bar.add_task(f"[green]{escape(label)}", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 @contextmanager

@@ -21,9 +21,8 @@ LARGEST_SIDE = 1 << 16
 def how_to_get_poses(photos: Path) -> str:
     """What to do with photos whose cameras have no poses yet, for errors."""
     return (
-        "Poses have to come from COLMAP, run by itself or, where it is installed, by "
-        f"`ns-process-data images --data {photos} --output-dir CAPTURE`; then train with --data "
-        "CAPTURE."
+        f"Type `desplat-process '{photos}' CAPTURE` to find them, or run COLMAP by itself; then "
+        "train with --data CAPTURE."
     )
 
 

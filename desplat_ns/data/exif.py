@@ -1,14 +1,38 @@
-"""Exposure as a photo's file gives it: often absent, sometimes wrong, so never needed."""
+"""Exposure and lens as a file gives them: often absent, sometimes wrong, so never needed."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import OpenImageIO as oiio
 
 SPEEDS = ("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings")
 """The same tag in EXIF 2.3 and before."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """What a photo was taken with."""
+
+    name: str
+    """Make, model, lens and focal length in millimetres; empty where the file says nothing."""
+    focal_35mm: float
+    """Millimetres, as on 35 mm film; 0 where the file does not say."""
+
+
+def lens_of(path: Path) -> Lens:
+    """What the file says about camera and lens; nothing where it is missing or is no photo."""
+    file = oiio.ImageInput.open(str(path))
+    if file is None:
+        oiio.geterror()
+        return Lens("", 0.0)
+    spec = file.spec()
+    file.close()
+    tags = ("Make", "Model", "Exif:LensModel", "Exif:FocalLength")
+    values = [str(value).strip() for tag in tags if (value := spec.getattribute(tag))]
+    return Lens(" ".join(values), _number(spec.getattribute("Exif:FocalLengthIn35mmFilm")) or 0.0)
 
 
 def exposure_in_stops(path: Path) -> float | None:

@@ -63,7 +63,7 @@ def test_a_downscale_factor_needs_no_folder_of_copies(processed: Path):
 
 
 def test_a_capture_without_transforms_says_what_to_type(tmp_path: Path, capture):
-    with pytest.raises(CaptureError, match=r"no transforms\.json.*ns-process-data"):
+    with pytest.raises(CaptureError, match=r"no transforms\.json.*desplat-process"):
         outputs_of(tmp_path)
     with pytest.raises(CaptureError, match=r"no transforms\.json.*`colmap --data "):
         outputs_of(capture())

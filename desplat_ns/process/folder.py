@@ -1,0 +1,189 @@
+"""The folder that becomes a capture: where things lie in it, and the record of what is done.
+
+    OUTPUT/images         the undistorted photos                 } the capture
+    OUTPUT/sparse/0       cameras, poses and points              }
+    OUTPUT/cameras.png    cameras and points from above
+    OUTPUT/process.json   what was asked for, the stages done with their times, the findings
+    OUTPUT/work           photos, features, matches, models; removed at the end
+
+`process.json` is replaced as a whole, so a kill leaves the old or the new one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from desplat_ns.console import list_names
+from desplat_ns.errors import ConfigError, DeSplatError
+
+RECORD = "process.json"
+FEW_BYTES = 20_000_000
+"""With less left on the disk, what went wrong went wrong because the disk is full."""
+
+
+@dataclass
+class Folder:
+    """A capture in the making."""
+
+    output: Path
+    asked: Mapping[str, str]
+    """The options that decide what comes out."""
+    files: Mapping[str, int]
+    """The sources and their sizes in bytes."""
+    stages: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """Those that are done, in order: `seconds` and `result`."""
+
+    @property
+    def work(self) -> Path:
+        """Where everything lies that only matters until the capture is made."""
+        return self.output / "work"
+
+    @property
+    def images(self) -> Path:
+        """The capture's photos."""
+        return self.output / "images"
+
+    @property
+    def model(self) -> Path:
+        """The capture's reconstruction."""
+        return self.output / "sparse" / "0"
+
+    @property
+    def picture(self) -> Path:
+        """Cameras and points from above."""
+        return self.output / "cameras.png"
+
+    @property
+    def log(self) -> Path:
+        """What pycolmap said."""
+        return self.work / "colmap.log"
+
+    def stage(self, name: str, do: Callable[[], Any]) -> Any:
+        """The result of a stage: what the record has, or what `do` gives, which is recorded."""
+        if name not in self.stages:
+            begin = monotonic()
+            result = do()
+            self.stages[name] = {"seconds": round(monotonic() - begin, 1), "result": result}
+            self.save()
+        return self.stages[name]["result"]
+
+    def save(self) -> None:
+        """Write the record.
+
+        Raises:
+            DeSplatError: it cannot be written.
+        """
+        told = {"asked": self.asked, "files": self.files, "stages": self.stages}
+        try:
+            self.work.mkdir(parents=True, exist_ok=True)
+            write_whole(self.output / RECORD, json.dumps(told, indent=1, ensure_ascii=False))
+        except OSError as error:
+            raise unwritable(self.output, error) from error
+
+    def discard(self) -> None:
+        """Remove the record as well: nothing came out that a second call could use."""
+        self.remove_work()
+        (self.output / RECORD).unlink(missing_ok=True)
+        with suppress(OSError):
+            self.output.rmdir()  # where it is empty
+
+    def remove_work(self) -> None:
+        """Remove what only mattered on the way."""
+        shutil.rmtree(self.work, ignore_errors=True)
+
+
+def open_folder(output: Path, asked: Mapping[str, str], files: Mapping[str, int]) -> Folder:
+    """A new folder, or the one in which a call with the same photos and options was at work.
+
+    Raises:
+        ConfigError: something else lies there, or other photos or options were processed there.
+    """
+    record = output / RECORD
+    if not record.is_file():
+        _check_nothing_there(output)
+        folder = Folder(output, asked, files)
+        folder.save()
+        return folder
+    try:
+        told = json.loads(record.read_text("utf8"))
+        found = Folder(output, told["asked"], told["files"], told["stages"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ConfigError(
+            f"{record} cannot be read ({error}). Remove {output} to begin anew, or name another "
+            "folder."
+        ) from error
+    changes = _changes(found, asked, files)
+    if changes:
+        raise ConfigError(
+            f"{output} was begun with other photos or options: {'; '.join(changes)}. Give the same "
+            f"to go on with it, name another folder, or remove {output} to begin anew."
+        )
+    return found
+
+
+def _check_nothing_there(output: Path) -> None:
+    if output.is_file():
+        raise ConfigError(f"{output} is a file. Name a folder for the capture.")
+    entries = sorted(path.name for path in output.iterdir()) if output.is_dir() else []
+    if entries:
+        raise ConfigError(
+            f"{output} holds something else: {list_names(entries, 5)}. Nothing is written over: "
+            "name a new or an empty folder."
+        )
+
+
+def _changes(found: Folder, asked: Mapping[str, str], files: Mapping[str, int]) -> list[str]:
+    changes = [
+        f"--{name.replace('_', '-')} was {found.asked.get(name)} and is {value}"
+        if name != "photos"
+        else f"the photos were those of {found.asked.get(name)} and are those of {value}"
+        for name, value in asked.items()
+        if found.asked.get(name) != value
+    ]
+    for what, names in (
+        ("are new", files.keys() - found.files.keys()),
+        ("are gone", found.files.keys() - files.keys()),
+        ("have changed", {n for n in files.keys() & found.files if files[n] != found.files[n]}),
+    ):
+        if names:
+            changes.append(f"{len(names)} files {what} ({list_names(sorted(names), 3)})")
+    return changes
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file so that it is never seen half written. Raises OSError."""
+    part = path.with_name(f"{path.name}.part")
+    with part.open("w", encoding="utf8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    part.replace(path)
+
+
+def unwritable(output: Path, error: Exception) -> DeSplatError:
+    """What to say where writing failed."""
+    if disk_is_full(output):
+        return disk_full(output)
+    return ConfigError(f"Nothing can be written to {output} ({error}). Name another folder.")
+
+
+def disk_is_full(output: Path) -> bool:
+    """Whether hardly anything is left on the disk of a folder, which need not exist yet."""
+    there = next(path for path in (output.resolve(), *output.resolve().parents) if path.exists())
+    return shutil.disk_usage(there).free < FEW_BYTES
+
+
+def disk_full(output: Path) -> DeSplatError:
+    """What to say where the disk is full."""
+    return DeSplatError(
+        f"The disk of {output} is full. What is done is kept: make room, and the same command goes "
+        "on where it stopped. A smaller --longest-side needs less."
+    )

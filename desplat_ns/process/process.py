@@ -1,0 +1,92 @@
+"""Photos or a video to a capture: the stages in their order, each done once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from desplat_ns.console import announce
+from desplat_ns.errors import CaptureError
+from desplat_ns.process.attempts import Attempt, Task, best_attempt
+from desplat_ns.process.cameras import group_by_camera
+from desplat_ns.process.folder import Folder, open_folder, unwritable
+from desplat_ns.process.jobs import run_job
+from desplat_ns.process.photos import Photo
+from desplat_ns.process.preparation import masks_of, usable_photos
+from desplat_ns.process.request import Request
+from desplat_ns.process.sources import Sources
+from desplat_ns.process.told import no_model, report_lines
+from desplat_ns.process.top_view import draw_from_above
+
+
+def process(request: Request, sources: Sources) -> Folder:
+    """Make the capture, or go on where an earlier call stopped; says what came out.
+
+    Raises:
+        ConfigError: the output folder holds something else, or was begun with other options.
+        CaptureError: too few photos can be used, or nothing ties them together.
+        DeSplatError: the disk is full, or pycolmap failed. What is done is kept.
+    """
+    folder = open_folder(request.output, request.lasting(), sources.fingerprint())
+    if "findings" in folder.stages:
+        announce(f"{folder.output} is made already; to make it anew, remove it first.")
+    else:
+        try:
+            _make(folder, request, sources)
+        except OSError as error:
+            raise unwritable(folder.output, error) from error
+    for line in report_lines(folder):
+        announce(line)
+    if not request.keep_work:
+        folder.remove_work()
+    return folder
+
+
+def _make(folder: Folder, request: Request, sources: Sources) -> None:
+    if folder.stages:
+        announce(f"Going on in {folder.output}; done already: {', '.join(folder.stages)}.")
+    photos = usable_photos(folder, request, sources)
+    cameras = group_by_camera(photos, request.cameras, request.camera_model)
+    announce(f"{len(photos)} photos, {len(cameras)} camera{'s' if len(cameras) > 1 else ''}.")
+    how = "sequential" if sources.is_video and request.matching == "auto" else request.matching
+    masks = masks_of(folder, request, photos)
+    best = best_attempt(Task(folder, request, photos, cameras, masks, how))
+    if not best.models:
+        raise CaptureError(no_model(best.left_out))
+    findings = _findings(best, photos)
+    folder.stage("undistortion", lambda: _undistort(folder, request, photos, best))
+    title = f"{findings['photos']} cameras and {findings['points']} points from above"
+    draw_from_above(folder.work / "view.npz", folder.picture, title)
+    folder.stage("findings", lambda: findings)
+
+
+def _findings(best: Attempt, photos: Sequence[Photo]) -> dict[str, Any]:
+    """What the report says."""
+    model = best.models[0]
+    return {
+        "photos": best.num_posed,
+        "of": len(photos),
+        "others": [len(other["photos"]) for other in best.models[1:]],
+        "points": model["points"],
+        "observations": model["observations"],
+        "error": model["error"],
+        "recipe": best.recipe.name,
+        "left_out": [asdict(photo) for photo in best.left_out],
+    }
+
+
+def _undistort(folder: Folder, request: Request, photos: Sequence[Photo], best: Attempt) -> None:
+    run_job(
+        folder,
+        "undistortion",
+        "undistortion",
+        {
+            "model": folder.work / best.recipe.name / "models" / best.models[0]["folder"],
+            "photos": folder.work / "photos",
+            "output": folder.output,
+            "names": {photo.copy: photo.name for photo in photos},
+            "longest_side": request.longest_side,
+            "threads": request.num_threads,
+        },
+    )

@@ -1,0 +1,73 @@
+"""What is said of a capture: matches that do not belong to the scene, and the report at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from desplat_ns.console import list_names
+from desplat_ns.process.folder import Folder
+from desplat_ns.process.reasons import LeftOut
+
+LISTED = 20
+"""Photos that are left out and named with their reason; process.json has all."""
+
+CAMERA_STANDS_STILL = (
+    "The camera does not move: matches between photos sit at equal pixel positions, and without "
+    "those hardly any are left. Depth is seen from different places only: walk around while taking "
+    "photos. If a watermark or a part of the camera's stand is all that matches, the photos share "
+    "no place."
+)
+
+
+def about_stationary(matches: Mapping[str, Any], has_mask: bool) -> Iterator[str]:
+    """What to say of matches at equal positions; nothing where there are few.
+
+    Args:
+        matches: as `matches.match_photos` describes them.
+    """
+    if not matches["left_out"]:
+        return
+    share, (left, top, right, bottom) = matches["stationary"]["share"], matches["stationary"]["box"]
+    yield (
+        f"{share:.0%} of the matches sit at equal pixel positions in both photos, most of them "
+        f"{left:.0%} to {right:.0%} from the left and {top:.0%} to {bottom:.0%} from the top: "
+        "something stands still in the picture (a watermark, a dashboard, a selfie stick), or the "
+        "camera does. Those matches are left out."
+        + ("" if has_mask else " To keep features off it: --mask PICTURE, black where it is.")
+    )
+
+
+def no_model(missing: Sequence[LeftOut]) -> str:
+    """The error where no three photos have poses."""
+    reasons = [f"{photo.source}: {photo.reason}" for photo in missing]
+    return (
+        f"No three of the {len(missing)} photos could be put together. {list_names(reasons, 5)}. "
+        "Needed are photos that overlap by two thirds, from places some steps apart, sharp, of "
+        "something with structure."
+    )
+
+
+def report_lines(folder: Folder) -> Iterator[str]:
+    """The report of a capture that is made."""
+    told = folder.stages["findings"]["result"]
+    yield (
+        f"{told['photos']} of {told['of']} photos have a pose, {told['points']} points, mean "
+        f"reprojection error {told['error']:.2f} pixels ({told['recipe']} features)."
+    )
+    if told["others"]:
+        sizes = " and ".join(str(size) for size in told["others"])
+        yield (
+            f"The photos fell into {len(told['others']) + 1} models that could not be joined; the "
+            f"largest is taken, with {told['photos']} photos (the others have {sizes})."
+        )
+    if told["left_out"]:
+        yield f"Left out, with the probable reason (all are in {folder.output / 'process.json'}):"
+    for photo in told["left_out"][:LISTED]:
+        yield f"  {photo['source']}: {photo['reason']}"
+    if len(told["left_out"]) > LISTED:
+        yield f"  and {len(told['left_out']) - LISTED} more"
+    times = (f"{name} {stage['seconds']:.0f} s" for name, stage in folder.stages.items())
+    yield f"Time: {', '.join(times)}."
+    yield f"Cameras and points from above: {folder.picture}"
+    yield f"Train with: ns-train desplat --data '{folder.output}'"
