@@ -5,20 +5,17 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from desplat_ns.calibration.timing import all_cores
 from desplat_ns.console import announce, progress_in_time
-from desplat_ns.errors import ConfigError, print_user_errors_plainly
-from desplat_ns.layouts.recognition import recognise
+from desplat_ns.errors import CaptureError, ConfigError, print_user_errors_plainly
 from desplat_ns.studies.grid.executors import ExecutorName, executor_of
-from desplat_ns.studies.grid.settings import method_config
-from desplat_ns.studies.tradeoff.report import write_report
-from desplat_ns.studies.tradeoff.study import Request, Sitting, open_study
-from desplat_ns.studies.tradeoff.subject import METHOD
 from desplat_ns.training.budget import seconds_of
+
+if TYPE_CHECKING:  # seconds: not before the options are checked
+    from desplat_ns.studies.tradeoff.study import Request
 
 MOST_JOBS = 8
 """Trainings beside each other, unless more are asked for."""
@@ -56,10 +53,17 @@ class Arguments:
         """
         if self.jobs < 0:
             raise ConfigError(f"--jobs is {self.jobs}; give 1 or more, or 0 to have it chosen.")
+        seconds = seconds_of(self.time, "--time")
+        if not self.data.exists():
+            raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
+
+        from desplat_ns.studies.grid.settings import method_config
+        from desplat_ns.studies.tradeoff.study import Request
+        from desplat_ns.studies.tradeoff.subject import METHOD
+
         parser = parser or recognised_words(self.data)
         jobs = self.jobs or default_jobs(method_config(METHOD).machine.device_type)
         executor = executor_of(self.executor, jobs, self.ray_address)
-        seconds = seconds_of(self.time, "--time")
         return Request(self.data, parser, self.output, seconds, jobs, executor)
 
 
@@ -69,6 +73,8 @@ def recognised_words(data: Path) -> tuple[str, ...]:
     Raises:
         CaptureError: no capture is found.
     """
+    from desplat_ns.layouts.recognition import recognise
+
     found = recognise(data)
     announce(found.line())
     return found.match.words
@@ -76,6 +82,8 @@ def recognised_words(data: Path) -> tuple[str, ...]:
 
 def default_jobs(device: str) -> int:
     """Trainings beside each other: a GPU is shared badly, and times beside others mean little."""
+    from desplat_ns.calibration.timing import all_cores
+
     return min(all_cores(), MOST_JOBS) if device == "cpu" else 1
 
 
@@ -85,6 +93,9 @@ def study(request: Request) -> Path:
     Raises:
         DeSplatError: the capture, the time or the folder will not do.
     """
+    from desplat_ns.studies.tradeoff.report import write_report
+    from desplat_ns.studies.tradeoff.study import Sitting, open_study
+
     results = open_study(request)
 
     def spent() -> float:

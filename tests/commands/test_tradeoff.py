@@ -65,12 +65,14 @@ def test_options_of_the_data_parser_follow_its_name():
         parse(["photos", "--tiem", "5min"])
 
 
-def test_options_that_cannot_be_are_named():
+def test_options_that_cannot_be_are_named(tmp_path: Path):
     with pytest.raises(ConfigError, match="--time is 'soon'"):
         Arguments(Path("photos"), time="soon").request(("colmap",))
     with pytest.raises(ConfigError, match="--jobs is -1"):
         Arguments(Path("photos"), jobs=-1).request(("colmap",))
-    assert Arguments(Path("photos")).request(("colmap",)).jobs >= 1
+    with pytest.raises(CaptureError, match="There is no 'photos'"):
+        Arguments(Path("photos")).request(("colmap",))
+    assert Arguments(tmp_path).request(("colmap",)).jobs >= 1
 
 
 def test_a_gpu_has_one_training_at_a_time():
