@@ -175,8 +175,7 @@ class Placement:
 
         Returns:
             The pixels in which opacity is free; None if nothing is found, or in the warm-up, in
-            which views are only remembered. Residuals are averaged over some cells, so a region
-            reaches beyond what stands there: distractors keep off its outermost cells.
+            which views are only remembered.
         """
         if self.num_views <= LEAST_VIEWS:
             return None
@@ -189,12 +188,11 @@ class Placement:
         )
         if step < config.static_warmup:
             return None
-        inside = regions
         if step < config.stop_placing_at:
-            visit.inside = inside
+            visit.inside = regions
         if step >= config.leave_out_at:
             visit.left_out = regions
-        return pixels_of(inside, *visit.photo.shape[:2])
+        return pixels_of(regions, *visit.photo.shape[:2])
 
     @torch.no_grad()
     def place(

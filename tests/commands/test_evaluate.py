@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,8 @@ import pytest
 import torch
 import yaml
 from PIL import Image
+
+from tests.helpers.quick_command import check_quick_command
 
 pytestmark = pytest.mark.slow
 
@@ -211,17 +211,6 @@ def test_the_command_names_what_is_not_there(tmp_path: Path):
         Evaluate(tmp_path / "absent.yml", output_path=tmp_path / "figures.txt").main()
 
 
-SILENT = """
-import sys
-sys.argv = ["desplat-eval", *sys.argv[1:]]
-from desplat_ns.commands.evaluate import main
-try:
-    main()
-finally:
-    assert not {"torch", "nerfstudio.engine.trainer"} & set(sys.modules), "a heavy import"
-"""
-
-
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
@@ -233,9 +222,4 @@ finally:
 def test_help_and_mistakes_import_nothing_heavy(
     arguments: list[str], status: int, words: str, checkout: Path
 ):
-    found = subprocess.run(
-        [sys.executable, "-c", SILENT, *arguments], cwd=checkout, capture_output=True, text=True
-    )
-    assert words in found.stdout + found.stderr
-    assert "heavy" not in found.stderr
-    assert found.returncode == status
+    check_quick_command("evaluate", arguments, status, words, checkout)

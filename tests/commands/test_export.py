@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ from PIL import Image
 
 from desplat_ns.errors import ConfigError
 from tests.helpers.glb_reader import read_glb
+from tests.helpers.quick_command import check_quick_command
 
 TRAINING_PHOTOS = 6
 
@@ -116,16 +115,6 @@ def test_a_light_is_refused_where_photos_have_none(trained: Path, tmp_path: Path
     assert list(tmp_path.iterdir()) == []
 
 
-SILENT = """
-import sys
-sys.argv = ["desplat-export", *sys.argv[1:]]
-from desplat_ns.commands.export import main
-try:
-    main()
-finally:
-    assert not {"torch", "nerfstudio.engine.trainer"} & set(sys.modules), "a heavy import"
-"""
-
 SPLATS = ["splats", "--load-config", "absent.yml", "--output"]
 MASKS = ["masks", "--load-config", "absent.yml", "--output", "masks"]
 
@@ -147,9 +136,4 @@ MASKS = ["masks", "--load-config", "absent.yml", "--output", "masks"]
 def test_help_and_mistakes_import_nothing_heavy(
     arguments: list[str], status: int, words: str, checkout: Path
 ):
-    found = subprocess.run(
-        [sys.executable, "-c", SILENT, *arguments], cwd=checkout, capture_output=True, text=True
-    )
-    assert words in found.stdout + found.stderr
-    assert "heavy" not in found.stderr
-    assert found.returncode == status
+    check_quick_command("export", arguments, status, words, checkout)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +12,7 @@ import pytest
 import yaml
 
 from desplat_ns.errors import CheckpointError, ConfigError
+from tests.helpers.quick_command import check_quick_command
 
 NUM_TRAIN, NUM_TEST = 6, 2
 
@@ -132,17 +131,6 @@ def test_a_negative_number_of_photos_is_refused(option: str):
         Report(Path("config.yml"), **negative).main()
 
 
-SILENT = """
-import sys
-sys.argv = ["desplat-report", *sys.argv[1:]]
-from desplat_ns.commands.report import main
-try:
-    main()
-finally:
-    assert not {"torch", "nerfstudio.engine.trainer"} & set(sys.modules), "a heavy import"
-"""
-
-
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
@@ -154,9 +142,4 @@ finally:
 def test_help_and_mistakes_import_nothing_heavy(
     arguments: list[str], status: int, words: str, checkout: Path
 ):
-    found = subprocess.run(
-        [sys.executable, "-c", SILENT, *arguments], cwd=checkout, capture_output=True, text=True
-    )
-    assert words in found.stdout + found.stderr
-    assert "heavy" not in found.stderr
-    assert found.returncode == status
+    check_quick_command("report", arguments, status, words, checkout)
