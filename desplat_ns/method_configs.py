@@ -107,7 +107,10 @@ def separating_distractors() -> DistractorConfig:
 def desplat_model(effects: EffectsConfig) -> DeSplatModelConfig:
     """What works in runs of any length."""
     return DeSplatModelConfig(
-        effects=effects, distractors=separating_distractors(), gaussians_per_pixel=0.05
+        effects=effects,
+        distractors=separating_distractors(),
+        gaussians_per_pixel=0.05,
+        opacity_prior=0.2,
     )
 
 

@@ -29,6 +29,7 @@ from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_downloads,
 )
 from desplat_ns.training.budget import Stretch
+from desplat_ns.training.losses import mean_shown_opacity
 from desplat_ns.training.run_length import (
     SPLATFACTOS_INTERVAL,
     degree_for,
@@ -82,9 +83,9 @@ class StaticModelConfig(LitModelConfig):
     hold in place become floaters. 0 for no limit, as in the paper. A capture that starts with more
     keeps those, but does not grow."""
     opacity_prior: float = 0.0
-    """Weight of the mean opacity of the static Gaussians, divided by the number of training photos:
-    the fewer photos there are, the more it says beside them. What no photo needs fades and is
-    pruned (docs/separation.md, "What nobody sees"). 0 in the paper."""
+    """Weight of the mean opacity of the static Gaussians that a photo shows, divided by the number
+    of training photos: the fewer there are, the more it says beside them. What no photo needs fades
+    and is pruned (docs/separation.md, "What nobody sees"). 0 in the paper."""
     density_control: Literal["gradients", "relocation"] = "gradients"
     """gradients: clone and split what has large ones, prune what is faint, reset opacities (ADC).
     relocation: move what is faint, with a price on opacity and size (3DGS as MCMC)."""
@@ -149,6 +150,8 @@ class StaticModel(LitModel):
 
     config: StaticModelConfig
     lpips: LazyLpips  # pyright: ignore[reportIncompatibleVariableOverride]
+    shown: Tensor
+    """Which static Gaussians [N] the view that was last drawn in training shows."""
 
     def populate_modules(self) -> None:
         """Static Gaussians at the 3D points, and what the effects need."""
@@ -199,7 +202,8 @@ class StaticModel(LitModel):
         losses = super().get_loss_dict(outputs, batch, metrics_dict)
         if self.training and self.config.opacity_prior > 0:
             weight = self.config.opacity_prior / self.num_train_data
-            losses["opacity_prior"] = weight * self.gauss_params["opacities"].sigmoid().mean()
+            opacities = self.gauss_params["opacities"]
+            losses["opacity_prior"] = weight * mean_shown_opacity(opacities, self.shown)
         if self.training and self.config.density_control == "relocation":
             losses["relocation"] = self.config.relocation.price(self.gauss_params)
         return losses
@@ -230,7 +234,7 @@ class StaticModel(LitModel):
             splats = lit(embedding)
         rendering = self.rasterizer(splats, view, settings)
         if self.training:
-            self.info = strategy_info(rendering, view)
+            self.shown, self.info = rendering.visible, strategy_info(rendering, view)
             self.strategy.step_pre_backward(
                 self.gauss_params, self.optimizers, self.strategy_state, self.step, self.info
             )

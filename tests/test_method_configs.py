@@ -77,11 +77,12 @@ def test_the_paper_is_refined_and_culled_like_the_splatfacto_it_was_built_on():
     assert model.refine_every == 100
     assert model.cull_to_the_end
     assert model.gaussians_per_pixel == 0
+    assert model.opacity_prior == 0
     assert model.for_run(400).distractors.refine_every == 100
     assert model.distractors == DistractorConfig(cull_to_the_end=True)
 
 
-def test_the_methods_differ_in_the_survey_distractors_and_refinement_alone():
+def test_the_methods_differ_in_the_survey_distractors_refinement_and_prior_alone():
     ours: Any = desplat.config
     assert ours.pipeline.model.distractors == separating_distractors() != DistractorConfig()
     mine, paper = vars(ours.pipeline.model), vars(CONFIG.pipeline.model)
@@ -90,6 +91,7 @@ def test_the_methods_differ_in_the_survey_distractors_and_refinement_alone():
         "distractors",
         "refine_every",
         "gaussians_per_pixel",
+        "opacity_prior",
         "cull_to_the_end",
     }
     assert (ours.pipeline.model.effects.auto, CONFIG.pipeline.model.effects.auto) == (True, False)

@@ -68,11 +68,15 @@ def test_nothing_is_charged_for_relocation_where_gradients_control_the_density()
     assert "relocation" not in Trainer(model).step(1)["losses"]
 
 
-def test_an_opacity_prior_is_the_mean_opacity_over_the_number_of_photos():
+def test_an_opacity_prior_is_the_mean_of_what_the_view_shows_over_the_number_of_photos():
     model = make_model(opacity_prior=0.6, distractors=DistractorConfig(per_view=20))
-    opacity = model.gauss_params["opacities"].sigmoid().mean().detach()
+    with torch.no_grad():
+        model.means[: model.num_points // 2] += 1e4  # beyond every view
+    opacities = model.gauss_params["opacities"].detach().sigmoid()
     charged = Trainer(model).step(1)["losses"]["opacity_prior"]
-    assert float(charged.detach()) == pytest.approx(float(0.6 / model.num_train_data * opacity))
+    assert 0 < int(model.shown.sum()) < model.num_points
+    expected = 0.6 / model.num_train_data * float(opacities[model.shown].mean())
+    assert float(charged.detach()) == pytest.approx(expected)
 
 
 def test_without_an_opacity_prior_nothing_is_charged():

@@ -1,4 +1,5 @@
-"""The terms of Eq. 5: photometric, for an image or for the static scene alone, and of opacities.
+"""The terms of Eq. 5: photometric, for an image or for the static scene alone, and of opacities;
+and the price of what no photo needs.
 
 In training the photometric term of the composite is Splatfacto's and stays there.
 """
@@ -63,3 +64,20 @@ def static_photometric_loss(
     l1 = ((1 - owned) * (static - photo).abs()).mean()
     target = torch.lerp(photo, static.detach(), owned)
     return _mixed(l1, ssim(static, target), ssim_weight)
+
+
+def mean_shown_opacity(
+    opacities: Float[Tensor, "N 1"], visible: Bool[Tensor, " N"]
+) -> Float[Tensor, ""]:
+    """Mean opacity, in [0, 1], of the Gaussians that a view shows; 0 where it shows none.
+
+    Those that it does not show stay out: Adam would move what few photos see at every step, while
+    the photos speak for it at a few.
+
+    Args:
+        opacities: logits.
+
+    Source: the regularizer of Kheradmand et al. 2024 (Sec. 3.4), which is over all Gaussians.
+    """
+    shown = visible[:, None].to(opacities)
+    return (opacities.sigmoid() * shown).sum() / shown.sum().clamp(min=1)

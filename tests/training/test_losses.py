@@ -6,6 +6,7 @@ import torch
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
+    mean_shown_opacity,
     photometric_loss,
     static_photometric_loss,
     static_transparency_loss,
@@ -72,3 +73,16 @@ def test_the_loss_is_the_photometric_one():
     planes = [x.permute(2, 0, 1)[None] for x in (image, photo)]
     expected = 0.8 * (image - photo).abs().mean() + 0.2 * (1 - ssim(*planes, data_range=1.0))
     torch.testing.assert_close(photometric_loss(image, photo, 0.2), expected)
+
+
+def test_the_mean_shown_opacity_is_of_what_the_view_shows_and_moves_nothing_else():
+    opacities = torch.tensor([[0.0], [1e3], [-1e3]], requires_grad=True)
+    mean = mean_shown_opacity(opacities, torch.tensor([True, False, True]))
+    mean.backward()
+    assert mean.item() == pytest.approx(0.25)
+    assert opacities.grad is not None
+    assert opacities.grad.flatten().tolist() == pytest.approx([0.125, 0.0, 0.0])
+
+
+def test_of_nothing_shown_the_mean_opacity_is_zero():
+    assert mean_shown_opacity(torch.ones(2, 1), torch.zeros(2, dtype=torch.bool)).item() == 0
