@@ -8,6 +8,7 @@ from typing import Any
 from desplat_ns.console import list_names
 from desplat_ns.process.folder import Folder
 from desplat_ns.process.reasons import LeftOut
+from desplat_ns.process.recipes import PLAIN, THOROUGH
 
 LISTED = 20
 """Photos that are left out and named with their reason; process.json has all."""
@@ -46,6 +47,20 @@ def no_model(missing: Sequence[LeftOut]) -> str:
         "Needed are photos that overlap by two thirds, from places some steps apart, sharp, of "
         "something with structure."
     )
+
+
+def may_be_made_thoroughly(folder: Folder) -> bool:
+    """Whether a finished capture is one of plain features and the thorough way was not tried."""
+    recipe = folder.stages["findings"]["result"]["recipe"]
+    return recipe == PLAIN.name and f"mapping ({THOROUGH.name})" not in folder.stages
+
+
+def made_already(folder: Folder) -> str:
+    """What to say where nothing is left to do, and what to type to have it done differently."""
+    line = f"{folder.output} is made already."
+    if may_be_made_thoroughly(folder):
+        line += " To try the thorough way on it, type the same with --effort thorough."
+    return f"{line} To make it anew, remove it first: rm -r '{folder.output}'."
 
 
 def report_lines(folder: Folder) -> Iterator[str]:
