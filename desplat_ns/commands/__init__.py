@@ -1,5 +1,8 @@
 """The package's own commands, one file each: options and printing only.
 
+`surveyed` is what `survey` does once its options are checked, `parser_words` reads the name and the
+options of a data parser behind a command's own.
+
 May import `method_configs`, `calibration`, `pipeline`, `static_model`, `evaluation`, `survey`,
 `photo_tourism`, `layouts`, `datamanager`, `studies`, `report`, `export`, `process`, `training`,
 `data`, `effects`, `options`, `console` and `errors`.

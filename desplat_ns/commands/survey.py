@@ -2,110 +2,65 @@
 
 from __future__ import annotations
 
-import json
 import sys
-from dataclasses import asdict, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
 
-from desplat_ns.console import announce
-from desplat_ns.data.images import write_image
-from desplat_ns.datamanager import without_prompts
-from desplat_ns.effects import Effects
-from desplat_ns.errors import ConfigError, print_user_errors_plainly
-from desplat_ns.layouts.choices import AnyDataParser
-from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
-from desplat_ns.static_model import StaticModelConfig
-from desplat_ns.survey.capture import Capture, capture_of
-from desplat_ns.survey.decide import effects_of
-from desplat_ns.survey.findings import Survey
-from desplat_ns.survey.picture import evidence_picture
-from desplat_ns.survey.survey import survey_with_evidence
+from desplat_ns.commands.parser_words import data_parser, parse
+from desplat_ns.errors import CaptureError, ConfigError, print_user_errors_plainly
+
+if TYPE_CHECKING:  # seconds: not before the options are checked
+    from desplat_ns.survey.findings import Survey
 
 
-def survey_capture(
-    data: Annotated[Path | None, tyro.conf.Positional] = None,
-    output: Path = Path("survey"),
-    measure_costs: bool = True,
-    dataparser: AnyDataParser | None = None,
-) -> Survey:
+@dataclass
+class Arguments:
     """Say which effects a capture calls for, before any training.
 
-    Without a data parser's name, the capture's layout is recognised, as in ns-train.
-
-    Args:
-        data: Folder of the capture.
-        output: Folder for survey.json (the findings) and survey.png (a sheet of the evidence).
-        measure_costs: Whether to time training steps with and without what is called for.
-        dataparser: As in ns-train, with its options.
+    A data parser's name and its options may follow, as in ns-train: colmap, nerfstudio-data,
+    robustnerf-data, photo-tourism-data, on-the-go-data, or another of nerfstudio's. Without them
+    the capture's layout is recognised, as there. `desplat-survey DATA colmap --help` lists the
+    options of colmap.
     """
-    capture = capture_of(_outputs(data, dataparser))
-    found, evidence = survey_with_evidence(capture)
-    for line in found.summary():
-        announce(line)
-    told = json.loads(found.to_json())
-    _write(told, output)
-    write_image(output / "survey.png", evidence_picture(evidence))
-    if measure_costs:
-        _write(told | {"on_this_machine": costs_on_this_machine(found, capture)}, output)
-    announce(f"Saved {output / 'survey.json'} and {output / 'survey.png'}.")
-    return found
 
+    data: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")] = None
+    """Folder of the capture. May be left out if a data parser gets it by its own --data."""
+    output: Path = Path("survey")
+    """Folder for survey.json (the findings) and survey.png (a sheet of the evidence)."""
+    measure_costs: bool = True
+    """Whether to time training steps with and without what is called for."""
 
-def _write(told: dict[str, Any], output: Path) -> None:
-    """Write survey.json. Raises ConfigError where that cannot be done."""
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        (output / "survey.json").write_text(json.dumps(told, indent=2) + "\n", "utf8")
-    except OSError as error:
-        raise ConfigError(
-            f"--output is '{output}', where nothing can be written ({error}). Name another folder."
-        ) from error
+    def survey(self, parser: tuple[str, ...]) -> Survey:
+        """Check what can be checked at once, then survey.
 
+        Args:
+            parser: name and options of a data parser; empty to have the layout recognised.
 
-def costs_on_this_machine(found: Survey, capture: Capture) -> dict[str, Any]:
-    """Time steps with each effect that is called for, and with all of them; say so.
-
-    Returns:
-        The size of the step, as JSON, and each case with its effects.
-    """
-    from desplat_ns.calibration.effects_cost import StepSize, measure  # takes seconds
-    from desplat_ns.method_configs import desplat
-
-    model = cast(StaticModelConfig, desplat.config.pipeline.model)
-    width, height = (int(side.median()) for side in (capture.cameras.width, capture.cameras.height))
-    num_photos = len(capture.photos)
-    size = StepSize.for_photos(width, height, num_photos, model.gaussians_per_pixel)
-    announce(
-        f"On this machine, at {size.width} x {size.height} pixels and {size.num_gaussians} static "
-        "Gaussians (before any distractor is placed):"
-    )
-    nothing, every = Effects(distractors=False), effects_of(found)
-    called_for = {k: v for k, v in asdict(every).items() if v not in (False, "off")}
-    alone = [replace(nothing, **{name: value}) for name, value in called_for.items()]
-    costs = measure(size, [*alone, every], num_photos)
-    for cost in costs:
-        announce(f"  {cost.line()}")
-    return {"size": asdict(size), "steps": [asdict(cost) for cost in costs]}
-
-
-def _outputs(data: Path | None, dataparser: DataParserConfig | None):
-    if dataparser is None:
-        if data is None:
+        Raises:
+            CaptureError: there is no such capture, or it cannot be surveyed.
+            ConfigError: no capture is named, or nothing can be written to `output`.
+        """
+        if self.data is None and not parser:
             raise ConfigError("No capture is named. Type: desplat-survey FOLDER.")
-        dataparser = DeSplatDataParserConfig(data=data)
-    elif data is not None:
-        dataparser.data = data  # pyright: ignore[reportAttributeAccessIssue]
-    return without_prompts(dataparser).setup().get_dataparser_outputs("train")
+        if self.data is not None and not self.data.exists():
+            raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
+        if self.output.is_file():
+            raise ConfigError(f"--output is '{self.output}', a file. Name a folder.")
+
+        from desplat_ns.commands.surveyed import survey_capture
+
+        chosen = data_parser("desplat-survey", parser) if parser else None
+        return survey_capture(self.data, self.output, self.measure_costs, chosen)
 
 
 def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
-    tyro.cli(survey_capture, description=__doc__)
+    arguments, parser = parse(Arguments, "desplat-survey", sys.argv[1:], data_may_follow=True)
+    arguments.survey(parser)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from desplat_ns.commands.parser_words import parse
 from desplat_ns.console import announce, progress_in_time
 from desplat_ns.errors import CaptureError, ConfigError, print_user_errors_plainly
 from desplat_ns.studies.grid.executors import ExecutorName, executor_of
@@ -26,7 +27,8 @@ class Arguments:
     """Measure what accuracy costs in time: rasterizers, trainings, evaluations.
 
     A data parser's name and its options, as `ns-train` takes them, may follow; without them the
-    capture's layout is recognised, as there.
+    capture's layout is recognised, as there. `desplat-tradeoff DATA colmap --help` lists the
+    options of colmap.
     """
 
     data: Annotated[Path, tyro.conf.Positional]
@@ -110,25 +112,10 @@ def study(request: Request) -> Path:
     return write_report(request.output, results, sitting.records)
 
 
-def parse(arguments: list[str]) -> tuple[Arguments, tuple[str, ...]]:
-    """The options, and the data parser's.
-
-    Raises:
-        ConfigError: an option is not known, and no data parser is named before it.
-    """
-    found, rest = tyro.cli(Arguments, args=arguments, return_unknown_args=True)
-    if rest and rest[0].startswith("-"):
-        raise ConfigError(
-            f"{rest[0]} is no option of desplat-tradeoff; see --help. Options of a data parser "
-            "follow its name, as in: desplat-tradeoff DATA colmap --downscale-factor 2."
-        )
-    return found, tuple(rest)
-
-
 def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
-    arguments, parser = parse(sys.argv[1:])
+    arguments, parser = parse(Arguments, "desplat-tradeoff", sys.argv[1:])
     report = study(arguments.request(parser))
     announce(f"Written: {report}")
 

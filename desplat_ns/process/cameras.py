@@ -52,7 +52,7 @@ def group_by_camera(photos: Sequence[Photo], cameras: Cameras, model: CameraMode
         if cameras == "photo" or (cameras == "auto" and many_people and not photo.camera):
             return (*size, index)
         if cameras == "auto":
-            return (*size, folder, photo.camera)
+            return (*size, folder, photo.camera, photo.focal)  # digital zoom changes the last alone
         return (*size, folder) if cameras == "folder" else size
 
     groups: dict[tuple, list[Photo]] = {}

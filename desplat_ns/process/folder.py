@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -74,6 +74,12 @@ class Folder:
             self.stages[name] = {"seconds": round(monotonic() - begin, 1), "result": result}
             self.save()
         return self.stages[name]["result"]
+
+    def forget(self, names: Iterable[str]) -> None:
+        """Strike stages from the record, so that they are done again. Raises as `save`."""
+        for name in list(names):
+            self.stages.pop(name, None)
+        self.save()
 
     def save(self) -> None:
         """Write the record.

@@ -16,8 +16,16 @@ from desplat_ns.process.photos import Photo
 from desplat_ns.process.preparation import masks_of, usable_photos
 from desplat_ns.process.request import Request
 from desplat_ns.process.sources import Sources
-from desplat_ns.process.told import no_model, report_lines
+from desplat_ns.process.told import (
+    made_already,
+    may_be_made_thoroughly,
+    no_model,
+    report_lines,
+)
 from desplat_ns.process.top_view import draw_from_above
+
+OF_THE_CAPTURE = ("undistortion", "findings")
+"""Stages whose results are the capture itself, not in the work folder."""
 
 
 def process(request: Request, sources: Sources) -> Folder:
@@ -29,13 +37,13 @@ def process(request: Request, sources: Sources) -> Folder:
         DeSplatError: the disk is full, or pycolmap failed. What is done is kept.
     """
     folder = open_folder(request.output, request.lasting(), sources.fingerprint())
-    if "findings" in folder.stages:
-        announce(f"{folder.output} is made already; to make it anew, remove it first.")
-    else:
+    if "findings" not in folder.stages or _goes_on_thoroughly(folder, request):
         try:
             _make(folder, request, sources)
         except OSError as error:
             raise unwritable(folder.output, error) from error
+    else:
+        announce(made_already(folder))
     for line in report_lines(folder):
         announce(line)
     if not request.keep_work:
@@ -43,8 +51,28 @@ def process(request: Request, sources: Sources) -> Folder:
     return folder
 
 
+def _goes_on_thoroughly(folder: Folder, request: Request) -> bool:
+    """Whether a capture that is made from plain features is to be made from thorough ones.
+
+    What is not in the work folder any more is struck from the record; the capture stays.
+    """
+    if request.effort != "thorough" or not may_be_made_thoroughly(folder):
+        return False
+    copies = [Photo(**photo) for photo in folder.stages.get("photos", {}).get("result", ())]
+    there = (folder.work / "photos" / photo.copy for photo in copies if not photo.problem)
+    whole = all(path.is_file() for path in there)
+    gone = ["masks"] if whole else [name for name in folder.stages if name not in OF_THE_CAPTURE]
+    folder.forget(gone)
+    announce(
+        f"{folder.output} is made from plain features. Once more, thoroughly; it stays as it is "
+        "until a better one is ready."
+    )
+    return True
+
+
 def _make(folder: Folder, request: Request, sources: Sources) -> None:
-    if folder.stages:
+    earlier = folder.stages.get("findings", {}).get("result")
+    if folder.stages and not earlier:
         announce(f"Going on in {folder.output}; done already: {', '.join(folder.stages)}.")
     photos = usable_photos(folder, request, sources)
     cameras = group_by_camera(photos, request.cameras, request.camera_model)
@@ -52,6 +80,11 @@ def _make(folder: Folder, request: Request, sources: Sources) -> None:
     how = "sequential" if sources.is_video and request.matching == "auto" else request.matching
     masks = masks_of(folder, request, photos)
     best = best_attempt(Task(folder, request, photos, cameras, masks, how))
+    if earlier:
+        if (earlier["photos"], earlier["observations"]) >= best.merit():
+            announce(f"That poses {best.num_posed} photos, no more: {folder.output} stays.")
+            return
+        folder.forget(OF_THE_CAPTURE)
     if not best.models:
         raise CaptureError(no_model(best.left_out))
     findings = _findings(best, photos)

@@ -44,7 +44,8 @@ class Request:
     """Which pairs are compared. auto: all up to 200 photos, above those that look alike; of a video
     neighbours and what looks alike."""
     effort: Effort = "auto"
-    """auto: plain, and where that leaves photos out thorough, which takes several times as long."""
+    """auto: plain, and where that leaves photos out thorough, which takes several times as long.
+    thorough takes up a capture that plain has finished."""
     mask: Path | None = None
     """Folder with a mask for each photo, or one picture for all: no features where it is black."""
     frames: int = 150

@@ -8,9 +8,10 @@ from typing import Any
 from desplat_ns.console import list_names
 from desplat_ns.process.folder import Folder
 from desplat_ns.process.reasons import LeftOut
+from desplat_ns.process.recipes import PLAIN, THOROUGH
 
 LISTED = 20
-"""Photos that are left out and named with their reason; process.json has all."""
+"""Reasons that are told, each with the first photos it holds for; process.json has all."""
 
 CAMERA_STANDS_STILL = (
     "The camera does not move: matches between photos sit at equal pixel positions, and without "
@@ -48,6 +49,20 @@ def no_model(missing: Sequence[LeftOut]) -> str:
     )
 
 
+def may_be_made_thoroughly(folder: Folder) -> bool:
+    """Whether a finished capture is one of plain features and the thorough way was not tried."""
+    recipe = folder.stages["findings"]["result"]["recipe"]
+    return recipe == PLAIN.name and f"mapping ({THOROUGH.name})" not in folder.stages
+
+
+def made_already(folder: Folder) -> str:
+    """What to say where nothing is left to do, and what to type to have it done differently."""
+    line = f"{folder.output} is made already."
+    if may_be_made_thoroughly(folder):
+        line += " To try the thorough way on it, type the same with --effort thorough."
+    return f"{line} To make it anew, remove it first: rm -r '{folder.output}'."
+
+
 def report_lines(folder: Folder) -> Iterator[str]:
     """The report of a capture that is made."""
     told = folder.stages["findings"]["result"]
@@ -63,11 +78,20 @@ def report_lines(folder: Folder) -> Iterator[str]:
         )
     if told["left_out"]:
         yield f"Left out, with the probable reason (all are in {folder.output / 'process.json'}):"
-    for photo in told["left_out"][:LISTED]:
-        yield f"  {photo['source']}: {photo['reason']}"
-    if len(told["left_out"]) > LISTED:
-        yield f"  and {len(told['left_out']) - LISTED} more"
+    yield from _by_reason(told["left_out"])
     times = (f"{name} {stage['seconds']:.0f} s" for name, stage in folder.stages.items())
     yield f"Time: {', '.join(times)}."
     yield f"Cameras and points from above: {folder.picture}"
     yield f"Train with: ns-train desplat --data '{folder.output}'"
+
+
+def _by_reason(missing: Sequence[Mapping[str, str]]) -> Iterator[str]:
+    """Lines of photos that were left out for the same reason."""
+    photos: dict[str, list[str]] = {}
+    for photo in missing:
+        photos.setdefault(photo["reason"], []).append(photo["source"])
+    for reason, sources in list(photos.items())[:LISTED]:
+        yield f"  {list_names(sources)}: {reason}"
+    if len(photos) > LISTED:
+        rest = sum(map(len, list(photos.values())[LISTED:]))
+        yield f"  and {rest} more photos, for {len(photos) - LISTED} other reasons"

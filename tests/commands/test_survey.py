@@ -2,14 +2,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
+from pathlib import Path
 
 import pytest
-import tyro
 
-from desplat_ns.commands.survey import survey_capture
+from desplat_ns.commands.parser_words import parse
+from desplat_ns.commands.survey import Arguments
+from desplat_ns.commands.surveyed import survey_capture
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.effects import Effects
 from desplat_ns.errors import CaptureError, ConfigError
+from tests.helpers.quick_command import check_quick_command
 
 
 def test_a_capture_is_found_and_the_findings_are_written(tiny_scene, tmp_path, capsys):
@@ -34,18 +37,35 @@ def test_a_data_parser_chooses_the_photos(tiny_scene, tmp_path):
 @pytest.mark.usefixtures("tyro_may_build")
 def test_the_command_takes_a_parser_by_its_name(tiny_scene, tmp_path):
     for parser in ("colmap", "robustnerf-data"):
-        arguments = [str(tiny_scene.folder), "--output", str(tmp_path / parser)]
-        arguments += ["--no-measure-costs", parser]
-        found = tyro.cli(survey_capture, args=[*arguments, "--data", str(tiny_scene.folder)])
-        assert found.num_photos > 0
+        folder = str(tiny_scene.folder)
+        words = ["--output", str(tmp_path / parser), "--no-measure-costs", parser, "--data", folder]
+        for given in ([folder, *words], words):
+            arguments, rest = parse(Arguments, "desplat-survey", given, data_may_follow=True)
+            found = arguments.survey(rest)
+            assert found.num_photos > 0
         assert (tmp_path / parser / "survey.json").is_file()
 
 
 def test_mistakes_say_what_to_do(tiny_scene, tmp_path):
     with pytest.raises(CaptureError, match=r"The folder .* is empty"):
-        survey_capture(tmp_path)
-    with pytest.raises(ConfigError, match="desplat-survey FOLDER"):
-        survey_capture()
+        survey_capture(tmp_path, tmp_path / "out")
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigError, match="--output"):
         survey_capture(tiny_scene.folder, tmp_path / "file")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["--help"], 0, "desplat-survey DATA colmap --help"),
+        (["absent"], 1, "Error: There is no 'absent'. Name the folder of a capture."),
+        (["absent", "colmap", "--downscale-factor", "2"], 1, "There is no 'absent'"),
+        ([".", "--output", "README.md"], 1, "--output is 'README.md', a file"),
+        ([".", "--tiem", "5"], 1, "--tiem is no option of desplat-survey"),
+        ([], 1, "Type: desplat-survey FOLDER"),
+    ],
+)
+def test_help_and_mistakes_import_nothing_heavy(
+    arguments: list[str], status: int, words: str, checkout: Path
+):
+    check_quick_command("survey", arguments, status, words, checkout)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.calibration.timing import all_cores
-from desplat_ns.commands.tradeoff import Arguments, default_jobs, parse, recognised_words, study
+from desplat_ns.commands.tradeoff import Arguments, default_jobs, recognised_words, study
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.studies.grid.executors import LocalExecutor
 from desplat_ns.studies.tradeoff import evaluation_level, plan
@@ -55,14 +55,6 @@ def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, mo
     before = (tmp_path / "out" / "training.json").read_bytes()
     study(replace(request, seconds=301.0))
     assert (tmp_path / "out" / "training.json").read_bytes() == before, "all of it was done"
-
-
-def test_options_of_the_data_parser_follow_its_name():
-    found, parser = parse(["photos", "--time", "5min", "colmap", "--downscale-factor", "2"])
-    assert (found.data, found.time) == (Path("photos"), "5min")
-    assert parser == ("colmap", "--downscale-factor", "2")
-    with pytest.raises(ConfigError, match="--tiem is no option of desplat-tradeoff"):
-        parse(["photos", "--tiem", "5min"])
 
 
 def test_options_that_cannot_be_are_named(tmp_path: Path):

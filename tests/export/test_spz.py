@@ -6,39 +6,22 @@ import gzip
 import struct
 from dataclasses import replace
 
-import gaussforge
 import numpy as np
 import pytest
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.export.splat_cloud import SplatCloud
 from desplat_ns.export.spz import fractional_bits, spz_bytes
 from tests.helpers.clouds import cloud, drawn, view
+from tests.helpers.splat_readers import read_splats
 
 ROUNDING = 1e-6
 """Of float32, in readers."""
 
 
-def read_back(content: bytes) -> SplatCloud:
-    """By gaussforge, a program in C++ around the format's reference implementation."""
-    found = gaussforge.GaussForge().read(content, "spz")["data"]
-
-    def array(name: str, *shape: int) -> np.ndarray:
-        return np.frombuffer(found[name], np.float32).reshape(found["numPoints"], *shape)
-
-    return SplatCloud(
-        means=array("positions", 3).astype(np.float64),
-        quats=array("rotations", 4),
-        scales=np.exp(array("scales", 3)),
-        opacities=1 / (1 + np.exp(-array("alphas"))),
-        harmonics=np.concatenate([array("colors", 1, 3), array("sh", -1, 3)], axis=1),
-    )
-
-
 @pytest.mark.parametrize("degree", [1, 2, 3])
 def test_every_value_comes_back_within_half_a_step(degree: int):
     written = cloud(count=500, degree=degree)
-    found = read_back(spz_bytes(written))
+    found = read_splats(spz_bytes(written))
     step = 2.0 ** -fractional_bits(written.means)
     assert np.abs(found.means - written.means).max() <= step / 2 + ROUNDING
     assert np.abs(np.log(found.scales / written.scales)).max() <= 1 / 32 + ROUNDING
@@ -54,7 +37,7 @@ def test_rotations_come_back_within_half_a_step_of_each_part():
     """Three parts in steps of 1 / (511 sqrt 2); the fourth, at least 1/2, follows from them: by
     Pythagoras its error is at most (sum of |part| error) / part <= sqrt(3) / (1/2) as large."""
     written = cloud(count=2000)
-    found = read_back(spz_bytes(written))
+    found = read_splats(spz_bytes(written))
     same_sign = np.sign((found.quats * written.quats).sum(1, keepdims=True))
     half = 0.5 / (511 * np.sqrt(2))
     assert np.abs(found.quats * same_sign - written.quats).max() <= 2 * np.sqrt(3) * half + 1e-5
@@ -64,7 +47,7 @@ def test_the_picture_stays_within_what_quantization_allows():
     """A step s leaves a mean square of s^2 / 12; the squares of a degree's harmonics sum to
     (2 degree + 1) / 4 pi. Blending only averages; shapes and opacities add a little: factor 2."""
     written = cloud(count=80)
-    found = read_back(spz_bytes(written))
+    found = read_splats(spz_bytes(written))
     steps = np.array([1 / 38.25, 1 / 64, 1 / 32, 1 / 32])
     colors = (np.array([1, 3, 5, 7]) / (4 * np.pi) * steps**2 / 12).sum()
     error = np.square(drawn(found, view()) - drawn(written, view())).mean()
@@ -78,7 +61,7 @@ def test_precision_follows_the_scenes_size():
     assert fractional_bits(small.means) == 20
     for one in (small, large):
         step = 2.0 ** -fractional_bits(one.means)
-        assert np.abs(read_back(spz_bytes(one)).means - one.means).max() <= step / 2 * 1.01
+        assert np.abs(read_splats(spz_bytes(one)).means - one.means).max() <= step / 2 * 1.01
         assert step == 2.0**-20 or np.abs(one.means).max() / step > 2**22, "a bit is wasted"
 
 
@@ -91,7 +74,7 @@ def test_what_does_not_fit_is_refused_with_what_to_do():
 def test_values_beyond_the_formats_range_become_the_nearest_in_it():
     one = cloud(count=3)
     beyond = replace(one, harmonics=np.sign(one.harmonics) * 9, scales=one.scales * 1e-6)
-    found = read_back(spz_bytes(beyond))
+    found = read_splats(spz_bytes(beyond))
     assert np.allclose(found.scales, np.exp(-10.0))
     assert np.allclose(found.harmonics[:, 0], np.sign(one.harmonics[:, 0]) / 0.3)
     assert np.allclose(found.harmonics[:, 1:], np.sign(one.harmonics[:, 1:]), atol=1 / 128)

@@ -56,6 +56,16 @@ def test_photos_of_one_size_share_a_camera_unless_exif_says_otherwise():
     assert (other.model, other.focal, other.focal_is_known) == ("SIMPLE_PINHOLE", 50.0, True)
 
 
+def test_digital_zoom_makes_a_camera_of_its_own():
+    """Lens and size stay; the focal length as on 35 mm film tells."""
+    photos = [photo(i, camera="Maker X1 4.2", focal=(50.0, 75.0)[i % 2]) for i in range(4)]
+    cameras = group_by_camera(photos, "auto", "auto")
+    assert [(camera.focal, camera.copies) for camera in cameras] == [
+        (50.0, ("00000.jpg", "00002.jpg")),
+        (75.0, ("00001.jpg", "00003.jpg")),
+    ]
+
+
 def test_photos_of_many_sizes_have_a_camera_each():
     photos = [photo(i, width=40 + i // 2) for i in range(6)]
     assert len(group_by_camera(photos, "auto", "auto")) == 6

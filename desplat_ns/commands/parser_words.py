@@ -1,0 +1,75 @@
+"""A data parser's name and options behind a command's own, as ns-train takes them.
+
+Both are read in turn: the data parsers come from nerfstudio, which takes seconds to import, and
+that is not needed to say what a command takes, or that a folder is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import tyro
+
+from desplat_ns.errors import ConfigError
+
+if TYPE_CHECKING:
+    from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
+
+HELP = frozenset(("-h", "--help"))
+
+
+Arguments = TypeVar("Arguments")
+
+
+def parse(
+    options: type[Arguments], command: str, words: Sequence[str], data_may_follow: bool = False
+) -> tuple[Arguments, tuple[str, ...]]:
+    """A command's options, and the data parser's words that follow them, which are not looked at.
+
+    Where help is asked for it is printed, that of the data parser if one is named, and the process
+    ends.
+
+    Args:
+        options: a dataclass that tyro reads.
+        command: its name, for errors.
+        data_may_follow: whether `COMMAND PARSER --data DATA` is understood as well, where the first
+            word is an optional `data`. It is None then.
+
+    Raises:
+        ConfigError: an option is not known, and no data parser is named before it.
+    """
+    if not HELP.isdisjoint(words):
+        _help(options, command, [word for word in words if word not in HELP])
+    found, rest = tyro.cli(options, prog=command, args=words, return_unknown_args=True)
+    if data_may_follow and any(word.partition("=")[0] == "--data" for word in rest):
+        told: Any = found
+        if told.data is not None and not told.data.exists():
+            rest, told.data = [str(told.data), *rest], None  # it is the data parser's name
+    if rest and rest[0].startswith("-"):
+        raise ConfigError(
+            f"{rest[0]} is no option of {command}; see --help. Options of a data parser follow its "
+            f"name, as in: {command} DATA colmap --downscale-factor 2."
+        )
+    return found, tuple(rest)
+
+
+def _help(options: type, command: str, words: Sequence[str]) -> None:
+    """Print the help of the data parser, if one is named, or of the command; ends the process."""
+    rest: list[str] = []
+    with suppress(SystemExit):  # what is wrong beside --help is not complained about
+        _, rest = tyro.cli(
+            options, prog=command, args=words, return_unknown_args=True, console_outputs=False
+        )
+    if rest and not rest[0].startswith("-"):
+        data_parser(command, [rest[0], "--help"])
+    tyro.cli(options, prog=command, args=["--help"])
+
+
+def data_parser(command: str, words: Sequence[str]) -> DataParserConfig:
+    """The data parser of its name and options. Ends the process, with a list of all, where there
+    is none of that name, or where it has no such options."""
+    from desplat_ns.layouts.choices import AnyDataParser  # seconds
+
+    return tyro.cli(AnyDataParser, prog=f"{command} DATA", args=list(words))

@@ -1,0 +1,101 @@
+"""What `desplat-survey` does once its options are checked; importing it takes seconds."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, cast
+
+from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
+
+from desplat_ns.console import announce
+from desplat_ns.data.images import write_image
+from desplat_ns.datamanager import without_prompts
+from desplat_ns.effects import Effects
+from desplat_ns.errors import ConfigError
+from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
+from desplat_ns.static_model import StaticModelConfig
+from desplat_ns.survey.capture import Capture, capture_of
+from desplat_ns.survey.decide import effects_of
+from desplat_ns.survey.findings import Survey
+from desplat_ns.survey.picture import evidence_picture
+from desplat_ns.survey.survey import survey_with_evidence
+
+
+def survey_capture(
+    data: Path | None,
+    output: Path,
+    measure_costs: bool = True,
+    dataparser: DataParserConfig | None = None,
+) -> Survey:
+    """Say which effects a capture calls for, and write it down.
+
+    Args:
+        data: folder of the capture; None if the data parser names it.
+        output: folder for survey.json and survey.png.
+        measure_costs: whether to time training steps with and without what is called for.
+        dataparser: reads the capture; without it, the layout is recognised.
+
+    Raises:
+        CaptureError: the capture cannot be read or surveyed.
+        ConfigError: no capture is named, or nothing can be written to `output`.
+    """
+    capture = capture_of(_outputs(data, dataparser))
+    found, evidence = survey_with_evidence(capture)
+    for line in found.summary():
+        announce(line)
+    told = json.loads(found.to_json())
+    _write(told, output)
+    write_image(output / "survey.png", evidence_picture(evidence))
+    if measure_costs:
+        _write(told | {"on_this_machine": costs_on_this_machine(found, capture)}, output)
+    announce(f"Saved {output / 'survey.json'} and {output / 'survey.png'}.")
+    return found
+
+
+def _write(told: dict[str, Any], output: Path) -> None:
+    """Write survey.json. Raises ConfigError where that cannot be done."""
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        (output / "survey.json").write_text(json.dumps(told, indent=2) + "\n", "utf8")
+    except OSError as error:
+        raise ConfigError(
+            f"--output is '{output}', where nothing can be written ({error}). Name another folder."
+        ) from error
+
+
+def costs_on_this_machine(found: Survey, capture: Capture) -> dict[str, Any]:
+    """Time steps with each effect that is called for, and with all of them; say so.
+
+    Returns:
+        The size of the step, as JSON, and each case with its effects.
+    """
+    from desplat_ns.calibration.effects_cost import StepSize, measure  # takes seconds
+    from desplat_ns.method_configs import desplat
+
+    model = cast(StaticModelConfig, desplat.config.pipeline.model)
+    width, height = (int(side.median()) for side in (capture.cameras.width, capture.cameras.height))
+    num_photos = len(capture.photos)
+    size = StepSize.for_photos(width, height, num_photos, model.gaussians_per_pixel)
+    announce(
+        f"On this machine, at {size.width} x {size.height} pixels and {size.num_gaussians} static "
+        "Gaussians (before any distractor is placed):"
+    )
+    nothing, every = Effects(distractors=False), effects_of(found)
+    called_for = {k: v for k, v in asdict(every).items() if v not in (False, "off")}
+    alone = [replace(nothing, **{name: value}) for name, value in called_for.items()]
+    costs = measure(size, [*alone, every], num_photos)
+    for cost in costs:
+        announce(f"  {cost.line()}")
+    return {"size": asdict(size), "steps": [asdict(cost) for cost in costs]}
+
+
+def _outputs(data: Path | None, dataparser: DataParserConfig | None):
+    if dataparser is None:
+        if data is None:
+            raise ConfigError("No capture is named. Type: desplat-survey FOLDER.")
+        dataparser = DeSplatDataParserConfig(data=data)
+    elif data is not None:
+        dataparser.data = data  # pyright: ignore[reportAttributeAccessIssue]
+    return without_prompts(dataparser).setup().get_dataparser_outputs("train")
