@@ -20,7 +20,7 @@ from torch._subclasses.fake_tensor import FakeTensorDeviceMismatchError, FakeTen
 from torch.fx.experimental.symbolic_shapes import ShapeEnv
 from torch.utils._python_dispatch import TorchDispatchMode
 
-import desplat_ns.separation.placement as separation
+import desplat_ns.separation.finding as finding
 from desplat_ns.backend.gsplat_cuda import _with_unsound_behind
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.backend.ssim import _window, ssim
@@ -95,7 +95,7 @@ def assert_on_cuda(*found: Any) -> None:
 @pytest.fixture
 def regions_by_cell(monkeypatch: pytest.MonkeyPatch) -> None:
     """Which cells are connected is OpenCV's to say, on the CPU."""
-    monkeypatch.setattr(separation, "outlier_regions", lambda weak, strong: weak & strong)
+    monkeypatch.setattr(finding, "outlier_regions", lambda weak, strong: weak & strong)
 
 
 def test_a_tensor_made_on_the_cpu_is_noticed():

@@ -21,15 +21,17 @@ short runs have raised since then (docs/accuracy-and-time.md)."""
 GIVEN = (*RATES, "--pipeline.model.effects.auto", "False")
 """Distractors alone, whatever a survey would say: what is studied is not what it decides."""
 
-OFF = (*GIVEN, "--pipeline.model.effects.distractors", "False")
+PLAIN = ("--pipeline.model.opacity-prior", "0")
+"""Without what `desplat` charges for opacity: baselines are Splatfacto's own."""
 
+OFF = (*GIVEN, *PLAIN, "--pipeline.model.effects.distractors", "False")
 
 SETTINGS = {
     "off": Setting("desplat", OFF, "distractors off"),
-    "trimmed": Setting(f"{BASELINES}:by_residual", RATES, "off, trimmed loss"),
+    "trimmed": Setting(f"{BASELINES}:by_residual", (*RATES, *PLAIN), "off, trimmed loss"),
     "paper": Setting("desplat-paper", (), "`desplat-paper`"),
     "desplat": Setting("desplat", GIVEN, "**`desplat`**"),
-    "truth": Setting(f"{BASELINES}:by_truth", RATES, "off, true masks as weights"),
+    "truth": Setting(f"{BASELINES}:by_truth", (*RATES, *PLAIN), "off, true masks as weights"),
     "no-warmup": Setting(
         "desplat", (*GIVEN, f"{DISTRACTORS}.static-warmup", "0"), "without warm-up"
     ),

@@ -33,6 +33,9 @@ class DistractorConfig:
     strong_levels: float = 20.0
     """What has to be reached lies between the two and is so many times the view's own level, the
     lower quartile of its residuals: that falls as the scene is learned."""
+    standing_share: float = 0.5
+    """Share of what has to be reached that is enough where a region was at the view's last visit:
+    what begins to be learned stands out less. 1 remembers none."""
     weak_contradiction: float = 0.03
     """With start residual: by how much (colours in [0, 1]) most other photos have to differ from
     what a photo shows in a place, at whatever depth it lies, for it to belong to something in the
@@ -127,6 +130,7 @@ def check_options(config: DistractorConfig) -> None:
         ("clearance", config.clearance, 0 <= config.clearance < 1, "at least 0 and below 1"),
         ("max-warmup-visits", config.max_warmup_visits, config.max_warmup_visits >= 0, "0 or more"),
         ("settled-share", config.settled_share, 0 < config.settled_share <= 1, "in (0, 1]"),
+        ("standing-share", config.standing_share, 0 < config.standing_share <= 1, "in (0, 1]"),
         ("strong-levels", config.strong_levels, config.strong_levels >= 0, "0 or more"),
         ("refine-every", config.refine_every, config.refine_every >= 1, "1 or more"),
         ("refine-visits", config.refine_visits, config.refine_visits >= 0, "0 or more"),

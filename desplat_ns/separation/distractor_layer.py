@@ -144,7 +144,7 @@ class DistractorLayer:
         """
         if visit.learned is not None:
             visit.learned.keep_in(memory)
-            self.placement.photos.keep(visit)
+            self.placement.keep(visit)
         if visit.sight is not None:
             self.watch.see(visit.index, visit.sight)
         self.clearance.keep(visit.index, visit.view, means, opacities, visit.static.visible)
@@ -175,12 +175,10 @@ class DistractorLayer:
         self.watch.look(step, means)
 
     def state_dict(self) -> dict[str, Any]:
-        """The densifier's running statistics and what the photos' comparison found, for a
-        checkpoint."""
-        return self.densifier.state_dict() | {"photos": self.placement.photos.state_dict()}
+        """The densifier's running statistics and what was found so far, for a checkpoint."""
+        return self.densifier.state_dict() | self.placement.state_dict()
 
     def load_state_dict(self, state: dict[str, Any], device: torch.device) -> None:
         """Take up what `state_dict` gave, on `device`."""
         self.densifier.load_state_dict(state, device)
-        if "photos" in state:  # not in checkpoints of before
-            self.placement.photos.load_state_dict(state["photos"], device)
+        self.placement.load_state_dict(state, device)

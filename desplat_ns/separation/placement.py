@@ -8,6 +8,8 @@ removed where it does not, and the static scene has to fit by itself all pixels 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
@@ -21,18 +23,12 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians, distractors_at
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import image_points
-from desplat_ns.separation.expected_residual import (
-    LEAST_VIEWS,
-    UsualResiduals,
-    excess_residual,
-    local_residual,
-)
+from desplat_ns.separation.expected_residual import LEAST_VIEWS, UsualResiduals
+from desplat_ns.separation.finding import find_regions
 from desplat_ns.separation.grid import counted_cells, grid_of, pooled
-from desplat_ns.separation.outlines import along_edges
+from desplat_ns.separation.last_regions import LastRegions
 from desplat_ns.separation.ownership import pixels_of
 from desplat_ns.separation.photo_consistency import ComparedPhotos
-from desplat_ns.separation.regions import outlier_regions
-from desplat_ns.separation.shared_detail import shared_detail
 from desplat_ns.separation.transfers import masks_to_host, to_device
 from desplat_ns.separation.visit import Visit
 
@@ -43,56 +39,6 @@ third."""
 COVERED_SHARE = 0.5
 """A distractor is placed where more than this share of its cell is inside a region, and where the
 distractors' mean opacity is less than it."""
-
-
-def find_regions(
-    visit: Visit,
-    opacities: Float[Tensor, "N 1"],
-    known: UsualResiduals,
-    num_views: int,
-    config: DistractorConfig,
-    contradiction: Float[Tensor, "rows columns"] | None = None,
-) -> tuple[Bool[Tensor, "rows columns"], UsualResiduals]:
-    """Find the regions of a photo that show what other views do not, on the grid of `grid_of`.
-
-    Args:
-        opacities: logits of the static Gaussians.
-        known: what they remember of other visits.
-        num_views: number of training views.
-        contradiction: of the photo with the others; None if it is not known.
-
-    Returns:
-        The regions, and what is known once this visit is remembered too. Masked cells are in none.
-    """
-    width, height = visit.view.width, visit.view.height
-    grid, counted = grid_of(width, height), masked_grid(visit)
-    x, y = visit.static.means2d.detach()[0].unbind(-1)
-    static = visit.static_rgb.detach()
-    excess, learned = excess_residual(
-        local_residual(static, visit.photo, grid, visit.mask),
-        torch.stack([x * (grid[0] / width), y * (grid[1] / height)], dim=-1),
-        visit.static.visible,
-        torch.sigmoid(opacities.detach()[:, 0]),
-        known,
-        num_views,
-        counted,
-    )
-    own = shared_detail(static, visit.photo, visit.mask) <= config.shared_detail
-    weak, peak = (excess.values > config.weak_excess) & own, config.strong_excess
-    strong = excess.beyond(config.strong_levels, config.settled_share * peak, peak) & own
-    if contradiction is not None:
-        weak = weak & (contradiction > config.weak_contradiction)
-        strong = strong & (contradiction > config.strong_contradiction)
-    regions = outlier_regions(weak, strong)
-    regions = along_edges(regions, pooled(visit.photo, grid, visit.mask))
-    return regions if counted is None else regions & counted, learned
-
-
-def masked_grid(visit: Visit) -> Bool[Tensor, "rows columns"] | None:
-    """The cells of `grid_of` that the user's mask leaves; None without a mask."""
-    if visit.mask is None:
-        return None
-    return counted_cells(visit.mask, grid_of(visit.view.width, visit.view.height))
 
 
 def uncovered_regions(
@@ -152,6 +98,7 @@ class Placement:
         self.config = config
         self.num_views = num_views
         self.photos = ComparedPhotos(num_views)
+        self.last = LastRegions()
         if config.start == "residual" and num_views < FEW_VIEWS:
             announce(about_few_views(num_views), warning=True)
 
@@ -179,20 +126,37 @@ class Placement:
         """
         if self.num_views <= LEAST_VIEWS:
             return None
-        config, contradiction = self.config, None
+        config, asked = self.config, {}
         if config.static_warmup <= step < config.stop_densify_at:
-            contradiction = self.photos.compare(visit, means)
+            asked["contradiction"] = self.photos.compare(visit, means)
         known = UsualResiduals.of(memory, len(opacities), visit.photo.device)
         regions, visit.learned = find_regions(
-            visit, opacities, known, self.num_views, config, contradiction
+            visit, opacities, known, self.num_views, config, last=self.last.of(visit), **asked
         )
         if step < config.static_warmup:
             return None
+        visit.regions = regions
         if step < config.stop_placing_at:
             visit.inside = regions
         if step >= config.leave_out_at:
             visit.left_out = regions
         return pixels_of(regions, *visit.photo.shape[:2])
+
+    def keep(self, visit: Visit) -> None:
+        """Take up what was found in a sound visit."""
+        self.photos.keep(visit)
+        self.last.keep(visit)
+
+    def state_dict(self) -> dict[str, Any]:
+        """What was found so far, for a checkpoint."""
+        return {"photos": self.photos.state_dict(), "regions": self.last.state_dict()}
+
+    def load_state_dict(self, state: dict[str, Any], device: torch.device) -> None:
+        """Take up what `state_dict` gave, on `device`; earlier checkpoints lack some of it."""
+        if "photos" in state:
+            self.photos.load_state_dict(state["photos"], device)
+        if "regions" in state:
+            self.last.load_state_dict(state["regions"], device)
 
     @torch.no_grad()
     def place(

@@ -1,0 +1,83 @@
+"""A small scene that is known well, for what looks for things in the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from nerfstudio.cameras.cameras import Cameras
+
+from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.memory import GaussianMemory
+from desplat_ns.rendering.views import view_of
+from desplat_ns.separation.expected_residual import UsualResiduals
+from desplat_ns.separation.finding import find_regions
+from desplat_ns.separation.visit import Visit
+
+WIDTH, HEIGHT = 60, 40
+
+
+def cameras() -> Cameras:
+    turn = torch.tensor([[0.0, 0, 1, 2], [0, 1, 0, -1], [-1, 0, 0, 3]])  # not the identity
+    return Cameras(turn[None], 50.0, 55.0, 29.0, 21.0, WIDTH, HEIGHT)
+
+
+def the_view() -> View:
+    return view_of(cameras())
+
+
+def nothing_drawn() -> Rendering:
+    image, alpha = torch.zeros(HEIGHT, WIDTH, 3), torch.zeros(HEIGHT, WIDTH, 1)
+    return Rendering(image, alpha, None, torch.zeros(1, 0, 2), torch.zeros(0).int())
+
+
+class WellKnownScene:
+    """Textured blocks, rendered with noise; every pixel has a Gaussian."""
+
+    def __init__(self) -> None:
+        self.generator, self.noise = torch.Generator().manual_seed(0), 0.02
+        blocks = torch.rand(HEIGHT // 4, WIDTH // 4, 3, generator=self.generator)
+        self.photo = blocks.repeat_interleave(4, 0).repeat_interleave(4, 1)
+        y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
+        means2d = torch.stack([x, y], dim=-1).reshape(1, -1, 2) + 0.5
+        count = means2d.shape[1]
+        self.drawn = replace(nothing_drawn(), means2d=means2d, radii=torch.ones(count).int())
+        self.means, self.opacities = torch.zeros(count, 3), torch.zeros(count, 1)
+        self.memory = GaussianMemory({})
+
+    def rendered(self) -> torch.Tensor:
+        return self.photo + self.noise * torch.randn(self.photo.shape, generator=self.generator)
+
+    def visit(self, photo: torch.Tensor) -> Visit:
+        visit = Visit(0, the_view(), self.drawn)
+        visit.photo, visit.static_rgb = photo, self.rendered()
+        visit.alpha_d = torch.zeros(HEIGHT, WIDTH, 1)
+        return visit
+
+    def find(
+        self,
+        photo: torch.Tensor,
+        num_views: int,
+        config: DistractorConfig,
+        mask: torch.Tensor | None = None,
+        contradiction: torch.Tensor | None = None,
+    ) -> torch.Tensor:
+        """Its regions; the photo is remembered."""
+        known = UsualResiduals.of(self.memory, len(self.opacities), photo.device)
+        rest = self.opacities, known, num_views, config, contradiction
+        visit = self.visit(photo)
+        visit.mask = mask
+        regions, learned = find_regions(visit, *rest)
+        learned.keep_in(self.memory)
+        return regions
+
+    def with_an_occluder(self) -> torch.Tensor:
+        photo = self.photo.clone()
+        photo[10:30, 20:40] = torch.tensor([0.9, 0.1, 0.9])
+        return photo
+
+    def with_a_pale_one(self) -> torch.Tensor:
+        photo = self.photo.clone()
+        photo[10:30, 20:40] += 0.18
+        return photo
