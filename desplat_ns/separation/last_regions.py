@@ -2,7 +2,8 @@
 
 What is faint is found early, and begins to be learned before distractors hide it; then it stands
 out less, its region would vanish, and with it the distractors that keep it from being learned. So a
-region that is there stays with less evidence than a new one needs.
+region that is there stays with less evidence than a new one needs, until the static scene's loss
+leaves regions out.
 
 Source: the hysteresis of Canny 1986, in time.
 """

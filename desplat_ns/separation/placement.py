@@ -126,12 +126,14 @@ class Placement:
         """
         if self.num_views <= LEAST_VIEWS:
             return None
-        config, asked = self.config, {}
+        config, contradiction, last = self.config, None, None
         if config.static_warmup <= step < config.stop_densify_at:
-            asked["contradiction"] = self.photos.compare(visit, means)
+            contradiction = self.photos.compare(visit, means)
+        if step < config.leave_out_at:  # later, nothing in a region is learned
+            last = self.last.of(visit)
         known = UsualResiduals.of(memory, len(opacities), visit.photo.device)
         regions, visit.learned = find_regions(
-            visit, opacities, known, self.num_views, config, last=self.last.of(visit), **asked
+            visit, opacities, known, self.num_views, config, contradiction, last
         )
         if step < config.static_warmup:
             return None

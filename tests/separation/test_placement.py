@@ -197,9 +197,9 @@ def test_a_found_region_stays_with_less_evidence_also_after_a_checkpoint():
     scene, config = WellKnownScene(), dataclasses.replace(WARMED_UP, shared_detail=1.0)
     placement = Placement(config, 40)
 
-    def look(placement: Placement, photo: torch.Tensor) -> torch.Tensor:
+    def look(placement: Placement, photo: torch.Tensor, step: int = 5) -> torch.Tensor:
         visit = scene.visit(photo)
-        placement.look(5, visit, scene.means, scene.opacities, scene.memory)
+        placement.look(step, visit, scene.means, scene.opacities, scene.memory)
         placement.keep(visit)
         assert visit.regions is not None
         return visit.regions
@@ -215,7 +215,8 @@ def test_a_found_region_stays_with_less_evidence_also_after_a_checkpoint():
     for one in (placement, resumed):
         assert look(one, paler)[14:26, 24:36].all()
         assert not look(one, scene.photo).any()
-    forgetful = dataclasses.replace(config, standing_share=1.0)
-    resumed = Placement(forgetful, 40)
-    resumed.load_state_dict(placement.state_dict(), torch.device("cpu"))
-    assert not look(resumed, paler).any()
+    look(placement, scene.with_a_pale_one())
+    forgetful = Placement(dataclasses.replace(config, standing_share=1.0), 40)
+    forgetful.load_state_dict(placement.state_dict(), torch.device("cpu"))
+    assert not look(forgetful, paler).any()
+    assert not look(placement, paler, config.leave_out_at).any()

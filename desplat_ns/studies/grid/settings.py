@@ -54,7 +54,9 @@ OF_EFFECTS: Mapping[str, tuple[str, ...]] = {
 """How the names of the settings begin that matter only where an effect is on."""
 
 DISTRACTORS = "pipeline.model.distractors."
-OF_RESIDUAL = tuple(f"{DISTRACTORS}{name}_" for name in ("weak", "strong", "settled"))
+OF_RESIDUAL = tuple(
+    f"{DISTRACTORS}{name}_" for name in ("weak", "strong", "settled", "standing", "shared")
+)
 """How the names of the settings begin that matter only where distractors start by the residual."""
 
 CONTROL, BY_GRADIENTS = "pipeline.model.density_control", "gradients"
@@ -65,6 +67,7 @@ NEUTRAL: Mapping[str, Any] = {
     "visits": 0.0,
     CONTROL: BY_GRADIENTS,
     "pipeline.model.distractors.refine_when_next_seen": True,
+    "pipeline.model.distractors.standing_share": 1.0,
     "pipeline.model.opacity_prior": 0.0,
     "pipeline.model.photos_per_coefficient": 0.0,
     "pipeline.model.train_downscale": 1,
