@@ -155,7 +155,8 @@ def test_tourists_photos_get_desplat_with_light_and_sky():
     ours: Any = desplat_phototourism.config
     plain: Any = desplat.config
     mine, theirs = vars(ours.pipeline.model), vars(plain.pipeline.model)
-    assert {name for name in mine if mine[name] != theirs[name]} == {"effects"}
+    assert {name for name in mine if mine[name] != theirs[name]} == {"effects", "opacity_prior"}
+    assert (mine["opacity_prior"], theirs["opacity_prior"]) == (0, 0.2)
     wanted = Effects(distractors=True, appearance="affine", background="image")
     assert ours.pipeline.model.effects.settled() == wanted
     assert ours.optimizers == plain.optimizers
