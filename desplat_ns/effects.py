@@ -44,8 +44,8 @@ class EffectsConfig:
     """Look at the capture first and switch on what it calls for, at the least cost that explains
     it. An effect that is given here stays as it is given. On in `desplat`."""
     distractors: bool | None = None
-    """Explain what stands in the way by a set of Gaussians for each training view; False gives the
-    plain baseline, Splatfacto's loss and schedule. None: as `auto` finds, else True."""
+    """Explain what stands in the way by a set of Gaussians for each training view; False
+    trains the static scene alone. None: as `auto` finds, else True."""
     appearance: AppearanceGrade | None = None
     """For photos that differ in exposure, light or weather. camera: each photo has a gain for each
     channel, a gamma and a vignetting; affine: each has an embedding that scales and shifts each

@@ -28,10 +28,6 @@ FULL_RATE_VISITS = 75.0
 """Visits of each photo for which Splatfacto's learning rates are right. Chosen on generated scenes
 and one real one (docs/accuracy-and-time.md, "Learning rates of short runs")."""
 
-OPACITY_PRIOR = 0.2
-"""Chosen on rooms, groves and few views (docs/separation.md, "What nobody sees"). Tourists' photos,
-each in a light of its own, get none: on Sacre Coeur the scene faded."""
-
 QUICK_VISITS, BEST_VISITS = 25.0, 150.0
 """Visits of each photo in the presets: two points of the measured front
 (docs/accuracy-and-time.md, "Presets")."""
@@ -108,13 +104,13 @@ def separating_distractors() -> DistractorConfig:
     )
 
 
-def desplat_model(effects: EffectsConfig, opacity_prior: float) -> DeSplatModelConfig:
+def desplat_model(effects: EffectsConfig) -> DeSplatModelConfig:
     """What works in runs of any length."""
     return DeSplatModelConfig(
         effects=effects,
         distractors=separating_distractors(),
         gaussians_per_pixel=0.05,
-        opacity_prior=opacity_prior,
+        opacity_prior=0.2,
     )
 
 
@@ -166,7 +162,7 @@ def _desplat(name: str, description: str, visits: float = 0.0) -> MethodSpecific
     return _method(
         name,
         description,
-        desplat_model(EffectsConfig(auto=True), OPACITY_PRIOR),
+        desplat_model(EffectsConfig(auto=True)),
         full_rate_visits=FULL_RATE_VISITS,
         visits=visits,
     )
@@ -197,7 +193,7 @@ desplat_paper = _method(
 desplat_phototourism = _method(
     "desplat-phototourism",
     "DeSplat for tourists' photos: `desplat` with light and sky of each photo's own.",
-    desplat_model(EffectsConfig(appearance="affine", background="image"), opacity_prior=0.0),
+    desplat_model(EffectsConfig(appearance="affine", background="image")),
     full_rate_visits=FULL_RATE_VISITS,
 )
 

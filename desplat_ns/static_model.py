@@ -85,7 +85,8 @@ class StaticModelConfig(LitModelConfig):
     opacity_prior: float = 0.0
     """Weight of the mean opacity of the static Gaussians that a photo shows, divided by the number
     of training photos: the fewer there are, the more it says beside them. What no photo needs fades
-    and is pruned (docs/separation.md, "What nobody sees"). 0 in the paper."""
+    and is pruned (docs/separation.md, "What nobody sees"). 0 in the paper. It counts as 0 where
+    each photo has a light of its own (`effects.appearance`): there the scene fades."""
     density_control: Literal["gradients", "relocation"] = "gradients"
     """gradients: clone and split what has large ones, prune what is faint, reset opacities (ADC).
     relocation: move what is faint, with a price on opacity and size (3DGS as MCMC)."""
@@ -108,6 +109,8 @@ class StaticModelConfig(LitModelConfig):
             num_views, run.stop_split_at, self.refinements, self.refine_every
         )
         run.sh_degree = degree_for(num_views, self.photos_per_coefficient, self.sh_degree)
+        if self.effects.settled().appearance != "off":
+            run.opacity_prior = 0.0
         return run
 
     def _check(self) -> None:

@@ -44,6 +44,7 @@ from desplat_ns.separation.placement import Placement, lie_in, uncovered_regions
 from desplat_ns.separation.visit import Visit
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
+    mean_shown_opacity,
     static_photometric_loss,
     static_transparency_loss,
 )
@@ -55,6 +56,8 @@ CONFIG = DistractorConfig(
 )
 WIDTHS = dict(zip(PARAMETER_NAMES, (3, 3, 4, 3, 1), strict=True))
 """Values per distractor."""
+STANDING = 7
+"""A step at which regions stand with less evidence."""
 LATE = 20
 """A step at which regions are found, left out and filled."""
 
@@ -104,17 +107,21 @@ def test_a_tensor_made_on_the_cpu_is_noticed():
 
 
 @pytest.mark.usefixtures("regions_by_cell")
-@pytest.mark.parametrize("step", [0, LATE])
-def test_looking_for_regions_stays_on_the_gpu(step):
+@pytest.mark.parametrize("step", [0, STANDING, LATE])
+def test_looking_for_regions_stays_on_the_gpu(step, monkeypatch):
     """Residual, expected residual, memories, excess, detail, outlines, pixels."""
-    seen, memory = a_visit(), GaussianMemory({})
+    seen, memory, placement = a_visit(), GaussianMemory({}), Placement(CONFIG, 8)
+    monkeypatch.setattr(placement.photos, "compare", lambda *_: None)  # has a test of its own
     for _ in range(2):
-        free = Placement(CONFIG, 8).look(step, seen, cuda(N, 3), cuda(N, 1), memory)
+        free = placement.look(step, seen, cuda(N, 3), cuda(N, 1), memory)
         assert seen.learned is not None
         assert_on_cuda(seen.learned.usual, seen.learned.times_seen)
         seen.learned.keep_in(memory)
+        placement.last.keep(seen)
     if step < CONFIG.static_warmup:
         assert free is None
+    elif step < CONFIG.leave_out_at:
+        assert_on_cuda(free, seen.inside, seen.standing, placement.last.of(seen))
     else:
         assert_on_cuda(free, seen.inside, seen.left_out, owned_share(seen.alpha_d, seen.left_out))
 
@@ -237,6 +244,7 @@ def test_layers_and_losses_stay_on_the_gpu():
         distractor_opacity_loss(alpha_d),
         distractor_opacity_loss(alpha_d, owned > 0.5),
         static_transparency_loss(alpha_s),
+        mean_shown_opacity(cuda(N, 1), static.visible),
         static_photometric_loss(outputs["rgb"], photo, owned, 0.2),
         (outputs["rgb_composite"] - photo).abs().mean(),
         background_opacity_loss(alpha_d, alpha_s, explained_by_background(photo, photo, 0.1)),

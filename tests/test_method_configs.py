@@ -2,13 +2,14 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from nerfstudio.configs.method_configs import method_configs as upstream
 
-from desplat_ns.effects import Effects
+from desplat_ns.effects import Effects, EffectsConfig
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.method_configs import (
     desplat,
@@ -155,8 +156,10 @@ def test_tourists_photos_get_desplat_with_light_and_sky():
     ours: Any = desplat_phototourism.config
     plain: Any = desplat.config
     mine, theirs = vars(ours.pipeline.model), vars(plain.pipeline.model)
-    assert {name for name in mine if mine[name] != theirs[name]} == {"effects", "opacity_prior"}
-    assert (mine["opacity_prior"], theirs["opacity_prior"]) == (0, 0.2)
+    assert {name for name in mine if mine[name] != theirs[name]} == {"effects"}
+    without_light = replace(plain.pipeline.model, effects=EffectsConfig())
+    assert without_light.for_run(10).opacity_prior == 0.2
+    assert ours.pipeline.model.for_run(10).opacity_prior == 0
     wanted = Effects(distractors=True, appearance="affine", background="image")
     assert ours.pipeline.model.effects.settled() == wanted
     assert ours.optimizers == plain.optimizers

@@ -97,7 +97,8 @@ def last_checkpoint(config: Any) -> dict[str, Any]:
 def test_every_loss_of_every_step_is_finite_and_they_fall(straight: Run):
     assert len(straight.losses) == STEPS
     assert all(math.isfinite(loss) for step in straight.losses for loss in step.values())
-    names = {"main_loss", "scale_reg", "distractor_opacity", "static_transparency"}
+    names = {"main_loss", "scale_reg", "opacity_prior"}
+    names |= {"distractor_opacity", "static_transparency"}
     assert set(straight.losses[0]) == names
     assert set(straight.losses[-1]) == names | {"static_photometric"}
     first, last = (
@@ -183,6 +184,9 @@ def test_a_checkpoint_holds_what_refinement_and_placing_remember(straight: Run):
     views = len(straight.distractors[0])
     assert memory["densifier"]["rounds"] == [2] * views
     assert len(memory["densifier"]["running"]) == views
+    standing = memory["densifier"]["regions"]
+    assert standing.keys() == set(range(views))
+    assert any(regions.any() for regions in standing.values())
     names = {"grad2d", "count", "usual_residual", "times_seen"}
     assert names <= memory["static_strategy"].keys()
     assert memory["static_strategy"]["visits"] == STEPS

@@ -28,10 +28,10 @@ OFF = (*GIVEN, *PLAIN, "--pipeline.model.effects.distractors", "False")
 
 SETTINGS = {
     "off": Setting("desplat", OFF, "distractors off"),
-    "trimmed": Setting(f"{BASELINES}:by_residual", (*RATES, *PLAIN), "off, trimmed loss"),
+    "trimmed": Setting(f"{BASELINES}:by_residual", RATES, "off, trimmed loss"),
     "paper": Setting("desplat-paper", (), "`desplat-paper`"),
     "desplat": Setting("desplat", GIVEN, "**`desplat`**"),
-    "truth": Setting(f"{BASELINES}:by_truth", (*RATES, *PLAIN), "off, true masks as weights"),
+    "truth": Setting(f"{BASELINES}:by_truth", RATES, "off, true masks as weights"),
     "no-warmup": Setting(
         "desplat", (*GIVEN, f"{DISTRACTORS}.static-warmup", "0"), "without warm-up"
     ),

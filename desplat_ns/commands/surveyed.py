@@ -39,7 +39,7 @@ def survey_capture(
 
     Raises:
         CaptureError: the capture cannot be read or surveyed.
-        ConfigError: no capture is named, or nothing can be written to `output`.
+        ConfigError: nothing can be written to `output`.
     """
     capture = capture_of(_outputs(data, dataparser))
     found, evidence = survey_with_evidence(capture)
@@ -93,8 +93,7 @@ def costs_on_this_machine(found: Survey, capture: Capture) -> dict[str, Any]:
 
 def _outputs(data: Path | None, dataparser: DataParserConfig | None):
     if dataparser is None:
-        if data is None:
-            raise ConfigError("No capture is named. Type: desplat-survey FOLDER.")
+        assert data is not None, "one of the two names the capture"
         dataparser = DeSplatDataParserConfig(data=data)
     elif data is not None:
         dataparser.data = data  # pyright: ignore[reportAttributeAccessIssue]

@@ -34,8 +34,9 @@ class DistractorConfig:
     """What has to be reached lies between the two and is so many times the view's own level, the
     lower quartile of its residuals: that falls as the scene is learned."""
     standing_share: float = 0.5
-    """Share of what has to be reached that is enough where a region was at the view's last visit,
-    until `leave_out_at`: what begins to be learned stands out less. 1 remembers none."""
+    """With start residual: share of what has to be reached that is enough where a region was at the
+    view's last visit, until `leave_out_at`: what begins to be learned stands out less. 1 remembers
+    none."""
     weak_contradiction: float = 0.03
     """With start residual: by how much (colours in [0, 1]) most other photos have to differ from
     what a photo shows in a place, at whatever depth it lies, for it to belong to something in the

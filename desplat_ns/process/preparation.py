@@ -31,7 +31,8 @@ def usable_photos(folder: Folder, request: Request, sources: Sources) -> list[Ph
     good = [photo for photo in photos if not photo.problem]
     problems = [f"{photo.source} ({photo.problem})" for photo in photos if photo.problem]
     if len(good) < MIN_PHOTOS:
-        folder.discard()
+        if "findings" not in folder.stages:  # a capture that is made stays
+            folder.discard()
         raise CaptureError(
             f"{len(good)} of {len(photos)} photos can be used; at least {MIN_PHOTOS} are needed. "
             f"Not used: {list_names(problems, 5)}."

@@ -60,7 +60,7 @@ def _goes_on_thoroughly(folder: Folder, request: Request) -> bool:
         return False
     copies = [Photo(**photo) for photo in folder.stages.get("photos", {}).get("result", ())]
     there = (folder.work / "photos" / photo.copy for photo in copies if not photo.problem)
-    whole = all(path.is_file() for path in there)
+    whole = bool(copies) and all(path.is_file() for path in there)
     gone = ["masks"] if whole else [name for name in folder.stages if name not in OF_THE_CAPTURE]
     folder.forget(gone)
     announce(

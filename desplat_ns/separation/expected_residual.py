@@ -116,10 +116,9 @@ class Excess:
     level: Float[Tensor, ""]
     """The view's own: `LEVEL_QUANTILE` of its residuals."""
 
-    def beyond(self, levels: float, least: float, most: float) -> Bool[Tensor, "rows columns"]:
-        """Which cells are above so many levels of the view, or what is nearest between `least` and
-        `most`."""
-        return self.values > (levels * self.level).clamp(least, most)
+    def needed(self, levels: float, least: float, most: float) -> Float[Tensor, ""]:
+        """So many levels of the view, or what is nearest between `least` and `most`."""
+        return (levels * self.level).clamp(least, most)
 
 
 def excess_residual(

@@ -13,7 +13,6 @@ from torch import Tensor
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.separation.expected_residual import (
-    Excess,
     UsualResiduals,
     excess_residual,
     local_residual,
@@ -47,7 +46,8 @@ def find_regions(
         The regions, and what is known once this visit is remembered too. Masked cells are in none.
     """
     width, height = visit.view.width, visit.view.height
-    grid, counted = grid_of(width, height), masked_grid(visit)
+    grid = grid_of(width, height)
+    counted = None if visit.mask is None else counted_cells(visit.mask, grid)
     x, y = visit.static.means2d.detach()[0].unbind(-1)
     static = visit.static_rgb.detach()
     excess, learned = excess_residual(
@@ -61,9 +61,11 @@ def find_regions(
     )
     own = shared_detail(static, visit.photo, visit.mask) <= config.shared_detail
     weak = (excess.values > config.weak_excess) & own
-    strong = _stands_out(excess, config, 1.0)
+    most = config.strong_excess
+    needed = excess.needed(config.strong_levels, config.settled_share * most, most)
+    strong = excess.values > needed
     if last is not None:
-        strong |= last & _stands_out(excess, config, config.standing_share)
+        strong |= last & (excess.values > config.standing_share * needed)
     strong &= own
     if contradiction is not None:
         weak = weak & (contradiction > config.weak_contradiction)
@@ -71,18 +73,3 @@ def find_regions(
     regions = outlier_regions(weak, strong)
     regions = along_edges(regions, pooled(visit.photo, grid, visit.mask))
     return regions if counted is None else regions & counted, learned
-
-
-def _stands_out(
-    excess: Excess, config: DistractorConfig, share: float
-) -> Bool[Tensor, "rows columns"]:
-    """The cells that reach so much of what a region has to reach in one place."""
-    most = share * config.strong_excess
-    return excess.beyond(share * config.strong_levels, config.settled_share * most, most)
-
-
-def masked_grid(visit: Visit) -> Bool[Tensor, "rows columns"] | None:
-    """The cells of `grid_of` that the user's mask leaves; None without a mask."""
-    if visit.mask is None:
-        return None
-    return counted_cells(visit.mask, grid_of(visit.view.width, visit.view.height))

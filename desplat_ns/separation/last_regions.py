@@ -3,7 +3,8 @@
 What is faint is found early, and begins to be learned before distractors hide it; then it stands
 out less, its region would vanish, and with it the distractors that keep it from being learned. So a
 region that is there stays with less evidence than a new one needs, until the static scene's loss
-leaves regions out.
+leaves regions out: that buys distractors time to cover it. What has no full evidence then is given
+up.
 
 Source: the hysteresis of Canny 1986, in time.
 """
@@ -29,8 +30,8 @@ class LastRegions:
 
     def keep(self, visit: Visit) -> None:
         """Take up a sound visit."""
-        if visit.regions is not None:
-            self._found[visit.index] = visit.regions
+        if visit.standing is not None:
+            self._found[visit.index] = visit.standing
 
     def of(self, visit: Visit) -> Bool[Tensor, "rows columns"] | None:
         """Those of the view that is visited again, on its grid of now; None if it has none."""

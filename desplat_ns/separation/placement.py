@@ -129,7 +129,8 @@ class Placement:
         config, contradiction, last = self.config, None, None
         if config.static_warmup <= step < config.stop_densify_at:
             contradiction = self.photos.compare(visit, means)
-        if step < config.leave_out_at:  # later, nothing in a region is learned
+        standing = config.standing_share < 1 and step < config.leave_out_at
+        if standing:
             last = self.last.of(visit)
         known = UsualResiduals.of(memory, len(opacities), visit.photo.device)
         regions, visit.learned = find_regions(
@@ -137,7 +138,8 @@ class Placement:
         )
         if step < config.static_warmup:
             return None
-        visit.regions = regions
+        if standing:
+            visit.standing = regions
         if step < config.stop_placing_at:
             visit.inside = regions
         if step >= config.leave_out_at:

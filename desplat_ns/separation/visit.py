@@ -38,9 +38,9 @@ class Visit:
     mask: Bool[Tensor, "H W 1"] | None = None
     """The user's, True in the pixels that count; None if there is none."""
 
-    regions: Bool[Tensor, "rows columns"] | None = None
-    """Where the photo shows what the other views do not, on the grid of `grid_of`; None in the
-    warm-up, and where nobody can tell."""
+    standing: Bool[Tensor, "rows columns"] | None = None
+    """Regions that stay with less evidence at the view's next visit, on the grid of `grid_of`; None
+    where none is to be remembered."""
     inside: Bool[Tensor, "rows columns"] | None = None
     """Where distractors belong, on the grid of `grid_of`; None if the view is not to get any."""
     left_out: Bool[Tensor, "rows columns"] | None = None

@@ -132,10 +132,10 @@ def test_texture_cancels_out_and_a_shade_does_not():
 
 def test_a_cell_stands_out_beyond_levels_of_the_view_within_limits():
     excess = Excess(torch.tensor([[0.03, 0.05, 0.2]]), torch.tensor(0.01))
-    assert excess.beyond(3.0, 0.04, 0.25).tolist() == [[False, True, True]]
-    assert excess.beyond(16.0, 0.04, 0.25).tolist() == [[False, False, True]]
-    assert excess.beyond(21.0, 0.04, 0.25).tolist() == [[False, False, False]]
-    assert excess.beyond(21.0, 0.04, 0.15).tolist() == [[False, False, True]]
+    assert (excess.values > excess.needed(3.0, 0.04, 0.25)).tolist() == [[False, True, True]]
+    assert (excess.values > excess.needed(16.0, 0.04, 0.25)).tolist() == [[False, False, True]]
+    assert (excess.values > excess.needed(21.0, 0.04, 0.25)).tolist() == [[False, False, False]]
+    assert (excess.values > excess.needed(21.0, 0.04, 0.15)).tolist() == [[False, False, True]]
 
 
 def test_a_median_is_trusted_from_three_views_on_and_gradually():

@@ -18,12 +18,12 @@ def test_a_view_gets_back_its_own_on_the_grid_of_its_size_now():
     assert last.of(small) is None
     last.keep(small)  # found nothing out
     assert last.of(small) is None
-    small.regions = torch.zeros(40, 60, dtype=torch.bool)
-    small.regions[:, 30:] = True
+    small.standing = torch.zeros(40, 60, dtype=torch.bool)
+    small.standing[:, 30:] = True
     last.keep(small)
     found = last.of(small)
     assert found is not None
-    assert torch.equal(found, small.regions)
+    assert torch.equal(found, small.standing)
     columns, rows = grid_of(240, 160)
     larger = last.of(visit_of(240, 160))
     assert larger is not None

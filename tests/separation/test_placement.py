@@ -201,8 +201,8 @@ def test_a_found_region_stays_with_less_evidence_also_after_a_checkpoint():
         visit = scene.visit(photo)
         placement.look(step, visit, scene.means, scene.opacities, scene.memory)
         placement.keep(visit)
-        assert visit.regions is not None
-        return visit.regions
+        assert visit.inside is not None
+        return visit.inside
 
     for _ in range(5):
         scene.find(scene.photo, 40, config)

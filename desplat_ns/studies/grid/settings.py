@@ -174,7 +174,8 @@ def changes(found: Settings, wanted: Settings) -> list[str]:
 
 def of_active_effects(settings: Settings) -> Settings:
     """Settings without those of effects that are off, of relocation where gradients control the
-    density, and of regions where distractors start everywhere: no figure depends on them."""
+    density, of regions where distractors start everywhere, and of what opacity costs where photos
+    have a light of their own: no figure depends on them."""
     idle = tuple(
         prefix
         for effect, prefixes in OF_EFFECTS.items()
@@ -185,6 +186,8 @@ def of_active_effects(settings: Settings) -> Settings:
         idle += ("pipeline.model.relocation.",)
     if settings.get(f"{DISTRACTORS}start") == "everywhere":
         idle += OF_RESIDUAL
+    if settings.get(f"{EFFECTS}appearance") not in (None, "off"):
+        idle += ("pipeline.model.opacity_prior",)
     return {name: value for name, value in settings.items() if not name.startswith(idle)}
 
 

@@ -110,6 +110,7 @@ def _method(name: str, by_truth: bool) -> MethodSpecification:
     model = config.pipeline.model
     taken = {field.name: getattr(model, field.name) for field in fields(model)}
     taken |= {"_target": TrustedPixelsModel, "effects": EffectsConfig(distractors=False)}
+    taken |= {"opacity_prior": 0.0}  # Splatfacto charges nothing
     config.pipeline.model = MaskedConfig(**taken, by_truth=by_truth)
     return MethodSpecification(
         config=config, description="Splatfacto on a part of each photo, to compare with."
