@@ -97,3 +97,16 @@ def test_the_first_stays_finished_where_the_second_is_interrupted(made, capsys, 
     assert "is made already" in said and "the same with --effort thorough" in said
     run(thorough)
     assert (thorough.output / "images" / "made").read_text() == "thorough"
+
+
+def test_what_an_interrupted_try_left_in_the_record_is_not_taken_for_done(made):
+    """As of a video whose frames were taken out, and then the work folder removed."""
+    thorough = made()
+    path = thorough.output / "process.json"
+    told = json.loads(path.read_text("utf8"))
+    told["stages"]["frames"] = {"result": ["frame.png"], "seconds": 1.0}
+    del told["stages"]["photos"]
+    path.write_text(json.dumps(told), "utf8")
+    run(thorough)
+    assert "frames" not in recorded(thorough)
+    assert (thorough.output / "images" / "made").read_text() == "thorough"
