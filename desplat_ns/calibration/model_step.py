@@ -64,7 +64,6 @@ class ModelStep:
         config = DeSplatModelConfig(
             effects=EffectsConfig(**asdict(effects)),
             distractors=DistractorConfig(start="residual", static_alone=True),
-            opacity_prior=0.2,
         )
         config.num_downscales, config.backend = 0, backend
         torch.manual_seed(0)

@@ -36,8 +36,8 @@ OFF = (f"{EFFECTS}.auto", "False", f"{EFFECTS}.distractors", "False")
 
 @pytest.mark.usefixtures("tyro_may_build")
 @pytest.mark.parametrize("name", ["by_truth", "by_residual"])
-def test_they_differ_from_off_in_nothing_but_the_loss(name: str):
-    off = resolve("desplat", OFF)
+def test_they_differ_from_plain_splatfacto_in_nothing_but_the_loss(name: str):
+    off = resolve("desplat", (*OFF, "--pipeline.model.opacity-prior", "0"))
     found = resolve(f"desplat_ns.studies.reproduce.baselines:{name}", ())
     apart = ["method_name", "pipeline.model._target", "pipeline.model.by_truth"]
     assert changes(off, found) == apart
