@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.commands.process import run
+from desplat_ns.errors import DeSplatError
 from desplat_ns.process import process
 from desplat_ns.process.attempts import Attempt, Task
 from desplat_ns.process.recipes import PLAIN, THOROUGH
@@ -110,3 +111,16 @@ def test_what_an_interrupted_try_left_in_the_record_is_not_taken_for_done(made):
     run(thorough)
     assert "frames" not in recorded(thorough)
     assert (thorough.output / "images" / "made").read_text() == "thorough"
+
+
+def test_a_capture_that_is_made_stays_where_no_photo_can_be_used_any_more(made):
+    thorough = made()
+    path = thorough.output / "process.json"
+    told = json.loads(path.read_text("utf8"))
+    for photo in told["stages"]["photos"]["result"]:
+        photo["problem"] = "gone"
+    path.write_text(json.dumps(told), "utf8")
+    with pytest.raises(DeSplatError, match="0 of 3 photos can be used"):
+        run(thorough)
+    assert (thorough.output / "images" / "made").read_text() == "plain"
+    assert "findings" in recorded(thorough)
