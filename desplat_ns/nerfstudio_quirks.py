@@ -41,8 +41,8 @@ def splatfacto_modules_without_downloads() -> Iterator[None]:
 def splatfacto_modules_without_cuda(model: SplatfactoModel) -> Iterator[None]:
     """Within, `SplatfactoModel.populate_modules` needs no CUDA; seed colours are set afterwards.
 
-    nerfstudio 1.1.5 (splatfacto.py, `populate_modules`) calls `.cuda()` on the seed colours. It
-    skips that where there are points without colours, so the colours are withheld during the call.
+    nerfstudio 1.1.5 (splatfacto.py, `populate_modules`) moves the seed colours to CUDA. It skips
+    that where there are points without colours, so the colours are withheld during the call.
     The points are copied as well: upstream trains the data parser's own tensor in place.
     """
     seed: Any = model.seed_points
