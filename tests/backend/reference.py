@@ -36,6 +36,23 @@ class Reference:
     where the rules jump."""
 
 
+@dataclass
+class Projection:
+    """All Gaussians as one camera has them, none of them culled."""
+
+    means_c: Tensor
+    """In the camera's axes, [N, 3]."""
+    cov2d: Tensor
+    """Widened by `eps2d`, pixels^2, [N, 2, 2]."""
+    conics: Tensor
+    """Inverses of `cov2d`."""
+    means2d: Tensor
+    opacities: Tensor
+    """What is left after antialiasing."""
+    colors: Tensor
+    """Spherical harmonics evaluated, [N, C]."""
+
+
 def real_sh(degree: int, d: Tensor) -> Tensor:
     """The textbook's table times (-1)^m, the sign that 3DGS uses. [N, (degree + 1)^2]."""
     x, y, z = d.unbind(-1)
@@ -104,6 +121,88 @@ def covariances2d(means_c: Tensor, sigma3d: Tensor, rotation: Tensor, K: Tensor,
     return J @ rotation @ sigma3d @ rotation.T @ J.mT
 
 
+def sh_colors(means: Tensor, harmonics: Tensor, centre: Tensor, degree: int) -> Tensor:
+    """[N, C]: what spherical harmonics show to a camera at `centre`."""
+    d = (means - centre) / (means - centre).norm(dim=-1, keepdim=True)
+    basis = real_sh(degree, d)
+    colors = torch.einsum("nk,nkc->nc", basis, harmonics[:, : basis.shape[1]]) + 0.5
+    return colors.clamp(min=0)
+
+
+def project(
+    means, quats, scales, opacities, colors, viewmat, K, size, sh_degree, eps2d, antialiased
+) -> Projection:
+    rotation, translation = viewmat[:3, :3], viewmat[:3, 3]
+    means_c = means @ rotation.T + translation
+    R = rotations(quats)
+    sigma3d = R @ torch.diag_embed(scales**2) @ R.mT
+    sharp = covariances2d(means_c, sigma3d, rotation, K, size)
+    cov2d = sharp + eps2d * torch.eye(2, dtype=means.dtype)
+    conics = torch.linalg.inv(cov2d)
+    projected = means_c @ K.T
+    means2d = projected[:, :2] / projected[:, 2:]
+    if antialiased:
+        opacities = opacities * (torch.linalg.det(sharp) / torch.linalg.det(cov2d)).sqrt()
+    if sh_degree is not None:
+        colors = sh_colors(means, colors, -rotation.T @ translation, sh_degree)
+    return Projection(means_c, cov2d, conics, means2d, opacities, colors)
+
+
+@torch.no_grad()
+def least_distance(margin: Tensor, *jumps: tuple[Tensor, float, Tensor]) -> Tensor:
+    """The least of `margin` and each value's relative distance from its edge, where relevant."""
+    for value, edge, relevant in jumps:
+        distance = (value / edge - 1).abs()
+        margin = torch.where(relevant, torch.minimum(margin, distance), margin)
+    return margin
+
+
+def composite(gaussians: Projection, size: tuple[int, int], near: float, far: float) -> Reference:
+    """Blend those between the planes from front to back, each over all pixels."""
+    width, height = size
+    means_c, dtype = gaussians.means_c, gaussians.means_c.dtype
+    drawn = ((means_c[:, 2] >= near) & (means_c[:, 2] <= far)).nonzero()[:, 0]
+    ys, xs = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
+    pixels = torch.stack([xs, ys], dim=-1).reshape(-1, 2).to(dtype) + 0.5
+    per_pixel = gaussians.means2d.expand(len(pixels), -1, -1) * 1.0
+    clear = torch.ones(len(pixels), dtype=dtype)
+    running = torch.ones(len(pixels), dtype=torch.bool)
+    rgb = torch.zeros(len(pixels), gaussians.colors.shape[1], dtype=dtype)
+    weight_sum, depth_sum = torch.zeros_like(clear), torch.zeros_like(clear)
+    margin = torch.full_like(clear, torch.inf)
+    for i in sorted(drawn.tolist(), key=lambda i: (means_c[i, 2].item(), i)):
+        d = pixels - per_pixel[:, i]
+        power = 0.5 * torch.einsum("pi,ij,pj->p", d, gaussians.conics[i], d)
+        raw = gaussians.opacities[i] * torch.exp(-power)
+        alpha = raw.clamp(max=CLAMP)
+        seen = running & (alpha >= CUTOFF)
+        after = clear * (1 - alpha)
+        stops = seen & (after <= STOP)
+        margin = least_distance(
+            margin, (raw, CUTOFF, running), (raw, CLAMP, running), (after, STOP, seen)
+        )
+        running = running & ~stops
+        weight = torch.where(seen & running, alpha * clear, 0)
+        clear = torch.where(seen & running, after, clear)
+        rgb = rgb + weight[:, None] * gaussians.colors[i]
+        weight_sum, depth_sum = weight_sum + weight, depth_sum + weight * means_c[i, 2]
+    return Reference(
+        rgb=rgb.reshape(height, width, -1),
+        alpha=(1 - clear).reshape(height, width, 1),
+        depth=(depth_sum / weight_sum.clamp(min=1e-10)).reshape(height, width, 1),
+        means2d=gaussians.means2d,
+        means2d_per_pixel=per_pixel,
+        sigma_max=torch.linalg.eigvalsh(gaussians.cov2d.detach())[:, 1].clamp(min=0).sqrt(),
+        sharpness=sharpness(gaussians.conics[drawn]),
+        margin=margin.reshape(height, width),
+    )
+
+
+def sharpness(conics: Tensor) -> float:
+    """Square root of their largest eigenvalue, 0 of none."""
+    return float(torch.linalg.eigvalsh(conics.detach()).max().sqrt()) if len(conics) else 0.0
+
+
 def render(
     means,
     quats,
@@ -120,65 +219,7 @@ def render(
     antialiased: bool = False,
 ) -> Reference:
     """Render float64 tensors; `size` is (width, height)."""
-    width, height = size
-    rotation, translation = viewmat[:3, :3], viewmat[:3, 3]
-    means_c = means @ rotation.T + translation
-    drawn = ((means_c[:, 2] >= near) & (means_c[:, 2] <= far)).nonzero()[:, 0]
-
-    R = rotations(quats)
-    sigma3d = R @ torch.diag_embed(scales**2) @ R.mT
-    sharp = covariances2d(means_c, sigma3d, rotation, K, size)
-    cov2d = sharp + eps2d * torch.eye(2, dtype=means.dtype)
-    conics = torch.linalg.inv(cov2d)
-    projected = means_c @ K.T
-    means2d = projected[:, :2] / projected[:, 2:]
-    if antialiased:
-        opacities = opacities * (torch.linalg.det(sharp) / torch.linalg.det(cov2d)).sqrt()
-    if sh_degree is not None:
-        centre = -rotation.T @ translation
-        d = (means - centre) / (means - centre).norm(dim=-1, keepdim=True)
-        basis = real_sh(sh_degree, d)
-        colors = torch.einsum("nk,nkc->nc", basis, colors[:, : basis.shape[1]]) + 0.5
-        colors = colors.clamp(min=0)
-
-    ys, xs = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
-    pixels = torch.stack([xs, ys], dim=-1).reshape(-1, 2).to(means.dtype) + 0.5
-    per_pixel = means2d.expand(len(pixels), -1, -1) * 1.0
-    clear = torch.ones(len(pixels), dtype=means.dtype)
-    running = torch.ones(len(pixels), dtype=torch.bool)
-    rgb = torch.zeros(len(pixels), colors.shape[1], dtype=means.dtype)
-    weight_sum, depth_sum = torch.zeros_like(clear), torch.zeros_like(clear)
-    margin = torch.full_like(clear, torch.inf)
-    for i in sorted(drawn.tolist(), key=lambda i: (means_c[i, 2].item(), i)):
-        d = pixels - per_pixel[:, i]
-        power = 0.5 * torch.einsum("pi,ij,pj->p", d, conics[i], d)
-        raw = opacities[i] * torch.exp(-power)
-        alpha = raw.clamp(max=CLAMP)
-        seen = running & (alpha >= CUTOFF)
-        after = clear * (1 - alpha)
-        stops = seen & (after <= STOP)
-        with torch.no_grad():
-            for value, edge, relevant in (
-                (raw, CUTOFF, running),
-                (raw, CLAMP, running),
-                (after, STOP, seen),
-            ):
-                distance = (value / edge - 1).abs()
-                margin = torch.where(relevant, torch.minimum(margin, distance), margin)
-        running = running & ~stops
-        weight = torch.where(seen & running, alpha * clear, 0)
-        clear = torch.where(seen & running, after, clear)
-        rgb = rgb + weight[:, None] * colors[i]
-        weight_sum, depth_sum = weight_sum + weight, depth_sum + weight * means_c[i, 2]
-    return Reference(
-        rgb=rgb.reshape(height, width, -1),
-        alpha=(1 - clear).reshape(height, width, 1),
-        depth=(depth_sum / weight_sum.clamp(min=1e-10)).reshape(height, width, 1),
-        means2d=means2d,
-        means2d_per_pixel=per_pixel,
-        sigma_max=torch.linalg.eigvalsh(cov2d.detach())[:, 1].clamp(min=0).sqrt(),
-        sharpness=float(torch.linalg.eigvalsh(conics[drawn].detach()).max().sqrt())
-        if len(drawn)
-        else 0.0,
-        margin=margin.reshape(height, width),
+    gaussians = project(
+        means, quats, scales, opacities, colors, viewmat, K, size, sh_degree, eps2d, antialiased
     )
+    return composite(gaussians, size, near, far)
