@@ -188,6 +188,11 @@ BACKENDS = [
     pytest.param(("gsplat", "cuda", torch.float32), id="gsplat", marks=pytest.mark.gpu),
 ]
 
+MODES = [
+    pytest.param(RenderSettings(depth=True, absgrad=True), id="classic"),
+    pytest.param(RenderSettings(depth=True, absgrad=True, antialiased=True), id="antialiased"),
+]
+
 
 def make_backend(name: str, device: str, dtype: torch.dtype) -> Backend:
     """The backend, or a skip that says why it cannot run here."""

@@ -1,27 +1,18 @@
-"""What every backend must do, each against the float64 reference in `reference.py`.
-
-Pixels where an alpha or a transmittance lies within rounding of a jump (cutoff, clamp, stop) may
-go either way; they are left out of the comparison and of the loss, and there may be few of them.
-"""
+"""What every backend must do, each against the float64 reference in `reference.py`."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import pytest
 import torch
-from torch import Tensor
 
 from desplat_ns.backend import RenderSettings, resolve
+from tests.backend.comparison import check_close, check_forward, check_gradients
 from tests.backend.scenes import (
-    BACKENDS,
+    MODES,
     PARAMETERS,
-    Backend,
-    TestScene,
-    gradient_tolerance,
     joined,
-    make_backend,
     one_gaussian,
     random_scene,
     render_reference,
@@ -30,76 +21,6 @@ from tests.backend.scenes import (
 
 SHARPNESS = 1 / math.sqrt(1.3)
 """Of `one_gaussian`, whose variance is 1 + 0.3 pixels^2."""
-
-FLIP_BUDGET = 0.1
-"""Share of pixels that may lie within rounding of a jump."""
-
-MODES = [
-    pytest.param(RenderSettings(depth=True, absgrad=True), id="classic"),
-    pytest.param(RenderSettings(depth=True, absgrad=True, antialiased=True), id="antialiased"),
-]
-
-
-@pytest.fixture(params=BACKENDS)
-def backend(request: pytest.FixtureRequest) -> Backend:
-    return make_backend(*request.param)
-
-
-@pytest.fixture
-def exact_backend(backend: Backend) -> Backend:
-    if backend.name == "gsplat":
-        pytest.skip("gsplat cuts opaque Gaussians off at 3 sigma, by design")
-    return backend
-
-
-def check_forward(backend: Backend, scene: TestScene, settings: RenderSettings) -> None:
-    want = render_reference(scene.to(torch.float64), settings)
-    _, got = backend.render(scene, settings)
-    allowed = tolerance(backend.dtype, scene.size, want.sharpness)
-    safe = want.margin > allowed
-    assert safe.double().mean() >= 1 - FLIP_BUDGET
-    difference = {
-        "rgb": (got.rgb.cpu() - want.rgb) / max(1.0, want.rgb.max().item()),
-        "alpha": got.alpha.cpu() - want.alpha,
-    }
-    if got.depth is not None:
-        far = want.depth.max().clamp(min=1e-10)
-        # The quotient of two sums: an error relative to their weight.
-        weight = want.alpha.clamp(max=1)
-        difference["depth"] = 0.5 * (got.depth.cpu() - want.depth) * weight / far
-    for name, error in difference.items():
-        assert error.abs()[safe].max() <= allowed, name
-
-
-def check_gradients(backend: Backend, scene: TestScene, settings: RenderSettings) -> None:
-    """Compare the gradients of a random linear functional of colour, alpha and depth."""
-    truth = scene.to(torch.float64)
-    want = render_reference(truth, settings)
-    want.means2d.retain_grad()
-    allowed = tolerance(backend.dtype, scene.size, want.sharpness)
-    safe = (want.margin > allowed)[..., None]
-    assert safe.double().mean() >= 1 - FLIP_BUDGET
-    leaves, got = backend.render(scene, settings)
-    rng = torch.Generator().manual_seed(7)
-    for name in ("rgb", "alpha", "depth"):
-        image = getattr(want, name)
-        factor = torch.rand(image.shape, generator=rng, dtype=torch.float64) - 0.3
-        # An expected depth has no slope bound where next to nothing is drawn.
-        factor = factor * safe * (want.alpha.detach() > 0.02)
-        (image * factor).sum().backward(retain_graph=True)
-        part = getattr(got, name)
-        (part * factor.to(part)).sum().backward(retain_graph=name != "depth")
-
-    for name in PARAMETERS:
-        check_close(name, getattr(leaves, name).grad, getattr(truth, name).grad, allowed)
-    assert got.means2d.grad is not None
-    check_close("means2d", got.means2d.grad[0], want.means2d.grad, allowed)
-
-
-def check_close(name: str, got: Tensor | None, want: Tensor | None, allowed: float) -> None:
-    assert got is not None and want is not None, name
-    error = (got.cpu().double() - want).abs().max()
-    assert error <= gradient_tolerance(allowed) * want.abs().max(), name
 
 
 @pytest.mark.parametrize("settings", MODES)
@@ -257,86 +178,6 @@ def test_only_what_lies_between_the_planes_is_drawn(backend, z, seen):
             assert gradient[1].abs().max() == 0, name
     assert seen == bool(leaves.colors.grad[1].abs().max() > 0)
     check_forward(backend, scene, settings)
-
-
-POISON = {
-    "a NaN in the mean": {"means": [[math.nan, 0.0, 2.0]]},
-    "an infinite mean": {"means": [[0.0, math.inf, 2.0]]},
-    "a mean beyond float32's square root": {"means": [[1e30, 0.0, 2.0]]},
-    "a mean in the camera's centre": {"means": [[0.0, 0.0, 0.0]]},
-    "a zero quaternion": {"quats": [[0.0, 0.0, 0.0, 0.0]]},
-    "a denormal quaternion": {"quats": [[1e-40, 0.0, 0.0, 0.0]]},
-    "a NaN in the quaternion": {"quats": [[math.nan, 0.0, 0.0, 1.0]]},
-    "an infinite scale": {"scales": [[math.inf, 0.1, 0.1]]},
-    "a scale whose fourth power overflows": {"scales": [[math.exp(40), 0.1, 0.1]]},
-    "a NaN opacity": {"opacities": [math.nan]},
-    "a NaN colour": {"colors": [[math.nan, 0.0, 0.0]]},
-}
-
-
-@pytest.mark.parametrize("antialiased", [False, True])
-@pytest.mark.parametrize("poison", POISON)
-def test_a_broken_gaussian_is_not_drawn_and_spoils_nothing(backend, poison, antialiased):
-    settings = RenderSettings(depth=True, absgrad=True, antialiased=antialiased)
-    changes = {name: torch.tensor(value) for name, value in POISON[poison].items()}
-    healthy = random_scene(29, count=10)
-    healthy = dataclasses.replace(healthy, viewmat=torch.eye(4))
-    healthy.means = healthy.means + torch.tensor([0.0, 0.0, 2.0])
-    _, want = backend.render(healthy, settings)
-    leaves, got = backend.render(joined(healthy, one_gaussian(**changes)), settings)
-    assert got.radii[-1].item() == 0 or (backend.name == "gsplat" and "scale" in poison)
-    assert torch.equal(got.rgb, want.rgb) and torch.equal(got.alpha, want.alpha)
-    assert got.depth is not None and want.depth is not None and torch.equal(got.depth, want.depth)
-    (got.rgb.sum() + got.alpha.sum() + got.depth.sum()).backward()
-    for name in PARAMETERS:
-        gradient = getattr(leaves, name).grad
-        assert gradient.isfinite().all(), name
-        assert gradient[-1].abs().max() == 0, name
-
-
-EXTREME = {
-    "a point": {"scales": [[0.0, 0.0, 0.0]]},
-    "denormal scales": {"scales": [[1e-40, 1e-40, 1e-40]]},
-    "a needle": {"scales": [[50.0, 1e-6, 1e-6]]},
-    "a needle across the diagonal": {
-        "scales": [[50.0, 1e-6, 1e-6]],
-        "quats": [[math.cos(math.pi / 8), 0.0, 0.0, math.sin(math.pi / 8)]],
-    },
-    "a wall": {"scales": [[1e5, 1e5, 1e-3]]},
-    "a long quaternion": {"quats": [[1e15, 0.0, 0.0, 0.0]]},
-    "a short quaternion": {"quats": [[1e-10, 0.0, 0.0, 0.0]]},
-}
-
-
-@pytest.mark.parametrize("extreme", EXTREME)
-def test_an_extreme_but_valid_gaussian_stays_visible(backend, extreme):
-    changes = {name: torch.tensor(value) for name, value in EXTREME[extreme].items()}
-    leaves, got = backend.render(one_gaussian(**changes), RenderSettings(depth=True))
-    assert got.radii.item() > 0
-    assert got.alpha[4, 4].item() == pytest.approx(0.5, rel=1e-3)
-    (got.rgb.sum() + got.alpha.sum()).backward()
-    assert all(getattr(leaves, name).grad.isfinite().all() for name in PARAMETERS)
-
-
-@pytest.mark.parametrize("settings", MODES)
-def test_no_gaussians_give_an_empty_image_that_can_be_differentiated(backend, settings):
-    empty = {name: getattr(one_gaussian(), name)[:0] for name in PARAMETERS}
-    leaves, got = backend.render(one_gaussian(**empty), settings)
-    assert got.rgb.shape == (9, 9, 3) and got.alpha.shape == got.depth.shape == (9, 9, 1)
-    assert got.means2d.shape == (1, 0, 2) and got.radii.shape == (0,)
-    assert got.rgb.abs().max() == got.alpha.max() == got.depth.max() == 0
-    (got.rgb.sum() + got.alpha.sum() + got.depth.sum()).backward()
-    assert leaves.means.grad.shape == (0, 3)
-
-
-def test_nothing_in_view_gives_an_empty_image_and_zero_gradients(backend):
-    scene = one_gaussian(means=torch.tensor([[0.0, 0.0, -2.0]]))
-    leaves, got = backend.render(scene, RenderSettings(depth=True, absgrad=True))
-    assert got.rgb.abs().max() == got.alpha.max() == got.depth.max() == 0
-    (got.rgb.sum() + got.alpha.sum() + got.depth.sum()).backward()
-    assert all(getattr(leaves, name).grad.abs().max() == 0 for name in PARAMETERS)
-    assert got.means2d.absgrad.shape == (1, 1, 2)
-    assert got.means2d.absgrad.abs().max() == 0
 
 
 def test_no_gradients_are_needed_to_render(backend):

@@ -1,4 +1,7 @@
-"""What is particular to the torch backend; `test_contract.py` holds what all backends share."""
+"""What is particular to the torch backend.
+
+What all backends share is in `test_contract.py` and `test_hostile_input.py`.
+"""
 
 from __future__ import annotations
 
