@@ -1,0 +1,160 @@
+"""A pipeline around a model whose every answer is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import torch
+from nerfstudio.cameras.cameras import Cameras
+from torch import nn
+
+from desplat_ns.effects import Effects
+from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
+from desplat_ns.photo_tourism.shown_light import ShownLight
+from desplat_ns.pipeline import DeSplatPipeline, DeSplatPipelineConfig
+from desplat_ns.viewer import LayerControl
+
+HEIGHT, WIDTH = 16, 20
+
+
+class NoLpips(LazyLpips):
+    def __init__(self) -> None:
+        super().__init__()
+        self.reason = "no weights in this test"
+
+
+class KnownDistractors(nn.Module):
+    def __init__(self) -> None:
+        super().__init__()
+        self.means = nn.Parameter(torch.zeros(5, 3))
+
+    def counts(self) -> list[int]:
+        return [2, 3]
+
+
+class KnownModel(nn.Module):
+    """Renders a plain picture: grey 0.5 and, if an open viewer asks for distractors, white."""
+
+    def __init__(self, effects: Effects, points: int = 4) -> None:
+        super().__init__()
+        self.config, self.effects = SimpleNamespace(sh_degree=3), effects
+        self.gauss_params = nn.ParameterDict({"means": torch.zeros(points, 3)})
+        self.distractors = KnownDistractors() if effects.distractors else None
+        self.layer_control = LayerControl(2 if effects.distractors else 0)
+        self.shown_light = ShownLight([])
+        self.rasterizer = SimpleNamespace(name="torch")
+        self.lpips = NoLpips()
+        self.device = torch.device("cpu")
+        self.step, self.renders, self.value = 0, 0, 0.5
+        self.covered = 0  # columns, from the left, that distractors cover
+
+    @property
+    def num_points(self) -> int:
+        return len(self.gauss_params["means"])
+
+    def get_outputs_for_camera(self, camera: Cameras) -> dict[str, torch.Tensor]:
+        self.renders += 1
+        grey = 1.0 if self.layer_control.train_idx() is not None else self.value
+        alpha = torch.zeros(HEIGHT, WIDTH, 1)
+        alpha[:, : self.covered] = 0.75
+        rgb = torch.full((HEIGHT, WIDTH, 3), grey)
+        return {"rgb": rgb, "alpha_distractor": alpha, "distractor_mask": alpha > 0.5}
+
+    forward = get_outputs_for_camera
+
+    def get_image_metrics_and_images(self, outputs: dict, batch: dict) -> tuple[dict, dict]:
+        figures = image_metrics(outputs["rgb"], batch["image"], self.lpips)
+        return figures, {"img": torch.cat([batch["image"], outputs["rgb"]], dim=1)}
+
+    def get_gt_img(self, image: torch.Tensor) -> torch.Tensor:
+        return image
+
+    def composite_with_background(
+        self, image: torch.Tensor, background: torch.Tensor
+    ) -> torch.Tensor:
+        return image
+
+    def get_metrics_dict(self, outputs: dict, batch: dict) -> dict:
+        return {"psnr": image_metrics(outputs["rgb"], batch["image"])["psnr"]}
+
+    def get_loss_dict(self, outputs: dict, batch: dict, metrics: dict) -> dict:
+        return {}
+
+    def update_to_step(self, step: int) -> None:
+        self.step = step
+
+
+def known_cameras(n: int) -> Cameras:
+    """All in one place, with the numbers 0, 1, ... of training photos."""
+    return Cameras(
+        camera_to_worlds=torch.eye(4)[None, :3].repeat(n, 1, 1),
+        fx=20.0,
+        fy=20.0,
+        cx=WIDTH / 2,
+        cy=HEIGHT / 2,
+        width=WIDTH,
+        height=HEIGHT,
+        metadata={"train_idx": torch.arange(n)[:, None]},
+    )
+
+
+@dataclass
+class KnownManager:
+    """Evaluation photos that are 0.1, 0.2, ... brighter than what the model renders."""
+
+    num_eval: int = 2
+    train_image_names: list[str] = field(default_factory=lambda: ["a.png", "b.png"])
+    masks: list[Path | None] = field(default_factory=list)
+    device: str = "cpu"
+
+    def true_masks(self) -> list[tuple[Cameras, Path]]:
+        cameras = known_cameras(len(self.masks))
+        return [(cameras[i : i + 1], p) for i, p in enumerate(self.masks) if p is not None]
+
+    @property
+    def fixed_indices_eval_dataloader(self) -> list[tuple[Cameras, dict]]:
+        cameras = known_cameras(self.num_eval)
+        return [(cameras[i : i + 1], self._batch(i)) for i in range(self.num_eval)]
+
+    def _batch(self, index: int) -> dict:
+        photo = torch.full((HEIGHT, WIDTH, 3), 0.5 + 0.1 * (index + 1))
+        return {"image": photo, "image_idx": index}
+
+    def next_eval_image(self, step: int) -> tuple[Cameras, dict]:
+        return self.fixed_indices_eval_dataloader[0]
+
+    next_eval = next_eval_image
+
+    @property
+    def eval_dataset(self) -> SimpleNamespace:
+        names = [Path(f"/capture/images/extra_{i}.png") for i in range(self.num_eval)]
+        return SimpleNamespace(image_filenames=names)
+
+    @property
+    def train_dataset(self) -> SimpleNamespace:
+        return SimpleNamespace(cameras=known_cameras(len(self.train_image_names)))
+
+    @property
+    def train_dataparser_outputs(self) -> SimpleNamespace:
+        return SimpleNamespace(metadata={"distractor_mask_filenames": self.masks})
+
+
+def known_pipeline(
+    manager: KnownManager | None = None, distractors: bool = True, points: int = 4
+) -> DeSplatPipeline:
+    """A pipeline that needs no capture, around `KnownModel`."""
+    pipeline = DeSplatPipeline.__new__(DeSplatPipeline)
+    nn.Module.__init__(pipeline)
+    parts: Any = pipeline
+    parts.config = DeSplatPipelineConfig()
+    parts.datamanager = manager or KnownManager()
+    parts._model = KnownModel(Effects(distractors=distractors), points)
+    return pipeline
+
+
+def model_of(pipeline: DeSplatPipeline) -> Any:
+    """The `KnownModel` in it."""
+    return pipeline.model

@@ -1,0 +1,66 @@
+"""Which checkpoints the pipeline loads, and what it says of those that it refuses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from desplat_ns.errors import CheckpointError
+from desplat_ns.pipeline import DeSplatPipeline
+from tests.helpers.known_pipeline import KnownManager, known_pipeline, model_of
+
+
+def _saved(**changes: Any) -> dict[str, Any]:
+    """A checkpoint's pipeline state, whose static Gaussians all lie at 1."""
+    pipeline = known_pipeline(**changes)
+    model_of(pipeline).gauss_params["means"].data.fill_(1.0)
+    return pipeline.state_dict()
+
+
+def _is_untouched(pipeline: DeSplatPipeline) -> bool:
+    return model_of(pipeline).step == 0 and not model_of(pipeline).gauss_params["means"].any()
+
+
+def test_a_checkpoint_of_the_same_scene_is_loaded_with_its_step():
+    pipeline = known_pipeline()
+    pipeline.load_pipeline(_saved(), 7)
+    assert (model_of(pipeline).gauss_params["means"] == 1).all()
+    assert model_of(pipeline).step == 7
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"manager": KnownManager(train_image_names=["x.png"])}, "another scene"),
+        ({"distractors": False}, r"--pipeline\.model\.effects\.distractors False"),
+    ],
+)
+def test_another_scene_or_other_effects_are_refused_before_anything_changes(
+    changes: dict, message: str
+):
+    pipeline = known_pipeline()
+    with pytest.raises(CheckpointError, match=message):
+        pipeline.load_pipeline(_saved(**changes), 7)
+    assert _is_untouched(pipeline)
+
+
+def test_missing_and_unexpected_parameters_are_listed_before_anything_changes():
+    pipeline, state = known_pipeline(), _saved()
+    state["_model.extra"] = state.pop("_model.distractors.means")
+    message = r"1 missing parameters \(_model\.distractors\.means\), 1 unexpected .*_model\.extra"
+    with pytest.raises(CheckpointError, match=message):
+        pipeline.load_pipeline(state, 7)
+    assert _is_untouched(pipeline)
+
+
+def test_parameters_of_the_wrong_shape_are_named():
+    with pytest.raises(CheckpointError, match=r"gauss_params\.means.*config\.yml"):
+        known_pipeline().load_pipeline(_saved(points=6), 7)
+
+
+def test_a_checkpoint_of_another_method_is_refused():
+    state = _saved()
+    del state["_extra_state"]
+    with pytest.raises(CheckpointError, match="not saved by `desplat`"):
+        known_pipeline().load_pipeline(state, 7)
