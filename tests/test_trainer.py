@@ -1,25 +1,18 @@
-"""The trainer on a stub pipeline: schedules of the run's length, exact resume, clean stops."""
+"""The trainer on a stub pipeline: schedules of the run's length, exact resume, what is refused."""
 
 from __future__ import annotations
 
 import dataclasses
-import os
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
 import yaml
 from nerfstudio.engine.optimizers import AdamOptimizerConfig
-from nerfstudio.utils import eval_utils
 
 from desplat_ns.errors import CheckpointError, ConfigError
-from desplat_ns.nerfstudio_quirks import load_evaluated_checkpoints_like_resumed_ones
 from desplat_ns.trainer import DeSplatTrainerConfig
-from desplat_ns.training.checkpoint_files import STAGING_FOLDER, checkpoints_in, load_checkpoint
+from desplat_ns.training.checkpoint_files import checkpoints_in, load_checkpoint
 from tests.helpers.stub_run import (
     StubPipeline,
     StubPipelineConfig,
@@ -158,202 +151,6 @@ def test_a_schedule_scale_that_is_not_positive_is_refused(config, scale):
     config.pipeline.model.schedule_scale = scale
     with pytest.raises(ConfigError, match=r"--pipeline\.model\.schedule-scale"):
         config.setup()
-
-
-def test_a_run_told_to_stop_saves_the_step_it_finished(config):
-    trainer = set_up(config)
-
-    def stop_at_7(step: int) -> None:
-        trainer.stop_training = step == 7
-
-    trainer.pipeline.at_step = stop_at_7
-    trainer.train()
-    assert trainer.pipeline.trained == list(range(8))
-    newest = checkpoints_in(config.get_checkpoint_dir())[-1]
-    assert newest.name == "step-000000007.ckpt"
-    second = resumed(config)
-    assert train(second).pipeline.trained == [8, 9, 10, 11]
-
-
-@pytest.mark.parametrize("stopped", [False, True])
-def test_what_was_cleared_away_is_swept_at_the_end_of_a_run_and_not_where_it_is_only_stopped(
-    config, stopped
-):
-    """Before its last checkpoint. What a stopped run saves has to go on as if it had not been."""
-    trainer, swept = set_up(config), []
-    trainer.pipeline.model.sweep = lambda: swept.append(len(checkpoints_in(trainer.checkpoint_dir)))
-
-    def tell_it(step: int) -> None:
-        trainer.stop_training = stopped and step == 7
-
-    trainer.pipeline.at_step = tell_it
-    trainer.train()
-    assert swept == ([] if stopped else [2])
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_finishes_the_step_saves_and_nothing_is_lost(config, number):
-    train(dataclasses.replace(config, timestamp="straight", pipeline=StubPipelineConfig()))
-    trainer = set_up(config)
-    handler = signal.getsignal(number)
-    trainer.pipeline.at_step = lambda step: os.kill(os.getpid(), number) if step == 3 else None
-    trainer.train()
-    assert trainer.pipeline.trained == [0, 1, 2, 3]
-    assert checkpoints_in(config.get_checkpoint_dir())[-1].name == "step-000000003.ckpt"
-    assert signal.getsignal(number) is handler
-    second = resumed(config)
-    assert train(second, seed=99).pipeline.trained == list(range(4, 12))
-    straight = config.get_base_dir().parent / "straight" / "nerfstudio_models"
-    assert_same(
-        load_checkpoint(straight / "step-000000011.ckpt"),
-        load_checkpoint(second.get_checkpoint_dir() / "step-000000011.ckpt"),
-    )
-
-
-@pytest.fixture
-def python_handles_sigint():
-    """What an interactive shell gives; a job started in the background ignores the signal."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-def test_a_second_ctrl_c_ends_the_run_at_once(config, python_handles_sigint):
-    trainer = set_up(config)
-
-    def twice(step: int) -> None:
-        os.kill(os.getpid(), signal.SIGINT)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    trainer.pipeline.at_step = twice
-    with pytest.raises(KeyboardInterrupt):
-        trainer.train()
-    assert trainer.pipeline.trained == []
-    assert not config.get_checkpoint_dir().exists()
-
-
-def test_a_damaged_newest_checkpoint_resumes_from_the_one_before(config):
-    train(config)
-    newest = config.get_checkpoint_dir() / "step-000000011.ckpt"
-    newest.write_bytes(newest.read_bytes()[:1000])
-    assert train(resumed(config)).pipeline.trained == [11]
-
-
-def test_the_runs_folder_and_a_single_file_can_be_loaded(config):
-    train(config)
-    by_folder = set_up(resumed(config, load_dir=config.get_base_dir()))
-    assert by_folder._start_step == 12
-    file = config.get_checkpoint_dir() / "step-000000005.ckpt"
-    by_file = set_up(resumed(config, load_dir=None, load_checkpoint=file))
-    assert by_file._start_step == 6
-
-
-def test_a_checkpoint_with_other_groups_is_refused_and_unharmed(config):
-    train(config)
-    before = {p: p.read_bytes() for p in config.get_checkpoint_dir().iterdir()}
-    second = resumed(config)
-    second.pipeline = StubPipelineConfig(groups=("means", "scales", "extra"))
-    trainer = second.setup()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(StubPipeline, "load_pipeline", lambda *_: None)
-        with pytest.raises(CheckpointError, match=r"no optimizer state for extra.*effects"):
-            trainer.setup()
-    assert {p: p.read_bytes() for p in config.get_checkpoint_dir().iterdir()} == before
-
-
-class TestEvaluation:
-    """`ns-eval`, `ns-render`, `ns-viewer` and `ns-export` load by nerfstudio's function."""
-
-    @pytest.fixture
-    def load(self, config) -> Callable[..., tuple[Path, int]]:
-        load_evaluated_checkpoints_like_resumed_ones()
-
-        def load(pipeline: Any = None, **changes: Any) -> tuple[Path, int]:
-            run = resumed(config, timestamp="first", **changes)
-            pipeline = pipeline or StubPipeline(StubPipelineConfig())
-            return eval_utils.eval_load_checkpoint(run, pipeline)
-
-        return load
-
-    def test_loads_the_same_checkpoint(self, config, load):
-        trained = train(config).pipeline
-        pipeline = StubPipeline(StubPipelineConfig())
-        assert load(pipeline)[1] == 11
-        assert torch.equal(pipeline.groups["means"], trained.groups["means"])
-
-    @pytest.mark.parametrize("left", [0, 1, 0.5, -1])
-    def test_takes_the_one_before_a_truncated_newest_and_says_so(self, config, load, left, capsys):
-        train(config)
-        newest = config.get_checkpoint_dir() / "step-000000011.ckpt"
-        whole = newest.read_bytes()
-        newest.write_bytes(whole[: int(left * len(whole)) if left == 0.5 else left])
-        path, step = load()
-        assert (path.name, step) == ("step-000000010.ckpt", 10)
-        said = " ".join(capsys.readouterr().out.split())
-        assert "step-000000011.ckpt is damaged" in said
-        assert "Going on from" in said
-
-    def test_takes_the_step_that_the_configuration_names(self, config, load):
-        train(config)
-        assert load(load_step=5)[1] == 5
-
-    @pytest.mark.parametrize("exists", [True, False])
-    def test_without_a_checkpoint_says_so(self, config, load, exists):
-        if exists:
-            config.get_checkpoint_dir().mkdir(parents=True)
-        with pytest.raises(CheckpointError, match=r"nerfstudio_models.* (is empty|does not exist)"):
-            load()
-
-
-@contextmanager
-def full_disk(room: int) -> Iterator[None]:
-    """Within, no file can become larger than `room` bytes."""
-    resource = pytest.importorskip("resource", reason="needs a file size limit to fill the disk")
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")  # the log's
-def test_a_save_that_fails_on_the_way_costs_no_step(config, capsys):
-    """Saves are due after steps 5 and 10 and at the end; the disk is full at 10."""
-    trainer = set_up(config)
-    with ExitStack() as stack:
-
-        def fill(step: int) -> None:
-            if step == 8:
-                stack.enter_context(full_disk(1000))
-            elif step == 11:
-                stack.close()
-
-        trainer.pipeline.at_step = fill
-        trainer.train()
-    assert trainer.pipeline.trained == list(range(12))
-    names = [path.name for path in checkpoints_in(config.get_checkpoint_dir())]
-    assert names == ["step-000000005.ckpt", "step-000000011.ckpt"]
-    said = " ".join(capsys.readouterr().out.split())
-    assert "step-000000010.ckpt could not be written" in said
-    assert "Training goes on; the next try is in 5 steps" in said
-    assert "Nothing more is logged to files" in said
-
-
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")  # the log's
-def test_a_last_save_that_fails_ends_the_run_with_its_reason(config, capsys):
-    trainer = set_up(config)
-    with ExitStack() as stack:
-        trainer.pipeline.at_step = lambda step: (
-            stack.enter_context(full_disk(1000)) if step == 8 else None
-        )
-        with pytest.raises(CheckpointError, match=r"000011.ckpt could not be .*Free some space"):
-            trainer.train()  # capsys: what is printed goes to memory, which is not full
-    assert [p.name for p in config.get_base_dir().glob("nerfstudio_models/*")] == [
-        "step-000000005.ckpt"
-    ]
-    assert not (config.get_base_dir() / STAGING_FOLDER).exists()
-    assert train(resumed(config)).pipeline.trained == list(range(6, 12))
 
 
 @pytest.mark.parametrize(("devices", "machines"), [(2, 1), (1, 2)])

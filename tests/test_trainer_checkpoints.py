@@ -1,0 +1,89 @@
+"""Which checkpoint a run goes on from and an evaluation loads, and which is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from nerfstudio.utils import eval_utils
+
+from desplat_ns.errors import CheckpointError
+from desplat_ns.nerfstudio_quirks import load_evaluated_checkpoints_like_resumed_ones
+from tests.helpers.stub_run import StubPipeline, StubPipelineConfig, resumed, set_up, train
+from tests.helpers.stub_run import config as config
+
+
+def test_a_damaged_newest_checkpoint_resumes_from_the_one_before(config):
+    train(config)
+    newest = config.get_checkpoint_dir() / "step-000000011.ckpt"
+    newest.write_bytes(newest.read_bytes()[:1000])
+    assert train(resumed(config)).pipeline.trained == [11]
+
+
+def test_the_runs_folder_and_a_single_file_can_be_loaded(config):
+    train(config)
+    by_folder = set_up(resumed(config, load_dir=config.get_base_dir()))
+    assert by_folder._start_step == 12
+    file = config.get_checkpoint_dir() / "step-000000005.ckpt"
+    by_file = set_up(resumed(config, load_dir=None, load_checkpoint=file))
+    assert by_file._start_step == 6
+
+
+def test_a_checkpoint_with_other_groups_is_refused_and_unharmed(config):
+    train(config)
+    before = {p: p.read_bytes() for p in config.get_checkpoint_dir().iterdir()}
+    second = resumed(config)
+    second.pipeline = StubPipelineConfig(groups=("means", "scales", "extra"))
+    trainer = second.setup()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(StubPipeline, "load_pipeline", lambda *_: None)
+        with pytest.raises(CheckpointError, match=r"no optimizer state for extra.*effects"):
+            trainer.setup()
+    assert {p: p.read_bytes() for p in config.get_checkpoint_dir().iterdir()} == before
+
+
+class TestEvaluation:
+    """`ns-eval`, `ns-render`, `ns-viewer` and `ns-export` load by nerfstudio's function."""
+
+    @pytest.fixture
+    def load(self, config) -> Callable[..., tuple[Path, int]]:
+        load_evaluated_checkpoints_like_resumed_ones()
+
+        def load(pipeline: Any = None, **changes: Any) -> tuple[Path, int]:
+            run = resumed(config, timestamp="first", **changes)
+            pipeline = pipeline or StubPipeline(StubPipelineConfig())
+            return eval_utils.eval_load_checkpoint(run, pipeline)
+
+        return load
+
+    def test_loads_the_same_checkpoint(self, config, load):
+        trained = train(config).pipeline
+        pipeline = StubPipeline(StubPipelineConfig())
+        assert load(pipeline)[1] == 11
+        assert torch.equal(pipeline.groups["means"], trained.groups["means"])
+
+    @pytest.mark.parametrize("left", [0, 1, 0.5, -1])
+    def test_takes_the_one_before_a_truncated_newest_and_says_so(self, config, load, left, capsys):
+        train(config)
+        newest = config.get_checkpoint_dir() / "step-000000011.ckpt"
+        whole = newest.read_bytes()
+        newest.write_bytes(whole[: int(left * len(whole)) if left == 0.5 else left])
+        path, step = load()
+        assert (path.name, step) == ("step-000000010.ckpt", 10)
+        said = " ".join(capsys.readouterr().out.split())
+        assert "step-000000011.ckpt is damaged" in said
+        assert "Going on from" in said
+
+    def test_takes_the_step_that_the_configuration_names(self, config, load):
+        train(config)
+        assert load(load_step=5)[1] == 5
+
+    @pytest.mark.parametrize("exists", [True, False])
+    def test_without_a_checkpoint_says_so(self, config, load, exists):
+        if exists:
+            config.get_checkpoint_dir().mkdir(parents=True)
+        with pytest.raises(CheckpointError, match=r"nerfstudio_models.* (is empty|does not exist)"):
+            load()

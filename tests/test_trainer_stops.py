@@ -1,0 +1,85 @@
+"""A run told to stop saves what it finished and can go on; a second Ctrl+C ends it at once."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import signal
+
+import pytest
+
+from desplat_ns.training.checkpoint_files import checkpoints_in, load_checkpoint
+from tests.helpers.stub_run import StubPipelineConfig, assert_same, resumed, set_up, train
+from tests.helpers.stub_run import config as config
+
+
+def test_a_run_told_to_stop_saves_the_step_it_finished(config):
+    trainer = set_up(config)
+
+    def stop_at_7(step: int) -> None:
+        trainer.stop_training = step == 7
+
+    trainer.pipeline.at_step = stop_at_7
+    trainer.train()
+    assert trainer.pipeline.trained == list(range(8))
+    newest = checkpoints_in(config.get_checkpoint_dir())[-1]
+    assert newest.name == "step-000000007.ckpt"
+    second = resumed(config)
+    assert train(second).pipeline.trained == [8, 9, 10, 11]
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_what_was_cleared_away_is_swept_at_the_end_of_a_run_and_not_where_it_is_only_stopped(
+    config, stopped
+):
+    """Before its last checkpoint. What a stopped run saves has to go on as if it had not been."""
+    trainer, swept = set_up(config), []
+    trainer.pipeline.model.sweep = lambda: swept.append(len(checkpoints_in(trainer.checkpoint_dir)))
+
+    def tell_it(step: int) -> None:
+        trainer.stop_training = stopped and step == 7
+
+    trainer.pipeline.at_step = tell_it
+    trainer.train()
+    assert swept == ([] if stopped else [2])
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_finishes_the_step_saves_and_nothing_is_lost(config, number):
+    train(dataclasses.replace(config, timestamp="straight", pipeline=StubPipelineConfig()))
+    trainer = set_up(config)
+    handler = signal.getsignal(number)
+    trainer.pipeline.at_step = lambda step: os.kill(os.getpid(), number) if step == 3 else None
+    trainer.train()
+    assert trainer.pipeline.trained == [0, 1, 2, 3]
+    assert checkpoints_in(config.get_checkpoint_dir())[-1].name == "step-000000003.ckpt"
+    assert signal.getsignal(number) is handler
+    second = resumed(config)
+    assert train(second, seed=99).pipeline.trained == list(range(4, 12))
+    straight = config.get_base_dir().parent / "straight" / "nerfstudio_models"
+    assert_same(
+        load_checkpoint(straight / "step-000000011.ckpt"),
+        load_checkpoint(second.get_checkpoint_dir() / "step-000000011.ckpt"),
+    )
+
+
+@pytest.fixture
+def python_handles_sigint():
+    """What an interactive shell gives; a job started in the background ignores the signal."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_a_second_ctrl_c_ends_the_run_at_once(config, python_handles_sigint):
+    trainer = set_up(config)
+
+    def twice(step: int) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    trainer.pipeline.at_step = twice
+    with pytest.raises(KeyboardInterrupt):
+        trainer.train()
+    assert trainer.pipeline.trained == []
+    assert not config.get_checkpoint_dir().exists()
