@@ -1,10 +1,9 @@
-"""Write docs/separation.md and its figure from the records."""
+"""Write docs/separation.md, docs/separation_tried.md and a figure from the records."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
-from string import Template
 
 from benchmarks.documents import DOCS
 from benchmarks.separation import one_pixel
@@ -14,11 +13,19 @@ from desplat_ns.studies.grid.figures import Figures, spread
 from desplat_ns.studies.grid.records import Records, load
 from desplat_ns.studies.grid.sources import Cell, Reference
 
-TEMPLATE = Path(__file__).with_name("separation.md.template")
-REPORT, FIGURE = "separation.md", "separation.png"
+REPORT, TRIED, FIGURE = "separation.md", "separation_tried.md", "separation.png"
+"""What is so today; what was so once, or was not kept; the model of one pixel."""
 
 NUMBERS_S, NUMBERS_D = 59, 14
 """Numbers in which a static Gaussian (degree 3) and a distractor are stored."""
+
+
+SHOWN = {
+    "main": "off trimmed paper desplat truth",
+    "ablations": f"desplat {ABLATIONS}",
+    "short": "off desplat",
+}
+"""Settings that a table of one scene compares, by the word in the template."""
 
 
 def gap(figures: Figures, setting: str, scene: str, clean: str, downscale: int, steps: int) -> Cell:
@@ -90,22 +97,21 @@ def hard_table(figures: Figures, steps: int) -> str:
     return figures.table(["", "off", "`desplat`", "gap closed", "mask IoU", "alpha outside"], rows)
 
 
-def changes_table(before: Figures, now: Figures, steps: int) -> str:
-    """For each capture a row with refinement as it was, and one with refinement as it is."""
+def captures_table(figures: Figures, steps: int) -> str:
+    """One row for each capture that was measured."""
     rows: list[list[str | Cell]] = []
     for scene, downscale in (("clutter", 2), *((s, 2 if s == "around" else 1) for s in OTHERS)):
         clean = "clean" if scene == "clutter" else scene + CLEAN
-        for name, figures in (("before", before), ("now", now)):
-            row = _of_capture(figures, scene, clean, downscale, steps)
-            if any(cell.text for cell in row):
-                rows.append([scene, name, *row])
-    head = ["capture", "", "off", "`desplat`", "clean twins", "SSIM", "IoU", "alpha outside"]
+        row = _of_capture(figures, scene, clean, downscale, steps)
+        if any(cell.text for cell in row):
+            rows.append([scene, *row])
+    head = ["capture", "off", "`desplat`", "clean twins", "SSIM", "IoU", "alpha outside"]
     head += ["training, CPU s", "static", "distractors", "memory ratio"]
-    return now.table(head, rows)
+    return figures.table(head, rows)
 
 
 def _of_capture(figures: Figures, scene: str, clean: str, downscale: int, steps: int) -> list[Cell]:
-    """Cells of `changes_table`: PSNR of three settings, the rest of `desplat`."""
+    """Cells of `captures_table`: PSNR of three settings, the rest of `desplat`."""
     off, ours, twins = (("off", scene), ("desplat", scene), ("off", clean))
     cells = [figures.cell((*run, downscale, steps), "psnr", ".2f") for run in (off, ours, twins)]
     run = (*ours, downscale, steps)
@@ -129,37 +135,39 @@ def _of_capture(figures: Figures, scene: str, clean: str, downscale: int, steps:
 
 
 def write_committed_report() -> Path:
-    """Write the document from the files in docs/; returns where it is."""
+    """Write both documents from the files in docs/; returns where the first is."""
     return write_report(load(FILE), load(BEFORE))
 
 
 def write_report(
     now: Records, before: Records, folder: Path = DOCS, today: Reference = STUDY.settings_of
 ) -> Path:
-    """Fill in the template; returns where the document is.
+    """Fill in the templates; returns where the document of today is.
 
     Args:
         before: those of `records.BEFORE`.
         today: see `sources`.
     """
-    figures, old = Figures(now, today, SEEDS), Figures(before, None, SEEDS)
-    main = "off trimmed paper desplat truth"
-
-    def filled(match: re.Match[str]) -> str:
-        settings, scene, clean, downscale, steps, *which = match[1].split("/")
-        chosen = {"main": main, "ablations": f"desplat {ABLATIONS}", "short": "off desplat"}
-        source = old if which == ["before"] else figures
-        return scene_table(source, chosen[settings], scene, clean, int(downscale), int(steps))
-
-    text = re.sub(r"\{\{table ([^}]*)\}\}", filled, TEMPLATE.read_text())
-    text = Template(text).substitute(
-        still=still_table(figures),
-        still_before=still_table(old),
-        hard_1000=hard_table(old, 1000),
-        hard_3000=hard_table(old, 3000),
-        **{f"changes_{steps}": changes_table(old, figures, steps) for steps in (1000, 3000, 7000)},
-    )
-    path = folder / REPORT
-    path.write_text(text)
+    for name, figures in (
+        (REPORT, Figures(now, today, SEEDS)),
+        (TRIED, Figures(before, None, SEEDS)),
+    ):
+        (folder / name).write_text(_filled(name, figures))
     one_pixel.draw(folder / FIGURE)
-    return path
+    return folder / REPORT
+
+
+def _filled(name: str, figures: Figures) -> str:
+    """The template of a document, its tables made of these figures."""
+
+    def table(match: re.Match[str]) -> str:
+        kind, *rest = match[1].split()
+        if kind == "still":
+            return still_table(figures)
+        if kind in ("hard", "captures"):
+            return (hard_table if kind == "hard" else captures_table)(figures, int(rest[0]))
+        scene, clean, downscale, steps = rest
+        return scene_table(figures, SHOWN[kind], scene, clean, int(downscale), int(steps))
+
+    template = Path(__file__).with_name(f"{name}.template")
+    return re.sub(r"\{\{(.*)\}\}", table, template.read_text())
