@@ -8,8 +8,16 @@ from pathlib import Path
 from benchmarks.documents import DOCS
 from benchmarks.separation import one_pixel
 from benchmarks.separation.records import BEFORE, FILE
-from benchmarks.separation.runs import ABLATIONS, CLEAN, HARD, OTHERS, SEEDS, SETTINGS, STUDY
-from desplat_ns.studies.grid.figures import Figures, spread
+from benchmarks.separation.runs import (
+    ABLATIONS,
+    CLEAN,
+    FEW,
+    HARD,
+    SEEDS,
+    SETTINGS,
+    STUDY,
+)
+from desplat_ns.studies.grid.figures import Figures, Key, spread
 from desplat_ns.studies.grid.records import Records, load
 from desplat_ns.studies.grid.sources import Cell, Reference
 
@@ -26,6 +34,24 @@ SHOWN = {
     "short": "off desplat",
 }
 """Settings that a table of one scene compares, by the word in the template."""
+
+CAPTURES = {
+    "chosen": "clutter few12 room15 room40 grove18 lit18 yard8 yard24 yard60",
+    "kept": "around few20 other15 other40 other18 lit40 yard16 yard40",
+    "hard": " ".join(HARD),
+}
+"""Captures that a table compares, by the word in the template: those on which a threshold was
+chosen, those kept out of that, and one kind of difficult occluder each, pasted over the photos of
+`clean`."""
+
+HALVED = ("clutter", "around", *FEW, *HARD)
+"""Scenes whose photos are used at half their size."""
+
+STILL = {"still": "fox", "still-tree": "monstree"}
+"""Captures in which nothing moves, by the names of their scenes."""
+
+CLEAN_OF: dict[str, str] = {scene: "clean" for scene in ("clutter", *HARD)}
+"""The clean twins of these; those of others have their name, and `CLEAN`."""
 
 
 def gap(figures: Figures, setting: str, scene: str, clean: str, downscale: int, steps: int) -> Cell:
@@ -69,52 +95,53 @@ def scene_table(
 
 
 def still_table(figures: Figures) -> str:
-    """What the method costs where nothing moves."""
+    """What the method costs where nothing moves: as users run it, and with distractors on."""
     rows: list[list[str | Cell]] = []
-    for steps in (1000, 3000, 30000):
-        off, ours = ((setting, "still", 2, steps) for setting in ("off", "desplat"))
-        values, measured = figures.together("psnr", off, ours)
-        if values:
-            difference = Cell(spread([b - a for a, b in values], "+.2f"), tuple(measured))
-            cells = [figures.cell(run, "psnr", ".2f") for run in (off, ours)]
-            rows.append([f"{steps:,}", *cells, difference])
-    return figures.table(["steps", "off", "`desplat`", "difference"], rows)
-
-
-def hard_table(figures: Figures, steps: int) -> str:
-    """One row for each kind of difficult occluder."""
-    rows: list[list[str | Cell]] = []
-    for scene in HARD:
-        off, ours = ((setting, scene, 2, steps) for setting in ("off", "desplat"))
-        if not figures.has(ours):
-            continue
-        cells = [figures.cell(run, "psnr", ".2f") for run in (off, ours)]
-        scores = [
-            figures.cell(ours, "mask_iou", ".2f"),
-            figures.cell(ours, "alpha_outside_masks", ".3f"),
-        ]
-        rows.append([scene, *cells, gap(figures, "desplat", scene, "clean", 2, steps), *scores])
-    return figures.table(["", "off", "`desplat`", "gap closed", "mask IoU", "alpha outside"], rows)
-
-
-def captures_table(figures: Figures, steps: int) -> str:
-    """One row for each capture that was measured."""
-    rows: list[list[str | Cell]] = []
-    for scene, downscale in (("clutter", 2), *((s, 2 if s == "around" else 1) for s in OTHERS)):
-        clean = "clean" if scene == "clutter" else scene + CLEAN
-        row = _of_capture(figures, scene, clean, downscale, steps)
-        if any(cell.text for cell in row):
-            rows.append([scene, *row])
-    head = ["capture", "off", "`desplat`", "clean twins", "SSIM", "IoU", "alpha outside"]
-    head += ["training, CPU s", "static", "distractors", "memory ratio"]
+    for scene in STILL:
+        for steps in (1000, 3000, 30000):
+            off: Key = ("off", scene, 2, steps)
+            differences = [
+                _difference(figures, off, (setting, scene, 2, steps))
+                for setting in ("asked", "desplat")
+            ]
+            if any(cell.text for cell in differences):
+                psnr = figures.cell(off, "psnr", ".2f")
+                rows.append([f"`{STILL[scene]}`", f"{steps:,}", psnr, *differences])
+    head = ["", "steps", "off", "as its survey says", "distractors forced on"]
     return figures.table(head, rows)
 
 
-def _of_capture(figures: Figures, scene: str, clean: str, downscale: int, steps: int) -> list[Cell]:
-    """Cells of `captures_table`: PSNR of three settings, the rest of `desplat`."""
-    off, ours, twins = (("off", scene), ("desplat", scene), ("off", clean))
-    cells = [figures.cell((*run, downscale, steps), "psnr", ".2f") for run in (off, ours, twins)]
-    run = (*ours, downscale, steps)
+def _difference(figures: Figures, off: Key, ours: Key) -> Cell:
+    """PSNR of one setting beyond that of off, seed by seed."""
+    values, measured = figures.together("psnr", off, ours)
+    return Cell(spread([b - a for a, b in values], "+.2f"), tuple(measured))
+
+
+def captures_table(figures: Figures, group: str, steps: int) -> str:
+    """One row for each capture of a group that was measured."""
+    rows: list[list[str | Cell]] = []
+    for scene in CAPTURES[group].split():
+        row = _of_capture(figures, scene, steps)
+        if row[0].text or row[1].text:
+            rows.append([scene, *row])
+    head = ["capture", "off", "`desplat`", "true masks", "clean twins", "gap closed", "SSIM", "IoU"]
+    head += ["alpha outside", "training, CPU s", "static", "distractors", "memory ratio"]
+    return figures.table(head, rows)
+
+
+def _of_capture(figures: Figures, scene: str, steps: int) -> list[Cell]:
+    """Cells of `captures_table`: PSNR of four settings, the rest of `desplat`."""
+    downscale = 2 if scene in HALVED else 1
+    clean = CLEAN_OF.get(scene, scene + CLEAN)
+    ours: Key = ("desplat", scene, downscale, steps)
+    four: list[Key] = [
+        ("off", scene, downscale, steps),
+        ours,
+        ("truth", scene, downscale, steps),
+        ("off", clean, downscale, steps),
+    ]
+    cells = [figures.cell(run, "psnr", ".2f") for run in four]
+    cells.append(gap(figures, "desplat", scene, clean, downscale, steps))
     for figure, form in (
         ("ssim", ".3f"),
         ("mask_iou", ".2f"),
@@ -123,8 +150,8 @@ def _of_capture(figures: Figures, scene: str, clean: str, downscale: int, steps:
         ("num_static_gaussians", ",.0f"),
         ("num_distractor_gaussians", ",.0f"),
     ):
-        cells.append(figures.cell(run, figure, form))
-    measured = figures.by_seed(run).values()
+        cells.append(figures.cell(ours, figure, form))
+    measured = figures.by_seed(ours).values()
     ratios = [
         record.figures["num_distractor_gaussians"]
         * NUMBERS_D
@@ -164,8 +191,8 @@ def _filled(name: str, figures: Figures) -> str:
         kind, *rest = match[1].split()
         if kind == "still":
             return still_table(figures)
-        if kind in ("hard", "captures"):
-            return (hard_table if kind == "hard" else captures_table)(figures, int(rest[0]))
+        if kind == "captures":
+            return captures_table(figures, rest[0], int(rest[1]))
         scene, clean, downscale, steps = rest
         return scene_table(figures, SHOWN[kind], scene, clean, int(downscale), int(steps))
 
