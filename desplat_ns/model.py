@@ -195,7 +195,7 @@ class DeSplatModel(StaticModel):
         visit.alpha_d = outputs["alpha_distractor"]
         opacities = self.gauss_params["opacities"]
         alpha_s = outputs["accumulation"]
-        return layer.losses(self.step, visit, alpha_s, self.means, opacities, self.memory, mask)
+        return layer.losses(self.step, visit, alpha_s, opacities, self.memory, mask)
 
     def _photographed_background(self, outputs: dict[str, Any]) -> Tensor:
         """What the step's photo shows behind everything: what a transparent pixel of it shows."""

@@ -39,7 +39,6 @@ from desplat_ns.rendering.layers import layered_outputs, static_outputs
 from desplat_ns.separation.clearance import Clearance
 from desplat_ns.separation.failure_cases import SeparationWatch, seen_and_hidden, sight_of
 from desplat_ns.separation.ownership import owned_share
-from desplat_ns.separation.photo_consistency import CellPhoto, contradiction
 from desplat_ns.separation.placement import Placement, lie_in, uncovered_regions
 from desplat_ns.separation.visit import Visit
 from desplat_ns.training.losses import (
@@ -111,9 +110,8 @@ def test_a_tensor_made_on_the_cpu_is_noticed():
 def test_looking_for_regions_stays_on_the_gpu(step, monkeypatch):
     """Residual, expected residual, memories, excess, detail, outlines, pixels."""
     seen, memory, placement = a_visit(), GaussianMemory({}), Placement(CONFIG, 8)
-    monkeypatch.setattr(placement.photos, "compare", lambda *_: None)  # has a test of its own
     for _ in range(2):
-        free = placement.look(step, seen, cuda(N, 3), cuda(N, 1), memory)
+        free = placement.look(step, seen, cuda(N, 1), memory)
         assert seen.learned is not None
         assert_on_cuda(seen.learned.usual, seen.learned.times_seen)
         seen.learned.keep_in(memory)
@@ -126,16 +124,11 @@ def test_looking_for_regions_stays_on_the_gpu(step, monkeypatch):
         assert_on_cuda(free, seen.inside, seen.left_out, owned_share(seen.alpha_d, seen.left_out))
 
 
-def test_comparing_photos_stays_on_the_gpu():
-    photo = CellPhoto.of(a_visit())
-    assert_on_cuda(contradiction(photo, [photo, photo, photo], cuda(1)[0]))
-
-
 @pytest.mark.usefixtures("regions_by_cell")
 def test_placing_stays_on_the_gpu():
     """`place` itself asks whether any is to be placed; what it asks, and what it then makes."""
     seen = a_visit()
-    Placement(CONFIG, 8).look(LATE, seen, cuda(N, 3), cuda(N, 1), GaussianMemory({}))
+    Placement(CONFIG, 8).look(LATE, seen, cuda(N, 1), GaussianMemory({}))
     assert seen.inside is not None
     assert_on_cuda(lie_in(seen.inside, cuda(7, 3), seen.view), uncovered_regions(seen, CONFIG))
 

@@ -37,12 +37,6 @@ class DistractorConfig:
     """With start residual: share of what has to be reached that is enough where a region was at the
     view's last visit, until `leave_out_at`: what begins to be learned stands out less. 1 remembers
     none."""
-    weak_contradiction: float = 0.03
-    """With start residual: by how much (colours in [0, 1]) most other photos have to differ from
-    what a photo shows in a place, at whatever depth it lies, for it to belong to something in the
-    way. Asked until `stop_densify_at`; later, the scene that was learned meanwhile says more."""
-    strong_contradiction: float = 0.08
-    """With start residual: what something in the way has to reach of that in one place at least."""
     shared_detail: float = 0.7
     """With start residual: where the detail of a photo correlates more than this with that of the
     static scene, it is the scene's own in another light, and nothing in the way; 1 or more asks
@@ -139,12 +133,6 @@ def check_options(config: DistractorConfig) -> None:
         ("grow-grad", config.grow_grad, config.grow_grad >= 0, "0 or more"),
         ("min-pixels", config.min_pixels, config.min_pixels >= 0, "0 or more"),
         ("shared-detail", config.shared_detail, config.shared_detail > 0, "above 0"),
-        (
-            "strong-contradiction",
-            config.strong_contradiction,
-            config.strong_contradiction >= config.weak_contradiction >= 0,
-            f"0 or more and not below weak-contradiction, {config.weak_contradiction}",
-        ),
         (
             "strong-excess",
             config.strong_excess,

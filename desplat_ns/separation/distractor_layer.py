@@ -95,7 +95,6 @@ class DistractorLayer:
         step: int,
         visit: Visit,
         alpha_s: Float[Tensor, "H W 1"],
-        means: Float[Tensor, "N 3"],
         opacities: Float[Tensor, "N 1"],
         memory: GaussianMemory,
         mask: Bool[Tensor, "H W 1"] | None,
@@ -104,8 +103,7 @@ class DistractorLayer:
 
         Args:
             alpha_s: opacity of the static scene.
-            means: of the static Gaussians.
-            opacities: their logits.
+            opacities: of the static Gaussians, logits.
             memory: what they remember; it is read only.
             mask: the user's, False in pixels that do not count; None if there is none.
         """
@@ -114,7 +112,7 @@ class DistractorLayer:
         if step >= config.static_warmup:
             visit.sight = sight_of(visit.view, visit.alpha_d)
         if config.start == "residual":
-            free = self.placement.look(step, visit, means, opacities, memory)
+            free = self.placement.look(step, visit, opacities, memory)
         losses = {
             "distractor_opacity": config.lambda_d * distractor_opacity_loss(visit.alpha_d, free),
             "static_transparency": config.lambda_s * static_transparency_loss(alpha_s),

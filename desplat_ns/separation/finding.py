@@ -1,8 +1,8 @@
 """Finds the regions of a photo that show what the other views do not.
 
-Each of four things has a say: how far the photo is from the static scene, beyond what is usual in a
-place; whether most other photos contradict it; whether it has the scene's own detail in another
-light; and where a region was when the view was last seen.
+Each of three things has a say: how far the photo is from the static scene, beyond what is usual in
+a place; whether it has the scene's own detail in another light; and where a region was when the
+view was last seen.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ def find_regions(
     known: UsualResiduals,
     num_views: int,
     config: DistractorConfig,
-    contradiction: Float[Tensor, "rows columns"] | None = None,
     last: Bool[Tensor, "rows columns"] | None = None,
 ) -> tuple[Bool[Tensor, "rows columns"], UsualResiduals]:
     """Find the regions of a photo that show what other views do not, on the grid of `grid_of`.
@@ -39,7 +38,6 @@ def find_regions(
         opacities: logits of the static Gaussians.
         known: what they remember of other visits.
         num_views: number of training views.
-        contradiction: of the photo with the others; None if it is not known.
         last: regions of the view's last visit; None if there are none.
 
     Returns:
@@ -67,9 +65,6 @@ def find_regions(
     if last is not None:
         strong |= last & (excess.values > config.standing_share * needed)
     strong &= own
-    if contradiction is not None:
-        weak = weak & (contradiction > config.weak_contradiction)
-        strong = strong & (contradiction > config.strong_contradiction)
     regions = outlier_regions(weak, strong)
     regions = along_edges(regions, pooled(visit.photo, grid, visit.mask))
     return regions if counted is None else regions & counted, learned

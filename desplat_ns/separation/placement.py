@@ -28,7 +28,6 @@ from desplat_ns.separation.finding import find_regions
 from desplat_ns.separation.grid import counted_cells, grid_of, pooled
 from desplat_ns.separation.last_regions import LastRegions
 from desplat_ns.separation.ownership import pixels_of
-from desplat_ns.separation.photo_consistency import ComparedPhotos
 from desplat_ns.separation.transfers import masks_to_host, to_device
 from desplat_ns.separation.visit import Visit
 
@@ -97,7 +96,6 @@ class Placement:
         """Says so where there are too few views to judge by."""
         self.config = config
         self.num_views = num_views
-        self.photos = ComparedPhotos(num_views)
         self.last = LastRegions()
         if config.start == "residual" and num_views < FEW_VIEWS:
             announce(about_few_views(num_views), warning=True)
@@ -107,7 +105,6 @@ class Placement:
         self,
         step: int,
         visit: Visit,
-        means: Float[Tensor, "N 3"],
         opacities: Float[Tensor, "N 1"],
         memory: GaussianMemory,
     ) -> Bool[Tensor, "H W 1"] | None:
@@ -116,8 +113,7 @@ class Placement:
         Nothing is found where nobody has a say, with `LEAST_VIEWS` views or fewer.
 
         Args:
-            means: of the static Gaussians.
-            opacities: their logits.
+            opacities: of the static Gaussians, logits.
             memory: what they remember; it is read only.
 
         Returns:
@@ -126,16 +122,12 @@ class Placement:
         """
         if self.num_views <= LEAST_VIEWS:
             return None
-        config, contradiction, last = self.config, None, None
-        if config.static_warmup <= step < config.stop_densify_at:
-            contradiction = self.photos.compare(visit, means)
+        config, last = self.config, None
         standing = config.standing_share < 1 and step < config.leave_out_at
         if standing:
             last = self.last.of(visit)
         known = UsualResiduals.of(memory, len(opacities), visit.photo.device)
-        regions, visit.learned = find_regions(
-            visit, opacities, known, self.num_views, config, contradiction, last
-        )
+        regions, visit.learned = find_regions(visit, opacities, known, self.num_views, config, last)
         if step < config.static_warmup:
             return None
         if standing:
@@ -148,17 +140,14 @@ class Placement:
 
     def keep(self, visit: Visit) -> None:
         """Take up what was found in a sound visit."""
-        self.photos.keep(visit)
         self.last.keep(visit)
 
     def state_dict(self) -> dict[str, Any]:
         """What was found so far, for a checkpoint."""
-        return {"photos": self.photos.state_dict(), "regions": self.last.state_dict()}
+        return {"regions": self.last.state_dict()}
 
     def load_state_dict(self, state: dict[str, Any], device: torch.device) -> None:
-        """Take up what `state_dict` gave, on `device`; earlier checkpoints lack some of it."""
-        if "photos" in state:
-            self.photos.load_state_dict(state["photos"], device)
+        """Take up what `state_dict` gave, on `device`; earlier checkpoints lack it."""
         if "regions" in state:
             self.last.load_state_dict(state["regions"], device)
 

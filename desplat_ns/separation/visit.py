@@ -47,7 +47,5 @@ class Visit:
     """Regions that the static scene's own loss leaves out; None for none."""
     learned: UsualResiduals | None = None
     """What the static Gaussians are to remember of the view; None for nothing."""
-    contradiction: Float[Tensor, "rows columns"] | None = None
-    """Of the photo with the others, on a grid of its own; None if it is not known."""
     sight: Sight | None = None
     """Where distractors cover the view; None if that is not to be watched yet."""

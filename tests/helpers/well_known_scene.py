@@ -43,7 +43,7 @@ class WellKnownScene:
         means2d = torch.stack([x, y], dim=-1).reshape(1, -1, 2) + 0.5
         count = means2d.shape[1]
         self.drawn = replace(nothing_drawn(), means2d=means2d, radii=torch.ones(count).int())
-        self.means, self.opacities = torch.zeros(count, 3), torch.zeros(count, 1)
+        self.opacities = torch.zeros(count, 1)
         self.memory = GaussianMemory({})
 
     def rendered(self) -> torch.Tensor:
@@ -61,11 +61,10 @@ class WellKnownScene:
         num_views: int,
         config: DistractorConfig,
         mask: torch.Tensor | None = None,
-        contradiction: torch.Tensor | None = None,
     ) -> torch.Tensor:
         """Its regions; the photo is remembered."""
         known = UsualResiduals.of(self.memory, len(self.opacities), photo.device)
-        rest = self.opacities, known, num_views, config, contradiction
+        rest = self.opacities, known, num_views, config
         visit = self.visit(photo)
         visit.mask = mask
         regions, learned = find_regions(visit, *rest)

@@ -1,4 +1,4 @@
-"""What of a photo is in the way: regions by residual, contradiction, detail and memory."""
+"""What of a photo is in the way: regions by residual, detail and memory."""
 
 import dataclasses
 
@@ -62,23 +62,6 @@ def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region():
     assert taken > 1000
     assert scene.find(scene.photo + flare, 40, CONFIG).sum() < 0.05 * taken
     assert scene.find(scene.with_an_occluder(), 40, CONFIG)[12:28, 22:38].all()
-
-
-def test_what_does_not_contradict_the_other_photos_is_no_region():
-    scene, contradiction = WellKnownScene(), torch.ones(HEIGHT, WIDTH)
-    for _ in range(5):
-        scene.find(scene.photo, 40, CONFIG)
-
-    def found() -> torch.Tensor:
-        photo = scene.with_an_occluder()
-        return scene.find(photo, 40, CONFIG, contradiction=contradiction)[12:28, 22:38]
-
-    assert found().all()
-    contradiction[:, 30:] = CONFIG.weak_contradiction / 2
-    assert found()[:, :6].all()
-    assert not found()[:, 10:].any()
-    contradiction[:] = (CONFIG.weak_contradiction + CONFIG.strong_contradiction) / 2
-    assert not found().any()
 
 
 def test_the_advice_to_raise_strong_excess_helps():

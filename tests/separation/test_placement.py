@@ -114,16 +114,6 @@ def test_residual_starts_with_no_distractors():
     assert DistractorGaussians(CONFIG, cameras()).counts() == [0]
 
 
-def test_photos_are_compared_from_the_warm_up_on_while_distractors_grow(monkeypatch):
-    config = dataclasses.replace(WARMED_UP, stop_densify_at=20)
-    scene, placement, asked = WellKnownScene(), Placement(config, 40), []
-    monkeypatch.setattr(placement.photos, "compare", lambda *_: asked.append(step))
-    for step in (0, 4, 5, 19, 20, 30):
-        visit = scene.visit(scene.photo)
-        placement.look(step, visit, scene.means, scene.opacities, scene.memory)
-    assert asked == [5, 19]
-
-
 @pytest.mark.parametrize(
     ("views", "words"),
     [(2, "cannot be judged, and none is placed"), (4, "easily wrong"), (5, "")],
@@ -138,10 +128,10 @@ def test_too_few_photos_to_judge_by_are_told(views, words, capsys):
 def test_with_two_photos_nothing_is_placed_and_all_of_them_train():
     scene, placement = WellKnownScene(), Placement(WARMED_UP, 2)
     for _ in range(5):
-        placement.look(0, scene.visit(scene.photo), scene.means, scene.opacities, scene.memory)
+        placement.look(0, scene.visit(scene.photo), scene.opacities, scene.memory)
     visit = scene.visit(scene.with_an_occluder())
     step = WARMED_UP.leave_out_at
-    assert placement.look(step, visit, scene.means, scene.opacities, scene.memory) is None
+    assert placement.look(step, visit, scene.opacities, scene.memory) is None
     assert visit.inside is None
     assert visit.left_out is None
 
@@ -151,7 +141,7 @@ def test_distractors_belong_in_the_whole_region_and_are_free_there():
 
     def look(step: int, photo: torch.Tensor) -> tuple[Visit, torch.Tensor | None]:
         visit = scene.visit(photo)
-        free = placement.look(step, visit, scene.means, scene.opacities, scene.memory)
+        free = placement.look(step, visit, scene.opacities, scene.memory)
         assert visit.learned is not None
         visit.learned.keep_in(scene.memory)
         return visit, free
@@ -177,7 +167,7 @@ def test_once_placing_has_stopped_none_comes_and_none_goes():
 
     def number_after(step: int, photo: torch.Tensor) -> int:
         visit = scene.visit(photo)
-        placement.look(step, visit, scene.means, scene.opacities, scene.memory)
+        placement.look(step, visit, scene.opacities, scene.memory)
         assert visit.learned is not None
         visit.learned.keep_in(scene.memory)
         placement.place(visit, distractors, densifier, optimizers)
@@ -199,7 +189,7 @@ def test_a_found_region_stays_with_less_evidence_also_after_a_checkpoint():
 
     def look(placement: Placement, photo: torch.Tensor, step: int = 5) -> torch.Tensor:
         visit = scene.visit(photo)
-        placement.look(step, visit, scene.means, scene.opacities, scene.memory)
+        placement.look(step, visit, scene.opacities, scene.memory)
         placement.keep(visit)
         assert visit.inside is not None
         return visit.inside
