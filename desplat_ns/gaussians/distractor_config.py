@@ -65,6 +65,12 @@ class DistractorConfig:
     """That warm-up ends after so many visits of each view at the latest, and `leave_out_at` comes
     after twice as many, however long the run: seen often enough, what stands in one photo alone is
     learned as well, and its residual is gone."""
+    shaping_steps: int = 300
+    """Steps in which a scene takes shape, however long the run and however many its views: a step
+    of Adam is as long as its rate. The warm-up ends after so many, and is no shorter than
+    `min_warmup_visits`."""
+    min_warmup_visits: int = 8
+    """Visits of each view that the warm-up has at least, where `static_warmup` gives it so many."""
     stop_densify_at: int = 15000
     """Step at which distractors are no longer cloned, split or pruned. B.3."""
     refine_every: int = 1
@@ -99,10 +105,12 @@ class DistractorConfig:
     def for_views(self, num_views: int, refine_every: int) -> DistractorConfig:
         """A copy whose warm-up and interval between refinements suit the number of training views.
 
-        The warm-up has at most `max_warmup_visits` visits of each view. The interval is at least
-        that of the static set, `refine_every`, and what `refine_visits` and `max_refinements` ask.
+        The warm-up has `shaping_steps` at most, or `min_warmup_visits` visits of each view if that
+        is longer, and never more than `max_warmup_visits`. The interval is at least that of the
+        static set, `refine_every`, and what `refine_visits` and `max_refinements` ask.
         """
-        most = self.max_warmup_visits * num_views
+        shaped = max(self.shaping_steps, self.min_warmup_visits * num_views)
+        most = min(self.max_warmup_visits * num_views, shaped)
         warmup = min(self.static_warmup, most)
         every = max(self.refine_every, refine_every, self.refine_visits * num_views)
         if self.max_refinements > 0:
@@ -124,6 +132,8 @@ def check_options(config: DistractorConfig) -> None:
         ("per-view", config.per_view, config.per_view >= 0, "0 or more"),
         ("clearance", config.clearance, 0 <= config.clearance < 1, "at least 0 and below 1"),
         ("max-warmup-visits", config.max_warmup_visits, config.max_warmup_visits >= 0, "0 or more"),
+        ("min-warmup-visits", config.min_warmup_visits, config.min_warmup_visits >= 0, "0 or more"),
+        ("shaping-steps", config.shaping_steps, config.shaping_steps >= 0, "0 or more"),
         ("settled-share", config.settled_share, 0 < config.settled_share <= 1, "in (0, 1]"),
         ("standing-share", config.standing_share, 0 < config.standing_share <= 1, "in (0, 1]"),
         ("strong-levels", config.strong_levels, config.strong_levels >= 0, "0 or more"),
