@@ -46,7 +46,7 @@ class DeSplatModelConfig(StaticModelConfig):
         run = super().for_run(num_views)
         steps = scaled_fields(self.distractors, DISTRACTOR_STEPS, self.schedule_scale or 1.0)
         scaled = replace(self.distractors, **steps)
-        run.distractors = scaled.for_views(num_views, run.refine_every)
+        run.distractors = scaled.for_views(num_views, run.refine_every, run.warmup_length)
         if self.effects.settled().background != "off":  # the scene may be empty before it
             run.distractors.lambda_s = 0.0
         return run

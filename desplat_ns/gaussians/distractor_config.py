@@ -65,10 +65,10 @@ class DistractorConfig:
     """That warm-up ends after so many visits of each view at the latest, and `leave_out_at` comes
     after twice as many, however long the run: seen often enough, what stands in one photo alone is
     learned as well, and its residual is gone."""
-    shaping_steps: int = 300
-    """Steps in which a scene takes shape, however long the run and however many its views: a step
-    of Adam is as long as its rate. The warm-up ends after so many, and is no shorter than
-    `min_warmup_visits`."""
+    shaping_steps: int = 250
+    """Steps from the first refinement on in which a scene takes shape, however long the run and
+    however many its views: a step of Adam is as long as its rate. The warm-up ends after so many,
+    and is no shorter than `min_warmup_visits`."""
     min_warmup_visits: int = 8
     """Visits of each view that the warm-up has at least, where `static_warmup` gives it so many."""
     stop_densify_at: int = 15000
@@ -102,14 +102,17 @@ class DistractorConfig:
     are composited over the static scene, so their depth only sets how many pixels a step of the
     optimizer moves them. Must lie beyond the near plane."""
 
-    def for_views(self, num_views: int, refine_every: int) -> DistractorConfig:
+    def for_views(
+        self, num_views: int, refine_every: int, first_refinement: int
+    ) -> DistractorConfig:
         """A copy whose warm-up and interval between refinements suit the number of training views.
 
-        The warm-up has `shaping_steps` at most, or `min_warmup_visits` visits of each view if that
-        is longer, and never more than `max_warmup_visits`. The interval is at least that of the
-        static set, `refine_every`, and what `refine_visits` and `max_refinements` ask.
+        The warm-up has `shaping_steps` from the static set's `first_refinement` on at most, or
+        `min_warmup_visits` visits of each view if that is longer, and never more than
+        `max_warmup_visits`. The interval is at least that of the static set, `refine_every`, and
+        what `refine_visits` and `max_refinements` ask.
         """
-        shaped = max(self.shaping_steps, self.min_warmup_visits * num_views)
+        shaped = max(first_refinement + self.shaping_steps, self.min_warmup_visits * num_views)
         most = min(self.max_warmup_visits * num_views, shaped)
         warmup = min(self.static_warmup, most)
         every = max(self.refine_every, refine_every, self.refine_visits * num_views)
