@@ -5,7 +5,7 @@
 #   make bench   every backend is timed and the figures written to docs/performance.md (15 minutes)
 #   make stability  hard cases measured, docs/stability.md; wrong signs, kills, a long run (2 hours)
 #   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/gpu.md (10 minutes)
-#   make study   the runs behind docs/separation.md that are missing or stale, and the document (hours; resumes)
+#   make study   the runs behind docs/separation.md that are missing or stale, and the documents (hours; resumes)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
 #

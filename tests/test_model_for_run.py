@@ -114,16 +114,16 @@ def test_the_papers_distractors_are_refined_as_often_as_its_static_set(steps, ev
     ("steps", "views", "warmup", "leave_out"),
     [
         (3000, 12, 180, 360),  # 15 visits of each
-        (3000, 25, 300, 600),  # 250 steps after the first refinement
+        (3000, 25, 300, 600),  # 250 steps once it may be refined
         (3000, 40, 320, 640),  # 8 visits of each
         (30000, 40, 600, 1200),  # 15 visits of each
-        (30000, 60, 750, 1500),  # 250 steps after the first refinement
+        (30000, 60, 750, 1500),  # 250 steps once it may be refined
         (30000, 200, 1600, 3200),  # 8 visits of each
         (30000, 1000, 6000, 12000),
         (1000, 40, 200, 400),  # a thirtieth of 6000
     ],
 )
-def test_the_warm_up_has_the_steps_that_a_scene_needs_and_8_to_15_visits(
+def test_the_warm_up_has_the_steps_that_a_scene_needs_and_15_visits_at_most(
     steps, views, warmup, leave_out
 ):
     distractors = run_of(steps, views, distractors=SEPARATING).distractors

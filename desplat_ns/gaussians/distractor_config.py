@@ -13,7 +13,8 @@ from desplat_ns.options import check_finite_options
 
 @dataclass
 class DistractorConfig:
-    """Distractor Gaussians. Numbers of steps are the full schedule's and shrink with it."""
+    """Distractor Gaussians. Numbers of steps are the full schedule's and shrink with it, all but
+    `shaping_steps`."""
 
     per_view: int = 1000
     """Distractor Gaussians that cover one training view. B.3."""
@@ -62,15 +63,15 @@ class DistractorConfig:
     static_warmup: int = 0
     """Steps for which the static scene trains alone, without distractors. The paper has none."""
     max_warmup_visits: int = 15
-    """That warm-up ends after so many visits of each view at the latest, and `leave_out_at` comes
-    after twice as many, however long the run: seen often enough, what stands in one photo alone is
-    learned as well, and its residual is gone."""
+    """That warm-up ends after so many visits of each view at the latest: seen often enough, what
+    stands in one photo alone is learned as well, and its residual is gone. It ends sooner by
+    `shaping_steps`. `leave_out_at` comes after twice the longest warm-up that these allow."""
     shaping_steps: int = 250
-    """Steps from the first refinement on in which a scene takes shape, however long the run and
-    however many its views: a step of Adam is as long as its rate. The warm-up ends after so many,
-    and is no shorter than `min_warmup_visits`."""
+    """Steps in which a scene takes shape, once it may be refined (`warmup_length`): the warm-up
+    ends after so many, or after `min_warmup_visits` if that is later. They do not shrink with the
+    run: a step of Adam is as long as its rate."""
     min_warmup_visits: int = 8
-    """Visits of each view that the warm-up has at least, where `static_warmup` gives it so many."""
+    """Visits of each view for which `shaping_steps` does not end the warm-up yet."""
     stop_densify_at: int = 15000
     """Step at which distractors are no longer cloned, split or pruned. B.3."""
     refine_every: int = 1
@@ -102,17 +103,15 @@ class DistractorConfig:
     are composited over the static scene, so their depth only sets how many pixels a step of the
     optimizer moves them. Must lie beyond the near plane."""
 
-    def for_views(
-        self, num_views: int, refine_every: int, first_refinement: int
-    ) -> DistractorConfig:
+    def for_views(self, num_views: int, refine_every: int, unrefined: int) -> DistractorConfig:
         """A copy whose warm-up and interval between refinements suit the number of training views.
 
-        The warm-up has `shaping_steps` from the static set's `first_refinement` on at most, or
+        The warm-up has at most `shaping_steps` after the static set's `unrefined` first steps, or
         `min_warmup_visits` visits of each view if that is longer, and never more than
         `max_warmup_visits`. The interval is at least that of the static set, `refine_every`, and
         what `refine_visits` and `max_refinements` ask.
         """
-        shaped = max(first_refinement + self.shaping_steps, self.min_warmup_visits * num_views)
+        shaped = max(unrefined + self.shaping_steps, self.min_warmup_visits * num_views)
         most = min(self.max_warmup_visits * num_views, shaped)
         warmup = min(self.static_warmup, most)
         every = max(self.refine_every, refine_every, self.refine_visits * num_views)
@@ -135,7 +134,12 @@ def check_options(config: DistractorConfig) -> None:
         ("per-view", config.per_view, config.per_view >= 0, "0 or more"),
         ("clearance", config.clearance, 0 <= config.clearance < 1, "at least 0 and below 1"),
         ("max-warmup-visits", config.max_warmup_visits, config.max_warmup_visits >= 0, "0 or more"),
-        ("min-warmup-visits", config.min_warmup_visits, config.min_warmup_visits >= 0, "0 or more"),
+        (
+            "min-warmup-visits",
+            config.min_warmup_visits,
+            0 <= config.min_warmup_visits <= config.max_warmup_visits,
+            f"0 or more and not above max-warmup-visits, {config.max_warmup_visits}",
+        ),
         ("shaping-steps", config.shaping_steps, config.shaping_steps >= 0, "0 or more"),
         ("settled-share", config.settled_share, 0 < config.settled_share <= 1, "in (0, 1]"),
         ("standing-share", config.standing_share, 0 < config.standing_share <= 1, "in (0, 1]"),

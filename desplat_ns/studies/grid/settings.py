@@ -59,6 +59,9 @@ OF_RESIDUAL = tuple(
 )
 """How the names of the settings begin that matter only where distractors start by the residual."""
 
+OF_WARMUP = tuple(f"{DISTRACTORS}{name}_" for name in ("shaping", "min_warmup", "max_warmup"))
+"""The same of those that bound a warm-up, and what begins after it."""
+
 CONTROL, BY_GRADIENTS = "pipeline.model.density_control", "gradients"
 
 NEUTRAL: Mapping[str, Any] = {
@@ -174,7 +177,8 @@ def changes(found: Settings, wanted: Settings) -> list[str]:
 
 def of_active_effects(settings: Settings) -> Settings:
     """Settings without those of effects that are off, of relocation where gradients control the
-    density, of regions where distractors start everywhere, and of what opacity costs where photos
+    density, of regions where distractors start everywhere, of the warm-up's bounds where these
+    start at once as well, and of what opacity costs where photos
     have a light of their own: no figure depends on them."""
     idle = tuple(
         prefix
@@ -186,6 +190,7 @@ def of_active_effects(settings: Settings) -> Settings:
         idle += ("pipeline.model.relocation.",)
     if settings.get(f"{DISTRACTORS}start") == "everywhere":
         idle += OF_RESIDUAL
+        idle += () if settings.get(f"{DISTRACTORS}static_warmup") else OF_WARMUP
     if settings.get(f"{EFFECTS}appearance") not in (None, "off"):
         idle += ("pipeline.model.opacity_prior",)
     return {name: value for name, value in settings.items() if not name.startswith(idle)}

@@ -152,6 +152,14 @@ def test_the_registered_method_is_the_packages():
 
 def test_what_makes_a_region_does_not_matter_where_distractors_start_everywhere():
     everywhere, residual = resolve("desplat-paper", ()), resolve("desplat", ())
-    for one, expected in ((everywhere, []), (residual, ["strong_excess"])):
-        other = one | {"pipeline.model.distractors.strong_excess": 0.5}
+    begun = everywhere | {"pipeline.model.distractors.static_warmup": 600}
+    for one, expected in (
+        (everywhere, []),
+        (begun, ["shaping_steps"]),
+        (residual, ["shaping_steps", "strong_excess"]),
+    ):
+        other = one | {
+            "pipeline.model.distractors.strong_excess": 0.5,
+            "pipeline.model.distractors.shaping_steps": 1,
+        }
         assert [name.rsplit(".")[-1] for name in changes(other, one)] == expected
