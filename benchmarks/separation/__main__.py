@@ -1,4 +1,4 @@
-"""Do the runs of the study that are to be done, then write its document.
+"""Do the runs of the study that are to be done, then write its documents.
 
 python -m benchmarks.separation --jobs 2        (or: make study; it resumes where it was stopped)
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import compress
 from pathlib import Path
 
 from benchmarks.documents import DOCS
@@ -10,12 +11,12 @@ from benchmarks.separation import one_pixel
 from benchmarks.separation.records import BEFORE, FILE
 from benchmarks.separation.runs import (
     ABLATIONS,
-    CLEAN,
-    FEW,
+    HALVED,
     HARD,
     SEEDS,
     SETTINGS,
     STUDY,
+    twins_of,
 )
 from desplat_ns.studies.grid.figures import Figures, Key, spread
 from desplat_ns.studies.grid.records import Records, load
@@ -44,14 +45,8 @@ CAPTURES = {
 chosen, those kept out of that, and one kind of difficult occluder each, pasted over the photos of
 `clean`."""
 
-HALVED = ("clutter", "around", *FEW, *HARD)
-"""Scenes whose photos are used at half their size."""
-
 STILL = {"still": "fox", "still-tree": "monstree"}
 """Captures in which nothing moves, by the names of their scenes."""
-
-CLEAN_OF: dict[str, str] = {scene: "clean" for scene in ("clutter", *HARD)}
-"""The clean twins of these; those of others have their name, and `CLEAN`."""
 
 
 def gap(figures: Figures, setting: str, scene: str, clean: str, downscale: int, steps: int) -> Cell:
@@ -107,8 +102,8 @@ def still_table(figures: Figures) -> str:
             if any(cell.text for cell in differences):
                 psnr = figures.cell(off, "psnr", ".2f")
                 rows.append([f"`{STILL[scene]}`", f"{steps:,}", psnr, *differences])
-    head = ["", "steps", "off", "as its survey says", "distractors forced on"]
-    return figures.table(head, rows)
+    head = ["capture", "steps", "off", "`desplat`, as its survey says", "with distractors on"]
+    return figures.table(*_without_empty_columns(head, rows))
 
 
 def _difference(figures: Figures, off: Key, ours: Key) -> Cell:
@@ -126,13 +121,24 @@ def captures_table(figures: Figures, group: str, steps: int) -> str:
             rows.append([scene, *row])
     head = ["capture", "off", "`desplat`", "true masks", "clean twins", "gap closed", "SSIM", "IoU"]
     head += ["alpha outside", "training, CPU s", "static", "distractors", "memory ratio"]
-    return figures.table(head, rows)
+    return figures.table(*_without_empty_columns(head, rows))
+
+
+def _without_empty_columns(
+    head: list[str], rows: list[list[str | Cell]]
+) -> tuple[list[str], list[list[str | Cell]]]:
+    """The columns in which some row says something."""
+    said = [
+        any((cell if isinstance(cell, str) else cell.text) for cell in column)
+        for column in zip(*rows, strict=True)
+    ] or [True] * len(head)
+    return list(compress(head, said)), [list(compress(row, said)) for row in rows]
 
 
 def _of_capture(figures: Figures, scene: str, steps: int) -> list[Cell]:
     """Cells of `captures_table`: PSNR of four settings, the rest of `desplat`."""
     downscale = 2 if scene in HALVED else 1
-    clean = CLEAN_OF.get(scene, scene + CLEAN)
+    clean = twins_of(scene)
     ours: Key = ("desplat", scene, downscale, steps)
     four: list[Key] = [
         ("off", scene, downscale, steps),
@@ -197,4 +203,4 @@ def _filled(name: str, figures: Figures) -> str:
         return scene_table(figures, SHOWN[kind], scene, clean, int(downscale), int(steps))
 
     template = Path(__file__).with_name(f"{name}.template")
-    return re.sub(r"\{\{(.*)\}\}", table, template.read_text())
+    return re.sub(r"\{\{(.*?)\}\}", table, template.read_text())

@@ -77,6 +77,9 @@ CLEAN = "-clean"
 CLUTTERED = ("robustnerf-data",)
 TWINS = (*CLUTTERED, "--train-split-clean-clutter-ratio", "0")
 
+HALVED = ("clutter", "around", *FEW, *HARD)
+"""Scenes whose photos are used at half their size."""
+
 YARDS = (8, 16, 24, 40, 60)
 """Views of the small generated scenes, which differ in nothing else."""
 
@@ -131,6 +134,11 @@ SCENES = {
 SEEDS = (42, 43, 44)
 
 
+def twins_of(scene: str) -> str:
+    """The scene of the same photos without what is in the way."""
+    return "clean" if scene in ("clutter", *HARD) else scene + CLEAN
+
+
 def _runs(settings: str, scenes: str, downscale: int, steps: int, seeds: int) -> Iterator[Run]:
     for seed in SEEDS[:seeds]:
         for scene in scenes.split():
@@ -144,7 +152,7 @@ ABLATIONS = "no-warmup shared-loss everywhere lambda-paper"
 
 def _of_others(steps: int, seeds: int) -> Iterator[Run]:
     for scene in OTHERS:
-        downscale = 2 if scene == "around" else 1
+        downscale = 2 if scene in HALVED else 1
         yield from _runs("off desplat", scene, downscale, steps, seeds)
         yield from _runs("off", scene + CLEAN, downscale, steps, seeds)
     yield from _runs("truth", "around", 2, steps, 1)
@@ -154,7 +162,7 @@ def _of_unfamiliar(seeds: int) -> Iterator[Run]:
     """Captures of the kinds that users bring, 3,000 steps: few views, bare walls, gloss, fine
     detail outdoors."""
     for scene in (*PLACES, *LIT, *FEW):
-        downscale = 2 if scene in FEW else 1
+        downscale = 2 if scene in HALVED else 1
         yield from _runs("off desplat", scene, downscale, 3000, seeds)
         yield from _runs("off", scene + CLEAN, downscale, 3000, seeds)
         yield from _runs("truth", scene, downscale, 3000, 1)
@@ -191,7 +199,7 @@ _WANTED = (
     *_runs("off desplat", "still", 2, 30000, 1),
 )
 PLAN = tuple(dict.fromkeys(_WANTED))
-"""Everything in the document, the quick and the important first."""
+"""Everything in the documents, the quick and the important first."""
 
 FIGURES = (
     "psnr",
