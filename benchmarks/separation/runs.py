@@ -155,7 +155,7 @@ def _of_others(steps: int, seeds: int) -> Iterator[Run]:
         downscale = 2 if scene in HALVED else 1
         yield from _runs("off desplat", scene, downscale, steps, seeds)
         yield from _runs("off", scene + CLEAN, downscale, steps, seeds)
-    yield from _runs("truth", "around", 2, steps, 1)
+    yield from _runs("truth", "around", 2, steps, seeds)
 
 
 def _of_unfamiliar(seeds: int) -> Iterator[Run]:
@@ -165,7 +165,7 @@ def _of_unfamiliar(seeds: int) -> Iterator[Run]:
         downscale = 2 if scene in HALVED else 1
         yield from _runs("off desplat", scene, downscale, 3000, seeds)
         yield from _runs("off", scene + CLEAN, downscale, 3000, seeds)
-        yield from _runs("truth", scene, downscale, 3000, 1)
+        yield from _runs("truth", scene, downscale, 3000, seeds)
 
 
 _WANTED = (
