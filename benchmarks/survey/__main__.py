@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.documents import OUTPUTS
-from benchmarks.survey.real import available
+from benchmarks.survey import unfamiliar
+from benchmarks.survey.real import Allowed, available
 from benchmarks.survey.report import FILE, write_report
 from benchmarks.survey.scenes import EVALUATION, SETTING, GeneratedScene
 from desplat_ns.survey.capture import Capture
@@ -47,22 +48,32 @@ def measure_generated(scene: GeneratedScene, folder: Path) -> dict[str, Any]:
     return {"name": scene.name, **grade, "truth": truth, "wrong": wrong, **record}
 
 
+def measure_known(capture: Capture, right: Allowed) -> dict[str, Any]:
+    """The record of a capture of which some decisions are known to be right."""
+    found, record = measure(capture)
+    decisions = found.decisions()
+    wrong = [effect for effect, allowed in right.items() if decisions[effect] not in allowed]
+    return {"wrong": wrong, **record}
+
+
 def main() -> None:
     """Measure what is there and write both files."""
     if "--report" not in sys.argv:
-        records: dict[str, list[dict[str, Any]]] = {"setting": [], "evaluation": [], "real": []}
+        kinds = ("setting", "evaluation", "real", "unfamiliar")
+        records: dict[str, list[dict[str, Any]]] = {kind: [] for kind in kinds}
         for name, scenes in (("setting", SETTING), ("evaluation", EVALUATION)):
             for scene in scenes:
                 records[name].append(measure_generated(scene, SCENES))
                 print(records[name][-1]["name"], records[name][-1]["wrong"] or "right", flush=True)
         for real, root in available():
-            found, record = measure(real.open(root))
-            decisions = found.decisions()
-            wrong = [
-                effect for effect, right in real.right.items() if decisions[effect] not in right
-            ]
-            records["real"].append({"name": real.name, "seen": real.seen, "wrong": wrong, **record})
-            print(real.name, wrong or "right", flush=True)
+            record = measure_known(real.open(root), real.right)
+            records["real"].append({"name": real.name, "seen": real.seen, **record})
+            print(real.name, record["wrong"] or "right", flush=True)
+        for name, is_cluttered, capture in unfamiliar.available(SCENES):
+            record = measure_known(capture, unfamiliar.right_of(name, is_cluttered))
+            chosen_on = unfamiliar.was_chosen_on(name)
+            records["unfamiliar"].append({"name": name, "chosen_on": chosen_on, **record})
+            print(name, record["wrong"] or "right", flush=True)
         FILE.write_text(json.dumps(records, indent=1) + "\n", "utf8")
     print(f"Wrote {write_report()}.")
 

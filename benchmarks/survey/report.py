@@ -11,6 +11,7 @@ from typing import Any
 
 from benchmarks.documents import DOCS
 from benchmarks.survey.runs import SCENES, SEEDS, STEPS, STUDY, TRAINING, downscale_of, settings_on
+from benchmarks.survey.unfamiliar import CHOSEN_ON, JUDGED
 from desplat_ns.studies.grid.figures import Figures
 from desplat_ns.studies.grid.records import Records, load
 from desplat_ns.studies.grid.sources import Cell, Reference
@@ -47,8 +48,8 @@ def confusion_table(records: Sequence[dict[str, Any]], effect: str) -> str:
     return _table(head, rows)
 
 
-def real_table(records: Sequence[dict[str, Any]]) -> str:
-    """One row for each real scene."""
+def known_table(records: Sequence[dict[str, Any]]) -> str:
+    """One row for each capture of which some decisions are known to be right."""
     names = [name for figures in DECIDING.values() for name in figures]
     head = ["scene", "photos", *EFFECTS, *names, "CPU, s", ""]
     rows = []
@@ -73,9 +74,13 @@ def wrong_list(records: Sequence[dict[str, Any]]) -> str:
     return "\n".join(lines) or "None."
 
 
-def share_right(records: Sequence[dict[str, Any]]) -> str:
-    """`143 of 144 decisions (99.3%)`."""
-    total = len(EFFECTS) * len(records)
+def share_right(records: Sequence[dict[str, Any]], effects: Sequence[str] = tuple(EFFECTS)) -> str:
+    """`143 of 144 decisions (99.3%)`.
+
+    Args:
+        effects: that are judged.
+    """
+    total = len(effects) * len(records)
     right = total - sum(len(record["wrong"]) for record in records)
     return f"{right} of {total} decisions ({right / max(total, 1):.1%})"
 
@@ -117,6 +122,7 @@ def report(
     faint = [record for record in records["evaluation"] if not record["is_visible"]]
     seconds = sorted(record["cpu_seconds"] for record in records["evaluation"])
     limits = {
+        "eighth_stop": f"{light.EIGHTH_STOP:.1%}",
         "quarter_stop": f"{light.QUARTER_STOP:.1%}",
         "local_step": f"{light.LOCAL_STEP:.0%}",
         "local_share": f"{light.LOCAL_SHARE:.0%}",
@@ -142,7 +148,15 @@ def report(
         wrong_visible=wrong_list(visible),
         wrong_faint=wrong_list(faint),
         right_real=share_right(records["real"]),
-        real_table=real_table(records["real"]),
+        real_table=known_table(records["real"]),
+        chosen_names=", ".join(CHOSEN_ON),
+        unfamiliar_table=known_table(records["unfamiliar"]),
+        right_kept_out=share_right(
+            [one for one in records["unfamiliar"] if not one["chosen_on"]], JUDGED
+        ),
+        right_chosen_on=share_right(
+            [one for one in records["unfamiliar"] if one["chosen_on"]], JUDGED
+        ),
         seen="\n".join(f"- {record['name']}: {record['seen']}." for record in records["real"]),
         seconds=f"{seconds[len(seconds) // 2]:.1f}",
         num_visible=len(visible),

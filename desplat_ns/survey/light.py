@@ -6,12 +6,19 @@ Letters in shapes: V photos, M observations.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from desplat_ns.console import list_names
-from desplat_ns.survey.findings import Figure, Finding, confidence_of
+from desplat_ns.survey.findings import (
+    Confidence,
+    Decision,
+    Figure,
+    Finding,
+    confidence_of,
+)
 from desplat_ns.survey.neighbourhood import near_means
 from desplat_ns.survey.observations import Observations
 from desplat_ns.survey.photo_light import FEWEST, PhotoLight, robust_spread
@@ -25,13 +32,18 @@ QUARTER_STOP = 2 ** (0.25 / DISPLAY_GAMMA) - 1
 HALF_STOP = 2 ** (0.5 / DISPLAY_GAMMA) - 1
 """17%. If a tenth of the photos are off by as much and most are not, it is said beside."""
 
+EIGHTH_STOP = 2 ** (0.125 / DISPLAY_GAMMA) - 1
+"""4%. A light that moves changes photos as a whole, too: the median one by 9.6% or more where a sun
+alone moved by 40 degrees. Gloss, and detail finer than a pixel, make places differ as well, in
+photos that a light of their own changes by 0.9% at most."""
+
 LOCAL_STEP = 0.15
 """Of the value: a place is another one's shade if it and what is near are off by more than this.
 A surface in the sun has 1.3 to 2 times the value of one in the shade."""
 
 LOCAL_SHARE = 0.04
-"""Share of the places: geometric mean of the most that edges and passers-by made in scenes where
-the light stands still (0.025), and of the least where the sun moved (0.064)."""
+"""Share of the places: edges made 0.023 at most in scenes where the light stands still and nothing
+is fine or glossy; where the sun moved it was 0.061 at least."""
 
 LEAST_EXPLAINED = 0.3
 """Share of the variance between photos that their lights must explain to be believed."""
@@ -56,18 +68,24 @@ def change_of_photos(light: PhotoLight) -> Float[np.ndarray, " V"]:
     return changes
 
 
-def local_steps(seen: Observations, light: PhotoLight) -> Float[np.ndarray, " M"]:
+def local_steps(
+    seen: Observations, light: PhotoLight, in_the_way: Bool[np.ndarray, "V P"] | None = None
+) -> Float[np.ndarray, " M"]:
     """What a photo's light leaves at each observation and near it, in log; the lesser of both.
 
     0 where they contradict each other, NaN where too little is near. The residual is the channels'
     median; it is enlarged by what the point's colour took of it: n photos leave (n - 1) / n.
+
+    Args:
+        in_the_way: where a photo shows something else than the point: that is no light, and NaN.
     """
     photos = np.bincount(light.point, minlength=len(seen.xyz))[light.point]
     own = np.median(light.residual, axis=1) * photos / np.maximum(photos - 1, 1)
-    steps = np.full(len(own), np.nan)
-    ends = np.searchsorted(light.photo, np.arange(len(seen.views) + 1))
+    steps, counts = np.full(len(own), np.nan), np.ones(len(own), bool)
+    if in_the_way is not None:
+        counts = ~in_the_way[light.photo, light.point]
     for row, view in enumerate(seen.views):
-        part = slice(ends[row], ends[row + 1])
+        part = np.flatnonzero((light.photo == row) & counts)
         places = seen.places[row, light.point[part]]
         near, count = near_means(view, places, np.clip(own[part], -0.5, 0.5))
         agree = np.sign(near) == np.sign(own[part])
@@ -77,11 +95,15 @@ def local_steps(seen: Observations, light: PhotoLight) -> Float[np.ndarray, " M"
 
 
 def appearance_finding(
-    seen: Observations, light: PhotoLight, exposures: Sequence[float | None] = ()
+    seen: Observations,
+    light: PhotoLight,
+    exposures: Sequence[float | None] = (),
+    in_the_way: Bool[np.ndarray, "V P"] | None = None,
 ) -> Finding:
     """Decide how photos' light is to be explained.
 
     Args:
+        in_the_way: see `local_steps`.
         exposures: each photo's light value in stops as its file gives it, or None; told beside.
     """
     changes = change_of_photos(light)
@@ -98,7 +120,7 @@ def appearance_finding(
     explained = Figure(
         "explained", share, "share of the variance between photos that their light explains"
     )
-    steps = local_steps(seen, light)
+    steps = local_steps(seen, light, in_the_way)
     steps = np.abs(steps[np.isfinite(steps)])
     local = Figure(
         "local",
@@ -111,21 +133,31 @@ def appearance_finding(
     if len(known) < 2:
         reason = "Fewer than two photos show enough common points to compare their colours."
         return Finding(EFFECT, "off", "off", "none", reason, figures, unknown)
-    if local.is_above:
+    decision, sure, reason = _decided(median, top, local, explained)
+    return Finding(EFFECT, decision, "off", sure, reason, figures, unknown)
+
+
+def _decided(
+    median: Figure, top: Figure, local: Figure, explained: Figure
+) -> tuple[Decision, Confidence, str]:
+    """What the figures call for, how sure that is, and why."""
+    moved = replace(median, threshold=EIGHTH_STOP)
+    if local.is_above and moved.is_above:
         reason = "Light changes from place to place: shadows move, or sun and clouds alternate."
-        return Finding(EFFECT, "affine", "off", confidence_of([local]), reason, figures, unknown)
+        return "affine", confidence_of([local, moved]), reason
+    if local.is_above:
+        reason = "Places differ, but no photo as a whole: gloss, or detail finer than a pixel."
+        return "off", confidence_of([moved]), reason
     sure = confidence_of([median, local])
-    if median.is_above and share > LEAST_EXPLAINED:
-        reason = "Photos differ in exposure, white balance or contrast as a whole."
-        return Finding(EFFECT, "camera", "off", sure, reason, figures, unknown)
-    reason = "Photos show the same colours, as far as the eye would notice."
+    if median.is_above and explained.value > LEAST_EXPLAINED:
+        return "camera", sure, "Photos differ in exposure, white balance or contrast as a whole."
     if top.value > HALF_STOP:
         reason = (
             "Most photos show the same colours; a tenth are off by half a stop or more, which "
             "`camera` would explain."
         )
-        sure = "close"
-    return Finding(EFFECT, "off", "off", sure, reason, figures, unknown)
+        return "off", "close", reason
+    return "off", sure, "Photos show the same colours, as far as the eye would notice."
 
 
 def _quantile(values: np.ndarray, q: float) -> float:

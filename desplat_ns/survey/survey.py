@@ -58,8 +58,8 @@ def survey_with_evidence(
         seen.is_tracked = matched_points(seen)
     light = fit_light(seen)
     exposures = [exposure_in_stops(capture.photos[index]) for index in seen.indices]
-    appearance = appearance_finding(seen, light, exposures)
     disagreement = compare_photos(seen, light)
+    appearance = appearance_finding(seen, light, exposures, disagreement.disagrees)
     distractors = distractor_finding(seen, distractor_figures(seen, disagreement), further)
     skies = skies_of(seen)
     background = background_finding(seen, light, skies, appearance.decision == "affine")

@@ -17,6 +17,7 @@ from desplat_ns.errors import CaptureError
 from desplat_ns.survey import observations
 from desplat_ns.survey.capture import Capture
 from desplat_ns.survey.findings import Figure
+from desplat_ns.survey.light import local_steps
 from desplat_ns.survey.picture import evidence_picture
 from desplat_ns.survey.survey import survey, survey_with_evidence
 from desplat_ns.synthetic import DaylightSpec
@@ -60,9 +61,33 @@ def test_exposure_and_white_balance_of_each_photo_are_a_matter_of_the_camera(
     assert found.decisions() == {**OFF, "appearance": "camera"}
 
 
-def test_a_sun_that_moves_is_a_matter_of_places(make_capture: Callable[..., Capture]):
-    found = survey(make_capture(daylight=DaylightSpec(strength=0.5, sky=False, sun=120.0)))
+@pytest.mark.parametrize(("strength", "degrees"), [(0.5, 120.0), (0.0, 80.0)])
+def test_a_sun_that_moves_is_a_matter_of_places(
+    make_capture: Callable[..., Capture], strength: float, degrees: float
+):
+    found = survey(make_capture(daylight=DaylightSpec(strength=strength, sky=False, sun=degrees)))
     assert found.appearance.decision == "affine"
+
+
+@pytest.mark.parametrize("place", ["room", "grove"])
+def test_gloss_and_fine_detail_are_no_light(make_capture: Callable[..., Capture], place: str):
+    found = survey(make_capture(place=place, arc_degrees=324.0, wall_height=5.0)).appearance
+    figures = {figure.name: figure for figure in found.figures}
+    assert figures["local"].is_above
+    assert found.decision == "off"
+    assert "gloss" in found.reason
+
+
+def test_what_is_in_the_way_is_no_light(make_capture: Callable[..., Capture]):
+    _, evidence = survey_with_evidence(make_capture(cluttered=True))
+    seen, light = evidence.seen, evidence.light
+    in_the_way = np.zeros_like(seen.is_shown)
+    in_the_way[2] = True
+    every, some_steps = local_steps(seen, light), local_steps(seen, light, in_the_way)
+    of_the_photo = light.photo == 2
+    assert np.isfinite(every[of_the_photo]).any()
+    assert np.isnan(some_steps[of_the_photo]).all()
+    np.testing.assert_array_equal(some_steps[~of_the_photo], every[~of_the_photo])
 
 
 @pytest.mark.parametrize(

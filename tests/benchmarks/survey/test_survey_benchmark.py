@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from benchmarks.survey import unfamiliar
 from benchmarks.survey.__main__ import measure
 from benchmarks.survey.real import REAL, RealScene
 from benchmarks.survey.report import FILE, REPORT, confusion_table, report, share_right
@@ -33,6 +34,16 @@ def test_a_wrong_decision_lowers_the_share_and_is_in_the_table():
     assert "| True | 1 | 0 | 0.000 to 0.000 | 0.500 to 0.500 |" in confusion_table(
         [record], "distractors"
     )
+
+    assert share_right([record], ("appearance", "distractors")) == "1 of 2 decisions (50.0%)"
+
+
+def test_captures_of_other_kinds_are_kept_out_unless_their_names_say_so():
+    names = [name for name, _ in unfamiliar.names()]
+    assert set(unfamiliar.CHOSEN_ON) < set(names)
+    assert unfamiliar.was_chosen_on("room15-clean")
+    assert not unfamiliar.was_chosen_on("other15-clean")
+    assert unfamiliar.right_of("other15", True) == {"appearance": ("off",), "distractors": (True,)}
 
 
 @pytest.mark.usefixtures("tyro_may_build")
