@@ -1,6 +1,6 @@
 """Whether photos differ in their light: not at all, as a whole (`camera`), or place by place.
 
-Letters in shapes: V photos, M observations.
+Letters in shapes: V photos, P points, M observations.
 """
 
 from __future__ import annotations
@@ -103,8 +103,8 @@ def appearance_finding(
     """Decide how photos' light is to be explained.
 
     Args:
-        in_the_way: see `local_steps`.
         exposures: each photo's light value in stops as its file gives it, or None; told beside.
+        in_the_way: see `local_steps`.
     """
     changes = change_of_photos(light)
     known = changes[np.isfinite(changes)]
@@ -145,9 +145,6 @@ def _decided(
     if local.is_above and moved.is_above:
         reason = "Light changes from place to place: shadows move, or sun and clouds alternate."
         return "affine", confidence_of([local, moved]), reason
-    if local.is_above:
-        reason = "Places differ, but no photo as a whole: gloss, or detail finer than a pixel."
-        return "off", confidence_of([moved]), reason
     sure = confidence_of([median, local])
     if median.is_above and explained.value > LEAST_EXPLAINED:
         return "camera", sure, "Photos differ in exposure, white balance or contrast as a whole."
@@ -157,6 +154,9 @@ def _decided(
             "`camera` would explain."
         )
         return "off", "close", reason
+    if local.is_above:
+        reason = "Places differ, but no photo as a whole: gloss, or detail finer than a pixel."
+        return "off", confidence_of([moved]), reason
     return "off", sure, "Photos show the same colours, as far as the eye would notice."
 
 
