@@ -11,11 +11,11 @@ from benchmarks.separation import one_pixel
 from benchmarks.separation.records import BEFORE, FILE
 from benchmarks.separation.runs import (
     ABLATIONS,
-    HALVED,
     HARD,
     SEEDS,
     SETTINGS,
     STUDY,
+    downscale_of,
     twins_of,
 )
 from desplat_ns.studies.grid.figures import Figures, Key, spread
@@ -137,7 +137,7 @@ def _without_empty_columns(
 
 def _of_capture(figures: Figures, scene: str, steps: int) -> list[Cell]:
     """Cells of `captures_table`: PSNR of four settings, the rest of `desplat`."""
-    downscale = 2 if scene in HALVED else 1
+    downscale = downscale_of(scene)
     clean = twins_of(scene)
     ours: Key = ("desplat", scene, downscale, steps)
     four: list[Key] = [

@@ -134,6 +134,11 @@ SCENES = {
 SEEDS = (42, 43, 44)
 
 
+def downscale_of(scene: str) -> int:
+    """By how much a scene's photos are reduced when they are read."""
+    return 2 if scene.removesuffix(CLEAN) in HALVED else 1
+
+
 def twins_of(scene: str) -> str:
     """The scene of the same photos without what is in the way."""
     return "clean" if scene in ("clutter", *HARD) else scene + CLEAN
@@ -152,7 +157,7 @@ ABLATIONS = "no-warmup shared-loss everywhere lambda-paper"
 
 def _of_others(steps: int, seeds: int) -> Iterator[Run]:
     for scene in OTHERS:
-        downscale = 2 if scene in HALVED else 1
+        downscale = downscale_of(scene)
         yield from _runs("off desplat", scene, downscale, steps, seeds)
         yield from _runs("off", scene + CLEAN, downscale, steps, seeds)
     yield from _runs("truth", "around", 2, steps, seeds)
@@ -162,7 +167,7 @@ def _of_unfamiliar(seeds: int) -> Iterator[Run]:
     """Captures of the kinds that users bring, 3,000 steps: few views, bare walls, gloss, fine
     detail outdoors."""
     for scene in (*PLACES, *LIT, *FEW):
-        downscale = 2 if scene in HALVED else 1
+        downscale = downscale_of(scene)
         yield from _runs("off desplat", scene, downscale, 3000, seeds)
         yield from _runs("off", scene + CLEAN, downscale, 3000, seeds)
         yield from _runs("truth", scene, downscale, 3000, seeds)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from benchmarks.separation.runs import CLEAN, FEW, HALVED, HARD, PLACES, SCENES
+from benchmarks.separation.runs import CLEAN, FEW, HARD, PLACES, SCENES, downscale_of
 from desplat_ns.datamanager import training_split
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid.settings import parse
@@ -15,7 +15,8 @@ from desplat_ns.survey.findings import Decision
 
 CHOSEN_ON = ("room15", "room40", "grove18", "few12", "small")
 """And their clean twins: here it was seen that gloss, fine detail and what is in the way are taken
-for light, and what was done about it was chosen. The others are kept out."""
+for light, and what was done about it was chosen. The others are kept out,
+but are of the same kinds: other seeds of the rooms and groves, other things over the same fox."""
 
 JUDGED = ("appearance", "distractors")
 """What is true of the background is not clear: a strip of sky above walls, or between trees."""
@@ -51,7 +52,7 @@ def open_capture(name: str, folder: Path) -> Capture:
         DeSplatError: it is made of a real capture that is not there.
     """
     scene = SCENES[name]
-    smaller = ("--downscale-factor", "2") if name.removesuffix(CLEAN) in HALVED else ()
+    smaller = ("--downscale-factor", str(downscale_of(name)))
     options = ("--data", str(scene.capture.locate(folder)), *scene.parser, *smaller)
     config = parse("desplat", list(options))
     config.pipeline.datamanager.data = config.data

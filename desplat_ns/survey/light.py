@@ -35,15 +35,15 @@ HALF_STOP = 2 ** (0.5 / DISPLAY_GAMMA) - 1
 EIGHTH_STOP = 2 ** (0.125 / DISPLAY_GAMMA) - 1
 """4%. A light that moves changes photos as a whole, too: the median one by 9.6% or more where a sun
 alone moved by 40 degrees. Gloss, and detail finer than a pixel, make places differ as well, in
-photos that a light of their own changes by 0.9% at most."""
+photos that a light of their own changes by 1.1% at most."""
 
 LOCAL_STEP = 0.15
 """Of the value: a place is another one's shade if it and what is near are off by more than this.
 A surface in the sun has 1.3 to 2 times the value of one in the shade."""
 
 LOCAL_SHARE = 0.04
-"""Share of the places: edges made 0.023 at most in scenes where the light stands still and nothing
-is fine or glossy; where the sun moved it was 0.061 at least."""
+"""Share of the places. It was set between 0.023, the most that edges made where the light stands
+still and nothing is fine or glossy, and 0.061, the least where the sun moved."""
 
 LEAST_EXPLAINED = 0.3
 """Share of the variance between photos that their lights must explain to be believed."""

@@ -16,8 +16,8 @@ from desplat_ns.data.images import read_image, write_image
 from desplat_ns.errors import CaptureError
 from desplat_ns.survey import observations
 from desplat_ns.survey.capture import Capture
-from desplat_ns.survey.findings import Figure
-from desplat_ns.survey.light import local_steps
+from desplat_ns.survey.findings import Figure, Finding
+from desplat_ns.survey.light import appearance_finding, local_steps
 from desplat_ns.survey.picture import evidence_picture
 from desplat_ns.survey.survey import survey, survey_with_evidence
 from desplat_ns.synthetic import DaylightSpec
@@ -76,6 +76,22 @@ def test_gloss_and_fine_detail_are_no_light(make_capture: Callable[..., Capture]
     assert figures["local"].is_above
     assert found.decision == "off"
     assert "gloss" in found.reason
+
+
+def test_what_was_pasted_over_photos_after_their_reconstruction_is_no_light(
+    make_capture: Callable[..., Capture],
+):
+    pasted = replace(make_capture(), photos=make_capture(cluttered=True).photos)
+    found, evidence = survey_with_evidence(pasted)
+    as_light = appearance_finding(evidence.seen, evidence.light)
+    assert share_of_places(as_light) > 1.5 * share_of_places(found.appearance)
+    assert found.appearance.decision == "off"
+
+
+def share_of_places(found: Finding) -> float:
+    """What the light leaves off, of a finding about appearance."""
+    (local,) = (figure.value for figure in found.figures if figure.name == "local")
+    return local
 
 
 def test_what_is_in_the_way_is_no_light(make_capture: Callable[..., Capture]):
