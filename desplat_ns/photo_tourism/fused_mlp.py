@@ -89,14 +89,13 @@ class _Workspace:
         self._free: list[Tensor] = []
 
     def take(self, size: int, like: Tensor, dtype: torch.dtype) -> Tensor:
-        """A flat tensor of `size` numbers at least, of any value."""
+        """A flat tensor of `size` numbers at least, of any value, on the device of `like`."""
         try:
             found = self._free.pop()
         except IndexError:
-            found = None
-        if found is None or len(found) < size or found.dtype != dtype:
-            return like.new_empty(size + size // 8, dtype=dtype)
-        return found
+            found = like.new_empty(0)
+        fits = found.dtype == dtype and found.device == like.device and len(found) >= size
+        return found if fits else like.new_empty(size + size // 8, dtype=dtype)
 
     def give_back(self, memory: Tensor) -> None:
         """Keep one for the next step, on a CPU; a GPU's allocator does so itself."""

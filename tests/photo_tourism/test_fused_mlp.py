@@ -176,3 +176,11 @@ def test_bfloat16_is_off_by_its_rounding_and_sums_gradients_in_float32():
     assert not torch.equal(seen, mlp_of_rows(parts, layers))
     gradients = torch.autograd.grad(seen.sum(), leaves_of(parts, layers))
     assert all(gradient.dtype == torch.float32 for gradient in gradients)
+
+
+def test_memory_of_the_cpu_is_not_given_to_another_device():
+    """As in a process that trains on both: memory is kept from one step to the next."""
+    parts, layers = random_inputs(torch.float32)
+    mlp_of_rows(parts, layers).sum().backward()
+    elsewhere = Layers(*([t.to("meta") for t in half] for half in (layers.weights, layers.biases)))
+    assert mlp_of_rows([part.to("meta") for part in parts], elsewhere).device.type == "meta"
