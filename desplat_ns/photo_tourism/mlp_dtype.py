@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import cache
 from typing import Literal
 
@@ -11,6 +12,10 @@ from torch import Tensor
 from desplat_ns.errors import ConfigError
 
 MlpDtype = Literal["float32", "bfloat16"]
+
+WITHOUT_BFLOAT16 = ("SSE41", "AVX", "AVX2", "AVX2_VNNI", "AVX512_CORE", "AVX512_CORE_VNNI")
+"""Values of ONEDNN_MAX_CPU_ISA by which oneDNN, which multiplies for torch, leaves the
+instructions for bfloat16 alone."""
 
 
 def product_dtype(asked: MlpDtype, inputs: Tensor, is_training: bool) -> torch.dtype:
@@ -39,7 +44,7 @@ def has_bfloat16(device_type: str) -> bool:
     """Whether products of bfloat16 have instructions of their own on this kind of device."""
     if device_type == "cuda":
         return torch.cuda.is_bf16_supported(including_emulation=False)
-    if device_type != "cpu":
+    if device_type != "cpu" or os.environ.get("ONEDNN_MAX_CPU_ISA") in WITHOUT_BFLOAT16:
         return False
     tests = ("_is_avx512_bf16_supported", "_is_amx_tile_supported")  # torch 2.4 and later
     return any(getattr(torch.cpu, name, lambda: False)() for name in tests)

@@ -29,3 +29,15 @@ def test_training_without_the_instructions_is_refused(monkeypatch):
 
 def test_no_other_device_is_taken_to_have_them():
     assert not has_bfloat16("meta")
+
+
+def test_what_onednn_may_not_use_is_not_there(monkeypatch):
+    """Whatever the processor has."""
+    has_bfloat16.cache_clear()
+    monkeypatch.setenv("ONEDNN_MAX_CPU_ISA", "AVX2")
+    monkeypatch.setattr(torch.cpu, "_is_avx512_bf16_supported", lambda: True)
+    assert not has_bfloat16("cpu")
+    has_bfloat16.cache_clear()
+    monkeypatch.delenv("ONEDNN_MAX_CPU_ISA")
+    assert has_bfloat16("cpu")
+    has_bfloat16.cache_clear()
