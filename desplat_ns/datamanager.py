@@ -199,6 +199,6 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         self, split: Literal["train", "eval"], cache_images_device: Literal["cpu", "gpu"]
     ) -> list[dict[str, Any]]:
         # Upstream pins memory for "cpu", which needs a CUDA driver; "gpu" means `self.device`.
-        if not torch.cuda.is_available():
+        if torch.device(self.device).type == "cpu":
             cache_images_device = "gpu"
         return super()._load_images(split, cache_images_device)

@@ -88,11 +88,12 @@ def test_ns_render_dataset_sees_the_number_in_training_views_only(tiny_scene, te
     assert train[0][1]["image"].shape == (32, 48, 3)
 
 
-def test_without_cuda_nothing_is_pinned(tiny_scene, monkeypatch):
+@pytest.mark.parametrize("has_gpu", [False, True])
+def test_on_the_cpu_nothing_is_pinned(tiny_scene, monkeypatch, has_gpu):
     def fail(self):
         raise RuntimeError("pinned")
 
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: has_gpu)
     monkeypatch.setattr(torch.Tensor, "pin_memory", fail)
     data = manager(RobustNerfDataParserConfig(data=tiny_scene.folder), cache_images="cpu")
     assert data.next_train(0)[1]["image"].device.type == "cpu"

@@ -21,7 +21,7 @@ from desplat_ns.errors import CheckpointError
 
 
 def rng_state() -> dict[str, Any]:
-    """State of the random generators of torch (CPU and every GPU), numpy and Python.
+    """State of the random generators of torch (CPU, and every GPU if one is in use), numpy, Python.
 
     Tensors and plain Python values only, so that `torch.load(weights_only=True)` reads it.
     """
@@ -29,7 +29,7 @@ def rng_state() -> dict[str, Any]:
     version, internal, gauss_next = random.getstate()
     return {
         "torch": torch.get_rng_state(),
-        "cuda": torch.cuda.get_rng_state_all() if torch.cuda.is_available() else [],
+        "cuda": torch.cuda.get_rng_state_all() if torch.cuda.is_initialized() else [],
         "numpy": {
             "kind": str(kind),
             "keys": torch.from_numpy(np.asarray(keys, dtype=np.int64)),

@@ -49,6 +49,15 @@ def test_the_state_of_the_generators_loads_weights_only(tmp_path):
     assert draws() == expected
 
 
+def test_a_gpu_that_a_run_does_not_use_is_left_alone(monkeypatch):
+    """To ask for its generator's state would occupy hundreds of megabytes of it."""
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "get_rng_state_all", lambda: ["occupied"])
+    state = rng_state()
+    assert state["cuda"] == []
+    restore_rng(state)
+
+
 def build(scheduler: Any = None, sizes: tuple[int, ...] = (3,), name: str = "means") -> Optimizers:
     parameters = [Parameter(torch.ones(size, 2)) for size in sizes]
     group = {"optimizer": AdamOptimizerConfig(lr=1e-2), "scheduler": scheduler}
