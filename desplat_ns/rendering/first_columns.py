@@ -33,11 +33,12 @@ def needed_by_columns(
 ) -> Bool[Tensor, " N"]:
     """The Gaussians without which the first `columns` columns would look different.
 
-    Drawn alone they give those columns bit for bit, in whatever colours; the other columns are
-    wrong. Takes two drawings, and two more for each round of pixels that would go on.
+    Drawn alone by `numba` they give those columns bit for bit, in whatever colours; other columns
+    are wrong. Takes two drawings, and two more for each round of pixels that would go on.
 
-    The `torch` backend sums in batches, whose rounding depends on what else is in a tile: there the
-    opacities differ everywhere, and all Gaussians in view are needed for the same bits.
+    The `torch` backend sums in batches, whose rounding depends on what else is in a tile: there
+    opacities differ everywhere, and these are all Gaussians in view. Alone they give the columns to
+    within rounding: how torch rounds a row depends on its place.
     """
     geometry = {name: getattr(splats, name).detach() for name in GEOMETRY}
     white = torch.ones_like(splats.means)

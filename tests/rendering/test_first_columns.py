@@ -1,4 +1,7 @@
-"""Columns drawn from what they need are those of the whole set, to the last bit."""
+"""Columns drawn from what they need are those of the whole set, to the last bit.
+
+With torch, whose rounding of a row depends on its place, the others keep their rows, transparent.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +48,11 @@ def test_the_columns_are_the_same_bits_from_fewer(name, seed, opacity):
     needed = needed_by_columns(resolve(name, "cpu"), splats, VIEW, RenderSettings(), COLUMNS)
     if name == "numba":
         assert needed.float().mean() < 0.7
-    whole, fewer = of_columns(name, splats), of_columns(name, rows_of(splats, needed))
+    if name == "torch":
+        fewer = of_columns(name, replace(splats, opacities=splats.opacities.where(needed, 0)))
+    else:
+        fewer = of_columns(name, rows_of(splats, needed))
+    whole = of_columns(name, splats)
     assert all(torch.equal(a, b) for a, b in zip(whole, fewer, strict=True))
 
 

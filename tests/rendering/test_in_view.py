@@ -1,4 +1,8 @@
-"""What `in_view` leaves out is not drawn: the same picture and gradients, to the last bit."""
+"""What `in_view` leaves out is not drawn: the same picture and gradients, to the last bit.
+
+`numba` gives a Gaussian the same bits in any row, and draws the others alone. How torch rounds a
+row depends on its place and on the processor: there those left out keep theirs, transparent.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +72,12 @@ def assert_nothing_is_missed(
 ):
     shown = in_view(splats, view, settings)
     whole, gradients = drawn(name, splats, view, settings)
-    fewer, found = drawn(name, rows_of(splats, shown), view, settings)
+    if name == "torch":
+        clear = replace(splats, opacities=splats.opacities.where(shown, 0))
+        fewer, found = drawn(name, clear, view, settings)
+        found = [gradient[shown] for gradient in found]
+    else:
+        fewer, found = drawn(name, rows_of(splats, shown), view, settings)
     for image in ("rgb", "alpha", "depth"):
         assert torch.equal(getattr(whole, image), getattr(fewer, image)), image
     for parameter, ours, theirs in zip(PARAMETERS, found, gradients, strict=True):
