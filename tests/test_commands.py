@@ -118,7 +118,6 @@ def test_ns_eval_writes_every_figure(trained: Path, tmp_path: Path, checkpoint: 
     assert len(list((tmp_path / "pictures").glob("*.png"))) == NUM_TEST
 
 
-@pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
 def test_a_run_from_a_gpu_machine_is_evaluated_without_one(trained: Path, tmp_path: Path):
     from nerfstudio.scripts.eval import ComputePSNR
 

@@ -278,7 +278,6 @@ def test_coincident_points_start_with_a_finite_size():
     assert torch.isfinite(make_model(points=torch.zeros(6, 3)).scales).all()
 
 
-@pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
 def test_a_model_trained_on_a_gpu_renders_without_one_but_does_not_train(capsys):
     model = make_model(backend="gsplat")
     assert model.eval().get_outputs_for_camera(camera())["rgb"].shape == (HEIGHT, WIDTH, 3)

@@ -89,7 +89,7 @@ def test_colours_that_no_gradient_can_carry_are_culled(name, color):
     with torch.no_grad():
         scene.colors[0] = color
         scene.opacities[0] = 0.9
-    got = resolve(name)(scene.splats, scene.view, RenderSettings())
+    got = resolve(name, "cpu")(scene.splats, scene.view, RenderSettings())
     got.rgb.sum().backward()
     assert got.rgb.isfinite().all()
     assert all(p.grad is not None and p.grad.isfinite().all() for p in scene.parameters)
@@ -114,7 +114,7 @@ def test_a_camera_that_cannot_be_is_named(name, matrix, place, value, said):
     scene = random_scene(1, count=3).to(torch.float64)
     getattr(scene, matrix)[place] = value
     with pytest.raises(ValueError, match=re.escape(said)):
-        resolve(name)(scene.splats, scene.view, RenderSettings())
+        resolve(name, "cpu")(scene.splats, scene.view, RenderSettings())
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ SETTINGS = RenderSettings(depth=True, absgrad=True)
 
 
 def render(scene, settings=SETTINGS):
-    return resolve("numba")(scene.splats, scene.view, settings)
+    return resolve("numba", "cpu")(scene.splats, scene.view, settings)
 
 
 def render_and_pull(scene) -> list[Any]:
@@ -115,7 +115,7 @@ def test_non_contiguous_tensors_are_drawn_alike():
         "colors": scene.colors.flip(-1).contiguous().flip(-1),
     }
     assert not strided["means"].is_contiguous()
-    out = resolve("numba")(Splats(**strided, sh_degree=None), scene.view, SETTINGS)
+    out = resolve("numba", "cpu")(Splats(**strided, sh_degree=None), scene.view, SETTINGS)
     assert torch.equal(out.rgb, render(scene).rgb)
 
 
@@ -132,7 +132,7 @@ def test_tensors_elsewhere_than_on_the_cpu_are_refused_with_advice():
     means, quats, scales, opacities, colors = (p.to("meta") for p in scene.parameters)
     splats = Splats(means, quats, scales, opacities, colors)
     with pytest.raises(BackendUnavailableError, match=r"--pipeline\.model\.backend gsplat"):
-        resolve("numba")(splats, scene.view, SETTINGS)
+        resolve("numba", "cpu")(splats, scene.view, SETTINGS)
 
 
 def test_absgrad_is_left_alone_unless_asked_for():

@@ -28,7 +28,8 @@ EIGHT_VIEWS = SceneSpec(num_views=8, num_extras=2, width=72, height=48, num_poin
 def registered_desplat(scene: Scene, output: Path, **changes: Any) -> Any:
     """The configuration of `ns-train desplat --max-num-iterations 120` on a generated scene.
 
-    Nothing of the method is set but the length: data, folders, no viewer, no evaluation on the way.
+    Nothing of the method is set but the length: data, folders, no viewer, no evaluation on the way;
+    on the CPU.
 
     Args:
         changes: other fields of the trainer's configuration.
@@ -39,6 +40,7 @@ def registered_desplat(scene: Scene, output: Path, **changes: Any) -> Any:
     config.max_num_iterations, config.vis = STEPS, "tensorboard"
     config.steps_per_eval_image = config.steps_per_eval_all_images = STEPS + 1
     config.output_dir, config.experiment_name, config.timestamp = output, "eight", "run"
+    config.machine.device_type = "cpu"
     for name, value in changes.items():
         setattr(config, name, value)
     return config
