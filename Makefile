@@ -2,6 +2,9 @@
 #
 #   make demo    a generated scene is trained, evaluated and drawn: demo/output/
 #   make test    the tests, on the CPU
+#   make fuzz    the properties again and again, with new examples each time (10 minutes; FUZZ_MINUTES=60)
+#   make test-guises   the tests on this machine in the guise of others (hours; GUISES_ARGS='--only avx2')
+#   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
 #   make bench   every backend is timed and the figures written to docs/performance.md (15 minutes)
 #   make stability  hard cases measured, docs/stability.md; wrong signs, kills, a long run (2 hours)
 #   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/gpu.md (10 minutes)
@@ -11,6 +14,7 @@
 #
 # Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
 #           WHEELS=folder  GPU_ARGS='--device cpu --quick --output folder'  (make gpu: CONTRIBUTING.md)
+#           GUISES_ARGS='--part arithmetic --only avx2 gpu'  PYTHONS_TESTED='3.10 3.12'
 #           BENCH_ARGS='--quick --output folder'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
 
@@ -21,6 +25,9 @@ PYTEST_ARGS ?=
 DEMO_ARGS ?=
 BENCH_ARGS ?=
 STUDY_ARGS ?=
+FUZZ_MINUTES ?= 10
+GUISES_ARGS ?=
+PYTHONS_TESTED ?= 3.10 3.11 3.12
 GPU_ARGS ?=
 WHEELS ?=
 GPU_VENV ?= outputs/gpu-venv
@@ -33,11 +40,11 @@ export OMP_WAIT_POLICY ?= passive
 # The checks need nothing from the network.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 
-.PHONY: demo bench gpu stability study test check lint clean distclean env help
+.PHONY: demo bench fuzz gpu stability study test test-guises test-pythons check lint clean distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,16s/^# \{0,1\}//p' Makefile
+	@sed -n '3,19s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -70,6 +77,22 @@ study: $(STAMP)
 test: $(STAMP)
 	$(PY) -m pytest $(PYTEST_ARGS)
 
+# hypothesis prints the example that failed; the next run tries it first.
+fuzz: $(STAMP)
+	@ends=$$(( $$(date +%s) + 60 * $(FUZZ_MINUTES) )); \
+	while [ $$(date +%s) -lt $$ends ]; do \
+	    $(PY) -m pytest -m hypothesis --hypothesis-profile=fuzz $(PYTEST_ARGS) || exit 1; \
+	done
+
+test-guises: $(STAMP)
+	$(PY) -m benchmarks.guises $(GUISES_ARGS)
+
+test-pythons:
+	@for version in $(PYTHONS_TESTED); do \
+	    $(MAKE) env VENV=.venv-$$version PYTHON=python$$version && \
+	    .venv-$$version/bin/python -m benchmarks.guises --only as-is $(GUISES_ARGS) || exit 1; \
+	done
+
 lint: $(STAMP)
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
@@ -82,7 +105,7 @@ clean:
 	find desplat_ns tests demo benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean
-	rm -rf $(VENV)
+	rm -rf $(VENV) .venv-3.*
 
 # Written last, so that an interrupted installation is taken up again.
 $(STAMP): pyproject.toml constraints.txt

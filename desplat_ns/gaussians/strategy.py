@@ -31,7 +31,7 @@ def sample(
 ) -> None:
     """Add the gradients of a visit to the statistics in `state`, by which `refine` judges.
 
-    As gsplat's `_update_state`, to the last bit, for a single camera. That one picks out the rows
+    As gsplat's `_update_state`, but for rounding, for a single camera. That one picks out the rows
     that the view shows, and the host has to wait for their number three times.
 
     Args:

@@ -136,7 +136,10 @@ def test_lower_degrees_leave_higher_coefficients_alone():
     scene = random_scene(4, count=5, sh_degree=3).to(torch.float64)
     lower = dataclasses.replace(scene, sh_degree=1)
     cut = dataclasses.replace(lower, colors=scene.colors[:, :4])
-    assert torch.equal(view_colors(lower.splats, lower.view), view_colors(cut.splats, cut.view))
+    got, want = view_colors(lower.splats, lower.view), view_colors(cut.splats, cut.view)
+    # Four products of at most 0.5 and their sum, in any order.
+    most = 4 * 2 * 0.5 * scene.colors.abs().max().item() * torch.finfo(torch.float64).eps
+    torch.testing.assert_close(got, want, rtol=0, atol=most)
 
 
 @pytest.mark.parametrize("antialiased", [False, True])

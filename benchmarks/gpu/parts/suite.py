@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import xml.etree.ElementTree as ElementTree
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks.documents import CHECKOUT
 from benchmarks.gpu.plan import Job
-from benchmarks.gpu.records import Figures, without_places
-
-MOST_LISTED = 30
-"""Failures and reasons that are kept."""
+from benchmarks.gpu.records import Figures
+from benchmarks.junit import read_results
 
 MARK = "mark" + ".gpu"
 """In a file that marks tests, or what several test files take from it."""
@@ -46,32 +42,3 @@ def places(tests: Path) -> list[str]:
     marking = [path for path in sorted(tests.rglob("*.py")) if MARK in path.read_text("utf8")]
     found = [path if path.name.startswith("test_") else path.parent for path in marking]
     return [str(one) for one in dict.fromkeys(found) if one.parent not in found]
-
-
-def read_results(path: Path) -> Figures:
-    """What a JUnit file says."""
-    counts: Counter[str] = Counter()
-    bad: list[str] = []
-    reasons: Counter[str] = Counter()
-    for case in ElementTree.parse(path).getroot().iter("testcase"):
-        kind, said = _outcome(case)
-        counts[kind] += 1
-        name = f"{case.get('classname', '')}.{case.get('name', '')}".strip(".")
-        if kind in ("failed", "error"):
-            bad.append(f"{name}: {said}")
-        elif kind == "skipped":
-            reasons[said] += 1
-    return {
-        **{kind: counts[kind] for kind in ("passed", "failed", "error", "skipped")},
-        "bad": bad[:MOST_LISTED],
-        "reasons": dict(reasons.most_common(MOST_LISTED)),
-    }
-
-
-def _outcome(case: ElementTree.Element) -> tuple[str, str]:
-    for tag, kind in (("failure", "failed"), ("error", "error"), ("skipped", "skipped")):
-        found = case.find(tag)
-        if found is not None:
-            said = without_places(found.get("message") or "").strip().splitlines()
-            return kind, said[0][:300] if said else ""
-    return "passed", ""
