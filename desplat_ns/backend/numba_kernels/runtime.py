@@ -88,6 +88,16 @@ def _cached_copies(dispatcher: Any) -> list[Path]:
     return list(Path(folder).glob(pattern)) if folder else []
 
 
+def _is_cached(dispatcher: Any) -> bool:
+    """Whether the cache has a kernel for this processor. Machines may share a folder; a copy that
+    another processor left is of no use here. (numba 0.60 to 0.68: its index is private.)"""
+    if not dispatcher.stats.cache_path:
+        return False
+    processor = dispatcher.targetctx.codegen().magic_tuple()
+    index = dispatcher._cache._cache_file._load_index()
+    return any(made_for == processor for _, made_for, _ in index)
+
+
 def _drop_stale(dispatcher: Any) -> None:
     """Remove cached copies older than any file of kernels; numba looks at the kernel's own only."""
     for copy in _cached_copies(dispatcher):
@@ -117,7 +127,7 @@ def _have_compiled() -> None:
     Where that fails, or where nothing can be cached, they are compiled here as they are called.
     """
     compile_here()
-    if all(_cached_copies(dispatcher) for dispatcher in _launched):
+    if all(_is_cached(dispatcher) for dispatcher in _launched):
         return
     print(
         "Compiling the numba kernels for this CPU (about half a minute, once) ...",

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("numba")
+from desplat_ns.backend import RenderSettings, resolve
+from desplat_ns.backend.numba_kernels import passes
 from desplat_ns.backend.numba_kernels import runtime as numba_runtime
 from desplat_ns.backend.numba_kernels.runtime import (
     fma,
@@ -20,6 +22,7 @@ from desplat_ns.backend.numba_kernels.runtime import (
     scratch,
     take,
 )
+from tests.backend.scenes import random_scene
 
 
 def double(x):
@@ -79,7 +82,7 @@ def new_process(monkeypatch):
     commands = []
     monkeypatch.setattr(numba_runtime, "_is_ready", False)
     monkeypatch.setattr(numba_runtime, "_launched", [Launched])
-    monkeypatch.setattr(numba_runtime, "_cached_copies", lambda dispatcher: [])
+    monkeypatch.setattr(numba_runtime, "_is_cached", lambda dispatcher: False)
     monkeypatch.setattr(subprocess, "run", lambda command, **how: commands.append(command))
     return commands
 
@@ -92,24 +95,31 @@ def test_the_first_launch_has_kernels_compiled_once_and_says_so(new_process, cap
     assert new_process == [[sys.executable, "-m", "desplat_ns.backend.compile_kernels"]]
 
 
-def test_nothing_is_compiled_where_all_kernels_lie_in_the_cache(
-    new_process, monkeypatch, capsys, tmp_path
-):
-    monkeypatch.setattr(numba_runtime, "_cached_copies", lambda dispatcher: [tmp_path])
+def test_nothing_is_compiled_where_all_kernels_lie_in_the_cache(new_process, monkeypatch, capsys):
+    monkeypatch.setattr(numba_runtime, "_is_cached", lambda dispatcher: True)
     with launching():
         pass
     assert capsys.readouterr().err == ""
     assert new_process == []
 
 
-def test_one_missing_kernel_is_reason_enough(new_process, monkeypatch, tmp_path):
+def test_one_missing_kernel_is_reason_enough(new_process, monkeypatch):
     other = Launched()
     monkeypatch.setattr(numba_runtime, "_launched", [other, Launched])
-    copies = {other: [tmp_path], Launched: []}
-    monkeypatch.setattr(numba_runtime, "_cached_copies", copies.__getitem__)
+    monkeypatch.setattr(numba_runtime, "_is_cached", {other: True, Launched: False}.__getitem__)
     with launching():
         pass
     assert len(new_process) == 1
+
+
+def test_what_another_processor_left_in_the_cache_is_no_kernel_here(monkeypatch):
+    scene = random_scene(0, count=3)
+    resolve("numba", "cpu")(scene.splats, scene.view, RenderSettings())
+    draw = passes.draw_frame
+    assert numba_runtime._is_cached(draw)
+    other = ("x86_64", "another processor", "")
+    monkeypatch.setattr(type(draw.targetctx.codegen()), "magic_tuple", lambda self: other)
+    assert not numba_runtime._is_cached(draw)
 
 
 def test_no_other_process_compiles_what_it_could_not_hand_over(new_process, monkeypatch, capsys):
