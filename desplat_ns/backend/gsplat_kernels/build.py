@@ -35,6 +35,16 @@ BYTES_A_JOB = 4 << 30
 NAME = "gsplat_cuda"
 """Of the module, and of the folder in which gsplat compiles it."""
 
+END_WITH_PARENT = """
+import os, signal, threading, time
+def watch(parent=os.getppid()):
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os.killpg(0, signal.SIGTERM)
+threading.Thread(target=watch, daemon=True).start()
+"""
+"""However the process that compiles for itself ends, the compilers end with it."""
+
 COMPILE = """
 import shutil
 shutil.rmtree = lambda *_, **__: None  # gsplat would throw away what an interrupted call compiled
@@ -195,7 +205,7 @@ def _run(target: Target, tools: Tools, at_once: int, log: Path) -> int:
     }
     with log.open("w") as output:
         process = subprocess.Popen(
-            [sys.executable, "-c", COMPILE],
+            [sys.executable, "-c", END_WITH_PARENT + COMPILE],
             env=variables,
             stdin=subprocess.DEVNULL,
             stdout=output,

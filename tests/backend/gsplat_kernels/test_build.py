@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import subprocess
 import sys
 import sysconfig
 import threading
@@ -12,6 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import psutil
 import pytest
 
 from desplat_ns.backend.gsplat_kernels import build
@@ -167,6 +169,25 @@ def test_an_interrupt_ends_the_compilers(target, monkeypatch):
         library_for(target)
     assert started[0].poll() is not None and time.monotonic() - began < 30
     assert not (target.folder / "failure.json").exists()  # it was no failure
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux's /proc")
+def test_compilers_end_with_the_process_that_waits_for_them(tmp_path):
+    """Even if it is killed, as at the deadline of a measurement."""
+    compiler = f"{build.END_WITH_PARENT}\nimport time; time.sleep(60)"
+    parent = (
+        "import subprocess, sys, time\n"
+        "process = subprocess.Popen([sys.executable, '-c', sys.argv[1]], start_new_session=True)\n"
+        "print(process.pid, flush=True)\ntime.sleep(60)"
+    )
+    command = [REAL_PYTHON, "-c", parent, compiler]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        child = psutil.Process(int(process.stdout.readline()))
+        time.sleep(1.0)  # it looks at its parent
+        assert child.is_running()
+        process.kill()
+    child.wait(20)  # raises where it does not end
 
 
 def test_a_folder_that_cannot_be_written_is_named(target, monkeypatch, tmp_path):
