@@ -5,12 +5,14 @@
 #   make bench   every backend is timed and the figures written to docs/performance.md (15 minutes)
 #   make stability  hard cases measured, docs/stability.md; wrong signs, kills, a long run (2 hours)
 #   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/gpu.md (10 minutes)
+#   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
 #   make study   the runs behind docs/separation.md that are missing or stale, and the documents (hours; resumes)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
 #
 # Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
 #           WHEELS=folder  GPU_ARGS='--device cpu --quick --output folder'  (make gpu: CONTRIBUTING.md)
+#           GPU_BUILD_ARGS='--architecture 9.0'
 #           BENCH_ARGS='--quick --output folder'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
 
@@ -22,6 +24,7 @@ DEMO_ARGS ?=
 BENCH_ARGS ?=
 STUDY_ARGS ?=
 GPU_ARGS ?=
+GPU_BUILD_ARGS ?=
 WHEELS ?=
 GPU_VENV ?= outputs/gpu-venv
 
@@ -33,11 +36,11 @@ export OMP_WAIT_POLICY ?= passive
 # The checks need nothing from the network.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 
-.PHONY: demo bench gpu stability study test check lint clean distclean env help
+.PHONY: demo bench gpu gpu-build stability study test check lint clean distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,16s/^# \{0,1\}//p' Makefile
+	@sed -n '3,17s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -63,6 +66,9 @@ ifneq ($(WHEELS),)
 else
 	$(PY) -m benchmarks.gpu $(GPU_ARGS)
 endif
+
+gpu-build: $(STAMP)
+	$(PY) -m benchmarks.gpu.gpu_build $(GPU_BUILD_ARGS)
 
 study: $(STAMP)
 	$(PY) -m benchmarks.separation $(STUDY_ARGS)

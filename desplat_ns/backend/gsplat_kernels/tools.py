@@ -86,17 +86,24 @@ def find_tools() -> Tools:
 
 def install_command() -> str:
     """What brings the nvcc that fits torch: one command where a wheel has it."""
+    wheel = toolkit_wheel()
+    if wheel is not None:
+        return f'`pip install "{wheel}"` brings it'
+    place = "https://developer.nvidia.com/cuda-downloads"
+    return f"install the CUDA toolkit {torch.version.cuda} from {place}"
+
+
+def toolkit_wheel() -> str | None:
+    """What pip is asked for to have nvcc in torch's version; None where no wheel has it."""
     wanted = torch.version.cuda or ""
     if int(wanted.partition(".")[0] or 0) < FIRST_WITH_NVCC_AS_WHEEL:
-        return f"install the CUDA toolkit {wanted} from https://developer.nvidia.com/cuda-downloads"
-    exact = f"{wanted}.*"
+        return None
     try:
         installed = version("cuda-toolkit")  # torch asks for this release to the last number
     except PackageNotFoundError:
         installed = ""
-    if installed.startswith(f"{wanted}."):
-        exact = installed
-    return f'`pip install "cuda-toolkit[nvcc]=={exact}"` brings it'
+    exact = installed if installed.startswith(f"{wanted}.") else f"{wanted}.*"
+    return f"cuda-toolkit[nvcc]=={exact}"
 
 
 def _find_toolkit() -> tuple[Path, str]:
@@ -226,7 +233,9 @@ def _link_to_runtime(tools: Tools, links: Path) -> list[str]:
 
 
 def _headers_beside(tools: Tools) -> list[Path]:
-    """Folders of headers that torch's include and a toolkit of nvcc alone lacks."""
+    """Folders of headers that torch's include and a toolkit of nvcc alone lacks: of cuSPARSE and
+    its like, and of Thrust and CUB."""
     if (tools.home / "include" / "cusparse.h").exists():
         return []
-    return sorted({path.parent for path in _in_wheels("*/include/cusparse.h")})
+    folders = sorted({path.parent for path in _in_wheels("*/include/cusparse.h")})
+    return [*folders, *(folder / "cccl" for folder in folders if (folder / "cccl").is_dir())]

@@ -166,6 +166,9 @@ def test_headers_that_a_toolkit_of_nvcc_alone_lacks_are_taken_from_torchs_wheels
     wheels = {"*/include/cusparse.h": [header]}
     monkeypatch.setattr(tools, "_in_wheels", lambda pattern: wheels.get(pattern, []))
     assert find_tools().environment(tmp_path / "links")["CPATH"] == str(header.parent)
+    (header.parent / "cccl").mkdir(parents=True)
+    both = f"{header.parent}{os.pathsep}{header.parent / 'cccl'}"
+    assert find_tools().environment(tmp_path / "links")["CPATH"] == both
 
 
 def test_torchs_own_header_says_which_standard_it_needs(monkeypatch, tmp_path):
