@@ -8,12 +8,14 @@
 #   make bench   every backend is timed and the figures written to docs/performance.md (15 minutes)
 #   make stability  hard cases measured, docs/stability.md; wrong signs, kills, a long run (2 hours)
 #   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/gpu.md (10 minutes)
+#   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
 #   make study   the runs behind docs/separation.md that are missing or stale, and the documents (hours; resumes)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
 #
 # Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
 #           WHEELS=folder  GPU_ARGS='--device cpu --quick --output folder'  (make gpu: CONTRIBUTING.md)
+#           GPU_BUILD_ARGS='--architecture 9.0'
 #           GUISES_ARGS='--part arithmetic --only avx2 gpu'  PYTHONS_TESTED='3.10 3.12'
 #           BENCH_ARGS='--quick --output folder'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
@@ -29,6 +31,7 @@ FUZZ_MINUTES ?= 10
 GUISES_ARGS ?=
 PYTHONS_TESTED ?= 3.10 3.11 3.12
 GPU_ARGS ?=
+GPU_BUILD_ARGS ?=
 WHEELS ?=
 GPU_VENV ?= outputs/gpu-venv
 
@@ -40,11 +43,12 @@ export OMP_WAIT_POLICY ?= passive
 # The checks need nothing from the network.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 
-.PHONY: demo bench fuzz gpu stability study test test-guises test-pythons check lint clean distclean env help
+.PHONY: demo bench fuzz gpu gpu-build stability study test test-guises test-pythons check lint clean
+.PHONY: distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,19s/^# \{0,1\}//p' Makefile
+	@sed -n '3,20s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -70,6 +74,9 @@ ifneq ($(WHEELS),)
 else
 	$(PY) -m benchmarks.gpu $(GPU_ARGS)
 endif
+
+gpu-build: $(STAMP)
+	$(PY) -m benchmarks.gpu.gpu_build $(GPU_BUILD_ARGS)
 
 study: $(STAMP)
 	$(PY) -m benchmarks.separation $(STUDY_ARGS)

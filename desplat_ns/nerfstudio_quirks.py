@@ -12,6 +12,8 @@ from nerfstudio.models.splatfacto import RGB2SH, SplatfactoModel
 from nerfstudio.utils import writer
 from nerfstudio.viewer import control_panel
 
+from desplat_ns.backend import BackendName
+from desplat_ns.backend.registry import rendering_device
 from desplat_ns.console import announce
 from desplat_ns.evaluation.metrics import LazyLpips
 from desplat_ns.training.checkpoint_files import load_for_evaluation
@@ -102,6 +104,19 @@ def train_on_where_logs_cannot_be_written() -> None:
             writer.EVENT_STORAGE.clear()
 
     writer.write_out_storage = write_out_storage
+
+
+def where_to_render(backend: BackendName, device: str | torch.device) -> str | torch.device:
+    """The device for a trained model: the CPU where its backend cannot draw on the given one.
+
+    nerfstudio 1.1.5 (eval_utils.py, `eval_setup`) takes CUDA where there is a device, whatever the
+    run was trained on and whatever can draw there.
+    """
+    chosen, why = rendering_device(backend, torch.device(device).type)
+    if not why:
+        return device
+    announce(f"Rendering on the CPU: {why}", warning=True)
+    return chosen
 
 
 def load_evaluated_checkpoints_like_resumed_ones() -> None:

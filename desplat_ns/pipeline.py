@@ -6,8 +6,9 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, cast, runtime_checkable
 
+import torch
 from nerfstudio.pipelines.base_pipeline import VanillaPipeline, VanillaPipelineConfig
 from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
 from torch import Tensor
@@ -34,9 +35,11 @@ from desplat_ns.evaluation.records import (
     versions,
 )
 from desplat_ns.evaluation.whole_image import WholeImage
+from desplat_ns.lit_model import LitModelConfig
 from desplat_ns.nerfstudio_quirks import (
     give_masks_a_colormap_in_the_viewer,
     load_evaluated_checkpoints_like_resumed_ones,
+    where_to_render,
 )
 from desplat_ns.photo_tourism.embedding_file import digest_of, load_embeddings, save_embeddings
 from desplat_ns.photo_tourism.image_effects import ImageEffects
@@ -89,8 +92,17 @@ class DeSplatPipeline(VanillaPipeline):
     pictured: Collection[int] | None = None
     """Numbers of the images whose pictures an evaluation writes; None: all of them."""
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
+    def __init__(
+        self,
+        config: DeSplatPipelineConfig,
+        device: str | torch.device,
+        test_mode: Literal["test", "val", "inference"] = "val",
+        **kwargs: Any,
+    ) -> None:
+        """nerfstudio's; a trained model whose backend cannot draw on `device` goes to the CPU."""
+        if test_mode != "val":  # else it is trained, on the device that was asked for
+            device = where_to_render(cast(LitModelConfig, config.model).backend, device)
+        super().__init__(config, str(device), test_mode, **kwargs)
         self.datamanager.train_dataset.check_sides(self._model.config.num_downscales)
         self.datamanager.eval_dataset.check_sides(0)
         self.first_photo_view = FirstPhotoView(self.datamanager.train_dataset.cameras)

@@ -12,6 +12,7 @@ from typing import Any, cast
 from nerfstudio.engine.trainer import TrainerConfig
 from nerfstudio.utils.rich_utils import CONSOLE
 
+from desplat_ns.backend.registry import compile_kernels
 from desplat_ns.calibration.budgeted_run import BudgetedRun
 from desplat_ns.console import announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
@@ -54,7 +55,8 @@ class RunConfig(TrainerConfig):
 
     budget: str = ""
     """Wall time for the run, for example 10min: start-up, training and saving. Steps and the size
-    of photos are then chosen, at most `max_num_iterations` steps, and corrected on the way."""
+    of photos are then chosen, at most `max_num_iterations` steps, and corrected on the way. What
+    kernels take that are compiled first, once for each machine, does not count."""
 
     def resolve_schedule_scale(self) -> float:
         """Settle the model's `schedule_scale`, from the numbers of steps where it is None.
@@ -121,6 +123,15 @@ class RunConfig(TrainerConfig):
                 "Densification replaces the parameters in each process by itself, and the copies "
                 "would drift apart. Leave both at 1."
             )
+
+    def compile_kernels(self) -> float:
+        """Have the backend's kernels compiled. Returns the seconds that took.
+
+        Raises:
+            BackendUnavailableError: the backend cannot run on the run's device.
+        """
+        model = cast(StaticModelConfig, self.pipeline.model)
+        return compile_kernels(model.backend, self.machine.device_type)
 
     def decide_effects(self, saved: SavedRun | None) -> Survey | None:
         """With `effects.auto` those of the checkpoint, or those that the capture calls for;

@@ -79,10 +79,12 @@ class DeSplatTrainer(Trainer):
         folder behind.
 
         Raises:
+            BackendUnavailableError: the backend cannot run on this machine's device.
             CaptureError: photos that cannot be surveyed.
             CheckpointError: one that cannot be gone on from.
             ConfigError: a budget in which nothing can be trained.
         """
+        self._started += self.config.compile_kernels()  # no part of a budget
         self._saved = self.config.saved_run()
         found = self.config.decide_effects(self._saved)
         self.config.settle_length()

@@ -12,6 +12,7 @@ from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel, SplatfactoMode
 from nerfstudio.viewer import control_panel
 from torchmetrics import Metric
 
+from desplat_ns import nerfstudio_quirks
 from desplat_ns.evaluation.metrics import LazyLpips
 from desplat_ns.nerfstudio_quirks import (
     give_masks_a_colormap_in_the_viewer,
@@ -86,6 +87,19 @@ def test_a_random_start_stays_random(seed_points: Any):
     model = _model(seed_points, random_init=True)
     assert model.means.shape == (50, 3)
     assert model.features_dc.shape == (50, 3)
+
+
+def test_a_model_stays_on_a_device_on_which_its_backend_draws(monkeypatch, capsys):
+    asked = []
+
+    def rendering_device(backend: str, device: str) -> tuple[str, str]:
+        asked.append((backend, device))
+        return device, ""
+
+    monkeypatch.setattr(nerfstudio_quirks, "rendering_device", rendering_device)
+    second = torch.device("cuda:1")
+    assert nerfstudio_quirks.where_to_render("auto", second) is second
+    assert asked == [("auto", "cuda")] and capsys.readouterr().out == ""
 
 
 def test_masks_get_a_colormap_and_everything_else_keeps_its_own():

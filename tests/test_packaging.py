@@ -124,10 +124,14 @@ def test_every_requirement_has_its_reason(checkout: Path, metadata: Message) -> 
     assert required_names(metadata) == explained
 
 
+PINNED_BY_TORCH = {"cuda-toolkit"}
+"""Each build of torch requires one release, by `==`; another pin would exclude the other builds."""
+
+
 def test_every_requirement_has_a_version_known_to_work(checkout: Path, metadata: Message) -> None:
     text = (checkout / "constraints.txt").read_text()
     pinned = {name.lower() for name in re.findall(r"^([\w.-]+)==", text, flags=re.MULTILINE)}
-    assert required_names(metadata) <= pinned
+    assert required_names(metadata) - PINNED_BY_TORCH <= pinned
 
 
 def test_entry_points_lead_to_specifications(entry_points: list[EntryPoint]) -> None:

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
+import torch
 from PIL import Image
 
 from desplat_ns.errors import CaptureError, DeSplatError
@@ -128,6 +129,29 @@ def test_training_goes_on_in_training_mode():
     pipeline.get_average_eval_image_metrics()
     assert pipeline.training
     assert pipeline.model.training
+
+
+def test_a_trained_run_whose_backend_cannot_draw_on_the_gpu_is_rendered_on_the_cpu(
+    tiny_run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+):
+    """As nerfstudio's commands set it up: on CUDA, because there is a device."""
+    config = tiny_run(tmp_path)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(
+        "desplat_ns.backend.gsplat_kernels.kernels.hindrance", lambda: "has no nvcc."
+    )
+    pipeline = config.pipeline.setup(device=torch.device("cuda"), test_mode="test")
+    assert pipeline.device.type == "cpu"
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Rendering on the CPU: backend 'gsplat' has no nvcc." in said
+
+
+def test_a_run_that_trains_stays_on_its_device(tiny_run, tmp_path: Path, monkeypatch):
+    def where_to_render(*_: object) -> str:
+        raise AssertionError("the device was asked for")
+
+    monkeypatch.setattr("desplat_ns.pipeline.where_to_render", where_to_render)
+    assert tiny_run(tmp_path).pipeline.setup(device="cpu").device.type == "cpu"
 
 
 def test_photos_too_small_for_the_first_steps_stop_before_training(tiny_run, tmp_path: Path):

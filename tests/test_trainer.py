@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,7 +11,7 @@ import torch
 import yaml
 from nerfstudio.engine.optimizers import AdamOptimizerConfig
 
-from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.errors import BackendUnavailableError, CheckpointError, ConfigError
 from desplat_ns.trainer import DeSplatTrainerConfig
 from desplat_ns.training.checkpoint_files import checkpoints_in, load_checkpoint
 from tests.helpers.stub_run import (
@@ -161,3 +162,12 @@ def test_several_processes_are_refused_before_any_starts(config, devices, machin
         with pytest.raises(ConfigError, match="for 2 processes; this method trains in one"):
             begin()
     assert not config.get_base_dir().exists()
+
+
+def test_a_backend_that_cannot_run_is_said_before_anything_is_read(tiny_run, tmp_path: Path):
+    config = tiny_run(tmp_path)
+    config.machine.device_type, config.pipeline.model.backend = "cpu", "gsplat"
+    trainer = config.setup(local_rank=0, world_size=1)
+    with pytest.raises(BackendUnavailableError, match="Backend 'gsplat'"):
+        trainer.setup()
+    assert list(tmp_path.iterdir()) == []

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 TOTAL = 570.0
-"""Seconds that everything may take, so that it ends within ten minutes: the rest is for writing."""
+"""Seconds that everything may take, so that it ends within ten minutes: the rest is for writing.
+Where the kernels need more than their deadline here, by so much more."""
 
 LEAST = 5.0
 """Seconds. With less left a part is not begun."""
-
 
 PATIENCE = 4.0
 """By how much a rehearsal on a busy processor may take longer, in all and in every part."""
@@ -36,7 +37,31 @@ class Part:
 
 
 KERNELS = Part("kernels", "gsplat's kernels compiled", 360, needs_kernels=False)
-"""Begun first, beside the parts that do without."""
+"""Begun first, beside the parts that do without. Its deadline is for twelve cores and more."""
+
+
+def cores() -> int:
+    """Of this machine, as far as this process may use them."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def kernel_jobs() -> int:
+    """Files of gsplat's kernels that are compiled at once: memory decides, and the training beside
+    them keeps an eighth of the cores."""
+    from desplat_ns.backend.gsplat_kernels import build  # takes torch's seconds: not for `--help`
+
+    return min(build.jobs(), max(1, cores() - max(1, cores() // 8)))
+
+
+def with_time_to_compile(part: Part) -> Part:
+    """The kernels' part with the deadline that this machine asks for: twice the expected time."""
+    from desplat_ns.backend.gsplat_kernels import build
+
+    expected = 60 * build.CPU_MINUTES / kernel_jobs()
+    return replace(part, deadline=max(part.deadline, 2 * expected))
+
 
 PARTS = (
     Part("machine", "The machine", 40, needs_kernels=False),

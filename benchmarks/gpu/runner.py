@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Sequence
 
-from benchmarks.gpu.plan import KERNELS, LEAST, PARTS, Job, Part
+from benchmarks.gpu.plan import KERNELS, LEAST, PARTS, Job, Part, cores, kernel_jobs
 from benchmarks.gpu.processes import PartProcess
 from benchmarks.gpu.records import LEFT_OUT, NO_TIME, Record, Run
 
@@ -90,11 +89,10 @@ class Runner:
 def environment_of(part: Part) -> dict[str, str]:
     """Variables of one part: the compiler has most of the cores, for all else waits for it, and the
     training beside it the rest."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    few = max(1, (cores or 1) // 8)
+    few = max(1, cores() // 8)
     common = {"OMP_WAIT_POLICY": "passive"}
     if part.name == KERNELS.name:
-        return common | {"MAX_JOBS": str(max(1, (cores or 1) - few))}
+        return common | {"MAX_JOBS": str(kernel_jobs())}
     if part.name == "training.cpu":
         return common | {"OMP_NUM_THREADS": str(few), "NUMBA_NUM_THREADS": str(few)}
     return common

@@ -50,8 +50,9 @@ def rasterization(
 @contextmanager
 def splatfacto_on(device: str) -> Iterator[None]:
     """Within, nerfstudio's Splatfacto can be built, trained and drawn on a device; on "cuda" it is
-    left as it is."""
+    left as it is, with the package's kernels of gsplat."""
     if device != "cpu":
+        resolve("gsplat", device)  # before Splatfacto calls gsplat, which would compile its own
         yield
         return
     with (

@@ -1,25 +1,34 @@
-"""Put all kernels of the numba backend into numba's cache: half a minute, once for each CPU.
+"""Compile all kernels that this machine can use, once, before they are needed.
 
 python -m desplat_ns.backend.compile_kernels
 
-The first launch of a process runs this by itself where it finds no kernels.
+numba's take half a minute for each CPU, gsplat's some minutes for each kind of GPU. What is
+compiled already is left as it is; what failed is tried again. Without this, the first run that
+needs them compiles them: numba's by this command in a process of its own.
 """
 
 from __future__ import annotations
 
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+
 import torch
 
-from desplat_ns.backend.numba_kernels.runtime import compile_here
-from desplat_ns.backend.numba_tiles import NumbaRasterizer
+from desplat_ns.backend.gsplat_kernels import kernels
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
-from desplat_ns.backend.ssim import ssim
 
 SIZE = 32
 """Pixels, enough for SSIM's window."""
 
 
-def main() -> None:
+def compile_numba() -> str | None:
     """Call every kernel: draw one Gaussian, score the image, and follow the gradients back."""
+    from desplat_ns.backend.numba_kernels.runtime import compile_here
+    from desplat_ns.backend.numba_tiles import NumbaRasterizer
+    from desplat_ns.backend.ssim import ssim
+
     compile_here()
     splats = Splats(
         means=torch.tensor([[0.0, 0.0, 1.0]], requires_grad=True),
@@ -32,7 +41,42 @@ def main() -> None:
     K = torch.tensor([[SIZE, 0, SIZE / 2], [0, SIZE, SIZE / 2], [0, 0, 1]])
     image = NumbaRasterizer()(splats, View(torch.eye(4), K, SIZE, SIZE), RenderSettings()).rgb
     ssim(image, torch.zeros_like(image)).backward()
+    return None
+
+
+def compile_gsplat() -> str | None:
+    """Compile and load gsplat's; why there are none, if there are none."""
+    if not torch.cuda.is_available():
+        return "draws on CUDA devices, and torch sees none."
+    kernels.try_again()
+    return kernels.hindrance()
+
+
+COMPILERS = {"numba": compile_numba, "gsplat": compile_gsplat}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point; 1 where a backend that was asked for, or that has its device, has no kernels."""
+    parser = argparse.ArgumentParser(
+        prog="python -m desplat_ns.backend.compile_kernels",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("backends", nargs="*", metavar="BACKEND", help="numba or gsplat alone")
+    asked: list[str] = parser.parse_args(arguments).backends
+    unknown = set(asked) - COMPILERS.keys()
+    if unknown:
+        parser.error(f"{', '.join(sorted(unknown))}: only {' and '.join(COMPILERS)} have kernels")
+    failed = False
+    for name in asked or COMPILERS:
+        began = time.monotonic()
+        reason = COMPILERS[name]()
+        spent = f"{time.monotonic() - began:.0f} s"
+        print(f"{name}: " + (f"kernels are there ({spent})" if reason is None else reason))
+        optional = name == "gsplat" and not torch.cuda.is_available() and not asked
+        failed |= reason is not None and not optional
+    return int(failed)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

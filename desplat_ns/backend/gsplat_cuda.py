@@ -1,12 +1,11 @@
 """The `gsplat` backend: gsplat's CUDA kernels. The only module that imports gsplat's rasterizer.
 
 Departs from the exact backends in one thing: gsplat cuts every Gaussian off at the square of 3
-sigma, where an opaque one still has an alpha of 0.011.
+sigma, where an opaque one still has an alpha of 0.011. Its kernels are had by `gsplat_kernels`.
 """
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 import torch
@@ -16,15 +15,6 @@ from torch import Tensor
 from desplat_ns.backend.inputs import check_inputs, sound
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.errors import BackendUnavailableError
-
-
-def kernels_are_built() -> bool:
-    """Whether gsplat's CUDA kernels can be had. The first call may compile them, for minutes."""
-    try:
-        kernels = importlib.import_module("gsplat.cuda._backend")
-    except (ImportError, OSError, RuntimeError):
-        return False
-    return getattr(kernels, "_C", None) is not None
 
 
 class GsplatRasterizer:

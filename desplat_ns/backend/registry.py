@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -16,6 +17,9 @@ from desplat_ns.errors import BackendUnavailableError
 BackendName = Literal["auto", "gsplat", "torch", "numba"]
 BACKEND_NAMES: tuple[str, ...] = get_args(BackendName)
 """What `--pipeline.model.backend` accepts."""
+
+ON_THE_CPU = "Or put `CUDA_VISIBLE_DEVICES=` before the command: it then runs on the CPU."
+"""What helps any command where a GPU cannot be used; most have no option for the device."""
 
 
 @dataclass(frozen=True)
@@ -40,14 +44,10 @@ def _gsplat_hindrance(device: str) -> str | None:
             f"renders on CUDA and the model is on the {device}. Add `--machine.device-type cuda`, "
             "or `--pipeline.model.backend numba`."
         )
-    from desplat_ns.backend.gsplat_cuda import kernels_are_built
+    from desplat_ns.backend.gsplat_kernels.kernels import hindrance
 
-    if not kernels_are_built():
-        return (
-            "has no CUDA kernels here: install the CUDA toolkit (nvcc) so that gsplat can build "
-            "them, or a gsplat wheel with kernels for this torch."
-        )
-    return None
+    reason = hindrance()
+    return None if reason is None else f"{reason}\n{ON_THE_CPU}"
 
 
 def _numba_hindrance(device: str) -> str | None:
@@ -68,7 +68,9 @@ _BACKENDS: dict[str, _Entry] = {
     "numba": _Entry("desplat_ns.backend.numba_tiles", "NumbaRasterizer", _numba_hindrance),
     "torch": _Entry("desplat_ns.backend.torch_tiles", "TorchRasterizer", lambda device: None),
 }
-"""In the order in which `auto` tries them: fastest first."""
+
+FASTEST_FIRST: dict[str, tuple[BackendName, ...]] = {"cuda": ("gsplat",), "cpu": ("numba", "torch")}
+"""Which ones `auto` tries on a device type."""
 
 
 def default_device() -> str:
@@ -106,15 +108,52 @@ def resolve(name: BackendName, device: str | None = None) -> Rasterizer:
 
 @cache
 def _fastest(device: str) -> BackendName:
-    """The first backend that can run; says once which one that is, and why not a faster one."""
+    """The first backend that can run; says once which one that is, and why not a faster one.
+
+    On CUDA that is gsplat or none. Without its kernels the torch backend would be slow in silence,
+    and numba with the model on the CPU would leave the GPU idle for hours, in every run, where one
+    command and some minutes of compiling, once, are all that is missing.
+
+    Raises:
+        BackendUnavailableError: on CUDA, if gsplat cannot run; says what to type for either.
+    """
     from nerfstudio.utils.rich_utils import CONSOLE
 
     passed_over = []
-    for name in ("gsplat", "numba", "torch"):
+    for name in FASTEST_FIRST.get(device, ("torch",)):
         reason = _BACKENDS[name].hindrance(device)
         if reason is None:
             CONSOLE.log(f"Rasterizer backend: {name}.", *passed_over)
             return name
-        if (name == "gsplat" and device == "cuda") or (name == "numba" and device == "cpu"):
-            passed_over.append(f"\nBackend '{name}' {reason}")
-    raise AssertionError("the torch backend runs everywhere")
+        passed_over.append(f"\nBackend '{name}' {reason}")
+    raise BackendUnavailableError("".join(passed_over).strip())
+
+
+def compile_kernels(name: BackendName, device: str) -> float:
+    """Have compiled whatever a backend needs on a device type, or raise as `resolve` does.
+
+    Returns:
+        Seconds that this took; about none where they were there.
+    """
+    began = time.monotonic()
+    if resolve(name, device).name != "numba":
+        return time.monotonic() - began
+    from desplat_ns.backend.numba_kernels.runtime import launching
+
+    began = time.monotonic()
+    with launching():
+        return time.monotonic() - began
+
+
+def rendering_device(name: BackendName, device: str) -> tuple[str, str]:
+    """The device type on which a trained model is rendered, and why if it is another one.
+
+    Where no kernels draw on CUDA, that is the CPU: an image is a matter of a second there, and the
+    run may have been trained there for the same reason.
+    """
+    if device != "cuda" or name == "torch":
+        return device, ""
+    if name == "numba":
+        return "cpu", "its backend is numba"
+    reason = _BACKENDS["gsplat"].hindrance(device)
+    return (device, "") if reason is None else ("cpu", f"backend 'gsplat' {reason}")

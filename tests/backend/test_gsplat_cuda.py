@@ -124,8 +124,3 @@ def test_float64_is_refused():
     scene = random_scene(1).to(torch.float64, "cuda")
     with pytest.raises(ValueError, match="float32"):
         GsplatRasterizer()(scene.splats, scene.view, RenderSettings())
-
-
-def test_without_a_cuda_toolkit_there_are_no_kernels(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "gsplat.cuda._backend", None)
-    assert not gsplat_cuda.kernels_are_built()

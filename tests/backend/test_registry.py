@@ -3,6 +3,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import jaxtyping
@@ -58,21 +59,72 @@ def test_a_backend_of_the_other_device_says_what_to_type(monkeypatch):
         resolve("gsplat", "cpu")
 
 
+KERNELS = "desplat_ns.backend.gsplat_kernels.kernels.hindrance"
+
+
 def test_auto_follows_the_device(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    monkeypatch.setattr("desplat_ns.backend.gsplat_cuda.kernels_are_built", lambda: True)
+    monkeypatch.setattr(KERNELS, lambda: None)
     assert registry._fastest("cuda") == "gsplat"
-    assert registry._fastest("cpu") != "gsplat"
-    monkeypatch.setattr("desplat_ns.backend.gsplat_cuda.kernels_are_built", lambda: False)
-    registry._fastest.cache_clear()
-    assert registry._fastest("cuda") == "torch"
+    assert registry._fastest("cpu") == "numba"
 
 
-def test_gsplat_without_kernels_says_what_to_install(monkeypatch):
+def test_on_cuda_without_kernels_auto_draws_with_nothing_slow_but_says_what_to_do(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    monkeypatch.setattr("desplat_ns.backend.gsplat_cuda.kernels_are_built", lambda: False)
-    with pytest.raises(BackendUnavailableError, match="nvcc"):
-        resolve("gsplat")
+    monkeypatch.setattr(KERNELS, lambda: "has no nvcc. Install it.")
+    with pytest.raises(BackendUnavailableError) as error:
+        resolve("auto", "cuda")
+    assert str(error.value) == (
+        "Backend 'gsplat' has no nvcc. Install it.\n"
+        "Or put `CUDA_VISIBLE_DEVICES=` before the command: it then runs on the CPU."
+    )
+    assert resolve("torch", "cuda").name == "torch"  # whoever asks for it has it
+
+
+def test_gsplat_without_kernels_says_why(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(KERNELS, lambda: "has no nvcc. Install it.")
+    with pytest.raises(BackendUnavailableError, match=r"'gsplat' has no nvcc. Install it."):
+        resolve("gsplat", "cuda")
+
+
+@pytest.mark.parametrize(
+    ("backend", "missing", "expected"),
+    [
+        ("auto", None, "cuda"),
+        ("gsplat", None, "cuda"),
+        ("auto", "has no nvcc.", "cpu"),
+        ("gsplat", "has no nvcc.", "cpu"),
+        ("numba", None, "cpu"),
+        ("torch", "has no nvcc.", "cuda"),
+    ],
+)
+def test_a_trained_model_is_rendered_where_something_fast_draws(
+    monkeypatch, backend, missing, expected
+):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(KERNELS, lambda: missing)
+    device, why = registry.rendering_device(backend, "cuda")
+    assert device == expected and bool(why) == (device == "cpu")
+    assert missing is None or device == "cuda" or missing in why
+    assert registry.rendering_device(backend, "cpu") == ("cpu", "")
+
+
+def test_kernels_that_are_compiled_take_seconds_that_are_told(monkeypatch):
+    clock = iter([10.0, 250.0])
+    monkeypatch.setattr(registry, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    hinder(monkeypatch, gsplat=None)
+    assert registry.compile_kernels("gsplat", "cuda") == 240.0
+
+
+def test_numbas_kernels_are_there_when_a_run_begins(monkeypatch):
+    from desplat_ns.backend.numba_kernels import runtime
+
+    compiled = []
+    monkeypatch.setattr(runtime, "_is_ready", False)
+    monkeypatch.setattr(runtime, "_have_compiled", lambda: compiled.append(True))
+    assert 0 <= registry.compile_kernels("numba", "cpu") < 60
+    assert compiled == [True]
 
 
 def test_a_numba_that_is_missing_says_what_to_install(monkeypatch):
@@ -95,7 +147,6 @@ def test_an_unknown_name_lists_the_known_ones():
     ("reasons", "chosen"),
     [
         ({"gsplat": "no", "numba": "no"}, "torch"),
-        ({"gsplat": None, "numba": None}, "gsplat"),
         ({"gsplat": "no", "numba": None}, "numba"),
     ],
 )

@@ -10,6 +10,7 @@ import pytest
 import torch
 import yaml
 
+from desplat_ns import run_config
 from desplat_ns.calibration import budgeted_run, run_plan
 from desplat_ns.calibration.run_plan import StepCost
 from desplat_ns.errors import ConfigError
@@ -31,6 +32,7 @@ def clock(monkeypatch) -> SimpleNamespace:
     monkeypatch.setattr(budgeted_run, "time", SimpleNamespace(monotonic=monotonic))
     cost = StepCost(StepSeconds(fixed=0.2, whole_photo=0.0), share_at_start=1.0)
     monkeypatch.setattr(budgeted_run, "measure_costs", lambda *_: cost)
+    monkeypatch.setattr(run_config, "compile_kernels", lambda *_: 0.0)  # by another clock
     monkeypatch.setattr(run_plan, "FEWEST_STEPS", 20)  # photos are tiny, and so are these runs
     return clock
 
@@ -61,6 +63,17 @@ def test_a_run_spends_its_budget_and_says_so(config, clock, capsys):
     said = " ".join(capsys.readouterr().out.split())
     assert f"of {BUDGET} s were spent" in said
     assert f"{saved['budget']['state']['first_steps']} had been planned" in said
+
+
+def test_what_kernels_take_to_compile_is_no_part_of_the_budget(config, clock, monkeypatch):
+    def compile_kernels(backend: str, device: str) -> float:
+        assert (backend, device) == ("auto", config.machine.device_type)
+        clock.now += 300
+        return 300.0
+
+    monkeypatch.setattr(run_config, "compile_kernels", compile_kernels)
+    train(config)
+    assert 0.9 * BUDGET <= clock.now - 300 <= BUDGET
 
 
 def test_schedules_are_those_of_the_planned_length(config, clock):

@@ -118,9 +118,10 @@ class StubPipeline(Pipeline):
 
 @dataclass
 class StubModelConfig:
-    """The field of the model's configuration that the trainer settles."""
+    """What the trainer settles of the model's configuration, and what it has compiled for it."""
 
     schedule_scale: float | None = None
+    backend: str = "torch"
 
 
 @dataclass

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
@@ -12,6 +11,7 @@ import torch
 
 from benchmarks.gpu.plan import Job
 from benchmarks.gpu.records import Figures
+from desplat_ns.backend.gsplat_kernels.tools import NoKernels, find_tools
 from desplat_ns.studies.grid.machine import describe_machine
 
 ALSO = ("Processor", "Memory", "System", "Python", "Commit", "Date")
@@ -53,9 +53,11 @@ def driver() -> str | None:
 
 
 def compiler() -> str | None:
-    """nvcc's version, if there is one."""
-    found = re.search(r"release ([\d.]+)", _answer("nvcc", "--version"))
-    return f"nvcc {found[1]}" if found else None
+    """nvcc's version, if there is one that can compile gsplat's kernels."""
+    try:
+        return f"nvcc {find_tools().cuda}"
+    except NoKernels:
+        return None
 
 
 def _answer(*command: str) -> str:

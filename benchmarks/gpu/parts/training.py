@@ -33,7 +33,8 @@ def measure(job: Job) -> Iterator[Figures]:
     steps = QUICK_STEPS if job.quick else STEPS
     scene = capture(job)
     if device == "cpu":  # what is compiled once is no part of a training
-        subprocess.run([sys.executable, "-m", "desplat_ns.backend.compile_kernels"], check=True)
+        command = [sys.executable, "-m", "desplat_ns.backend.compile_kernels", "numba"]
+        subprocess.run(command, check=True)
     runs = job.folder / f"training.{job.case}"
     options = ["--max-num-iterations", str(steps), "--machine.device-type", device]
     options += ["--pipeline.model.backend", "numba" if device == "cpu" else "gsplat"]

@@ -138,7 +138,7 @@ def _have_compiled() -> None:
         paths = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONSAFEPATH": "1"}
         with suppress(OSError):
             subprocess.run(
-                [sys.executable, "-m", "desplat_ns.backend.compile_kernels"],
+                [sys.executable, "-m", "desplat_ns.backend.compile_kernels", "numba"],
                 env={**os.environ, **paths},
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,

@@ -92,7 +92,8 @@ def test_the_first_launch_has_kernels_compiled_once_and_says_so(new_process, cap
         with launching():
             pass
     assert capsys.readouterr().err.count("Compiling") == 1
-    assert new_process == [[sys.executable, "-m", "desplat_ns.backend.compile_kernels"]]
+    command = [sys.executable, "-m", "desplat_ns.backend.compile_kernels", "numba"]
+    assert new_process == [command]
 
 
 def test_nothing_is_compiled_where_all_kernels_lie_in_the_cache(new_process, monkeypatch, capsys):

@@ -10,9 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.gpu import plan
 from benchmarks.gpu.plan import KERNELS, LEAST, PARTS, TOTAL, Job, Part
 from benchmarks.gpu.records import FAILED, LATE, LEFT_OUT, MEASURED, NO_TIME, Run
 from benchmarks.gpu.runner import Runner, environment_of
+from desplat_ns.backend.gsplat_kernels import build
 
 PARTS_OF_TESTS = {
     "sound": (
@@ -143,6 +145,15 @@ def test_every_part_has_a_module_and_a_deadline_within_the_run():
     for one in PARTS:
         assert (folder / f"{one.name.partition('.')[0]}.py").is_file()
         assert 0 < one.deadline < TOTAL <= 600
+
+
+@pytest.mark.parametrize(("jobs", "deadline"), [(14, 360.0), (2, 1980.0)])
+def test_the_kernels_have_twice_the_time_that_they_are_expected_to_take(
+    monkeypatch: pytest.MonkeyPatch, jobs: int, deadline: float
+):
+    monkeypatch.setattr(plan, "kernel_jobs", lambda: jobs)
+    monkeypatch.setattr(build, "CPU_MINUTES", 33)
+    assert plan.with_time_to_compile(KERNELS) == replace(KERNELS, deadline=deadline)
 
 
 def test_the_compiler_and_the_training_beside_it_share_the_cores():

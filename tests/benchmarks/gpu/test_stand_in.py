@@ -7,6 +7,7 @@ import pytest
 import torch
 from nerfstudio.models import splatfacto
 
+from benchmarks.gpu import stand_in
 from benchmarks.gpu.stand_in import rasterization, splatfacto_on
 from desplat_ns.backend import RenderSettings, resolve
 from tests.backend.scenes import random_scene
@@ -38,10 +39,11 @@ def drawing_with() -> object:
     return getattr(splatfacto, "rasterization")  # noqa: B009 - imported there, not exported
 
 
-def test_on_a_gpu_splatfacto_is_left_as_it_is():
-    upstream = drawing_with()
+def test_on_a_gpu_splatfacto_is_left_as_it_is_with_kernels_that_are_there_before(monkeypatch):
+    upstream, resolved = drawing_with(), []
+    monkeypatch.setattr(stand_in, "resolve", lambda *what: resolved.append(what))
     with splatfacto_on("cuda"):
-        assert drawing_with() is upstream
+        assert drawing_with() is upstream and resolved == [("gsplat", "cuda")]
     with splatfacto_on("cpu"):
         assert drawing_with() is rasterization
     assert drawing_with() is upstream

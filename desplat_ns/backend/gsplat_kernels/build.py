@@ -1,0 +1,255 @@
+"""Compile gsplat's kernels, once for each machine and versions, and remember it if that failed.
+
+gsplat's own code does it, with the flags that it knows, in a process of its own that has the tools'
+variables. This process stays as it is.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import psutil
+import torch
+from filelock import FileLock, Timeout
+
+from desplat_ns.backend.gsplat_kernels.tools import NoKernels, Tools, find_tools
+
+CPU_MINUTES = 33
+"""That all files take, for one architecture; measured with nvcc 13.2 and gsplat 1.4.0."""
+
+BYTES_A_JOB = 4 << 30
+"""Of memory that one compiler may need."""
+
+NAME = "gsplat_cuda"
+"""Of the module, and of the folder in which gsplat compiles it."""
+
+END_WITH_PARENT = """
+import os, signal, threading, time
+def watch(parent=os.getppid()):
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os.killpg(0, signal.SIGTERM)
+threading.Thread(target=watch, daemon=True).start()
+"""
+"""However the process that compiles for itself ends, the compilers end with it."""
+
+COMPILE = """
+import shutil
+shutil.rmtree = lambda *_, **__: None  # gsplat would throw away what an interrupted call compiled
+import gsplat.cuda._backend as backend
+raise SystemExit(backend._C is None)
+"""
+
+LAST_LINES = 6
+"""Of a compiler's complaints that an error repeats."""
+
+AGAIN = "python -m desplat_ns.backend.compile_kernels gsplat"
+
+
+@dataclass(frozen=True)
+class Target:
+    """What kernels are compiled for. Any difference makes others necessary."""
+
+    architectures: str
+    """Of GPUs, as TORCH_CUDA_ARCH_LIST has them: "8.9", "8.0;9.0"."""
+    gsplat: str
+    torch: str
+    python: str
+
+    @classmethod
+    def here(cls, architectures: str) -> Target:
+        """The versions of this process."""
+        python = f"{sys.version_info[0]}.{sys.version_info[1]}"
+        return cls(architectures, version("gsplat"), torch.__version__, python)
+
+    @property
+    def folder(self) -> Path:
+        """Where they are kept: in the folder of torch's extensions, TORCH_EXTENSIONS_DIR if set."""
+        root = os.environ.get("TORCH_EXTENSIONS_DIR")
+        cache = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+        name = f"gsplat-{self.gsplat} torch-{self.torch} python-{self.python} {self.architectures}"
+        return Path(root or Path(cache, "torch_extensions")) / re.sub(r"[^\w.+-]", "_", name)
+
+    @property
+    def library(self) -> Path:
+        """The compiled module. It is put here when it is complete."""
+        return self.folder / f"{NAME}.so"
+
+
+def library_for(target: Target) -> Path:
+    """The compiled kernels' file; compiles it if there is none.
+
+    Raises:
+        NoKernels: a tool is missing, or the compiler failed, now or before with the same tools.
+    """
+    if target.library.exists():
+        return target.library
+    tools = find_tools()
+    with _locked(target.folder):
+        if not target.library.exists():  # another process may have been faster
+            _raise_if_it_failed_before(target, tools)
+            _compile(target, tools)
+    return target.library
+
+
+def forget_failure(target: Target) -> None:
+    """Let the next call try again, although nothing changed."""
+    (target.folder / "failure.json").unlink(missing_ok=True)
+
+
+def jobs() -> int:
+    """How many files are compiled at once: as MAX_JOBS says, else by memory and cores."""
+    asked = os.environ.get("MAX_JOBS", "")
+    if asked.isdigit() and int(asked) > 0:
+        return int(asked)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return max(1, min(cores or 1, psutil.virtual_memory().available // BYTES_A_JOB))
+
+
+def minutes(at_once: int) -> int:
+    """About how long compiling takes with so many jobs."""
+    return max(1, round(CPU_MINUTES / at_once))
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Within, no other process compiles in a folder; the lock of one that died is free."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(folder / "lock")
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            _say(f"Another process compiles gsplat's kernels (in {folder}); waiting for it.")
+            lock.acquire()
+    except OSError as error:
+        raise NoKernels(
+            f"has no CUDA kernels here, and nothing can be written to {folder} ({error}). Name "
+            "another folder with TORCH_EXTENSIONS_DIR."
+        ) from error
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _raise_if_it_failed_before(target: Target, tools: Tools) -> None:
+    with suppress(OSError, ValueError):
+        failure = json.loads((target.folder / "failure.json").read_text("utf8"))
+        if failure["tools"] == tools.versions():
+            again = f"It is not tried again with the same tools, except by `{AGAIN}`."
+            raise NoKernels(f"{failure['reason']}\n{again}")
+
+
+def _compile(target: Target, tools: Tools) -> None:
+    """Let gsplat compile, and put the result in its place.
+
+    Raises:
+        NoKernels: with the compiler's last lines; they are kept for the next call.
+    """
+    at_work = target.folder / NAME
+    _start_anew_with_other_tools(target, tools)
+    at_once, log = jobs(), target.folder / "log.txt"
+    _say(
+        f"Compiling gsplat's CUDA kernels for compute capability {target.architectures} with nvcc "
+        f"{tools.cuda}: about {minutes(at_once)} minutes, {at_once} at a time, once for this "
+        f"machine and these versions. Log: {log}"
+    )
+    began = time.monotonic()
+    code = _run(target, tools, at_once, log)
+    built = at_work / f"{NAME}.so"
+    if code == 0 and built.exists():
+        built.replace(target.library)
+        shutil.rmtree(at_work, ignore_errors=True)
+        _say(f"gsplat's kernels are compiled, in {(time.monotonic() - began) / 60:.1f} minutes.")
+        return
+    reason = (
+        f"has no CUDA kernels here: compiling them failed (nvcc {tools.cuda}, "
+        f"{tools.compiler_version}). The compiler's last lines, of {log}:\n{_complaints(log)}"
+    )
+    failure = {"tools": tools.versions(), "target": asdict(target), "reason": reason}
+    (target.folder / "failure.json").write_text(json.dumps(failure, indent=1), "utf8")
+    raise NoKernels(reason)
+
+
+def _start_anew_with_other_tools(target: Target, tools: Tools) -> None:
+    """Throw away what other tools compiled; what these did is gone on from."""
+    record, text = target.folder / "tools.json", json.dumps(tools.versions())
+    if not record.exists() or record.read_text("utf8") != text:
+        shutil.rmtree(target.folder / NAME, ignore_errors=True)
+        record.write_text(text, "utf8")
+
+
+def _run(target: Target, tools: Tools, at_once: int, log: Path) -> int:
+    """gsplat's import in another process, which compiles; its exit status."""
+    variables = {
+        **os.environ,
+        **tools.environment(target.folder / "links"),
+        "MAX_JOBS": str(at_once),
+        "TORCH_EXTENSIONS_DIR": str(target.folder),
+        "TORCH_CUDA_ARCH_LIST": target.architectures,
+        "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+        "PYTHONSAFEPATH": "1",
+    }
+    with log.open("w") as output:
+        process = subprocess.Popen(
+            [sys.executable, "-c", END_WITH_PARENT + COMPILE],
+            env=variables,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+    try:
+        return _wait(process, target.folder / NAME)
+    finally:  # an interrupt ends the compilers as well
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGTERM)
+            process.wait()
+
+
+def _wait(process: subprocess.Popen[bytes], at_work: Path, every: float = 1.0) -> int:
+    """Wait for a process, and say now and then how many files are done."""
+    began, said = time.monotonic(), 0
+    while True:
+        with suppress(subprocess.TimeoutExpired):
+            return process.wait(every)
+        done, total = _progress(at_work)
+        if total and done >= said + max(1, total // 5) and done < total:
+            said = done
+            spent = (time.monotonic() - began) / 60
+            _say(f"gsplat's kernels: {done} of {total} files after {spent:.1f} minutes.")
+
+
+def _progress(at_work: Path) -> tuple[int, int]:
+    """How many files are compiled, of how many; 0 of 0 before it begins."""
+    with suppress(OSError):
+        plan = (at_work / "build.ninja").read_text("utf8")
+        total = len(re.findall(r"^build \S+\.o:", plan, flags=re.MULTILINE))
+        return len(list(at_work.glob("*.o"))), total
+    return 0, 0
+
+
+def _complaints(log: Path) -> str:
+    """What a compiler, the linker or Python complained of last, of a log that may be long."""
+    lines = log.read_text("utf8", errors="replace").splitlines()
+    bad = re.compile(r"\berror\b|Error:|cannot find|undefined reference|Killed|died due to")
+    found = [line.strip() for line in lines if bad.search(line)] or [line for line in lines if line]
+    return "\n".join(f"    {line[:300]}" for line in found[-LAST_LINES:])
+
+
+def _say(line: str) -> None:
+    """To stdout at once, although it may be a pipe."""
+    print(line, flush=True)

@@ -1,0 +1,241 @@
+"""What compiles gsplat's kernels: nvcc, ninja and g++, found and checked before anything begins."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import torch
+
+FIRST_WITH_NVCC_AS_WHEEL = 13
+"""Major version of CUDA; wheels of earlier ones hold no nvcc."""
+
+FIRST_WITH_CXX20 = 11
+"""Major version of g++ whose `-std=c++20` says 202002, which torch's headers ask for."""
+
+SYSTEM_TOOLKIT = Path("/usr/local/cuda")
+"""Where NVIDIA's installer puts it."""
+
+
+class NoKernels(Exception):
+    """Why there are none, and what to do: a sentence or two that "Backend 'gsplat'" begins."""
+
+
+@dataclass(frozen=True)
+class Tools:
+    """What compiles, each of a version that fits torch."""
+
+    home: Path
+    """Folder of the CUDA toolkit, with bin/nvcc."""
+    cuda: str
+    """The toolkit's version, for example 13.2."""
+    ninja: Path
+    compiler: str
+    """Path of the C++ compiler."""
+    compiler_version: str
+
+    def versions(self) -> dict[str, str]:
+        """What a build that failed depended on."""
+        return {"nvcc": f"{self.cuda} in {self.home}", "c++": self.compiler_version}
+
+    def environment(self, links: Path) -> dict[str, str]:
+        """Variables under which gsplat and torch find these tools.
+
+        Args:
+            links: a folder for the link that the linker asks for; wheels have no libcudart.so.
+        """
+        before = os.environ
+        path = [str(self.home / "bin"), str(self.ninja.parent), before.get("PATH", "")]
+        found = {"CUDA_HOME": str(self.home), "CXX": self.compiler}
+        if "CXX" in before:  # for nvcc as well, which would take gcc from PATH
+            found["CC"] = before.get("CC", self.compiler)
+        found["PATH"] = os.pathsep.join(filter(None, path))
+        folders = [*_link_to_runtime(self, links), before.get("LIBRARY_PATH", "")]
+        found["LIBRARY_PATH"] = os.pathsep.join(filter(None, folders))
+        headers = [*map(str, _headers_beside(self)), before.get("CPATH", "")]
+        found["CPATH"] = os.pathsep.join(filter(None, headers))
+        return {name: value for name, value in found.items() if value}
+
+
+def find_tools() -> Tools:
+    """The tools of this machine.
+
+    Raises:
+        NoKernels: one is missing, or of a version that cannot compile for this torch.
+    """
+    home, cuda = _find_toolkit()
+    ninja = _find_ninja()
+    if not (Path(sysconfig.get_path("include")) / "Python.h").exists():
+        raise NoKernels(
+            "has no CUDA kernels here, and they cannot be compiled without Python's headers "
+            f"(Python.h). `apt install python{sys.version_info[0]}.{sys.version_info[1]}-dev` "
+            "brings them."
+        )
+    compiler, compiler_version = _find_compiler(home)
+    return Tools(home, cuda, ninja, compiler, compiler_version)
+
+
+def install_command() -> str:
+    """What brings the nvcc that fits torch: one command where a wheel has it."""
+    wheel = toolkit_wheel()
+    if wheel is not None:
+        return f'`pip install "{wheel}"` brings it'
+    place = "https://developer.nvidia.com/cuda-downloads"
+    return f"install the CUDA toolkit {torch.version.cuda} from {place}"
+
+
+def toolkit_wheel() -> str | None:
+    """What pip is asked for to have nvcc in torch's version; None where no wheel has it."""
+    wanted = torch.version.cuda or ""
+    if int(wanted.partition(".")[0] or 0) < FIRST_WITH_NVCC_AS_WHEEL:
+        return None
+    try:
+        installed = version("cuda-toolkit")  # torch asks for this release to the last number
+    except PackageNotFoundError:
+        installed = ""
+    exact = installed if installed.startswith(f"{wanted}.") else f"{wanted}.*"
+    return f"cuda-toolkit[nvcc]=={exact}"
+
+
+def _find_toolkit() -> tuple[Path, str]:
+    """The first toolkit of torch's major version, and its own version; the same minor first."""
+    wanted = torch.version.cuda or ""
+    found = [(home, release) for home in _toolkits() if (release := _release(home))]
+    for home, release in found:
+        if release == wanted:
+            return home, release
+    for home, release in found:
+        if release.partition(".")[0] == wanted.partition(".")[0]:
+            return home, release
+    if found:
+        others = ", ".join(f"nvcc {release} in {home}" for home, release in found)
+        raise NoKernels(
+            f"has no CUDA kernels here, and what could compile them is for another CUDA than "
+            f"torch's {wanted}: {others}. {_capitalized(install_command())}."
+        )
+    raise NoKernels(
+        "has no CUDA kernels here, and no nvcc to compile them was found (in CUDA_HOME, on PATH, "
+        f"in this environment, in /usr/local/cuda). {_capitalized(install_command())}."
+    )
+
+
+def _capitalized(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _toolkits() -> Iterator[Path]:
+    """Folders that hold bin/nvcc, in the order in which they are preferred."""
+    named = [os.environ.get(name) for name in ("CUDA_HOME", "CUDA_PATH")]
+    places = [Path(name) for name in named if name]
+    on_path = shutil.which("nvcc")
+    if on_path:
+        places.append(Path(on_path).parent.parent)
+    places += sorted(folder.parent.parent for folder in _in_wheels("*/bin/nvcc"))
+    places.append(SYSTEM_TOOLKIT)
+    yield from (home for home in dict.fromkeys(places) if (home / "bin" / "nvcc").exists())
+
+
+def _in_wheels(pattern: str) -> list[Path]:
+    """Files of NVIDIA's wheels in this environment."""
+    spec = importlib.util.find_spec("nvidia")
+    places = spec.submodule_search_locations if spec is not None else None
+    return [path for place in places or () for path in Path(place).glob(pattern)]
+
+
+def _release(home: Path) -> str | None:
+    """Version of a toolkit, such as 13.2; None where its nvcc does not run."""
+    found = re.search(r"release (\d+\.\d+)", _answer(str(home / "bin" / "nvcc"), "--version"))
+    return found[1] if found else None
+
+
+def _answer(*command: str) -> str:
+    try:
+        return subprocess.run(command, capture_output=True, text=True, timeout=60).stdout
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+
+
+def _find_ninja() -> Path:
+    beside = str(Path(sys.executable).parent)
+    for path in (None, beside, sysconfig.get_path("scripts")):
+        found = shutil.which("ninja", path=path)
+        if found:
+            return Path(found)
+    raise NoKernels(
+        "has no CUDA kernels here, and no ninja to compile them. `pip install ninja` brings it."
+    )
+
+
+def _find_compiler(home: Path) -> tuple[str, str]:
+    """Path and version of the C++ compiler that torch would take; the toolkit has a say in it."""
+    names = [os.environ.get("CXX"), "c++", "g++"]
+    compiler = next(filter(None, (shutil.which(name) for name in names if name)), None)
+    if compiler is None:
+        raise NoKernels(
+            "has no CUDA kernels here, and no C++ compiler to compile them. `apt install g++` "
+            "brings one."
+        )
+    if "clang" in _answer(compiler, "--version").partition("\n")[0]:
+        return compiler, "clang"  # its versions are nvcc's to judge
+    release = _answer(compiler, "-dumpfullversion", "-dumpversion").strip()
+    major = int(release.partition(".")[0]) if release[:1].isdigit() else 0
+    least, most = (FIRST_WITH_CXX20 if _torch_needs_cxx20() else 0), _newest_gxx(home)
+    if not least <= major <= most:
+        need = f"from {least} on" if major < least else f"up to {most}, the last that nvcc takes"
+        raise NoKernels(
+            f"has no CUDA kernels here: g++ {release} ({compiler}) cannot compile them, one "
+            f"{need} can. Install such a g++ and name it, such as `CXX=g++-12`."
+        )
+    return compiler, f"g++ {release}"
+
+
+def _torch_needs_cxx20() -> bool:
+    """Whether torch's headers refuse an older standard; those of torch 2.9 and before took 17."""
+    header = Path(torch.__file__).parent / "include" / "ATen" / "ATen.h"
+    return header.exists() and "C++20" in header.read_text("utf8")
+
+
+def _newest_gxx(home: Path) -> int:
+    """The last major version of g++ that a toolkit's nvcc takes; its header says so."""
+    header = home / "include" / "crt" / "host_config.h"
+    text = header.read_text("utf8", errors="replace") if header.exists() else ""
+    found = re.search(r"#if\s+__GNUC__ > (\d+)", text)
+    return int(found[1]) if found else sys.maxsize
+
+
+def _link_to_runtime(tools: Tools, links: Path) -> list[str]:
+    """Folder to link from where the toolkit, as a wheel, has libcudart.so.13 and no libcudart.so.
+
+    Nothing is written into the toolkit's own folder.
+    """
+    libraries = [tools.home / "lib64", tools.home / "lib"]
+    if any((folder / "libcudart.so").exists() for folder in libraries):
+        return []
+    name = f"libcudart.so.{tools.cuda.partition('.')[0]}"
+    places = [folder / name for folder in libraries] + _in_wheels(f"*/lib/{name}")
+    real = next((path for path in places if path.exists()), None)
+    if real is None:
+        return []  # a system's folder may have it
+    links.mkdir(parents=True, exist_ok=True)
+    link = links / "libcudart.so"
+    link.unlink(missing_ok=True)
+    link.symlink_to(real)
+    return [str(links)]
+
+
+def _headers_beside(tools: Tools) -> list[Path]:
+    """Folders of headers that torch's include and a toolkit of nvcc alone lacks: of cuSPARSE and
+    its like, and of Thrust and CUB."""
+    if (tools.home / "include" / "cusparse.h").exists():
+        return []
+    folders = sorted({path.parent for path in _in_wheels("*/include/cusparse.h")})
+    return [*folders, *(folder / "cccl" for folder in folders if (folder / "cccl").is_dir())]
