@@ -65,14 +65,14 @@ def export_splats(files: RunFiles, output: Path, options: SplatOptions) -> Splat
     outputs = pipeline.datamanager.train_dataparser_outputs
     transform = outputs.dataparser_transform.numpy()
     to_file = similarity_to(options.frame, transform, outputs.dataparser_scale, kind.upright_axes)
-    cloud = moved(cloud, to_file)
+    cloud, left_out = kind.fitting(moved(cloud, to_file))
     content = kind.bytes_of(cloud)
     write_whole(output, content)
     announce(
         f"Saved {output}: {kind.name}, {len(cloud)} Gaussians with harmonics of degree "
         f"{cloud.degree}, {len(content) / 1e6:.2f} MB."
     )
-    for what in _left_out(model, cloud, kind.keeps_antialiasing):
+    for what in (*left_out, *_left_out(model, cloud, kind.keeps_antialiasing)):
         announce(what, warning=True)
     return cloud
 
