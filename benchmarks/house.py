@@ -31,7 +31,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("model",),
     ("calibration",),
     ("", "run_config"),
-    ("trainer",),
+    ("trainer", "", "runs"),
     ("method_configs",),
     ("report", "studies"),
     ("export",),

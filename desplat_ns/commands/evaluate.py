@@ -13,6 +13,7 @@ import tyro
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
 from desplat_ns.evaluation.config import EvaluationConfig, ProtocolName
+from desplat_ns.runs.files import find_run
 
 
 @dataclass
@@ -51,17 +52,13 @@ class Evaluate:
         """
         if self.output_path.suffix != ".json":
             raise ConfigError(f"--output-path is '{self.output_path}'; give it the ending .json.")
-        if not self.load_config.is_file():
-            raise ConfigError(
-                f"There is no '{self.load_config}'. Give the config.yml of a run: "
-                "outputs/<experiment>/<method>/<timestamp>/config.yml."
-            )
         if self.strip is not None and self.strip_images < 1:
             raise ConfigError(f"--strip-images is {self.strip_images}; a strip shows 1 or more.")
-        from nerfstudio.utils.eval_utils import eval_setup  # seconds: not before the checks
+        files = find_run(self.load_config)
+        from desplat_ns.runs.loading import load_run  # seconds: not before the checks
 
-        loaded: Any = eval_setup(self.load_config, update_config_callback=self._with_protocol)
-        config, pipeline, checkpoint, _ = loaded
+        loaded = load_run(files, self._with_protocol)
+        config, pipeline = loaded.config, loaded.pipeline
         results = pipeline.get_average_eval_image_metrics(
             output_path=self.render_output_path, get_std=True
         )
@@ -69,7 +66,7 @@ class Evaluate:
         record = {
             "experiment_name": config.experiment_name,
             "method_name": config.method_name,
-            "checkpoint": str(checkpoint),
+            "checkpoint": str(loaded.checkpoint),
             "results": results,
         }
         self.output_path.write_text(json.dumps(record, indent=2), "utf8")

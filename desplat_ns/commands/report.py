@@ -9,7 +9,7 @@ import tyro
 
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
-from desplat_ns.report.run_files import check_output, find_run
+from desplat_ns.runs.files import check_output, find_run
 
 
 @dataclass

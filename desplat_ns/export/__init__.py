@@ -6,6 +6,6 @@ is their table. `masks` draws the training photos' distractor masks through each
 `photos` and `photo_names` say over which photo each lies. `new_files` lets nothing half-written
 stay. `export.export_splats` and `export.export_masks` do the whole.
 
-May import `report`, `model`, `pipeline`, `datamanager`, `photo_tourism`, `training`, `rendering`,
-`data`, `backend`, `console` and `errors`.
+May import `report`, `runs`, `model`, `pipeline`, `datamanager`, `photo_tourism`, `training`,
+`rendering`, `data`, `backend`, `console` and `errors`.
 """

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import CheckpointError, ConfigError
-from desplat_ns.report.run_files import check_output, find_run
+from desplat_ns.runs.files import check_output, find_run
 
 CONFIG = """!!python/object:desplat_ns.trainer.DeSplatTrainerConfig
 experiment_name: yard
