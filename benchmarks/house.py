@@ -20,7 +20,7 @@ PICTURE = CHECKOUT / "docs" / "house.svg"
 
 FLOORS: tuple[tuple[str, ...], ...] = (
     ("", "errors"),
-    ("backend", "options", "console", "effects"),
+    ("backend", "options", "console", "effects", "files"),
     ("rendering", "", "data"),
     ("gaussians", "process", "survey", "synthetic"),
     ("training",),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from desplat_ns.evaluation.records import gaussian_counts
+from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.model import DeSplatModel
 from desplat_ns.pipeline import PipelineModel
 from desplat_ns.report.cost import cost_of
@@ -20,7 +21,7 @@ from desplat_ns.report.pictures import (
     held_out_photos,
     training_photos,
 )
-from desplat_ns.runs.files import RunFiles, unwritable
+from desplat_ns.runs.files import RunFiles
 from desplat_ns.runs.loading import LoadedRun, load_run
 from desplat_ns.separation.failure_cases import SeparationWatch, Sight
 
@@ -97,12 +98,6 @@ def write_report(
         DeSplatError: the run cannot be loaded or shown, or the page cannot be written.
     """
     text = html_of(gather(load_run(files), most_training, most_held_out, machine())).encode()
-    draft = output.with_name(f".{output.name}.draft")
-    try:
-        draft.write_bytes(text)
-        draft.replace(output)
-    except OSError as error:
-        raise unwritable(output, error) from error
-    finally:
-        draft.unlink(missing_ok=True)
+    with plain_errors(output):
+        write_whole(output, text)
     return len(text)
