@@ -20,7 +20,7 @@ PICTURE = CHECKOUT / "docs" / "house.svg"
 
 FLOORS: tuple[tuple[str, ...], ...] = (
     ("", "errors"),
-    ("backend", "options", "console", "effects"),
+    ("backend", "options", "console", "effects", "files"),
     ("rendering", "", "data"),
     ("gaussians", "process", "survey", "synthetic"),
     ("training",),
@@ -31,7 +31,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("model",),
     ("calibration",),
     ("", "run_config"),
-    ("trainer",),
+    ("trainer", "", "runs"),
     ("method_configs",),
     ("report", "studies"),
     ("export",),

@@ -109,9 +109,10 @@ def write_page(run: Run) -> None:
 
 def draw_views(run: Run, scene: Scene) -> list[tuple[str, list[Picture]]]:
     """Rows of the sheet: training photos, what the trained model makes of them, the truth."""
-    from nerfstudio.utils.eval_utils import eval_setup  # takes seconds: not for `--help`
+    from desplat_ns.runs.files import find_run  # takes seconds: not for `--help`
+    from desplat_ns.runs.loading import load_run
 
-    _, pipeline, _, _ = eval_setup(run.config)
+    pipeline = load_run(find_run(run.config)).pipeline
     manager: Any = pipeline.datamanager
     cameras = manager.train_dataset.cameras.to(pipeline.device)
     photos = [Path(name).stem for name in manager.train_image_names]

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from nerfstudio.utils.eval_utils import eval_setup
 from PIL import Image
 
 from benchmarks.documents import DOCS, OUTPUTS
@@ -19,6 +18,8 @@ from benchmarks.separation.runs import HARD, PLAN, STUDY
 from desplat_ns.data.true_masks import METADATA_KEY, read_true_mask
 from desplat_ns.errors import DeSplatError
 from desplat_ns.evaluation.pictures import Picture, over_checkerboard, sheet, to_rgb8
+from desplat_ns.runs.files import find_run
+from desplat_ns.runs.loading import load_run
 from desplat_ns.studies.grid.execute import config_of
 from desplat_ns.studies.grid.runs import Run
 
@@ -64,7 +65,7 @@ def trained_config(name: str, folder: Path) -> Path:
 
 def row(name: str, config: Path, view: int) -> tuple[str, list[Picture]]:
     """Training view number `view` of a run, its layers, and the true mask."""
-    _, pipeline, _, _ = eval_setup(config)
+    pipeline: Any = load_run(find_run(config)).pipeline
     manager: Any = pipeline.datamanager
     index = min(view, len(manager.train_dataset) - 1)
     camera = manager.train_dataset.cameras[index : index + 1].to(pipeline.device)

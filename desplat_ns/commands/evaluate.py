@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,15 @@ import tyro
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
 from desplat_ns.evaluation.config import EvaluationConfig, ProtocolName
+from desplat_ns.files.whole import (
+    check_new_file,
+    check_new_folder,
+    draft_of,
+    plain_errors,
+    whole_folder,
+    write_whole,
+)
+from desplat_ns.runs.files import find_run
 
 
 @dataclass
@@ -42,41 +53,59 @@ class Evaluate:
     """Take the embeddings from this file instead of finding them."""
     save_embeddings: Path | None = None
     """Write the test images' embeddings into this file (.npz)."""
+    overwrite: bool = False
+    """Replace what is there of all these files, and write into a folder that is not empty."""
 
     def main(self) -> None:
         """Evaluate, write, say where.
 
         Raises:
-            ConfigError: a path that cannot be, or options that the model has no use for.
+            ConfigError: a path that cannot be or is taken, or options that are of no use here.
         """
         if self.output_path.suffix != ".json":
             raise ConfigError(f"--output-path is '{self.output_path}'; give it the ending .json.")
-        if not self.load_config.is_file():
-            raise ConfigError(
-                f"There is no '{self.load_config}'. Give the config.yml of a run: "
-                "outputs/<experiment>/<method>/<timestamp>/config.yml."
-            )
         if self.strip is not None and self.strip_images < 1:
             raise ConfigError(f"--strip-images is {self.strip_images}; a strip shows 1 or more.")
-        from nerfstudio.utils.eval_utils import eval_setup  # seconds: not before the checks
+        files = find_run(self.load_config)
+        self._check_paths()
 
-        loaded: Any = eval_setup(self.load_config, update_config_callback=self._with_protocol)
-        config, pipeline, checkpoint, _ = loaded
-        results = pipeline.get_average_eval_image_metrics(
-            output_path=self.render_output_path, get_std=True
-        )
-        self.output_path.parent.mkdir(parents=True, exist_ok=True)
+        from desplat_ns.runs.loading import load_run  # seconds: not before the checks
+
+        loaded = load_run(files, self._with_protocol)
+        config, pipeline = loaded.config, loaded.pipeline
+        with self._pictures() as folder:
+            results = pipeline.get_average_eval_image_metrics(output_path=folder, get_std=True)
         record = {
             "experiment_name": config.experiment_name,
             "method_name": config.method_name,
-            "checkpoint": str(checkpoint),
+            "checkpoint": str(loaded.checkpoint),
             "results": results,
         }
-        self.output_path.write_text(json.dumps(record, indent=2), "utf8")
+        with plain_errors(self.output_path, "--output-path"):
+            write_whole(self.output_path, json.dumps(record, indent=2).encode())
         announce(f"Saved results to: {self.output_path}")
         if self.strip is not None:
             pipeline.eval()
             self._write_strip(pipeline, self.strip)
+
+    def _check_paths(self) -> None:
+        """Nothing that is there is lost unasked, and minutes are not spent in vain."""
+        for option in ("output_path", "strip", "save_embeddings"):
+            path = getattr(self, option)
+            if path is not None:
+                check_new_file(path, self.overwrite, f"--{option.replace('_', '-')}")
+        if self.render_output_path is not None:
+            check_new_folder(self.render_output_path, self.overwrite, "--render-output-path")
+
+    @contextmanager
+    def _pictures(self) -> Iterator[Path | None]:
+        """Where photos and renderings go, if they are wanted."""
+        path = self.render_output_path
+        if path is None:
+            yield None
+            return
+        with plain_errors(path, "--render-output-path"), whole_folder(path) as folder:
+            yield folder
 
     def _with_protocol(self, config: Any) -> Any:
         """A run's configuration with the options that were given."""
@@ -97,8 +126,8 @@ class Evaluate:
         photos = [manager.train_dataset.get_numpy_image(int(i))[..., :3] for i in chosen]
         name = Path(manager.eval_dataset.image_filenames[0]).name
         picture = appearance_strip(pipeline.model, camera, name, [int(i) for i in chosen], photos)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        Image.fromarray(picture).save(path)
+        with plain_errors(path, "--strip"), draft_of(path) as draft:
+            Image.fromarray(picture).save(draft)
         announce(f"Saved the strip to: {path}")
 
 

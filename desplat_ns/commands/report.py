@@ -9,7 +9,8 @@ import tyro
 
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
-from desplat_ns.report.run_files import check_output, find_run
+from desplat_ns.files.whole import check_new_file
+from desplat_ns.runs.files import find_run
 
 
 @dataclass
@@ -41,7 +42,9 @@ class Report:
                 raise ConfigError(f"{option} is {getattr(self, name)}; give 0 or more.")
         files = find_run(self.load_config)
         output = self.output or files.folder / "report.html"
-        check_output(output)
+        if output.suffix != ".html":
+            raise ConfigError(f"--output is '{output}'; give it the ending .html.")
+        check_new_file(output, overwrite=True)
 
         from desplat_ns.report.report import write_report  # seconds: not before the checks
         from desplat_ns.studies.grid.machine import describe_machine

@@ -11,9 +11,12 @@ import tyro
 
 from desplat_ns.commands.parser_words import data_parser, parse
 from desplat_ns.errors import CaptureError, ConfigError, print_user_errors_plainly
+from desplat_ns.files.whole import check_new_file
 
 if TYPE_CHECKING:  # seconds: not before the options are checked
     from desplat_ns.survey.findings import Survey
+
+WRITTEN = ("survey.json", "survey.png")
 
 
 @dataclass
@@ -30,6 +33,8 @@ class Arguments:
     """Folder of the capture. May be left out if a data parser gets it by its own --data."""
     output: Path = Path("survey")
     """Folder for survey.json (the findings) and survey.png (a sheet of the evidence)."""
+    overwrite: bool = False
+    """Replace these two files if they are there."""
     measure_costs: bool = True
     """Whether to time training steps with and without what is called for."""
 
@@ -41,14 +46,15 @@ class Arguments:
 
         Raises:
             CaptureError: there is no such capture, or it cannot be surveyed.
-            ConfigError: no capture is named, or nothing can be written to `output`.
+            ConfigError: no capture is named, or the files in `output` are there already or cannot
+                be written.
         """
         if self.data is None and not parser:
             raise ConfigError("No capture is named. Type: desplat-survey FOLDER.")
         if self.data is not None and not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
-        if self.output.is_file():
-            raise ConfigError(f"--output is '{self.output}', a file. Name a folder.")
+        for name in WRITTEN:
+            check_new_file(self.output / name, self.overwrite)
 
         from desplat_ns.commands.surveyed import survey_capture
 

@@ -13,7 +13,7 @@ from desplat_ns.console import announce
 from desplat_ns.data.images import write_image
 from desplat_ns.datamanager import without_prompts
 from desplat_ns.effects import Effects
-from desplat_ns.errors import ConfigError
+from desplat_ns.files.whole import draft_of, plain_errors, write_whole
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
 from desplat_ns.static_model import StaticModelConfig
 from desplat_ns.survey.capture import Capture, capture_of
@@ -47,7 +47,8 @@ def survey_capture(
         announce(line)
     told = json.loads(found.to_json())
     _write(told, output)
-    write_image(output / "survey.png", evidence_picture(evidence))
+    with plain_errors(output), draft_of(output / "survey.png") as draft:
+        write_image(draft, evidence_picture(evidence))
     if measure_costs:
         _write(told | {"on_this_machine": costs_on_this_machine(found, capture)}, output)
     announce(f"Saved {output / 'survey.json'} and {output / 'survey.png'}.")
@@ -56,13 +57,8 @@ def survey_capture(
 
 def _write(told: dict[str, Any], output: Path) -> None:
     """Write survey.json. Raises ConfigError where that cannot be done."""
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        (output / "survey.json").write_text(json.dumps(told, indent=2) + "\n", "utf8")
-    except OSError as error:
-        raise ConfigError(
-            f"--output is '{output}', where nothing can be written ({error}). Name another folder."
-        ) from error
+    with plain_errors(output):
+        write_whole(output / "survey.json", (json.dumps(told, indent=2) + "\n").encode())
 
 
 def costs_on_this_machine(found: Survey, capture: Capture) -> dict[str, Any]:

@@ -17,18 +17,18 @@ from desplat_ns.export.baked import baked
 from desplat_ns.export.coordinates import moved, similarity_to
 from desplat_ns.export.formats import Frame, format_of
 from desplat_ns.export.masks import dilated, distractor_mask
-from desplat_ns.export.new_files import whole_folder, write_whole
 from desplat_ns.export.photo_names import Naming, mask_names
 from desplat_ns.export.photos import training_photos
 from desplat_ns.export.splat_cloud import SplatCloud
 from desplat_ns.export.surroundings import Surroundings, surroundings_of
+from desplat_ns.files.whole import plain_errors, whole_folder, write_whole
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import parse_light
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.views import view_of
 from desplat_ns.report.pictures import even_subset
-from desplat_ns.report.report import load_run
-from desplat_ns.report.run_files import RunFiles
+from desplat_ns.runs.files import RunFiles
+from desplat_ns.runs.loading import load_run
 
 MOST_CROP_VIEWS = 100
 """Training views that are looked through to find how far the cameras look."""
@@ -65,14 +65,15 @@ def export_splats(files: RunFiles, output: Path, options: SplatOptions) -> Splat
     outputs = pipeline.datamanager.train_dataparser_outputs
     transform = outputs.dataparser_transform.numpy()
     to_file = similarity_to(options.frame, transform, outputs.dataparser_scale, kind.upright_axes)
-    cloud = moved(cloud, to_file)
+    cloud, left_out = kind.fitting(moved(cloud, to_file))
     content = kind.bytes_of(cloud)
-    write_whole(output, content)
+    with plain_errors(output):
+        write_whole(output, content)
     announce(
         f"Saved {output}: {kind.name}, {len(cloud)} Gaussians with harmonics of degree "
         f"{cloud.degree}, {len(content) / 1e6:.2f} MB."
     )
-    for what in _left_out(model, cloud, kind.keeps_antialiasing):
+    for what in (*left_out, *_left_out(model, cloud, kind.keeps_antialiasing)):
         announce(what, warning=True)
     return cloud
 
@@ -105,7 +106,8 @@ def export_masks(
     photos = list(training_photos(pipeline.datamanager))
     names = mask_names([photo.name for photo in photos], naming)
     shares = []
-    with whole_folder(output) as folder, progress_over(len(photos), "Drawing masks...") as advance:
+    drawing = progress_over(len(photos), "Drawing masks...")
+    with plain_errors(output), whole_folder(output) as folder, drawing as advance:
         for photo, name in zip(photos, names, strict=True):
             mask = dilated(distractor_mask(model, photo), dilate)
             write_image(folder / name, mask == invert)

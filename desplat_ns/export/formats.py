@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.splat_cloud import SplatCloud
@@ -40,17 +40,24 @@ class Format:
     """From nerfstudio's axes to those that viewers take for upright in such a file."""
     keeps_antialiasing: bool = False
     """Whether it says that opacities are meant for Mip-Splatting's low-pass filter."""
+    fits: str = ""
+    """Leaves out what the format cannot hold well; as `function`. Empty: it holds everything."""
+
+    def fitting(self, cloud: SplatCloud) -> tuple[SplatCloud, list[str]]:
+        """What the file is to hold of a cloud, and lines about the rest for the user."""
+        return self._named(self.fits)(cloud) if self.fits else (cloud, [])
 
     def bytes_of(self, cloud: SplatCloud) -> bytes:
         """The file's content. Raises ConfigError where the format cannot hold it."""
-        write: Callable[[SplatCloud], bytes]
-        write = getattr(import_module(f"desplat_ns.export.{self.module}"), self.function)
-        return write(cloud)
+        return self._named(self.function)(cloud)
+
+    def _named(self, function: str) -> Callable[[SplatCloud], Any]:
+        return getattr(import_module(f"desplat_ns.export.{self.module}"), function)
 
 
 FORMATS = {
     ".ply": Format("PLY", "ply", "ply_bytes", Y_DOWN),
-    ".spz": Format("SPZ", "spz", "spz_bytes", Y_UP, keeps_antialiasing=True),
+    ".spz": Format("SPZ", "spz", "spz_bytes", Y_UP, keeps_antialiasing=True, fits="fitting"),
     ".glb": Format("glTF with KHR_gaussian_splatting", "gltf", "glb_bytes", Y_UP),
 }
 

@@ -25,6 +25,18 @@ LARGEST = 2**23 - 1
 MAX_FRACTIONAL_BITS = 20
 """A millionth of a unit."""
 
+OFF_BY = 1 / 32
+"""Of its scale, by which a Gaussian's place may be off along an axis: as far as the rounding of the
+scale, by 1/32 of its logarithm, moves the Gaussian's edge. Coarser places cost more than all other
+rounding, finer ones gain nothing (docs/export.md)."""
+
+PRECISE = 0.9
+"""Of the Gaussians, so many are to be in place so well, by the middle one of their three scales:
+nobody sees where along the smallest one a disc lies."""
+
+FAR = 0.01
+"""Of the Gaussians, at most so many are left out for that: more are a part of the scene."""
+
 COLOR_SCALE = 0.15
 """Of zeroth coefficients, so that colours somewhat beyond [0, 1] fit into a byte."""
 
@@ -37,9 +49,10 @@ make a file a third smaller and, where harmonics are small as in short runs, 33 
 def spz_bytes(cloud: SplatCloud) -> bytes:
     """The file.
 
-    Largest errors: half of 2^-bits of a coordinate (see `fractional_bits`), 1/32 of a scale's
-    logarithm (between e^-10 and e^5.9), 1/510 of an opacity, 1/76 of a zeroth coefficient (within
-    3.3), 1/64 of the others (of degree one 1/128; within 1).
+    Largest errors: of a coordinate half a step, 2^-bits / 2 (see `fractional_bits`): the larger of
+    2^-21 and 1.2e-7 (1 / LARGEST) of the largest coordinate. 1/32 of a scale's logarithm (between
+    e^-10 and e^5.9), 1/510 of an opacity, 1/76 of a zeroth coefficient (within 3.3), 1/64 of the
+    others (of degree one 1/128; within 1). How large that is beside Gaussians: see `fitting`.
 
     Raises:
         ConfigError: coordinates are too large for the format.
@@ -67,6 +80,42 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
     return gzip.compress(stream, mtime=0)
 
 
+def fitting(cloud: SplatCloud) -> tuple[SplatCloud, list[str]]:
+    """The Gaussians for which a file has places that are precise enough, and what to tell a user.
+
+    A place is rounded to a multiple of 2^-bits along each axis, so it is off by 2^-bits / 2 at
+    most. That is `OFF_BY` of a scale s, or less, from bits = ceil(log2(1 / (2 OFF_BY s))) on, where
+    s is such that a share `PRECISE` of the Gaussians is larger. With so many bits coordinates end
+    at LARGEST / 2^bits, half a million times s at least, and what lies beyond is left out: one
+    Gaussian that floats far away would coarsen all the others. No more than a share `FAR` is left
+    out, by the quantile of the largest coordinates; where that does not suffice, a line says so.
+    Where all Gaussians have the bits that they need, all stay.
+    """
+    reach = np.abs(cloud.means).max(axis=1)
+    size = float(np.quantile(np.sort(cloud.scales, axis=1)[:, 1], 1 - PRECISE))
+    needed = math.ceil(-math.log2(2 * OFF_BY * size))
+    with_all = _room(reach.max())
+    bits = max(with_all, min(needed, _room(np.quantile(reach, 1 - FAR, method="higher"))))
+    near = reach <= LARGEST / 2.0**bits
+    lines = []
+    if not near.all():
+        lines.append(
+            f"Not in the file: {(~near).sum()} of {len(cloud)} Gaussians, more than "
+            f"{LARGEST / 2.0**bits:.3g} units from the origin. With them SPZ would round all "
+            f"places to steps of {2.0**-with_all:.3g} units, and Gaussians are as small as "
+            f"{size:.2g}. Write .glb or .ply, which hold them, or leave out more of what is far "
+            "away: --crop 2."
+        )
+    step = 2.0 ** -_room(reach[near].max())
+    if step / 2 > OFF_BY * size:
+        lines.append(
+            f"SPZ rounds places to steps of {step:.3g} units here, and Gaussians are as small as "
+            f"{size:.2g}: the picture suffers. Leave out what is far away (--crop 2), or write "
+            ".glb or .ply."
+        )
+    return cloud.rows(near), lines
+
+
 def fractional_bits(means: Float[np.ndarray, "N 3"]) -> int:
     """As many binary places as leave room for the largest coordinate.
 
@@ -74,15 +123,20 @@ def fractional_bits(means: Float[np.ndarray, "N 3"]) -> int:
         ConfigError: it lies beyond what the format can hold.
     """
     farthest = float(np.abs(means).max(initial=0.0))
-    bits = MAX_FRACTIONAL_BITS
-    if farthest > 0:
-        bits = min(bits, math.floor(math.log2(LARGEST / farthest)))
+    bits = _room(farthest)
     if bits < 0:
         raise ConfigError(
             f"A Gaussian lies {farthest:.3g} units from the origin; SPZ holds {LARGEST:.3g} at "
             "most. Leave out what is far away (--crop 2), or write .glb or .ply."
         )
     return bits
+
+
+def _room(coordinate: float) -> int:
+    """Binary places beside which a coordinate has room; below 0 where it has none at all."""
+    if coordinate == 0:
+        return MAX_FRACTIONAL_BITS
+    return min(MAX_FRACTIONAL_BITS, math.floor(math.log2(LARGEST / coordinate)))
 
 
 def _fixed_point(means: Float[np.ndarray, "N 3"], bits: int) -> UInt8[np.ndarray, "N 9"]:

@@ -132,26 +132,34 @@ class StaticStrategy(DefaultStrategy):
             sample(self, params, state, info)
             state[self.SAMPLED] = state.get(self.SAMPLED, 0) + 1
         if step > self.refine_start_iter and state.get(self.SAMPLED, 0) >= self.refine_every:
-            self._let_the_strongest_grow(state, step)
+            self._let_the_strongest_grow(params, state, step)
             refine(self, params, optimizers, state, step)
             state[self.SAMPLED] = 0
         if step % self.reset_every == 0:
             reset_opa(params, optimizers, state, value=self.prune_opa * 2.0)  # pyright: ignore[reportArgumentType]
 
-    def _let_the_strongest_grow(self, state: dict[str, Any], step: int) -> None:
+    def _let_the_strongest_grow(
+        self, params: nn.ParameterDict, state: dict[str, Any], step: int
+    ) -> None:
         """Where more would grow than there is room for, the smaller gradients have to wait.
 
         Every clone and every split adds one. Splatfacto splits what is wide on the screen as well,
-        whatever its gradient; in small images that is most of a set.
+        whatever its gradient; in small images that is most of a set. gsplat clones and splits a
+        small one with a high gradient that is wide on the screen: that adds two. The host waits
+        for nothing here.
         """
         gradients: Tensor = state["grad2d"] / state["count"].clamp_min(1)
-        grows = gradients > self.grow_grad2d
+        steep = gradients > self.grow_grad2d
+        small = params["scales"].exp().amax(dim=-1) <= self.grow_scale3d * state["scene_scale"]
+        split = steep & ~small
         if step < self.refine_scale2d_stop_iter:
-            grows |= state["radii"] > self.grow_scale2d
-        room = max(0, self.most - len(gradients))
-        if int(grows.sum()) > room:
-            order = gradients.masked_fill(~grows, -1.0).argsort(descending=True, stable=True)
-            waiting = order[room:]
-            state["grad2d"][waiting] = 0.0
-            if step < self.refine_scale2d_stop_iter:
-                state["radii"][waiting] = state["radii"][waiting].clamp(max=self.grow_scale2d)
+            split |= state["radii"] > self.grow_scale2d
+        added = (steep & small).long() + split
+        order = gradients.masked_fill(added == 0, -1.0).argsort(descending=True, stable=True)
+        waits = torch.empty_like(steep)
+        waits[order] = added[order].cumsum(dim=0) > max(0, self.most - len(added))
+        state["grad2d"].masked_fill_(waits, 0.0)
+        if step < self.refine_scale2d_stop_iter:
+            state["radii"] = state["radii"].where(
+                ~waits, state["radii"].clamp(max=self.grow_scale2d)
+            )

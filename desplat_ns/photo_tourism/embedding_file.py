@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from desplat_ns.errors import CheckpointError
+from desplat_ns.files.whole import draft_of
 
 FORMAT = 1
 
@@ -28,8 +29,7 @@ def save_embeddings(path: Path, embeddings: Mapping[str, Tensor], model_digest: 
     """Write embeddings [E] by image name as .npz: names, a matrix of rows, and the digest."""
     names = sorted(embeddings)
     rows = [embeddings[name].detach().cpu().numpy() for name in names]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("wb") as file:
+    with draft_of(path) as draft, draft.open("wb") as file:
         np.savez(
             file,
             format=FORMAT,

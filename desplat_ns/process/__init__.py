@@ -7,5 +7,5 @@ on. `video`, `photos`, `masks` and `cameras` prepare; `jobs` runs one stage in a
 thorough way. `reasons` says why photos were left out, `top_view` draws, `process.process` is the
 one function.
 
-May import `data`, `console` and `errors`.
+May import `data`, `files`, `console` and `errors`.
 """

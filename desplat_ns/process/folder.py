@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -23,6 +22,7 @@ from typing import Any
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import ConfigError, DeSplatError
+from desplat_ns.files.whole import write_whole
 
 RECORD = "process.json"
 FEW_BYTES = 20_000_000
@@ -90,7 +90,8 @@ class Folder:
         told = {"asked": self.asked, "files": self.files, "stages": self.stages}
         try:
             self.work.mkdir(parents=True, exist_ok=True)
-            write_whole(self.output / RECORD, json.dumps(told, indent=1, ensure_ascii=False))
+            text = json.dumps(told, indent=1, ensure_ascii=False)
+            write_whole(self.output / RECORD, text.encode())
         except OSError as error:
             raise unwritable(self.output, error) from error
 
@@ -162,16 +163,6 @@ def _changes(found: Folder, asked: Mapping[str, str], files: Mapping[str, int]) 
         if names:
             changes.append(f"{len(names)} files {what} ({list_names(sorted(names), 3)})")
     return changes
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file so that it is never seen half written. Raises OSError."""
-    part = path.with_name(f"{path.name}.part")
-    with part.open("w", encoding="utf8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    part.replace(path)
 
 
 def unwritable(output: Path, error: Exception) -> DeSplatError:

@@ -27,7 +27,8 @@ def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
     Raises:
         CaptureError: none has one, or one has another shape than its photo, or cannot be read.
     """
-    found = {photo: path for photo in photos if (path := _mask_of(photo, mask, _stems(mask)))}
+    stems = _stems(mask)
+    found = {photo: path for photo in photos if (path := _mask_of(photo, mask, stems))}
     if not found:
         raise CaptureError(
             f"No mask in {mask} belongs to a photo (it has {list_names(photo_names(mask), 5)}). "

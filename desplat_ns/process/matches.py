@@ -14,8 +14,8 @@ import numpy as np
 import PIL.Image  # noqa: F401
 import pycolmap
 
+from desplat_ns.files.whole import write_whole
 from desplat_ns.process.features import Progress
-from desplat_ns.process.folder import write_whole
 from desplat_ns.process.pairs import (
     ALL_PAIRS_UP_TO,
     LOOPS,
@@ -74,7 +74,7 @@ def match_photos(
     left_out = found.share >= SUSPICIOUS
     if left_out:
         _verify_without_stationary(database, threads)
-    write_whole(pairs_file, json.dumps(verified_pairs(database)))
+    write_whole(pairs_file, json.dumps(verified_pairs(database)).encode())
     return {"how": how, "stationary": asdict(found), "left_out": left_out}
 
 

@@ -1,10 +1,9 @@
 """A trained run on one HTML page: its photos, renderings, scores, curves, effects and warnings.
 
-`run_files` finds the run; `event_files`, `history`, `effect_reasons`, `cost` and `pictures` gather
-what is known of it; `notices` says what stands out and what to try; `encoding` makes the pictures
-as small as the page needs them; `charts` and `page` write. `report.write_report` is the one
-function.
+`event_files`, `history`, `effect_reasons`, `cost` and `pictures` gather what is known of it;
+`notices` says what stands out and what to try; `encoding` makes the pictures as small as the page
+needs them; `charts` and `page` write. `report.write_report` is the one function.
 
-May import `run_config`, `pipeline`, `model`, `separation`, `evaluation`, `rendering`, `effects`,
-`console` and `errors`.
+May import `runs`, `run_config`, `pipeline`, `model`, `separation`, `evaluation`, `rendering`,
+`effects`, `files`, `console` and `errors`.
 """

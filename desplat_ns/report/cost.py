@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.report.history import History
-from desplat_ns.report.run_files import RunFiles
 from desplat_ns.run_config import RunConfig
+from desplat_ns.runs.files import RunFiles
 
 
 @dataclass(frozen=True)

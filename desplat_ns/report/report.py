@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-import yaml
-from nerfstudio.engine.trainer import TrainerConfig
-from nerfstudio.utils.eval_utils import eval_setup
-
-from desplat_ns.errors import ConfigError
 from desplat_ns.evaluation.records import gaussian_counts
+from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.model import DeSplatModel
-from desplat_ns.pipeline import DeSplatPipeline, PipelineModel
+from desplat_ns.pipeline import PipelineModel
 from desplat_ns.report.cost import cost_of
 from desplat_ns.report.effect_reasons import effect_reasons, read_survey
 from desplat_ns.report.history import read_history
@@ -26,48 +21,9 @@ from desplat_ns.report.pictures import (
     held_out_photos,
     training_photos,
 )
-from desplat_ns.report.run_files import RunFiles, unwritable
-from desplat_ns.run_config import RunConfig
+from desplat_ns.runs.files import RunFiles
+from desplat_ns.runs.loading import LoadedRun, load_run
 from desplat_ns.separation.failure_cases import SeparationWatch, Sight
-
-
-@dataclass(frozen=True)
-class LoadedRun:
-    """A run as its newest intact checkpoint has it."""
-
-    files: RunFiles
-    config: RunConfig
-    pipeline: DeSplatPipeline
-    checkpoint: Path
-    steps: int
-    """Done."""
-
-
-def load_run(files: RunFiles) -> LoadedRun:
-    """Load a run as `ns-eval` does.
-
-    Raises:
-        CaptureError: its capture cannot be read any more.
-        CheckpointError: no checkpoint is intact, or they are not of this run.
-        ConfigError: another version wrote config.yml.
-    """
-
-    def from_there(config: TrainerConfig) -> TrainerConfig:
-        config.relative_model_dir = files.checkpoints
-        return config
-
-    try:
-        config, pipeline, checkpoint, step = eval_setup(
-            files.config, update_config_callback=from_there
-        )
-    except (yaml.YAMLError, ImportError, AttributeError, KeyError) as error:
-        raise ConfigError(
-            f"'{files.config}' cannot be taken up ({str(error).splitlines()[0]}): another version "
-            "of this package, or of nerfstudio, wrote it. Use that version, or train anew."
-        ) from error
-    if not isinstance(pipeline, DeSplatPipeline):
-        raise ConfigError(f"'{files.config}' is of a run with another pipeline than desplat's.")
-    return LoadedRun(files, cast(RunConfig, config), pipeline, checkpoint, step + 1)
 
 
 def gather(
@@ -142,12 +98,6 @@ def write_report(
         DeSplatError: the run cannot be loaded or shown, or the page cannot be written.
     """
     text = html_of(gather(load_run(files), most_training, most_held_out, machine())).encode()
-    draft = output.with_name(f".{output.name}.draft")
-    try:
-        draft.write_bytes(text)
-        draft.replace(output)
-    except OSError as error:
-        raise unwritable(output, error) from error
-    finally:
-        draft.unlink(missing_ok=True)
+    with plain_errors(output):
+        write_whole(output, text)
     return len(text)

@@ -201,6 +201,56 @@ def test_the_strip_shows_one_view_in_several_lights(run: Path, tmp_path: Path):
     assert height > 2 * 32
 
 
+@pytest.mark.parametrize("option", ["output_path", "strip", "save_embeddings"])
+def test_files_that_are_there_are_replaced_only_if_that_is_asked_for(
+    run: Path, tmp_path: Path, option: str
+):
+    from desplat_ns.commands.evaluate import Evaluate
+    from desplat_ns.errors import ConfigError
+
+    names = {"output_path": "m.json", "strip": "s.png", "save_embeddings": "e.npz"}
+    paths: dict[str, Any] = {one: tmp_path / name for one, name in names.items()}
+    paths[option].write_text("before")
+    command = Evaluate(run, **paths, steps=1)
+    with pytest.raises(ConfigError, match=rf"{names[option]}' already.*--overwrite"):
+        command.main()
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
+    command.overwrite = True
+    command.main()
+    assert {path.name for path in tmp_path.iterdir()} == set(names.values())
+    assert paths[option].read_bytes() != b"before"
+
+
+def test_pictures_are_put_beside_others_only_if_that_is_asked_for(run: Path, tmp_path: Path):
+    from desplat_ns.commands.evaluate import Evaluate
+    from desplat_ns.errors import ConfigError
+
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    (pictures / "mine.png").touch()
+    command = Evaluate(run, tmp_path / "m.json", pictures, steps=1)
+    with pytest.raises(ConfigError, match=r"pictures' is not empty.*--overwrite"):
+        command.main()
+    command.overwrite = True
+    command.main()
+    assert len(list(pictures.iterdir())) == 3
+
+
+def test_figures_that_cannot_be_written_whole_leave_the_earlier_ones(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    from desplat_ns.errors import ConfigError
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "m.json").write_text("before")
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(ConfigError, match=r"No space left.*--output-path"):
+        evaluate(run, tmp_path / "m.json", steps=1, overwrite=True)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
+
+
 def test_the_command_names_what_is_not_there(tmp_path: Path):
     from desplat_ns.commands.evaluate import Evaluate
     from desplat_ns.errors import ConfigError

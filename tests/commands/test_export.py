@@ -12,6 +12,7 @@ from PIL import Image
 from desplat_ns.errors import ConfigError
 from tests.helpers.glb_reader import read_glb
 from tests.helpers.quick_command import check_quick_command
+from tests.helpers.splat_readers import read_splats
 
 TRAINING_PHOTOS = 6
 
@@ -64,6 +65,36 @@ def test_a_crop_leaves_out_what_is_far_and_says_so(trained: Path, tmp_path: Path
     with pytest.raises(ConfigError, match=r"--crop 1e-06 leaves none of"):
         Splats(trained, tmp_path / "none.glb", crop=1e-6).main()
     assert not (tmp_path / "none.glb").exists()
+
+
+@pytest.mark.slow
+def test_places_in_an_spz_are_as_precise_with_a_gaussian_far_away_as_without(
+    trained: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+):
+    """It is left out, and told; a .glb has it."""
+    from desplat_ns.commands.export import Splats
+    from desplat_ns.export import export
+
+    def with_a_far_one(splats: Any, antialiased: bool) -> Any:
+        cloud = baked(splats, antialiased)
+        cloud.means[0] = 1e6
+        return cloud
+
+    baked = export.baked
+    Splats(trained, tmp_path / "before.spz", "training").main()
+    capsys.readouterr()
+    monkeypatch.setattr(export, "baked", with_a_far_one)
+    for name in ("a.spz", "a.glb"):
+        Splats(trained, tmp_path / name, "training").main()
+    before, after = (
+        read_splats((tmp_path / n).read_bytes()).means for n in ("before.spz", "a.spz")
+    )
+    assert np.array_equal(after, before[1:])
+    said = capsys.readouterr().out
+    assert f"Not in the file: 1 of {len(before)} Gaussians" in said
+    assert f"SPZ, {len(after)} Gaussians" in said
+    whole = read_glb((tmp_path / "a.glb").read_bytes())[1]["POSITION"]
+    assert len(whole) == len(before) and whole.max() == 1e6
 
 
 @pytest.mark.slow

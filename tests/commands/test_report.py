@@ -132,6 +132,19 @@ def test_a_negative_number_of_photos_is_refused(option: str):
 
 
 @pytest.mark.parametrize(
+    ("output", "why"), [("p.pdf", r"ending \.html"), ("taken.html", "is a folder")]
+)
+def test_a_page_that_cannot_be_is_refused_before_the_work(
+    tmp_path: Path, trained: Path, output: str, why: str
+):
+    from desplat_ns.commands.report import Report
+
+    (tmp_path / "taken.html").mkdir()
+    with pytest.raises(ConfigError, match=why):
+        Report(trained, tmp_path / output).main()
+
+
+@pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
         (["--help"], 0, "--held-out-photos"),

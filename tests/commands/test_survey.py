@@ -38,12 +38,41 @@ def test_a_data_parser_chooses_the_photos(tiny_scene, tmp_path):
 def test_the_command_takes_a_parser_by_its_name(tiny_scene, tmp_path):
     for parser in ("colmap", "robustnerf-data"):
         folder = str(tiny_scene.folder)
-        words = ["--output", str(tmp_path / parser), "--no-measure-costs", parser, "--data", folder]
+        options = ["--output", str(tmp_path / parser), "--no-measure-costs", "--overwrite"]
+        words = [*options, parser, "--data", folder]
         for given in ([folder, *words], words):
             arguments, rest = parse(Arguments, "desplat-survey", given, data_may_follow=True)
             found = arguments.survey(rest)
             assert found.num_photos > 0
         assert (tmp_path / parser / "survey.json").is_file()
+
+
+@pytest.mark.parametrize("name", ["survey.json", "survey.png"])
+def test_findings_that_are_there_are_replaced_only_if_that_is_asked_for(
+    tiny_scene, tmp_path, name: str
+):
+    (tmp_path / name).write_text("before")
+    arguments = Arguments(tiny_scene.folder, tmp_path, measure_costs=False)
+    with pytest.raises(ConfigError, match=rf"{name}' already.*--overwrite"):
+        arguments.survey(())
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
+    arguments.overwrite = True
+    arguments.survey(())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["survey.json", "survey.png"]
+    assert (tmp_path / name).read_bytes() != b"before"
+
+
+def test_findings_that_cannot_be_written_whole_leave_the_earlier_ones(
+    tiny_scene, tmp_path, monkeypatch: pytest.MonkeyPatch
+):
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "survey.json").write_text("before")
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(ConfigError, match=r"No space left.*--output"):
+        survey_capture(tiny_scene.folder, tmp_path, measure_costs=False)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
 
 
 def test_mistakes_say_what_to_do(tiny_scene, tmp_path):
@@ -60,7 +89,11 @@ def test_mistakes_say_what_to_do(tiny_scene, tmp_path):
         (["--help"], 0, "desplat-survey DATA colmap --help"),
         (["absent"], 1, "Error: There is no 'absent'. Name the folder of a capture."),
         (["absent", "colmap", "--downscale-factor", "2"], 1, "There is no 'absent'"),
-        ([".", "--output", "README.md"], 1, "--output is 'README.md', a file"),
+        (
+            [".", "--output", "README.md"],
+            1,
+            "'README.md' is a file; --output names something in it",
+        ),
         ([".", "--tiem", "5"], 1, "--tiem is no option of desplat-survey"),
         ([], 1, "Type: desplat-survey FOLDER"),
     ],

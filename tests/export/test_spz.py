@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.export.spz import fractional_bits, spz_bytes
+from desplat_ns.export.formats import FORMATS
+from desplat_ns.export.splat_cloud import SplatCloud
+from desplat_ns.export.spz import OFF_BY, PRECISE, fitting, fractional_bits, spz_bytes
 from tests.helpers.clouds import cloud, drawn, view
 from tests.helpers.splat_readers import read_splats
 
@@ -63,6 +65,60 @@ def test_precision_follows_the_scenes_size():
         step = 2.0 ** -fractional_bits(one.means)
         assert np.abs(read_splats(spz_bytes(one)).means - one.means).max() <= step / 2 * 1.01
         assert step == 2.0**-20 or np.abs(one.means).max() / step > 2**22, "a bit is wasted"
+
+
+def with_far(distance: float, count: int = 1) -> SplatCloud:
+    """500 Gaussians as small as 0.08, the first so many at a distance from the origin."""
+    written = cloud(count=500)
+    written.means[:count, 1] = -distance
+    return written
+
+
+@pytest.mark.parametrize("distance", [1e5, 1e6, 1e8, 1e30])
+def test_a_gaussian_far_away_is_left_out_and_told_and_coarsens_no_other(distance: float):
+    written = with_far(distance)
+    kept, lines = FORMATS[".spz"].fitting(written)
+    assert np.array_equal(kept.means, written.means[1:])
+    assert len(lines) == 1 and "Not in the file: 1 of 500 Gaussians" in lines[0]
+    assert "--crop 2" in lines[0] and ".ply" in lines[0]
+    places = read_splats(FORMATS[".spz"].bytes_of(kept)).means
+    assert np.abs(places - kept.means).max() <= 2.0**-20 / 2 + ROUNDING
+
+
+@pytest.mark.parametrize("distance", [10.0, 1e3, 3e4])
+def test_a_gaussian_far_away_stays_where_all_have_precise_places_with_it(distance: float):
+    """0.08 / 32 is more than 2^-9, and 2^23 - 1 of steps of 2^-8 reach 32,767 units."""
+    written = with_far(distance)
+    kept, lines = fitting(written)
+    assert kept.means is not written.means and np.array_equal(kept.means, written.means)
+    assert lines == []
+    places = read_splats(spz_bytes(kept)).means
+    middle = np.sort(written.scales, axis=1)[:, 1]
+    off = np.abs(places - written.means).max(axis=1)
+    assert (off <= OFF_BY * middle + ROUNDING * (1 + distance)).mean() >= PRECISE
+
+
+@pytest.mark.parametrize("count", [4, 6, 500])
+def test_more_than_a_hundredth_is_not_left_out_and_what_that_costs_is_told(count: int):
+    kept, lines = fitting(with_far(1e6, count))
+    if count == 4:
+        assert (len(kept), len(lines)) == (496, 1)
+    else:
+        assert len(kept) == 500
+        assert len(lines) == 1 and "steps of 0.125 units" in lines[0] and "--crop 2" in lines[0]
+
+
+def test_a_capture_far_from_its_own_origin_is_kept_and_told():
+    written = replace(cloud(), means=cloud().means + np.array([5e5, 5e6, 0.0]))
+    kept, lines = fitting(written)
+    assert len(kept) == len(written)
+    assert len(lines) == 1 and "steps of 1 units" in lines[0] and ".glb or .ply" in lines[0]
+
+
+@pytest.mark.parametrize("ending", [".ply", ".glb"])
+def test_other_formats_hold_everything(ending: str):
+    written = with_far(1e8)
+    assert FORMATS[ending].fitting(written) == (written, [])
 
 
 def test_what_does_not_fit_is_refused_with_what_to_do():

@@ -131,6 +131,15 @@ def test_wide_ones_are_split_only_where_there_is_room_and_after_the_steep(most):
     assert [whole[i] for i in order] == [k >= most - 4 for k in range(4)]
 
 
+@pytest.mark.parametrize("most", range(4, 13))
+def test_a_set_stays_within_the_limit_where_gaussians_are_cloned_and_split_at_once(most: int):
+    scene = Scene(most=most, refine_scale2d_stop_iter=100, grow_scale2d=0.01)
+    scene.params["scales"].data.fill_(-30.0)  # small, and a radius of a pixel is wide: both
+    for step in (1, 2, 3):
+        count = scene.step(step, [0.9, 0.6, 0.7, 0.0])  # the last one is only split
+    assert count == max(full for full in (4, 6, 8, 10, 11) if full <= most)
+
+
 def test_without_room_nothing_grows_and_pruning_goes_on():
     scene = Scene(most=2)
     with torch.no_grad():

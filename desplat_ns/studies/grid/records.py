@@ -21,6 +21,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from desplat_ns.files.whole import write_whole
 from desplat_ns.studies.grid.code_version import DIRTY
 from desplat_ns.studies.grid.runs import Run, Study
 from desplat_ns.studies.grid.settings import Settings, changes, digest
@@ -104,9 +105,7 @@ def save(path: Path, records: Records) -> None:
     }
     content = {"records": _lines(entries), "settings": _lines({COMMON: common} | parts)}
     text = ",\n".join(f'"{key}": {lines}' for key, lines in content.items())
-    draft = path.with_name(f"{path.name}.draft")
-    draft.write_text(f"{{\n{text}\n}}\n")
-    draft.replace(path)
+    write_whole(path, f"{{\n{text}\n}}\n".encode())
 
 
 def where(record: Record) -> dict[str, str | None]:

@@ -10,11 +10,10 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from nerfstudio.utils.eval_utils import eval_setup
-
-from desplat_ns.pipeline import DeSplatPipeline
+from desplat_ns.runs.files import find_run
+from desplat_ns.runs.loading import load_run
 from desplat_ns.studies.grid.train_and_score import end_with
 
 
@@ -24,8 +23,7 @@ def figures_by_steps(config: Path, steps: list[int]) -> dict[int, dict[str, Any]
     Args:
         config: config.yml of a run whose photos have an embedding.
     """
-    _, found, _, _ = eval_setup(config)
-    pipeline = cast(DeSplatPipeline, found)
+    pipeline = load_run(find_run(config)).pipeline
     figures = {}
     for number in steps:
         pipeline.config.evaluation = replace(pipeline.config.evaluation, steps=number)

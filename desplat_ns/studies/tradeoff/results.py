@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.errors import ConfigError
+from desplat_ns.files.whole import write_whole
 from desplat_ns.studies.grid.machine import describe_machine
 from desplat_ns.studies.grid.records import Records
 from desplat_ns.studies.tradeoff.plan import TrainingPlan
@@ -53,11 +54,8 @@ class Results:
         """
         content = {"format": FORMAT, **asdict(self), "training": training_rows(records)}
         target = folder / FILE
-        draft = target.with_name(f"{FILE}.draft")
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            draft.write_text(json.dumps(content, indent=1) + "\n", "utf8")
-            draft.replace(target)
+            write_whole(target, (json.dumps(content, indent=1) + "\n").encode())
         except OSError as error:
             raise ConfigError(
                 f"{target} cannot be written ({error}). Make room or name another --output; the "

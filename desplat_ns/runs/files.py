@@ -103,30 +103,3 @@ def _text(node: yaml.Node | None) -> str:
     if isinstance(node, yaml.SequenceNode):
         return str(Path(*(str(part.value) for part in node.value)))
     return str(node.value) if isinstance(node, yaml.ScalarNode) else ""
-
-
-def check_output(output: Path) -> None:
-    """Make the folder of a page and make sure that the page can be written.
-
-    Raises:
-        ConfigError: it cannot, or its name does not end in .html.
-    """
-    if output.suffix != ".html":
-        raise ConfigError(f"--output is '{output}'; give it the ending .html.")
-    there = output.exists()
-    try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        with output.open("ab"):
-            pass
-        if not there:
-            output.unlink()
-    except OSError as error:
-        raise unwritable(output, error) from error
-
-
-def unwritable(output: Path, error: OSError) -> ConfigError:
-    """The error of a page that cannot be written."""
-    return ConfigError(
-        f"The page '{output}' cannot be written ({error.strerror or error}). Name another place "
-        "with --output FILE.html."
-    )

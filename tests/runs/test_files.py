@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import CheckpointError, ConfigError
-from desplat_ns.report.run_files import check_output, find_run
+from desplat_ns.runs.files import find_run
 
 CONFIG = """!!python/object:desplat_ns.trainer.DeSplatTrainerConfig
 experiment_name: yard
@@ -74,22 +74,3 @@ def test_what_is_not_there_or_a_folder_is_named(tmp_path: Path):
         find_run(tmp_path / "absent.yml")
     with pytest.raises(ConfigError, match="is a folder"):
         find_run(tmp_path)
-
-
-def test_a_page_that_cannot_be_written_is_told_before_the_work(tmp_path: Path):
-    (tmp_path / "file").touch()
-    with pytest.raises(ConfigError, match=r"page\.html' cannot be written .*--output FILE\.html"):
-        check_output(tmp_path / "file" / "page.html")
-    (tmp_path / "taken.html").mkdir()
-    with pytest.raises(ConfigError, match=r"taken\.html' cannot be written"):
-        check_output(tmp_path / "taken.html")
-    with pytest.raises(ConfigError, match=r"ending \.html"):
-        check_output(tmp_path / "page.pdf")
-
-
-def test_looking_whether_a_page_can_be_written_leaves_no_page(tmp_path: Path):
-    check_output(tmp_path / "new" / "page.html")
-    assert list((tmp_path / "new").iterdir()) == []
-    (tmp_path / "old.html").write_text("old")
-    check_output(tmp_path / "old.html")
-    assert (tmp_path / "old.html").read_text() == "old"

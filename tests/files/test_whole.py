@@ -1,13 +1,18 @@
 """Files appear whole or not at all, and what is there is not lost."""
 
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.export.new_files import (
+from desplat_ns.files.whole import (
     check_new_file,
     check_new_folder,
+    draft_of,
+    plain_errors,
     whole_folder,
     write_whole,
 )
@@ -67,7 +72,65 @@ def test_a_folder_is_put_in_place_with_what_is_inside(tmp_path: Path):
 
 
 def test_a_place_that_cannot_be_written_is_named():
-    with pytest.raises(ConfigError, match=r"/proc/nothing.* cannot be written"):
-        write_whole(Path("/proc/nothing/a.ply"), b"")
+    path = Path("/proc/nothing/a.ply")
+    with pytest.raises(OSError):
+        write_whole(path, b"")
+    with (
+        pytest.raises(ConfigError, match=r"/proc/nothing.* cannot be written.*with --strip"),
+        plain_errors(path, "--strip"),
+    ):
+        write_whole(path, b"")
     with pytest.raises(ConfigError, match="cannot be written"):
         check_new_file(Path("/proc/a.ply"), overwrite=False)
+
+
+def test_a_draft_that_fails_leaves_what_was_there(tmp_path: Path):
+    path = tmp_path / "a.jpg"
+    path.write_bytes(b"before")
+    with pytest.raises(RuntimeError), draft_of(path) as draft:
+        assert draft.suffix == ".jpg", "writers choose the format by it"
+        draft.write_bytes(b"aft")
+        raise RuntimeError
+    assert path.read_bytes() == b"before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+WRITING = """
+import signal, sys, time
+from pathlib import Path
+from desplat_ns.files.whole import draft_of, whole_folder
+ignored, place = sys.argv[1] == "ignored", Path(sys.argv[2])
+if ignored:
+    signal.signal(signal.SIGTERM, lambda *_: print("caught", flush=True))
+with whole_folder(place / "masks") as folder:
+    (folder / "a.png").touch()
+    with draft_of(place / "a.ply") as draft:
+        draft.write_bytes(b"half")
+        print("writing", flush=True)
+        line = sys.stdin.readline()
+    print("written", flush=True)
+"""
+
+
+@pytest.mark.parametrize("answered", [False, True])
+def test_sigterm_leaves_no_draft_and_ends_the_process_unless_something_answers_it(
+    tmp_path: Path, checkout: Path, answered: bool
+):
+    """In training something does: the step is finished and saved."""
+    line = [sys.executable, "-c", WRITING, "ignored" if answered else "", str(tmp_path)]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(line, cwd=checkout, text=True, **pipes) as process:
+        assert process.stdin is not None and process.stdout is not None
+        assert process.stdout.readline() == "writing\n"
+        assert len(list(tmp_path.iterdir())) == 2, "both drafts are there"
+        process.send_signal(signal.SIGTERM)
+        if answered:
+            assert process.stdout.readline() == "caught\n"
+            process.stdin.write("\n")
+            process.stdin.flush()
+        status = process.wait(timeout=60)
+    left = sorted(path.name for path in tmp_path.iterdir())
+    if answered:
+        assert (status, left) == (0, ["a.ply", "masks"])
+    else:
+        assert (status, left) == (-signal.SIGTERM, [])

@@ -1,0 +1,6 @@
+"""Trained runs on disk: `files` finds one without importing torch, `loading` takes it up.
+
+`trusted` refuses a config.yml that names what no run of ours names, before anything is made of it.
+
+May import `run_config`, `pipeline` and `errors`.
+"""
