@@ -1,4 +1,4 @@
-"""Does the suite notice a wrong sign? One line is changed at a time, of arithmetic or of training.
+"""Does the suite notice a wrong sign? One line is changed at a time.
 
     python -m benchmarks.stability.mutations            (--only NAME for some)
 
@@ -43,6 +43,9 @@ FORMULAS = (
 DENSIFICATION = "tests/gaussians/test_densification.py"
 GRADIENTS = "tests/test_model_gradients.py"
 RESPONSE = "tests/photo_tourism/test_camera_response.py"
+PLAN = "tests/calibration/test_run_plan.py -k too_large"
+MATCHES = "tests/process/test_matches.py"
+SURVEY = "tests/survey/test_survey.py"
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,7 @@ class Mutation:
 
 
 _BLEND, _PROJECT = "backend/blending.py", "backend/projection.py"
+_PLAN = "calibration/run_plan.py"
 _PIXELS, _EWA, _SH = (f"backend/numba_kernels/{name}.py" for name in ("pixels", "ewa", "sh"))
 
 MUTATIONS = (
@@ -185,6 +189,32 @@ MUTATIONS = (
     Mutation("poses learn nothing", "lit_model.py",
              "pose = self.camera_optimizer.apply_to_camera(camera)",
              "pose = self.camera_optimizer.apply_to_camera(camera).detach()", GRADIENTS),
+    # What a budget buys
+    Mutation("Gaussians beyond those that are measured cost nothing", _PLAN,
+             "measured.fixed * max(1.0, expected / count) * placed", "measured.fixed * placed",
+             PLAN),
+    Mutation("photos cost what smaller ones do", _PLAN,
+             "measured.whole_photo / shrink**2 * placed", "measured.whole_photo * placed", PLAN),
+    # From photos to a capture
+    Mutation("features only where a mask is black", "process/masks.py",
+             "_of_size(read_mask(path), photo, path)", "~_of_size(read_mask(path), photo, path)",
+             "tests/process/test_masks.py"),
+    Mutation("thorough models are neither filtered nor adjusted", "process/mapping.py",
+             "if recipe.filter_error is not None and recipe.filter_angle is not None:", "if False:",
+             "tests/process/test_mapping.py"),
+    Mutation("what stands still ties photos", "process/matches.py",
+             "filter_stationary_matches = True", "filter_stationary_matches = False", MATCHES),
+    Mutation("photos that look least alike are compared", "process/matches.py",
+             "likeness = similarities(", "likeness = -similarities(", MATCHES),
+    Mutation("the focal length of EXIF is for the film's width", "process/photos.py",
+             "lens.focal_35mm / 43.2666", "lens.focal_35mm / 36", "tests/process/test_photos.py"),
+    # Which effects photos call for
+    Mutation("how bright a sky is counts in any light", "survey/survey.py",
+             'appearance.decision == "affine")', "False)", f"{SURVEY} -k sky"),
+    Mutation("lenses darken no corners", "survey/photo_light.py",
+             "rows[:, :, 4] = rho2[:, None]", "rows[:, :, 4] = 0", f"{SURVEY} -k lens"),
+    Mutation("the worst photo counts", "survey/distractors.py",
+             "np.sort(shares)[:-1]", "np.sort(shares)", f"{SURVEY} -k fault"),
 )  # fmt: skip
 
 

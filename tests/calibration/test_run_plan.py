@@ -6,16 +6,23 @@ from dataclasses import replace
 
 import pytest
 import torch
+from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
+from desplat_ns.calibration import run_plan
 from desplat_ns.calibration.run_plan import (
     FEWEST_STEPS,
+    MOST_GAUSSIANS,
+    MOST_PIXELS,
     SAMPLED_STEPS,
     STEPS_WANTED,
     StepCost,
     expected_gaussians,
     measure_costs,
+    measure_step,
     plan_run,
 )
+from desplat_ns.calibration.timing import Timing
 from desplat_ns.datamanager import training_split
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import ConfigError
@@ -82,3 +89,37 @@ def test_costs_of_a_capture_are_measured_on_steps_of_its_size(tiny_run, tmp_path
     assert cost.seconds.fixed >= 0 and cost.seconds.whole_photo >= 0
     assert 1e-4 < cost.seconds.fixed + cost.seconds.whole_photo < 10
     assert 0 < cost.share_at_start <= 1
+
+
+PER_GAUSSIAN, PER_PIXEL = 1e-6, 1e-7
+"""Seconds of a step of the machine that is made up."""
+
+
+def test_what_is_too_large_to_measure_costs_as_its_gaussians_and_pixels_say(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """On a machine whose steps take so long for each Gaussian and each pixel, and no more."""
+    width, height, views = 2000, 1500, 20
+    cameras = Cameras(torch.eye(4)[:3].repeat(views, 1, 1), 1e3, 1e3, 1e3, 750.0, width, height)
+    sizes = []
+
+    def step(scene: tuple[int, int, int], *_) -> tuple[int, int, int]:
+        sizes.append(scene)
+        return scene
+
+    def timed(steps: dict[str, tuple[int, int, int]], _) -> dict[str, Timing]:
+        seconds = {n: PER_GAUSSIAN * c + PER_PIXEL * w * h for n, (c, w, h) in steps.items()}
+        return {name: Timing(wall=[1e3 * value]) for name, value in seconds.items()}
+
+    monkeypatch.setattr(run_plan, "make_scene", lambda *size: size)
+    monkeypatch.setattr(run_plan, "ModelStep", step)
+    monkeypatch.setattr(run_plan, "time_in_turns", timed)
+    outputs = DataparserOutputs([], cameras)
+    found = measure_step(outputs, MODEL, "cpu")
+    count, wide, high = max(sizes)
+    assert count == MOST_GAUSSIANS and wide * high <= MOST_PIXELS
+    expected = expected_gaussians(views * width * height, MODEL)
+    assert expected > 2 * MOST_GAUSSIANS
+    assert found.fixed == pytest.approx(PER_GAUSSIAN * expected)
+    half_a_pixel = 0.5 / wide + 0.5 / high  # sides are rounded
+    assert found.whole_photo == pytest.approx(PER_PIXEL * width * height, rel=half_a_pixel)

@@ -18,9 +18,10 @@ from desplat_ns.survey import observations
 from desplat_ns.survey.capture import Capture
 from desplat_ns.survey.findings import Figure, Finding
 from desplat_ns.survey.light import appearance_finding, local_steps
+from desplat_ns.survey.photo_light import from_middle
 from desplat_ns.survey.picture import evidence_picture
 from desplat_ns.survey.survey import survey, survey_with_evidence
-from desplat_ns.synthetic import DaylightSpec
+from desplat_ns.synthetic import DaylightSpec, SceneSpec, make_scene
 
 OFF = {"distractors": False, "appearance": "off", "background": "off"}
 SAFE = {"distractors": True, "appearance": "off", "background": "off"}
@@ -119,6 +120,26 @@ def test_skies_are_told_apart(make_capture: Callable[..., Capture], daylight, de
     assert found.decisions() == {**OFF, "background": decision}
 
 
+@pytest.mark.parametrize(
+    ("daylight", "decision"),
+    [(DaylightSpec(strength=0.0, sky=False, sun=80.0), "sh"), (None, "image")],
+)
+def test_a_sky_that_is_only_brighter_is_another_one_unless_light_changes_place_by_place(
+    make_capture: Callable[..., Capture],
+    small_spec: SceneSpec,
+    tmp_path: Path,
+    daylight: DaylightSpec | None,
+    decision: str,
+):
+    """How bright it is says nothing where the light of a photo as a whole is not known."""
+    capture = copied(make_capture(daylight=daylight, wall_height=2.0), tmp_path)
+    frames = make_scene(replace(small_spec, wall_height=2.0, supersample=1, num_points=9)).clean
+    for path, frame in [*zip(capture.photos, frames, strict=True)][::2]:
+        factor = np.where(np.isinf(frame.depth), 0.8, 1.0)[..., None]
+        write_image(path, (factor * read_image(path)).astype(np.uint8))
+    assert survey(capture).background.decision == decision
+
+
 def test_the_same_capture_gives_the_same_findings(still: Capture):
     assert survey(still).to_json() == survey(still).to_json()
 
@@ -184,6 +205,33 @@ def test_a_black_or_white_photo_changes_no_decision_and_is_named(
     assert found.decisions() == OFF
     for finding in (found.appearance, found.distractors):
         assert any(capture.photos[3].name in line for line in finding.could_not_tell)
+
+
+def test_one_photo_that_shows_something_else_is_at_fault_itself(still: Capture, tmp_path: Path):
+    """As with a wrong pose, or a finger before the lens."""
+    capture = copied(still, tmp_path)
+    shutil.copy(capture.photos[8], capture.photos[3])
+    found = survey(capture).distractors
+    figures = {figure.name: figure for figure in found.figures}
+    assert figures["photos_covered"].value == pytest.approx(1 / len(capture.photos))
+    assert found.decision is False
+
+
+def test_a_lens_that_darkens_corners_is_no_light_that_changes_place_by_place(
+    still: Capture, tmp_path: Path
+):
+    """Every other photo, as if with the aperture wide open: corners have half of their value."""
+    capture = copied(still, tmp_path)
+    for path in capture.photos[::2]:
+        photo = read_image(path)
+        height, width = photo.shape[:2]
+        places = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1) + 0.5
+        darkened = photo * 0.5 ** from_middle(width, height, places)[..., None]
+        write_image(path, darkened.round().astype(np.uint8))
+    found = survey(capture).appearance
+    assert found.decision != "affine"
+    (vignetting,) = (figure.value for figure in found.figures if figure.name == "vignetting")
+    assert vignetting > 0.05
 
 
 def test_a_photo_of_the_sky_alone_does_not_make_a_background(still: Capture, tmp_path: Path):

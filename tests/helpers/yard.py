@@ -1,0 +1,159 @@
+"""A dozen views of the generated yard, as photos without poses, for what pycolmap does."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import imageio_ffmpeg
+import numpy as np
+import pycolmap
+from jaxtyping import Float, UInt8
+
+from benchmarks.process import aligned
+from desplat_ns.data.images import write_image
+from desplat_ns.process.cameras import group_by_camera
+from desplat_ns.process.features import find_features
+from desplat_ns.process.photos import Photo, prepare_photos
+from desplat_ns.process.recipes import PLAIN, verification_error
+from desplat_ns.synthetic import SceneSpec, make_scene
+
+VIEWS = SceneSpec(
+    num_views=12, num_extras=1, width=320, height=240, arc_degrees=60.0, supersample=1
+)
+"""Neighbours are 5.5 degrees apart; the first pair that COLMAP starts from needs 16."""
+SIZE = VIEWS.width, VIEWS.height
+MARK_ROWS = SIZE[1] // 3
+EDGE = SIZE[1] - MARK_ROWS
+"""The first row that a mark covers."""
+
+FRAMES_OF_A_VIEW = 3
+BLUR = 2.0
+"""Pixels, standard deviation."""
+
+
+@dataclass(frozen=True)
+class Yard:
+    """The views, in the order in which the camera goes around."""
+
+    pictures: Sequence[UInt8[np.ndarray, "H W 3"]]
+    centres: Float[np.ndarray, "V 3"]
+    """Of the cameras, metres."""
+    pixel: float
+    """Metres: what moves the middle of the scene by one pixel."""
+
+    def write(self, folder: Path, order: Sequence[int], is_marked: bool = False) -> Path:
+        """Some views as photos `00.png`, `01.png`, ... in this order.
+
+        Args:
+            is_marked: whether `mark` covers the lowest rows of each.
+        """
+        for number, view in enumerate(order):
+            picture = self.pictures[view].copy()
+            if is_marked:
+                picture[EDGE:] = mark()
+            write_image(folder / f"{number:02d}.png", picture)
+        return folder
+
+    def film(self, path: Path) -> Path:
+        """A video that rests at each view, which is blurred, then sharp, then blurred again."""
+        writer = imageio_ffmpeg.write_frames(str(path), SIZE, fps=10, quality=9)
+        writer.send(None)
+        for picture in self.pictures:
+            blurred = cv2.GaussianBlur(picture, (0, 0), BLUR)
+            for frame in (blurred, picture, blurred):
+                writer.send(np.ascontiguousarray(frame))
+        writer.close()
+        return path
+
+    def farthest(self, model: Path, views: dict[str, int]) -> float:
+        """How far a camera of a model is from where it was, in pixels that the middle of the scene
+        moves, after the similarity that fits all best.
+
+        Args:
+            views: the view that each photo of the model shows. All have to be in it.
+        """
+        read = pycolmap.Reconstruction(model)
+        found = {read.image(i).name: read.image(i) for i in read.reg_image_ids()}
+        assert found.keys() == views.keys()
+        true = self.centres[list(views.values())]
+        centres = np.stack([found[name].projection_center() for name in views])
+        return float(np.linalg.norm(aligned(centres, true) - true, axis=1).max()) / self.pixel
+
+
+CLOSE = verification_error(max(SIZE))
+"""Pixels that a match may be off its epipolar line. A camera that is farther off than that sees the
+middle of the scene where no match would have been verified."""
+
+
+def view_of(frame: str) -> int:
+    """The view that a frame of the film shows, which is named by its number."""
+    return int(Path(frame).stem.rpartition("_")[2]) // FRAMES_OF_A_VIEW
+
+
+def mark() -> UInt8[np.ndarray, "h W 3"]:
+    """What stands still in photos, as a dashboard does: a pattern with features everywhere."""
+    cells = (MARK_ROWS // 4, SIZE[0] // 4, 3)
+    pattern = np.random.default_rng(5).integers(0, 256, cells, np.uint8)
+    return pattern.repeat(4, axis=0).repeat(4, axis=1)
+
+
+def write_mask_of_the_mark(path: Path) -> Path:
+    """A picture that is black where `mark` is."""
+    mask = np.full(SIZE[::-1], 255, np.uint8)
+    mask[EDGE:] = 0
+    write_image(path, mask)
+    return path
+
+
+def make_yard() -> Yard:
+    """Draw the views."""
+    frames = make_scene(VIEWS).clean
+    centres = np.stack([frame.camera.position for frame in frames])
+    middle = np.linalg.norm(centres[:, :2], axis=1).mean()
+    return Yard([frame.image for frame in frames], centres, middle / frames[0].camera.K[0, 0])
+
+
+@dataclass(frozen=True)
+class Found:
+    """Photos whose features are in a database."""
+
+    database: Path
+    copies: Path
+    photos: Sequence[Photo]
+
+    def again(self, folder: Path) -> Found:
+        """The same with a database of its own, to be changed."""
+        database = Path(shutil.copy(self.database, folder / "database.db"))
+        return Found(database, self.copies, self.photos)
+
+
+def silent(done: int, total: int) -> None:
+    """No progress."""
+
+
+def copied(photos: Path, folder: Path) -> list[Photo]:
+    """The photos of a folder, copied as the first stage does."""
+    names = sorted(path.name for path in photos.iterdir())
+    return prepare_photos(photos, names, folder, max(SIZE), 1, lambda done: None)
+
+
+def features_of(
+    photos: Sequence[Photo], copies: Path, database: Path, masks: Path | None = None
+) -> Found:
+    """The photos' plain features, in a new database."""
+    cameras = group_by_camera(photos, "auto", "auto")
+    find_features(database, copies, cameras, masks, PLAIN, 1, silent)
+    return Found(database, copies, photos)
+
+
+def places_of(database: Path) -> dict[str, Float[np.ndarray, "_ 2"]]:
+    """Pixels of each photo's features."""
+    with pycolmap.Database.open(database) as db:
+        return {
+            image.name: db.read_keypoints(image.image_id)[:, :2].astype(float)
+            for image in db.read_all_images()
+        }
