@@ -3,11 +3,14 @@
 make gpu                        in the environment of `make env`
 make gpu WHEELS=folder          on a machine without a network, from a folder of wheels
 make gpu GPU_ARGS='--device cpu --quick --output folder'     a rehearsal without a GPU
+
+What the same commit measured on the same GPU before is kept: a second call does what is missing.
 """
 
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 import tempfile
 import time
@@ -16,8 +19,8 @@ from pathlib import Path
 
 from benchmarks.documents import DOCS
 from benchmarks.gpu.plan import KERNELS, PARTS, PATIENCE, TOTAL, Job, Part, with_time_to_compile
-from benchmarks.gpu.records import Run
-from benchmarks.gpu.report import write_report
+from benchmarks.gpu.records import FILE, Run
+from benchmarks.gpu.report import PICTURE, write_report
 from benchmarks.gpu.runner import Runner
 
 NO_GPU = 2
@@ -37,6 +40,9 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--quick", action="store_true", help="tiny sizes: a check only")
     parser.add_argument("--output", type=Path, help="folder for gpu.md and gpu.json (docs)")
     names = [part.name for part in PARTS]
+    parser.add_argument(
+        "--again", action="store_true", help="measure what was measured before, too"
+    )
     parser.add_argument("--only", nargs="+", default=names, choices=names, help="these parts")
     parser.add_argument(
         "--seconds", type=float, help=f"for everything together ({TOTAL:g}; a rehearsal has more)"
@@ -69,6 +75,20 @@ def chosen_parts(names: Sequence[str], job: Job) -> list[Part]:
     return found
 
 
+def gone_on_with(output: Path, job: Job) -> Run:
+    """A run with the records of an earlier one in the same folder, if that was on the same GPU and
+    of the same code."""
+    import torch
+
+    from desplat_ns.studies.grid.code_version import code_version
+
+    where = job.device if job.is_stand_in else torch.cuda.get_device_name(0)
+    run, path = Run(job.device, job.quick, made_by=f"{code_version()} on {where}"), output / FILE
+    if path.exists():
+        run.parts = run.goes_on(Run.load(path))
+    return run
+
+
 def no_gpu() -> str | None:
     """Why there is no GPU to measure on and what to do; None where there is one."""
     import torch  # takes seconds: not for `--help`
@@ -95,16 +115,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     output: Path = chosen.output
     output.mkdir(parents=True, exist_ok=True)
 
-    def written(run: Run) -> None:
-        run.save(output)
-        write_report(run, output)
-
-    def say(line: str) -> None:
-        print(line, flush=True)
-
     with tempfile.TemporaryDirectory(prefix="desplat-gpu-") as work:
         job = Job(chosen.device, chosen.quick, work)
-        parts = chosen_parts(chosen.only, job)
+
+        def written(run: Run) -> None:
+            run.save(output)
+            write_report(run, output)
+            for picture in job.folder.glob("training.real/*.png"):
+                shutil.copyfile(picture, output / PICTURE)
+
+        run = gone_on_with(output, job)
+        if chosen.again:
+            run.parts = {}
+        parts = chosen_parts([name for name in chosen.only if name not in run.parts], job)
         seconds = chosen.seconds
         if chosen.is_stand_in:
             parts = [part.patient() for part in parts]
@@ -112,10 +135,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             before = sum(part.deadline for part in parts)
             parts = [with_time_to_compile(part) if part == KERNELS else part for part in parts]
             seconds += sum(part.deadline for part in parts) - before
-        run = Runner(job, seconds, written, say, parts)()
+        run = Runner(job, seconds, written, say, parts, run)()
     missing = [name for name, record in run.parts.items() if not record.is_measured]
     print(f"Written: gpu.md and gpu.json. Not measured: {', '.join(missing) or 'nothing'}.")
     return INCOMPLETE if missing else 0
+
+
+def say(line: str) -> None:
+    """Print at once, also into a pipe."""
+    print(line, flush=True)
 
 
 if __name__ == "__main__":

@@ -73,6 +73,7 @@ PARTS = (
     Part("synchronisations", "Synchronisations of a step", 75),
     Part("rendering", "Frames per second", 80),
     Part("training.gpu", "Training on the GPU", 90),
+    Part("training.real", "fox_cluttered trained on the GPU", 240),
 )
 """In the order in which they are waited for."""
 

@@ -54,6 +54,15 @@ class Run:
     quick: bool
     parts: dict[str, Record] = field(default_factory=dict)
     """By name, in the order of the plan."""
+    made_by: str = ""
+    """Commit and GPU: figures of another are not gone on with."""
+
+    def goes_on(self, earlier: Run) -> dict[str, Record]:
+        """What `earlier` measured of the same parts, by the same code on the same GPU."""
+        key = (self.device, self.quick, self.made_by)
+        if (earlier.device, earlier.quick, earlier.made_by) != key:
+            return {}
+        return {name: record for name, record in earlier.parts.items() if record.is_measured}
 
     @property
     def is_stand_in(self) -> bool:

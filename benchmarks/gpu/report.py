@@ -10,14 +10,14 @@ from benchmarks.gpu.plan import PARTS, TOTAL
 from benchmarks.gpu.records import WAITING, Record, Run
 
 TEMPLATE = Path(__file__).with_name("gpu.md.template")
-REPORT = "gpu.md"
+REPORT, PICTURE = "gpu.md", "gpu.png"
 
 STAND_IN = (
     "**Stand-in: figures mean nothing.** The processor, or a tiny scene, stood in "
     "for what a GPU is to answer; this page shows that every part runs, and no more."
 )
 
-TRAININGS = ("training.cpu", "training.gpu")
+TRAININGS = ("training.cpu", "training.gpu", "training.real")
 
 
 def report(run: Run) -> str:
@@ -37,6 +37,7 @@ def report(run: Run) -> str:
         sections,
         stand_in=STAND_IN if run.is_stand_in else "",
         overview=overview(run),
+        picture=f"![Photo and rendering]({PICTURE})" if parts["training.real"].figures else "",
         minutes=f"{TOTAL / 60:.1f}",
     )
 

@@ -23,15 +23,18 @@ class Runner:
         written: Written,
         say: Callable[[str], object] = print,
         parts: Sequence[Part] = PARTS,
+        run: Run | None = None,
     ) -> None:
         """Args:
         seconds: left for everything.
         written: is given the records after each part.
+        run: its parts that are not run here keep their records.
         """
         self.job, self.parts, self._written, self._say = job, parts, written, say
         self._began = time.monotonic()
         self._ends = self._began + seconds
-        self.run = Run(job.device, job.quick, {part.name: Record() for part in parts})
+        self.run = run or Run(job.device, job.quick)
+        self.run.parts |= {part.name: Record() for part in parts}
         named = (part for part in parts if part.name == KERNELS.name)
         self._kernels_part = next(named, None)
         self._kernels: PartProcess | None = None

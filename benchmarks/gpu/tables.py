@@ -67,10 +67,13 @@ def parity(figures: Figures) -> str:
 def steps(figures: Figures) -> str:
     """A row for each scene and case, and whether the aim is reached."""
     rows = [
-        [row["scene"], row["case"], spread(row["ms"], ".2f"), f"{row['ratio']:.2f}"]
+        [
+            *(row["scene"], row["case"], spread(row["ms"], ".2f"), f"{row['ratio']:.2f}"),
+            "" if row["mb"] is None else f"{row['mb']:,.0f}",
+        ]
         for row in figures["rows"]
     ]
-    head = ["scene", "case", "ms, median (tenths)", "over Splatfacto"]
+    head = ["scene", "case", "ms, median (tenths)", "over Splatfacto", "peak memory, MB"]
     ratios = [row["ratio"] for row in figures["rows"] if row["case"].startswith("DeSplat, 1,000")]
     verdict = "reached" if ratios and max(ratios) <= WANTED else "not reached"
     sums = ", ".join(f"{ratio:.2f}" for ratio in ratios)
@@ -98,18 +101,19 @@ def rendering(figures: Figures) -> str:
     return table(["scene", "", "drawn", f"drawn and scored ({figures['metrics']})"], rows)
 
 
-def training(on_cpu: Figures, on_gpu: Figures) -> str:
-    """A row for each device that has figures."""
+def training(*trainings: Figures) -> str:
+    """A row for each training that has figures."""
     rows = []
-    for found in (on_cpu, on_gpu):
+    for found in trainings:
         if found:
             where = f"{found['device']} ({found['backend']})"
             threads = str(found["threads"]) if found["device"] == "cpu" else ""
             seconds = f"{found['train_wall_seconds']:.0f}"
             sizes = [f"{found.get(f'num_{kind}_gaussians', 0):,}" for kind in KINDS_OF_GAUSSIANS]
             scores = [f"{found['psnr']:.2f}", f"{found['ssim']:.3f}", iou(found)]
-            rows.append([where, threads, str(found["steps"]), *scores, seconds, *sizes])
-    head = ["device", "threads", "steps", "PSNR, dB", "SSIM", "mask IoU", "training, s"]
+            steps = f"{found['steps']:,}"
+            rows.append([found["capture"], where, threads, steps, *scores, seconds, *sizes])
+    head = ["capture", "device", "threads", "steps", "PSNR, dB", "SSIM", "mask IoU", "training, s"]
     return table([*head, "static", "distractors"], rows)
 
 

@@ -1,9 +1,13 @@
-"""How long a training step of DeSplat takes, over one of nerfstudio's Splatfacto."""
+"""How long a training step of DeSplat takes, over one of nerfstudio's Splatfacto, and the memory
+that it needs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
+
+import torch
 
 from benchmarks.gpu.plan import Job
 from benchmarks.gpu.records import Figures
@@ -23,9 +27,10 @@ def measure(job: Job) -> Iterator[Figures]:
     for size in QUICK_SIZES if job.quick else SIZES:
         scene = make_scene(*size)
         with splatfacto_on(job.device):
-            rounds = QUICK_ROUNDS if job.quick else ROUNDS
-            timings = time_in_turns(all_steps(job, scene), rounds)
-        rows += [_row(scene.name, name, timings) for name in timings]
+            cases = all_steps(job, scene)
+            timings = time_in_turns(cases, QUICK_ROUNDS if job.quick else ROUNDS)
+            memory = {name: peak_memory(step) for name, step in cases.items()}
+        rows += [_row(scene.name, name, timings) | {"mb": memory[name]} for name in timings]
         yield {"rows": rows}
 
 
@@ -34,3 +39,13 @@ def _row(scene: str, name: str, timings: dict[str, Timing]) -> dict[str, Any]:
     wall = timings[name].wall
     ratio = timings[name].wall_ms / timings[SPLATFACTO].wall_ms
     return {"scene": scene, "case": name, "ms": summary(wall), "ratio": round(ratio, 4)}
+
+
+def peak_memory(step: Callable[[], object]) -> float | None:
+    """MB that a step allocates at its height beside what all cases hold; None without a GPU."""
+    if not torch.cuda.is_initialized():
+        return None
+    torch.cuda.reset_peak_memory_stats()
+    before = torch.cuda.memory_allocated()
+    step()
+    return (torch.cuda.max_memory_allocated() - before) / 1e6

@@ -44,7 +44,9 @@ def test_parts_that_draw_with_gsplat_bring_its_kernels():
 
 
 @pytest.mark.slow
-def test_a_rehearsal_writes_its_document_and_records_and_says_what_is_missing(tmp_path, capsys):
+def test_a_rehearsal_writes_its_document_and_its_records_and_a_second_one_keeps_them(
+    tmp_path, monkeypatch
+):
     arguments = ["--device", "cpu", "--quick", "--output", str(tmp_path), "--only", "machine"]
     assert command.main(arguments) == 0
     run = Run.load(tmp_path / "gpu.json")
@@ -53,3 +55,21 @@ def test_a_rehearsal_writes_its_document_and_records_and_says_what_is_missing(tm
     text = Path(tmp_path / "gpu.md").read_text()
     assert "figures mean nothing" in text and WAITING in text
     assert str(tmp_path) not in text and str(Path.home()) + "/" not in text
+    before = run.parts["machine"]
+    monkeypatch.setattr(command, "Runner", NothingToDo)
+    assert command.main(arguments) == 0
+    assert Run.load(tmp_path / "gpu.json").parts == {"machine": before}
+    with pytest.raises(AssertionError, match="machine"):
+        command.main([*arguments, "--again"])
+
+
+class NothingToDo:
+    """A runner that is given no parts."""
+
+    def __init__(self, job, seconds, written, say, parts, run) -> None:
+        assert not parts, parts
+        self.run, self.written = run, written
+
+    def __call__(self) -> Run:
+        self.written(self.run)
+        return self.run

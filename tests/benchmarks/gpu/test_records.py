@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.gpu.records import LATE, Record, Run, without_places
+from benchmarks.gpu.records import LATE, MEASURED, Record, Run, without_places
 
 
 @pytest.mark.parametrize(
@@ -28,6 +28,14 @@ def test_what_is_saved_is_loaded_again(tmp_path: Path):
     run = Run("cuda", False, {"machine": record, "suite": Record()})
     assert Run.load(run.save(tmp_path)) == run
     assert [path.name for path in tmp_path.iterdir()] == ["gpu.json"]
+
+
+def test_a_run_goes_on_with_what_the_same_code_measured_on_the_same_gpu():
+    done, late = Record(MEASURED, figures={"answer": 42}), Record(LATE, figures={"half": 1})
+    earlier = Run("cuda", False, {"machine": done, "suite": late}, "a commit on a GPU")
+    assert Run("cuda", False, made_by="a commit on a GPU").goes_on(earlier) == {"machine": done}
+    assert Run("cuda", False, made_by="a commit on another").goes_on(earlier) == {}
+    assert Run("cuda", True, made_by="a commit on a GPU").goes_on(earlier) == {}
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from benchmarks.documents import DOCS
 from benchmarks.gpu.plan import PARTS
 from benchmarks.gpu.records import FAILED, FILE, LATE, MEASURED, NO_TIME, Record, Run
 from benchmarks.gpu.report import REPORT, report
+from benchmarks.gpu.scenes import PLACED
 from desplat_ns.calibration.scenes import PARAMETERS
 
 SPREAD = {"median": 10.0, "low": 9.0, "high": 12.0, "count": 90}
@@ -41,8 +42,8 @@ FIGURES: dict[str, dict[str, Any]] = {
     },
     "steps": {
         "rows": [
-            {"scene": SCENE, "case": "Splatfacto", "ms": SPREAD, "ratio": 1.0},
-            {"scene": SCENE, "case": "DeSplat, 1,000 in this view", "ms": SPREAD, "ratio": 1.12},
+            {"scene": SCENE, "case": "Splatfacto", "ms": SPREAD, "ratio": 1.0, "mb": 1234.5},
+            {"scene": SCENE, "case": PLACED, "ms": SPREAD, "ratio": 1.12, "mb": None},
         ]
     },
     "synchronisations": {"steps": 40, "methods": {"splatfacto": COUNTS, "desplat": COUNTS}},
@@ -53,8 +54,9 @@ FIGURES: dict[str, dict[str, Any]] = {
             for what in ("drawn", "scored")
         ],
     },
-    "training.cpu": {"device": "cpu", "backend": "numba", **TRAINED},
-    "training.gpu": {"device": "cuda", "backend": "gsplat", **TRAINED},
+    "training.cpu": {"capture": "generated", "device": "cpu", "backend": "numba", **TRAINED},
+    "training.gpu": {"capture": "generated", "device": "cuda", "backend": "gsplat", **TRAINED},
+    "training.real": {"capture": "fox_cluttered", "device": "cuda", "backend": "gsplat", **TRAINED},
 }
 """Of a run that measured everything."""
 
@@ -77,7 +79,9 @@ def test_a_whole_run_gives_every_table_and_misses_nothing():
     for lines in blocks:
         assert len(lines) >= 3
         assert len({len(re.findall(r"(?<!\\)\|", line)) for line in lines}) == 1
-    assert "| cpu (numba) | 4 | 1000 | 24.50 | 0.800 | 0.91 | 61 | 12,345 | 678 |" in text
+    assert (
+        "| generated | cpu (numba) | 4 | 1,000 | 24.50 | 0.800 | 0.91 | 61 | 12,345 | 678 |" in text
+    )
     assert "3.0e-04 (quats)" in text and "12 at a time for compute capability 9.0" in text
     assert r"tests.x.test_y: it | broke" in text and "2 skipped: gsplat 1.5 differs" in text
 
@@ -101,7 +105,7 @@ def test_a_run_that_measured_nothing_says_so_of_every_part():
 def test_a_part_that_was_not_measured_says_why_and_keeps_what_it_had(record, said):
     text = report(a_run(steps=record))
     assert said in text
-    assert ("| Splatfacto | 10.00 (9.00 - 12.00) | 1.00 |" in text) == bool(record.figures)
+    assert ("| Splatfacto | 10.00 (9.00 - 12.00) | 1.00 | 1,234 |" in text) == bool(record.figures)
 
 
 def test_one_training_alone_is_shown_beside_what_became_of_the_other():
