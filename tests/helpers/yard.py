@@ -18,7 +18,7 @@ from desplat_ns.data.images import write_image
 from desplat_ns.process.cameras import group_by_camera
 from desplat_ns.process.features import find_features
 from desplat_ns.process.photos import Photo, prepare_photos
-from desplat_ns.process.recipes import PLAIN, verification_error
+from desplat_ns.process.recipes import PLAIN
 from desplat_ns.synthetic import SceneSpec, make_scene
 
 VIEWS = SceneSpec(
@@ -26,7 +26,7 @@ VIEWS = SceneSpec(
 )
 """Neighbours are 5.5 degrees apart; the first pair that COLMAP starts from needs 16."""
 SIZE = VIEWS.width, VIEWS.height
-MARK_ROWS = SIZE[1] // 3
+MARK_ROWS = SIZE[1] // 4
 EDGE = SIZE[1] - MARK_ROWS
 """The first row that a mark covers."""
 
@@ -84,9 +84,9 @@ class Yard:
         return float(np.linalg.norm(aligned(centres, true) - true, axis=1).max()) / self.pixel
 
 
-CLOSE = verification_error(max(SIZE))
-"""Pixels that a match may be off its epipolar line. A camera that is farther off than that sees the
-middle of the scene where no match would have been verified."""
+CLOSE = pycolmap.IncrementalMapperOptions().filter_max_reproj_error
+"""Pixels that an observation of a model may be off at most, which is 4. A camera that is farther
+off sees the middle of the scene where no observation is left. Its neighbours are 30 off or more."""
 
 
 def view_of(frame: str) -> int:

@@ -28,7 +28,7 @@ def found(yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Found:
 
 @pytest.fixture(scope="session")
 def marked(yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Found:
-    """Every other view, with what stands still in the lowest third of each; shared as `found`."""
+    """Every other view, with what stands still in the lowest quarter of each; shared as `found`."""
     return _found(yard, tmp_path_factory.mktemp("marked"), range(0, 12, 2), is_marked=True)
 
 
