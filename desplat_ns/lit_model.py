@@ -39,7 +39,7 @@ class LitModelConfig(SplatfactoModelConfig):
     background: BackgroundConfig = field(default_factory=BackgroundConfig)
     """Background model, where `effects.background` has it."""
     backend: BackendName = "auto"
-    """Rasterizer. auto takes gsplat where CUDA works, else the fastest that runs on the CPU."""
+    """Rasterizer. auto takes gsplat on CUDA, and numba on the CPU."""
 
 
 class LitModel(SplatfactoModel):

@@ -55,7 +55,7 @@ def _in_tiles(v: Values) -> tuple[Tensor, ...]:
 
 
 def _offsets(v: Values) -> Tensor:
-    views = v.get("C", v.get("I"))
+    views = v["C"] if "C" in v else v["I"]  # of gsplat 1.4 and 1.5
     return torch.zeros(views, v["tile_height"], v["tile_width"], dtype=torch.int32)
 
 

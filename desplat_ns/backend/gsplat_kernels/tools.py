@@ -165,8 +165,8 @@ def _answer(*command: str) -> str:
 
 
 def _find_ninja() -> Path:
-    beside = str(Path(sys.executable).parent)
-    for path in (None, beside, sysconfig.get_path("scripts")):
+    # The wheel's first: another version than last time would begin an interrupted build anew.
+    for path in (str(Path(sys.executable).parent), sysconfig.get_path("scripts"), None):
         found = shutil.which("ninja", path=path)
         if found:
             return Path(found)
