@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 WAIT = """
 import sys
@@ -21,7 +22,7 @@ def wait():
 def running(code: str, checkout: Path) -> Iterator[subprocess.Popen[str]]:
     """Within, a process has come to where its code calls `wait()`."""
     line = [sys.executable, "-c", WAIT + code]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    pipes: Any = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen(line, cwd=checkout, text=True, **pipes) as process:
         assert process.stdout is not None
         try:
