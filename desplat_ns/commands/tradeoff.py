@@ -12,6 +12,7 @@ import tyro
 from desplat_ns.commands.parser_words import parse
 from desplat_ns.console import announce, progress_in_time
 from desplat_ns.errors import CaptureError, ConfigError, print_user_errors_plainly
+from desplat_ns.files.lock import only_process_in
 from desplat_ns.studies.grid.executors import ExecutorName, executor_of
 from desplat_ns.training.budget import seconds_of
 
@@ -93,12 +94,11 @@ def study(request: Request) -> Path:
     """Do a study as far as its time goes and write its report; where that is.
 
     Raises:
-        DeSplatError: the capture, the time or the folder will not do.
+        DeSplatError: the capture, the time or the folder will not do, or another process is at work
+            in the folder.
     """
     from desplat_ns.studies.tradeoff.report import write_report
     from desplat_ns.studies.tradeoff.study import Sitting, open_study
-
-    results = open_study(request)
 
     def spent() -> float:
         return sitting.clock.spent
@@ -106,10 +106,12 @@ def study(request: Request) -> Path:
     def tell(what: str) -> None:
         say(what)
 
-    sitting = Sitting(request, results, tell)
-    with progress_in_time(request.seconds, spent) as say:
-        sitting.do()
-    return write_report(request.output, results, sitting.records)
+    with only_process_in(request.output):
+        results = open_study(request)
+        sitting = Sitting(request, results, tell)
+        with progress_in_time(request.seconds, spent) as say:
+            sitting.do()
+        return write_report(request.output, results, sitting.records)
 
 
 def main() -> None:

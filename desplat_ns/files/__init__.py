@@ -1,4 +1,5 @@
-"""Files on disk: `whole` lets none be seen half-written and none be lost unasked.
+"""Files on disk: `whole` lets none be seen half-written and none be lost unasked, `lock`
+lets one process at a time work on them.
 
 May import `errors`.
 """

@@ -14,7 +14,6 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -22,6 +21,7 @@ from typing import Any
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import ConfigError, DeSplatError
+from desplat_ns.files.lock import IN_USE
 from desplat_ns.files.whole import write_whole
 
 RECORD = "process.json"
@@ -99,8 +99,6 @@ class Folder:
         """Remove the record as well: nothing came out that a second call could use."""
         self.remove_work()
         (self.output / RECORD).unlink(missing_ok=True)
-        with suppress(OSError):
-            self.output.rmdir()  # where it is empty
 
     def remove_work(self) -> None:
         """Remove what only mattered on the way."""
@@ -139,7 +137,8 @@ def open_folder(output: Path, asked: Mapping[str, str], files: Mapping[str, int]
 def _check_nothing_there(output: Path) -> None:
     if output.is_file():
         raise ConfigError(f"{output} is a file. Name a folder for the capture.")
-    entries = sorted(path.name for path in output.iterdir()) if output.is_dir() else []
+    there = output.iterdir() if output.is_dir() else ()
+    entries = sorted(path.name for path in there if path.name != IN_USE)
     if entries:
         raise ConfigError(
             f"{output} holds something else: {list_names(entries, 5)}. Nothing is written over: "

@@ -8,6 +8,7 @@ from typing import Any
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError
+from desplat_ns.files.lock import only_process_in
 from desplat_ns.process.attempts import Attempt, Task, best_attempt
 from desplat_ns.process.cameras import group_by_camera
 from desplat_ns.process.folder import Folder, open_folder, unwritable
@@ -32,10 +33,16 @@ def process(request: Request, sources: Sources) -> Folder:
     """Make the capture, or go on where an earlier call stopped; says what came out.
 
     Raises:
-        ConfigError: the output folder holds something else, or was begun with other options.
+        ConfigError: the output folder holds something else, or was begun with other options, or
+            another process is at work in it.
         CaptureError: too few photos can be used, or nothing ties them together.
         DeSplatError: the disk is full, or pycolmap failed. What is done is kept.
     """
+    with only_process_in(request.output):
+        return _process(request, sources)
+
+
+def _process(request: Request, sources: Sources) -> Folder:
     folder = open_folder(request.output, request.lasting(), sources.fingerprint())
     if "findings" not in folder.stages or _goes_on_thoroughly(folder, request):
         try:

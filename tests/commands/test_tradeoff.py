@@ -19,6 +19,7 @@ from desplat_ns.studies.tradeoff.plan import BASE, TrainingPlan
 from desplat_ns.studies.tradeoff.results import RUNS
 from desplat_ns.studies.tradeoff.study import Request
 from desplat_ns.synthetic import Scene
+from tests.helpers.other_process import running, tried
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
 
@@ -55,6 +56,32 @@ def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, mo
     before = (tmp_path / "out" / "training.json").read_bytes()
     study(replace(request, seconds=301.0))
     assert (tmp_path / "out" / "training.json").read_bytes() == before, "all of it was done"
+
+
+def test_a_second_study_in_the_same_folder_is_refused(tmp_path: Path, checkout: Path):
+    code = "from pathlib import Path; from desplat_ns.files.lock import *\n"
+    code += f"with only_process_in(Path({str(tmp_path / 'out')!r})):\n    wait()"
+    request = Request(Path("photos"), (), tmp_path / "out", 60.0, 1, LocalExecutor(1))
+    with running(code, checkout) as first:
+        said = rf"Process {first.pid} is at work in '{tmp_path / 'out'}'"
+        with pytest.raises(ConfigError, match=said):
+            study(request)
+
+
+def test_while_a_study_is_done_its_folder_is_taken(
+    tmp_path: Path, checkout: Path, monkeypatch: pytest.MonkeyPatch
+):
+    folder, told = tmp_path / "out", []
+
+    def opened(_: Request) -> None:
+        told.append(tried(f"only_process_in(Path({str(folder)!r}))", checkout))
+        raise CaptureError("far enough")
+
+    monkeypatch.setattr(module, "open_study", opened)
+    with pytest.raises(CaptureError, match="far enough"):
+        study(Request(Path("photos"), (), folder, 60.0, 1, LocalExecutor(1)))
+    assert "is at work in" in told[0]
+    assert list(tmp_path.iterdir()) == [], "and nothing is left"
 
 
 def test_options_that_cannot_be_are_named(tmp_path: Path):

@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -118,7 +119,7 @@ def test_sigterm_leaves_no_draft_and_ends_the_process_unless_something_answers_i
 ):
     """In training something does: the step is finished and saved."""
     line = [sys.executable, "-c", WRITING, "ignored" if answered else "", str(tmp_path)]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    pipes: Any = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen(line, cwd=checkout, text=True, **pipes) as process:
         assert process.stdin is not None and process.stdout is not None
         assert process.stdout.readline() == "writing\n"

@@ -14,6 +14,7 @@ from typing import get_args
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import DeSplatError
+from desplat_ns.files.lock import only_process_in, only_process_writing
 from desplat_ns.studies.grid import records
 from desplat_ns.studies.grid.execute import log_of
 from desplat_ns.studies.grid.executors import ExecutorName, executor_of
@@ -121,14 +122,16 @@ class Command:
             for run, reason in self._wanted(chosen.only).items():
                 print(f"{run.name}    {reason}")
             return 0
-        done = [True]
-        if not chosen.report:
-            chosen.output.mkdir(parents=True, exist_ok=True)
-            executor = executor_of(chosen.executor, chosen.jobs, chosen.ray_address)
-            keep = partial(self._keep, chosen.output)
-            done = executor.do(self.study, self._wanted(chosen.only), chosen.output, keep)
+        done = [True] if chosen.report else self._do(chosen)
         print(f"written: {self.write_report()}")
         return 0 if all(done) else 1
+
+    def _do(self, chosen: argparse.Namespace) -> list[bool]:
+        """Do what is wanted; no other process may write the records or into the folder."""
+        executor = executor_of(chosen.executor, chosen.jobs, chosen.ray_address)
+        keep = partial(self._keep, chosen.output)
+        with only_process_writing(self.file), only_process_in(chosen.output):
+            return executor.do(self.study, self._wanted(chosen.only), chosen.output, keep)
 
     def _keep(self, output: Path, run: Run, found: Record | Exception) -> bool:
         """Record a run's figures and say the first; False if it failed, which is said as well."""

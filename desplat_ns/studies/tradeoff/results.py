@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.errors import ConfigError
+from desplat_ns.files.lock import IN_USE
 from desplat_ns.files.whole import write_whole
 from desplat_ns.studies.grid.machine import describe_machine
 from desplat_ns.studies.grid.records import Records
@@ -89,7 +90,8 @@ class Results:
 
 
 def _check_free(folder: Path) -> None:
-    if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
+    there = folder.iterdir() if folder.is_dir() else ()
+    if folder.is_file() or any(path.name != IN_USE for path in there):
         raise ConfigError(
             f"--output is '{folder}', which holds something that is no study of this kind. Name a "
             "new or empty folder."

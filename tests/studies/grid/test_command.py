@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from desplat_ns.studies.grid.command import Command, named_runs
 from desplat_ns.studies.grid.execute import log_of
 from desplat_ns.studies.grid.records import Record, load, save
 from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
+from tests.helpers.other_process import running, tried
 
 CAPTURE = RealCapture("fox")
 PLAN = tuple(
@@ -138,3 +140,33 @@ def test_a_pattern_that_names_no_run_is_an_error(command: Command, capsys, more:
 def test_a_pattern_names_runs_by_their_name_or_how_it_begins():
     assert named_runs(STUDY, ["*-yard"]) == [run for run in PLAN if run.scene == "yard"]
     assert named_runs(STUDY, [PLAN[3].name, "off-*-42"]) == [PLAN[3], PLAN[0], PLAN[2]]
+
+
+def test_while_a_study_runs_no_other_process_writes_its_records_or_into_its_folder(
+    command: Command, checkout: Path, monkeypatch, capsys
+):
+    locks = [f"only_process_writing(Path({str(command.file)!r}))"]
+    locks += [f"only_process_in(Path({str(command.output)!r}))"]
+    told: list[str] = []
+
+    def execute(*_: object) -> Record:
+        told.extend(tried(lock, checkout) for lock in locks)
+        return Record({"psnr": 30.0}, "new", TODAY)
+
+    monkeypatch.setattr(module, "execute", execute)
+    assert command.main(["--only", STALE.name]) == 0
+    assert len(told) == 2 and all(f"Process {os.getpid()} is at work in" in one for one in told)
+    assert [tried(lock, checkout) for lock in locks] == ["free", "free"]
+
+
+def test_a_second_study_with_the_same_records_is_refused(
+    command: Command, checkout: Path, tmp_path: Path, capsys
+):
+    code = "from pathlib import Path; from desplat_ns.files.lock import *\n"
+    code += f"with only_process_writing(Path({str(command.file)!r})):\n    wait()"
+    before = command.file.read_text()
+    with running(code, checkout) as first:
+        assert command.main(["--only", STALE.name, "--output", str(tmp_path / "other")]) == 1
+        assert f"Error: Process {first.pid} is at work in '{tmp_path}'" in capsys.readouterr().err
+        assert command.main(["--list"]) == 0, "looking is free"
+    assert command.file.read_text() == before

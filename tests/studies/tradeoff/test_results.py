@@ -47,7 +47,7 @@ def test_a_disk_that_is_full_is_said_and_the_earlier_file_stays(tmp_path, monkey
     def full(self, *args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("pathlib.Path.write_text", full)
+    monkeypatch.setattr("os.fsync", full)
     results.spent = 99.0
     with pytest.raises(ConfigError, match="Make room or name another --output"):
         results.save(tmp_path, {})

@@ -140,7 +140,7 @@ def test_a_full_disk_ends_a_study_with_what_to_do(time, tmp_path, monkeypatch):
 
     def fail_later(study, run):
         monkeypatch.setattr(module_records, "enter", full)
-        monkeypatch.setattr(Path, "write_text", full)
+        monkeypatch.setattr("os.fsync", full)
         return made_up(study, run)
 
     with pytest.raises(ConfigError, match="Make room"):

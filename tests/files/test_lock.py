@@ -1,0 +1,78 @@
+"""One process at a time; a lock is gone with its process, however that ends."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.errors import ConfigError
+from desplat_ns.files.lock import IN_USE, only_process_in, only_process_writing
+from tests.helpers.other_process import running, tried
+
+HOLDING = "from pathlib import Path; from desplat_ns.files.lock import *\nwith {}:\n    wait()"
+
+
+def test_a_second_process_is_refused_at_once_with_the_folder_and_the_first(
+    tmp_path: Path, checkout: Path
+):
+    folder = tmp_path / "out"
+    with running(HOLDING.format(f"only_process_in(Path({str(folder)!r}))"), checkout) as other:
+        begin = time.monotonic()
+        said = rf"Process {other.pid} is at work in '{folder}'.*another folder"
+        for _ in range(2):  # a refusal takes nothing away from the first
+            with pytest.raises(ConfigError, match=said), only_process_in(folder):
+                pass
+        assert time.monotonic() - begin < 5
+        with only_process_in(tmp_path / "another"):
+            pass
+
+
+@pytest.mark.parametrize("end", ["kill", "terminate"])
+def test_the_lock_is_gone_with_a_process_that_was_ended(tmp_path: Path, checkout: Path, end: str):
+    folder = tmp_path / "out"
+    with running(HOLDING.format(f"only_process_in(Path({str(folder)!r}))"), checkout) as other:
+        getattr(other, end)()
+        other.wait()
+        with only_process_in(folder):
+            assert (folder / IN_USE).read_text() == str(os.getpid())
+    assert not (folder / IN_USE).exists()
+
+
+def test_a_process_that_this_one_started_does_not_keep_the_lock(tmp_path: Path):
+    """A worker that outlives a killed process must not keep others out."""
+    with only_process_in(tmp_path):
+        sleeper = subprocess.Popen(["sleep", "60"], close_fds=False)
+    with only_process_in(tmp_path):
+        sleeper.kill()
+        sleeper.wait()
+
+
+def test_a_file_is_locked_by_itself(tmp_path: Path, checkout: Path):
+    file = tmp_path / "records.json"
+    with only_process_writing(file):
+        assert "is at work" in tried(f"only_process_writing(Path({str(file)!r}))", checkout)
+        other = tmp_path / "others.json"
+        assert tried(f"only_process_writing(Path({str(other)!r}))", checkout) == "free"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_was_made_and_stayed_empty_is_gone_and_others_stay(tmp_path: Path):
+    with only_process_in(tmp_path / "new"):
+        assert (tmp_path / "new").is_dir()
+    (tmp_path / "old").mkdir()
+    with only_process_in(tmp_path / "old"):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == ["old"]
+
+
+def test_a_place_that_cannot_be_is_named(tmp_path: Path):
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigError, match=r"file' is a file"), only_process_in(tmp_path / "file"):
+        pass
+    nowhere = Path("/proc/nothing")
+    with pytest.raises(ConfigError, match="cannot be written"), only_process_in(nowhere):
+        pass
