@@ -32,7 +32,7 @@ def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, mo
     monkeypatch.setattr(plan, "SEEDS", (42,))
     monkeypatch.setattr(plan, "LADDER", (1.0,))
     request = Request(
-        tiny_scene.folder, ("robustnerf-data",), tmp_path / "out", 300.0, 2, LocalExecutor(2)
+        tiny_scene.folder, ("robustnerf-data",), tmp_path / "out", 3600.0, 2, LocalExecutor(2)
     )
     monkeypatch.setattr(module, "MOST_FOR_PIXELS", 2.0)
     for user in (evaluation_level, module):

@@ -58,6 +58,7 @@ def test_errors_do_not_depend_on_the_backend(study):
 def test_what_would_take_too_long_is_left_out_and_told(monkeypatch):
     """A second passes before anything begins: only the truth, which has no budget, is drawn."""
     told: list[str] = []
+    monkeypatch.setattr(dial_study, "bfloat16_hindrance", lambda: None)  # whatever the processor
     monkeypatch.setattr(dial_study, "Budget", lambda seconds: budgeted_turns.Budget(seconds, 0.0))
     study = measure_dials(SCENE, 1.0, told.append)
     assert study.points == []
