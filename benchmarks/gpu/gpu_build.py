@@ -37,8 +37,9 @@ ARCHITECTURE = "8.9"
 TOOLKIT = CHECKOUT / "outputs" / "gpu-toolkit"
 """Where nvcc is installed if the environment has none."""
 
-NOT_ON_A_GPU = ("must be a CUDA tensor", "cuda")
-"""In what a kernel says of tensors on the CPU, whose shapes and types it took."""
+NOT_ON_A_GPU = ("must be a CUDA tensor", "non-CUDA DeviceType")
+"""What a kernel says of tensors on the CPU once it has taken them: gsplat's own check, or torch's
+guard of the device."""
 
 
 def have_toolkit() -> None:

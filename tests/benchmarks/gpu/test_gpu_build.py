@@ -77,8 +77,9 @@ def module_that(says: type[Exception] | None, text: str = "") -> Any:
 
 def test_only_what_ends_at_the_check_for_a_gpu_was_taken():
     call = Call("kernel", (torch.zeros(3), "PINHOLE"))
-    taken = module_that(RuntimeError, "means must be a CUDA tensor")
-    assert gpu_build.refused(taken, call) is None
+    guard = "CUDAGuardImpl initialized with non-CUDA DeviceType: cpu"
+    for said in ("colors must be a CUDA tensor", guard):
+        assert gpu_build.refused(module_that(RuntimeError, said), call) is None
     for module in (module_that(RuntimeError, "shape"), module_that(TypeError), module_that(None)):
         assert gpu_build.refused(module, call) is not None
 
