@@ -11,7 +11,7 @@ from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from typing import Any
 
-CORES = os.environ.get("DESPLAT_NS_PRETEND_CORES")
+CORES = int(os.environ.get("DESPLAT_NS_PRETEND_CORES", "0"))
 GPU = os.environ.get("DESPLAT_NS_PRETEND_GPU")
 
 
@@ -35,7 +35,7 @@ class _TorchSeesAGpu(MetaPathFinder):
 
 
 if CORES:
-    os.cpu_count = lambda: int(CORES)
-    os.sched_getaffinity = lambda pid: set(range(int(CORES)))
+    os.cpu_count = lambda: CORES
+    os.sched_getaffinity = lambda pid: set(range(CORES))
 if GPU:
     sys.meta_path.insert(0, _TorchSeesAGpu())
