@@ -11,7 +11,7 @@ from typing import Any, Literal, Protocol, cast, runtime_checkable
 import torch
 from nerfstudio.pipelines.base_pipeline import VanillaPipeline, VanillaPipelineConfig
 from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
-from torch import Tensor
+from torch import Tensor, nn
 
 from desplat_ns.backend import Rasterizer
 from desplat_ns.console import list_names, progress_over
@@ -26,7 +26,6 @@ from desplat_ns.evaluation.metrics import LPIPS_NET, LazyLpips
 from desplat_ns.evaluation.pictures import save_pictures
 from desplat_ns.evaluation.protocol import EvaluationProtocol
 from desplat_ns.evaluation.records import (
-    CountedModel,
     ScoredImage,
     check_finite,
     gaussian_counts,
@@ -35,6 +34,7 @@ from desplat_ns.evaluation.records import (
     versions,
 )
 from desplat_ns.evaluation.whole_image import WholeImage
+from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.lit_model import LitModelConfig
 from desplat_ns.nerfstudio_quirks import (
     give_masks_a_colormap_in_the_viewer,
@@ -62,16 +62,23 @@ class DeSplatPipelineConfig(VanillaPipelineConfig):
 
 
 @runtime_checkable
-class PipelineModel(ScoredLitModel, MaskedModel, CountedModel, GuardedModel, Protocol):
+class PipelineModel(ScoredLitModel, MaskedModel, GuardedModel, Protocol):
     """What the pipeline needs of a model; `DeSplatModel` has it."""
 
     layer_control: LayerControl
     """The viewer's choice of layer."""
     shown_light: ShownLight
     """The choice of a light."""
+    gauss_params: nn.ParameterDict
+    """Of the static set."""
     effects: Effects
     image_effects: ImageEffects | None
     lpips: LazyLpips
+
+    @property
+    def distractors(self) -> DistractorGaussians | None:
+        """Those of all training views; None if the effect is off."""
+        ...
 
     @property
     def rasterizer(self) -> Rasterizer:
@@ -187,7 +194,7 @@ class DeSplatPipeline(VanillaPipeline):
                 data_loader, image_prefix, output_path, protocol, warm_up=get_std
             )
             results: dict[str, Any] = {**summarize(images, get_std)}
-            results |= gaussian_counts(self._model)
+            results |= gaussian_counts(self._model.gauss_params, self._model.distractors)
             if get_std:
                 check_finite(images)
                 results |= self._mask_scores()

@@ -8,7 +8,7 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 from torch import nn
 
@@ -77,31 +77,14 @@ def check_finite(images: Sequence[ScoredImage]) -> None:
         )
 
 
-@runtime_checkable
-class CountedModel(Protocol):
-    """A model of Gaussians."""
-
-    gauss_params: nn.ParameterDict
-    """Of the static set."""
-
-    @property
-    def num_points(self) -> int:
-        """How many there are in the static set."""
-        ...
-
-    @property
-    def distractors(self) -> DistractorGaussians | None:
-        """The other set; None if the effect is off."""
-        ...
-
-
-def gaussian_counts(model: CountedModel) -> dict[str, int | float]:
+def gaussian_counts(
+    static: nn.ParameterDict, distractors: DistractorGaussians | None
+) -> dict[str, int | float]:
     """How many static and distractor Gaussians there are, and the MB (10^6 bytes) they take."""
-    distractors = model.distractors
     return {
-        "num_static_gaussians": int(model.num_points),
+        "num_static_gaussians": len(static["means"]),
         "num_distractor_gaussians": sum(distractors.counts()) if distractors is not None else 0,
-        "static_memory_mb": memory_mb(model.gauss_params),
+        "static_memory_mb": memory_mb(static),
         "distractor_memory_mb": memory_mb(distractors),
     }
 

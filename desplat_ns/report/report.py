@@ -49,7 +49,8 @@ def gather(
     photos = [photo for photo, _ in pairs]
     results, held_out = held_out_photos(pipeline, most_held_out)
     figures: dict[str, Any] = {"steps": run.steps, "num_photos": num_photos}
-    cost = cost_of(run.config, files, run.checkpoint, history, figures | gaussian_counts(model))
+    counts = gaussian_counts(model.gauss_params, model.distractors)
+    cost = cost_of(run.config, files, run.checkpoint, history, figures | counts)
     reasons = effect_reasons(model.effects, read_survey(files.survey))
     failure, by_others = separation_of(model, photos, [sight for _, sight in pairs])
     seen = Seen(cost, reasons, photos, results, failure, by_others)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 import torch
@@ -69,8 +67,7 @@ def test_memory_is_4_bytes_a_float_in_units_of_a_million():
 
 def test_without_distractors_their_count_and_memory_are_0():
     params = nn.ParameterDict({"means": torch.zeros(250, 3)})
-    model: Any = SimpleNamespace(num_points=250, gauss_params=params, distractors=None)
-    assert gaussian_counts(model) == {
+    assert gaussian_counts(params, None) == {
         "num_static_gaussians": 250,
         "num_distractor_gaussians": 0,
         "static_memory_mb": pytest.approx(0.003),
