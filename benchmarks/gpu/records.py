@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
+
+from desplat_ns.files.whole import write_whole
 
 FILE = "gpu.json"
 
@@ -85,6 +86,4 @@ class Run:
 
 def write_json(path: Path, value: Any) -> None:
     """Atomically."""
-    beside = path.with_suffix(".part")
-    beside.write_text(json.dumps(value, indent=1) + "\n", "utf8")
-    os.replace(beside, path)
+    write_whole(path, (json.dumps(value, indent=1) + "\n").encode())

@@ -10,6 +10,7 @@ needs them compiles them: numba's by this command in a process of its own.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -18,6 +19,7 @@ import torch
 
 from desplat_ns.backend.gsplat_kernels import kernels
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
+from desplat_ns.backend.registry import available
 
 SIZE = 32
 """Pixels, enough for SSIM's window."""
@@ -25,6 +27,9 @@ SIZE = 32
 
 def compile_numba() -> str | None:
     """Call every kernel: draw one Gaussian, score the image, and follow the gradients back."""
+    reason = available("cpu")["numba"]
+    if reason is not None:
+        return reason
     from desplat_ns.backend.numba_kernels.runtime import compile_here
     from desplat_ns.backend.numba_tiles import NumbaRasterizer
     from desplat_ns.backend.ssim import ssim
@@ -46,8 +51,8 @@ def compile_numba() -> str | None:
 
 def compile_gsplat() -> str | None:
     """Compile and load gsplat's; why there are none, if there are none."""
-    if not torch.cuda.is_available():
-        return "draws on CUDA devices, and torch sees none."
+    if not torch.cuda.is_available() and not os.environ.get("TORCH_CUDA_ARCH_LIST"):
+        return "draws on CUDA devices, and torch sees none. TORCH_CUDA_ARCH_LIST names another's."
     kernels.try_again()
     return kernels.hindrance()
 

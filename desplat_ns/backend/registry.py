@@ -156,4 +156,6 @@ def rendering_device(name: BackendName, device: str) -> tuple[str, str]:
     if name == "numba":
         return "cpu", "its backend is numba"
     reason = _BACKENDS["gsplat"].hindrance(device)
-    return (device, "") if reason is None else ("cpu", f"backend 'gsplat' {reason}")
+    if reason is None:
+        return device, ""
+    return "cpu", f"backend 'gsplat' {reason.removesuffix(ON_THE_CPU).strip()}"

@@ -64,7 +64,10 @@ def measure(
 ) -> list[EffectsCost]:
     """Time steps with the effects of each case, in turns with one that has none.
 
-    On the GPU where there is one; seconds, and half a minute more where kernels are to be compiled.
+    On the GPU where there is one; seconds, and longer where kernels are to be compiled first.
+
+    Raises:
+        BackendUnavailableError: nothing draws on that GPU.
     """
     device = "cuda" if torch.cuda.is_available() else "cpu"
     scene = make_scene(size.num_gaussians, size.width, size.height)

@@ -13,6 +13,7 @@ from desplat_ns.console import announce
 from desplat_ns.data.images import write_image
 from desplat_ns.datamanager import without_prompts
 from desplat_ns.effects import Effects
+from desplat_ns.errors import BackendUnavailableError
 from desplat_ns.files.whole import draft_of, plain_errors, write_whole
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
 from desplat_ns.static_model import StaticModelConfig
@@ -50,7 +51,10 @@ def survey_capture(
     with plain_errors(output), draft_of(output / "survey.png") as draft:
         write_image(draft, evidence_picture(evidence))
     if measure_costs:
-        _write(told | {"on_this_machine": costs_on_this_machine(found, capture)}, output)
+        try:
+            _write(told | {"on_this_machine": costs_on_this_machine(found, capture)}, output)
+        except BackendUnavailableError as reason:
+            announce(f"What steps cost here is not measured. {reason}", warning=True)
     announce(f"Saved {output / 'survey.json'} and {output / 'survey.png'}.")
     return found
 

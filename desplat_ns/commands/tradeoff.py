@@ -97,6 +97,7 @@ def study(request: Request) -> Path:
         DeSplatError: the capture, the time or the folder will not do, or another process is at work
             in the folder.
     """
+    from desplat_ns.backend.registry import compile_kernels, default_device
     from desplat_ns.studies.tradeoff.report import write_report
     from desplat_ns.studies.tradeoff.study import Sitting, open_study
 
@@ -108,6 +109,7 @@ def study(request: Request) -> Path:
 
     with only_process_in(request.output):
         results = open_study(request)
+        compile_kernels("auto", default_device())  # no part of the time that was given
         sitting = Sitting(request, results, tell)
         with progress_in_time(request.seconds, spent) as say:
             sitting.do()

@@ -86,9 +86,10 @@ def fitting(cloud: SplatCloud) -> tuple[SplatCloud, list[str]]:
     A place is rounded to a multiple of 2^-bits along each axis, so it is off by 2^-bits / 2 at
     most. That is `OFF_BY` of a scale s, or less, from bits = ceil(log2(1 / (2 OFF_BY s))) on, where
     s is such that a share `PRECISE` of the Gaussians is larger. With so many bits coordinates end
-    at LARGEST / 2^bits, half a million times s at least, and what lies beyond is left out: one
-    Gaussian that floats far away would coarsen all the others. No more than a share `FAR` is left
-    out, by the quantile of the largest coordinates; where that does not suffice, a line says so.
+    at LARGEST / 2^bits, a quarter of a million times s at least, and what lies beyond is left out:
+    one Gaussian that floats far away would coarsen all the others. No more than a share `FAR` is
+    left out, by the quantile of the largest coordinates; where that does not suffice, a line says
+    so.
     Where all Gaussians have the bits that they need, all stay.
     """
     reach = np.abs(cloud.means).max(axis=1)

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from filelock import FileLock, Timeout
+from filelock import FileLock, Timeout, UnixFileLock
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.files.whole import plain_errors
 
 IN_USE = ".in-use"
 """Name of a folder's lock, and how that of a file ends. It holds the number of the process."""
@@ -46,21 +45,24 @@ def _held(path: Path) -> Iterator[None]:
     lock, folder = FileLock(path, timeout=0), path.parent
     if folder.is_file():
         raise ConfigError(f"'{folder}' is a file. Name a folder.")
-    with plain_errors(folder):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            lock.acquire()
-        except Timeout as error:
-            raise ConfigError(
-                f"{_holder(path)} is at work in '{folder}'. Wait for its end, or name another "
-                "folder."
-            ) from error
     try:
-        with suppress(OSError):  # Windows lets nobody write what is locked
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout as error:
+        raise ConfigError(
+            f"{_holder(path)} is at work in '{folder}'. Wait for its end, or name another folder."
+        ) from error
+    except OSError as error:
+        raise ConfigError(
+            f"Nothing can be written to '{folder}' ({error}). Name another folder."
+        ) from error
+    try:
+        if type(lock) is UnixFileLock:  # the others keep marks of their own in it, or nobody may
             path.write_text(str(os.getpid()))
         yield
     finally:
-        path.unlink(missing_ok=True)  # while it is held: filelock notices that a file is gone
+        with suppress(OSError):
+            path.unlink()  # while it is held: filelock notices that a file is gone
         lock.release()
 
 

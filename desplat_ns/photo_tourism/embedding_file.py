@@ -45,7 +45,7 @@ def load_embeddings(path: Path, model_digest: str, device: torch.device) -> dict
     Raises:
         CheckpointError: the file is missing, is none of ours, or belongs to another model.
     """
-    advice = "Write it anew with `desplat-eval --save-embeddings`."
+    advice = "Write it anew with `desplat-eval --save-embeddings FILE --overwrite`."
     try:
         with np.load(path, allow_pickle=False) as saved:
             found = {name: saved[name] for name in ("model", "names", "embeddings")}

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from desplat_ns.commands import surveyed
 from desplat_ns.commands.parser_words import parse
 from desplat_ns.commands.survey import Arguments
 from desplat_ns.commands.surveyed import survey_capture
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.effects import Effects
-from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.errors import BackendUnavailableError, CaptureError, ConfigError
 from tests.helpers.quick_command import check_quick_command
 
 
@@ -102,3 +103,15 @@ def test_help_and_mistakes_import_nothing_heavy(
     arguments: list[str], status: int, words: str, checkout: Path
 ):
     check_quick_command("survey", arguments, status, words, checkout)
+
+
+def test_where_nothing_draws_on_the_gpu_the_survey_is_saved_all_the_same(
+    tiny_scene, tmp_path, monkeypatch, capsys
+):
+    def costs(*_: object) -> None:
+        raise BackendUnavailableError("Backend 'gsplat' has no CUDA kernels here.")
+
+    monkeypatch.setattr(surveyed, "costs_on_this_machine", costs)
+    survey_capture(tiny_scene.folder, tmp_path)
+    assert "not measured. Backend 'gsplat' has no CUDA kernels" in capsys.readouterr().out
+    assert "distractors" in json.loads((tmp_path / "survey.json").read_text())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import time
@@ -42,6 +43,21 @@ def test_the_lock_is_gone_with_a_process_that_was_ended(tmp_path: Path, checkout
     assert not (folder / IN_USE).exists()
 
 
+def test_where_the_file_system_has_no_locks_the_mark_that_stands_for_one_is_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """It says whose it is, so that the mark of a process that was killed is known as such."""
+    monkeypatch.setattr("filelock._unix.fcntl.flock", no_locks)
+    with only_process_in(tmp_path):
+        assert (tmp_path / IN_USE).read_text() != str(os.getpid())
+        assert str(os.getpid()) in (tmp_path / IN_USE).read_text()
+    assert not (tmp_path / IN_USE).exists()
+
+
+def no_locks(*_: object) -> None:
+    raise OSError(errno.ENOSYS, "Function not implemented")
+
+
 def test_a_process_that_this_one_started_does_not_keep_the_lock(tmp_path: Path):
     """A worker that outlives a killed process must not keep others out."""
     with only_process_in(tmp_path):
@@ -74,5 +90,8 @@ def test_a_place_that_cannot_be_is_named(tmp_path: Path):
     with pytest.raises(ConfigError, match=r"file' is a file"), only_process_in(tmp_path / "file"):
         pass
     nowhere = Path("/proc/nothing")
-    with pytest.raises(ConfigError, match="cannot be written"), only_process_in(nowhere):
+    with (
+        pytest.raises(ConfigError, match=r"written to .*nothing.*another folder"),
+        only_process_in(nowhere),
+    ):
         pass

@@ -36,9 +36,9 @@ NAME = "gsplat_cuda"
 """Of the module, and of the folder in which gsplat compiles it."""
 
 END_WITH_PARENT = """
-import os, signal, threading, time
-def watch(parent=os.getppid()):
-    while os.getppid() == parent:
+import os, signal, sys, threading, time
+def watch():
+    while os.getppid() == int(sys.argv[1]):
         time.sleep(0.5)
     os.killpg(0, signal.SIGTERM)
 threading.Thread(target=watch, daemon=True).start()
@@ -51,6 +51,12 @@ shutil.rmtree = lambda *_, **__: None  # gsplat would throw away what an interru
 import gsplat.cuda._backend as backend
 raise SystemExit(backend._C is None)
 """
+
+FILES = 25
+"""Of gsplat 1.4.0: more jobs have nothing to do."""
+
+CONTAINERS_MEMORY = Path("/sys/fs/cgroup/memory.max")
+"""What a container may use, where this process is in one."""
 
 LAST_LINES = 6
 """Of a compiler's complaints that an error repeats."""
@@ -97,16 +103,23 @@ def library_for(target: Target) -> Path:
     if target.library.exists():
         return target.library
     tools = find_tools()
-    with _locked(target.folder):
-        if not target.library.exists():  # another process may have been faster
-            _raise_if_it_failed_before(target, tools)
-            _compile(target, tools)
+    try:
+        with _locked(target.folder):
+            if not target.library.exists():  # another process may have been faster
+                _raise_if_it_failed_before(target, tools)
+                _compile(target, tools)
+    except OSError as error:
+        raise NoKernels(
+            f"has no CUDA kernels here, and nothing can be written to {target.folder} ({error}). "
+            "Name another folder with TORCH_EXTENSIONS_DIR."
+        ) from error
     return target.library
 
 
 def forget_failure(target: Target) -> None:
     """Let the next call try again, although nothing changed."""
-    (target.folder / "failure.json").unlink(missing_ok=True)
+    with suppress(OSError):
+        (target.folder / "failure.json").unlink()
 
 
 def jobs() -> int:
@@ -115,7 +128,10 @@ def jobs() -> int:
     if asked.isdigit() and int(asked) > 0:
         return int(asked)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return max(1, min(cores or 1, psutil.virtual_memory().available // BYTES_A_JOB))
+    memory = psutil.virtual_memory().available
+    with suppress(OSError, ValueError):  # no such file, or "max"
+        memory = min(memory, int(CONTAINERS_MEMORY.read_text()))
+    return max(1, min(cores or 1, FILES, memory // BYTES_A_JOB))
 
 
 def minutes(at_once: int) -> int:
@@ -126,19 +142,13 @@ def minutes(at_once: int) -> int:
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
     """Within, no other process compiles in a folder; the lock of one that died is free."""
+    folder.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(folder / "lock")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(folder / "lock")
-        try:
-            lock.acquire(timeout=0)
-        except Timeout:
-            _say(f"Another process compiles gsplat's kernels (in {folder}); waiting for it.")
-            lock.acquire()
-    except OSError as error:
-        raise NoKernels(
-            f"has no CUDA kernels here, and nothing can be written to {folder} ({error}). Name "
-            "another folder with TORCH_EXTENSIONS_DIR."
-        ) from error
+        lock.acquire(timeout=0)
+    except Timeout:
+        _say(f"Another process compiles gsplat's kernels (in {folder}); waiting for it.")
+        lock.acquire()
     try:
         yield
     finally:
@@ -175,10 +185,13 @@ def _compile(target: Target, tools: Tools) -> None:
         shutil.rmtree(at_work, ignore_errors=True)
         _say(f"gsplat's kernels are compiled, in {(time.monotonic() - began) / 60:.1f} minutes.")
         return
+    complaints = _complaints(log)
     reason = (
         f"has no CUDA kernels here: compiling them failed (nvcc {tools.cuda}, "
-        f"{tools.compiler_version}). The compiler's last lines, of {log}:\n{_complaints(log)}"
+        f"{tools.compiler_version}). The compiler's last lines, of {log}:\n{complaints}"
     )
+    if re.search("Killed|died due to", complaints):
+        raise NoKernels(f"{reason}\nMAX_JOBS=1 before the command needs less memory.")
     failure = {"tools": tools.versions(), "target": asdict(target), "reason": reason}
     (target.folder / "failure.json").write_text(json.dumps(failure, indent=1), "utf8")
     raise NoKernels(reason)
@@ -205,7 +218,7 @@ def _run(target: Target, tools: Tools, at_once: int, log: Path) -> int:
     }
     with log.open("w") as output:
         process = subprocess.Popen(
-            [sys.executable, "-c", END_WITH_PARENT + COMPILE],
+            [sys.executable, "-c", END_WITH_PARENT + COMPILE, str(os.getpid())],
             env=variables,
             stdin=subprocess.DEVNULL,
             stdout=output,

@@ -177,8 +177,13 @@ def _find_ninja() -> Path:
 
 def _find_compiler(home: Path) -> tuple[str, str]:
     """Path and version of the C++ compiler that torch would take; the toolkit has a say in it."""
-    names = [os.environ.get("CXX"), "c++", "g++"]
-    compiler = next(filter(None, (shutil.which(name) for name in names if name)), None)
+    named = os.environ.get("CXX")
+    names = [named] if named else ["c++", "g++"]
+    compiler = next(filter(None, map(shutil.which, names)), None)
+    if compiler is None and named:
+        raise NoKernels(
+            f"has no CUDA kernels here: CXX names the compiler '{named}', which is not there."
+        )
     if compiler is None:
         raise NoKernels(
             "has no CUDA kernels here, and no C++ compiler to compile them. `apt install g++` "

@@ -114,6 +114,25 @@ def test_a_failure_is_forgotten_when_a_tool_changes(target, machine, monkeypatch
     assert library_for(target).exists()
 
 
+def test_a_compiler_that_was_killed_is_not_remembered_and_fewer_at_once_are_proposed(
+    target, monkeypatch
+):
+    compiler_says(monkeypatch, "print('c++: fatal error: Killed signal'); raise SystemExit(1)")
+    with pytest.raises(NoKernels, match=r"Killed signal.*\n*MAX_JOBS=1"):
+        library_for(target)
+    compiler_says(monkeypatch, SOUND)
+    assert library_for(target).exists()
+
+
+def test_a_full_disk_is_no_traceback(target, monkeypatch):
+    def full(*_: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(build, "_run", full)
+    with pytest.raises(NoKernels, match=r"No space left on device.*TORCH_EXTENSIONS_DIR"):
+        library_for(target)
+
+
 def test_a_failure_is_forgotten_when_it_is_asked_for(target, monkeypatch):
     build.forget_failure(target)  # nothing to forget
     compiler_says(monkeypatch, FAILING)
@@ -177,14 +196,14 @@ def test_compilers_end_with_the_process_that_waits_for_them(tmp_path):
     compiler = f"{build.END_WITH_PARENT}\nimport time; time.sleep(60)"
     parent = (
         "import subprocess, sys, time\n"
-        "process = subprocess.Popen([sys.executable, '-c', sys.argv[1]], start_new_session=True)\n"
+        "import os\ncommand = [sys.executable, '-c', sys.argv[1], str(os.getpid())]\n"
+        "process = subprocess.Popen(command, start_new_session=True)\n"
         "print(process.pid, flush=True)\ntime.sleep(60)"
     )
     command = [REAL_PYTHON, "-c", parent, compiler]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         child = psutil.Process(int(process.stdout.readline()))
-        time.sleep(1.0)  # it looks at its parent
         assert child.is_running()
         process.kill()
     child.wait(20)  # raises where it does not end
@@ -198,16 +217,24 @@ def test_a_folder_that_cannot_be_written_is_named(target, monkeypatch, tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("cores", "gib", "expected"), [(16, 64, 16), (16, 15.9, 3), (2, 64, 2), (8, 1, 1)]
+    ("cores", "gib", "expected"),
+    [(16, 64, 16), (96, 960, 25), (16, 15.9, 3), (2, 64, 2), (8, 1, 1)],
 )
-def test_as_many_files_at_once_as_memory_and_cores_allow(monkeypatch, cores, gib, expected):
+def test_as_many_files_at_once_as_memory_and_cores_allow(
+    monkeypatch, tmp_path, cores, gib, expected
+):
     class Memory:
         available = int(gib * 2**30)
 
     monkeypatch.delenv("MAX_JOBS", raising=False)
     monkeypatch.setattr(build.os, "sched_getaffinity", lambda process: range(cores), raising=False)
     monkeypatch.setattr(build.psutil, "virtual_memory", Memory)
+    monkeypatch.setattr(build, "CONTAINERS_MEMORY", tmp_path / "memory.max")
     assert jobs() == expected
+    (tmp_path / "memory.max").write_text("max\n")
+    assert jobs() == expected
+    (tmp_path / "memory.max").write_text(f"{8 << 30}\n")
+    assert jobs() == min(expected, 2)
     monkeypatch.setenv("MAX_JOBS", "5")
     assert jobs() == 5
 

@@ -175,3 +175,10 @@ def test_torchs_own_header_says_which_standard_it_needs(monkeypatch, tmp_path):
     monkeypatch.undo()
     header = Path(torch.__file__).parent / "include" / "ATen" / "ATen.h"
     assert tools._torch_needs_cxx20() == ("202002L" in header.read_text("utf8"))
+
+
+def test_a_compiler_that_is_named_and_not_there_is_said(machine, toolkit, monkeypatch):
+    monkeypatch.setenv("CUDA_HOME", str(toolkit("13.2")))
+    monkeypatch.setenv("CXX", "g++-99")
+    with pytest.raises(NoKernels, match=r"CXX names the compiler 'g\+\+-99', which is not there"):
+        find_tools()

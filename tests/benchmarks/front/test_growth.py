@@ -46,6 +46,7 @@ def bytecodes(call: Callable[[], object]) -> int:
         return trace
 
     before = sys.gettrace()
+    sys._getframe().f_trace_opcodes = True  # Python 3.12 looks for a frame that asks for them
     sys.settrace(trace)
     try:
         call()

@@ -3,6 +3,7 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
+from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,10 @@ from benchmarks.gpu import environment, wheels
 from tests.benchmarks.gpu.test_wheels import a_wheel
 
 HERE = sys.version_info[:2]
+
+HAS_PIP = any(distribution.name == "pip" for distribution in distributions())
+"""Not by `find_spec("pip")`: on Python 3.10 setuptools then leaves the process to the standard
+library's distutils, and fails when it is imported later."""
 
 
 def a_collection(folder: Path, python: str = ".".join(map(str, HERE))) -> Path:
@@ -58,7 +63,7 @@ def test_a_python_without_torch_is_refused(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(importlib.util.find_spec("pip") is None, reason="this environment has no pip")
+@pytest.mark.skipif(not HAS_PIP, reason="this environment has no pip")
 def test_an_environment_has_the_wheels_and_sees_this_pythons_packages(tmp_path: Path):
     folder = a_collection(tmp_path / "wheels")
     place = tmp_path / "venv"
