@@ -7,7 +7,7 @@
 #   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
 #   make bench   every backend is timed and the figures written to docs/performance.md (15 minutes)
 #   make stability  hard cases measured, docs/stability.md; wrong signs, kills, a long run (2 hours)
-#   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/gpu.md (10 minutes)
+#   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/gpu.md (10 minutes beside compiling)
 #   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
 #   make study   the runs behind docs/separation.md that are missing or stale, and the documents (hours; resumes)
 #   make check   ruff, pyright, tests: green on every commit
