@@ -130,7 +130,7 @@ def test_numbas_kernels_are_there_when_a_run_begins(monkeypatch):
 def test_a_numba_that_is_missing_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "desplat_ns.backend.numba_tiles", None)
     with pytest.raises(BackendUnavailableError, match="pip install numba"):
-        resolve("numba")
+        resolve("numba", "cpu")
 
 
 def test_an_unknown_name_lists_the_known_ones():
