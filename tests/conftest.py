@@ -47,9 +47,8 @@ POINTS = ("1 0.5 -1 4 10 20 30 0.25 1 0 2 0", "2 1 2 3 200 100 50 0.5 1 1")
 
 def pytest_configure(config: pytest.Config) -> None:
     """Hide GPUs from the suite and from the processes that it starts, so that it is the same on
-    every machine. The tests that need one run by themselves: `-m gpu`. A GPU that is pretended
-    stays, to see who takes it."""
-    if config.option.markexpr != "gpu" and "DESPLAT_NS_PRETEND_GPU" not in os.environ:
+    every machine. The tests that need one run by themselves: `-m gpu`."""
+    if config.option.markexpr != "gpu":
         os.environ["CUDA_VISIBLE_DEVICES"] = ""
 
 

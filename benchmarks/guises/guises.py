@@ -54,6 +54,6 @@ GUISES = (
     ),
     Guise("one-core", "one core", _cores(1)),
     Guise("many-cores", "sixteen cores", _cores(16)),
-    Guise("gpu", "a GPU that torch sees", {"DESPLAT_NS_PRETEND_GPU": "1"}),
+    Guise("gpu", "a GPU, which the suite hides", {"DESPLAT_NS_PRETEND_GPU": "1"}),
 )
 """By what decides: instructions, cores, a GPU."""
