@@ -13,6 +13,7 @@ from torch import nn
 
 from desplat_ns.effects import Effects
 from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
+from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline, DeSplatPipelineConfig
 from desplat_ns.viewer import LayerControl
@@ -26,9 +27,9 @@ class NoLpips(LazyLpips):
         self.reason = "no weights in this test"
 
 
-class KnownDistractors(nn.Module):
+class KnownDistractors(DistractorGaussians):
     def __init__(self) -> None:
-        super().__init__()
+        nn.Module.__init__(self)
         self.means = nn.Parameter(torch.zeros(5, 3))
 
     def counts(self) -> list[int]:
