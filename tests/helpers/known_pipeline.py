@@ -28,6 +28,8 @@ class NoLpips(LazyLpips):
 
 
 class KnownDistractors(DistractorGaussians):
+    _load_from_state_dict = nn.Module._load_from_state_dict  # pyright: ignore[reportAssignmentType]
+
     def __init__(self) -> None:
         nn.Module.__init__(self)
         self.means = nn.Parameter(torch.zeros(5, 3))
