@@ -47,7 +47,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--only", nargs="+", choices=names, default=names, metavar="GUISE")
     parser.add_argument("--part", choices=PARTS, default="all", help="of the suite (%(default)s)")
     parser.add_argument("--record", action="store_true", help="write docs/machines.md")
-    parser.add_argument("--pytest", default="", help="more arguments for pytest, in one string")
+    parser.add_argument("--pytest", default="", help="more for pytest: --pytest='-k name'")
     return parser.parse_args(arguments)
 
 
