@@ -1,7 +1,8 @@
 # `make demo` and `make test` are all a newcomer needs; both prepare the environment first.
 #
 #   make demo    a generated scene is trained, evaluated and drawn: demo/output/
-#   make test    the tests, on the CPU
+#   make test    the tests of the package, on the CPU
+#   make test-lab  the tests of lab/, where the project measures itself
 #   make fuzz    the properties again and again, with new examples each time (10 minutes; FUZZ_MINUTES=60)
 #   make test-guises   the tests on this machine in the guise of others (hours; GUISES_ARGS='--only avx2')
 #   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
@@ -43,12 +44,12 @@ export OMP_WAIT_POLICY ?= passive
 # The checks need nothing from the network.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 
-.PHONY: demo bench fuzz gpu gpu-build stability study test test-guises test-pythons check lint clean
+.PHONY: demo bench fuzz gpu gpu-build stability study test test-lab test-guises test-pythons check lint clean
 .PHONY: distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,20s/^# \{0,1\}//p' Makefile
+	@sed -n '3,21s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -57,48 +58,51 @@ demo: $(STAMP)
 	CUDA_VISIBLE_DEVICES= $(PY) demo/run.py $(DEMO_ARGS)
 
 bench: $(STAMP)
-	$(PY) -m benchmarks $(BENCH_ARGS)
+	$(PY) -m lab.performance $(BENCH_ARGS)
 
 stability: $(STAMP)
-	$(PY) -m benchmarks.stability.mutations
-	$(PY) -m benchmarks.stability.faults
-	$(PY) -m benchmarks.stability.soak
-	$(PY) -m benchmarks.stability
+	$(PY) -m lab.stability.mutations
+	$(PY) -m lab.stability.faults
+	$(PY) -m lab.stability.soak
+	$(PY) -m lab.stability
 
 # With WHEELS=folder nothing is fetched: the environment is made of that folder and of what the Python
 # at hand has. The time that takes counts towards the ten minutes.
 gpu: $(if $(WHEELS),,$(STAMP))
 ifneq ($(WHEELS),)
 	@started=$$(date +%s) && \
-	    $(or $(PYTHON),python3) -m benchmarks.gpu.environment "$(WHEELS)" "$(GPU_VENV)" && \
-	    "$(GPU_VENV)/bin/python" -m benchmarks.gpu --started $$started $(GPU_ARGS)
+	    $(or $(PYTHON),python3) -m lab.gpu.environment "$(WHEELS)" "$(GPU_VENV)" && \
+	    "$(GPU_VENV)/bin/python" -m lab.gpu --started $$started $(GPU_ARGS)
 else
-	$(PY) -m benchmarks.gpu $(GPU_ARGS)
+	$(PY) -m lab.gpu $(GPU_ARGS)
 endif
 
 gpu-build: $(STAMP)
-	$(PY) -m benchmarks.gpu.gpu_build $(GPU_BUILD_ARGS)
+	$(PY) -m lab.gpu.gpu_build $(GPU_BUILD_ARGS)
 
 study: $(STAMP)
-	$(PY) -m benchmarks.separation $(STUDY_ARGS)
+	$(PY) -m lab.separation $(STUDY_ARGS)
 
 test: $(STAMP)
 	$(PY) -m pytest $(PYTEST_ARGS)
+
+test-lab: $(STAMP)
+	$(PY) -m pytest lab/tests $(PYTEST_ARGS)
 
 # hypothesis prints the example that failed; the next run tries it first.
 fuzz: $(STAMP)
 	@ends=$$(( $$(date +%s) + 60 * $(FUZZ_MINUTES) )); \
 	while [ $$(date +%s) -lt $$ends ]; do \
-	    $(PY) -m pytest -m hypothesis --hypothesis-profile=fuzz $(PYTEST_ARGS) || exit 1; \
+	    $(PY) -m pytest -m hypothesis --hypothesis-profile=fuzz $(or $(PYTEST_ARGS),tests lab/tests) || exit 1; \
 	done
 
 test-guises: $(STAMP)
-	$(PY) -m benchmarks.guises $(GUISES_ARGS)
+	$(PY) -m lab.guises $(GUISES_ARGS)
 
 test-pythons:
 	@for version in $(PYTHONS_TESTED); do \
 	    $(MAKE) env VENV=.venv-$$version PYTHON=python$$version && \
-	    .venv-$$version/bin/python -m benchmarks.guises --only as-is $(GUISES_ARGS) || exit 1; \
+	    .venv-$$version/bin/python -m lab.guises --only as-is $(GUISES_ARGS) || exit 1; \
 	done
 
 lint: $(STAMP)
@@ -106,11 +110,11 @@ lint: $(STAMP)
 	$(PY) -m ruff format --check .
 	$(PY) -m pyright --pythonpath $(PY)
 
-check: lint test
+check: lint test test-lab
 
 clean:
 	rm -rf build dist *.egg-info demo/output demo/scene outputs .pytest_cache .ruff_cache .hypothesis
-	find desplat_ns tests demo benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+	find desplat_ns tests demo lab -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean
 	rm -rf $(VENV) .venv-3.*

@@ -11,7 +11,7 @@ import yaml
 from nerfstudio.configs.method_configs import all_methods
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.synthetic import Scene
+from lab.synthetic import Scene
 from tests.helpers.registered import set_up
 
 

@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import torch
 
-from benchmarks.performance.pairs import count_pairs
 from desplat_ns.backend import RenderSettings
 from desplat_ns.backend.projection import project
 from desplat_ns.calibration.scenes import PARAMETERS, make_scene
+from lab.performance.pairs import count_pairs
 
 
 def test_the_same_call_makes_the_same_scene():

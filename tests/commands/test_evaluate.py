@@ -28,7 +28,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from nerfstudio.scripts import train
 
     from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
-    from desplat_ns.synthetic import SceneSpec, write_scene
+    from lab.synthetic import SceneSpec, write_scene
 
     spec = replace(
         SceneSpec.tourism(),

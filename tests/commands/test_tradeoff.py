@@ -18,7 +18,7 @@ from desplat_ns.studies.tradeoff import study as module
 from desplat_ns.studies.tradeoff.plan import BASE, TrainingPlan
 from desplat_ns.studies.tradeoff.results import RUNS
 from desplat_ns.studies.tradeoff.study import Request
-from desplat_ns.synthetic import Scene
+from lab.synthetic import Scene
 from tests.helpers.other_process import running, tried
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")

@@ -15,7 +15,7 @@ import torch
 from nerfstudio.configs.method_configs import all_methods
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.synthetic import Scene, SceneSpec
+from lab.synthetic import Scene, SceneSpec
 
 STEPS = 120
 """The static scene has the first 24 to itself and is refined every fourth step of the first half;

@@ -17,7 +17,7 @@ from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.nerfstudio_quirks import splatfacto_modules_without_downloads
-from desplat_ns.synthetic import Scene
+from lab.synthetic import Scene
 from tests.helpers.registered import set_up
 
 

@@ -13,13 +13,13 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float, UInt8
 
-from benchmarks.process import aligned
 from desplat_ns.data.images import write_image
 from desplat_ns.process.cameras import group_by_camera
 from desplat_ns.process.features import find_features
 from desplat_ns.process.photos import Photo, prepare_photos
 from desplat_ns.process.recipes import PLAIN
-from desplat_ns.synthetic import SceneSpec, make_scene
+from lab.process import aligned
+from lab.synthetic import SceneSpec, make_scene
 
 VIEWS = SceneSpec(
     num_views=12, num_extras=1, width=320, height=240, arc_degrees=60.0, supersample=1

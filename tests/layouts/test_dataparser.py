@@ -66,7 +66,7 @@ def test_once_settled_the_choice_stays(capture, capsys):
 
 
 def test_config_yml_names_the_dataparser_that_was_recognised(tmp_path):
-    from desplat_ns.synthetic import write_scene
+    from lab.synthetic import write_scene
 
     scene = write_scene(EIGHT_VIEWS, tmp_path / "scene")
     assert scene.folder is not None

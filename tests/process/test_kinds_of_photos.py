@@ -12,9 +12,9 @@ import PIL.Image
 import pycolmap
 import pytest
 
-from benchmarks.process import compare
 from desplat_ns.commands.process import run
 from desplat_ns.process.request import Request
+from lab.process import compare
 
 pytestmark = [pytest.mark.slow, pytest.mark.real_data]
 

@@ -21,7 +21,7 @@ from desplat_ns.process.request import Request
 @pytest.mark.real_data
 def test_photos_become_a_capture_with_the_known_poses(data_folder, tmp_path, capsys):
     """Centres within 1% of the scene's extent; what cannot be read is named and left out."""
-    from benchmarks.process import compare
+    from lab.process import compare
 
     known, photos = data_folder("monstree"), tmp_path / "fotos über"
     photos.mkdir()
@@ -66,7 +66,7 @@ def test_a_crash_of_the_worker_is_an_error_that_says_where(program, said, tmp_pa
 
 
 def test_alignment_finds_a_similarity():
-    from benchmarks.process import aligned
+    from lab.process import aligned
 
     rng = np.random.default_rng(0)
     known = rng.normal(size=(6, 3))

@@ -24,8 +24,8 @@ from desplat_ns.data.transforms_json import PromptFreeNerfstudio
 from desplat_ns.errors import DeSplatError
 from desplat_ns.photo_tourism.embedding_file import load_embeddings, save_embeddings
 from desplat_ns.photo_tourism.split_file import match_split, read_split_file
-from desplat_ns.synthetic import SceneSpec, write_scene
 from desplat_ns.training.checkpoint_files import load_checkpoint, load_newest
+from lab.synthetic import SceneSpec, write_scene
 from tests.stability.poison import POISON
 
 REFUSED, CULLED, FINE, FAULT = "refused", "culled", "fine", "fault"

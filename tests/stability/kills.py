@@ -28,7 +28,6 @@ from nerfstudio.utils import writer
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.synthetic import SceneSpec, write_scene
 from desplat_ns.trainer import DeSplatTrainer
 from desplat_ns.training.checkpoint_files import (
     STAGING_FOLDER,
@@ -36,6 +35,7 @@ from desplat_ns.training.checkpoint_files import (
     load_checkpoint,
     step_of,
 )
+from lab.synthetic import SceneSpec, write_scene
 
 STEPS, STEPS_PER_SAVE = 240, 2
 """Twice as many as twenty lives come to: where steps take 20 ms, those killed within a second of

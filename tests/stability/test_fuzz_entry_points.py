@@ -15,7 +15,7 @@ from tests.stability.fuzz_formulas import FORMULAS, Formula, H, W
 from tests.stability.fuzz_options import Options
 
 FORMULA_INPUTS, FILE_INPUTS, OPTION_INPUTS = 12, 25, 25
-"""Draws in this suite; `benchmarks.stability` has many more."""
+"""Draws in this suite; `lab.stability` has many more."""
 
 
 @pytest.mark.parametrize("formula", FORMULAS, ids=lambda formula: formula.name)

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from benchmarks.documents import CHECKOUT
+from lab.documents import CHECKOUT
 
 KILLS = 20
 

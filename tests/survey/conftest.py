@@ -11,13 +11,13 @@ import pytest
 
 if TYPE_CHECKING:
     from desplat_ns.survey.capture import Capture
-    from desplat_ns.synthetic import SceneSpec
+    from lab.synthetic import SceneSpec
 
 
 @pytest.fixture(scope="session")
 def small_spec() -> SceneSpec:
     """Ten views of 96x72 pixels without sky."""
-    from desplat_ns.synthetic import SceneSpec
+    from lab.synthetic import SceneSpec
 
     return SceneSpec(num_views=10, num_extras=1, width=96, height=72, num_points=1200, seed=3)
 
@@ -29,7 +29,7 @@ def make_capture(
     """A capture of the small scene, changed as asked for; its clean twins unless `cluttered`."""
     from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
     from desplat_ns.survey.capture import capture_of
-    from desplat_ns.synthetic import write_scene
+    from lab.synthetic import write_scene
 
     made: dict[str, Path] = {}
 

@@ -9,7 +9,7 @@ from desplat_ns.survey.capture import Capture
 from desplat_ns.survey.observations import Observations, observe
 from desplat_ns.survey.photo_light import fit_light, from_middle
 from desplat_ns.survey.views import View
-from desplat_ns.synthetic import DaylightSpec, make_scene
+from lab.synthetic import DaylightSpec, make_scene
 
 
 def test_the_corner_is_at_one_and_the_middle_at_zero():

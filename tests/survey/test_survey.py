@@ -21,7 +21,7 @@ from desplat_ns.survey.light import appearance_finding, local_steps
 from desplat_ns.survey.photo_light import from_middle
 from desplat_ns.survey.picture import evidence_picture
 from desplat_ns.survey.survey import survey, survey_with_evidence
-from desplat_ns.synthetic import DaylightSpec, SceneSpec, make_scene
+from lab.synthetic import DaylightSpec, SceneSpec, make_scene
 
 OFF = {"distractors": False, "appearance": "off", "background": "off"}
 SAFE = {"distractors": True, "appearance": "off", "background": "off"}

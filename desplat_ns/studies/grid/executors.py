@@ -13,11 +13,10 @@ from threading import Event, Lock
 from typing import Any, Literal, Protocol, runtime_checkable
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.grid.captures import DATA_VARIABLE
 from desplat_ns.studies.grid.commands import surroundings
 from desplat_ns.studies.grid.execute import execute
 from desplat_ns.studies.grid.records import Record
-from desplat_ns.studies.grid.runs import Run, Study
+from desplat_ns.studies.grid.runs import DATA_VARIABLE, Run, Study
 
 ExecutorName = Literal["local", "ray"]
 

@@ -4,10 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, runtime_checkable
 
-from desplat_ns.studies.grid.captures import Capture
 from desplat_ns.studies.grid.commands import QUIET
 from desplat_ns.studies.grid.settings import SCENE, Settings, resolve
+
+DATA_VARIABLE = "DESPLAT_NS_DATA"
+"""Environment variable with the folder that holds real captures; workers elsewhere get it too."""
+
+
+@runtime_checkable
+class Capture(Protocol):
+    """A folder of photos that a dataparser reads."""
+
+    def locate(self, folder: Path) -> Path:
+        """The capture's folder; what has to be written is written below `folder`, once.
+
+        Raises:
+            DeSplatError: it is not there and cannot be made.
+        """
+        ...
+
+    def describe(self) -> Settings:
+        """What it shows, as JSON values by names: records keep them, so that a change shows. How it
+        is read is among the settings of the method."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ class Subject:
     # --- a capture of the grid -------------------------------------------------------------------
 
     def locate(self, folder: Path) -> Path:
-        """See `grid.captures.Capture`; nothing is written.
+        """See `grid.runs.Capture`; nothing is written.
 
         Raises:
             CaptureError: the folder is not there, for instance on another machine.
@@ -68,7 +68,7 @@ class Subject:
         return found
 
     def describe(self) -> Settings:
-        """See `grid.captures.Capture`."""
+        """See `grid.runs.Capture`."""
         return {"folder": self.name}
 
 

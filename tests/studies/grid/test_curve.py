@@ -11,7 +11,7 @@ import torch
 from desplat_ns.studies.grid.commands import QUIET
 from desplat_ns.studies.grid.curve import TrainingClock, scored_steps
 from desplat_ns.studies.grid.train_and_score import train_and_score
-from desplat_ns.synthetic import Scene
+from lab.synthetic import Scene
 
 STEPS = 12
 TIMES = {"train_cpu_seconds", "train_wall_seconds"}

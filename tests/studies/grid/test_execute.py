@@ -14,7 +14,7 @@ from desplat_ns.studies.grid.code_version import code_version
 from desplat_ns.studies.grid.execute import config_of, execute, log_of, read_results
 from desplat_ns.studies.grid.records import Record
 from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
-from desplat_ns.synthetic import Scene as Written
+from lab.synthetic import Scene as Written
 
 
 class Ready:

@@ -12,7 +12,6 @@ import pytest
 
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid import executors
-from desplat_ns.studies.grid.captures import GeneratedCapture, RealCapture
 from desplat_ns.studies.grid.executors import (
     Executor,
     LocalExecutor,
@@ -22,7 +21,8 @@ from desplat_ns.studies.grid.executors import (
 )
 from desplat_ns.studies.grid.records import Record
 from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
-from desplat_ns.synthetic import SceneSpec
+from lab.grid.captures import GeneratedCapture, RealCapture
+from lab.synthetic import SceneSpec
 
 GIVEN = ("--pipeline.model.effects.auto", "False")
 

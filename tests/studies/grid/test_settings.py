@@ -73,7 +73,7 @@ def test_neither_places_nor_the_machine_nor_the_seed_are_settings():
 
 
 def test_a_method_that_is_not_registered_is_found_by_its_module():
-    method = "desplat_ns.studies.reproduce.baselines:by_truth"
+    method = "lab.reproduce.baselines:by_truth"
     assert resolve(method, READ)["pipeline.model.by_truth"] is True
     assert "masked-by-truth" not in all_methods
 

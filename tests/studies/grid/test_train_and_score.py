@@ -9,8 +9,8 @@ import pytest
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid.commands import QUIET
 from desplat_ns.studies.grid.train_and_score import check_complete, train_and_score
-from desplat_ns.synthetic import Scene
 from desplat_ns.trainer import DeSplatTrainer
+from lab.synthetic import Scene
 
 
 @pytest.mark.usefixtures("tyro_may_build")

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.performance.yardstick import YARDSTICK
 from desplat_ns.studies.pixels.memory import peak_in_this_process
+from lab.performance.yardstick import YARDSTICK
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/clear_refs").exists(), reason="needs Linux's /proc/self/clear_refs"
@@ -19,8 +19,8 @@ def test_the_yardstick_holds_what_its_graph_must():
         found = peak_in_this_process(YARDSTICK.address, (2000, 160, 120))
     except OSError as error:
         pytest.skip(f"the system does not tell the peak: {error}")
-    from benchmarks.performance.pairs import count_pairs
     from desplat_ns.calibration.scenes import make_scene
+    from lab.performance.pairs import count_pairs
 
     listed = count_pairs(make_scene(2000, 160, 120)).listed
     assert 6 * 4 * listed / 2**20 < found < 100 * 4 * listed / 2**20

@@ -1,0 +1,61 @@
+"""Peak memory of building and training a model of one size, in a process of its own.
+
+python -m lab.front.growth_memory SIZE        prints MiB, or n/a; SIZE as JSON
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import asdict
+
+from desplat_ns.studies.grid.commands import ONE_THREAD, surroundings
+from desplat_ns.studies.pixels.memory import peak_mib
+from lab.front.whole_step import Size, WholeStep
+
+TINY = Size(2, 200, 64, 48, 20)
+"""What pays for imports, compilation and thread pools."""
+
+
+def measure_peak(size: Size, like: Size | None) -> float | None:
+    """MiB above what the process held before, with one thread.
+
+    The model, its optimizers and one photo are in it, and a round of steps. None where the
+    system does not tell (no Linux /proc).
+
+    Args:
+        like: see `WholeStep`.
+    """
+    texts = [json.dumps(None if one is None else asdict(one)) for one in (size, like)]
+    done = subprocess.run(
+        [sys.executable, "-m", "lab.front.growth_memory", *texts],
+        env=surroundings(**ONE_THREAD),
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    answer = done.stdout.split()[-1]
+    return None if answer == "n/a" else float(answer)
+
+
+def train(size: Size, like: Size | None) -> None:
+    """Build the model, and draw every view; then some once more."""
+    step = WholeStep(size, like)
+    for _ in range(3):
+        step()
+
+
+def main(texts: list[str]) -> None:
+    """Entry point."""
+    size, like = (None if one is None else Size(**one) for one in map(json.loads, texts))
+    assert size is not None
+    train(TINY, None)
+    try:
+        print(f"{peak_mib(lambda: train(size, like)):.1f}")
+    except OSError:
+        print("n/a")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,98 @@
+"""Write docs/accuracy-and-time.md from the records."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from string import Template
+
+from desplat_ns.studies.grid.records import Records, load
+from desplat_ns.training.budget import seconds_of
+from lab.documents import DOCS
+from lab.front.growth import FILE as GROWTH
+from lab.front.growth import Growth
+from lab.front.growth import load as load_growth
+from lab.front.growth_report import growth_texts
+from lab.front.kept import FILE as BUDGETS
+from lab.front.kept import Kept
+from lab.front.lengths import lengths_table
+from lab.front.runs import (
+    CHOSEN_ON,
+    FILE,
+    PLAN,
+    REPORTED_ON,
+    SETTINGS,
+    STUDY,
+    downscale_of,
+)
+from lab.front.studies import results, settings_table, time_table
+from lab.grid.figures import Figures
+from lab.grid.sources import Cell, Reference
+from lab.separation.runs import SEEDS
+
+REPORT = DOCS / "accuracy-and-time.md"
+TEMPLATE = Path(__file__).with_name("accuracy-and-time.md.template")
+
+COLUMNS = (
+    ("PSNR, dB", "psnr", ".2f"),
+    ("mask IoU", "mask_iou", ".2f"),
+    ("static", "num_static_gaussians", ",.0f"),
+    ("CPU s", "train_cpu_seconds", ".0f"),
+)
+
+
+def front_table(records: Records, today: Reference, scenes: tuple[str, ...]) -> str:
+    """One row for each scene, number of steps and setting that was measured there."""
+    figures = Figures(records, today, SEEDS)
+    planned = dict.fromkeys((run.scene, run.steps) for run in PLAN if run.scene in scenes)
+    rows: list[list[str | Cell]] = []
+    for scene, steps in sorted(planned, key=lambda one: (scenes.index(one[0]), one[1])):
+        for setting, described in SETTINGS.items():
+            key = (setting, scene, downscale_of(scene), steps)
+            if figures.has(key):
+                cells = [figures.cell(key, figure, form) for _, figure, form in COLUMNS]
+                rows.append([f"`{scene}`", f"{steps:,}", described.what, *cells])
+    return figures.table(["scene", "steps", "setting", *(name for name, _, _ in COLUMNS)], rows)
+
+
+def quick_texts(records: Records) -> dict[str, str]:
+    """What `desplat-quick` reaches on `clutter`, 25 visits of 40 photos."""
+    figures = Figures(records, None, SEEDS)
+    key = ("raised", "clutter", 2, 1_000)
+    return {
+        "quick_clutter": figures.cell(key, "psnr", ".2f").text,
+        "quick_seconds": figures.cell(key, "train_cpu_seconds", ".0f").text,
+    }
+
+
+def report(
+    records: Records,
+    budget_rows: list[str],
+    growth: Growth,
+    today: Reference = STUDY.settings_of,
+) -> str:
+    """The document's text. `today`: see `sources`."""
+    studies = results()
+    return Template(TEMPLATE.read_text("utf8")).substitute(
+        **quick_texts(records),
+        lengths_table=lengths_table(),
+        time_table=time_table(studies),
+        settings_table=settings_table(studies),
+        compared_steps=" and ".join(sorted({f"{s['plan']['steps']:,}" for s in studies.values()})),
+        chosen_table=front_table(records, today, CHOSEN_ON),
+        reported_table=front_table(records, today, REPORTED_ON),
+        budget_rows="\n".join(budget_rows),
+        **growth_texts(growth),
+    )
+
+
+def budget_rows() -> list[str]:
+    """A row for each budget that was kept or not, by scene and length."""
+    found = [Kept(**one) for one in json.loads(BUDGETS.read_text("utf8"))]
+    return [kept.row() for kept in sorted(found, key=lambda k: (k.scene, seconds_of(k.budget)))]
+
+
+def write_report() -> Path:
+    """Write the document; where it is."""
+    REPORT.write_text(report(load(FILE), budget_rows(), load_growth(GROWTH)), "utf8")
+    return REPORT

@@ -1,0 +1,94 @@
+"""Where a study's photos come from: a real capture, a generated one, or an altered one."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from threading import RLock
+
+from desplat_ns.errors import DeSplatError
+from desplat_ns.studies.grid.runs import DATA_VARIABLE, Capture
+from desplat_ns.studies.grid.settings import Settings, digest, flat
+from lab.synthetic import SceneSpec, write_scene
+
+DIGITS = 6
+"""Of its description's digest, at the end of the name of what is written."""
+
+_writing = RLock()  # runs beside each other share what is generated
+
+
+@dataclass(frozen=True)
+class RealCapture:
+    """A folder in DESPLAT_NS_DATA."""
+
+    name: str
+
+    def locate(self, folder: Path) -> Path:
+        """See `Capture`; nothing is written."""
+        found = Path(os.environ.get(DATA_VARIABLE, "")) / self.name
+        if not found.is_dir():
+            raise DeSplatError(
+                f"The capture '{self.name}' is not at '{found}'. Set {DATA_VARIABLE} to the folder "
+                "that holds it, or choose runs on generated captures: --only '*-yard*'."
+            )
+        return found
+
+    def describe(self) -> Settings:
+        """See `Capture`: the folder's name; what lies in it is not read."""
+        return {"folder": self.name}
+
+
+@dataclass(frozen=True)
+class GeneratedCapture:
+    """A synthetic scene, whose truth is known."""
+
+    name: str
+    spec: SceneSpec
+
+    def locate(self, folder: Path) -> Path:
+        """See `Capture`."""
+        return made(place_of(self, folder), lambda path: write_scene(self.spec, path))
+
+    def describe(self) -> Settings:
+        """See `Capture`: every field of the spec."""
+        return dict(sorted(flat("generated", self.spec)))
+
+
+@dataclass(frozen=True)
+class AlteredCapture:
+    """Another capture with something added or taken away."""
+
+    name: str
+    original: Capture
+    alter: Callable[[Path, Path], object]
+    """Given the original's folder, writes the altered capture into a new one."""
+
+    def locate(self, folder: Path) -> Path:
+        """See `Capture`."""
+        original = self.original.locate(folder).resolve()
+        return made(place_of(self, folder), lambda path: self.alter(original, path))
+
+    def describe(self) -> Settings:
+        """See `Capture`: the case's name, and the original's description. What `alter` does is
+        code, of which the record's commit tells."""
+        original = {f"original.{name}": part for name, part in self.original.describe().items()}
+        return {"case": self.name, **original}
+
+
+def place_of(capture: GeneratedCapture | AlteredCapture, folder: Path) -> Path:
+    """Where a capture is written: another place once its description is another."""
+    return folder / f"{capture.name}-{digest(capture.describe())[:DIGITS]}"
+
+
+def made(path: Path, make: Callable[[Path], object]) -> Path:
+    """What `make` writes; beside its place first, so that a stopped study leaves nothing half."""
+    with _writing:
+        if not path.exists():
+            draft = path.with_name(f"{path.name}.draft")
+            shutil.rmtree(draft, ignore_errors=True)
+            make(draft)
+            draft.rename(path)
+    return path

@@ -1,0 +1,107 @@
+"""Measure everything and write the report.
+
+python -m lab.performance            (or: make bench; BENCH_ARGS='--quick --output somewhere')
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from desplat_ns.calibration.scenes import Scene, make_scene
+from desplat_ns.calibration.timing import thread_counts
+from desplat_ns.studies.grid.machine import describe_machine
+from desplat_ns.studies.pixels.accuracy import measure_errors
+from desplat_ns.studies.pixels.contenders import Contender, backends
+from desplat_ns.studies.pixels.growth import measure_growth
+from desplat_ns.studies.pixels.memory import measure_peak
+from desplat_ns.studies.pixels.rasterizing import time_rasterizers
+from lab.documents import DOCS
+from lab.performance.pairs import count_pairs
+from lab.performance.peak import peak_rates
+from lab.performance.report import write_report
+from lab.performance.results import Results
+from lab.performance.steps import time_adam, time_steps
+from lab.performance.yardstick import YARDSTICK
+from lab.performance.yardstick_squares import SQUARES
+
+SIZES = {(20_000, 480, 270): (6, 5), (100_000, 648, 420): (6, 3)}
+"""Gaussians, width, height; and how many turns every case has, and every slow one."""
+
+SQUARES_UP_TO = 50_000
+"""Gaussians. The yardstick on squares would take 7 GiB for 100,000."""
+
+QUICK_SIZES = {(500, 64, 48): (1, 1)}
+
+_started = time.perf_counter()
+
+
+def say(text: str) -> None:
+    """Print what is measured now, with the seconds so far."""
+    print(f"[{time.perf_counter() - _started:4.0f} s] {text}", flush=True)
+
+
+def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m lab.performance",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--quick", action="store_true", help="tiny scenes, one round: a check only")
+    parser.add_argument(
+        "--output", type=Path, help="folder for performance.md and its plot (docs; needed if quick)"
+    )
+    chosen = parser.parse_args(arguments)
+    if chosen.output is None:
+        if chosen.quick:
+            parser.error("--quick measures nothing to keep: name a folder with --output")
+        chosen.output = DOCS
+    return chosen
+
+
+def measure(quick: bool) -> Results:
+    """The whole run."""
+    found, missing = backends()
+    everyone = [YARDSTICK, *found]
+    results = Results(describe_machine(), missing)
+    say("peak of a core")
+    results.peaks = peak_rates(0.02 if quick else 0.5)
+    for size, rounds in (QUICK_SIZES if quick else SIZES).items():
+        measure_scene(results, make_scene(*size), everyone, rounds)
+        if quick:
+            continue
+        for contender in (c for c in everyone if c.device == "cpu"):
+            say(f"{results.scenes[-1]}: peak memory of {contender.name}")
+            results.memory[results.scenes[-1], contender.name] = measure_peak(contender, size)
+    say("growth")
+    (grown,) = (c for c in everyone if c.name == "numba")
+    results.growth = measure_growth(grown, 1 if quick else 5, quick)
+    return results
+
+
+def measure_scene(
+    results: Results, scene: Scene, everyone: list[Contender], rounds: tuple[int, int]
+) -> None:
+    """All that needs no process of its own."""
+    results.scenes.append(scene.name)
+    say(f"{scene.name}: pairs")
+    results.pairs[scene.name] = count_pairs(scene)
+    say(f"{scene.name}: errors")
+    results.errors += measure_errors(scene, everyone)
+    small = len(scene.params["means"]) <= SQUARES_UP_TO
+    racers = [*everyone, SQUARES] if small else everyone
+    for number in thread_counts():
+        say(f"{scene.name}: rasterizers, threads: {number}")
+        results.rows += time_rasterizers(scene, racers, number, rounds)
+        say(f"{scene.name}: training steps, threads: {number}")
+        results.steps += time_steps(scene, everyone, number, rounds)
+    results.adam[scene.name] = time_adam(scene, rounds[0])
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point."""
+    chosen = parse_arguments(arguments)
+    path = write_report(measure(chosen.quick), chosen.output)
+    say(f"written: {path}")

@@ -1,0 +1,179 @@
+"""The report's tables, in Markdown."""
+
+from __future__ import annotations
+
+from desplat_ns.calibration.scenes import PARAMETERS
+from desplat_ns.calibration.timing import Timing
+from desplat_ns.studies.pixels.rasterizing import BLENDING, WHOLE
+from lab.grid.tables import table
+from lab.performance.peak import FLOPS_BACKWARD, FLOPS_FORWARD
+from lab.performance.results import Results
+from lab.performance.targets import targets
+from lab.performance.training_step import OTHER, PARTS
+from lab.performance.yardstick import YARDSTICK
+
+
+def milliseconds(value: float) -> str:
+    """Three significant digits, at least."""
+    return f"{value:.0f}" if value >= 100 else f"{value:.1f}" if value >= 10 else f"{value:.2f}"
+
+
+def with_range(timing: Timing) -> str:
+    """Median and, in brackets, least and largest CPU milliseconds."""
+    low, high = map(milliseconds, timing.cpu_range)
+    return f"{milliseconds(timing.cpu_ms)} ({low} - {high})"
+
+
+def machine_table(results: Results) -> str:
+    return table(["", "this run"], list(map(list, results.machine.items())))
+
+
+def speed_table(results: Results, part: str) -> str:
+    """Forward and forward + backward of everyone."""
+    rows = [
+        [
+            r.scene,
+            r.contender,
+            str(r.threads),
+            with_range(r.forward),
+            milliseconds(r.forward.wall_ms),
+            with_range(r.both),
+            milliseconds(r.both.wall_ms),
+            f"{results.speedup(r):.1f} x",
+        ]
+        for r in results.rows
+        if r.part == part
+    ]
+    head = ["scene", "rasterizer", "threads", "forward, CPU ms", "wall ms"]
+    return table([*head, "forward + backward, CPU ms", "wall ms", "yardstick / this"], rows)
+
+
+def step_table(results: Results, scene: str, threads: int) -> str:
+    """Parts of a step in CPU milliseconds and percent, one pair of columns per kind of step."""
+    steps = [s for s in results.steps if (s.scene, s.threads) == (scene, threads)]
+    rows = []
+    for part in (*PARTS, OTHER):
+        cells = [(s.parts[part], s.parts[part] / s.whole.cpu_ms) for s in steps]
+        rows.append([part, *(c for ms, share in cells for c in (f"{ms:.1f}", f"{share:.0%}"))])
+    total = [c for s in steps for c in (with_range(s.whole), "100%")]
+    rows.append(["**uninterrupted step**", *total])
+    rows.append(["its wall time", *(c for s in steps for c in (f"{s.whole.wall_ms:.1f}", ""))])
+    slow = results.step(scene, YARDSTICK.name, threads).whole.cpu_ms
+    rows.append(["yardstick / this", *(c for s in steps for c in (_ratio(slow, s.whole), ""))])
+    title = f"{scene}, {threads} thread{'s' * (threads > 1)}, CPU ms"
+    return table([title, *(c for s in steps for c in (s.name, ""))], rows)
+
+
+def _ratio(slow: float, fast: Timing) -> str:
+    return f"{slow / fast.cpu_ms:.1f} x"
+
+
+def step_tables(results: Results) -> str:
+    keys = dict.fromkeys((s.scene, s.threads) for s in results.steps)
+    return "\n\n".join(step_table(results, *key) for key in keys)
+
+
+def adam_table(results: Results) -> str:
+    rows = [[scene, *map(with_range, kinds.values())] for scene, kinds in results.adam.items()]
+    kinds = next(iter(results.adam.values()))
+    return table(["Adam alone, CPU ms, 1 thread", *kinds], rows)
+
+
+def memory_table(results: Results) -> str:
+    if not results.memory:
+        return "Not measured in a quick run."
+    names = list(dict.fromkeys(name for _, name in results.memory))
+    rows = []
+    for scene in results.scenes:
+        found = [results.memory.get((scene, name)) for name in names]
+        rows.append([scene, *("n/a" if mib is None else f"{mib:,.0f}" for mib in found)])
+    return table(["MiB", *names], rows)
+
+
+def error_table(results: Results) -> str:
+    rows = [
+        [
+            e.scene,
+            e.contender,
+            f"{e.largest:.1e}",
+            f"{e.flipped:.1e}",
+            f"{e.largest_unflipped:.1e}",
+            *(f"{e.gradients[name]:.1e}" for name in PARAMETERS),
+        ]
+        for e in results.errors
+    ]
+    head = ["scene", "rasterizer", "RGB, largest", "flipped pixels", "RGB, the others"]
+    return table([*head, *PARAMETERS], rows)
+
+
+def pair_table(results: Results) -> str:
+    rows = []
+    for scene, p in results.pairs.items():
+        numbers = (p.square, p.listed, p.evaluated, p.contributing)
+        rows.append(
+            [scene, *(f"{n / 1e6:.3g}" for n in numbers), f"{p.contributing / p.evaluated:.0%}"]
+        )
+    head = ["million pairs", "3-sigma squares", "exact lists", "evaluated", "contributing"]
+    return table([*head, "of those evaluated"], rows)
+
+
+def peak_table(results: Results) -> str:
+    rates = ", ".join(f"{bits} bits: {rate:.0f}" for bits, rate in results.peaks.items())
+    rows = []
+    for scene, p in results.pairs.items():
+        for name, backward, flops in (
+            ("forward", False, FLOPS_FORWARD),
+            ("backward", True, FLOPS_BACKWARD),
+        ):
+            cells = []
+            for pairs in (p.evaluated, p.contributing):
+                rate = results.gflops(scene, pairs, backward, flops)
+                cells += [f"{rate:.1f}", f"{rate / results.peak:.1%}"]
+            rows.append([f"{scene}, {name}", str(flops), *cells])
+    head = ["numba, blending alone", "flop / pair", "GFLOP/s, evaluated", "of the peak"]
+    found = table([*head, "GFLOP/s, contributing", "of the peak"], rows)
+    return f"Peak of one core, GFLOP/s by width of the vectors: {rates}.\n\n{found}"
+
+
+def growth_table(results: Results) -> str:
+    rows = [
+        [
+            p.series,
+            f"{p.count:,}",
+            f"{p.width} x {p.height}",
+            with_range(p.timing),
+            f"{1e6 * p.timing.cpu_ms / p.count:.0f}",
+            f"{1e6 * p.timing.cpu_ms / (p.width * p.height):.0f}",
+        ]
+        for p in results.growth
+    ]
+    head = ["", "Gaussians", "pixels", "CPU ms", "ns per Gaussian", "ns per pixel"]
+    return table(head, rows)
+
+
+def target_table(results: Results) -> str:
+    rows = [[t.text, t.measured, "yes" if t.met else "**no**"] for t in targets(results)]
+    return table(["target (1 thread, CPU time)", "measured", "met"], rows)
+
+
+def missing_list(results: Results) -> str:
+    lines = [f"- Not measured: `{name}` {reason}" for name, reason in results.missing.items()]
+    return "\n".join(lines) or "- Every registered backend was measured."
+
+
+def all_tables(results: Results) -> dict[str, str]:
+    """By their names in the template."""
+    return {
+        "machine": machine_table(results),
+        "missing": missing_list(results),
+        "pairs": pair_table(results),
+        "whole_calls": speed_table(results, WHOLE),
+        "blending": speed_table(results, BLENDING),
+        "steps": step_tables(results),
+        "adam": adam_table(results),
+        "memory": memory_table(results),
+        "errors": error_table(results),
+        "peak": peak_table(results),
+        "growth": growth_table(results),
+        "targets": target_table(results),
+    }

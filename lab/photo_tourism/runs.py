@@ -1,0 +1,79 @@
+"""Which runs there are; all are scored on the right halves of the test photos."""
+
+from __future__ import annotations
+
+from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
+from lab.documents import DOCS
+from lab.grid.captures import GeneratedCapture, RealCapture
+from lab.synthetic import SceneSpec
+
+FILE = DOCS / "photo_tourism.json"
+
+EFFECTS = "--pipeline.model.effects"
+RATES = ("--full-rate-visits", "0")
+"""Splatfacto's learning rates whatever the length of a run."""
+
+
+def _setting(
+    what: str,
+    method: str,
+    appearance: str,
+    background: bool,
+    distractors: bool = True,
+    options: tuple[str, ...] = (),
+) -> Setting:
+    """A method and the switches of its effects."""
+    switches = (
+        *(f"{EFFECTS}.appearance", appearance),
+        *(f"{EFFECTS}.background", "image" if background else "off"),
+        *(f"{EFFECTS}.distractors", str(distractors)),
+    )
+    right = ("--pipeline.evaluation.protocol", "right") if appearance == "off" else ()
+    return Setting(method, (*RATES, *options, *switches, *right), what)
+
+
+A, FULL = "desplat-phototourism-a-paper", "desplat-phototourism-paper"
+SMALL_PHOTOS = ("--pipeline.model.num-downscales", "0")
+SETTINGS = {
+    "plain": _setting("nothing (Splatfacto)", A, "off", False, distractors=False),
+    "distractors": _setting("distractors", A, "off", False),
+    "background": _setting("distractors, background", FULL, "off", True),
+    "affine": _setting("distractors, affine (`desplat-phototourism-a-paper`)", A, "affine", False),
+    "sh": _setting("distractors, sh", A, "sh", False),
+    "affine-background": _setting(
+        "distractors, affine, background (`desplat-phototourism-paper`)", FULL, "affine", True
+    ),
+    "sh-background": _setting("distractors, sh, background", FULL, "sh", True),
+    "desplat": _setting(
+        "affine, background, and the distractors of `desplat` (`desplat-phototourism`)",
+        "desplat-phototourism",
+        "affine",
+        True,
+        options=SMALL_PHOTOS,
+    ),
+    "no-distractors": _setting("affine, background", FULL, "affine", True, distractors=False),
+}
+"""By name. lambda_s and lambda_bg are the method's."""
+
+STEPS = {"yard": 1000, "sacre": 1000}
+"""Training steps by scene: the generated one, and eight photos of Sacre Coeur."""
+
+PARSER = ("photo-tourism-data",)
+SCENES = {
+    "yard": Scene(GeneratedCapture("yard", SceneSpec.tourism(7)), PARSER),
+    "sacre": Scene(RealCapture("sacre_coeur"), PARSER),
+}
+
+FIGURES = ("psnr", "psnr_before", "mask_iou", "alpha_outside_masks", "embedding_seconds")
+FIGURES += ("num_static_gaussians", "num_distractor_gaussians", "train_cpu_seconds")
+"""Absent where an effect is off or no masks are known."""
+
+
+def run_of(setting: str, scene: str) -> Run:
+    """The one run of a setting on a scene: its steps, the method's seed, photos of full size."""
+    return Run(setting, scene, 1, STEPS[scene], 42)
+
+
+PLAN = tuple(run_of(setting, scene) for scene in STEPS for setting in SETTINGS)
+
+STUDY = Study(SETTINGS, SCENES, PLAN, FIGURES)

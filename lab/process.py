@@ -1,0 +1,93 @@
+"""`desplat-process` on photos whose reconstruction is known, compared with that.
+
+    python -m lab.process PHOTOS KNOWN OUTPUT [options of desplat-process]
+
+KNOWN is a folder with a COLMAP model (cameras.bin, images.bin, points3D.bin) of photos of the same
+names.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+# PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
+import PIL.Image  # noqa: F401
+import pycolmap
+import tyro
+from jaxtyping import Float
+
+from desplat_ns.commands.process import run
+from desplat_ns.process.request import Request
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Camera centres of a capture beside the known ones, after the best similarity."""
+
+    num_known: int
+    missing: tuple[str, ...]
+    """Photos of the known model that have no pose in the capture."""
+    median: float
+    """Distance of centres, as a share of the known centres' extent (the longest distance)."""
+    largest: float
+    worst: str
+    """The photo whose distance is the largest."""
+
+
+def aligned(
+    centres: Float[np.ndarray, "N 3"], known: Float[np.ndarray, "N 3"]
+) -> Float[np.ndarray, "N 3"]:
+    """The centres after the similarity that brings them closest to the known ones.
+
+    Source: Umeyama, Least-Squares Estimation of Transformation Parameters Between Two Point
+    Patterns, 1991, Eq. 40 to 42.
+    """
+    mean, known_mean = centres.mean(0), known.mean(0)
+    left, right = centres - mean, known - known_mean
+    u, singular, vt = np.linalg.svd(right.T @ left)
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    scale = (singular * signs).sum() / (left**2).sum()
+    return scale * left @ (u * signs @ vt).T + known_mean
+
+
+def compare(capture: Path, known: Path) -> Comparison:
+    """How far the camera centres of a capture are from those of a known model."""
+    found, wanted = centres_of(capture / "sparse" / "0"), centres_of(known)
+    names = sorted(set(found) & set(wanted))
+    there = np.stack([wanted[name] for name in names])
+    off = np.linalg.norm(aligned(np.stack([found[name] for name in names]), there) - there, axis=1)
+    extent = np.linalg.norm(there[:, None] - there[None], axis=-1).max()
+    missing = tuple(sorted(set(wanted) - set(found)))
+    worst = int(off.argmax())
+    shares = off / extent
+    return Comparison(
+        len(wanted), missing, float(np.median(shares)), float(shares.max()), names[worst]
+    )
+
+
+def centres_of(model: Path) -> dict[str, Float[np.ndarray, " 3"]]:
+    """Camera centres by the photos' names."""
+    read = pycolmap.Reconstruction(model)
+    images = (read.image(i) for i in read.reg_image_ids())
+    return {image.name: image.projection_center() for image in images}
+
+
+def main() -> None:
+    """Process, then compare."""
+    photos, known, output, *options = sys.argv[1:]
+    run(tyro.cli(Request, args=[photos, output, *options]))
+    told = compare(Path(output), Path(known))
+    print(
+        f"{told.num_known - len(told.missing)} of the {told.num_known} known photos have a pose"
+        f"{': missing ' + ', '.join(told.missing) if told.missing else ''}. Camera centres are "
+        f"{told.median:.2%} (median) and {told.largest:.2%} (largest, {told.worst}) of the extent "
+        "from the known ones."
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,41 @@
+"""The files with what was measured, and how to enter more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from desplat_ns.studies.grid import records
+from desplat_ns.studies.grid.records import Record
+from desplat_ns.studies.grid.runs import Run
+from desplat_ns.studies.grid.settings import Settings
+from lab.documents import DOCS
+from lab.separation.runs import FIGURES
+
+FILE = DOCS / "separation.json"
+
+BEFORE = DOCS / "separation_before.json"
+"""The same of code up to commit e944f25, whose refinements were as far apart as its schedules said:
+every 10 steps in short runs, every 100 in those of 30,000. Nothing writes to it any more."""
+
+
+def enter(
+    run: Run,
+    results: Mapping[str, Any],
+    commit: str,
+    settings: Settings,
+    path: Path = FILE,
+) -> None:
+    """Enter what was measured elsewhere.
+
+    Args:
+        results: as `ns-eval` gives them, device and backend among them, with `train_cpu_seconds`.
+        commit: the full hash of the code that was run.
+        settings: what that code resolved, its own `python -m desplat_ns.studies.grid.settings`;
+            `STUDY.settings_of(run)` only where that code resolves the same as today's.
+    """
+    figures = {name: results[name] for name in FIGURES if name in results}
+    where = records.where_of(results)
+    found = Record(figures, commit, settings, where["device"], where["backend"])
+    records.enter(path, run, found)

@@ -1,0 +1,206 @@
+"""Write docs/separation.md, docs/separation_tried.md and a figure from the records."""
+
+from __future__ import annotations
+
+import re
+from itertools import compress
+from pathlib import Path
+
+from desplat_ns.studies.grid.records import Records, load
+from lab.documents import DOCS
+from lab.grid.figures import Figures, Key, spread
+from lab.grid.sources import Cell, Reference
+from lab.separation import one_pixel
+from lab.separation.records import BEFORE, FILE
+from lab.separation.runs import (
+    ABLATIONS,
+    HARD,
+    SEEDS,
+    SETTINGS,
+    STUDY,
+    downscale_of,
+    twins_of,
+)
+
+REPORT, TRIED, FIGURE = "separation.md", "separation_tried.md", "separation.png"
+"""What is so today; what was so once, or was not kept; the model of one pixel."""
+
+NUMBERS_S, NUMBERS_D = 59, 14
+"""Numbers in which a static Gaussian (degree 3) and a distractor are stored."""
+
+
+SHOWN = {
+    "main": "off trimmed paper desplat truth",
+    "ablations": f"desplat {ABLATIONS}",
+    "short": "off desplat",
+}
+"""Settings that a table of one scene compares, by the word in the template."""
+
+CAPTURES = {
+    "chosen": "clutter few12 room15 room40 grove18 lit18 yard8 yard24 yard60",
+    "kept": "around few20 other15 other40 other18 lit40 yard16 yard40",
+    "hard": " ".join(HARD),
+}
+"""Captures that a table compares, by the word in the template: those on which a threshold was
+chosen, those kept out of that, and one kind of difficult occluder each, pasted over the photos of
+`clean`."""
+
+STILL = {"still": "fox", "still-tree": "monstree"}
+"""Captures in which nothing moves, by the names of their scenes."""
+
+
+def gap(figures: Figures, setting: str, scene: str, clean: str, downscale: int, steps: int) -> Cell:
+    """Share of the way from "off" to the clean twins, seed by seed."""
+    runs = ((setting, scene), ("off", scene), ("off", clean))
+    values, measured = figures.together("psnr", *((*run, downscale, steps) for run in runs))
+    gaps = [(ours - off) / (top - off) for ours, off, top in values]
+    return Cell(spread(gaps, ".2f"), tuple(measured))
+
+
+def scene_table(
+    figures: Figures, settings: str, scene: str, clean: str, downscale: int, steps: int
+) -> str:
+    """One row for each setting that was measured."""
+    rows: list[list[str | Cell]] = []
+    for name in settings.split():
+        run = (name, scene, downscale, steps)
+        if not figures.has(run):
+            continue
+        rows.append(
+            [
+                SETTINGS[name].what,
+                figures.cell(run, "psnr", ".2f"),
+                gap(figures, name, scene, clean, downscale, steps),
+                figures.cell(run, "ssim", ".3f"),
+                figures.cell(run, "mask_iou", ".2f"),
+                figures.cell(run, "alpha_outside_masks", ".3f"),
+                figures.cell(run, "num_static_gaussians", ",.0f"),
+                figures.cell(run, "num_distractor_gaussians", ",.0f"),
+            ]
+        )
+    twins = ("off", clean, downscale, steps)
+    if figures.has(twins):
+        psnr, ssim = (
+            figures.cell(twins, f, form) for f, form in (("psnr", ".2f"), ("ssim", ".3f"))
+        )
+        count = figures.cell(twins, "num_static_gaussians", ",.0f")
+        rows.append(["off, trained on the clean twins", psnr, "1", ssim, "", "", count, ""])
+    head = ["", "PSNR", "gap closed", "SSIM", "mask IoU", "alpha outside", "static", "distractors"]
+    return figures.table(head, rows)
+
+
+def still_table(figures: Figures) -> str:
+    """What the method costs where nothing moves: as users run it, and with distractors on."""
+    rows: list[list[str | Cell]] = []
+    for scene in STILL:
+        for steps in (1000, 3000, 30000):
+            off: Key = ("off", scene, 2, steps)
+            differences = [
+                _difference(figures, off, (setting, scene, 2, steps))
+                for setting in ("asked", "desplat")
+            ]
+            if any(cell.text for cell in differences):
+                psnr = figures.cell(off, "psnr", ".2f")
+                rows.append([f"`{STILL[scene]}`", f"{steps:,}", psnr, *differences])
+    head = ["capture", "steps", "off", "`desplat`, as its survey says", "with distractors on"]
+    return figures.table(*_without_empty_columns(head, rows))
+
+
+def _difference(figures: Figures, off: Key, ours: Key) -> Cell:
+    """PSNR of one setting beyond that of off, seed by seed."""
+    values, measured = figures.together("psnr", off, ours)
+    return Cell(spread([b - a for a, b in values], "+.2f"), tuple(measured))
+
+
+def captures_table(figures: Figures, group: str, steps: int) -> str:
+    """One row for each capture of a group that was measured."""
+    rows: list[list[str | Cell]] = []
+    for scene in CAPTURES[group].split():
+        row = _of_capture(figures, scene, steps)
+        if row[0].text or row[1].text:
+            rows.append([scene, *row])
+    head = ["capture", "off", "`desplat`", "true masks", "clean twins", "gap closed", "SSIM", "IoU"]
+    head += ["alpha outside", "training, CPU s", "static", "distractors", "memory ratio"]
+    return figures.table(*_without_empty_columns(head, rows))
+
+
+def _without_empty_columns(
+    head: list[str], rows: list[list[str | Cell]]
+) -> tuple[list[str], list[list[str | Cell]]]:
+    """The columns in which some row says something."""
+    said = [
+        any((cell if isinstance(cell, str) else cell.text) for cell in column)
+        for column in zip(*rows, strict=True)
+    ] or [True] * len(head)
+    return list(compress(head, said)), [list(compress(row, said)) for row in rows]
+
+
+def _of_capture(figures: Figures, scene: str, steps: int) -> list[Cell]:
+    """Cells of `captures_table`: PSNR of four settings, the rest of `desplat`."""
+    downscale = downscale_of(scene)
+    clean = twins_of(scene)
+    ours: Key = ("desplat", scene, downscale, steps)
+    four: list[Key] = [
+        ("off", scene, downscale, steps),
+        ours,
+        ("truth", scene, downscale, steps),
+        ("off", clean, downscale, steps),
+    ]
+    cells = [figures.cell(run, "psnr", ".2f") for run in four]
+    cells.append(gap(figures, "desplat", scene, clean, downscale, steps))
+    for figure, form in (
+        ("ssim", ".3f"),
+        ("mask_iou", ".2f"),
+        ("alpha_outside_masks", ".3f"),
+        ("train_cpu_seconds", ".0f"),
+        ("num_static_gaussians", ",.0f"),
+        ("num_distractor_gaussians", ",.0f"),
+    ):
+        cells.append(figures.cell(ours, figure, form))
+    measured = figures.by_seed(ours).values()
+    ratios = [
+        record.figures["num_distractor_gaussians"]
+        * NUMBERS_D
+        / (record.figures["num_static_gaussians"] * NUMBERS_S)
+        for _, record in measured
+    ]
+    return [*cells, Cell(spread(ratios, ".2f"), tuple(measured))]
+
+
+def write_committed_report() -> Path:
+    """Write both documents from the files in docs/; returns where the first is."""
+    return write_report(load(FILE), load(BEFORE))
+
+
+def write_report(
+    now: Records, before: Records, folder: Path = DOCS, today: Reference = STUDY.settings_of
+) -> Path:
+    """Fill in the templates; returns where the document of today is.
+
+    Args:
+        before: those of `records.BEFORE`.
+        today: see `sources`.
+    """
+    for name, figures in (
+        (REPORT, Figures(now, today, SEEDS)),
+        (TRIED, Figures(before, None, SEEDS)),
+    ):
+        (folder / name).write_text(_filled(name, figures))
+    one_pixel.draw(folder / FIGURE)
+    return folder / REPORT
+
+
+def _filled(name: str, figures: Figures) -> str:
+    """The template of a document, its tables made of these figures."""
+
+    def table(match: re.Match[str]) -> str:
+        kind, *rest = match[1].split()
+        if kind == "still":
+            return still_table(figures)
+        if kind == "captures":
+            return captures_table(figures, rest[0], int(rest[1]))
+        scene, clean, downscale, steps = rest
+        return scene_table(figures, SHOWN[kind], scene, clean, int(downscale), int(steps))
+
+    template = Path(__file__).with_name(f"{name}.template")
+    return re.sub(r"\{\{(.*?)\}\}", table, template.read_text())

@@ -1,0 +1,114 @@
+"""Kill a training run 20 times, and poison formulas, files and options; writes docs/faults.json.
+
+    python -m lab.stability.faults            (--quick --output somewhere: a check only)
+
+The soak run beside it is `python -m lab.stability.soak`. `lab.stability` puts both
+into docs/stability.md.
+"""
+
+# the tests' folders have to be on the path first
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from desplat_ns.studies.grid.machine import describe_machine
+from lab.documents import CHECKOUT, DOCS
+
+RECORD = "faults.json"
+KILLS, INPUTS = 20, 200
+"""Kills of one run; poisoned inputs for each formula, kind of file and set of options."""
+
+FORMULAS = "formulas"
+KINDS = ("finite", "refused", "culled", "fault")
+
+
+def killed(kills: int) -> dict[str, Any]:
+    """What became of a run that was killed so often, in a process of its own."""
+    script = CHECKOUT / "tests" / "stability" / "kills.py"
+    command = [sys.executable, str(script), str(kills)]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=CHECKOUT)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def fuzzed(inputs: int, seed: int = 0) -> dict[str, dict[str, int]]:
+    """How many inputs ended how, by what they were put into."""
+    from tests.stability import fuzz_files, fuzz_options
+    from tests.stability.fuzz_formulas import FORMULAS as ALL
+
+    rng = random.Random(seed)
+    found = {FORMULAS: Counter()}
+    for formula in ALL:
+        for _ in range(inputs):
+            faults = formula.attempt(rng)
+            found[FORMULAS]["fault" if faults else "finite"] += 1
+            print(*faults, end="\n" if faults else "")
+    with tempfile.TemporaryDirectory() as folder:
+        places = fuzz_files.write_healthy(Path(folder) / "healthy")
+        for source in fuzz_files.SOURCES:
+            found[source.name] = _counted(
+                inputs,
+                lambda source=source: fuzz_files.fate_of(
+                    source, rng, places[source.name], Path(folder) / "work"
+                ),
+            )
+        for options in fuzz_options.all_options(places["COLMAP, binary"], Path(folder) / "run"):
+            found[f"options: {options.name}"] = _counted(
+                inputs, lambda options=options: fuzz_options.fate_of(options, rng)
+            )
+    return {name: {kind: fates[kind] for kind in KINDS} for name, fates in found.items()}
+
+
+def _counted(inputs: int, attempt: Callable[[], str]) -> Counter:
+    fates: Counter = Counter()
+    for _ in range(inputs):
+        fate = attempt()
+        kind = {"fine": "finite"}.get(fate, fate)
+        if kind not in KINDS:
+            print(fate)
+            kind = "fault"
+        fates[kind] += 1
+    return fates
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point."""
+    parser = argparse.ArgumentParser(
+        prog="python -m lab.stability.faults",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--quick", action="store_true", help="few of everything: a check only")
+    parser.add_argument("--output", type=Path, help="folder (docs; needed if quick)")
+    parser.add_argument("--only", choices=("fuzz", "killed"), help="keep the rest of the record")
+    chosen = parser.parse_args(arguments)
+    if chosen.quick and chosen.output is None:
+        parser.error("--quick measures nothing to keep: name a folder with --output")
+    torch.set_num_threads(1)
+    kills, inputs = (2, 3) if chosen.quick else (KILLS, INPUTS)
+    folder = chosen.output or DOCS
+    path = folder / RECORD
+    record = json.loads(path.read_text()) if chosen.only else {}
+    record["machine"] = describe_machine()
+    if chosen.only != "killed":
+        record["fuzz"] = fuzzed(inputs)
+    if chosen.only != "fuzz":
+        record["killed"] = killed(kills)
+    folder.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(record, indent=1) + "\n")
+    print(path)
+
+
+if __name__ == "__main__":
+    main()

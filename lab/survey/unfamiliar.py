@@ -1,0 +1,68 @@
+"""Generated and altered captures unlike those on which the survey's thresholds were set: rooms of
+bare walls and gloss, detail as fine as a pixel, few views, difficult occluders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from desplat_ns.datamanager import training_split
+from desplat_ns.errors import DeSplatError
+from desplat_ns.studies.grid.settings import parse
+from desplat_ns.survey.capture import Capture, capture_of
+from desplat_ns.survey.findings import Decision
+from lab.separation.runs import CLEAN, FEW, HARD, PLACES, SCENES, downscale_of
+
+CHOSEN_ON = ("room15", "room40", "grove18", "few12", "small")
+"""And their clean twins: here it was seen that gloss, fine detail and what is in the way are taken
+for light, and what was done about it was chosen. The others are kept out,
+but are of the same kinds: other seeds of the rooms and groves, other things over the same fox."""
+
+JUDGED = ("appearance", "distractors")
+"""What is true of the background is not clear: a strip of sky above walls, or between trees."""
+
+
+def names() -> Iterator[tuple[str, bool]]:
+    """Every scene of the separation study that counts here, and whether something is in the way."""
+    for name in (*PLACES, *FEW):
+        yield name, True
+        yield name + CLEAN, False
+    yield from ((name, True) for name in HARD)
+
+
+def was_chosen_on(name: str) -> bool:
+    """Whether something was chosen on it, or on its twin."""
+    return name.removesuffix(CLEAN) in CHOSEN_ON
+
+
+def right_of(name: str, is_cluttered: bool) -> dict[str, tuple[Decision, ...]]:
+    """Which decisions are right. The photos of the fox drift in exposure, which `camera` explains;
+    nothing else has any light of its own."""
+    is_fox = name.removesuffix(CLEAN) not in PLACES
+    return {
+        "appearance": ("off", "camera") if is_fox else ("off",),
+        "distractors": (is_cluttered,),
+    }
+
+
+def open_capture(name: str, folder: Path) -> Capture:
+    """Its training photos, written below `folder` if they are not there yet.
+
+    Raises:
+        DeSplatError: it is made of a real capture that is not there.
+    """
+    scene = SCENES[name]
+    smaller = ("--downscale-factor", str(downscale_of(name)))
+    options = ("--data", str(scene.capture.locate(folder)), *scene.parser, *smaller)
+    config = parse("desplat", list(options))
+    config.pipeline.datamanager.data = config.data
+    return capture_of(training_split(config.pipeline.datamanager))
+
+
+def available(folder: Path) -> Iterator[tuple[str, bool, Capture]]:
+    """Name, whether something is in the way, and photos of each capture that can be made."""
+    for name, is_cluttered in names():
+        try:
+            yield name, is_cluttered, open_capture(name, folder)
+        except DeSplatError as error:
+            print(f"{name} is left out: {error}", flush=True)

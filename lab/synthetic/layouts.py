@@ -1,0 +1,104 @@
+"""A generated capture as files, arranged as RobustNeRF's or as Photo Tourism's scenes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+
+from desplat_ns.data.images import write_image
+from desplat_ns.errors import ConfigError
+from lab.synthetic.colmap_export import RegisteredPhoto, write_reconstruction
+from lab.synthetic.scene import Frame, Scene, make_scene
+from lab.synthetic.spec import SceneSpec
+
+NAME = "yard"
+"""Of the scene, in Photo Tourism's split file."""
+
+
+def write_scene(spec: SceneSpec, folder: Path) -> Scene:
+    """Make a scene and write it to `folder`; return its truth.
+
+    Layout `robustnerf`: `images/{clean,clutter,extra}_NNNN.png` and `sparse/0/*.bin` (COLMAP).
+    Layout `phototourism`: `dense/images/photo_NNNN.png` (training photos with occluders, then the
+    extras as test photos), `dense/sparse/*.bin`, `yard.tsv` (NeRF-W's split: filename, id, split,
+    dataset), and beside them the training photos' twins in `clean/`.
+
+    In both: `masks/NAME.png` for each training photo with occluders (255 = occluder) and
+    `scene.json` (the spec). With daylight: `light.json` (each photo's `Daylight`) and the
+    evaluation photos without it in `unlit/`.
+    Raises ConfigError where `folder` already holds pictures, and as `make_scene`.
+    """
+    dense = folder / "dense" if spec.layout == "phototourism" else folder
+    if any((dense / "images").glob("*")):
+        raise ConfigError(
+            f"{dense / 'images'} already holds pictures and nothing was written. Remove "
+            f"{folder} or name another folder."
+        )
+    scene = make_scene(spec)
+    if spec.layout == "phototourism":
+        _write_capture(scene, scene.clutter, dense / "images", dense / "sparse")
+        _write_images(scene.clean, folder / "clean")
+        _write_split(scene, folder / f"{NAME}.tsv")
+    else:
+        photos = scene.clutter + scene.clean
+        _write_capture(scene, photos, dense / "images", dense / "sparse" / "0")
+    for frame in scene.clutter:
+        write_image(folder / "masks" / f"{frame.name}.png", frame.mask)
+    _write_images(scene.unlit, folder / "unlit")
+    if spec.daylight is not None:
+        _write_light(scene, folder / "light.json")
+    (folder / "scene.json").write_text(json.dumps(spec.to_dict(), indent=2) + "\n")
+    return replace(scene, folder=folder)
+
+
+def _write_images(frames: Sequence[Frame], folder: Path) -> None:
+    for frame in frames:
+        write_image(folder / f"{frame.name}.png", frame.image)
+
+
+def _write_capture(scene: Scene, training: Sequence[Frame], images: Path, sparse: Path) -> None:
+    """Training photos (once or twice all views) and extras, with their reconstruction."""
+    _write_images([*training, *scene.extra], images)
+    spec, points = scene.spec, scene.points
+    noise = spec.rng(5).normal(scale=spec.point_noise, size=points.xyz.shape)
+    write_reconstruction(sparse, _register(scene, training), points.xyz + noise, points.rgb)
+
+
+def _register(scene: Scene, training: Sequence[Frame]) -> list[RegisteredPhoto]:
+    """Photos with their noisy observations; points hidden by occluders are not observed."""
+    rng, points, views = scene.spec.rng(4), scene.points, scene.spec.num_views
+    numbered = [(index % views, frame) for index, frame in enumerate(training)]
+    numbered += [(views + index, frame) for index, frame in enumerate(scene.extra)]
+    photos = []
+    for view, frame in numbered:
+        hidden = points.hidden_by(view, frame.coverage > 0)
+        ids = np.flatnonzero(points.is_seen[view] & ~hidden)
+        pixels, _ = frame.camera.project(points.xyz[:, ids])
+        pixels = pixels + rng.normal(scale=scene.spec.pixel_noise, size=pixels.shape)
+        photos.append(RegisteredPhoto(f"{frame.name}.png", frame.camera, ids, pixels))
+    return photos
+
+
+def _write_split(scene: Scene, path: Path) -> None:
+    """One row for each photo; ids are those of the reconstruction, in its order."""
+    rows = [(frame.name, "train") for frame in scene.clutter]
+    rows += [(frame.name, "test") for frame in scene.extra]
+    with path.open("w", newline="") as file:
+        table = csv.writer(file, delimiter="\t", lineterminator="\n")
+        table.writerow(["filename", "id", "split", "dataset"])
+        for image_id, (name, split) in enumerate(rows, start=1):
+            table.writerow([f"{name}.png", image_id, split, NAME])
+
+
+def _write_light(scene: Scene, path: Path) -> None:
+    frames = scene.clean + scene.clutter + scene.extra
+    known = {frame.name: asdict(frame.daylight) for frame in frames if frame.daylight is not None}
+    for light in known.values():
+        if light["sun"] is None:
+            del light["sun"]
+    path.write_text(json.dumps(known, indent=2) + "\n")

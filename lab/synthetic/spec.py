@@ -1,0 +1,143 @@
+"""What decides how a generated capture looks."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+
+from desplat_ns.errors import ConfigError
+from lab.synthetic.daylight import DaylightSpec
+from lab.synthetic.occluders import OccluderSpec
+
+LAYOUTS = ("robustnerf", "phototourism")
+PLACES = ("yard", "room", "grove")
+
+_OFF_BY_DEFAULT = ("daylight", "other_sizes", "layout", "place")
+
+
+@dataclass(frozen=True)
+class SceneSpec:
+    """Everything that decides what is generated; the same spec gives the same bits."""
+
+    num_views: int = 24
+    """Training views; each comes with occluders (`clutter`) and without (`clean`)."""
+    num_extras: int = 6
+    """Views for evaluation (`extra`), never with occluders."""
+    width: int = 288
+    """Of every picture, in pixels, but for `other_sizes`."""
+    height: int = 192
+    """Of every picture, in pixels, but for `other_sizes`."""
+    supersample: int = 2
+    """Each pixel is the mean of this number squared of samples."""
+    arc_degrees: float = 90.0
+    """Arc around the yard on which the cameras stand."""
+    wall_height: float = 6.0
+    """Metres. Above walls lower than some 4 metres the sky shows."""
+    occluders: OccluderSpec = field(default_factory=OccluderSpec)
+    num_points: int = 4000
+    """Points of the reconstruction, at most."""
+    point_noise: float = 0.004
+    """Standard deviation of the error of a point's position, metres along each axis."""
+    pixel_noise: float = 0.3
+    """Standard deviation of the error of an observation, pixels along each axis."""
+    seed: int = 0
+    daylight: DaylightSpec | None = None
+    """Light and sky that differ from photo to photo; None: the same light, and a plain sky."""
+    other_sizes: tuple[tuple[int, int], ...] = ()
+    """Width and height of further pictures: as many photos of each as of `width` x `height`. They
+    have the same angle of view along the longer side."""
+    layout: str = "robustnerf"
+    """How the files are arranged and named: `robustnerf` or `phototourism`, see `write_scene`."""
+    place: str = "yard"
+    """`yard`, where everything has texture, `room`: bare walls around glossy things, or `grove`:
+    trees whose bark and leaves are as fine as a pixel, with the sky around."""
+
+    def __post_init__(self) -> None:
+        if self.num_views < 3 or self.num_extras < 1:
+            raise ConfigError(
+                f"A scene of {self.num_views} views and {self.num_extras} extras is too small: "
+                "set num_views to 3 or more and num_extras to 1 or more."
+            )
+        if min(self.width, self.height) < 16 or self.supersample < 1:
+            raise ConfigError(
+                f"Pictures of {self.width}x{self.height} with supersample {self.supersample} "
+                "cannot be drawn: set width and height to 16 or more, supersample to 1 or more."
+            )
+        for width, height in self.other_sizes:
+            if min(width, height) < 16:
+                raise ConfigError(
+                    f"other_sizes asks for pictures of {width}x{height}, which cannot be drawn: "
+                    "16x16 is the least."
+                )
+        if self.layout not in LAYOUTS:
+            raise ConfigError(f"layout is {self.layout!r}. Choose one of {', '.join(LAYOUTS)}.")
+        if self.place not in PLACES:
+            raise ConfigError(f"place is {self.place!r}. Choose one of {', '.join(PLACES)}.")
+
+    @classmethod
+    def tiny(cls, seed: int = 0) -> SceneSpec:
+        """Six views of 48x32 pixels, for tests."""
+        return cls(num_views=6, num_extras=2, width=48, height=32, num_points=300, seed=seed)
+
+    @classmethod
+    def tourism(cls, seed: int = 0) -> SceneSpec:
+        """Tourists' photos: any daylight, sky, upright and lengthwise; Photo Tourism's layout."""
+        return cls(
+            width=160,
+            height=120,
+            wall_height=2.6,
+            occluders=OccluderSpec(kinds=("person", "person", "person", "balloon", "parcel")),
+            seed=seed,
+            daylight=DaylightSpec(),
+            other_sizes=((120, 160), (144, 108)),
+            layout="phototourism",
+        )
+
+    @classmethod
+    def bare_room(cls, num_views: int, seed: int = 0) -> SceneSpec:
+        """All around glossy things between bare walls; some occluders are faint, some linger."""
+        return cls(
+            num_views=num_views,
+            num_extras=8,
+            width=160,
+            height=120,
+            arc_degrees=360.0 * (1 - 1 / num_views),
+            wall_height=5.0,
+            occluders=OccluderSpec(faint=0.25, lingering=0.2),
+            seed=seed,
+            place="room",
+        )
+
+    @classmethod
+    def fine_grove(cls, num_views: int, seed: int = 0) -> SceneSpec:
+        """All around a tree, outdoors."""
+        room = cls.bare_room(num_views, seed)
+        return replace(room, place="grove", occluders=OccluderSpec())
+
+    @property
+    def sizes(self) -> list[tuple[int, int]]:
+        """Width and height in pixels of all kinds of pictures."""
+        return [(self.width, self.height), *self.other_sizes]
+
+    def rng(self, *purpose: int) -> np.random.Generator:
+        """A generator of its own for each purpose: one more draw here changes nothing there."""
+        return np.random.default_rng([self.seed, *purpose])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for a file; what was added later and is off is left out."""
+        default = {f.name: f.default for f in fields(self)}
+        is_off = {name for name in _OFF_BY_DEFAULT if getattr(self, name) == default[name]}
+        record = {name: value for name, value in asdict(self).items() if name not in is_off}
+        for name in ("faint", "lingering"):
+            if record["occluders"][name] == 0:
+                del record["occluders"][name]
+        if record.get("daylight") is not None:
+            off = {"sun": 0.0, "plain_sky": None}
+            record["daylight"] = {
+                name: value
+                for name, value in record["daylight"].items()
+                if name not in off or value != off[name]
+            }
+        return record

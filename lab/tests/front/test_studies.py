@@ -1,0 +1,30 @@
+"""Studies of captures, as the document shows them."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from desplat_ns.studies.tradeoff.plan import BASE, TrainingPlan, study_of
+from desplat_ns.studies.tradeoff.results import Results
+from lab.front import studies
+from tests.helpers.tradeoff import SUBJECT, made_up
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+def test_a_kept_study_says_nothing_of_the_machine_and_is_compared(tmp_path, monkeypatch):
+    monkeypatch.setattr(studies, "FOLDER", tmp_path / "kept")
+    settled = TrainingPlan(500, (BASE, "fewer"), 30_000)
+    study = study_of(SUBJECT, settled)
+    records = {run.name: made_up(study, run) for run in study.plan if run.steps <= 500}
+    results = Results(SUBJECT, plan=settled, failed={"fewer": "see /photos/run.log"})
+    results.save(tmp_path / "out", records)
+    (tmp_path / "out" / "training.svg").write_text("<svg/>")
+    kept = studies.keep(tmp_path / "out", "garden")
+    assert "/photos" not in kept.read_text()
+    found = studies.results()
+    assert json.loads(kept.read_text()) == found["garden"]
+    assert "| `garden` | 20 |" in studies.time_table(found)
+    row = studies.settings_table(found).splitlines()[-1]
+    assert row.startswith("| a quarter of the static Gaussians at most |") and "3 seeds" in row

@@ -1,0 +1,172 @@
+"""The command of a study does what is missing or stale, and nothing else."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.errors import DeSplatError
+from desplat_ns.studies.grid import executors as module
+from desplat_ns.studies.grid import records
+from desplat_ns.studies.grid.execute import log_of
+from desplat_ns.studies.grid.records import Record, load, save
+from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
+from lab.grid.captures import RealCapture
+from lab.grid.command import Command, named_runs
+from tests.helpers.other_process import running, tried
+
+CAPTURE = RealCapture("fox")
+PLAN = tuple(
+    Run(name, scene, 1, 1000, seed)
+    for seed in (42, 43)
+    for scene in ("yard", "yard8")
+    for name in ("off", "ours")
+)
+TODAY = {"steps": 1}
+
+
+class Fixed(Study):
+    """A study whose settings need no method."""
+
+    def settings_of(self, run: Run) -> dict:
+        return TODAY
+
+
+STUDY = Fixed(
+    {"off": Setting("a"), "ours": Setting("b")},
+    {"yard": Scene(CAPTURE, ()), "yard8": Scene(CAPTURE, ())},
+    PLAN,
+    ("psnr",),
+)
+DONE, STALE, UNKNOWN, MISSING = PLAN[:4]
+
+
+@pytest.fixture
+def command(tmp_path: Path, monkeypatch) -> Command:
+    """A study with a run that is done, one that is stale, and one of which too little is known."""
+    file = tmp_path / "records.json"
+    figures = {"psnr": 20.0}
+    save(
+        file,
+        {
+            DONE.name: Record(figures, "c", TODAY),
+            STALE.name: Record(figures, "c", {"steps": 2}),
+            UNKNOWN.name: Record(figures, None, None),
+        },
+    )
+    monkeypatch.setattr(module, "execute", lambda *_: Record({"psnr": 30.0}, "new", TODAY))
+    return Command(STUDY, file, lambda: tmp_path / "page.md", tmp_path / "out", "study", "")
+
+
+def test_the_list_names_what_is_to_be_done_and_why(command: Command, capsys):
+    assert command.main(["--list", "--only", "*-42"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"{STALE.name}    its settings are not today's: steps",
+        f"{UNKNOWN.name}    its settings were not recorded",
+        f"{MISSING.name}    never run",
+    ]
+    assert not command.output.exists()
+
+
+def test_what_is_to_be_done_is_done_and_recorded(command: Command, capsys):
+    assert command.main(["--only", "*-42", "--jobs", "2"]) == 0
+    found = load(command.file)
+    assert found[DONE.name].figures == {"psnr": 20.0}
+    for run in (STALE, UNKNOWN, MISSING):
+        assert found[run.name] == Record({"psnr": 30.0}, "new", TODAY)
+    assert len(found) == 4
+    assert "page.md" in capsys.readouterr().out
+
+
+def test_a_record_that_cannot_be_written_leaves_the_other_runs(command, monkeypatch, capsys):
+    enter = records.enter
+
+    def full_for_one(file: Path, run: Run, found: Record) -> None:
+        if run == STALE:
+            raise OSError("No space left on device")
+        enter(file, run, found)
+
+    monkeypatch.setattr(records, "enter", full_for_one)
+    assert command.main(["--only", "*-42"]) == 1
+    found = load(command.file)
+    assert found[STALE.name].settings == {"steps": 2}
+    assert found[MISSING.name].figures == {"psnr": 30.0}
+    assert f"{STALE.name}: OSError: No space left" in capsys.readouterr().err
+
+
+def test_a_report_alone_runs_nothing(command: Command, monkeypatch):
+    before = load(command.file)
+    assert command.main(["--report"]) == 0
+    assert load(command.file) == before
+
+
+def test_a_run_that_fails_is_said_and_leaves_the_others(command: Command, monkeypatch, capsys):
+    def fail(study: Study, run: Run, folder: Path) -> Record:
+        if run == STALE:
+            raise DeSplatError("no disk")
+        return Record({"psnr": 30.0}, "new", TODAY)
+
+    monkeypatch.setattr(module, "execute", fail)
+    assert command.main(["--only", "*-42"]) == 1
+    assert f"{STALE.name}: no disk" in capsys.readouterr().err
+    assert MISSING.name in load(command.file)
+
+
+def test_any_exception_is_a_failed_run_and_its_log_is_named(command: Command, monkeypatch, capsys):
+    def fail(study: Study, run: Run, folder: Path) -> Record:
+        if run == STALE:
+            raise OSError("disk full")
+        return Record({"psnr": 30.0}, "new", TODAY)
+
+    monkeypatch.setattr(module, "execute", fail)
+    assert command.main(["--only", "*-42"]) == 1
+    said = capsys.readouterr().err
+    assert f"{STALE.name}: OSError: disk full" in said
+    assert str(log_of(STALE, command.output)) in said
+    assert MISSING.name in load(command.file)
+
+
+@pytest.mark.parametrize("more", [[], ["--list"]])
+def test_a_pattern_that_names_no_run_is_an_error(command: Command, capsys, more: list[str]):
+    assert command.main(["--only", "off-*", "of-yard-1-1000-42", *more]) == 1
+    found = capsys.readouterr()
+    assert "No run of the study is named 'of-yard-1-1000-42'" in found.err
+    assert "off-yard-1-1000-42" in found.err
+    assert "written" not in found.out and len(load(command.file)) == 3
+
+
+def test_a_pattern_names_runs_by_their_name_or_how_it_begins():
+    assert named_runs(STUDY, ["*-yard"]) == [run for run in PLAN if run.scene == "yard"]
+    assert named_runs(STUDY, [PLAN[3].name, "off-*-42"]) == [PLAN[3], PLAN[0], PLAN[2]]
+
+
+def test_while_a_study_runs_no_other_process_writes_its_records_or_into_its_folder(
+    command: Command, checkout: Path, monkeypatch, capsys
+):
+    locks = [f"only_process_writing(Path({str(command.file)!r}))"]
+    locks += [f"only_process_in(Path({str(command.output)!r}))"]
+    told: list[str] = []
+
+    def execute(*_: object) -> Record:
+        told.extend(tried(lock, checkout) for lock in locks)
+        return Record({"psnr": 30.0}, "new", TODAY)
+
+    monkeypatch.setattr(module, "execute", execute)
+    assert command.main(["--only", STALE.name]) == 0
+    assert len(told) == 2 and all(f"Process {os.getpid()} is at work in" in one for one in told)
+    assert [tried(lock, checkout) for lock in locks] == ["free", "free"]
+
+
+def test_a_second_study_with_the_same_records_is_refused(
+    command: Command, checkout: Path, tmp_path: Path, capsys
+):
+    code = "from pathlib import Path; from desplat_ns.files.lock import *\n"
+    code += f"with only_process_writing(Path({str(command.file)!r})):\n    wait()"
+    before = command.file.read_text()
+    with running(code, checkout) as first:
+        assert command.main(["--only", STALE.name, "--output", str(tmp_path / "other")]) == 1
+        assert f"Error: Process {first.pid} is at work in '{tmp_path}'" in capsys.readouterr().err
+        assert command.main(["--list"]) == 0, "looking is free"
+    assert command.file.read_text() == before

@@ -1,0 +1,76 @@
+"""The study of docs/photo_tourism.md: its settings, its right halves, its tables."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from desplat_ns.method_configs import (
+    desplat_phototourism,
+    desplat_phototourism_a_paper,
+    desplat_phototourism_paper,
+)
+from desplat_ns.studies.grid.records import Record, load
+from lab.photo_tourism.report import report, scene_table
+from lab.photo_tourism.runs import (
+    EFFECTS,
+    FILE,
+    PLAN,
+    SETTINGS,
+    STEPS,
+    run_of,
+)
+
+SPECIFICATIONS = (desplat_phototourism, desplat_phototourism_paper, desplat_phototourism_a_paper)
+METHODS = {m.config.method_name: m.config for m in SPECIFICATIONS}
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+def test_the_document_is_that_of_the_records(checkout: Path):
+    assert (checkout / "docs" / "photo_tourism.md").read_text() == report(load(FILE))
+
+
+@pytest.mark.parametrize("setting", SETTINGS.values(), ids=list(SETTINGS))
+def test_a_setting_switches_effects_of_its_method(setting):
+    config: Any = METHODS[setting.method]
+    options = dict(zip(setting.options[::2], setting.options[1::2], strict=True))
+    names = {name.rpartition(".")[2] for name in options if ".effects." in name}
+    assert vars(config.pipeline.model.effects).keys() - {"auto"} == names
+
+
+def test_settings_without_appearance_are_scored_on_right_halves_too():
+    for setting in SETTINGS.values():
+        options = dict(zip(setting.options[::2], setting.options[1::2], strict=True))
+        is_off = options[f"{EFFECTS}.appearance"] == "off"
+        assert options.get("--pipeline.evaluation.protocol") == ("right" if is_off else None)
+
+
+def record(**more: float) -> Record:
+    counts = {"num_static_gaussians": 1234, "num_distractor_gaussians": 0}
+    return Record({"psnr": 12.346, "psnr_before": 11.0, **counts, **more}, None, None)
+
+
+def test_tables_hold_what_was_measured_at_todays_length():
+    yard = run_of("affine", "yard")
+    other = f"sh-yard-1-{STEPS['yard'] + 1}-42"
+    records = {yard.name: record(train_cpu_seconds=9.6), other: record()}
+    text = scene_table(records, "yard", lambda run: {})
+    assert "| 12.35 | 11.00 |" in text
+    assert "1,234" in text and "| 10 CPU |" in text
+    assert "sh" not in text.split("\n", 2)[2].replace("desplat", "")
+    assert scene_table(records, "sacre", lambda run: {}) == "Not measured."
+
+
+def test_seconds_of_the_whole_command_are_not_taken_for_cpu_seconds():
+    text = scene_table(
+        {run_of("affine", "yard").name: record(train_seconds=9.6)}, "yard", lambda run: {}
+    )
+    assert "| 10 |" in text and "CPU" not in text
+
+
+def test_every_setting_was_measured_on_every_scene():
+    found = load(FILE)
+    for setting in SETTINGS:
+        for scene in STEPS:
+            run = run_of(setting, scene)
+            assert run in PLAN and run.name in found

@@ -1,0 +1,66 @@
+"""What `desplat` is compared with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from desplat_ns.data.true_masks import METADATA_KEY
+from desplat_ns.errors import CaptureError
+from desplat_ns.studies.grid.settings import changes, resolve
+from lab.reproduce.baselines import (
+    TRIMMED_SHARE,
+    _any_pixel,
+    _trimmed,
+    by_residual,
+    by_truth,
+    mask_of,
+)
+
+
+def test_both_train_the_static_scene_alone():
+    for method, truth in ((by_truth, True), (by_residual, False)):
+        model: Any = method.config.pipeline.model
+        assert model.by_truth is truth
+        assert not model.effects.distractors
+
+
+EFFECTS = "--pipeline.model.effects"
+OFF = (f"{EFFECTS}.auto", "False", f"{EFFECTS}.distractors", "False")
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+@pytest.mark.parametrize("name", ["by_truth", "by_residual"])
+def test_they_differ_from_plain_splatfacto_in_nothing_but_the_loss(name: str):
+    off = resolve("desplat", (*OFF, "--pipeline.model.opacity-prior", "0"))
+    found = resolve(f"lab.reproduce.baselines:{name}", ())
+    apart = ["method_name", "pipeline.model._target", "pipeline.model.by_truth"]
+    assert changes(off, found) == apart
+
+
+def test_a_mask_is_read_as_the_evaluation_reads_it(tmp_path: Path):
+    grey = np.zeros((4, 4), np.uint8)
+    grey[0, 0], grey[3, 3] = 128, 127
+    Image.fromarray(grey).save(tmp_path / "a.png")
+    found = _any_pixel(tmp_path / "a.png", torch.zeros(2, 2, 3))[..., 0]
+    assert found.tolist() == [[True, False], [False, False]]
+
+
+def test_a_photo_without_a_mask_is_named():
+    metadata = {METADATA_KEY: [Path("a.png"), None], "train_image_names": ["a.jpg", "b.jpg"]}
+    assert mask_of(metadata, 0) == Path("a.png")
+    with pytest.raises(CaptureError, match=r"b\.jpg has no true mask"):
+        mask_of(metadata, 1)
+
+
+def test_a_trimmed_loss_leaves_out_the_largest_residuals():
+    rendered, photo = torch.zeros(20, 20, 3), torch.rand(20, 20, 3) * 0.1
+    photo[5:12, 5:12] = 1.0
+    left_out = _trimmed(rendered, photo)[..., 0]
+    assert left_out[6:11, 6:11].all()
+    assert left_out.float().mean() < 1 - TRIMMED_SHARE

@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from desplat_ns.studies.grid.records import load
+from lab.survey import unfamiliar
+from lab.survey.__main__ import measure
+from lab.survey.real import REAL, RealScene
+from lab.survey.report import FILE, REPORT, confusion_table, report, share_right
+from lab.survey.runs import TRAINING
+from lab.survey.scenes import COMBINATIONS, EVALUATION, SETTING
+
+
+def test_scenes_for_thresholds_and_for_counting_have_no_seed_in_common():
+    assert not {scene.seed for scene in SETTING} & {scene.seed for scene in EVALUATION}
+    visible = [scene for scene in EVALUATION if scene.strengths.is_visible]
+    assert len(visible) >= 40
+    assert {scene.truth for scene in visible} == set(COMBINATIONS)
+    strengths = {scene.strengths for scene in SETTING}
+    assert not strengths & {scene.strengths for scene in EVALUATION}
+
+
+def test_a_wrong_decision_lowers_the_share_and_is_in_the_table():
+    truth = {"appearance": "off", "background": "off", "distractors": True}
+    record = {
+        "truth": truth,
+        "decisions": {**truth, "distractors": False},
+        "wrong": ["distractors"],
+        "figures": {"covered": 0.0, "judged": 0.5},
+    }
+    assert share_right([record]) == "2 of 3 decisions (66.7%)"
+    assert "| True | 1 | 0 | 0.000 to 0.000 | 0.500 to 0.500 |" in confusion_table(
+        [record], "distractors"
+    )
+
+    assert share_right([record], ("appearance", "distractors")) == "1 of 2 decisions (50.0%)"
+
+
+def test_captures_of_other_kinds_are_kept_out_unless_their_names_say_so():
+    names = [name for name, _ in unfamiliar.names()]
+    assert set(unfamiliar.CHOSEN_ON) < set(names)
+    assert unfamiliar.was_chosen_on("room15-clean")
+    assert not unfamiliar.was_chosen_on("other15-clean")
+    assert unfamiliar.right_of("other15", True) == {"appearance": ("off",), "distractors": (True,)}
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+def test_the_document_is_that_of_the_records():
+    assert REPORT.read_text("utf8") == report(json.loads(FILE.read_text("utf8")), load(TRAINING))
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize("scene", REAL, ids=lambda scene: scene.name)
+def test_decisions_on_real_scenes_are_right(data_folder, scene: RealScene):
+    found, _ = measure(scene.open(data_folder(scene.name).parent))
+    for effect, decision in found.decisions().items():
+        assert decision in scene.right[effect], found.summary()
