@@ -135,7 +135,8 @@ def _have_compiled() -> None:
         flush=True,
     )
     if all(dispatcher.stats.cache_path for dispatcher in _launched) and sys.executable:
-        paths = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONSAFEPATH": "1"}
+        places = os.pathsep.join(map(os.path.abspath, sys.path))  # "" is the folder at hand
+        paths = {"PYTHONPATH": places, "PYTHONSAFEPATH": "1"}
         with suppress(OSError):
             subprocess.run(
                 [sys.executable, "-m", "desplat_ns.backend.compile_kernels", "numba"],

@@ -96,6 +96,16 @@ def test_the_first_launch_has_kernels_compiled_once_and_says_so(new_process, cap
     assert new_process == [command]
 
 
+def test_kernels_are_compiled_of_the_package_that_this_process_imports(new_process, monkeypatch):
+    """`python -c` and notebooks have "" on their path: the folder they were started in."""
+    environments = []
+    monkeypatch.setattr(subprocess, "run", lambda _, env, **how: environments.append(env))
+    monkeypatch.setattr(sys, "path", ["", "/elsewhere"])
+    with launching():
+        pass
+    assert environments[0]["PYTHONPATH"] == os.pathsep.join([os.getcwd(), "/elsewhere"])
+
+
 def test_nothing_is_compiled_where_all_kernels_lie_in_the_cache(new_process, monkeypatch, capsys):
     monkeypatch.setattr(numba_runtime, "_is_cached", lambda dispatcher: True)
     with launching():
