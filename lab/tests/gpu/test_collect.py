@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from lab.tests.gpu.test_wheels import a_wheel
 
 from lab.gpu import collect, wheels
+from lab.tests.gpu.test_wheels import a_wheel
 
 
 @pytest.fixture

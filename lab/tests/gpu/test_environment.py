@@ -7,9 +7,9 @@ from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
-from lab.tests.gpu.test_wheels import a_wheel
 
 from lab.gpu import environment, wheels
+from lab.tests.gpu.test_wheels import a_wheel
 
 HERE = sys.version_info[:2]
 
