@@ -57,13 +57,11 @@ def test_every_package_says_what_it_may_import(room):
     assert all(floors()[one] < floors()[room] for one in named)
 
 
-def test_no_study_but_the_grid_is_imported_by_another_but_one_of_all_levels():
+def test_no_study_but_the_grid_is_imported_by_another():
     for module, imported in module_imports().items():
         others = {one.split(".")[2] for one in imported if one.startswith("desplat_ns.studies.")}
         if module.startswith("desplat_ns.studies."):
-            study = module.split(".")[2]
-            levels = {"pixels"} if study == "tradeoff" else set()
-            assert others <= {study, "grid", *levels}, module
+            assert others <= {module.split(".")[2], "grid"}, module
 
 
 def test_what_follows_from_two_arrows_is_not_drawn():

@@ -25,7 +25,7 @@ MOST_JOBS = 8
 
 @dataclass
 class Arguments:
-    """Measure what accuracy costs in time: rasterizers, trainings, evaluations.
+    """Measure what accuracy costs in time: backends, sizes of photos, lengths, effects.
 
     A data parser's name and its options, as `ns-train` takes them, may follow; without them the
     capture's layout is recognised, as there. `desplat-tradeoff DATA colmap --help` lists the

@@ -11,8 +11,8 @@ import sys
 from dataclasses import asdict
 
 from desplat_ns.studies.grid.commands import ONE_THREAD, surroundings
-from desplat_ns.studies.pixels.memory import peak_mib
 from lab.front.whole_step import Size, WholeStep
+from lab.pixels.memory import peak_mib
 
 TINY = Size(2, 200, 64, 48, 20)
 """What pays for imports, compilation and thread pools."""

@@ -87,16 +87,19 @@ def settings_table(studies: dict[str, dict[str, Any]]) -> str:
     return table(["setting", *(f"`{name}`" for name in columns)], rows)
 
 
+WERE = {"relocation": "relocation instead of cloning and splitting (3DGS as MCMC)"}
+"""Variants of the kept studies that `desplat-tradeoff` has no more."""
+
+
 def _against_base(content: dict[str, Any]) -> dict[str, str]:
     steps = content["plan"]["steps"]
     ends = {one.setting: one for one in finals(_measured(content)) if one.steps == steps}
-    what = compared(Subject.from_json(content["subject"]).effects)
+    now = compared(Subject.from_json(content["subject"]).effects)
+    what = WERE | {name: one.what for name, one in now.items()}
     if BASE not in ends:
         return {}
     base = ends.pop(BASE)
-    return {
-        what[setting].what: _cell(one, base) for setting, one in ends.items() if setting in what
-    }
+    return {what[setting]: _cell(one, base) for setting, one in ends.items() if setting in what}
 
 
 def _cell(one: Measured, base: Measured) -> str:

@@ -29,12 +29,15 @@ from lab.junit import read_results
 
 ARITHMETIC = (
     *("backend", "calibration", "evaluation", "gaussians", "photo_tourism", "rendering"),
-    *("separation", "studies/pixels", "survey", "training", "test_fake_cuda.py", "test_model.py"),
+    *("separation", "survey", "training", "test_fake_cuda.py", "test_model.py"),
     *("test_model_gradients.py", "test_same_bits.py", "test_training_on_a_gpu.py"),
 )
 """Of tests/: what computes, so that instructions, cores or a GPU can decide how a test ends."""
 
-PARTS = {"all": ("tests", "lab/tests"), "arithmetic": tuple(f"tests/{name}" for name in ARITHMETIC)}
+PARTS = {
+    "all": ("tests", "lab/tests"),
+    "arithmetic": (*(f"tests/{name}" for name in ARITHMETIC), "lab/tests/pixels"),
+}
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from desplat_ns.photo_tourism.appearance import AffineAppearance, fourier_features, toned_color
-from desplat_ns.studies.pixels.appearance_dial import trained_network
+from lab.pixels.appearance_dial import trained_network
 
 NUM = 50_000
 

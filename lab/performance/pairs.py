@@ -19,7 +19,7 @@ from desplat_ns.backend.projection import ProjectedSplats
 from desplat_ns.backend.protocol import RenderSettings
 from desplat_ns.backend.tile_lists import TILE, tile_grid
 from desplat_ns.calibration.scenes import Scene
-from desplat_ns.studies.pixels.square_lists import squares
+from lab.pixels.square_lists import squares
 
 
 @dataclass(frozen=True)

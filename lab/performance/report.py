@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from string import Template
 
-from desplat_ns.studies.pixels.accuracy import FLIP, FLIP_BUDGET
-from desplat_ns.studies.pixels.growth import draw_plot
 from lab.performance.peak import FLOPS_BACKWARD, FLOPS_FORWARD
 from lab.performance.results import Results
 from lab.performance.tables import all_tables
+from lab.pixels.accuracy import FLIP, FLIP_BUDGET
+from lab.pixels.growth import draw_plot
 
 TEMPLATE = Path(__file__).with_name("performance.md.template")
 REPORT, PLOT = "performance.md", "performance.png"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from desplat_ns.calibration.timing import Timing
-from desplat_ns.studies.pixels.accuracy import Errors
-from desplat_ns.studies.pixels.growth import Point
-from desplat_ns.studies.pixels.rasterizing import BLENDING, Row
 from lab.performance.pairs import Pairs
 from lab.performance.steps import StepTimes
 from lab.performance.yardstick import YARDSTICK
+from lab.pixels.accuracy import Errors
+from lab.pixels.growth import Point
+from lab.pixels.rasterizing import BLENDING, Row
 
 
 @dataclass

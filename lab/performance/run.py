@@ -13,11 +13,6 @@ from pathlib import Path
 from desplat_ns.calibration.scenes import Scene, make_scene
 from desplat_ns.calibration.timing import thread_counts
 from desplat_ns.studies.grid.machine import describe_machine
-from desplat_ns.studies.pixels.accuracy import measure_errors
-from desplat_ns.studies.pixels.contenders import Contender, backends
-from desplat_ns.studies.pixels.growth import measure_growth
-from desplat_ns.studies.pixels.memory import measure_peak
-from desplat_ns.studies.pixels.rasterizing import time_rasterizers
 from lab.documents import DOCS
 from lab.performance.pairs import count_pairs
 from lab.performance.peak import peak_rates
@@ -26,6 +21,11 @@ from lab.performance.results import Results
 from lab.performance.steps import time_adam, time_steps
 from lab.performance.yardstick import YARDSTICK
 from lab.performance.yardstick_squares import SQUARES
+from lab.pixels.accuracy import measure_errors
+from lab.pixels.contenders import Contender, backends
+from lab.pixels.growth import measure_growth
+from lab.pixels.memory import measure_peak
+from lab.pixels.rasterizing import time_rasterizers
 
 SIZES = {(20_000, 480, 270): (6, 5), (100_000, 648, 420): (6, 3)}
 """Gaussians, width, height; and how many turns every case has, and every slow one."""

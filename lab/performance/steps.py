@@ -14,9 +14,9 @@ from torch.optim import Adam, Optimizer
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.calibration.scenes import Scene
 from desplat_ns.calibration.timing import Timing, threads, time_in_turns
-from desplat_ns.studies.pixels.contenders import Contender
 from lab.performance.training_step import OTHER, PARTS, Clock, TrainingStep
 from lab.performance.yardstick import YARDSTICK
+from lab.pixels.contenders import Contender
 
 EPS = 1e-15
 """Of Adam, as in nerfstudio's configuration of Splatfacto."""

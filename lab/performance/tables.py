@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from desplat_ns.calibration.scenes import PARAMETERS
 from desplat_ns.calibration.timing import Timing
-from desplat_ns.studies.pixels.rasterizing import BLENDING, WHOLE
 from lab.grid.tables import table
 from lab.performance.peak import FLOPS_BACKWARD, FLOPS_FORWARD
 from lab.performance.results import Results
 from lab.performance.targets import targets
 from lab.performance.training_step import OTHER, PARTS
 from lab.performance.yardstick import YARDSTICK
+from lab.pixels.rasterizing import BLENDING, WHOLE
 
 
 def milliseconds(value: float) -> str:

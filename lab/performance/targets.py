@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from desplat_ns.studies.pixels.accuracy import FLIP_BUDGET
-from desplat_ns.studies.pixels.rasterizing import BLENDING, WHOLE
 from lab.performance.peak import FLOPS_FORWARD
 from lab.performance.results import Results
 from lab.performance.training_step import DRAW, OTHER, PULL
 from lab.performance.yardstick import YARDSTICK
 from lab.performance.yardstick_squares import SQUARES
+from lab.pixels.accuracy import FLIP_BUDGET
+from lab.pixels.rasterizing import BLENDING, WHOLE
 
 SPEEDUP, STRETCH, STEP_SPEEDUP = 35, 60, 15
 """Times as fast as the yardstick; the whole step against the one with the yardstick."""

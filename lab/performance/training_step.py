@@ -22,7 +22,7 @@ from desplat_ns.calibration.scenes import SH_DEGREE, Scene
 from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.rendering.compositing import over_background
-from desplat_ns.studies.pixels.contenders import Contender, as_leaves, tensors_of_projected
+from lab.pixels.contenders import Contender, as_leaves, tensors_of_projected
 
 PROJECT, LISTS, DRAW, PULL = "projection + SH", "tile lists", "draw (forward)", "pull (backward)"
 COMPOSE, LOSS, ADAM = "background, clamp", "L1 + SSIM", "Adam"

@@ -15,7 +15,7 @@ from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_
 from desplat_ns.backend.projection import ProjectedSplats, project
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.backend.tile_lists import TILE, TileLists, from_tiles, tile_lists
-from desplat_ns.studies.pixels.contenders import Contender
+from lab.pixels.contenders import Contender
 
 TILES_AT_ONCE = 16
 """The fastest of 4, 8, ..., 128 on 20,000 Gaussians: by 1% over its neighbours, by 20% over 128."""

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from desplat_ns.backend.projection import project
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
-from desplat_ns.studies.pixels.contenders import Contender
-from desplat_ns.studies.pixels.square_lists import square_lists as tile_lists
 from lab.performance.yardstick import draw
+from lab.pixels.contenders import Contender
+from lab.pixels.square_lists import square_lists as tile_lists
 
 
 class SquaresYardstick:

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from desplat_ns.studies.grid.machine import describe_machine
-from desplat_ns.studies.pixels.memory import status_mib
 from lab.documents import DOCS
+from lab.pixels.memory import status_mib
 
 RECORD = "soak.json"
 STEPS, EVERY = 30_000, 500

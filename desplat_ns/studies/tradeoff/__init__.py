@@ -1,4 +1,3 @@
-"""Accuracy against time on one capture: rasterizers (`studies.pixels`), trainings (`studies.grid`)
-and evaluations, and a report of all three. It may import `studies.pixels`, `studies.grid` and
-`desplat_ns` outside of `studies`.
+"""Accuracy against time on one capture: trainings of several lengths and variants, and a page that
+says what each is worth. It may import `studies.grid` and `desplat_ns` outside of `studies`.
 """

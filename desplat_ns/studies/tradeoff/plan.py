@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from desplat_ns.effects import AppearanceGrade, BackgroundGrade, Effects
@@ -67,16 +67,6 @@ class Compared:
         return Setting(METHOD, (*switches, *protocol, *self.options), self.what)
 
 
-def grades(settings: Mapping[str, Compared]) -> dict[str, Compared]:
-    """Those of `compared` that differ in nothing but the light of each photo, the base first."""
-    base = settings[BASE].effects
-    return {
-        name: one
-        for name, one in settings.items()
-        if replace(one.effects, appearance=base.appearance) == base and not one.options
-    }
-
-
 def compared(base: Effects) -> dict[str, Compared]:
     """What is compared, the base first; each other one differs from it in one thing.
 
@@ -100,11 +90,7 @@ def _dials(base: Effects) -> dict[str, Compared]:
             base,
             (f"{MODEL}.gaussians-per-pixel", "0.0125"),
         ),
-        "relocation": Compared(
-            "relocation instead of cloning and splitting (3DGS as MCMC)",
-            base,
-            (f"{MODEL}.density-control", "relocation"),
-        ),
+        "degree-1": Compared("spherical harmonics of degree 1", base, (f"{MODEL}.sh-degree", "1")),
     }
     if base.distractors:
         dials["coarse"] = Compared(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -41,22 +41,9 @@ def _figure(folder: Path, name: str) -> Iterator[Any]:
         figure.savefig(folder / f"{name}.png", dpi=130, metadata={"Software": None})
 
 
-def draw_all(
-    folder: Path,
-    found: Sequence[Measured],
-    pixels: Mapping[str, Any] | None,
-    evaluation: Sequence[Mapping[str, Any]],
-) -> list[str]:
+def draw_all(folder: Path, found: Sequence[Measured]) -> list[str]:
     """Draw what there is; the names of the plots."""
-    names = []
-    if found:
-        names.append(draw_training(folder, found))
-        names += draw_other_figures(folder, found)
-    if pixels and pixels["points"]:
-        names += draw_pixels(folder, pixels["points"])
-    if any(one["steps"] is not None for one in evaluation):
-        names.append(draw_evaluation(folder, evaluation))
-    return names
+    return [draw_training(folder, found), *draw_other_figures(folder, found)] if found else []
 
 
 def draw_training(folder: Path, found: Sequence[Measured]) -> str:
@@ -111,60 +98,6 @@ def draw_other_figures(folder: Path, found: Sequence[Measured]) -> list[str]:
             _plain_numbers(axes.xaxis)
         names.append(name)
     return names
-
-
-def draw_pixels(folder: Path, points: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Errors against time of each dial: of the picture, and of the gradients."""
-    panels: dict[str, tuple[str, str, str, str]] = {
-        "picture": ("forward_ms", "picture_error", "forward, ms", "error of the picture (RMSE)"),
-        "gradients": (
-            "both_ms",
-            "gradient_error",
-            "forward and backward, ms",
-            "relative error of the worst gradient",
-        ),
-    }
-    chosen = [one for one in points if one["group"] == "rasterizing"]
-    return [_draw_panel(folder, f"pixels-{name}", chosen, *panel) for name, panel in panels.items()]
-
-
-def _draw_panel(
-    folder: Path, name: str, points: Sequence[Mapping[str, Any]], x: str, y: str, *labels: str
-) -> str:
-    with _figure(folder, name) as axes:
-        for index, dial in enumerate(dict.fromkeys(one["dial"] for one in points)):
-            of_dial = [one for one in points if one["dial"] == dial]
-            marker, color = MARKERS[index % len(MARKERS)], COLOURS[index % len(COLOURS)]
-            xs, ys = [one[x] for one in of_dial], [one[y] for one in of_dial]
-            axes.plot(xs, ys, marker, color=color, label=dial, markersize=5)
-        default = [one for one in points if one["is_default"]]
-        rings = {"markersize": 13, "markerfacecolor": "none", "color": "black"}
-        xs, ys = [one[x] for one in default], [one[y] for one in default]
-        axes.plot(xs, ys, "o", label="today's default", **rings)
-        axes.set(xscale="log", yscale="log", xlabel=labels[0], ylabel=labels[1])
-        _plain_numbers(axes.xaxis)
-        axes.legend(frameon=False, fontsize=8)
-    return name
-
-
-def draw_evaluation(folder: Path, scores: Sequence[Mapping[str, Any]]) -> str:
-    """PSNR against the steps for an embedding; settings without any as lines across."""
-    with _figure(folder, "evaluation") as axes:
-        for index, setting in enumerate(dict.fromkeys(one["setting"] for one in scores)):
-            of_setting = [one for one in scores if one["setting"] == setting]
-            color = COLOURS[index % len(COLOURS)]
-            searched = [one for one in of_setting if one["steps"] is not None]
-            if searched:
-                xs, ys = [one["steps"] for one in searched], [one["psnr"] for one in searched]
-                axes.plot(xs, ys, "o-", color=color, label=setting)
-            elif setting == BASE or setting.startswith("appearance"):
-                axes.axhline(of_setting[0]["psnr"], color=color, linestyle="--", label=setting)
-        axes.set_xscale("symlog", linthresh=8)
-        axes.set(xlabel="steps for the embedding of a photo", ylabel="PSNR of right halves, dB")
-        axes.set_xticks([0, 8, 32, 128, 512])
-        _plain_numbers(axes.xaxis)
-        axes.legend(frameon=False, fontsize=8)
-    return "evaluation"
 
 
 def _plain_numbers(axis: Any) -> None:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import base64
 import io
-import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import jinja2
 from PIL import Image
@@ -18,7 +16,6 @@ from desplat_ns.effects import Effects
 from desplat_ns.studies.grid.code_version import short
 from desplat_ns.studies.grid.records import Records
 from desplat_ns.studies.grid.train_and_score import PICTURES
-from desplat_ns.studies.pixels.dial_points import ANTIALIASING, APPEARANCE, RASTERIZING
 from desplat_ns.studies.tradeoff.plan import BASE, SCENE, SEEDS, compared, study_of
 from desplat_ns.studies.tradeoff.plots import draw_all
 from desplat_ns.studies.tradeoff.results import RUNS, Results
@@ -40,9 +37,6 @@ TEMPLATE = Path(__file__).with_name("report.html.jinja")
 
 MORE = {"ssim": "SSIM", "lpips": "LPIPS", "mask_iou": "mask IoU"}
 """Figures of a run beside its PSNR, as the table calls them."""
-
-GROUPS = (RASTERIZING, ANTIALIASING, APPEARANCE)
-"""Of the rasterizers' dials, in their order."""
 
 PICTURE_WIDTH, PICTURE_QUALITY = 900, 85
 """Pixels, and JPEG's, of pictures in the report."""
@@ -70,7 +64,7 @@ class Row:
 def write_report(folder: Path, results: Results, records: Records) -> Path:
     """Draw the plots and write the report; where it is."""
     found = _measured(results, records)
-    plots = draw_all(folder, found, results.pixels, results.evaluation)
+    plots = draw_all(folder, found)
     environment = jinja2.Environment(
         autoescape=True,
         undefined=jinja2.StrictUndefined,
@@ -78,7 +72,7 @@ def write_report(folder: Path, results: Results, records: Records) -> Path:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"seconds": seconds_in_words, "digits": digits}
+    environment.filters["seconds"] = seconds_in_words
     template = environment.from_string(TEMPLATE.read_text("utf8"))
     text = template.render(
         subject=results.subject,
@@ -92,8 +86,6 @@ def write_report(folder: Path, results: Results, records: Records) -> Path:
         on_the_front=front_in_words(found),
         plots={name: inline(folder / f"{name}.svg") for name in plots},
         pictures=pictures_of(folder, found),
-        pixels=pixel_groups(results.pixels),
-        what={name: one.what for name, one in compared(results.subject.effects).items()},
         commits=sorted({short(r.commit) for r in records.values() if r.commit}),
     )
     (folder / FILE).write_text(text, "utf8")
@@ -199,21 +191,6 @@ def front_in_words(found: Sequence[Measured]) -> str:
     )
 
 
-# --- pixels --------------------------------------------------------------------------------------
-
-
-def pixel_groups(pixels: Mapping[str, Any] | None) -> dict[str, list[Mapping[str, Any]]]:
-    """The points of each group, today's default first, then dial by dial."""
-    groups: dict[str, list[Mapping[str, Any]]] = {name: [] for name in GROUPS}
-    for point in pixels["points"] if pixels else []:
-        groups.setdefault(point["group"], []).append(point)
-    return {
-        name: sorted(points, key=lambda point: not point["is_default"])
-        for name, points in groups.items()
-        if points
-    }
-
-
 # --- words and pictures --------------------------------------------------------------------------
 
 
@@ -230,11 +207,6 @@ def seconds_in_words(seconds: float) -> str:
     if seconds < 3600:
         return f"{seconds / 60:g} min" if seconds % 60 == 0 else f"{seconds / 60:.1f} min"
     return f"{seconds / 3600:g} h"
-
-
-def digits(value: float) -> str:
-    """Three digits that count."""
-    return "" if not math.isfinite(value) else f"{value:.3g}"
 
 
 def inline(svg: Path) -> str:

@@ -23,7 +23,7 @@ from desplat_ns.studies.tradeoff.plan import TrainingPlan
 from desplat_ns.studies.tradeoff.subject import Subject
 
 FILE, RECORDS, RUNS = "results.json", "training.json", "runs"
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass
@@ -37,10 +37,6 @@ class Results:
     """Runs beside each other."""
     plan: TrainingPlan | None = None
     """Settled before the first training."""
-    pixels: dict[str, Any] | None = None
-    """A `pixels.dial_points.DialStudy`."""
-    evaluation: list[dict[str, Any]] = field(default_factory=list)
-    """`evaluation_level.Score`s."""
     failed: dict[str, str] = field(default_factory=dict)
     """Why a cell gave no figure, by its name."""
     left_out: list[str] = field(default_factory=list)

@@ -8,7 +8,7 @@ from statistics import median
 
 from desplat_ns.studies.grid.records import Figures, Records
 from desplat_ns.studies.grid.runs import Run
-from desplat_ns.studies.pixels import pareto
+from desplat_ns.studies.tradeoff import pareto
 from desplat_ns.studies.tradeoff.plan import BASE, SEEDS
 
 NICE_SECONDS = (5, 10, 15, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200)

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from desplat_ns.backend import resolve
 from desplat_ns.backend.gsplat_kernels import build, kernels
 from desplat_ns.calibration.scenes import make_scene
-from desplat_ns.studies.pixels.rasterizing import SETTINGS
 from lab.gpu.plan import Job
 from lab.gpu.records import Figures
+from lab.pixels.rasterizing import SETTINGS
 
 TINY = (50, 48, 32)
 """Gaussians, width and height of what is drawn to see whether the kernels run."""

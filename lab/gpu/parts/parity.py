@@ -9,11 +9,11 @@ import torch
 
 from desplat_ns.backend import resolve
 from desplat_ns.calibration.scenes import make_scene
-from desplat_ns.studies.pixels.accuracy import Errors, measure_errors
-from desplat_ns.studies.pixels.contenders import Contender, backends
-from desplat_ns.studies.pixels.dials import Setting, replacements, turned
 from lab.gpu.plan import Job
 from lab.gpu.records import Figures
+from lab.pixels.accuracy import Errors, measure_errors
+from lab.pixels.contenders import Contender, backends
+from lab.pixels.dials import Setting, replacements, turned
 
 SIZES = ((2_000, 160, 120), (20_000, 480, 270))
 QUICK_SIZES = ((300, 64, 48),)

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from lab.documents import CHECKOUT
-from lab.guises.__main__ import ARITHMETIC, environment
+from lab.guises.__main__ import PARTS, environment
 from lab.guises.guises import GUISES
 
 ASKED = """
@@ -56,4 +56,4 @@ def test_a_gpu_that_is_hidden_is_not_there():
 
 
 def test_the_part_that_computes_exists():
-    assert all((CHECKOUT / "tests" / name).exists() for name in ARITHMETIC)
+    assert all((CHECKOUT / path).exists() for path in PARTS["arithmetic"])

@@ -3,13 +3,13 @@ from __future__ import annotations
 import pytest
 
 from desplat_ns.calibration.timing import Timing
-from desplat_ns.studies.pixels.accuracy import Errors
-from desplat_ns.studies.pixels.rasterizing import BLENDING, WHOLE, Row
 from lab.performance.pairs import Pairs
 from lab.performance.results import Results
 from lab.performance.steps import StepTimes
 from lab.performance.targets import targets
 from lab.performance.training_step import ADAM, LOSS, OTHER, PARTS, PULL
+from lab.pixels.accuracy import Errors
+from lab.pixels.rasterizing import BLENDING, WHOLE, Row
 
 
 def once(milliseconds: float) -> Timing:

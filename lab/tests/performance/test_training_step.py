@@ -5,10 +5,10 @@ import torch
 
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.calibration.scenes import make_scene
-from desplat_ns.studies.pixels.contenders import backends
 from lab.performance.steps import plain_adam, plain_ssim
 from lab.performance.training_step import PARTS, TrainingStep
 from lab.performance.yardstick import YARDSTICK
+from lab.pixels.contenders import backends
 
 CONTENDERS = [YARDSTICK, *(c for c in backends()[0] if c.has_seams)]
 

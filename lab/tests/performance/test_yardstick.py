@@ -7,10 +7,10 @@ import torch
 
 from desplat_ns.backend import Rasterizer, RenderSettings, Splats, View, resolve
 from desplat_ns.calibration.scenes import PARAMETERS, make_scene, tensors_of
-from desplat_ns.studies.pixels.accuracy import measure_errors
-from desplat_ns.studies.pixels.contenders import cotangents, images_of
 from lab.performance.yardstick import YARDSTICK, Yardstick
 from lab.performance.yardstick_squares import SquaresYardstick
+from lab.pixels.accuracy import measure_errors
+from lab.pixels.contenders import cotangents, images_of
 
 SETTINGS = RenderSettings(depth=True)
 

@@ -15,7 +15,7 @@ from tests.helpers.tradeoff import SUBJECT
 
 def test_what_is_saved_comes_back(tmp_path):
     plan = TrainingPlan(250, (BASE, "fewer"), 30_000)
-    results = Results(SUBJECT, 12.5, 2, plan, failed={"pixels": "no memory"}, left_out=["a"])
+    results = Results(SUBJECT, 12.5, 2, plan, failed={"x": "no memory"}, left_out=["a"])
     results.save(tmp_path / "new", {})
     found = Results.load(tmp_path / "new")
     assert found is not None and asdict(found) == asdict(results)
@@ -32,7 +32,7 @@ def test_a_folder_that_holds_something_else_is_left_alone(tmp_path):
         Results.load(tmp_path)
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"format": 99}', '{"format": 1}'])
+@pytest.mark.parametrize("text", ["{", "[]", '{"format": 99}', '{"format": 2}'])
 def test_a_file_that_is_no_studys_is_refused(tmp_path, text):
     (tmp_path / FILE).write_text(text)
     with pytest.raises(ConfigError, match="Name another --output"):

@@ -1,4 +1,4 @@
-"""A study from end to end, with trainings that are made up: levels, failures, sittings."""
+"""A study from end to end, with trainings that are made up: failures, sittings."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.errors import ConfigError, DeSplatError
+from desplat_ns.errors import ConfigError
 from desplat_ns.studies.grid import records as module_records
 from desplat_ns.studies.tradeoff import pace, study
-from desplat_ns.studies.tradeoff.evaluation_level import STEPS, Score
 from desplat_ns.studies.tradeoff.pace import Pace
 from desplat_ns.studies.tradeoff.report import write_report
 from desplat_ns.studies.tradeoff.results import FILE, RECORDS, Results
@@ -40,16 +39,7 @@ def time(monkeypatch: pytest.MonkeyPatch) -> Time:
     clock = Time()
     monkeypatch.setattr(pace.Clock, "_now", staticmethod(clock.monotonic))
     monkeypatch.setattr(study, "first_pace", lambda subject, device: Pace(0.08))
-    monkeypatch.setattr(study, "measure_dials", no_rasterizer)
     return clock
-
-
-def no_rasterizer(*_):
-    raise DeSplatError("no rasterizer today")
-
-
-def scores(study, setting, steps, folder, numbers) -> list[Score]:
-    return [Score(setting, number, 20.0 + number / 100, 0.5) for number in (0, 8)]
 
 
 def sit(folder: Path, time: Time, seconds: float, outcome=None) -> tuple[Sitting, MadeUpExecutor]:
@@ -63,23 +53,20 @@ def sit(folder: Path, time: Time, seconds: float, outcome=None) -> tuple[Sitting
     return sitting, executor
 
 
-def test_all_levels_end_up_in_the_file_and_the_report(time, tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "scores_by_steps", scores)
+def test_trainings_end_up_in_the_file_and_the_report(time, tmp_path):
     sitting, executor = sit(tmp_path, time, 7200.0)
     written = json.loads((tmp_path / FILE).read_text())
-    assert written["failed"] == {"pixels": "no rasterizer today"}
+    assert written["failed"] == {}
     assert set(written["training"]) == {run.name for run in executor.done}
     assert written["spent"] <= 7200.0
     assert sitting.results.plan is not None and sitting.results.plan.steps >= 500
     assert {run.seed for run in executor.done} == {42, 43, 44}
-    graded = {one["setting"]: one["steps"] for one in written["evaluation"]}
-    assert graded["desplat"] is None and graded["appearance-affine"] == 8
     report = write_report(tmp_path, sitting.results, sitting.records).read_text()
     assert "garden: what accuracy costs in time" in report
-    assert "no rasterizer today" in report and "with every seed" in report
+    assert "with every seed" in report
     outside = re.findall(r"<script|<link|(?:src|href)=.(?!data:|#)", report)
     assert outside == [], "the page needs no other file"
-    for name in ("training", "ssim", "evaluation"):
+    for name in ("training", "ssim"):
         assert (tmp_path / f"{name}.svg").stat().st_size > 1000
         assert (tmp_path / f"{name}.png").stat().st_size > 1000
 
@@ -100,30 +87,7 @@ def test_a_study_of_which_every_training_fails_still_has_a_report(time, tmp_path
     assert "No training was measured" in report and "too dark" in report
 
 
-def test_numbers_of_steps_that_had_no_time_are_searched_in_another_sitting(
-    time, tmp_path, monkeypatch
-):
-    searched = []
-
-    def some(study, setting, steps, folder, numbers) -> list[Score]:
-        searched.append(numbers)
-        return [Score(setting, number, 20.0, 0.5) for number in numbers]
-
-    monkeypatch.setattr(study, "scores_by_steps", some)
-    monkeypatch.setattr(Sitting, "_steps_to_search", lambda *_: (0, 8, 32))
-    first, _ = sit(tmp_path, time, 1200.0)
-    assert any("all numbers of steps" in name for name in first.results.left_out)
-    sit(tmp_path, time, 1200.0)
-    assert searched == [(0, 8, 32)], "no more time, nothing to search"
-    monkeypatch.setattr(Sitting, "_steps_to_search", lambda *_: STEPS)
-    last, _ = sit(tmp_path, time, 1200.0)
-    assert searched == [(0, 8, 32), STEPS]
-    steps = [one["steps"] for one in last.results.evaluation if one["steps"] is not None]
-    assert steps == list(STEPS)
-
-
-def test_another_sitting_goes_on_with_what_is_missing(time, tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "scores_by_steps", scores)
+def test_another_sitting_goes_on_with_what_is_missing(time, tmp_path):
     first, before = sit(tmp_path, time, 600.0)
     assert first.results.left_out
     again, nothing = sit(tmp_path, time, 600.0)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from desplat_ns.studies.pixels import pareto
+from desplat_ns.studies.tradeoff.pareto import CostAndError, front
 
 RASTERIZING, ANTIALIASING, APPEARANCE = "rasterizing", "antialiasing", "appearance MLP"
 """Groups: the points of one have the same work and the same truth, and one front."""
@@ -53,7 +54,7 @@ class DialPoint(Label):
     is_on_gradient_front: bool = False
     """By (both_ms, gradient_error)."""
     forward_excess: float = 1.0
-    """forward_ms over the least with which a picture as exact is to be had: `pareto.excess`."""
+    """forward_ms over the least with which a picture as exact is to be had: `excess`."""
     both_excess: float = 1.0
     """both_ms over the least with which gradients as exact are to be had."""
 
@@ -86,13 +87,25 @@ class Fronts:
     """By (both_ms, gradient_error)."""
 
 
+def excess(points: Sequence[CostAndError]) -> list[float]:
+    """Each point's cost over the least cost at which its error, or a smaller one, is to be had.
+
+    1 on the front. Times are noisy, and which of two close points is on the front may change from
+    run to run: 1.02 says that nothing as exact is cheaper by more than 2%. NaN where a figure is.
+    """
+    return [
+        cost / min((c for c, e in points if e <= error and not math.isnan(c)), default=math.nan)
+        for cost, error in points
+    ]
+
+
 def front_of(points: Sequence[DialPoint]) -> Fronts:
     """The fronts of all groups together, each group by itself."""
     fronts = Fronts(set(), set())
     for members in _by_group(points):
         of_group = [points[i] for i in members]
-        fronts.picture.update(members[i] for i in pareto.front(_pictures(of_group)))
-        fronts.gradient.update(members[i] for i in pareto.front(_gradients(of_group)))
+        fronts.picture.update(members[i] for i in front(_pictures(of_group)))
+        fronts.gradient.update(members[i] for i in front(_gradients(of_group)))
     return fronts
 
 
@@ -101,7 +114,7 @@ def marked(points: Sequence[DialPoint]) -> list[DialPoint]:
     fronts, found = front_of(points), list(points)
     for members in _by_group(points):
         of_group = [points[i] for i in members]
-        excesses = (pareto.excess(_pictures(of_group)), pareto.excess(_gradients(of_group)))
+        excesses = (excess(_pictures(of_group)), excess(_gradients(of_group)))
         for i, forward, both in zip(members, *excesses, strict=True):
             found[i] = replace(
                 points[i],
@@ -120,9 +133,9 @@ def _by_group(points: Sequence[DialPoint]) -> list[list[int]]:
     return list(groups.values())
 
 
-def _pictures(points: Sequence[DialPoint]) -> list[pareto.CostAndError]:
+def _pictures(points: Sequence[DialPoint]) -> list[CostAndError]:
     return [(p.forward_ms, p.picture_error) for p in points]
 
 
-def _gradients(points: Sequence[DialPoint]) -> list[pareto.CostAndError]:
+def _gradients(points: Sequence[DialPoint]) -> list[CostAndError]:
     return [(p.both_ms, p.gradient_error) for p in points]

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from desplat_ns.calibration.timing import REPEATS, SLOW, Timing
-from desplat_ns.studies.pixels.dial_errors import DialErrors
-from desplat_ns.studies.pixels.dial_points import DialPoint, Label
-from desplat_ns.studies.pixels.rasterizing import Cases
+from lab.pixels.dial_errors import DialErrors
+from lab.pixels.dial_points import DialPoint, Label
+from lab.pixels.rasterizing import Cases
 
 MOST_TURNS = 15
 """Of each fast case: the more, the less what else the machine does decides which is faster."""
@@ -46,7 +46,7 @@ class Budget:
     def left(self) -> float:
         return self.seconds - self.spent
 
-    def hindrance(self, expected: float, due: float) -> str | None:
+    def unavailable_reason(self, expected: float, due: float) -> str | None:
         """Why a case cannot be admitted, if so.
 
         It is drawn for its errors, warmed up by a forward, and timed once at least.

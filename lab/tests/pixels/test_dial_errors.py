@@ -7,8 +7,8 @@ import torch
 
 from desplat_ns.calibration.scenes import make_scene, tensors_of
 from desplat_ns.evaluation.metrics import PSNR_MAX
-from desplat_ns.studies.pixels.contenders import contender_called
-from desplat_ns.studies.pixels.dial_errors import (
+from lab.pixels.contenders import contender_called
+from lab.pixels.dial_errors import (
     Drawing,
     Drawn,
     errors_of,
@@ -16,7 +16,7 @@ from desplat_ns.studies.pixels.dial_errors import (
     resized,
     scaled_view,
 )
-from desplat_ns.studies.pixels.dials import EXACT, SUPERSAMPLED, TODAY, Setting
+from lab.pixels.dials import EXACT, SUPERSAMPLED, TODAY, Setting
 
 SCENE = make_scene(300, 64, 48)
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.studies.pixels.memory import peak_in_this_process
 from lab.performance.yardstick import YARDSTICK
+from lab.pixels.memory import peak_in_this_process
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/clear_refs").exists(), reason="needs Linux's /proc/self/clear_refs"
@@ -34,6 +34,6 @@ def test_not_available_is_said(monkeypatch, capsys):
 
     monkeypatch.setattr(Path, "write_text", no_proc)
     monkeypatch.setattr(sys, "argv", ["memory", "numba", "100", "32", "32"])
-    monkeypatch.delitem(sys.modules, "desplat_ns.studies.pixels.memory")
-    runpy.run_module("desplat_ns.studies.pixels.memory", run_name="__main__")
+    monkeypatch.delitem(sys.modules, "lab.pixels.memory")
+    runpy.run_module("lab.pixels.memory", run_name="__main__")
     assert capsys.readouterr().out.strip() == "n/a"

@@ -1,6 +1,6 @@
 """Peak memory of one forward + backward, in a process of its own.
 
-python -m desplat_ns.studies.pixels.memory NAME COUNT WIDTH HEIGHT      prints MiB, or n/a
+python -m lab.pixels.memory NAME COUNT WIDTH HEIGHT      prints MiB, or n/a
 
 NAME is a backend's, or `module:ATTRIBUTE` of another contender.
 """
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from desplat_ns.studies.grid.commands import surroundings
 
 if TYPE_CHECKING:
-    from desplat_ns.studies.pixels.contenders import Contender
+    from lab.pixels.contenders import Contender
 
 TINY = (200, 64, 48)
 """Count, width and height of the scene that pays for imports, compilation and thread pools."""
@@ -29,7 +29,7 @@ def measure_peak(contender: Contender, size: tuple[int, int, int]) -> float | No
 
     In a subprocess with all cores. None where the system does not tell (no Linux /proc).
     """
-    arguments = [sys.executable, "-m", "desplat_ns.studies.pixels.memory"]
+    arguments = [sys.executable, "-m", "lab.pixels.memory"]
     arguments += [contender.address or contender.name, *map(str, size)]
     done = subprocess.run(
         arguments,
@@ -64,8 +64,8 @@ def peak_in_this_process(name: str, size: tuple[int, int, int]) -> float:
     """
     from desplat_ns.backend import Rendering
     from desplat_ns.calibration.scenes import Scene, make_scene, tensors_of
-    from desplat_ns.studies.pixels.contenders import contender_called
-    from desplat_ns.studies.pixels.rasterizing import SETTINGS, forward_and_both
+    from lab.pixels.contenders import contender_called
+    from lab.pixels.rasterizing import SETTINGS, forward_and_both
 
     contender = contender_called(name)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from desplat_ns.calibration.scenes import Scene, make_scene, tensors_of
 from desplat_ns.calibration.timing import Timing, threads, time_in_turns
-from desplat_ns.studies.pixels.contenders import Contender
-from desplat_ns.studies.pixels.rasterizing import SETTINGS, forward_and_both
+from lab.pixels.contenders import Contender
+from lab.pixels.rasterizing import SETTINGS, forward_and_both
 
 SIZE = (20_000, 480, 270)
 """Gaussians, width and height from which one is varied at a time."""

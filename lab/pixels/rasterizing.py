@@ -11,7 +11,7 @@ from torch import Tensor
 from desplat_ns.backend.protocol import Rendering, RenderSettings
 from desplat_ns.calibration.scenes import Scene, tensors_of
 from desplat_ns.calibration.timing import Timing, threads, time_in_turns
-from desplat_ns.studies.pixels.contenders import (
+from lab.pixels.contenders import (
     Contender,
     cotangents,
     images_of,

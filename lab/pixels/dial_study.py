@@ -3,7 +3,7 @@
 One dial at a time is turned away from today's setting. Each such drawing is compared with the truth
 of its group (`dial_errors`), then all are timed in turns, on one thread. What would not fit into
 the time is left out, and the result says why: fast backends come first. On a busy machine times are
-noisy: the ranges and `pareto.excess` say how much a place on the front is worth.
+noisy: the ranges and `dial_points.excess` say how much a place on the front is worth.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ import torch
 
 from desplat_ns.calibration.scenes import Scene, make_scene
 from desplat_ns.calibration.timing import threads
-from desplat_ns.studies.pixels.appearance_dial import MLP_DTYPES, bfloat16_hindrance, toning
-from desplat_ns.studies.pixels.budgeted_turns import (
+from lab.pixels.appearance_dial import MLP_DTYPES, bfloat16_unavailable_reason, toning
+from lab.pixels.budgeted_turns import (
     FORWARD_SHARE,
     Budget,
     Case,
     due_seconds,
     take_turns,
 )
-from desplat_ns.studies.pixels.contenders import Contender, backends
-from desplat_ns.studies.pixels.dial_errors import Drawing, Drawn, errors_of
-from desplat_ns.studies.pixels.dial_points import (
+from lab.pixels.contenders import Contender, backends
+from lab.pixels.dial_errors import Drawing, Drawn, errors_of
+from lab.pixels.dial_points import (
     ANTIALIASING,
     APPEARANCE,
     RASTERIZING,
@@ -35,17 +35,17 @@ from desplat_ns.studies.pixels.dial_points import (
     LeftOut,
     marked,
 )
-from desplat_ns.studies.pixels.dials import (
+from lab.pixels.dials import (
     ANTIALIASED,
     DIALS,
     EXACT,
     SUPERSAMPLED,
     TODAY,
     Setting,
-    hindrance,
+    unavailable_reason,
 )
-from desplat_ns.studies.pixels.memory import TINY
-from desplat_ns.studies.pixels.rasterizing import Cases
+from lab.pixels.memory import TINY
+from lab.pixels.rasterizing import Cases
 
 FINER_COST = 16
 """Seconds of the supersampled truth over those of today's picture, which has a 16th of the pixels:
@@ -114,7 +114,7 @@ class _Run:
             self._truths[APPEARANCE] = toning(self.scene, None).drawn()
         for products in MLP_DTYPES:
             label = Label(APPEARANCE, "MLP dtype", products, "torch")
-            reason = bfloat16_hindrance() if products == "bfloat16" else None
+            reason = bfloat16_unavailable_reason() if products == "bfloat16" else None
             if reason is not None:
                 self.leave_out([label], reason)
                 continue
@@ -159,7 +159,7 @@ class _Run:
         is_default: bool = False,
     ) -> float | None:
         """Seconds of one forward + backward, None if it is left out."""
-        reason = hindrance(contender, setting)
+        reason = unavailable_reason(contender, setting)
         if reason is not None:
             return self.leave_out(labels, reason)
         expected = self._seconds.get(contender.name, 0.0) * setting.scale
@@ -182,7 +182,7 @@ class _Run:
         labels = [x for x in labels if x.group in self._truths]
         if not labels:
             return None
-        reason = self.budget.hindrance(expected, due_seconds(self.cases))
+        reason = self.budget.unavailable_reason(expected, due_seconds(self.cases))
         if reason is not None:
             return self.leave_out(labels, reason)
         found, seconds = _seconds_of(draw)

@@ -19,8 +19,8 @@ from desplat_ns.errors import ConfigError
 from desplat_ns.photo_tourism.appearance import AffineAppearance, fourier_features, toned_color
 from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.photo_tourism.mlp_dtype import MlpDtype, product_dtype
-from desplat_ns.studies.pixels.dial_errors import Drawn
-from desplat_ns.studies.pixels.rasterizing import Cases
+from lab.pixels.dial_errors import Drawn
+from lab.pixels.rasterizing import Cases
 
 MLP_DTYPES: tuple[MlpDtype, ...] = get_args(MlpDtype)
 
@@ -34,7 +34,7 @@ def trained_network() -> AffineAppearance:
     return network
 
 
-def bfloat16_hindrance() -> str | None:
+def bfloat16_unavailable_reason() -> str | None:
     """Why this processor does not train in bfloat16; None where it does."""
     try:
         product_dtype("bfloat16", torch.empty(0), is_training=True)

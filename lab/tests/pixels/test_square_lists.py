@@ -3,9 +3,9 @@ from __future__ import annotations
 import torch
 
 from desplat_ns.calibration.scenes import make_scene
-from desplat_ns.studies.pixels.contenders import contender_called
-from desplat_ns.studies.pixels.dial_errors import Drawing
-from desplat_ns.studies.pixels.dials import TODAY, Setting
+from lab.pixels.contenders import contender_called
+from lab.pixels.dial_errors import Drawing
+from lab.pixels.dials import TODAY, Setting
 
 SCENE = make_scene(400, 70, 45)
 SQUARES = Setting(lists="squares")

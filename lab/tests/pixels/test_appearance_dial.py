@@ -3,9 +3,9 @@ from __future__ import annotations
 import torch
 
 from desplat_ns.calibration.scenes import make_scene
-from desplat_ns.studies.pixels import appearance_dial
-from desplat_ns.studies.pixels.appearance_dial import bfloat16_hindrance, toning
-from desplat_ns.studies.pixels.dial_errors import errors_of
+from lab.pixels import appearance_dial
+from lab.pixels.appearance_dial import bfloat16_unavailable_reason, toning
+from lab.pixels.dial_errors import errors_of
 
 SCENE = make_scene(300, 64, 48)
 
@@ -45,6 +45,6 @@ def test_the_random_numbers_of_the_caller_are_left_alone():
 
 def test_a_processor_without_bfloat16_is_named(monkeypatch):
     monkeypatch.setattr("desplat_ns.photo_tourism.mlp_dtype.has_bfloat16", lambda device: False)
-    assert "instructions" in str(bfloat16_hindrance())
+    assert "instructions" in str(bfloat16_unavailable_reason())
     monkeypatch.setattr("desplat_ns.photo_tourism.mlp_dtype.has_bfloat16", lambda device: True)
-    assert appearance_dial.bfloat16_hindrance() is None
+    assert appearance_dial.bfloat16_unavailable_reason() is None

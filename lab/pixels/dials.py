@@ -22,8 +22,8 @@ from desplat_ns.backend import blending, numba_tiles, projection, tile_lists, to
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
 from desplat_ns.backend.numba_kernels.pixels import Limits
 from desplat_ns.calibration.scenes import SH_DEGREE
-from desplat_ns.studies.pixels.contenders import Contender
-from desplat_ns.studies.pixels.square_lists import CompiledSquareLists, square_lists
+from lab.pixels.contenders import Contender
+from lab.pixels.square_lists import CompiledSquareLists, square_lists
 
 LEAST_ALPHA, LEAST_TRANSMITTANCE = 1e-6, 1e-7
 """Limits that stand for none. Gaussians of total area A = sum(2 pi sigma^2) over a pixel lose A
@@ -94,7 +94,7 @@ ANTIALIASED = Position("antialiasing", "on", Setting(antialiased=True))
 Replacement = tuple[ModuleType, str, Any]
 
 
-def hindrance(contender: Contender, setting: Setting) -> str | None:
+def unavailable_reason(contender: Contender, setting: Setting) -> str | None:
     """Why a contender cannot draw with a setting; None where it can."""
     if setting.dtype != torch.float32 and contender.name != "torch":
         return f"{contender.name} computes in float32"

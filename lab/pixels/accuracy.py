@@ -16,8 +16,8 @@ from torch import Tensor
 
 from desplat_ns.backend import resolve
 from desplat_ns.calibration.scenes import PARAMETERS, Scene, tensors_of
-from desplat_ns.studies.pixels.contenders import Contender, cotangents, images_of
-from desplat_ns.studies.pixels.rasterizing import SETTINGS
+from lab.pixels.contenders import Contender, cotangents, images_of
+from lab.pixels.rasterizing import SETTINGS
 
 FLIP = 2e-4
 """In colours from 0 to 1. The mean of a Gaussian, a sum and a quotient, is off by about one and a

@@ -3,7 +3,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 
-from desplat_ns.studies.pixels.dial_points import (
+from lab.pixels.dial_points import (
     DialPoint,
     DialStudy,
     Label,

@@ -7,17 +7,17 @@ import torch
 
 from desplat_ns.backend import blending, numba_tiles, projection, tile_lists, torch_tiles
 from desplat_ns.calibration.scenes import make_scene
-from desplat_ns.studies.pixels.contenders import Contender, contender_called
-from desplat_ns.studies.pixels.dial_errors import Drawing, Drawn, errors_of
-from desplat_ns.studies.pixels.dials import (
+from lab.pixels.contenders import Contender, contender_called
+from lab.pixels.dial_errors import Drawing, Drawn, errors_of
+from lab.pixels.dials import (
     ANTIALIASED,
     DIALS,
     EXACT,
     TODAY,
     Setting,
-    hindrance,
     replacements,
     turned,
+    unavailable_reason,
 )
 
 SCENE = make_scene(300, 64, 48)
@@ -125,9 +125,9 @@ def test_every_dial_is_away_from_today_and_no_two_are_the_same():
 
 def test_a_backend_says_what_it_cannot_be_set_to():
     numba, torch_ = map(contender_called, BACKENDS)
-    assert "float32" in str(hindrance(numba, Setting(torch.float64)))
-    assert hindrance(torch_, Setting(torch.float64)) is None
+    assert "float32" in str(unavailable_reason(numba, Setting(torch.float64)))
+    assert unavailable_reason(torch_, Setting(torch.float64)) is None
     other = Contender("gsplat", "cuda", numba.rasterizer)
-    assert "compiled in" in str(hindrance(other, Setting(cutoff=0.1)))
-    assert hindrance(other, Setting(sh_degree=0)) is None
+    assert "compiled in" in str(unavailable_reason(other, Setting(cutoff=0.1)))
+    assert unavailable_reason(other, Setting(sh_degree=0)) is None
     assert replacements(other, TODAY) == []

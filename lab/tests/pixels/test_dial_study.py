@@ -9,9 +9,9 @@ import pytest
 from desplat_ns.backend import blending
 from desplat_ns.backend.constants import ALPHA_CUTOFF
 from desplat_ns.calibration.scenes import make_scene
-from desplat_ns.studies.pixels import budgeted_turns, dial_study
-from desplat_ns.studies.pixels.dial_points import ANTIALIASING, APPEARANCE, RASTERIZING, DialStudy
-from desplat_ns.studies.pixels.dial_study import measure_dials
+from lab.pixels import budgeted_turns, dial_study
+from lab.pixels.dial_points import ANTIALIASING, APPEARANCE, RASTERIZING, DialStudy
+from lab.pixels.dial_study import measure_dials
 
 SCENE = make_scene(100, 32, 16)
 
@@ -58,7 +58,8 @@ def test_errors_do_not_depend_on_the_backend(study):
 def test_what_would_take_too_long_is_left_out_and_told(monkeypatch):
     """A second passes before anything begins: only the truth, which has no budget, is drawn."""
     told: list[str] = []
-    monkeypatch.setattr(dial_study, "bfloat16_hindrance", lambda: None)  # whatever the processor
+    # Whatever the processor:
+    monkeypatch.setattr(dial_study, "bfloat16_unavailable_reason", lambda: None)
     monkeypatch.setattr(dial_study, "Budget", lambda seconds: budgeted_turns.Budget(seconds, 0.0))
     study = measure_dials(SCENE, 1.0, told.append)
     assert study.points == []

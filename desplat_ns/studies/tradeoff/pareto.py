@@ -22,15 +22,3 @@ def front(points: Sequence[CostAndError]) -> set[int]:
             found.add(i)
             least, last = points[i][1], points[i]
     return found
-
-
-def excess(points: Sequence[CostAndError]) -> list[float]:
-    """Each point's cost over the least cost at which its error, or a smaller one, is to be had.
-
-    1 on the front. Times are noisy, and which of two close points is on the front may change from
-    run to run: 1.02 says that nothing as exact is cheaper by more than 2%. NaN where a figure is.
-    """
-    return [
-        cost / min((c for c, e in points if e <= error and not math.isnan(c)), default=math.nan)
-        for cost, error in points
-    ]

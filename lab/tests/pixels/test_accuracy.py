@@ -7,8 +7,8 @@ import torch
 
 from desplat_ns.backend import Rendering, resolve
 from desplat_ns.calibration.scenes import make_scene
-from desplat_ns.studies.pixels.accuracy import FLIP, measure_errors
-from desplat_ns.studies.pixels.contenders import Contender, backends
+from lab.pixels.accuracy import FLIP, measure_errors
+from lab.pixels.contenders import Contender, backends
 
 SCENE = make_scene(300, 64, 48)
 

@@ -24,9 +24,9 @@ from torch import Tensor
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.calibration.scenes import PARAMETERS, Scene, tensors_of
 from desplat_ns.evaluation.metrics import psnr
-from desplat_ns.studies.pixels.contenders import Contender, cotangents, images_of
-from desplat_ns.studies.pixels.dials import Setting, replacements, turned
-from desplat_ns.studies.pixels.rasterizing import Cases, forward_and_both
+from lab.pixels.contenders import Contender, cotangents, images_of
+from lab.pixels.dials import Setting, replacements, turned
+from lab.pixels.rasterizing import Cases, forward_and_both
 
 LeavesOf = Callable[[torch.dtype, str], Splats]
 """The scene's Gaussians by dtype and device, the same tensors for all settings."""

@@ -3,8 +3,8 @@ from __future__ import annotations
 import time
 
 from desplat_ns.calibration.timing import REPEATS
-from desplat_ns.studies.pixels import budgeted_turns
-from desplat_ns.studies.pixels.budgeted_turns import (
+from lab.pixels import budgeted_turns
+from lab.pixels.budgeted_turns import (
     FAST_ROUNDS,
     MOST_SLOW_TURNS,
     MOST_TURNS,
@@ -13,8 +13,8 @@ from desplat_ns.studies.pixels.budgeted_turns import (
     due_seconds,
     take_turns,
 )
-from desplat_ns.studies.pixels.dial_errors import DialErrors
-from desplat_ns.studies.pixels.dial_points import Label
+from lab.pixels.dial_errors import DialErrors
+from lab.pixels.dial_points import Label
 
 ERRORS = DialErrors(0.1, 20.0, 0.2, "means")
 
@@ -31,10 +31,10 @@ def spent(seconds: float, of: float) -> Budget:
 
 
 def test_what_does_not_fit_beside_the_turns_of_others_is_told_why():
-    assert spent(10.0, of=60.0).hindrance(expected=15.0, due=0.0) is None
-    reason = spent(10.0, of=60.0).hindrance(expected=15.0, due=20.0)
+    assert spent(10.0, of=60.0).unavailable_reason(expected=15.0, due=0.0) is None
+    reason = spent(10.0, of=60.0).unavailable_reason(expected=15.0, due=20.0)
     assert reason == "a call takes about 15.0 s; 30.0 of 60 s are free"
-    assert spent(61.0, of=60.0).hindrance(0.0, 0.0) == "no time was left of 60 s"
+    assert spent(61.0, of=60.0).unavailable_reason(0.0, 0.0) == "no time was left of 60 s"
 
 
 def test_with_time_every_case_has_all_its_turns(monkeypatch):
