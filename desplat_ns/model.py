@@ -21,8 +21,7 @@ from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
 from desplat_ns.rendering.views import held
-from desplat_ns.separation.distractor_layer import DistractorLayer
-from desplat_ns.separation.visit import Visit
+from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.static_model import StaticModel, StaticModelConfig
 from desplat_ns.training.budget import Stretch
 from desplat_ns.training.culled import CulledCount, culled_always, too_many_culled
@@ -71,8 +70,8 @@ class DeSplatModel(StaticModel):
         self.names: list[str] = self.kwargs.get("metadata", {}).get("train_image_names", [])
         self.culled = CulledCount(self.num_train_data)
         self.losses: dict[str, Tensor] = {}
-        self.visit: Visit | None = None
-        """Of the step at hand; None if there is none, or if it was dropped."""
+        self.train_step: TrainStep | None = None
+        """The step at hand; None if there is none, or if it was dropped."""
         self.distractors, self.layer = None, None
         if self.effects.distractors:
             self.layer = self._make_layer()
@@ -85,7 +84,7 @@ class DeSplatModel(StaticModel):
         if self.seed_points is not None and not self.config.random_init:
             points = self.seed_points[0].to(cameras.device)
         gaussians = DistractorGaussians(config, cameras)
-        return DistractorLayer(gaussians, config, self.config, cameras, points, self.names)
+        return DistractorLayer(gaussians, config, self.config, cameras, points)
 
     # --- drawing -----------------------------------------------------------------------------
 
@@ -118,18 +117,20 @@ class DeSplatModel(StaticModel):
         return self.layer_control.apply(outputs)
 
     def _training_outputs(self, camera: Cameras, index: int) -> dict[str, Tensor]:
-        """As `get_outputs`; begins the step's visit."""
+        """As `get_outputs`; begins the `TrainStep`."""
         view, embedding = self.view_of_camera(camera, index), self.embedding_of(index)
-        self.visit = visit = Visit(index, view, self.render_static(view, embedding))
+        static = self.render_static(view, embedding)
+        self.train_step = train_step = TrainStep(self.step, index, view, static)
         if self.layer is not None:
             rasterize = self._rasterizer_of(held(view))  # poses are the static scene's to learn
-            visit.distractors = self.layer.draw_for_training(self.step, index, rasterize)
+            drawn = self.layer.draw_for_training(self.step, index, rasterize)
+            train_step.distractors = drawn
         background = self.background_of(view, embedding)
-        image = self.image_of(visit.static, background, view, embedding)
-        outputs = static_outputs(visit.static, image, background)
+        image = self.image_of(static, background, view, embedding)
+        outputs = static_outputs(static, image, background)
         if self.layer is not None:
             outputs["rgb_static"] = outputs["rgb"]
-            outputs |= self.layer.training_outputs(visit, image)
+            outputs |= self.layer.training_outputs(train_step, image)
             outputs["rgb"] = outputs["rgb_composite"]
         if self.config.use_bilateral_grid:
             for name in outputs.keys() & {"rgb", "rgb_static"}:
@@ -188,21 +189,20 @@ class DeSplatModel(StaticModel):
     def _distractor_losses(
         self, layer: DistractorLayer, outputs: dict[str, Any], photo: Tensor, mask: Tensor | None
     ) -> dict[str, Tensor]:
-        """The layer's terms; the step's visit is filled in."""
-        visit = self.visit
-        assert visit is not None
-        visit.photo, visit.static_rgb = photo, outputs["rgb_static"]
-        visit.alpha_d = outputs["alpha_distractor"]
-        opacities = self.gauss_params["opacities"]
-        alpha_s = outputs["accumulation"]
-        return layer.losses(self.step, visit, alpha_s, opacities, self.memory, mask)
+        """The layer's terms; the `TrainStep` is filled in."""
+        train_step = self.train_step
+        assert train_step is not None
+        train_step.photo, train_step.static_rgb = photo, outputs["rgb_static"]
+        train_step.alpha_d = outputs["alpha_distractor"]
+        opacities, alpha_s = self.gauss_params["opacities"], outputs["accumulation"]
+        return layer.losses(train_step, alpha_s, opacities, self.memory, mask)
 
     def _photographed_background(self, outputs: dict[str, Any]) -> Tensor:
         """What the step's photo shows behind everything: what a transparent pixel of it shows."""
-        visit = self.visit
-        assert visit is not None
-        embedding = self.embedding_of(visit.index)
-        return self.photographed(outputs["background"], visit.view, embedding).clamp(0, 1)
+        train_step = self.train_step
+        assert train_step is not None
+        embedding = self.embedding_of(train_step.index)
+        return self.photographed(outputs["background"], train_step.view, embedding).clamp(0, 1)
 
     def _background_loss(
         self, outputs: dict[str, Any], photo: Tensor, mask: Tensor | None
@@ -229,20 +229,39 @@ class DeSplatModel(StaticModel):
 
     def view_name(self) -> str:
         """The training photo of the step at hand."""
-        return "an unknown photo" if self.visit is None else view_name(self.names, self.visit.index)
+        train_step = self.train_step
+        return "an unknown photo" if train_step is None else view_name(self.names, train_step.index)
 
     def drop_step(self) -> None:
         """Throw the step at hand away: `step_post_backward` then does nothing, and nothing of it is
         remembered. A refinement or reset that was due falls out."""
-        self.visit = None
+        self.train_step = None
 
     def step_post_backward(self, step: int) -> None:
         """Densify after an optimizer step: the static set, then the set of the view just seen."""
-        visit, opacities = self.visit, self.gauss_params["opacities"].data
-        if visit is None:
+        train_step = self.train_step
+        if train_step is None:
             return
-        if self.layer is not None:
-            self.layer.before_refinement(visit, self.means, opacities, self.memory)
+        if self.layer is None:
+            self._refine_static(step)
+        else:
+            self.layer.commit(
+                train_step,
+                self.gauss_params,
+                self.memory,
+                self.optimizers,
+                lambda: self._refine_static(step),
+                self._contributions_of,
+            )
+        if step % self.culled.interval == 0:
+            self._count_culled(step)
+        self.train_step = None
+
+    def _refine_static(self, step: int) -> None:
+        """Splatfacto's refinements and resets, and what was cleared away.
+
+        Raises DeSplatError where no static Gaussian is left.
+        """
         super().step_post_backward(step)
         if step >= self.strategy.refine_stop_iter and step % self.strategy.refine_every == 0:
             self.sweep()
@@ -251,11 +270,6 @@ class DeSplatModel(StaticModel):
                 f"At step {step} the last static Gaussian was pruned: nothing is left to train. "
                 "The photos or their poses do not fit together, or a learning rate is too high."
             )
-        if self.layer is not None:
-            self.layer.after_step(step, visit, self.means, self.optimizers, self._pixels_of)
-        if step % self.culled.interval == 0:
-            self._count_culled(step)
-        self.visit = None
 
     def sweep(self) -> None:
         """Remove static Gaussians that were cleared away since the last refinement."""
@@ -263,12 +277,12 @@ class DeSplatModel(StaticModel):
             clearance = self.layer.clearance
             clearance.sweep(self.gauss_params, self.optimizers, self.strategy_state)
 
-    def _pixels_of(self, params: RawParameters) -> Tensor:
+    def _contributions_of(self, params: RawParameters) -> Tensor:
         """Contributions [N] of distractors of the view just drawn, in pixels of its full size."""
-        assert self.visit is not None
+        assert self.train_step is not None
         settings = self.render_settings(depth=False)
         splats = activate_distractors(params)
-        drawn = contributions(self.rasterizer, splats, self.visit.view, settings)
+        drawn = contributions(self.rasterizer, splats, self.train_step.view, settings)
         return drawn * self._get_downscale_factor() ** 2
 
     def gaussian_groups(self) -> set[str]:

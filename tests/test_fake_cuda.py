@@ -1,7 +1,7 @@
 """What a GPU would see, without one: fake CUDA tensors have a device and a shape, but no values.
 
 A tensor made on the CPU and mixed in by mistake raises FakeTensorDeviceMismatchError, as on a GPU.
-Where values decide (which cells are connected, how many are placed or cloned, what is warned of) a
+Where values decide (which cells are connected, how many are placed or cloned) a
 fake tensor cannot go on, and its backward pass asks for a driver: what is tested is everything up
 to there. tests/test_training_on_a_gpu.py does the whole.
 """
@@ -20,7 +20,7 @@ from torch._subclasses.fake_tensor import FakeTensorDeviceMismatchError, FakeTen
 from torch.fx.experimental.symbolic_shapes import ShapeEnv
 from torch.utils._python_dispatch import TorchDispatchMode
 
-import desplat_ns.separation.finding as finding
+import desplat_ns.separation.regions as regions_of_photos
 from desplat_ns.backend.gsplat_cuda import _with_unsound_behind
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.backend.ssim import _window, ssim
@@ -37,10 +37,10 @@ from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
 from desplat_ns.separation.clearance import Clearance
-from desplat_ns.separation.failure_cases import SeparationWatch, seen_and_hidden, sight_of
-from desplat_ns.separation.ownership import owned_share
-from desplat_ns.separation.placement import Placement, lie_in, uncovered_regions
-from desplat_ns.separation.visit import Visit
+from desplat_ns.separation.coverage import coverage_of, seen_and_hidden
+from desplat_ns.separation.last_regions import LastRegions
+from desplat_ns.separation.layer import DistractorLayer, TrainStep
+from desplat_ns.separation.placement import distractor_weight, lie_in, uncovered_cells
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
     mean_shown_opacity,
@@ -82,11 +82,19 @@ def rendering(count: int = N) -> Rendering:
     return Rendering(cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 1), None, cuda(1, count, 2), radii)
 
 
-def a_visit() -> Visit:
-    visit = Visit(0, the_view(), rendering())
-    visit.photo, visit.static_rgb = cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 3)
-    visit.alpha_d = cuda(HEIGHT, WIDTH, 1)
-    return visit
+def a_layer() -> DistractorLayer:
+    """What looks for regions, without what asks cameras where they stand."""
+    layer = DistractorLayer.__new__(DistractorLayer)
+    layer.config, layer.num_views, layer.ssim_weight = CONFIG, 8, 0.2
+    layer.last = LastRegions()
+    return layer
+
+
+def a_step(number: int) -> TrainStep:
+    step = TrainStep(number, 0, the_view(), rendering(), rendering(9))
+    step.photo, step.static_rgb = cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 3)
+    step.alpha_d = cuda(HEIGHT, WIDTH, 1)
+    return step
 
 
 def assert_on_cuda(*found: Any) -> None:
@@ -97,40 +105,39 @@ def assert_on_cuda(*found: Any) -> None:
 @pytest.fixture
 def regions_by_cell(monkeypatch: pytest.MonkeyPatch) -> None:
     """Which cells are connected is OpenCV's to say, on the CPU."""
-    monkeypatch.setattr(finding, "outlier_regions", lambda weak, strong: weak & strong)
+    monkeypatch.setattr(regions_of_photos, "outlier_regions", lambda weak, strong: weak & strong)
 
 
 def test_a_tensor_made_on_the_cpu_is_noticed():
     with pytest.raises(FakeTensorDeviceMismatchError):
-        owned_share(cuda(HEIGHT, WIDTH, 1), torch.zeros(HEIGHT, WIDTH, dtype=torch.bool))
+        distractor_weight(cuda(HEIGHT, WIDTH, 1), torch.zeros(HEIGHT, WIDTH, dtype=torch.bool))
 
 
 @pytest.mark.usefixtures("regions_by_cell")
-@pytest.mark.parametrize("step", [0, STANDING, LATE])
-def test_looking_for_regions_stays_on_the_gpu(step, monkeypatch):
-    """Residual, expected residual, memories, excess, detail, outlines, pixels."""
-    seen, memory, placement = a_visit(), GaussianMemory({}), Placement(CONFIG, 8)
+@pytest.mark.parametrize("masked", [False, True])
+@pytest.mark.parametrize("number", [0, STANDING, LATE])
+def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number, masked):
+    """Residual, expected residual, statistics, excess, detail, outlines, weights, losses."""
+    layer, memory = a_layer(), GaussianMemory({})
+    mask = cuda(HEIGHT, WIDTH, 1) > 0.5 if masked else None
     for _ in range(2):
-        free = placement.look(step, seen, cuda(N, 1), memory)
-        assert seen.learned is not None
-        assert_on_cuda(seen.learned.usual, seen.learned.times_seen)
-        seen.learned.keep_in(memory)
-        placement.last.keep(seen)
-    if step < CONFIG.static_warmup:
-        assert free is None
-    elif step < CONFIG.leave_out_at:
-        assert_on_cuda(free, seen.inside, seen.standing, placement.last.of(seen))
-    else:
-        assert_on_cuda(free, seen.inside, seen.left_out, owned_share(seen.alpha_d, seen.left_out))
+        step = a_step(number)
+        losses = layer.losses(step, cuda(HEIGHT, WIDTH, 1), cuda(N, 1), memory, mask)
+        assert step.residual_stats is not None
+        assert_on_cuda(step.residual_stats.usual, step.residual_stats.times_seen, *losses.values())
+        step.residual_stats.keep_in(memory)
+        if step.regions is not None:
+            layer.last.keep(0, step.regions)
+    assert (step.regions is None) == (number < CONFIG.static_warmup)
+    if step.regions is not None:
+        assert_on_cuda(step.regions, layer.last.of(0, step.view))
 
 
-@pytest.mark.usefixtures("regions_by_cell")
 def test_placing_stays_on_the_gpu():
-    """`place` itself asks whether any is to be placed; what it asks, and what it then makes."""
-    seen = a_visit()
-    Placement(CONFIG, 8).look(LATE, seen, cuda(N, 1), GaussianMemory({}))
-    assert seen.inside is not None
-    assert_on_cuda(lie_in(seen.inside, cuda(7, 3), seen.view), uncovered_regions(seen, CONFIG))
+    """`placement` itself asks whether any is to be placed; what it asks, and what it then makes."""
+    step, regions = a_step(LATE), cuda(HEIGHT, WIDTH) > 0.5
+    assert_on_cuda(lie_in(regions, cuda(7, 3), step.view))
+    assert_on_cuda(uncovered_cells(regions, step.alpha_d, CONFIG))
 
 
 def distractors_with_moments() -> tuple[DistractorGaussians, dict[str, Any]]:
@@ -210,17 +217,15 @@ def test_exchanging_distractors_stays_on_the_gpu():
         assert_on_cuda(optimizers[f"distractor_{name}"].state[params[name]]["exp_avg"])
 
 
-def test_what_the_watch_remembers_and_asks_stays_on_the_gpu():
-    watch = SeparationWatch(CONFIG, [], 2)
-    sight = sight_of(the_view(), cuda(HEIGHT, WIDTH, 1))
-    watch.see(0, sight)
-    assert_on_cuda(sight.covered, sight.view.K, *seen_and_hidden(cuda(N, 3), sight))
+def test_where_distractors_cover_a_view_stays_on_the_gpu():
+    coverage = coverage_of("a.jpg", the_view(), cuda(HEIGHT, WIDTH, 1))
+    assert_on_cuda(coverage.covered, coverage.view.K, *seen_and_hidden(cuda(N, 3), coverage))
 
 
 def test_clearance_stays_on_the_gpu():
     clearance = Clearance.__new__(Clearance)
     clearance.depths, opacities, view = [0.5], cuda(N, 1), the_view()
-    clearance.keep(0, view, cuda(N, 3), opacities, rendering().visible)
+    clearance.hide_near_camera(0, view, cuda(N, 3), opacities, rendering().visible)
     assert_on_cuda(opacities)
 
 
@@ -232,7 +237,7 @@ def test_layers_and_losses_stay_on_the_gpu():
     outputs |= {"empty": layered_outputs(image, None)["rgb_composite"]}
     assert_on_cuda(*outputs.values())
     alpha_d, alpha_s = outputs["alpha_distractor"], outputs["accumulation"]
-    owned = owned_share(alpha_d)
+    owned = distractor_weight(alpha_d)
     losses = [
         distractor_opacity_loss(alpha_d),
         distractor_opacity_loss(alpha_d, owned > 0.5),

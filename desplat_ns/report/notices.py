@@ -52,7 +52,7 @@ class Seen:
     results: Mapping[str, Any]
     """Of the evaluation; empty without one."""
     failure: str | None = None
-    """What `SeparationWatch.notice` found."""
+    """What `failure_case` found."""
     judges_by_others: bool = False
     """Whether distractors start where a photo shows what the others do not."""
 

@@ -23,7 +23,7 @@ from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
 from desplat_ns.pipeline import DeSplatPipeline, PipelineModel
 from desplat_ns.rendering.views import view_of
 from desplat_ns.report.encoding import LARGEST_SIDE, shrunk
-from desplat_ns.separation.failure_cases import Sight, sight_of
+from desplat_ns.separation.coverage import Coverage, coverage_of
 
 Rgb = UInt8[np.ndarray, "_ _ 3"]
 
@@ -73,7 +73,7 @@ def even_subset(count: int, most: int) -> list[int]:
 
 def training_photos(
     pipeline: DeSplatPipeline, chosen: Sequence[int]
-) -> Iterator[tuple[TrainingPhoto, Sight | None]]:
+) -> Iterator[tuple[TrainingPhoto, Coverage | None]]:
     """Training photos taken apart, and where distractors cover them (None if the effect is off).
 
     Raises:
@@ -92,10 +92,10 @@ def training_photos(
             outputs = model.get_outputs_for_camera(camera)
             photo = model.get_gt_img(batch["image"].to(pipeline.device))
             photo = model.composite_with_background(photo, outputs["background"])
-            sight = None
+            name, coverage = manager.train_image_names[index], None
             if "alpha_distractor" in outputs:
-                sight = sight_of(view_of(camera), outputs["alpha_distractor"])
-            yield _taken_apart(manager.train_image_names[index], photo, outputs), sight
+                coverage = coverage_of(name, view_of(camera), outputs["alpha_distractor"])
+            yield _taken_apart(name, photo, outputs), coverage
             advance()
 
 

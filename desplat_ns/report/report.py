@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,14 +16,13 @@ from desplat_ns.report.history import read_history
 from desplat_ns.report.notices import Seen, notices
 from desplat_ns.report.page import Contents, html_of
 from desplat_ns.report.pictures import (
-    TrainingPhoto,
     even_subset,
     held_out_photos,
     training_photos,
 )
 from desplat_ns.runs.files import RunFiles
 from desplat_ns.runs.loading import LoadedRun, load_run
-from desplat_ns.separation.failure_cases import SeparationWatch, Sight
+from desplat_ns.separation.coverage import Coverage, failure_case
 
 
 def gather(
@@ -52,7 +51,7 @@ def gather(
     counts = gaussian_counts(model.gauss_params, model.distractors)
     cost = cost_of(run.config, files, run.checkpoint, history, figures | counts)
     reasons = effect_reasons(model.effects, read_survey(files.survey))
-    failure, by_others = separation_of(model, photos, [sight for _, sight in pairs])
+    failure, by_others = separation_of(model, [coverage for _, coverage in pairs])
     seen = Seen(cost, reasons, photos, results, failure, by_others)
     return Contents(
         cost,
@@ -68,19 +67,12 @@ def gather(
     )
 
 
-def separation_of(
-    model: object, photos: list[TrainingPhoto], sights: list[Sight | None]
-) -> tuple[str | None, bool]:
+def separation_of(model: object, coverages: Iterable[Coverage | None]) -> tuple[str | None, bool]:
     """The failure case that the photos show, if any, and whether distractors start by residuals."""
     if not isinstance(model, DeSplatModel) or model.layer is None:
         return None, False
-    config = model.layer.config
-    watch = SeparationWatch(config, [photo.name for photo in photos], len(photos))
-    for index, sight in enumerate(sights):
-        if sight is not None:
-            watch.see(index, sight)
-    noticed = watch.notice(model.means)
-    return (None if noticed is None else noticed[1]), config.start == "residual"
+    config, known = model.layer.config, [one for one in coverages if one is not None]
+    return failure_case(config, model.means, known), config.start == "residual"
 
 
 def write_report(

@@ -60,7 +60,7 @@ class Clearance:
             self.depths = [share * start for start in scene_starts(points, cameras)]
 
     @torch.no_grad()
-    def keep(
+    def hide_near_camera(
         self,
         index: int,
         view: View,
@@ -68,7 +68,7 @@ class Clearance:
         opacities: Float[Tensor, "N 1"],
         visible: Bool[Tensor, " N"],
     ) -> None:
-        """Clear the space before the camera of a training view that was just rendered.
+        """Make transparent what hangs before the camera of a training view that was just rendered.
 
         What has its centre beside the image stays: a bare wall that passes by the camera has no
         points that would tell how near it is.

@@ -18,8 +18,8 @@ import torch.nn.functional as F
 from jaxtyping import Bool
 from torch import Tensor
 
+from desplat_ns.backend.protocol import View
 from desplat_ns.separation.grid import grid_of
-from desplat_ns.separation.visit import Visit
 
 
 class LastRegions:
@@ -28,17 +28,16 @@ class LastRegions:
     def __init__(self) -> None:
         self._found: dict[int, Tensor] = {}
 
-    def keep(self, visit: Visit) -> None:
-        """Take up a sound visit."""
-        if visit.standing is not None:
-            self._found[visit.index] = visit.standing
+    def keep(self, index: int, regions: Bool[Tensor, "rows columns"]) -> None:
+        """Take up those of a visit of view `index`."""
+        self._found[index] = regions
 
-    def of(self, visit: Visit) -> Bool[Tensor, "rows columns"] | None:
-        """Those of the view that is visited again, on its grid of now; None if it has none."""
-        found = self._found.get(visit.index)
+    def of(self, index: int, view: View) -> Bool[Tensor, "rows columns"] | None:
+        """Those of a view that is visited again, on its grid of now; None if it has none."""
+        found = self._found.get(index)
         if found is None:
             return None
-        columns, rows = grid_of(visit.view.width, visit.view.height)
+        columns, rows = grid_of(view.width, view.height)
         return F.interpolate(found[None, None].to(torch.float32), size=(rows, columns))[0, 0] > 0
 
     def state_dict(self) -> dict[int, Tensor]:

@@ -62,8 +62,8 @@ class TrustedPixelsModel(DeSplatModel):
 
     def _truth(self, photo: Tensor) -> Tensor:
         """True masks and shadows [H, W, 1] of the view just drawn: any pixel they touch."""
-        assert self.visit is not None
-        path = mask_of(self.kwargs["metadata"], self.visit.index)
+        assert self.train_step is not None
+        path = mask_of(self.kwargs["metadata"], self.train_step.index)
         shadow = shadow_mask_of(path)
         mask = _any_pixel(path, photo)
         return mask if shadow is None else mask | _any_pixel(shadow, photo)

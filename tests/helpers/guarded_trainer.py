@@ -60,9 +60,7 @@ class GuardedTrainer:
     def state(self) -> dict[str, Any]:
         """All that a checkpoint holds of the model and its optimizers, moments included."""
         adams = {name: one.state_dict() for name, one in self.optimizers.optimizers.items()}
-        assert self.model.layer is not None
-        sights = [one and one.covered for one in self.model.layer.watch.sights]
-        return copy.deepcopy({"model": self.model.state_dict(), "adam": adams, "sights": sights})
+        return copy.deepcopy({"model": self.model.state_dict(), "adam": adams})
 
 
 def a_model() -> DeSplatModel:

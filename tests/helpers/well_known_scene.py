@@ -11,9 +11,9 @@ from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import view_of
-from desplat_ns.separation.expected_residual import UsualResiduals
-from desplat_ns.separation.finding import find_regions
-from desplat_ns.separation.visit import Visit
+from desplat_ns.separation.layer import TrainStep
+from desplat_ns.separation.regions import StaticView, apply_mask, find_regions
+from desplat_ns.separation.residuals import ResidualStats
 
 WIDTH, HEIGHT = 60, 40
 
@@ -49,11 +49,11 @@ class WellKnownScene:
     def rendered(self) -> torch.Tensor:
         return self.photo + self.noise * torch.randn(self.photo.shape, generator=self.generator)
 
-    def visit(self, photo: torch.Tensor) -> Visit:
-        visit = Visit(0, the_view(), self.drawn)
-        visit.photo, visit.static_rgb = photo, self.rendered()
-        visit.alpha_d = torch.zeros(HEIGHT, WIDTH, 1)
-        return visit
+    def train_step(self, number: int, photo: torch.Tensor) -> TrainStep:
+        step = TrainStep(number, 0, the_view(), self.drawn)
+        step.photo, step.static_rgb = photo, self.rendered()
+        step.alpha_d = torch.zeros(HEIGHT, WIDTH, 1)
+        return step
 
     def find(
         self,
@@ -63,12 +63,15 @@ class WellKnownScene:
         mask: torch.Tensor | None = None,
     ) -> torch.Tensor:
         """Its regions; the photo is remembered."""
-        known = UsualResiduals.of(self.memory, len(self.opacities), photo.device)
-        rest = self.opacities, known, num_views, config
-        visit = self.visit(photo)
-        visit.mask = mask
-        regions, learned = find_regions(visit, *rest)
-        learned.keep_in(self.memory)
+        count, counted, rgb = len(self.opacities), None, self.rendered()
+        if mask is not None:
+            photo, counted = apply_mask(photo, rgb, mask)
+        static = StaticView(
+            rgb, self.drawn.means2d[0], self.drawn.visible, self.opacities[:, 0].sigmoid()
+        )
+        stats = ResidualStats.of(self.memory, count, num_views, photo.device)
+        regions, stats = find_regions(photo, static, stats, config, counted)
+        stats.keep_in(self.memory)
         return regions
 
     def with_an_occluder(self) -> torch.Tensor:

@@ -46,7 +46,7 @@ def test_what_a_view_shows_nearer_goes_out_and_nothing_else():
     opacities = torch.ones(4, 1)
     clearance = Clearance(0.5, wall(2.0), cameras())
     visible = torch.tensor([True, False, True, True])
-    clearance.keep(0, view_of(cameras()), means, opacities, visible)
+    clearance.hide_near_camera(0, view_of(cameras()), means, opacities, visible)
     assert opacities.flatten().tolist() == [EXTINGUISHED, 1.0, 1.0, 1.0]
 
 
@@ -55,7 +55,7 @@ def test_a_wall_that_passes_beside_the_camera_stays():
     beside = torch.tensor([[2.0, 0.5, 0.0]]) + EYE
     opacities = torch.ones(1, 1)
     clearance = Clearance(0.5, wall(2.0), cameras())
-    clearance.keep(0, view_of(cameras()), beside, opacities, torch.tensor([True]))
+    clearance.hide_near_camera(0, view_of(cameras()), beside, opacities, torch.tensor([True]))
     assert opacities.item() == 1.0
 
 

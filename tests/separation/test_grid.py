@@ -1,16 +1,19 @@
-"""Cells are square, and no smaller than a pixel."""
+"""Cells are square, and no smaller than a pixel; what goes to the host and back is as it was."""
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import torch
 
 from desplat_ns.separation.grid import (
     counted_cells,
     grid_of,
+    masks_to_host,
     pooled,
+    region_pixels,
+    to_device,
     window_means,
-    window_sums,
 )
 
 
@@ -31,29 +34,39 @@ def test_pooling_takes_means():
     assert torch.equal(pooled(image, (3, 2)), image.reshape(2, 2, 3, 2).mean((1, 3))[None])
 
 
-def test_pooling_takes_means_of_the_pixels_that_count():
-    image = torch.tensor([[[1.0], [2.0], [5.0], [7.0]]])
-    mask = torch.tensor([[[True], [False], [False], [False]]])
-    assert pooled(image, (2, 1), mask).tolist() == [[[1.0, 0.0]]]
-    whole = torch.rand(20, 30, 3, generator=torch.Generator().manual_seed(0))
-    everything = torch.ones(20, 30, 1, dtype=torch.bool)
-    assert torch.equal(pooled(whole, (7, 5), everything), pooled(whole, (7, 5)))
-
-
 def test_a_cell_counts_if_half_of_its_pixels_do():
-    mask = torch.tensor([[1, 1, 1, 0, 0, 0], [1, 1, 0, 1, 1, 0]], dtype=torch.bool)[..., None]
-    assert counted_cells(mask, (3, 1)).tolist() == [[True, True, False]]
+    mask = torch.ones(160, 200, 1, dtype=torch.bool)  # cells of 2 x 2 pixels
+    mask[:2, :4] = torch.tensor([[1, 0, 0, 1], [1, 0, 0, 0]], dtype=torch.bool)[..., None]
+    found = counted_cells(mask)
+    assert found.shape == (80, 100)
+    assert found[0, :3].tolist() == [True, False, True]
+    assert found.sum() == found.numel() - 1
 
 
 @pytest.mark.parametrize("size", [1, 3, 13])
-def test_windows_are_summed_as_far_as_they_are_in_the_image(size):
+def test_windows_are_averaged_as_far_as_they_are_in_the_image(size):
     cells = torch.rand(2, 9, 11, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    sums, half = torch.empty_like(cells), size // 2
-    means = torch.empty_like(cells)
+    means, half = torch.empty_like(cells), size // 2
     for i in range(9):
         for j in range(11):
             rows, columns = (slice(max(0, k - half), k + half + 1) for k in (i, j))
-            sums[:, i, j] = cells[:, rows, columns].sum((1, 2))
             means[:, i, j] = cells[:, rows, columns].mean((1, 2))
-    torch.testing.assert_close(window_sums(cells, size), sums)
     torch.testing.assert_close(window_means(cells, size), means)
+
+
+@pytest.mark.parametrize("size", [(80, 120), (77, 111)])
+def test_the_pixels_of_a_region_are_those_of_its_cells(size):
+    regions = torch.zeros(40, 60, dtype=torch.bool)
+    regions[10:20, 30:50] = True
+    rows, columns = (torch.arange(n) * m // n for n, m in zip(size, (40, 60), strict=True))
+    assert torch.equal(region_pixels(regions, *size)[..., 0], regions[rows][:, columns])
+
+
+def test_masks_of_all_shapes_arrive_together_as_they_were():
+    generator = torch.Generator().manual_seed(0)
+    masks = [torch.rand(shape, generator=generator) > 0.5 for shape in ((7,), (3, 4), (0,), ())]
+    found = masks_to_host(*masks)
+    assert [one.shape for one in found] == [(7,), (3, 4), (0,), ()]
+    for one, mask in zip(found, masks, strict=True):
+        assert one.dtype == np.bool_
+        assert torch.equal(to_device(np.asarray(one), mask.device), mask)

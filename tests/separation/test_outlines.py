@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import torch
 
-from desplat_ns.separation.outlines import NOISE, WINDOW, along_edges
+from desplat_ns.separation.regions import OUTLINE_NOISE as NOISE
+from desplat_ns.separation.regions import OUTLINE_WINDOW as WINDOW
+from desplat_ns.separation.regions import along_edges
 
 ROWS, COLUMNS = 60, 80
 

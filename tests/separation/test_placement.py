@@ -1,29 +1,28 @@
 """Regions become distractors; what distractors cover is not the static scene's to fit."""
 
 import dataclasses
+from typing import Any
 
 import pytest
 import torch
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.gaussians.densification import DistractorDensifier
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians
-from desplat_ns.separation.ownership import pixels_of
+from desplat_ns.separation.grid import grid_of, region_pixels
+from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import (
-    Placement,
+    distractor_weight,
     distractors_in,
     lie_in,
-    uncovered_regions,
+    uncovered_cells,
 )
-from desplat_ns.separation.visit import Visit
 from tests.helpers.well_known_scene import (
     HEIGHT,
     WIDTH,
     WellKnownScene,
     cameras,
-    nothing_drawn,
     the_view,
 )
 
@@ -32,11 +31,18 @@ CONFIG = DistractorConfig(per_view=600, start="residual", initial_opacity=0.5, d
 WARMED_UP = dataclasses.replace(CONFIG, static_warmup=5, leave_out_at=10)
 
 
-def sighting(inside: torch.Tensor, alpha: float = 0.0) -> Visit:
-    visit = Visit(0, the_view(), nothing_drawn(), inside=inside)
-    visit.photo = torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(0))
-    visit.alpha_d = torch.full((HEIGHT, WIDTH, 1), alpha)
-    return visit
+def a_photo() -> torch.Tensor:
+    return torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(0))
+
+
+def alpha(value: float) -> torch.Tensor:
+    return torch.full((HEIGHT, WIDTH, 1), value)
+
+
+def new_ones(regions: torch.Tensor) -> dict[str, torch.Tensor]:
+    """Distractors where a region is and none covers anything."""
+    cells = uncovered_cells(regions, alpha(0.0), CONFIG).numpy()
+    return distractors_in(cells, the_view(), a_photo(), CONFIG)
 
 
 def block() -> torch.Tensor:
@@ -52,43 +58,36 @@ def pixels(means: torch.Tensor, view: View) -> torch.Tensor:
 
 
 def test_new_distractors_lie_on_the_cells_of_the_region_in_the_photos_colours():
-    seen = sighting(block())
-    new = distractors_in(uncovered_regions(seen, CONFIG).numpy(), seen, CONFIG)
-    found = pixels(new["means"], seen.view)
+    new = new_ones(block())
+    found = pixels(new["means"], the_view())
     assert len(found) == 5 * 10
     x, y = torch.meshgrid(torch.arange(31.0, 50, 2), torch.arange(11.0, 20, 2), indexing="xy")
     expected = torch.stack([x, y], dim=-1).reshape(-1, 2)
     assert torch.allclose(found, expected, atol=1e-3)
-    patch = seen.photo[10:12, 30:32].mean((0, 1))
+    patch = a_photo()[10:12, 30:32].mean((0, 1))
     assert torch.allclose(new["rgbs"][0], patch, atol=1e-6)
     assert torch.allclose(new["opacities"].sigmoid(), torch.tensor(0.5))
 
 
 def test_as_many_pixels_wide_as_those_that_cover_the_whole_view():
     whole = DistractorGaussians(dataclasses.replace(CONFIG, start="everywhere"), cameras())
-    seen = sighting(block())
-    new = distractors_in(uncovered_regions(seen, CONFIG).numpy(), seen, CONFIG)
+    new = new_ones(block())
     assert torch.allclose(new["scales"], whole.params_of(0)["scales"][:50], atol=1e-6)
 
 
 def test_none_is_placed_where_distractors_cover_already():
-    assert not uncovered_regions(sighting(block(), alpha=0.6), CONFIG).any()
-    assert uncovered_regions(sighting(block(), alpha=0.4), CONFIG).sum() == 50
+    assert not uncovered_cells(block(), alpha(0.6), CONFIG).any()
+    assert uncovered_cells(block(), alpha(0.4), CONFIG).sum() == 50
 
 
-def test_none_is_placed_in_a_cell_of_which_less_than_half_counts():
-    seen = sighting(block())
-    seen.mask = torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
-    seen.mask[:, 40:] = False
-    seen.mask[10, 30:40] = False  # half of each cell of the uppermost row
-    seen.mask[12:14, 30] = False
-    seen.mask[12, 31] = False  # three quarters of a cell
-    places = uncovered_regions(seen, CONFIG)
-    assert places.sum() == 5 * 5 - 1
-    assert places[5:10, 15:20].sum() == 5 * 5 - 1
-    assert not places[6, 15]
-    new = distractors_in(places.numpy(), seen, CONFIG)
-    assert torch.allclose(new["rgbs"][0], seen.photo[11, 30:32].mean(0), atol=1e-6)
+def test_none_is_placed_in_a_cell_of_which_less_than_half_is_in_a_region():
+    regions = block()
+    regions[12:14, 30] = False  # half of a cell of 2 x 2 pixels
+    assert uncovered_cells(regions, alpha(0.0), CONFIG)[6, 15]
+    regions[12, 31] = False
+    found = uncovered_cells(regions, alpha(0.0), CONFIG)
+    assert not found[6, 15]
+    assert found.sum() == 50 - 1
 
 
 def test_those_in_the_region_stay():
@@ -119,96 +118,123 @@ def test_residual_starts_with_no_distractors():
     [(2, "cannot be judged, and none is placed"), (4, "easily wrong"), (5, "")],
 )
 def test_too_few_photos_to_judge_by_are_told(views, words, capsys):
-    Placement(WARMED_UP, views)
+    a_layer(num_views=views)
     text = " ".join(capsys.readouterr().out.split())
     assert words in text
     assert (f"There are {views} training photos" in text) == (views < 5)
 
 
+def a_layer(config: DistractorConfig = WARMED_UP, num_views: int = 40) -> DistractorLayer:
+    cams = cameras()[torch.zeros(num_views, dtype=torch.long)]
+    gaussians = DistractorGaussians(config, cams)
+    return DistractorLayer(gaussians, config, SplatfactoModelConfig(), cams, None)
+
+
+class Trained:
+    """The layer in front of a scene that is known well, step by step."""
+
+    def __init__(self, config: DistractorConfig = WARMED_UP, num_views: int = 40) -> None:
+        self.scene, self.layer = WellKnownScene(), a_layer(config, num_views)
+        self.optimizers: dict[str, Any] = {
+            name: torch.optim.Adam(params)
+            for name, params in self.layer.gaussians.param_groups().items()
+        }
+
+    def step(self, number: int, photo: torch.Tensor) -> TrainStep:
+        scene, step = self.scene, self.scene.train_step(number, photo)
+        none = alpha(0.0)
+        self.layer.losses(step, none, scene.opacities, scene.memory, None)
+        means = torch.zeros(len(scene.opacities), 3)
+        params = torch.nn.ParameterDict({"means": means, "opacities": scene.opacities.clone()})
+        self.layer.commit(
+            step, params, scene.memory, self.optimizers, lambda: None, lambda _: none.flatten()
+        )
+        return step
+
+    @property
+    def count(self) -> int:
+        return self.layer.gaussians.count_of(0)
+
+
 def test_with_two_photos_nothing_is_placed_and_all_of_them_train():
-    scene, placement = WellKnownScene(), Placement(WARMED_UP, 2)
+    trained = Trained(num_views=2)
     for _ in range(5):
-        placement.look(0, scene.visit(scene.photo), scene.opacities, scene.memory)
-    visit = scene.visit(scene.with_an_occluder())
-    step = WARMED_UP.leave_out_at
-    assert placement.look(step, visit, scene.opacities, scene.memory) is None
-    assert visit.inside is None
-    assert visit.left_out is None
+        trained.step(0, trained.scene.photo)
+    step = trained.step(WARMED_UP.leave_out_at, trained.scene.with_an_occluder())
+    assert step.regions is None
+    assert trained.count == 0
 
 
-def test_distractors_belong_in_the_whole_region_and_are_free_there():
-    scene, placement = WellKnownScene(), Placement(WARMED_UP, 40)
-
-    def look(step: int, photo: torch.Tensor) -> tuple[Visit, torch.Tensor | None]:
-        visit = scene.visit(photo)
-        free = placement.look(step, visit, scene.opacities, scene.memory)
-        assert visit.learned is not None
-        visit.learned.keep_in(scene.memory)
-        return visit, free
-
-    for step in range(5):
-        assert look(step, scene.photo)[1] is None
-    seen, free = look(WARMED_UP.leave_out_at, scene.with_an_occluder())
-    assert seen.left_out is not None
-    assert seen.inside is not None
-    assert free is not None
-    assert torch.equal(seen.inside, seen.left_out)
-    assert torch.equal(free, pixels_of(seen.inside, HEIGHT, WIDTH))
-    assert seen.inside.any()
+def test_in_the_warm_up_views_are_only_remembered():
+    trained = Trained()
+    for number in range(5):
+        step = trained.step(number, trained.scene.with_an_occluder())
+        assert step.regions is None
+    assert trained.scene.memory.number("visits") == 5
+    assert trained.count == 0
 
 
 def test_once_placing_has_stopped_none_comes_and_none_goes():
-    scene, config = WellKnownScene(), dataclasses.replace(WARMED_UP, stop_placing_at=20)
-    placement, distractors = Placement(config, 40), DistractorGaussians(config, cameras())
-    densifier = DistractorDensifier(config, SplatfactoModelConfig(), num_views=1)
-    optimizers: dict[str, torch.optim.Optimizer] = {
-        name: torch.optim.Adam(params) for name, params in distractors.param_groups().items()
-    }
-
-    def number_after(step: int, photo: torch.Tensor) -> int:
-        visit = scene.visit(photo)
-        placement.look(step, visit, scene.opacities, scene.memory)
-        assert visit.learned is not None
-        visit.learned.keep_in(scene.memory)
-        placement.place(visit, distractors, densifier, optimizers)
-        return distractors.count_of(0)
-
-    for step in range(5):
-        assert number_after(step, scene.photo) == 0
-    assert number_after(20, scene.with_an_occluder()) == 0
-    placed = number_after(19, scene.with_an_occluder())
+    trained = Trained(dataclasses.replace(WARMED_UP, stop_placing_at=20))
+    scene = trained.scene
+    for number in range(5):
+        trained.step(number, scene.photo)
+    trained.step(20, scene.with_an_occluder())
+    assert trained.count == 0
+    trained.step(19, scene.with_an_occluder())
+    placed = trained.count
     assert placed > 0
-    assert number_after(20, scene.photo) == placed
-    assert number_after(19, scene.photo) == 0
+    trained.step(20, scene.photo)
+    assert trained.count == placed
+    trained.step(19, scene.photo)
+    assert trained.count == 0
 
 
 def test_a_found_region_stays_with_less_evidence_also_after_a_checkpoint():
     """The occluder's colour comes nearer to the scene's, as where that begins to learn it."""
-    scene, config = WellKnownScene(), dataclasses.replace(WARMED_UP, shared_detail=1.0)
-    placement = Placement(config, 40)
+    config = dataclasses.replace(WARMED_UP, shared_detail=1.0)
+    trained = Trained(config)
+    scene = trained.scene
 
-    def look(placement: Placement, photo: torch.Tensor, step: int = 5) -> torch.Tensor:
-        visit = scene.visit(photo)
-        placement.look(step, visit, scene.opacities, scene.memory)
-        placement.keep(visit)
-        assert visit.inside is not None
-        return visit.inside
+    def regions(layer: DistractorLayer, photo: torch.Tensor, number: int = 5) -> torch.Tensor:
+        trained.layer = layer
+        found = trained.step(number, photo).regions
+        assert found is not None
+        return found
 
-    for _ in range(5):
-        scene.find(scene.photo, 40, config)
-    paler = scene.photo.clone()
+    for number in range(5):
+        trained.step(number, scene.photo)
+    paler, layer = scene.photo.clone(), trained.layer
     paler[10:30, 20:40] += 0.11
-    assert not look(Placement(config, 40), paler).any()
-    look(placement, scene.with_a_pale_one())
-    resumed = Placement(config, 40)
-    older = {"photos": {"found": {}, "photos": {}}}  # what checkpoints held once
-    resumed.load_state_dict(older, torch.device("cpu"))
-    resumed.load_state_dict(placement.state_dict() | older, torch.device("cpu"))
-    for one in (placement, resumed):
-        assert look(one, paler)[14:26, 24:36].all()
-        assert not look(one, scene.photo).any()
-    look(placement, scene.with_a_pale_one())
-    forgetful = Placement(dataclasses.replace(config, standing_share=1.0), 40)
-    forgetful.load_state_dict(placement.state_dict(), torch.device("cpu"))
-    assert not look(forgetful, paler).any()
-    assert not look(placement, paler, config.leave_out_at).any()
+    assert not regions(a_layer(config), paler).any()
+    regions(layer, scene.with_a_pale_one())
+    resumed = a_layer(config)
+    resumed.load_state_dict(layer.state_dict(), torch.device("cpu"))
+    for one in (layer, resumed):
+        assert regions(one, paler)[14:26, 24:36].all()
+        assert not regions(one, scene.photo).any()
+    regions(layer, scene.with_a_pale_one())
+    forgetful = a_layer(dataclasses.replace(config, standing_share=1.0))
+    forgetful.load_state_dict(layer.state_dict(), torch.device("cpu"))
+    assert not regions(forgetful, paler).any()
+    assert not regions(layer, paler, config.leave_out_at).any()
+
+
+def test_the_weight_of_distractors_reaches_a_cell_beyond_their_edge():
+    alpha_d = torch.zeros(135, 240, 1)
+    alpha_d[50:60, 100:120] = 0.6
+    alpha_d[90:100] = 0.4
+    expected = torch.zeros(135, 240, 1)
+    expected[48:62, 98:122] = 0.6
+    expected[88:102] = 0.4
+    assert torch.equal(distractor_weight(alpha_d), expected)
+
+
+def test_a_region_has_weight_1_whatever_covers_it():
+    height, width = 90, 160
+    columns, rows = grid_of(width, height)
+    regions = torch.zeros(rows, columns, dtype=torch.bool)
+    regions[:, : columns // 2] = True
+    weight = distractor_weight(torch.full((height, width, 1), 0.25), regions)
+    assert torch.equal(weight == 1, region_pixels(regions, height, width))
+    assert (weight[weight != 1] == 0.25).all()

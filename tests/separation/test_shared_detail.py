@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from desplat_ns.separation.grid import grid_of
-from desplat_ns.separation.shared_detail import MOST_CONTRAST, shared_detail
+from desplat_ns.separation.regions import MOST_CONTRAST, shared_detail
 
 HEIGHT, WIDTH = 120, 160
 RECTANGLE = (slice(24, 100), slice(36, 134))
@@ -80,15 +80,6 @@ def test_it_is_the_correlation_of_the_windows_by_a_count_of_its_own(scene):
     expected = common / (of_static * of_photo).sqrt()
     assert (common / of_static).max() < MOST_CONTRAST
     torch.testing.assert_close(shared_detail(static, photo).double(), expected, atol=1e-3, rtol=0)
-
-
-def test_masked_pixels_have_no_part_in_it(scene):
-    mask = torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
-    mask[40:80, 50:100] = False
-    photo = scene * 0.8
-    found = shared_detail(scene, photo, mask)
-    photo[~mask[..., 0]] = torch.rand_like(photo)[~mask[..., 0]]
-    torch.testing.assert_close(shared_detail(scene, photo, mask), found)
 
 
 def test_a_photo_of_another_size_gives_the_same(scene):

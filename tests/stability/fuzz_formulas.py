@@ -20,9 +20,8 @@ from desplat_ns.gaussians.distractors import distractors_at
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.photo_tourism import appearance, background
 from desplat_ns.rendering import compositing
-from desplat_ns.separation import expected_residual as excess
 from desplat_ns.separation import placement as separation
-from desplat_ns.separation.ownership import owned_share
+from desplat_ns.separation import residuals as excess
 from desplat_ns.separation.regions import outlier_regions
 from desplat_ns.training import losses
 from tests.stability.poison import POISON
@@ -85,13 +84,13 @@ IMAGE, PLANE, GRID = (UNIT, (H, W, 3)), (UNIT, (H, W, 1)), (4, 5)
 
 
 def _excess(residual: Tensor, means2d: Tensor, opacities: Tensor) -> Tensor:
-    known = excess.UsualResiduals.of(GaussianMemory({}), len(means2d), residual.device)
+    stats = excess.ResidualStats.of(GaussianMemory({}), len(means2d), 1, residual.device)
     visible = means2d.isfinite().all(-1)
     residual = residual.detach().clamp(min=excess.MIN_RESIDUAL)
     for _ in range(3):
-        rest = visible, opacities.detach(), known, 1
-        found, known = excess.excess_residual(residual, means2d.detach(), *rest)
-    return torch.stack([found.values.sum(), known.usual.sum(), known.times_seen.sum()])
+        rest = visible, opacities.detach(), stats
+        found, stats = excess.excess_residual(residual, means2d.detach(), *rest)
+    return torch.stack([found.values.sum(), stats.usual.sum(), stats.times_seen.sum()])
 
 
 def _placed(means: Tensor) -> Tensor:
@@ -99,8 +98,8 @@ def _placed(means: Tensor) -> Tensor:
     return separation.lie_in(regions, means, VIEW).float()
 
 
-def _owned(alpha: Tensor, cells: Tensor) -> Tensor:
-    return owned_share(alpha, cells.detach() > 0.5)
+def _weighted(alpha: Tensor, cells: Tensor) -> Tensor:
+    return separation.distractor_weight(alpha, cells.detach() > 0.5)
 
 
 def _activated(means: Tensor, scales: Tensor, quats: Tensor, rgbs: Tensor, logits: Tensor) -> Any:
@@ -161,7 +160,7 @@ FORMULAS = (
     Formula("local_residual", partial(excess.local_residual, grid=(5, 4)), (IMAGE, IMAGE)),
     Formula("ExpectedResidual", _excess, ((UNIT, GRID), (POISON, (9, 2)), (UNIT, (9,)))),
     Formula("outlier_regions", _regions, ((POISON, GRID),)),
-    Formula("owned_share", _owned, (PLANE, (UNIT, GRID))),
+    Formula("distractor_weight", _weighted, (PLANE, (UNIT, GRID))),
     Formula("lie_in", _placed, ((POISON, (9, 3)),)),
     Formula("distractors_at", _new_distractors, ((MODERATE, (9, 2)), (UNIT, (9, 3)))),
     Formula(

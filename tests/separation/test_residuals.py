@@ -7,17 +7,17 @@ import pytest
 import torch
 
 from desplat_ns.gaussians.memory import GaussianMemory
-from desplat_ns.separation.expected_residual import (
+from desplat_ns.separation.grid import grid_of
+from desplat_ns.separation.residuals import (
     LEAST_VIEWS,
     MEDIAN_STEP,
     MIN_RESIDUAL,
     Excess,
-    UsualResiduals,
+    ResidualStats,
     certainty,
     excess_residual,
     local_residual,
 )
-from desplat_ns.separation.grid import grid_of
 
 ROWS, COLUMNS = 20, 30
 
@@ -31,19 +31,18 @@ class Memory:
     """Static Gaussians, one in each cell, and the views they have seen."""
 
     def __init__(self) -> None:
-        self.num_views = 40
         self.means2d = one_gaussian_per_cell()
-        self.known = self.nothing()
+        self.stats = self.nothing()
         self.visible = torch.ones(len(self.means2d), dtype=torch.bool)
         self.opacities = torch.full((len(self.means2d),), 0.8)
 
     def see(self, residual: torch.Tensor, counted: torch.Tensor | None = None) -> torch.Tensor:
-        rest = self.visible, self.opacities, self.known, self.num_views, counted
-        found, self.known = excess_residual(residual, self.means2d, *rest)
+        rest = self.visible, self.opacities, self.stats, counted
+        found, self.stats = excess_residual(residual, self.means2d, *rest)
         return found.values
 
-    def nothing(self) -> UsualResiduals:
-        return UsualResiduals.of(GaussianMemory({}), len(self.means2d), self.means2d.device)
+    def nothing(self) -> ResidualStats:
+        return ResidualStats.of(GaussianMemory({}), len(self.means2d), 40, self.means2d.device)
 
 
 def flat(value: float = 0.02) -> torch.Tensor:
@@ -93,19 +92,19 @@ def test_what_is_not_seen_does_not_learn():
     memory = Memory()
     memory.visible[100:] = False
     memory.see(torch.rand(ROWS, COLUMNS) + 0.1)
-    usual = memory.known.usual
+    usual = memory.stats.usual
     assert usual[:100].abs().max() == pytest.approx(MEDIAN_STEP)
     assert (usual[100:] == 0).all()
 
 
-def test_transparent_gaussians_have_no_say():
+def test_transparent_gaussians_have_no_weight():
     """The left half remembers large residuals, the right half none."""
     memory, left = Memory(), one_gaussian_per_cell()[:, 0] < COLUMNS // 2
     for _ in range(LEAST_VIEWS + 1):
         memory.see(flat())
-    memory.known.usual[left] = math.log(5.0)
+    memory.stats.usual[left] = math.log(5.0)
     assert memory.see(flat())[:, :10].max() < -0.05
-    memory.known.usual[left] = math.log(5.0)
+    memory.stats.usual[left] = math.log(5.0)
     memory.opacities[left] = 1e-9
     assert memory.see(flat())[:, :10].abs().max() < 1e-3
 
@@ -116,7 +115,7 @@ def test_gaussians_beyond_the_image_are_left_out():
     memory.means2d[1] = torch.tensor([float(COLUMNS), 3.0])
     memory.means2d[2] = torch.tensor([3.0, -7e8])
     memory.see(flat(0.02) + torch.rand(ROWS, COLUMNS))
-    assert (memory.known.usual[:3] == 0).all()
+    assert (memory.stats.usual[:3] == 0).all()
 
 
 def test_texture_cancels_out_and_a_shade_does_not():
@@ -163,7 +162,7 @@ def test_where_no_gaussian_is_the_whole_scene_says_what_is_expected():
     """A bare wall without Gaussians, in a scene of which twice the level is usual."""
     memory = Memory()
     memory.see(flat())
-    memory.known.usual.fill_(math.log(2.0))
+    memory.stats.usual.fill_(math.log(2.0))
     memory.means2d[memory.means2d[:, 0] > 15] = -5.0
     residual = flat()
     residual[:, 20:] = 0.2
@@ -177,7 +176,7 @@ def test_what_floats_in_front_of_one_camera_does_not_vouch_for_what_stands_in_it
     memory = Memory()
     floaters = 9 * len(memory.means2d)
     memory.means2d = memory.means2d.repeat(10, 1)
-    memory.known = memory.nothing()
+    memory.stats = memory.nothing()
     memory.opacities = memory.opacities.repeat(10)
     memory.visible = torch.ones(len(memory.means2d), dtype=torch.bool)
     for visit in range(400):
@@ -197,11 +196,11 @@ def left_half() -> torch.Tensor:
 def test_a_gaussian_in_a_masked_cell_learns_nothing_of_the_visit():
     memory, counted = Memory(), left_half()
     memory.see(torch.rand(ROWS, COLUMNS) + 0.1)
-    before = memory.known
+    before = memory.stats
     memory.see(torch.rand(ROWS, COLUMNS) + 0.1, counted)
     kept = ~counted.flatten()
     for name in ("usual", "times_seen"):
-        old, new = getattr(before, name), getattr(memory.known, name)
+        old, new = getattr(before, name), getattr(memory.stats, name)
         assert torch.equal(old[kept], new[kept])
         assert (old != new)[~kept].float().mean() > 0.9
 
@@ -222,21 +221,21 @@ def test_neighbours_that_are_masked_do_not_say_what_is_expected():
     """They remember large residuals; the cells beside the mask are judged as if they were not."""
     counted, known = left_half(), math.log(5.0) * (~left_half()).flatten()
     memory = Memory()
-    memory.known = dataclasses.replace(memory.nothing(), usual=known)
+    memory.stats = dataclasses.replace(memory.nothing(), usual=known)
     found = memory.see(flat(), counted)
     assert torch.allclose(found, torch.zeros_like(found), atol=1e-7)
-    memory.known = dataclasses.replace(memory.nothing(), usual=known)
+    memory.stats = dataclasses.replace(memory.nothing(), usual=known)
     assert memory.see(flat())[:, COLUMNS // 2 - 1].max() < -0.01
 
 
 def test_a_view_that_is_masked_wholly_leaves_everything_as_it_was():
     memory = Memory()
     memory.see(flat())
-    before = memory.known
+    before = memory.stats
     found = memory.see(flat(), torch.zeros(ROWS, COLUMNS, dtype=torch.bool))
     assert (found == 0).all()
-    assert torch.equal(before.usual, memory.known.usual)
-    assert torch.equal(before.times_seen, memory.known.times_seen)
+    assert torch.equal(before.usual, memory.stats.usual)
+    assert torch.equal(before.times_seen, memory.stats.times_seen)
 
 
 def test_a_mask_over_nothing_changes_nothing():
@@ -245,24 +244,4 @@ def test_a_mask_over_nothing_changes_nothing():
     everything = torch.ones(ROWS, COLUMNS, dtype=torch.bool)
     for _ in range(3):
         assert torch.equal(plain.see(residual), masked.see(residual, everything))
-    assert torch.equal(plain.known.usual, masked.known.usual)
-
-
-def test_a_local_residual_is_the_mean_over_the_pixels_that_count():
-    """0.1 left and 0.9 right of a border inside a cell: with the right masked, 0.1 everywhere."""
-    gray = torch.full((48, 60, 3), 0.5)
-    photo, mask = gray + 0.1, torch.ones(48, 60, 1, dtype=torch.bool)
-    photo[:, 29:] += 0.8
-    mask[:, 29:] = False
-    found = local_residual(gray, photo, (20, 16), mask)
-    assert torch.allclose(found[:, :11], torch.full((16, 11), 0.1), rtol=0, atol=1e-6)
-    assert local_residual(gray, photo, (20, 16))[:, 9].max() > 0.2
-    assert local_residual(gray, photo, (20, 16), torch.zeros_like(mask)).isfinite().all()
-
-
-def test_a_local_residual_ignores_what_a_masked_pixel_holds():
-    static, photo = torch.rand(2, 48, 60, 3, generator=torch.Generator().manual_seed(5))
-    mask = torch.rand(48, 60, 1, generator=torch.Generator().manual_seed(6)) > 0.3
-    spoiled = torch.where(mask, photo, torch.nan)
-    found = local_residual(static, photo, (20, 16), mask)
-    assert torch.equal(found, local_residual(static, spoiled, (20, 16), mask))
+    assert torch.equal(plain.stats.usual, masked.stats.usual)

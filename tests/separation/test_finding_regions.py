@@ -5,9 +5,11 @@ import dataclasses
 import torch
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.separation.regions import apply_mask
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene
 
 CONFIG = DistractorConfig(start="residual")
+CPU = torch.device("cpu")
 
 
 def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
@@ -23,6 +25,43 @@ def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
     true = torch.zeros_like(found)
     true[10:30, 20:40] = True
     assert (found & true).sum() / (found | true).sum() > 0.7
+
+
+def test_what_a_masked_pixel_holds_changes_no_bit():
+    """Neither of the regions nor of what is remembered."""
+    found = []
+    for value in (0.0, float("nan")):
+        scene, mask = WellKnownScene(), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
+        mask[15:33, 12:31] = False
+        for _ in range(3):
+            scene.find(scene.photo, 40, CONFIG)
+        photo = scene.with_an_occluder().masked_fill(~mask, value)
+        regions = scene.find(photo, 40, CONFIG, mask)
+        found.append((regions, scene.memory.values("usual_residual", HEIGHT * WIDTH, CPU)))
+    assert found[0][0].any()
+    assert torch.equal(found[0][0], found[1][0])
+    assert torch.equal(found[0][1], found[1][1])
+
+
+def test_under_a_mask_a_photo_is_as_the_static_scene():
+    photo, static = torch.rand(2, HEIGHT, WIDTH, 3)
+    mask = torch.rand(HEIGHT, WIDTH, 1) > 0.3
+    applied, counted = apply_mask(photo, static, mask)
+    where = mask[..., 0]
+    assert torch.equal(applied[where], photo[where])
+    assert torch.equal(applied[~where], static[~where])
+    assert torch.equal(counted, where)  # a cell is a pixel at this size
+
+
+def test_what_is_in_the_way_beside_a_mask_is_found():
+    """A mask over one half of an occluder; the rim of a cell or two may go to the static scene."""
+    scene, mask = WellKnownScene(), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
+    mask[:, 30:] = False
+    for _ in range(5):
+        scene.find(scene.photo, 40, CONFIG, mask)
+    found = scene.find(scene.with_an_occluder(), 40, CONFIG, mask)
+    assert found[12:28, 22:28].all()
+    assert not found[:, 30:].any()
 
 
 def test_no_region_reaches_into_a_mask_though_one_lies_all_around_it():

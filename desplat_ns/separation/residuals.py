@@ -12,7 +12,7 @@ relative to the view's own level: exposure, training progress and resets move al
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 import torch.nn.functional as F
@@ -37,56 +37,34 @@ MEDIAN_STEP = 0.1
 """Step of a Gaussian's running median, in units of the residual's logarithm."""
 
 LEAST_VIEWS = 2
-"""A Gaussian that so many training views see, or fewer, has no say in what is expected: what floats
-in front of one camera remembers its photo alone, occluder and all, and of two views nobody can tell
-which is right. A median of three holds against one."""
+"""A Gaussian that so many training views see, or fewer, has no weight in what is expected: what
+floats in front of one camera remembers its photo alone, occluder and all, and of two views nobody
+can tell which is right. A median of three holds against one."""
 
 TYPICAL_WEIGHT = 0.02
 """Opacity per cell with which what is usual in the whole scene counts everywhere. Where no Gaussian
-has a say, as before bare walls that few views see, it decides alone."""
+has weight, as before bare walls that few views see, it decides alone."""
 
 MIN_RESIDUAL = 1e-4
 """Below this, residuals (colours in [0, 1]) are equal."""
 
 
 def local_residual(
-    static: Float[Tensor, "H W 3"],
-    photo: Float[Tensor, "H W 3"],
-    grid: tuple[int, int],
-    mask: Bool[Tensor, "H W 1"] | None = None,
+    static: Float[Tensor, "H W 3"], photo: Float[Tensor, "H W 3"], grid: tuple[int, int]
 ) -> Float[Tensor, "rows columns"]:
     """Largest difference of the three colours, averaged around each cell; colours in [0, 1].
 
     The difference is averaged over 3 x 3 pixels before its absolute value is taken: what is only
     not sharp yet cancels out. The largest of the three: what is fine or moved differs in brightness
     most, and what is another thing in one colour more than in the others.
-
-    Args:
-        mask: True in the pixels that count, None if all do. All averages are over these alone.
     """
     difference = (static - photo).permute(2, 0, 1)
-    if mask is not None:
-        return _masked_residual(difference, mask.permute(2, 0, 1), grid)
     cells = pooled(_box3(difference).abs().amax(0)[..., None], grid)
     return _averaged(cells, RESIDUAL_WINDOW)[0].clamp(min=MIN_RESIDUAL)
 
 
-def _masked_residual(
-    difference: Float[Tensor, "3 H W"], mask: Bool[Tensor, "1 H W"], grid: tuple[int, int]
-) -> Float[Tensor, "rows columns"]:
-    """`local_residual` of the pixels that count: sums over them by how many they are."""
-    counts = mask.to(difference)
-    sums = _box3(difference.masked_fill(~mask, 0.0))
-    smooth = sums / _box3(counts).clamp(min=1 / 9)  # 1 of 9: the pixel itself, where it counts
-    errors = smooth.abs().amax(0) * counts[0]
-    total, number = _averaged(
-        pooled(torch.stack([errors, counts[0]], dim=-1), grid), RESIDUAL_WINDOW
-    )
-    return (total / number.clamp(min=torch.finfo(number.dtype).eps)).clamp(min=MIN_RESIDUAL)
-
-
 @dataclass(frozen=True)
-class UsualResiduals:
+class ResidualStats:
     """What the static Gaussians remember of the residuals around them, and in how many views."""
 
     usual: Float[Tensor, " N"]
@@ -95,12 +73,17 @@ class UsualResiduals:
     """Views that had the Gaussian's centre in the image."""
     visits: int
     """Views that were remembered so far, each as often as it was."""
+    num_views: int
+    """Training views that are visited in turn."""
 
     @classmethod
-    def of(cls, memory: GaussianMemory, count: int, device: torch.device) -> UsualResiduals:
+    def of(
+        cls, memory: GaussianMemory, count: int, num_views: int, device: torch.device
+    ) -> ResidualStats:
         """Read the memory of `count` Gaussians; zeros on first use."""
         usual = memory.values("usual_residual", count, device)
-        return cls(usual, memory.values("times_seen", count, device), memory.number("visits"))
+        times_seen = memory.values("times_seen", count, device)
+        return cls(usual, times_seen, memory.number("visits"), num_views)
 
     def keep_in(self, memory: GaussianMemory) -> None:
         """Store this in the memory of the Gaussians."""
@@ -126,11 +109,10 @@ def excess_residual(
     means2d: Float[Tensor, "N 2"],
     visible: Bool[Tensor, " N"],
     opacities: Float[Tensor, " N"],
-    known: UsualResiduals,
-    num_views: int,
+    stats: ResidualStats,
     counted: Bool[Tensor, "rows columns"] | None = None,
-) -> tuple[Excess, UsualResiduals]:
-    """The residual beyond the expected one, and what is known once this view is remembered too.
+) -> tuple[Excess, ResidualStats]:
+    """The residual beyond the expected one, and the statistics with this view in them.
 
     What is usual around the Gaussians in a part of the image is expected there, each counting by
     its opacity and by its `certainty`; where they are few, what is usual in the whole scene is.
@@ -138,23 +120,22 @@ def excess_residual(
     Args:
         residual: `local_residual` of the view.
         means2d: projected centres, in cells.
-        opacities: in [0, 1]; what is transparent has no say.
-        known: before this view.
-        num_views: that are visited in turn.
+        opacities: in [0, 1]; what is transparent has no weight.
+        stats: before this view.
         counted: cells that are not masked, None if none is. The others have no excess and no part
             in the level; to Gaussians in them this visit is none.
     """
     level = _level(residual, counted)
     relative = F.pad((residual / level).log().flatten(), (0, 1))
     inside, cell = _cells_of(means2d, visible, residual.shape, counted)
-    usual, times_seen, visits = known.usual, known.times_seen + inside, known.visits + 1
-    say = opacities * certainty(times_seen * (num_views / visits))
-    expected = _mean_by_cell(usual, say, cell, residual.shape)
+    usual, times_seen, visits = stats.usual, stats.times_seen + inside, stats.visits + 1
+    weights = opacities * certainty(times_seen * (stats.num_views / visits))
+    expected = _mean_by_cell(usual, weights, cell, residual.shape)
     off = torch.sign(relative.index_select(0, cell) - usual)
-    learned = UsualResiduals(usual + MEDIAN_STEP * off * inside, times_seen, visits)
+    usual = usual + MEDIAN_STEP * off * inside
     values = residual - level * expected.exp()
     values = values if counted is None else values.masked_fill(~counted, 0.0)
-    return Excess(values, level), learned
+    return Excess(values, level), replace(stats, usual=usual, times_seen=times_seen, visits=visits)
 
 
 def certainty(views: Float[Tensor, " N"]) -> Float[Tensor, " N"]:

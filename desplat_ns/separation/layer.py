@@ -1,0 +1,266 @@
+"""What a training step does with the distractors: draw, weigh, and, if it was finite, commit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float
+from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.models.splatfacto import SplatfactoModelConfig
+from torch import Tensor, nn
+from torch.optim import Optimizer
+
+from desplat_ns.backend.protocol import Rendering, Splats, View
+from desplat_ns.console import announce
+from desplat_ns.gaussians.activation import activate_distractors
+from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorGaussians
+from desplat_ns.gaussians.memory import GaussianMemory
+from desplat_ns.rendering.layers import layered_outputs
+from desplat_ns.separation.clearance import Clearance
+from desplat_ns.separation.grid import region_pixels
+from desplat_ns.separation.last_regions import LastRegions
+from desplat_ns.separation.placement import (
+    FEW_VIEWS,
+    about_few_views,
+    distractor_weight,
+    placement,
+)
+from desplat_ns.separation.regions import StaticView, apply_mask, find_regions
+from desplat_ns.separation.residuals import LEAST_VIEWS, ResidualStats
+from desplat_ns.training.losses import (
+    distractor_opacity_loss,
+    static_photometric_loss,
+    static_transparency_loss,
+)
+
+
+@dataclass(repr=False)
+class TrainStep:
+    """One training view in one training step, from its rendering to the optimizers' step.
+
+    It is made when the view is drawn and filled in when the loss is computed. Nothing that it holds
+    has an effect beyond the step until it is committed: a step that is not finite is undone by
+    throwing it away.
+    """
+
+    number: int
+    index: int
+    """Number of the training view."""
+    view: View
+    static: Rendering
+    """The static scene."""
+    distractors: Rendering | None = None
+    """The view's own distractors; None if none were drawn."""
+
+    photo: Float[Tensor, "H W 3"] = field(init=False)
+    """What the view should look like, in [0, 1]; under the user's mask as the static scene."""
+    static_rgb: Float[Tensor, "H W 3"] = field(init=False)
+    """The static scene as an image, over the background."""
+    alpha_d: Float[Tensor, "H W 1"] = field(init=False)
+    """Opacity of the distractors."""
+
+    regions: Bool[Tensor, "rows columns"] | None = None
+    """Where distractors belong, on the grid of `grid_of`; None if nothing was looked for."""
+    residual_stats: ResidualStats | None = None
+    """What the static Gaussians are to remember, with this view; None for nothing."""
+
+
+class DistractorLayer:
+    """All that the distractors need besides their parameters, which the model holds."""
+
+    def __init__(
+        self,
+        gaussians: DistractorGaussians,
+        config: DistractorConfig,
+        static: SplatfactoModelConfig,
+        cameras: Cameras,
+        points: Float[Tensor, "P 3"] | None,
+    ):
+        """Says so where there are too few views to judge by.
+
+        Args:
+            gaussians: the distractors of all views.
+            config: of the distractors; steps as they are in this run.
+            static: of the static scene; both sets share thresholds.
+            cameras: the training cameras, shape [V].
+            points: of the reconstruction, if the scene starts from them.
+        """
+        self.gaussians = gaussians
+        self.config = config
+        self.ssim_weight = static.ssim_lambda
+        self.num_views = len(cameras)
+        self.densifier = DistractorDensifier(config, static, self.num_views)
+        self.last = LastRegions()
+        self.clearance = Clearance(config.clearance, points, cameras)
+        if config.start == "residual" and self.num_views < FEW_VIEWS:
+            announce(about_few_views(self.num_views), warning=True)
+
+    def draw(self, index: int, rasterize: Callable[[Splats], Rendering]) -> Rendering | None:
+        """Render the distractors of training view `index`; None if it has none."""
+        if self.gaussians.count_of(index) == 0:
+            return None
+        return rasterize(activate_distractors(self.gaussians.params_of(index)))
+
+    def draw_for_training(
+        self, step: int, index: int, rasterize: Callable[[Splats], Rendering]
+    ) -> Rendering | None:
+        """As `draw`, with what densification needs to be told; None in the warm-up."""
+        if step < self.config.static_warmup:
+            return None
+        rendering = self.draw(index, rasterize)
+        if rendering is not None:
+            self.gaussians.draws(index)
+            self.densifier.before_backward(rendering)
+        return rendering
+
+    def training_outputs(
+        self, train_step: TrainStep, image: Float[Tensor, "H W 3"]
+    ) -> dict[str, Tensor]:
+        """The layers and the composite of a step.
+
+        With `static_alone` the composite's loss moves distractors only: what lies beneath them is a
+        constant.
+
+        Args:
+            image: of the static scene; colours may be beyond 1.
+        """
+        alone = self.config.static_alone and train_step.distractors is not None
+        return layered_outputs(image.detach() if alone else image, train_step.distractors)
+
+    def losses(
+        self,
+        train_step: TrainStep,
+        alpha_s: Float[Tensor, "H W 1"],
+        opacities: Float[Tensor, "N 1"],
+        memory: GaussianMemory,
+        mask: Bool[Tensor, "H W 1"] | None,
+    ) -> dict[str, Tensor]:
+        """The opacity terms of Eq. 5; with `static_alone` also the static scene's own term.
+
+        Args:
+            alpha_s: opacity of the static scene.
+            opacities: of the static Gaussians, logits.
+            memory: what they remember; it is read only.
+            mask: the user's, False in pixels that do not count; None if there is none.
+        """
+        config, counted = self.config, None
+        if mask is not None:
+            train_step.photo, counted = apply_mask(train_step.photo, train_step.static_rgb, mask)
+        if config.start == "residual" and self.num_views > LEAST_VIEWS:
+            self.update_regions(train_step, opacities, memory, counted)
+        regions, alpha_d = train_step.regions, train_step.alpha_d
+        no_opacity_penalty = None
+        if regions is not None:
+            no_opacity_penalty = region_pixels(regions, *alpha_d.shape[:2])
+        losses = {
+            "distractor_opacity": config.lambda_d
+            * distractor_opacity_loss(alpha_d, no_opacity_penalty),
+            "static_transparency": config.lambda_s * static_transparency_loss(alpha_s),
+        }
+        if config.static_alone and train_step.distractors is not None:
+            ignored = regions if train_step.number >= config.leave_out_at else None
+            losses["static_photometric"] = static_photometric_loss(
+                train_step.static_rgb,
+                train_step.photo,
+                distractor_weight(alpha_d, ignored),
+                self.ssim_weight,
+            )
+        return losses
+
+    @torch.no_grad()
+    def update_regions(
+        self,
+        train_step: TrainStep,
+        opacities: Float[Tensor, "N 1"],
+        memory: GaussianMemory,
+        counted: Bool[Tensor, "rows columns"] | None,
+    ) -> None:
+        """Find the regions of a step, and the statistics with it; in the warm-up these alone.
+
+        Args:
+            opacities: of the static Gaussians, logits.
+            memory: what they remember; it is read only.
+            counted: cells that the user's mask leaves in; None if it leaves out none.
+        """
+        photo = train_step.photo
+        static = StaticView(
+            train_step.static_rgb.detach(),
+            train_step.static.means2d.detach()[0],
+            train_step.static.visible,
+            torch.sigmoid(opacities.detach()[:, 0]),
+        )
+        stats = ResidualStats.of(memory, len(opacities), self.num_views, photo.device)
+        last = self.last.of(train_step.index, train_step.view) if self._keeps(train_step) else None
+        regions, stats = find_regions(photo, static, stats, self.config, counted, last)
+        train_step.residual_stats = stats
+        if train_step.number >= self.config.static_warmup:
+            train_step.regions = regions
+
+    def _keeps(self, train_step: TrainStep) -> bool:
+        """Whether regions stay with less evidence than new ones need."""
+        return self.config.standing_share < 1 and train_step.number < self.config.leave_out_at
+
+    def commit(
+        self,
+        train_step: TrainStep,
+        params: nn.ParameterDict,
+        memory: GaussianMemory,
+        optimizers: dict[str, Optimizer],
+        refine_static: Callable[[], None],
+        contributions_of: Callable[[nn.ParameterDict], Float[Tensor, " M"]],
+    ) -> None:
+        """Take up what a step proposes, once the optimizers have stepped: here alone anything that
+        outlives a step is changed.
+
+        Args:
+            params: of the static Gaussians, raw.
+            memory: what they remember.
+            optimizers: nerfstudio's, by group name.
+            refine_static: refines the static set; called once it has what belongs to its rows.
+            contributions_of: gives what each of the view's distractors makes up of it, in pixels.
+        """
+        index, view, static = train_step.index, train_step.view, train_step.static
+        if train_step.residual_stats is not None:
+            train_step.residual_stats.keep_in(memory)
+        if train_step.regions is not None and self._keeps(train_step):
+            self.last.keep(index, train_step.regions)
+        self.clearance.hide_near_camera(
+            index, view, params["means"], params["opacities"].data, static.visible
+        )
+        refine_static()
+        step = train_step.number
+        if train_step.distractors is not None:
+            self.gaussians.keep_colors_in_range(index)
+            info = strategy_info(train_step.distractors, view)
+            self.densifier.after_step(
+                self.gaussians, index, optimizers, step, info, contributions_of
+            )
+        if train_step.regions is not None and step < self.config.stop_placing_at:
+            self._place(train_step, train_step.regions, optimizers)
+        self.gaussians.recount(index)
+
+    @torch.no_grad()
+    def _place(
+        self, train_step: TrainStep, regions: Tensor, optimizers: dict[str, Optimizer]
+    ) -> None:
+        """Give the view new distractors where they belong, and remove those out of place."""
+        means = self.gaussians.params_of(train_step.index)["means"]
+        changed = placement(
+            train_step.view, train_step.photo, train_step.alpha_d, regions, means, self.config
+        )
+        if changed is not None:
+            self.densifier.exchange(self.gaussians, train_step.index, optimizers, *changed)
+
+    def state_dict(self) -> dict[str, Any]:
+        """The densifier's running statistics and what was found so far, for a checkpoint."""
+        return self.densifier.state_dict() | {"regions": self.last.state_dict()}
+
+    def load_state_dict(self, state: dict[str, Any], device: torch.device) -> None:
+        """Take up what `state_dict` gave, on `device`."""
+        self.densifier.load_state_dict(state, device)
+        self.last.load_state_dict(state["regions"], device)
