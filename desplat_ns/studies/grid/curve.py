@@ -22,8 +22,8 @@ Point = dict[str, Any]
 class TrainingClock:
     """Seconds of training steps, of wall time and of this process's CPU time."""
 
-    _wall: float = field(default_factory=time.perf_counter)
-    _cpu: float = field(default_factory=time.process_time)
+    _wall: float = field(default_factory=lambda: time.perf_counter())
+    _cpu: float = field(default_factory=lambda: time.process_time())
 
     def seconds(self) -> dict[str, float]:
         """Since it was made, without pauses."""
@@ -60,9 +60,11 @@ class Curve:
     ) -> None:
         """Args:
         score: the figures of the model as it stands.
-        steps: after how many it is scored.
+        steps: after how many it is scored; the last is the run's end, which is timed alone.
         """
         self.points: list[Point] = []
+        self.seconds: dict[str, float] = {}
+        """Of the whole run, once its last step is done: what is saved after it is not in them."""
         self._clock, self._score, self._steps = clock, score, steps
 
     def attach(self, trainer: Trainer) -> None:
@@ -76,6 +78,9 @@ class Curve:
 
     def _after_step(self, step: int) -> None:
         seconds = self._clock.seconds()
+        if step + 1 == self._steps[-1]:
+            self.seconds = seconds
+            return
         with self._clock.paused():
             randomness = rng_state()
             figures = self._score()

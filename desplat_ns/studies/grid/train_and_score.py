@@ -39,9 +39,9 @@ def train_and_score(
 
     Returns:
         `figures` as `ns-eval` writes them, with `train_cpu_seconds` and `train_wall_seconds`, those
-        of the training steps without start-up and evaluation; `curve`, the same figures on the way
-        and in the end, if there are several evaluations; `commit`, `settings`, `device` and
-        `backend`, see `records.Record`.
+        of the training steps without reading photos, the last checkpoint and evaluation; `curve`,
+        the same figures on the way and in the end, if there are several evaluations; `commit`,
+        `settings`, `device` and `backend`, see `records.Record`.
 
     Raises:
         DeSplatError: training was stopped before its last step; such a model is not scored.
@@ -60,13 +60,12 @@ def train_and_score(
         )
 
     wanted = config.max_num_iterations
-    clock = TrainingClock()
-    curve = Curve(clock, score, scored_steps(wanted, evaluations)[:-1])
+    _ = trainer.pipeline.datamanager.cached_train  # photos: they would be read in the first step
+    curve = Curve(TrainingClock(), score, scored_steps(wanted, evaluations))
     curve.attach(trainer)
     trainer.train()
-    seconds = clock.seconds()
     check_complete(trainer.step + 1, wanted)
-    figures = score(pictures) | seconds
+    figures = score(pictures) | curve.seconds
     points = [*curve.points, {"step": wanted, **figures}] if evaluations > 1 else []
     return {
         "figures": figures,

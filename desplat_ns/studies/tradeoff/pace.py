@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from statistics import median
+from statistics import fmean, linear_regression
 
 from desplat_ns.calibration.run_plan import measure_costs
 from desplat_ns.calibration.timing import threads
@@ -56,40 +56,59 @@ class Clock:
         return self.budget - self.spent
 
 
+Line = tuple[float, float]
+"""Seconds of a run beside its steps, and of a step."""
+
+
 class Pace:
-    """Expected wall seconds of runs."""
+    """Expected wall seconds of runs, from the start of a process to its end.
+
+    A run takes a + b steps: a is for imports, reading photos, the last checkpoint and evaluations,
+    b for a step. Runs of two lengths of a setting give both, by least squares. Until then they are
+    the base's, or at first a guess, times a factor that fits the runs that are done.
+    """
 
     def __init__(self, step_seconds: float) -> None:
         """Args:
         step_seconds: of the base, timed alone.
         """
-        self._guess = step_seconds * BESIDE_OTHERS
-        self._steps: dict[str, list[float]] = {}
-        self._starts: dict[str, list[float]] = {}
+        self._guess: Line = START_SECONDS, step_seconds * BESIDE_OTHERS
+        self._done: dict[str, list[tuple[int, float]]] = {}
 
-    def add(self, run: Run, seconds: float, training: float) -> None:
+    def add(self, run: Run, seconds: float) -> None:
         """A run is done.
 
         Args:
             seconds: from its process's start to its end.
-            training: those of its steps alone.
         """
-        self._steps.setdefault(run.setting, []).append(training / run.steps)
-        self._starts.setdefault(run.setting, []).append(max(0.0, seconds - training))
+        self._done.setdefault(run.setting, []).append((run.steps, seconds))
 
     def seconds(self, run: Run) -> float:
         """Expected of a run."""
-        return self._start(run.setting) + run.steps * self._step(run.setting)
+        start, step = self._line(run.setting)
+        return start + run.steps * step
 
-    def _step(self, setting: str) -> float:
-        if setting in self._steps:
-            return max(self._steps[setting])  # longer runs have more Gaussians
-        base = max(self._steps.get(BASE, [self._guess]))
-        return base * DEARER.get(setting, 1.0)
+    def _line(self, setting: str) -> Line:
+        done = self._done.get(setting, [])
+        if len({steps for steps, _ in done}) > 1:
+            return fitted(done)
+        start, step = self._guess if setting == BASE else self._line(BASE)
+        if not done:
+            return start, step * DEARER.get(setting, 1.0)
+        expected = sum(start + steps * step for steps, _ in done)
+        factor = sum(seconds for _, seconds in done) / expected
+        return factor * start, factor * step
 
-    def _start(self, setting: str) -> float:
-        known = self._starts.get(setting) or self._starts.get(BASE)
-        return median(known) if known else START_SECONDS
+
+def fitted(done: Sequence[tuple[int, float]]) -> Line:
+    """The line through (steps, seconds) of runs, of several lengths, with the least squares; its
+    slope and its start are not below 0."""
+    slope, start = linear_regression(*zip(*done, strict=True))
+    if slope < 0:  # what else the machine did outweighs the steps
+        return fmean(seconds for _, seconds in done), 0.0
+    if start < 0:
+        return 0.0, sum(s * n for n, s in done) / sum(n * n for n, _ in done)
+    return start, slope
 
 
 def first_pace(subject: Subject, device: str) -> Pace:

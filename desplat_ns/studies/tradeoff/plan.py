@@ -10,7 +10,7 @@ from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
 from desplat_ns.studies.tradeoff.subject import METHOD, Subject
 
 SEEDS = (42, 43, 44)
-"""A difference is claimed only where all were measured and their ranges do not overlap."""
+"""A difference is claimed only where all were measured: `summary.verdicts`."""
 
 SCENE = "capture"
 """What the capture is called in the names of runs."""

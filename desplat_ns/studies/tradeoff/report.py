@@ -20,16 +20,18 @@ from desplat_ns.studies.tradeoff.plan import BASE, SCENE, SEEDS, compared, study
 from desplat_ns.studies.tradeoff.plots import draw_all
 from desplat_ns.studies.tradeoff.results import RUNS, Results
 from desplat_ns.studies.tradeoff.summary import (
+    SIGNIFICANT,
     Measured,
     Spread,
     best_within,
     decibels_to_tell,
     finals,
+    least_ratio,
     measured,
     on_front,
     soonest_at,
     times_to_tell,
-    verdict,
+    verdicts,
 )
 
 FILE = "report.html"
@@ -79,6 +81,7 @@ def write_report(folder: Path, results: Results, records: Records) -> Path:
         effects=effects_in_words(results.subject.effects),
         results=results,
         seeds=len(SEEDS),
+        claims=claims_in_words(found),
         rows=training_rows(found, results),
         more=[MORE[name] for name in measured_of(found)],
         within=told_within(found),
@@ -104,8 +107,7 @@ def _measured(results: Results, records: Records) -> list[Measured]:
 def training_rows(found: Sequence[Measured], results: Results) -> list[Row]:
     """Whole runs: the base's lengths first, then the other settings at the comparison's."""
     ends = sorted(finals(found), key=lambda one: (one.setting != BASE, one.steps))
-    base = {one.steps: one for one in ends if one.setting == BASE}
-    settings, front = compared(results.subject.effects), on_front(ends)
+    settings, front, said = compared(results.subject.effects), on_front(ends), verdicts(ends)
     return [
         Row(
             settings[one.setting].what,
@@ -116,8 +118,8 @@ def training_rows(found: Sequence[Measured], results: Results) -> list[Row]:
             _figure(one, "train_cpu_seconds", ".0f"),
             _figure(one, "num_static_gaussians", ",.0f", alone=True),
             _figure(one, "num_distractor_gaussians", ",.0f", alone=True),
-            one.seeds,
-            verdict(one, base.get(one.steps)),
+            len(one.seeds),
+            said[index],
             index in front,
             one.setting == BASE,
         )
@@ -171,6 +173,23 @@ def _run_words(one: Measured) -> str:
     if one.is_final:
         return f"a run of {one.steps:,} steps"
     return f"after {one.done:,} of {one.steps:,} steps"
+
+
+def claims_in_words(found: Sequence[Measured]) -> str:
+    """What a claim of this page means, and what so few seeds cannot show."""
+    number = sum("p" in words.split() for words in verdicts(finals(found)))
+    return (
+        f"A difference is the mean, over seeds, of what a setting has less what the defaults have "
+        f"with the same seed. It is claimed where all {len(SEEDS)} seeds of both were measured and "
+        f"p is at most {SIGNIFICANT:g}, by a paired t-test and Holm's correction for the "
+        f"{max(1, number)} comparisons here: if no setting mattered, one such page in "
+        f"{round(1 / SIGNIFICANT)} would claim any difference. The clearest one has to be "
+        f"{least_ratio(number):.0f} times as large as it scatters from seed to seed (standard "
+        f"deviation). The test takes that scatter to be normally distributed, which {len(SEEDS)} "
+        "seeds cannot show: without it they tell nothing, for all three differences have the same "
+        'sign by chance once in four times. "Not told apart" does not say that there is no '
+        "difference, and seeds are of this capture alone: what holds here may not hold on another."
+    )
 
 
 def front_in_words(found: Sequence[Measured]) -> str:

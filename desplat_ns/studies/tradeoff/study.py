@@ -131,7 +131,7 @@ class Sitting:
         for run in study.plan:
             if records.state_of(study, run, known)[0] in (State.DONE, State.DIRTY):
                 training = known[run.name].figures["train_wall_seconds"]
-                pace.add(run, training + START_SECONDS, training)
+                pace.add(run, training + START_SECONDS)
                 yield run
 
     def _noted(self, runs: Iterable[Run]) -> Iterator[Run]:
@@ -156,8 +156,8 @@ class Sitting:
             self._fail(run.name, found, log)
             self.save()
             return False
-        took, training = self.clock.spent - self._begun[run], found.figures["train_wall_seconds"]
-        pace.add(run, took, training)
+        training = found.figures["train_wall_seconds"]
+        pace.add(run, self.clock.spent - self._begun[run])
         self.results.failed.pop(run.name, None)
         announce(f"{run.name}: {found.figures['psnr']:.2f} dB after {training:.0f} s of training")
         models = config_of(study, run, self._runs).with_name(CHECKPOINTS)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from statistics import median
+from statistics import fmean, median, stdev
 
 from desplat_ns.studies.grid.records import Figures, Records
 from desplat_ns.studies.grid.runs import Run
@@ -13,6 +14,9 @@ from desplat_ns.studies.tradeoff.plan import BASE, SEEDS
 
 NICE_SECONDS = (5, 10, 15, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200)
 """Training times for which the best that was reached is told."""
+
+SIGNIFICANT = 0.05
+"""A difference is claimed where p, corrected for the number of comparisons, is no larger."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +37,6 @@ class Spread:
     def most(self) -> float:
         return max(self.values)
 
-    def overlaps(self, other: Spread) -> bool:
-        """Whether the two ranges have a value in common."""
-        return self.least <= other.most and other.least <= self.most
-
 
 @dataclass(frozen=True)
 class Measured:
@@ -47,21 +47,23 @@ class Measured:
     """Of the run."""
     done: int
     """Steps after which it was scored."""
+    seeds: tuple[int, ...]
     figures: Mapping[str, Spread]
-    """By name; what not every seed has is left out."""
+    """By name, in the order of the seeds; what not every seed has is left out."""
 
     @property
     def is_final(self) -> bool:
         return self.done == self.steps
 
     @property
-    def seeds(self) -> int:
-        return len(self.psnr.values)
-
-    @property
     def psnr(self) -> Spread:
         """Of right halves, dB."""
         return self.figures["psnr"]
+
+    @property
+    def psnr_by_seed(self) -> dict[int, float]:
+        """dB."""
+        return dict(zip(self.seeds, self.psnr.values, strict=True))
 
     @property
     def wall(self) -> Spread:
@@ -72,17 +74,17 @@ class Measured:
 def measured(runs: Sequence[Run], records: Records) -> list[Measured]:
     """All settings and lengths of which a seed was measured, in the order of the plan, each on its
     way and in the end."""
-    by_cell: dict[tuple[str, int], list[Mapping[int, Figures]]] = {}
+    by_cell: dict[tuple[str, int], dict[int, Mapping[int, Figures]]] = {}
     for run in runs:
         record = records.get(run.name)
         if record is not None:
             points = {int(point["step"]): point for point in record.curve}
             points[run.steps] = record.figures
-            by_cell.setdefault((run.setting, run.steps), []).append(points)
+            by_cell.setdefault((run.setting, run.steps), {})[run.seed] = points
     return [
-        Measured(setting, steps, done, _spreads([points[done] for points in seeds]))
+        Measured(setting, steps, done, tuple(seeds), _spreads([p[done] for p in seeds.values()]))
         for (setting, steps), seeds in by_cell.items()
-        for done in sorted(set.intersection(*(set(points) for points in seeds)))
+        for done in sorted(set.intersection(*(set(points) for points in seeds.values())))
     ]
 
 
@@ -131,13 +133,67 @@ def decibels_to_tell(found: Sequence[Measured]) -> list[int]:
     return list(range(int(min(values)) + 1, int(max(values)) + 1))[-6:]
 
 
-def verdict(one: Measured, base: Measured | None) -> str:
-    """What may be said of a setting against the base at as many steps."""
-    if base is None or one.setting == BASE:
+# --- what may be claimed -------------------------------------------------------------------------
+
+
+def differences(one: Measured, base: Measured) -> tuple[float, ...]:
+    """PSNR less the base's with the same seed, dB, of the seeds that both have: a seed's noise that
+    both share is in neither."""
+    ours, theirs = one.psnr_by_seed, base.psnr_by_seed
+    return tuple(ours[seed] - theirs[seed] for seed in ours if seed in theirs)
+
+
+def p_value(found: Sequence[float]) -> float:
+    """Of a paired t-test, two-sided: how often three differences would be as far from 0 for their
+    scatter if there was none, provided that they are normally distributed.
+
+    With two degrees of freedom Student's distribution has a closed form,
+    P(|T| >= t) = 1 - t / sqrt(t^2 + 2).
+    """
+    assert len(found) == len(SEEDS) == 3
+    mean, error = fmean(found), stdev(found) / math.sqrt(len(found))
+    if error == 0:
+        return float(mean == 0)
+    t = abs(mean / error)
+    return 2 / (math.hypot(t, math.sqrt(2)) * (math.hypot(t, math.sqrt(2)) + t))
+
+
+def corrected(p_values: Sequence[float]) -> list[float]:
+    """For their number (Holm 1979): if each that is at most q is claimed, there is a false claim
+    among them in at most a share q of such studies, whatever depends on what."""
+    found, largest = [0.0] * len(p_values), 0.0
+    for rank, i in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
+        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[i]))
+        found[i] = largest
+    return found
+
+
+def verdicts(found: Sequence[Measured]) -> list[str]:
+    """What may be said of each whole run against the base at as many steps, in their order; empty
+    where there is nothing to compare it with."""
+    base = {one.steps: one for one in found if one.setting == BASE}
+    pairs = {
+        i: differences(one, base[one.steps])
+        for i, one in enumerate(found)
+        if one.setting != BASE and one.steps in base
+    }
+    tested = [i for i, pair in pairs.items() if len(pair) == len(SEEDS)]
+    p = dict(zip(tested, corrected([p_value(pairs[i]) for i in tested]), strict=True))
+    return [_verdict(pairs.get(i, ()), p.get(i)) for i in range(len(found))]
+
+
+def _verdict(pair: Sequence[float], p: float | None) -> str:
+    if not pair:
         return ""
-    difference = one.psnr.median - base.psnr.median
-    if min(one.seeds, base.seeds) < len(SEEDS):
-        return f"{difference:+.2f} dB, no claim"
-    if one.psnr.overlaps(base.psnr):
-        return f"{difference:+.2f} dB, within the spread"
-    return f"{difference:+.2f} dB, with every seed"
+    said = f"{fmean(pair):+.2f} dB"
+    if p is None:
+        return f"{said}, {len(pair)} of {len(SEEDS)} seeds: no claim"
+    value = "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
+    return f"{said}, {value}" if p <= SIGNIFICANT else f"{said}, not told apart ({value})"
+
+
+def least_ratio(comparisons: int) -> float:
+    """How many times its standard deviation over the seeds the clearest of several differences has
+    to be, to be claimed: `p_value` solved for t, over the root of the number of seeds."""
+    inside = 1 - SIGNIFICANT / max(1, comparisons)
+    return inside * math.sqrt(2 / (1 - inside**2) / len(SEEDS))

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import DeSplatError
+from desplat_ns.studies.grid import curve
 from desplat_ns.studies.grid.commands import QUIET
 from desplat_ns.studies.grid.train_and_score import check_complete, train_and_score
 from desplat_ns.trainer import DeSplatTrainer
@@ -33,3 +38,33 @@ def test_as_many_steps_as_were_wanted_are_enough():
     check_complete(3, 3)
     with pytest.raises(DeSplatError, match="after 0 of 3"):
         check_complete(0, 3)
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+def test_reading_photos_and_the_last_checkpoint_are_no_training(
+    tiny_scene: Scene, tmp_path: Path, monkeypatch
+):
+    """Both take an hour of a clock that is set forward meanwhile."""
+    forward = [0.0]
+
+    def slow(cls: type, name: str) -> None:
+        usual = getattr(cls, name)
+
+        def slowly(*arguments: Any, **more: Any) -> Any:
+            forward[0] += 3600
+            return usual(*arguments, **more)
+
+        monkeypatch.setattr(cls, name, slowly)
+
+    def now() -> float:
+        return time.perf_counter() + forward[0]
+
+    slow(DeSplatDataManager, "_load_images")
+    slow(DeSplatTrainer, "save_checkpoint")
+    clock = SimpleNamespace(perf_counter=now, process_time=time.process_time)
+    monkeypatch.setattr(curve, "time", clock)
+    options = ["--data", str(tiny_scene.folder), "--output-dir", str(tmp_path)]
+    options += ["--max-num-iterations", "3", "--pipeline.model.num-downscales", "0", *QUIET]
+    found = train_and_score("desplat", [*options, "robustnerf-data"], tmp_path / "pictures")
+    assert forward[0] >= 2 * 3600
+    assert 0 < found["figures"]["train_wall_seconds"] < 3600

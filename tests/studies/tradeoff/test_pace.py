@@ -13,6 +13,7 @@ from desplat_ns.studies.tradeoff.pace import (
     START_SECONDS,
     Clock,
     Pace,
+    fitted,
     fitting,
     plan_for,
 )
@@ -28,12 +29,40 @@ def run(setting: str = BASE, steps: int = 100, seed: int = 42) -> Run:
 def test_runs_are_expected_to_take_what_steps_took_and_then_what_runs_took():
     pace = Pace(0.1)
     assert pace.seconds(run()) == pytest.approx(START_SECONDS + 100 * 0.1 * BESIDE_OTHERS)
-    pace.add(run(), 25.0, 20.0)
-    assert pace.seconds(run()) == pytest.approx(5 + 20)
-    assert pace.seconds(run(steps=200)) == pytest.approx(5 + 40)
-    assert pace.seconds(run("fewer")) == pytest.approx(5 + 20), "as the base until it is known"
-    pace.add(run("fewer"), 14.0, 10.0)
-    assert pace.seconds(run("fewer")) == pytest.approx(4 + 10)
+    pace.add(run(), 2 * (START_SECONDS + 100 * 0.1 * BESIDE_OTHERS))
+    assert pace.seconds(run(steps=200)) == pytest.approx(2 * (START_SECONDS + 200 * 0.125))
+    pace.add(run(steps=300), 80.0)
+    pace.add(run(), 65.0 - 2.5)
+    assert pace.seconds(run(steps=400)) == pytest.approx(63.75 + 3 / 2 * (80 - 63.75))
+    assert pace.seconds(run("fewer")) == pytest.approx(63.75), "as the base until it is known"
+    pace.add(run("fewer"), 63.75 / 2)
+    assert pace.seconds(run("fewer", 300)) == pytest.approx(80 / 2), "then in proportion"
+
+
+def test_what_every_run_takes_makes_no_step_of_a_long_one_dearer():
+    """Imports, reading photos and the last checkpoint take 40 s of each run here."""
+    pace = Pace(0.1)
+    for steps in (125, 250):
+        pace.add(run(steps=steps), 40 + 0.1 * steps)
+    assert pace.seconds(run(steps=8000)) == pytest.approx(840)
+
+
+@given(
+    start=st.floats(0, 1e3),
+    step=st.floats(0, 10),
+    lengths=st.lists(st.integers(1, 30_000), min_size=2, max_size=6, unique=True),
+)
+def test_the_line_of_exact_timings_is_found(start, step, lengths):
+    """Both sums of the regression are of some ten numbers below 3e5; halves of 1e-6 are left."""
+    found = fitted([(steps, start + step * steps) for steps in lengths])
+    longest = max(lengths)
+    expected = start + step * longest
+    assert found[0] + found[1] * longest == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def test_neither_a_step_nor_a_start_takes_less_than_nothing():
+    assert fitted([(100, 30.0), (200, 20.0)]) == (25.0, 0.0)
+    assert fitted([(100, 10.0), (200, 30.0)]) == (0.0, pytest.approx(7000 / 50_000))
 
 
 @given(seconds=st.floats(30, 1e5), jobs=st.integers(1, 8), step=st.floats(1e-3, 1.0))

@@ -63,7 +63,7 @@ def test_trainings_end_up_in_the_file_and_the_report(time, tmp_path):
     assert {run.seed for run in executor.done} == {42, 43, 44}
     report = write_report(tmp_path, sitting.results, sitting.records).read_text()
     assert "garden: what accuracy costs in time" in report
-    assert "with every seed" in report
+    assert "paired t-test" in report and "p &lt; 0.001" in report
     outside = re.findall(r"<script|<link|(?:src|href)=.(?!data:|#)", report)
     assert outside == [], "the page needs no other file"
     for name in ("training", "ssim"):

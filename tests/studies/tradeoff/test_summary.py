@@ -1,36 +1,88 @@
-"""What may be claimed: only what every seed says."""
+"""What may be claimed of three seeds and several comparisons, and what may not."""
 
 from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
 
 from desplat_ns.studies.grid.records import Record
 from desplat_ns.studies.grid.runs import Run
 from desplat_ns.studies.tradeoff.plan import BASE, SEEDS
 from desplat_ns.studies.tradeoff.summary import (
+    SIGNIFICANT,
     Measured,
     Spread,
     best_within,
+    corrected,
     decibels_to_tell,
     finals,
+    least_ratio,
     measured,
     on_front,
+    p_value,
     soonest_at,
     times_to_tell,
-    verdict,
+    verdicts,
 )
 
 
 def one(psnr: tuple[float, ...], wall: float = 10.0, setting: str = "other") -> Measured:
     figures = {"psnr": Spread(psnr), "train_wall_seconds": Spread((wall,) * len(psnr))}
-    return Measured(setting, 100, 100, figures)
+    return Measured(setting, 100, 100, SEEDS[: len(psnr)], figures)
 
 
-def test_a_difference_is_claimed_only_with_all_seeds_and_apart():
+def test_three_seeds_that_do_not_overlap_are_no_claim_among_eight_comparisons():
+    """t = 0.3 sqrt(3) / 0.1 = 5.2: p = 0.035 alone, 0.28 as one of eight."""
     base = one((20.0, 20.1, 20.2), setting=BASE)
-    assert verdict(one((20.3, 20.4, 20.5)), base) == "+0.30 dB, with every seed"
-    assert verdict(one((20.1, 20.4, 20.5)), base) == "+0.30 dB, within the spread"
-    assert verdict(one((19.0, 19.1, 19.2)), base) == "-1.00 dB, with every seed"
-    assert verdict(one((25.0,)), base) == "+4.90 dB, no claim"
-    assert verdict(base, base) == verdict(base, None) == ""
+    apart = one((20.3, 20.5, 20.4))
+    assert verdicts([base, apart]) == ["", "+0.30 dB, p = 0.035"]
+    assert verdicts([base, *[apart] * 8])[1:] == ["+0.30 dB, not told apart (p = 0.28)"] * 8
+
+
+def test_what_seeds_have_in_common_hides_no_difference():
+    base = one((20.0, 22.0, 24.0), setting=BASE)
+    assert verdicts([base, one((20.5, 22.52, 24.48))]) == ["", "+0.50 dB, p < 0.001"]
+    assert verdicts([base, one((22.5, 24.48, 20.52))])[1].startswith("+0.50 dB, not told apart")
+
+
+def test_fewer_seeds_make_no_claim_and_are_no_comparison():
+    base = one((20.0, 20.1, 20.2), setting=BASE)
+    found = verdicts([base, one((20.3, 20.5, 20.4)), *[one((25.0,))] * 7])
+    assert found[1] == "+0.30 dB, p = 0.035"
+    assert found[2:] == ["+5.00 dB, 1 of 3 seeds: no claim"] * 7
+    assert verdicts([one((20.0,))]) == [""], "there is no base to compare it with"
+
+
+decibels = st.floats(-5, 5).map(lambda x: round(x, 3))
+
+
+@given(st.tuples(decibels, decibels, decibels))
+def test_p_is_that_of_a_paired_t_test(found):
+    """Both round sums of three numbers; near 0 scipy's own has 1e-12 or so."""
+    if len(set(found)) > 1:
+        expected = stats.ttest_1samp(found, 0.0).pvalue
+        assert p_value(found) == pytest.approx(expected, rel=1e-6)
+
+
+def test_differences_without_any_scatter_are_beyond_doubt_or_none():
+    assert p_value((0.5, 0.5, 0.5)) == 0.0 and p_value((0.0, 0.0, 0.0)) == 1.0
+
+
+def test_holms_correction_is_as_worked_out_by_hand():
+    """4 x 0.01, 3 x 0.02, then 2 x 0.022 and 0.5, but no less than what comes before."""
+    found = corrected([0.02, 0.5, 0.01, 0.022])
+    assert found == pytest.approx([0.06, 0.5, 0.04, 0.06])
+    assert corrected([]) == [] and corrected([0.7, 0.8]) == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("number", [1, 8])
+def test_the_least_ratio_is_that_at_which_the_claim_begins(number):
+    ratio = least_ratio(number)
+    mean, scatter = ratio, 1.0
+    found = (mean - scatter, mean, mean + scatter)
+    assert number * p_value(found) == pytest.approx(SIGNIFICANT)
 
 
 def test_seeds_come_together_step_by_step():
@@ -49,7 +101,7 @@ def test_seeds_come_together_step_by_step():
     }
     way, end = measured(runs, records)
     assert (way.done, way.psnr.median, way.is_final) == (50, 16.0, False)
-    assert (end.done, end.psnr.least, end.psnr.most, end.seeds) == (100, 20.0, 22.0, 3)
+    assert (end.done, end.psnr.least, end.psnr.most, end.seeds) == (100, 20.0, 22.0, SEEDS)
     assert finals([way, end]) == [end]
     assert measured(runs, {}) == []
 
