@@ -18,7 +18,8 @@ from typing import Any
 
 from desplat_ns.console import progress_with_time_left
 from desplat_ns.errors import DeSplatError
-from desplat_ns.process.folder import Folder, disk_full, disk_is_full
+from desplat_ns.files.whole import disk_is_full
+from desplat_ns.process.folder import Folder, disk_full
 
 
 def run_job(folder: Folder, label: str, job: str, arguments: Mapping[str, Any]) -> Any:
