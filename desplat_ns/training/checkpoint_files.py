@@ -78,11 +78,14 @@ def save_atomically(state: dict[str, Any], path: Path) -> None:
         ) from error
 
 
-def remove_others(path: Path) -> None:
-    """Delete the checkpoints beside `path`, which must be complete."""
+def remove_older(path: Path) -> None:
+    """Delete the checkpoints beside `path`, which must be complete, but for the one before it: that
+    is gone on from if `path` gets damaged."""
     assert path.exists(), path
-    for other in checkpoints_in(path.parent):
-        if other != path:
+    others = [other for other in checkpoints_in(path.parent) if other != path]
+    before = [other for other in others if step_of(other) < step_of(path)]
+    for other in others:
+        if other not in before[-1:]:
             other.unlink()
 
 
