@@ -14,7 +14,7 @@ from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
 from torch import Tensor, nn
 
 from desplat_ns.backend import Rasterizer
-from desplat_ns.console import list_names, progress_over
+from desplat_ns.console import progress_over
 from desplat_ns.data.training_views import image_names
 from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.effects import Effects
@@ -48,8 +48,8 @@ from desplat_ns.training.checkpoint_record import SceneRecord, check_same_scene
 from desplat_ns.training.step_guard import GuardedModel
 from desplat_ns.viewer import FirstPhotoView, LayerControl
 
-MAX_KEYS_LISTED = 5
-"""Parameters that an error message names before it only counts."""
+MOST_TOLD = 1000
+"""Letters of torch's message about parameters that do not fit: there may be thousands."""
 
 
 @dataclass
@@ -294,8 +294,8 @@ class DeSplatPipeline(VanillaPipeline):
         """Load a checkpoint's pipeline as it stood after `step`.
 
         Raises:
-            CheckpointError: it belongs to another scene or other effects, or lacks parameters;
-                nothing has been changed then.
+            CheckpointError: it belongs to another scene or other effects, and nothing has been
+                changed then; or parameters do not fit.
         """
         self.load_state_dict(loaded_state)
         self._model.update_to_step(step)
@@ -306,27 +306,13 @@ class DeSplatPipeline(VanillaPipeline):
         Raises:
             CheckpointError: as `load_pipeline`.
         """
-        self._check_state(state_dict)
+        saved = SceneRecord.from_state(state_dict.get("_extra_state"))
+        check_same_scene(saved, self.scene_record())
         try:
             super().load_state_dict(state_dict, strict=True)
-        except RuntimeError as error:
+        except (RuntimeError, KeyError) as error:
             raise CheckpointError(
-                f"The checkpoint does not fit this model: {error}. Load it with the options of "
-                "the run that saved it, which stand in that run's config.yml."
+                f"The checkpoint does not fit this model: {str(error)[:MOST_TOLD]}. Load it with "
+                "the options of the run that saved it, which stand in that run's config.yml; if it "
+                "is of another version, train anew."
             ) from error
-
-    def _check_state(self, state: Mapping[str, Any]) -> None:
-        saved = SceneRecord.from_state(state.get("_extra_state"))
-        check_same_scene(saved, self.scene_record())
-        found, needed = set(state), set(self.state_dict())
-        if found != needed:
-            raise CheckpointError(
-                f"The checkpoint does not fit this model: {_listed('missing', needed - found)}, "
-                f"{_listed('unexpected', found - needed)}. It is damaged or was saved by another "
-                "version; load an earlier one with `--load-step`, or train anew."
-            )
-
-
-def _listed(label: str, keys: set[str]) -> str:
-    named = f" ({list_names(sorted(keys), MAX_KEYS_LISTED)})" if keys else ""
-    return f"{len(keys)} {label} parameters{named}"
