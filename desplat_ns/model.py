@@ -114,7 +114,7 @@ class DeSplatModel(StaticModel):
             outputs["rgb_static"] = outputs["rgb"]
             drawn = None if index is None else self.layer.draw(index, self._rasterizer_of(view))
             outputs |= layered_outputs(image, drawn)
-        return self.layer_control.apply(outputs)
+        return self.layer_control.chosen(outputs)
 
     def _training_outputs(self, camera: Cameras, index: int) -> dict[str, Tensor]:
         """As `get_outputs`; begins the `TrainStep`."""

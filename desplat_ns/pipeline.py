@@ -2,54 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal, Protocol, cast, runtime_checkable
+from typing import Any, Literal, cast
 
 import torch
 from nerfstudio.pipelines.base_pipeline import VanillaPipeline, VanillaPipelineConfig
-from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
-from torch import Tensor, nn
+from torch import Tensor
 
-from desplat_ns.backend import Rasterizer
-from desplat_ns.console import list_names, progress_over
 from desplat_ns.data.training_views import image_names
 from desplat_ns.datamanager import DeSplatDataManager
-from desplat_ns.effects import Effects
-from desplat_ns.errors import CaptureError, CheckpointError
-from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
-from desplat_ns.evaluation.halves import RightHalf, RightHalfByLeft, ScoredLitModel
-from desplat_ns.evaluation.mask_scores import MaskedModel, score_masks
-from desplat_ns.evaluation.metrics import LPIPS_NET, LazyLpips
+from desplat_ns.errors import CheckpointError
+from desplat_ns.evaluation.config import EvaluationConfig
+from desplat_ns.evaluation.evaluate import Show, evaluate, evaluate_in_training
+from desplat_ns.evaluation.evaluated_model import EvaluatedModel
 from desplat_ns.evaluation.pictures import save_pictures
-from desplat_ns.evaluation.protocol import EvaluationProtocol
-from desplat_ns.evaluation.records import (
-    ScoredImage,
-    check_finite,
-    gaussian_counts,
-    per_image,
-    summarize,
-    versions,
-)
-from desplat_ns.evaluation.whole_image import WholeImage
-from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.lit_model import LitModelConfig
 from desplat_ns.nerfstudio_quirks import (
     give_masks_a_colormap_in_the_viewer,
     load_evaluated_checkpoints_like_resumed_ones,
     where_to_render,
 )
-from desplat_ns.photo_tourism.embedding_file import digest_of, load_embeddings, save_embeddings
-from desplat_ns.photo_tourism.image_effects import ImageEffects
-from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.training.checkpoint_record import SceneRecord, check_same_scene
-from desplat_ns.training.step_guard import GuardedModel
-from desplat_ns.viewer import FirstPhotoView, LayerControl
+from desplat_ns.viewer import FirstPhotoView
 
-MAX_KEYS_LISTED = 5
-"""Parameters that an error message names before it only counts."""
+MOST_TOLD = 1000
+"""Letters of torch's message about parameters that do not fit: there may be thousands."""
 
 
 @dataclass
@@ -61,43 +41,12 @@ class DeSplatPipelineConfig(VanillaPipelineConfig):
     """How `ns-eval` scores images."""
 
 
-@runtime_checkable
-class PipelineModel(ScoredLitModel, MaskedModel, GuardedModel, Protocol):
-    """What the pipeline needs of a model; `DeSplatModel` has it."""
-
-    layer_control: LayerControl
-    """The viewer's choice of layer."""
-    shown_light: ShownLight
-    """The choice of a light."""
-    gauss_params: nn.ParameterDict
-    """Of the static set."""
-    effects: Effects
-    image_effects: ImageEffects | None
-    lpips: LazyLpips
-
-    @property
-    def distractors(self) -> DistractorGaussians | None:
-        """Those of all training views; None if the effect is off."""
-        ...
-
-    @property
-    def rasterizer(self) -> Rasterizer:
-        """The backend."""
-        ...
-
-    def update_to_step(self, step: int) -> None:
-        """Take up a checkpoint's step."""
-        ...
-
-
 class DeSplatPipeline(VanillaPipeline):
     """nerfstudio's pipeline with its own evaluation and strict loading."""
 
     config: DeSplatPipelineConfig
     datamanager: DeSplatDataManager
-    _model: PipelineModel
-    pictured: Collection[int] | None = None
-    """Numbers of the images whose pictures an evaluation writes; None: all of them."""
+    _model: EvaluatedModel
 
     def __init__(
         self,
@@ -116,44 +65,12 @@ class DeSplatPipeline(VanillaPipeline):
         give_masks_a_colormap_in_the_viewer()
         load_evaluated_checkpoints_like_resumed_ones()
 
-    # --- viewer ------------------------------------------------------------------------------
-
-    @property
-    def layer(self) -> ViewerDropdown | None:
-        """The viewer's choice of layer; None where there are no distractors."""
-        control = self._model.layer_control
-        return control.layer if control.num_views > 0 else None
-
-    @property
-    def training_view(self) -> ViewerSlider | None:
-        """The viewer's choice of whose distractors to show; None where there are none."""
-        control = self._model.layer_control
-        return control.view if control.num_views > 0 else None
-
-    @property
-    def appearance(self) -> ViewerDropdown | None:
-        """The viewer's choice of whose light is shown; None where there is no appearance model."""
-        shown_light = self._model.shown_light
-        return shown_light.first if shown_light.names else None
-
-    @property
-    def appearance_mixed(self) -> ViewerDropdown | None:
-        """The viewer's choice of a second image to mix in; None as above."""
-        shown_light = self._model.shown_light
-        return shown_light.second if shown_light.names else None
-
-    @property
-    def appearance_share(self) -> ViewerSlider | None:
-        """The viewer's share of the second image; None as above."""
-        shown_light = self._model.shown_light
-        return shown_light.share if shown_light.names else None
+    # --- evaluation --------------------------------------------------------------------------
 
     @contextmanager
     def _static_scene(self) -> Iterator[None]:
         with self._model.layer_control.suspended(), self._model.shown_light.suspended():
             yield
-
-    # --- evaluation --------------------------------------------------------------------------
 
     def get_eval_loss_dict(self, step: int) -> Any:
         """Upstream's, of the static scene whatever an open viewer shows."""
@@ -175,106 +92,44 @@ class DeSplatPipeline(VanillaPipeline):
     ) -> dict[str, Any]:
         """Means over the images, sizes and times; what `ns-eval` writes and TensorBoard plots.
 
-        `get_std` is how nerfstudio 1.1.5 marks a call by `ns-eval`: only then are there standard
-        deviations (of two images or more), texts, per-image figures and mask scores, and only then
-        does the protocol of `evaluation` hold; in training every value is a number, as its event
-        writers need, and images are scored whole in the average light. `output_path`: a folder for
-        the photo and the rendering of every image, side by side.
-
-        Raises:
-            CaptureError: there is no image to evaluate.
-            CheckpointError: embeddings to load that are not there or not this model's.
-            ConfigError: the protocol does not fit the model.
-            DeSplatError: called by `ns-eval`, and a figure of an image is not a finite number.
+        `get_std` is how nerfstudio 1.1.5 marks a call by `ns-eval`: then it is `evaluate`, else
+        `evaluate_in_training`. `output_path`: a folder for the photo and the rendering of every
+        image, side by side. Raises as those.
         """
-        self.eval()
-        with self._static_scene():
-            protocol = self._protocol() if get_std else WholeImage(self._model)
-            images = self._score_images(
-                data_loader, image_prefix, output_path, protocol, warm_up=get_std
-            )
-            results: dict[str, Any] = {**summarize(images, get_std)}
-            results |= gaussian_counts(self._model.gauss_params, self._model.distractors)
-            if get_std:
-                check_finite(images)
-                results |= self._mask_scores()
-                results |= self._texts()
-                results["protocol"] = protocol.describe()
-                results["images"] = per_image(images)
-            self._save_embeddings(protocol)
-        self.train()
-        return results
-
-    def _protocol(self) -> EvaluationProtocol:
-        config, model = self.config.evaluation, self._model
-        makers: dict[str, Callable[[], EvaluationProtocol]] = {
-            "full": lambda: WholeImage(model),
-            "right": lambda: RightHalf(model),
-            "half": lambda: RightHalfByLeft(model, config, self._known_embeddings()),
-        }
-        return makers[chosen_protocol(config, model.effects.image_light)]()
-
-    def _known_embeddings(self) -> dict[str, Tensor]:
-        path = self.config.evaluation.load_embeddings
-        return {} if path is None else load_embeddings(path, self._digest(), self._model.device)
-
-    def _digest(self) -> str:
-        """What says that embeddings belong to this model."""
-        assert self._model.image_effects is not None
-        return digest_of(self._model.image_effects)
-
-    def _save_embeddings(self, protocol: EvaluationProtocol) -> None:
-        path = self.config.evaluation.save_embeddings
-        if isinstance(protocol, RightHalfByLeft) and path is not None:
-            save_embeddings(path, protocol.embeddings, self._digest())
-
-    def _score_images(
-        self,
-        data_loader: Any,
-        prefix: str,
-        output_path: Path | None,
-        protocol: EvaluationProtocol,
-        warm_up: bool,
-    ) -> list[ScoredImage]:
-        loader = list(data_loader)
-        if not loader:
-            raise CaptureError(
-                "The capture has no evaluation images, so there is nothing to score. Choose a "
-                "split that has some, with the data parser's `--eval-mode` or its split options."
-            )
-        if warm_up:  # compilation and caches are no part of the time per image
-            self._model.get_outputs_for_camera(loader[0][0])
-        names = image_names(self._photos(prefix))
-        images: list[ScoredImage] = []
-        with progress_over(len(loader), "Evaluating all images...") as advance:
-            for index, (camera, batch) in enumerate(loader):
-                name = names[int(batch.get("image_idx", index))]
-                scored, pictures = protocol.score(camera, batch, name)
-                images.append(scored)
-                if self.pictured is None or index in self.pictured:
-                    save_pictures(pictures, output_path, f"{prefix}_{{}}_{index:04d}.png")
-                advance()
-        return images
-
-    def _photos(self, prefix: str) -> list[Path]:
         manager = self.datamanager
-        dataset = manager.eval_dataset if prefix == "eval" else manager.train_dataset
-        return [Path(name) for name in dataset.image_filenames]
+        split = manager.eval_dataset if image_prefix == "eval" else manager.train_dataset
 
-    def _mask_scores(self) -> dict[str, int | float]:
-        if self._model.distractors is None:
-            return {}
-        return score_masks(self._model, self.datamanager.true_masks())
+        def save(index: int, pictures: dict[str, Tensor]) -> None:
+            save_pictures(pictures, output_path, f"{image_prefix}_{{}}_{index:04d}.png")
 
-    def _texts(self) -> dict[str, Any]:
-        model = self._model
-        texts: dict[str, Any] = {
-            "backend": model.rasterizer.name,
-            "device": str(self.device),
-            "versions": versions(),
-        }
-        reason = model.lpips.reason
-        return texts | ({"lpips_net": LPIPS_NET} if reason is None else {"lpips_reason": reason})
+        return self._evaluated(data_loader, split.image_filenames, save, in_full=get_std)
+
+    def evaluate_held_out(self, show: Show) -> dict[str, Any]:
+        """What `ns-eval` writes of the held-out photos.
+
+        Args:
+            show: gets their pictures.
+
+        Raises as `evaluate`.
+        """
+        manager = self.datamanager
+        paths = manager.eval_dataset.image_filenames
+        return self._evaluated(manager.fixed_indices_eval_dataloader, paths, show, in_full=True)
+
+    def _evaluated(
+        self, data_loader: Any, paths: Sequence[Path], show: Show, in_full: bool
+    ) -> dict[str, Any]:
+        images, names = list(data_loader), image_names([Path(path) for path in paths])
+        was_training = self.training
+        self.eval()
+        try:
+            with self._static_scene():
+                if not in_full:
+                    return evaluate_in_training(self._model, images, names, show)
+                masks = self.datamanager.true_masks()
+                return evaluate(self._model, self.config.evaluation, images, names, masks, show)
+        finally:
+            self.train(was_training)
 
     # --- checkpoints -------------------------------------------------------------------------
 
@@ -294,8 +149,8 @@ class DeSplatPipeline(VanillaPipeline):
         """Load a checkpoint's pipeline as it stood after `step`.
 
         Raises:
-            CheckpointError: it belongs to another scene or other effects, or lacks parameters;
-                nothing has been changed then.
+            CheckpointError: it belongs to another scene or other effects, and nothing has been
+                changed then; or parameters do not fit.
         """
         self.load_state_dict(loaded_state)
         self._model.update_to_step(step)
@@ -306,27 +161,13 @@ class DeSplatPipeline(VanillaPipeline):
         Raises:
             CheckpointError: as `load_pipeline`.
         """
-        self._check_state(state_dict)
+        saved = SceneRecord.from_state(state_dict.get("_extra_state"))
+        check_same_scene(saved, self.scene_record())
         try:
             super().load_state_dict(state_dict, strict=True)
-        except RuntimeError as error:
+        except (RuntimeError, KeyError) as error:
             raise CheckpointError(
-                f"The checkpoint does not fit this model: {error}. Load it with the options of "
-                "the run that saved it, which stand in that run's config.yml."
+                f"The checkpoint does not fit this model: {str(error)[:MOST_TOLD]}. Load it with "
+                "the options of the run that saved it, which stand in that run's config.yml; if it "
+                "is of another version, train anew."
             ) from error
-
-    def _check_state(self, state: Mapping[str, Any]) -> None:
-        saved = SceneRecord.from_state(state.get("_extra_state"))
-        check_same_scene(saved, self.scene_record())
-        found, needed = set(state), set(self.state_dict())
-        if found != needed:
-            raise CheckpointError(
-                f"The checkpoint does not fit this model: {_listed('missing', needed - found)}, "
-                f"{_listed('unexpected', found - needed)}. It is damaged or was saved by another "
-                "version; load an earlier one with `--load-step`, or train anew."
-            )
-
-
-def _listed(label: str, keys: set[str]) -> str:
-    named = f" ({list_names(sorted(keys), MAX_KEYS_LISTED)})" if keys else ""
-    return f"{len(keys)} {label} parameters{named}"

@@ -29,7 +29,7 @@ from desplat_ns.survey.decide import write_findings
 from desplat_ns.training import resume
 from desplat_ns.training.checkpoint_files import (
     checkpoint_path,
-    remove_others,
+    remove_older,
     save_atomically,
 )
 from desplat_ns.training.optimizers import raised_rates
@@ -170,7 +170,8 @@ class DeSplatTrainer(Trainer):
 
     @check_main_thread
     def save_checkpoint(self, step: int) -> None:
-        """Save the state after `step`, whole or not at all; older ones go only afterwards.
+        """Save the state after `step`, whole or not at all; only afterwards older ones go, but for
+        the one before.
 
         Where it cannot be written on the way, that is said and training goes on: hours of it are
         worth more than one save. Raises CheckpointError where the run's last one cannot, and
@@ -189,7 +190,7 @@ class DeSplatTrainer(Trainer):
             announce(f"{error} Training goes on; the next try is in {every} steps.", warning=True)
             return
         if self.config.save_only_latest_checkpoint:
-            remove_others(path)
+            remove_older(path)
         if self._budgeted is not None and self.training_state == "completed":
             self._budgeted.say_cost(step + 1)
 

@@ -12,38 +12,40 @@ from jaxtyping import Float
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.viewer.viewer import VISER_NERFSTUDIO_SCALE_RATIO, Viewer
 from nerfstudio.viewer.viewer_elements import ViewerControl, ViewerDropdown, ViewerSlider
-from torch import Tensor
+from torch import Tensor, nn
 from viser import transforms
 
 LAYERS = ("static", "composite", "distractors", "mask")
 """What may stand in the viewer's `rgb`; the first one at the start."""
 
 
-class LayerControl:
+class LayerControl(nn.Module):
     """Two controls in the viewer's "Custom Elements": which layer, and whose distractors.
 
-    Without a viewer it does nothing. nerfstudio 1.1.5 looks for controls among the pipeline's
-    attributes, so the pipeline shows them as its own `layer` and `training_view`.
+    Without a viewer it does nothing. nerfstudio 1.1.5 finds controls that are attributes of the
+    pipeline's modules.
     """
 
     def __init__(self, num_views: int) -> None:
-        """Controls for `num_views` training views; for none, they are not shown."""
+        """Controls for `num_views` training views; none of them for none."""
+        super().__init__()
         self.num_views = num_views
-        self.layer: ViewerDropdown[str] = ViewerDropdown(
-            "Layer",
-            LAYERS[0],
-            list(LAYERS),
-            hint="What `rgb` shows: the scene without distractors, with those of one training "
-            "view, these alone, or where they cover the scene",
-        )
-        self.view: ViewerSlider[int] = ViewerSlider(
-            "Distractors of training view",
-            0,
-            0,
-            max(1, num_views - 1),  # viser wants a range
-            1,
-            hint="Each training view has distractors of its own; layers show those of this one",
-        )
+        if num_views > 0:
+            self.layer: ViewerDropdown[str] = ViewerDropdown(
+                "Layer",
+                LAYERS[0],
+                list(LAYERS),
+                hint="What `rgb` shows: the scene without distractors, with those of one training "
+                "view, these alone, or where they cover the scene",
+            )
+            self.view: ViewerSlider[int] = ViewerSlider(
+                "Distractors of training view",
+                0,
+                0,
+                max(1, num_views - 1),  # viser wants a range
+                1,
+                hint="Each training view has distractors of its own; layers show those of this one",
+            )
         self._suspended = False
 
     @contextmanager
@@ -62,7 +64,7 @@ class LayerControl:
             return None
         return min(int(self.view.value), self.num_views - 1)
 
-    def apply(self, outputs: dict[str, Tensor]) -> dict[str, Tensor]:
+    def chosen(self, outputs: dict[str, Tensor]) -> dict[str, Tensor]:
         """The same outputs with the chosen layer as `rgb`.
 
         Reads rgb_composite and rgb_distractor, both [H, W, 3], and distractor_mask [H, W, 1].

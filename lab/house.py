@@ -33,8 +33,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("", "run_config"),
     ("trainer", "", "runs"),
     ("method_configs",),
-    ("report", "studies"),
-    ("export",),
+    ("report", "export", "studies"),
     ("", "", "", "commands"),
 )
 """Rooms from the ground up, in columns; "" for an empty place. A room imports rooms of lower floors

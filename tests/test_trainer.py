@@ -12,6 +12,7 @@ import yaml
 from nerfstudio.engine.optimizers import AdamOptimizerConfig
 
 from desplat_ns.errors import BackendUnavailableError, CheckpointError, ConfigError
+from desplat_ns.method_configs import desplat
 from desplat_ns.trainer import DeSplatTrainerConfig
 from desplat_ns.training.checkpoint_files import checkpoints_in, load_checkpoint
 from tests.helpers.stub_run import (
@@ -97,10 +98,16 @@ def test_with_nothing_left_to_train_it_says_so_and_changes_nothing(config, capsy
     assert "give a larger --max-num-iterations" in said
 
 
-def test_only_the_latest_checkpoint_stays_when_asked(config):
-    config.save_only_latest_checkpoint = True
+def test_a_run_goes_on_from_the_checkpoint_before_a_damaged_newest_one(config, capsys):
+    """Saves are due after steps 5 and 10 and at the end, and by default two are kept."""
+    config.save_only_latest_checkpoint = desplat.config.save_only_latest_checkpoint
     train(config)
-    assert [p.name for p in config.get_checkpoint_dir().iterdir()] == ["step-000000011.ckpt"]
+    before, newest = checkpoints_in(config.get_checkpoint_dir())
+    assert [before.name, newest.name] == ["step-000000010.ckpt", "step-000000011.ckpt"]
+    newest.write_bytes(newest.read_bytes()[: newest.stat().st_size // 2])
+    assert train(resumed(config)).pipeline.trained == [11]
+    said = " ".join(capsys.readouterr().out.split())
+    assert "step-000000011.ckpt is damaged" in said and "the newest intact one" in said
 
 
 def test_a_run_that_cannot_be_set_up_leaves_no_folder(config, monkeypatch):

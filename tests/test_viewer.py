@@ -22,6 +22,9 @@ from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.viewer import LAYERS, FirstPhotoView, LayerControl
 
+CONTROLS = "Custom Elements/model"
+"""The folder in the viewer."""
+
 
 def _outputs() -> dict[str, torch.Tensor]:
     static, composite = torch.full((1, 2, 3), 0.25), torch.full((1, 2, 3), 0.5)
@@ -37,7 +40,7 @@ def _outputs() -> dict[str, torch.Tensor]:
 def test_without_a_viewer_nothing_changes():
     control, outputs = LayerControl(5), _outputs()
     assert control.train_idx() is None
-    assert control.apply(outputs) is outputs
+    assert control.chosen(outputs) is outputs
 
 
 @pytest.mark.parametrize("layer", [name for name in LAYERS if name != "static"])
@@ -65,7 +68,7 @@ def test_the_chosen_layer_stands_in_rgb(layer: str, expected: list):
     control = LayerControl(5)
     control.layer.value = layer
     outputs = _outputs()
-    shown = control.apply(outputs)
+    shown = control.chosen(outputs)
     assert torch.equal(shown["rgb"], torch.tensor(expected))
     assert torch.equal(shown["rgb_static"], outputs["rgb"])
 
@@ -75,7 +78,7 @@ def test_while_suspended_an_open_viewers_choice_does_not_count():
     control.layer.value = "composite"
     with control.suspended():
         assert control.train_idx() is None
-        assert control.apply(outputs) is outputs
+        assert control.chosen(outputs) is outputs
     assert control.train_idx() == 0
 
 
@@ -100,13 +103,15 @@ def _pipeline(num_views: int, images: Sequence[str] = ()) -> DeSplatPipeline:
 
 def test_nerfstudios_viewer_finds_both_controls_on_the_pipeline():
     found = parse_object(_pipeline(5), ViewerElement, "Custom Elements")
-    assert {path for path, _ in found} == {"Custom Elements/layer", "Custom Elements/training_view"}
+    assert {path for path, _ in found} == {
+        f"{CONTROLS}/layer_control/{name}" for name in ("layer", "view")
+    }
 
 
 def test_an_appearance_model_adds_three_controls():
     found = parse_object(_pipeline(0, ["a.jpg", "b.jpg"]), ViewerElement, "Custom Elements")
-    names = {"appearance", "appearance_mixed", "appearance_share"}
-    assert {path for path, _ in found} == {f"Custom Elements/{name}" for name in names}
+    names = ("first", "second", "share")
+    assert {path for path, _ in found} == {f"{CONTROLS}/shown_light/{name}" for name in names}
 
 
 def test_no_controls_are_shown_where_there_are_no_distractors():

@@ -1,4 +1,5 @@
 """Scores images and masks, by one of several protocols, for the report of `ns-eval`.
 
-May import `photo_tourism`, `gaussians`, `data`, `console` and `errors`.
+May import `photo_tourism`, `training`, `gaussians`, `rendering`, `backend`, `data`, `effects`,
+`console` and `errors`.
 """

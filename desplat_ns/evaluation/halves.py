@@ -1,133 +1,103 @@
-"""Two protocols that score the right half of an image: with an embedding of its own, or without."""
+"""The halves of a photo: an image's embedding is found on the left one, figures are of the right.
+
+What the right half shows never reaches the embedding: the fit is given the left columns only.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Callable
 
 import torch
 from jaxtyping import Float, Shaped
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
-from desplat_ns.errors import ConfigError
-from desplat_ns.evaluation.config import EvaluationConfig
-from desplat_ns.evaluation.protocol import ScoredModel
-from desplat_ns.evaluation.records import ScoredImage
-from desplat_ns.evaluation.stopwatch import Stopwatch
-from desplat_ns.evaluation.whole_image import AverageLight
-from desplat_ns.photo_tourism.halves import LitModel, embedding_from_left_half, right_half
+from desplat_ns.errors import CaptureError
+from desplat_ns.evaluation.evaluated_model import EvaluatedModel
+from desplat_ns.rendering.views import view_of
+from desplat_ns.training.losses import photometric_loss
+
+MIN_WIDTH = 4
+"""Pixels of a photo whose halves can be scored: SSIM needs two each way."""
 
 
-@runtime_checkable
-class ScoredLitModel(ScoredModel, LitModel, Protocol):
-    """A model with embeddings whose images are scored."""
+def left_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H left C"]:
+    """Columns [:W // 2].
+
+    Source: App. B.1; for odd W the column in the middle belongs to the right half.
+    """
+    return image[:, : image.shape[1] // 2]
 
 
-def _counted(batch: dict[str, Any]) -> Shaped[Tensor, "H W 1"] | None:
-    """The mask of a photo, without what is transparent in it; None if all of it counts."""
-    image, mask = batch["image"], batch.get("mask")
-    if image.shape[2] < 4:
-        return mask
-    opaque = image[..., 3:] > 0
-    return opaque if mask is None else opaque & (mask.to(opaque.device) != 0)
+def right_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H right C"]:
+    """Columns [W // 2:].
+
+    Source: App. B.1.
+    """
+    return image[:, image.shape[1] // 2 :]
 
 
-def score_right_half(
-    model: ScoredModel, outputs: dict[str, Tensor], batch: dict[str, Any]
-) -> tuple[dict[str, float], dict[str, Tensor]]:
-    """Figures of the right half, and the whole photo beside the whole rendering.
+def fit_embedding(
+    loss: Callable[[Float[Tensor, " E"]], Float[Tensor, ""]],
+    start: Float[Tensor, " E"],
+    steps: int,
+    learning_rate: float,
+) -> Float[Tensor, " E"]:
+    """The embedding after `steps` of Adam on `loss`; nothing else gets a gradient.
+
+    Source: B.3, test-time optimization.
+    """
+    with torch.enable_grad():
+        embedding = start.detach().clone().requires_grad_()
+        optimizer = torch.optim.Adam([embedding], lr=learning_rate)
+        for _ in range(steps):
+            (embedding.grad,) = torch.autograd.grad(loss(embedding), embedding)
+            optimizer.step()
+    return embedding.detach()
+
+
+def embedding_from_left_half(
+    model: EvaluatedModel,
+    camera: Cameras,
+    photo: Float[Tensor, "H W 3"],
+    steps: int,
+    learning_rate: float,
+    mask: Shaped[Tensor, "H W 1"] | None = None,
+) -> Float[Tensor, " E"]:
+    """The embedding that explains the left half of a photo best.
+
+    The model is in eval mode and stays bit-identical. Numbers of a camera's response are found in
+    closed form; other embeddings by Adam, from the average of the training images' on. The view
+    keeps its size: half of it would be cut at another border, where EWA bounds and culls Gaussians
+    differently (1e-3 of colour). Gaussians that the left half does not need are not drawn.
 
     Args:
-        outputs: the whole rendering.
+        photo: the whole photo; columns from W // 2 on are not looked at.
+        steps: of Adam.
+        mask: of the whole photo; what it leaves out does not count, as in training.
+
+    Raises:
+        CaptureError: the photo is narrower than `MIN_WIDTH`.
     """
-    right = {name: right_half(outputs[name]) for name in ("rgb", "background")}
-    figures, _ = model.get_image_metrics_and_images(
-        right, {**batch, "image": right_half(batch["image"])}
+    view = view_of(camera)
+    if view.width < MIN_WIDTH:
+        raise CaptureError(
+            f"A photo to evaluate is {view.width} pixels wide; its halves need {MIN_WIDTH // 2} "
+            "each. Leave it out of the test images, or evaluate by `desplat-eval --protocol full`."
+        )
+    if model.effects.closed_form:
+        left = torch.arange(view.width, device=photo.device) < view.width // 2
+        counts = left.expand(view.height, -1)
+        if mask is not None:
+            counts = counts & (mask[..., 0].to(photo.device) != 0)
+        return model.embedding_in_closed_form(view, photo, counts)
+    draw = model.as_function_of_embedding(view, view.width // 2)
+    ssim_weight = model.config.ssim_lambda
+    seen = 1.0 if mask is None else left_half(mask.to(photo))
+    target = left_half(photo) * seen
+    return fit_embedding(
+        lambda embedding: photometric_loss(left_half(draw(embedding)) * seen, target, ssim_weight),
+        model.average_embedding(),
+        steps,
+        learning_rate,
     )
-    photo = model.composite_with_background(model.get_gt_img(batch["image"]), outputs["background"])
-    return figures, {"img": torch.cat([photo, outputs["rgb"]], dim=1)}
-
-
-@dataclass
-class RightHalf(AverageLight):
-    """Scores right halves in the training images' average light.
-
-    For models without appearance, to be compared with others on the same pixels.
-    """
-
-    def describe(self) -> str:
-        """The protocol in words, for the JSON."""
-        return "right half, static Gaussians only; no embedding of the image's own"
-
-    def figures(
-        self, outputs: dict[str, Tensor], batch: dict[str, Any]
-    ) -> tuple[dict[str, float], dict[str, Tensor]]:
-        """See `score_right_half`."""
-        return score_right_half(self.model, outputs, batch)
-
-
-@dataclass
-class RightHalfByLeft:
-    """Scores right halves, each image with the embedding that its left half asks for.
-
-    Source: App. B.1, the protocol of Photo Tourism.
-    """
-
-    model: ScoredLitModel
-    config: EvaluationConfig
-    known: dict[str, Tensor] = field(default_factory=dict)
-    """Embeddings by image name that are taken instead of optimized."""
-    embeddings: dict[str, Tensor] = field(default_factory=dict)
-    """By image name, of the images scored so far."""
-
-    def describe(self) -> str:
-        """The protocol in words, for the JSON."""
-        how = f"{self.config.steps} steps of Adam at {self.config.learning_rate:g} on its left half"
-        if self.config.load_embeddings is not None:
-            how = f"loaded from {self.config.load_embeddings.name}"
-        elif self.model.effects.closed_form:
-            how = "in closed form on its left half"
-        return f"right half, static Gaussians only; each image's embedding: {how}"
-
-    def score(
-        self, camera: Cameras, batch: dict[str, Any], name: str
-    ) -> tuple[ScoredImage, dict[str, Tensor]]:
-        """Figures of the right half with the image's own embedding, `*_before` without.
-
-        Raises:
-            ConfigError: embeddings were loaded, and this image has none.
-            CaptureError: see `embedding_from_left_half`.
-        """
-        watch = Stopwatch(self.model.device)
-        watch.start()
-        average = self.model.get_outputs_for_camera(camera)
-        render_seconds = watch.seconds()
-        before, _ = score_right_half(self.model, average, batch)
-        watch.start()
-        self.embeddings[name] = self._embedding(camera, batch, name, average["background"])
-        fit_seconds = watch.seconds()
-        watch.start()
-        with self.model.shown_in(self.embeddings[name]):
-            outputs = self.model.get_outputs_for_camera(camera)
-        figures, pictures = score_right_half(self.model, outputs, batch)
-        figures |= {f"{key}_before": value for key, value in before.items()}
-        figures["embedding_seconds"] = fit_seconds
-        height, width = average["rgb"].shape[:2]
-        return ScoredImage(name, width, height, figures, render_seconds, watch.seconds()), pictures
-
-    def _embedding(
-        self, camera: Cameras, batch: dict[str, Any], name: str, behind: Tensor
-    ) -> Float[Tensor, " E"]:
-        config, model = self.config, self.model
-        if config.load_embeddings is None:
-            photo = model.composite_with_background(model.get_gt_img(batch["image"]), behind)
-            options = config.steps, config.learning_rate, _counted(batch)
-            return embedding_from_left_half(model, camera, photo, *options)
-        if name not in self.known:
-            raise ConfigError(
-                f"{config.load_embeddings} holds no embedding of '{name}', only of "
-                f"{', '.join(sorted(self.known)) or 'no image'}. Save the embeddings of this run's "
-                "test images first: `desplat-eval --save-embeddings FILE`."
-            )
-        return self.known[name]

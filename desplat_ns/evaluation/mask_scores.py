@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool
@@ -16,15 +15,6 @@ from torch import Tensor
 from desplat_ns.console import progress_over
 from desplat_ns.data.true_masks import read_true_mask, shadow_mask_of
 from desplat_ns.evaluation.metrics import mask_iou, mean_alpha_outside
-
-
-@runtime_checkable
-class MaskedModel(Protocol):
-    """A model that masks what stands in the way."""
-
-    def get_outputs_for_camera(self, camera: Cameras) -> dict[str, Tensor]:
-        """`alpha_distractor` and `distractor_mask` [H, W, 1], among others; no gradients."""
-        ...
 
 
 @dataclass
@@ -47,7 +37,7 @@ class _Scores:
 
 
 def score_masks(
-    model: MaskedModel, masks: Sequence[tuple[Cameras, Path]]
+    draw: Callable[[Cameras], dict[str, Tensor]], masks: Sequence[tuple[Cameras, Path]]
 ) -> dict[str, int | float]:
     """`mask_iou`, `alpha_outside_masks` and `num_masks` over the training views that have masks.
 
@@ -61,6 +51,7 @@ def score_masks(
     `num_shadow_masks`.
 
     Args:
+        draw: gives `alpha_distractor` and `distractor_mask` [H, W, 1] of a camera; no gradients.
         masks: the camera of each view that has a mask, and the mask's file.
 
     Raises CaptureError where a mask cannot be read.
@@ -71,7 +62,7 @@ def score_masks(
     objects, with_shadows = _Scores(), _Scores()
     with progress_over(len(masks), "Scoring distractor masks...") as advance:
         for camera, path in masks:
-            outputs = model.get_outputs_for_camera(camera)
+            outputs = draw(camera)
             truth = _truth(path, outputs)
             objects.add(outputs, truth)
             shadows = shadow_mask_of(path)

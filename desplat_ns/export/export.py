@@ -26,9 +26,8 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import parse_light
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.views import view_of
-from desplat_ns.report.pictures import even_subset
 from desplat_ns.runs.files import RunFiles
-from desplat_ns.runs.loading import load_run
+from desplat_ns.runs.loading import even_subset, load_run
 
 MOST_CROP_VIEWS = 100
 """Training views that are looked through to find how far the cameras look."""

@@ -1,7 +1,7 @@
 """Files that appear whole or not at all: written beside their place, put there when complete.
 
-Checkpoints have their own way (`training.checkpoint_files`): theirs frees the disk first. Copies of
-photos, thousands of them, are told by their last bytes (`process.photos`).
+What is put in place outlives a power cut. Copies of photos, thousands of them, are not waited for:
+they are told by their last bytes (`process.photos`).
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from desplat_ns.errors import ConfigError
+
+FEW_BYTES = 20_000_000
+"""With less left on the disk, what went wrong went wrong because the disk is full."""
 
 
 def check_new_file(path: Path, overwrite: bool, option: str = "--output") -> None:
@@ -47,29 +50,33 @@ def check_new_folder(path: Path, overwrite: bool, option: str = "--output") -> N
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file; it outlives a power cut. Raises OSError where that cannot be done."""
-    with draft_of(path) as draft, draft.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
+    """Write a file. Raises OSError where that cannot be done."""
+    with draft_of(path) as draft:
+        draft.write_bytes(content)
 
 
 @contextmanager
-def draft_of(path: Path) -> Iterator[Path]:
+def draft_of(path: Path, staging: Path | None = None) -> Iterator[Path]:
     """A place for a file's content; what is there is at `path` when all went well, else gone.
+
+    Args:
+        staging: the folder to write in, on the same disk, which no other process uses; what a kill
+            left there goes first. Without it, a new one beside the file.
 
     Raises OSError where it cannot be put there.
     """
-    with _beside(path) as folder:
+    with _drafts(path, staging) as folder:
         yield folder / path.name
+        _sync(folder / path.name)
         os.replace(folder / path.name, path)
+        _sync(path.parent)
 
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
     """As `draft_of` for a folder: files in it, and in folders inside, are put beside those that are
     at `path` already."""
-    with _beside(path) as folder:
+    with _drafts(path) as folder:
         yield folder
         for file in sorted(file for file in folder.rglob("*") if file.is_file()):
             place = path / file.relative_to(folder)
@@ -87,15 +94,31 @@ def plain_errors(path: Path, option: str = "--output") -> Iterator[None]:
 
 
 @contextmanager
-def _beside(path: Path) -> Iterator[Path]:
-    """A new folder on the same disk, removed in the end."""
+def _drafts(path: Path, staging: Path | None = None) -> Iterator[Path]:
+    """An empty folder on the same disk, removed in the end."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with _sigterm_raises():
-        folder = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
+        if staging is None:
+            folder = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
+        else:
+            folder = staging
+            shutil.rmtree(folder, ignore_errors=True)
         try:
+            folder.mkdir(exist_ok=True)
             yield folder
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _sync(path: Path) -> None:
+    """Wait until a file, or a renaming in a folder, is on the disk; Windows opens no folders."""
+    if path.is_dir() and not hasattr(os, "O_DIRECTORY"):
+        return
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 class _Terminated(BaseException):
@@ -127,9 +150,19 @@ def _sigterm_raises() -> Iterator[None]:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
+def disk_is_full(folder: Path) -> bool:
+    """Whether hardly anything is left on the disk of a folder, which need not exist yet."""
+    return shutil.disk_usage(_nearest(folder)).free < FEW_BYTES
+
+
+def _nearest(folder: Path) -> Path:
+    """A folder, or the nearest around it that is there."""
+    return next(one for one in (folder, *folder.absolute().parents) if one.exists())
+
+
 def _check_writable(folder: Path, option: str) -> None:
     """Whether something can be made in a folder, or in the nearest that is there."""
-    there = next(one for one in (folder, *folder.absolute().parents) if one.exists())
+    there = _nearest(folder)
     if not there.is_dir():
         raise ConfigError(f"'{there}' is a file; {option} names something in it. Name a folder.")
     with plain_errors(folder, option):

@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 import torch
 from jaxtyping import Float
 from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
-from torch import Tensor
+from torch import Tensor, nn
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import ConfigError
@@ -72,22 +72,24 @@ def parse_light(
     return [(index, share / total) for index, share in parts]
 
 
-class ShownLight:
+class ShownLight(nn.Module):
     """The choice of a light: by the viewer's controls, the environment, or an evaluation."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        """Controls for the training images of these names."""
+        """Controls for the training images of these names; none of them without names."""
+        super().__init__()
         self.names = list(names)
-        choices = [OWN, *names]
-        self.first: ViewerDropdown[str] = ViewerDropdown(
-            "Appearance", OWN, choices, hint="Training image whose light the scene is shown in"
-        )
-        self.second: ViewerDropdown[str] = ViewerDropdown(
-            "Mixed with", OWN, choices, hint="A second training image to mix in"
-        )
-        self.share: ViewerSlider[float] = ViewerSlider(
-            "Share of the second", 0.0, 0.0, 1.0, 0.05, hint="0: the first alone; 1: the second"
-        )
+        if names:
+            choices = [OWN, *names]
+            self.first: ViewerDropdown[str] = ViewerDropdown(
+                "Appearance", OWN, choices, hint="Training image whose light the scene is shown in"
+            )
+            self.second: ViewerDropdown[str] = ViewerDropdown(
+                "Mixed with", OWN, choices, hint="A second training image to mix in"
+            )
+            self.share: ViewerSlider[float] = ViewerSlider(
+                "Share of the second", 0.0, 0.0, 1.0, 0.05, hint="0: the first alone; 1: the second"
+            )
         self._fixed: Tensor | None = None
         self._suspended = False
 
@@ -119,8 +121,10 @@ class ShownLight:
         return lights.mean() if image is None else lights.of(image)
 
     def _mix(self) -> list[tuple[int, float]]:
+        if not self.names:
+            return []
         share = self.share.value if self.second.value != OWN else 0.0
         chosen = [(self.first.value, 1 - share), (self.second.value, share)]
         mix = [(self.names.index(name), part) for name, part in chosen if name != OWN and part > 0]
-        text = os.environ.get(VARIABLE, "") if self.names else ""
+        text = os.environ.get(VARIABLE, "")
         return mix or (parse_light(text, self.names) if text else [])

@@ -1,8 +1,8 @@
 """Photos or a video to a capture with poses, for `desplat-process`, by pycolmap.
 
 `sources` lists the photos and `folder` keeps the record of what is done, so that a second call goes
-on. `video`, `photos`, `masks` and `cameras` prepare; `jobs` runs one stage in a process of its own
-(`worker`), where `features`, `matches` (with `pairs`, `similarity` and `stationary`), `mapping` and
+on. `video`, `photos`, `masks` and `cameras` prepare; `jobs` runs one stage in a process of its own,
+where `features`, `matches` (with `pairs`, `similarity` and `stationary`), `mapping` and
 `undistortion` are all that speaks to pycolmap. `recipes` has the numbers of the cheap and of the
 thorough way. `reasons` says why photos were left out, `top_view` draws, `process.process` is the
 one function.

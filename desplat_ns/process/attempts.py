@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -87,22 +87,31 @@ def _attempt(task: Task, recipe: Recipe) -> Attempt:
     place, copies = task.folder.work / recipe.name, task.folder.work / "photos"
     place.mkdir(parents=True, exist_ok=True)
     pairs_file = place / "pairs.json"
-    common = {"database": place / "database.db", "recipe": recipe.name}
+    common = {
+        "database": place / "database.db",
+        "recipe": recipe,
+        "threads": task.request.num_threads,
+    }
 
-    def run(job: str, **arguments: Any) -> Any:
-        label = f"{job} ({recipe.name})"
-        told = {**common, "threads": task.request.num_threads, **arguments}
-        return task.folder.stage(label, lambda: run_job(task.folder, label, job, told))
+    def run(stage: str, job: str, **arguments: Any) -> Any:
+        label, given = f"{stage} ({recipe.name})", {**common, **arguments}
+        job = f"desplat_ns.process.{job}"
+        return task.folder.stage(label, lambda: run_job(task.folder, label, job, given))
 
-    cameras = [asdict(camera) for camera in task.cameras]
-    features = run("features", photos=copies, cameras=cameras, masks=task.masks)
-    matches = run("matching", how=task.how, pairs_file=pairs_file)
+    features = run(
+        "features",
+        "features.find_features",
+        photos=copies,
+        cameras=task.cameras,
+        masks=task.masks,
+    )
+    matches = run("matching", "matches.match_photos", how=task.how, pairs_file=pairs_file)
     for line in about_stationary(matches, task.masks is not None):
         announce(line, warning=True)
     pairs = [(a, b, count) for a, b, count in json.loads(pairs_file.read_text("utf8"))]
     if matches["left_out"] and len(pairs) < MIN_PHOTOS - 1:
         raise CaptureError(CAMERA_STANDS_STILL)
-    models = run("mapping", photos=copies, models=place / "models")
+    models = run("mapping", "mapping.map_photos", photos=copies, models=place / "models")
     posed = [model["photos"] for model in models]
     missing = left_out(task.photos, posed, features, pairs, recipe.pose_inliers)
     return Attempt(recipe, models, missing)

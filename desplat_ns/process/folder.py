@@ -22,11 +22,9 @@ from typing import Any
 from desplat_ns.console import list_names
 from desplat_ns.errors import ConfigError, DeSplatError
 from desplat_ns.files.lock import IN_USE
-from desplat_ns.files.whole import write_whole
+from desplat_ns.files.whole import disk_is_full, write_whole
 
 RECORD = "process.json"
-FEW_BYTES = 20_000_000
-"""With less left on the disk, what went wrong went wrong because the disk is full."""
 
 
 @dataclass
@@ -169,12 +167,6 @@ def unwritable(output: Path, error: Exception) -> DeSplatError:
     if disk_is_full(output):
         return disk_full(output)
     return ConfigError(f"Nothing can be written to {output} ({error}). Name another folder.")
-
-
-def disk_is_full(output: Path) -> bool:
-    """Whether hardly anything is left on the disk of a folder, which need not exist yet."""
-    there = next(path for path in (output.resolve(), *output.resolve().parents) if path.exists())
-    return shutil.disk_usage(there).free < FEW_BYTES
 
 
 def disk_full(output: Path) -> DeSplatError:

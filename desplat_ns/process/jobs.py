@@ -1,85 +1,110 @@
-"""Starts the worker for one stage, shows how far it is, and says what happened if it fails."""
+"""Runs one stage of pycolmap in a process of its own, the worker: a crash there is an error message
+here."""
 
 from __future__ import annotations
 
-import json
+import ctypes
+import multiprocessing
 import os
 import signal
-import subprocess
 import sys
+import traceback
 from collections.abc import Callable, Mapping
+from importlib import import_module
+from multiprocessing.connection import Connection
 from pathlib import Path
+from threading import Lock, Thread
 from typing import Any
 
-import desplat_ns
 from desplat_ns.console import progress_with_time_left
 from desplat_ns.errors import DeSplatError
-from desplat_ns.process.folder import Folder, disk_full, disk_is_full
-
-COMMAND = (sys.executable, "-m", "desplat_ns.process.worker")
+from desplat_ns.files.whole import disk_is_full
+from desplat_ns.process.folder import Folder, disk_full
 
 
 def run_job(folder: Folder, label: str, job: str, arguments: Mapping[str, Any]) -> Any:
-    """The result of a job of `worker.JOBS`.
+    """What a function returns that is called in another process.
 
     Args:
         label: what the bar says.
-        arguments: of the job; paths are made absolute.
+        job: dotted name of the function; it is imported there and not here. Besides its arguments
+            it gets `progress`, to be called with what is done and what there is to do.
+        arguments: by name; paths are made absolute.
 
     Raises:
-        DeSplatError: the worker failed or crashed; what is done is kept.
+        DeSplatError: the function failed or crashed; what is done is kept.
     """
-    told = {name: str(v.resolve()) if isinstance(v, Path) else v for name, v in arguments.items()}
+    absolute = {name: v.resolve() if isinstance(v, Path) else v for name, v in arguments.items()}
     folder.work.mkdir(parents=True, exist_ok=True)
     begin = folder.log.stat().st_size if folder.log.exists() else 0
-    with progress_with_time_left(label) as show, folder.log.open("ab") as log:
-        process = subprocess.Popen(
-            COMMAND,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=log,
-            text=True,
-            encoding="utf8",
-            cwd=folder.work,
-            env=_environment(),
-        )
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read as the other process starts
+    spawned = multiprocessing.get_context("spawn")
+    receiver, sender = spawned.Pipe(duplex=False)
+    process = spawned.Process(target=_work, args=(sender, folder.log.resolve(), job, absolute))
+    with progress_with_time_left(label) as show, receiver:
         try:
-            last = _talk(process, json.dumps({"job": job, **told}), show)
-            status = process.wait()
+            process.start()
+            sender.close()
+            kind, told = _listen(receiver, show)
+            process.join()
         finally:
-            process.kill()
-            process.communicate()
-    if status == 0 and "result" in last:
-        return last["result"]
-    raise _failure(folder, label, last.get("error", ""), status, begin)
+            if process.pid is not None:
+                process.kill()
+                process.join()
+    if process.exitcode == 0 and kind == "result":
+        return told
+    error = told if kind == "error" else ""
+    raise _failure(folder, label, error, process.exitcode or 0, begin)
 
 
-def _talk(
-    process: subprocess.Popen[str], job: str, show: Callable[[int, int], None]
-) -> dict[str, Any]:
-    """The last thing that the worker says."""
-    assert process.stdin is not None and process.stdout is not None
-    try:
-        process.stdin.write(job + "\n")
-        process.stdin.flush()
-    except BrokenPipeError:
-        return {}
-    told: dict[str, Any] = {}
-    for line in process.stdout:
+def _listen(receiver: Connection, show: Callable[[int, int], None]) -> tuple[str, Any]:
+    """The last message: "result" or "error" with its content; "progress" after a crash."""
+    kind, told = "progress", None
+    while True:
         try:
-            told = json.loads(line)
-        except ValueError:
-            return {}  # cut off by a crash
-        if "total" in told:
-            show(told["done"], told["total"])
-    return told
+            kind, told = receiver.recv()
+        except (EOFError, OSError):
+            return kind, told
+        if kind == "progress":
+            show(*told)
 
 
-def _environment() -> dict[str, str]:
-    """The worker finds this very package, wherever it starts."""
-    package = str(Path(desplat_ns.__file__).resolve().parent.parent)
-    paths = [package, *filter(None, [os.environ.get("PYTHONPATH")])]
-    return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "OMP_WAIT_POLICY": "passive"}
+def _work(sender: Connection, log: Path, job: str, arguments: Mapping[str, Any]) -> None:
+    """The other process: what it prints, pycolmap included, goes to the log."""
+    with log.open("ab") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    os.chdir(log.parent)
+    _end_with_the_parent()
+    lock = Lock()
+
+    def tell(kind: str, told: Any) -> None:
+        with lock:
+            sender.send((kind, told))
+
+    try:
+        module, _, name = job.rpartition(".")
+        do = getattr(import_module(module), name)
+        tell("result", do(**arguments, progress=lambda *counts: tell("progress", counts)))
+    except Exception as error:
+        traceback.print_exc()
+        tell("error", f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}")
+        sys.exit(1)
+
+
+def _end_with_the_parent() -> None:
+    """On Linux at once, even while pycolmap works and no thread of Python gets its turn."""
+    if sys.platform == "linux":
+        set_parent_death_signal = 1  # PR_SET_PDEATHSIG of prctl(2)
+        ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGKILL)
+    Thread(target=_end_after_the_parent, daemon=True).start()
+
+
+def _end_after_the_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None, "only a process that another one started is here"
+    parent.join()
+    os._exit(1)
 
 
 def _failure(folder: Folder, label: str, error: str, status: int, begin: int) -> DeSplatError:

@@ -120,7 +120,7 @@ def _undistort(folder: Folder, request: Request, photos: Sequence[Photo], best: 
     run_job(
         folder,
         "undistortion",
-        "undistortion",
+        "desplat_ns.process.undistortion.undistort",
         {
             "model": folder.work / best.recipe.name / "models" / best.models[0]["folder"],
             "photos": folder.work / "photos",

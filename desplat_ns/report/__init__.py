@@ -1,6 +1,6 @@
 """A trained run on one HTML page: its photos, renderings, scores, curves, effects and warnings.
 
-`event_files`, `history`, `effect_reasons`, `cost` and `pictures` gather what is known of it;
+`history`, `effect_reasons`, `cost` and `pictures` gather what is known of it;
 `notices` says what stands out and what to try; `encoding` makes the pictures as small as the page
 needs them; `charts` and `page` write. `report.write_report` is the one function.
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-from desplat_ns.report.event_files import Scalar, scalars
+from typing import NamedTuple
 
 Points = tuple[tuple[float, float], ...]
 """(step, value), in the order of the steps."""
@@ -18,6 +17,15 @@ MOST_POINTS = 240
 ALL_HELD_OUT = "Eval Images Metrics Dict (all images)/psnr"
 TOTAL_TIME = "Train Total (time)"
 """Seconds of the training loop, logged at its end."""
+
+
+class Scalar(NamedTuple):
+    """A number that a run logged."""
+
+    wall_time: float
+    """Seconds since 1970."""
+    step: int
+    value: float
 
 
 @dataclass(frozen=True)
@@ -43,7 +51,7 @@ class History:
 
     charts: tuple[Chart, ...]
     seconds: float | None
-    """Of training, all sittings together; None if nothing was logged."""
+    """Of training, all sessions together; None if nothing was logged."""
 
 
 CHARTS: tuple[tuple[str, Mapping[str, str], bool], ...] = (
@@ -76,7 +84,13 @@ def read_history(files: Sequence[Path]) -> History:
     """
     tags = {tag for _, names, _ in CHARTS for tag in names} | {TOTAL_TIME}
     values: dict[str, dict[int, float]] = {tag: {} for tag in tags}
-    seconds = [_take(found, values) for path in files if (found := _scalars_of(path, tags))]
+    seconds = []
+    for path in files:
+        found = scalars(path, tags)
+        for tag, logged in found.items():
+            values[tag].update({one.step: one.value for one in logged})
+        if found:
+            seconds.append(_seconds_of(found))
     charts = []
     for title, names, is_logarithmic in CHARTS:
         curves = [Curve(name, thinned(values[tag], is_logarithmic)) for tag, name in names.items()]
@@ -86,19 +100,34 @@ def read_history(files: Sequence[Path]) -> History:
     return History(tuple(charts), sum(seconds) if seconds else None)
 
 
-def _scalars_of(path: Path, tags: set[str]) -> list[Scalar]:
+def scalars(path: Path, tags: Collection[str]) -> dict[str, Sequence[Scalar]]:
+    """The numbers of those tags that an event file has, in the order in which they were logged.
+
+    Ends where the file is cut off or damaged; empty if it cannot be read.
+    """
+    if not path.is_file():
+        return {}
+    from tensorboard.backend.event_processing import event_accumulator  # half a second
+
+    whole = {event_accumulator.SCALARS: 0}  # 0: all of them, no sample
+    events = event_accumulator.EventAccumulator(str(path), whole, purge_orphaned_data=False)
     try:
-        return list(scalars(path, tags))
+        events.Reload()
     except OSError:
-        return []
+        return {}
+    return {
+        tag: [Scalar(one.wall_time, one.step, one.value) for one in events.Scalars(tag)]
+        for tag in events.Tags()["scalars"]
+        if tag in tags
+    }
 
 
-def _take(found: Sequence[Scalar], values: Mapping[str, dict[int, float]]) -> float:
-    """Enter one file's numbers; the seconds of its sitting."""
-    for one in found:
-        values[one.tag][one.step] = one.value
-    totals = [one.value for one in found if one.tag == TOTAL_TIME]
-    return totals[-1] if totals else found[-1].wall_time - found[0].wall_time
+def _seconds_of(found: Mapping[str, Sequence[Scalar]]) -> float:
+    """Of one file's session: what its end logged, or from the first number to the last."""
+    if TOTAL_TIME in found:
+        return found[TOTAL_TIME][-1].value
+    times = [one.wall_time for logged in found.values() for one in logged]
+    return max(times) - min(times)
 
 
 def thinned(

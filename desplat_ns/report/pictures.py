@@ -5,24 +5,23 @@ Letters in shapes: H x W pixels.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import torch
 from jaxtyping import Float, UInt8
-from PIL import Image
 from torch import Tensor
 
 from desplat_ns.console import progress_over
+from desplat_ns.evaluation.evaluated_model import EvaluatedModel
 from desplat_ns.evaluation.metrics import psnr
 from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
-from desplat_ns.pipeline import DeSplatPipeline, PipelineModel
+from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.views import view_of
 from desplat_ns.report.encoding import LARGEST_SIDE, shrunk
+from desplat_ns.runs.loading import even_subset
 from desplat_ns.separation.coverage import Coverage, coverage_of
 
 Rgb = UInt8[np.ndarray, "_ _ 3"]
@@ -64,13 +63,6 @@ class HeldOutPhoto:
     figures: Mapping[str, float]
 
 
-def even_subset(count: int, most: int) -> list[int]:
-    """At most `most` of the numbers from 0 to `count` - 1, evenly spread, both ends among them."""
-    if count <= most:
-        return list(range(count))
-    return [int(i) for i in np.unique(np.linspace(0, count - 1, most).round())] if most > 0 else []
-
-
 def training_photos(
     pipeline: DeSplatPipeline, chosen: Sequence[int]
 ) -> Iterator[tuple[TrainingPhoto, Coverage | None]]:
@@ -79,7 +71,7 @@ def training_photos(
     Raises:
         CaptureError: a photo that cannot be read any more.
     """
-    model, manager = cast(PipelineModel, pipeline.model), pipeline.datamanager
+    model, manager = cast(EvaluatedModel, pipeline.model), pipeline.datamanager
     batches = _Batches(pipeline)
     with (
         model.layer_control.suspended(),
@@ -155,21 +147,19 @@ def held_out_photos(
     chosen = even_subset(len(pipeline.datamanager.eval_dataset), most)
     if not chosen:
         return {}, []
-    with tempfile.TemporaryDirectory(prefix="desplat-report-") as name:
-        pipeline.pictured = chosen  # full pictures of hundreds of photos would be gigabytes
-        results = pipeline.get_average_eval_image_metrics(output_path=Path(name), get_std=True)
-        pipeline.pictured = None
-        pipeline.eval()
-        figures = results["images"]
-        shown = [_held_out(figures[i], Path(name) / f"eval_img_{i:04d}.png") for i in chosen]
-    return results, shown
+    beside: dict[int, Rgb] = {}
+
+    def keep(index: int, pictures: Mapping[str, Tensor]) -> None:
+        if index in chosen:  # full pictures of hundreds of photos would be gigabytes
+            beside[index] = to_rgb8(pictures["img"].cpu().numpy())
+
+    results = pipeline.evaluate_held_out(keep)
+    return results, [_held_out(results["images"][i], beside[i]) for i in chosen]
 
 
-def _held_out(figures: Mapping[str, Any], beside: Path) -> HeldOutPhoto:
-    """From the picture that the evaluation wrote: the photo on the left, the rendering right."""
-    with Image.open(beside) as opened:
-        both = np.asarray(opened.convert("RGB"))
-    photo, rendering = np.split(both, 2, axis=1)
+def _held_out(figures: Mapping[str, Any], beside: Rgb) -> HeldOutPhoto:
+    """From the evaluation's picture: the photo on the left, the rendering on the right."""
+    photo, rendering = np.split(beside, 2, axis=1)
     return HeldOutPhoto(
         str(figures["name"]),
         shrunk(photo, LARGEST_SIDE),

@@ -6,22 +6,21 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
+from desplat_ns.evaluation.evaluated_model import EvaluatedModel
 from desplat_ns.evaluation.records import gaussian_counts
 from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.model import DeSplatModel
-from desplat_ns.pipeline import PipelineModel
 from desplat_ns.report.cost import cost_of
 from desplat_ns.report.effect_reasons import effect_reasons, read_survey
 from desplat_ns.report.history import read_history
 from desplat_ns.report.notices import Seen, notices
 from desplat_ns.report.page import Contents, html_of
 from desplat_ns.report.pictures import (
-    even_subset,
     held_out_photos,
     training_photos,
 )
 from desplat_ns.runs.files import RunFiles
-from desplat_ns.runs.loading import LoadedRun, load_run
+from desplat_ns.runs.loading import LoadedRun, even_subset, load_run
 from desplat_ns.separation.coverage import Coverage, failure_case
 
 
@@ -40,7 +39,7 @@ def gather(
         DeSplatError: a figure of a held-out photo is not a finite number.
     """
     pipeline, files = run.pipeline, run.files
-    model = cast(PipelineModel, pipeline.model)
+    model = cast(EvaluatedModel, pipeline.model)
     history = read_history(files.events)
     num_photos = len(pipeline.datamanager.train_image_names)
     chosen = even_subset(num_photos, most_training)

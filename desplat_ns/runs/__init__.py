@@ -1,4 +1,5 @@
-"""Trained runs on disk: `files` finds one without importing torch, `loading` takes it up.
+"""Trained runs on disk: `files` finds one without importing torch, `loading` takes it up
+and chooses among its photos.
 
 `trusted` refuses a config.yml that names what no run of ours names, before anything is made of it.
 

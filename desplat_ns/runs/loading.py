@@ -1,4 +1,4 @@
-"""A trained run, loaded: the one way in which the package's own commands do that."""
+"""A trained run, loaded, and which of its photos are shown: the one way of all commands."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
+import numpy as np
 import yaml
 from nerfstudio.engine.trainer import TrainerConfig
 from nerfstudio.utils.eval_utils import eval_setup
@@ -58,3 +59,10 @@ def load_run(
     if not isinstance(pipeline, DeSplatPipeline):
         raise ConfigError(f"'{files.config}' is of a run with another pipeline than desplat's.")
     return LoadedRun(files, cast(RunConfig, config), pipeline, checkpoint, step + 1)
+
+
+def even_subset(count: int, most: int) -> list[int]:
+    """At most `most` of the numbers from 0 to `count` - 1, evenly spread, both ends among them."""
+    if count <= most:
+        return list(range(count))
+    return [int(i) for i in np.unique(np.linspace(0, count - 1, most).round())] if most > 0 else []

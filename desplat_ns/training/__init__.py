@@ -1,4 +1,4 @@
 """What a run is made of: losses, schedules, guards against NaN, checkpoints, resume.
 
-May import `gaussians`, `backend`, `console` and `errors`.
+May import `gaussians`, `backend`, `files`, `console` and `errors`.
 """

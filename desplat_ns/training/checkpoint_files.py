@@ -5,9 +5,7 @@ The files are nerfstudio's (`step-000000299.ckpt`): `ns-eval` and the other comm
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ import torch
 
 from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CheckpointError
+from desplat_ns.files.whole import draft_of
 
 CHECKPOINT_NAME = re.compile(r"step-(\d+)\.ckpt")
 STAGING_FOLDER = ".saving"
@@ -67,12 +66,8 @@ def save_atomically(state: dict[str, Any], path: Path) -> None:
     """
     staging = path.parent.resolve().parent / STAGING_FOLDER
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(staging, ignore_errors=True)  # what a killed run left; frees its space first
-        staging.mkdir()
-        _write_durably(state, staging / path.name)
-        os.replace(staging / path.name, path)
-        _sync_folder(path.parent)
+        with draft_of(path, staging) as draft, draft.open("wb") as file:
+            torch.save(state, file)
     except (OSError, RuntimeError) as error:
         # torch's zip writer reports a failed write as RuntimeError, the OSError is its context
         reason = error.__context__ if isinstance(error.__context__, OSError) else error
@@ -81,33 +76,16 @@ def save_atomically(state: dict[str, Any], path: Path) -> None:
             f"untouched. Free some space there (or choose another place with --output-dir), then "
             f"go on with `--load-dir {path.parent}`."
         ) from error
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
 
 
-def _write_durably(state: dict[str, Any], path: Path) -> None:
-    with path.open("wb") as file:
-        torch.save(state, file)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make a rename in `folder` survive a power cut, where folders can be opened (not Windows)."""
-    if not hasattr(os, "O_DIRECTORY"):
-        return
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
-def remove_others(path: Path) -> None:
-    """Delete the checkpoints beside `path`, which must be complete."""
+def remove_older(path: Path) -> None:
+    """Delete the checkpoints beside `path`, which must be complete, but for the one before it: that
+    is gone on from if `path` gets damaged."""
     assert path.exists(), path
-    for other in checkpoints_in(path.parent):
-        if other != path:
+    others = [other for other in checkpoints_in(path.parent) if other != path]
+    before = [other for other in others if step_of(other) < step_of(path)]
+    for other in others:
+        if other not in before[-1:]:
             other.unlink()
 
 

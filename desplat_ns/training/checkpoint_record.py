@@ -9,7 +9,7 @@ from typing import Any
 from desplat_ns.errors import CheckpointError
 
 FORMAT = 1
-"""Version of the record, raised when an older desplat-ns could no longer make sense of it."""
+"""Version of the record, raised whenever checkpoints are no longer those of before."""
 
 
 @dataclass(frozen=True)
@@ -42,24 +42,13 @@ class SceneRecord:
                 "Needed: a checkpoint of a `desplat` run. Pass that run's folder "
                 "`.../desplat/<timestamp>/nerfstudio_models` to `--load-dir`."
             )
-        if state["format"] > FORMAT:
+        names = {field.name for field in fields(cls)}
+        if state["format"] != FORMAT or not names <= set(state):
             raise CheckpointError(
-                f"The checkpoint has format {state['format']}, this desplat-ns reads up to "
-                f"{FORMAT}. Type `pip install --upgrade desplat-ns`."
+                f"The checkpoint has format {state['format']}, this desplat-ns reads format "
+                f"{FORMAT} alone: another version saved it. Use that version, or train anew."
             )
-        names = [field.name for field in fields(cls)]
-        missing = [name for name in names if name not in state]
-        if missing:
-            raise CheckpointError(
-                f"The checkpoint is damaged: its record lacks {', '.join(missing)}. "
-                "Load an earlier one with `--load-step`."
-            )
-        record = {name: state[name] for name in names}
-        background = record["effects"].get("background")
-        if isinstance(background, bool):  # before there were grades
-            grade = "image" if background else "off"
-            record["effects"] = {**record["effects"], "background": grade}
-        return cls(**record)
+        return cls(**{name: state[name] for name in names})
 
 
 def check_same_scene(saved: SceneRecord, here: SceneRecord) -> None:
@@ -75,18 +64,13 @@ def check_same_scene(saved: SceneRecord, here: SceneRecord) -> None:
 
 
 def _check_effects(saved: Mapping[str, Any], here: Mapping[str, Any]) -> None:
-    # An effect that either side has not heard of is off there.
-    off = {"appearance": "off", "background": "off"}
-    saved, here = ({**off, **side} for side in (saved, here))
-    names = sorted({*saved, *here})
-    differing = [name for name in names if saved.get(name, False) != here.get(name, False)]
+    differing = [name for name in sorted(here) if saved.get(name) != here[name]]
     if not differing:
         return
-    found = ", ".join(f"{name} {saved.get(name, False)}" for name in differing)
-    run = ", ".join(f"{name} {here.get(name, False)}" for name in differing)
+    found = ", ".join(f"{name} {saved.get(name)}" for name in differing)
+    run = ", ".join(f"{name} {here[name]}" for name in differing)
     switches = " ".join(
-        f"--pipeline.model.effects.{name.replace('_', '-')} {saved.get(name, False)}"
-        for name in differing
+        f"--pipeline.model.effects.{name.replace('_', '-')} {saved.get(name)}" for name in differing
     )
     raise CheckpointError(
         f"The checkpoint was trained with other effects: {found}; this run has {run}. "

@@ -1,24 +1,24 @@
-"""Right halves are scored, in a light found on the left ones or in the average."""
+"""Left half to the embedding, right half to the figures, and nothing else moves."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import pytest
 import torch
 
-from desplat_ns.errors import ConfigError
+from desplat_ns.errors import CaptureError
 from desplat_ns.evaluation.config import EvaluationConfig
-from desplat_ns.evaluation.halves import RightHalf, RightHalfByLeft
-from desplat_ns.model import DeSplatModel
-from desplat_ns.photo_tourism.halves import (
+from desplat_ns.evaluation.halves import (
+    embedding_from_left_half,
+    fit_embedding,
     left_half,
     right_half,
 )
+from desplat_ns.model import DeSplatModel
 from tests.helpers.lit_model import held_out, model_with, moved, photo_in_the_light_of
 from tests.helpers.small_model import HEIGHT, WIDTH
 
 SHORT = EvaluationConfig(steps=6, learning_rate=0.05)
+SHORT_FIT = SHORT.steps, SHORT.learning_rate
 
 
 @pytest.fixture(scope="module")
@@ -26,80 +26,59 @@ def model() -> DeSplatModel:
     return moved(model_with("affine", background="image")).eval()
 
 
-def test_all_else_stays_bit_identical(model):
-    before = {
-        name: value.clone() for name, value in model.state_dict().items() if torch.is_tensor(value)
-    }
-    protocol = RightHalfByLeft(model, SHORT)
-    protocol.score(held_out(), {"image": torch.rand(HEIGHT, WIDTH, 3)}, "a")
-    after = model.state_dict()
-    assert all(torch.equal(after[name], value) for name, value in before.items())
-    assert all(p.grad is None for p in model.parameters())
-    assert not model.training
+@pytest.mark.parametrize("width", [2, 7, 8])
+def test_halves_are_disjoint_and_cover_the_image(width):
+    image = torch.arange(width).expand(3, width)[..., None].float()
+    left, right = left_half(image), right_half(image)
+    assert left.shape[1] == width // 2
+    assert torch.equal(torch.cat([left, right], dim=1), image)
 
 
-def test_the_light_of_a_photo_is_found_again(model):
-    photo = photo_in_the_light_of(model, 2)
-    config = EvaluationConfig(steps=128, learning_rate=0.05)
-    scored, _ = RightHalfByLeft(model, config).score(held_out(), {"image": photo}, "a")
-    assert scored.metrics["psnr"] > scored.metrics["psnr_before"] + 6
+@pytest.mark.parametrize("width", [WIDTH, WIDTH + 1])
+def test_the_right_half_cannot_reach_the_embedding(model, width):
+    photo = torch.rand(HEIGHT, width, 3)
+    other = photo.clone()
+    right_half(other)[:] = torch.rand_like(right_half(other))
+    fitted = [
+        embedding_from_left_half(model, held_out(width), p, *SHORT_FIT) for p in (photo, other)
+    ]
+    assert torch.equal(*fitted)
+    left_half(other)[0, -1] += 0.5  # the last column of the left half does reach it
+    assert not torch.equal(
+        embedding_from_left_half(model, held_out(width), other, *SHORT_FIT), fitted[0]
+    )
 
 
-def test_images_do_not_influence_each_other(model):
-    photos = [photo_in_the_light_of(model, view) for view in (0, 2)]
-    together, alone = RightHalfByLeft(model, SHORT), RightHalfByLeft(model, SHORT)
-    together.score(held_out(), {"image": photos[0]}, "first")
-    together.score(held_out(), {"image": photos[1]}, "second")
-    alone.score(held_out(), {"image": photos[1]}, "second")
-    assert torch.equal(together.embeddings["second"], alone.embeddings["second"])
+def test_what_is_fitted_is_what_is_scored(model):
+    view = model.view_of_camera(held_out(), None)
+    with torch.no_grad():
+        image = model.as_function_of_embedding(view)(model.image_effects.of(1))
+    assert torch.equal(image, photo_in_the_light_of(model, 1))
 
 
-def test_figures_are_the_right_halfs(model):
-    """A photo that is right on the left and wrong on the right scores as wrong."""
-    assert model.image_effects is not None
-    photo = photo_in_the_light_of(model, 1)
-    mean = model.image_effects.mean()
-    loaded = EvaluationConfig(load_embeddings=Path("e.npz"))
-    protocol = RightHalfByLeft(model, loaded, {"a": model.image_effects.of(1).detach()})
-    right, _ = protocol.score(held_out(), {"image": photo}, "a")
-    assert right.metrics["psnr"] == pytest.approx(100)
-    left_half(photo)[:] = 0
-    same, _ = protocol.score(held_out(), {"image": photo}, "a")
-    assert same.metrics["psnr"] == right.metrics["psnr"]
-    right_half(photo)[:] = 0
-    wrong, _ = protocol.score(held_out(), {"image": photo}, "a")
-    assert wrong.metrics["psnr"] < 30
-    assert torch.equal(mean, model.image_effects.mean())
+def test_a_fit_is_adam_on_the_loss_alone():
+    target = torch.tensor([1.0, -2.0])
+    reference = torch.zeros(2, requires_grad=True)
+    optimizer = torch.optim.Adam([reference], lr=0.1)
+    for _ in range(20):
+        optimizer.zero_grad()
+        (reference - target).square().sum().backward()
+        optimizer.step()
+    fitted = fit_embedding(lambda e: (e - target).square().sum(), torch.zeros(2), 20, 0.1)
+    assert torch.equal(fitted, reference.detach())
 
 
-def test_right_halves_without_embeddings_are_scored_in_the_average_light(model):
-    photo = photo_in_the_light_of(model, 1)
-    scored, pictures = RightHalf(model).score(held_out(), {"image": photo}, "a")
-    both, _ = RightHalfByLeft(model, SHORT).score(held_out(), {"image": photo}, "a")
-    assert scored.metrics["psnr"] == both.metrics["psnr_before"]
-    assert "psnr_before" not in scored.metrics
-    assert pictures["img"].shape == (HEIGHT, 2 * WIDTH, 3)
-    left_half(photo)[:] = 0.0
-    again, _ = RightHalf(model).score(held_out(), {"image": photo}, "a")
-    assert again.metrics == scored.metrics
+@pytest.mark.parametrize("width", [1, 2, 3])
+def test_a_photo_without_halves_is_refused(model, width):
+    with pytest.raises(CaptureError, match=f"{width} pixels wide"):
+        embedding_from_left_half(model, held_out(width), torch.rand(HEIGHT, width, 3), *SHORT_FIT)
 
 
-def test_the_narrowest_photo_is_scored(model):
-    batch = {"image": torch.rand(HEIGHT, 4, 3)}
-    scored, _ = RightHalfByLeft(model, SHORT).score(held_out(4), batch, "a")
-    assert scored.metrics["psnr"] > 0
-
-
-def test_an_image_without_a_loaded_embedding_is_named(model):
-    protocol = RightHalfByLeft(model, EvaluationConfig(load_embeddings=Path("e.npz")), {})
-    with pytest.raises(ConfigError, match="no embedding of 'a'"):
-        protocol.score(held_out(), {"image": torch.rand(HEIGHT, WIDTH, 3)}, "a")
-
-
-def test_the_protocol_says_how_the_light_was_found():
-    by_adam = RightHalfByLeft(moved(model_with("affine")).eval(), SHORT)
-    assert "6 steps of Adam at 0.05" in by_adam.describe()
-    at_once = RightHalfByLeft(model_with("camera").eval(), SHORT)
-    assert "closed form" in at_once.describe()
-    with_sky = RightHalfByLeft(model_with("camera", background="image").eval(), SHORT)
-    assert "6 steps of Adam" in with_sky.describe()
+def test_what_a_mask_leaves_out_does_not_reach_the_embedding(model):
+    photo, mask = torch.rand(HEIGHT, WIDTH, 3), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
+    mask[:, :5] = False
+    other = torch.where(mask, photo, 1 - photo)
+    fits = [
+        embedding_from_left_half(model, held_out(), p, *SHORT_FIT, mask) for p in (photo, other)
+    ]
+    assert torch.equal(*fits)

@@ -14,14 +14,12 @@ from desplat_ns.evaluation.mask_scores import score_masks
 from tests.helpers.masks import HEIGHT, WIDTH, write_mask
 
 
-class _Model:
+def _draw(camera: Cameras) -> dict[str, torch.Tensor]:
     """View 0 covers its left half at 0.8; the others are empty but for a haze of 0.1."""
-
-    def get_outputs_for_camera(self, camera: Cameras) -> dict[str, torch.Tensor]:
-        alpha = torch.full((HEIGHT, WIDTH, 1), 0.1)
-        if train_index(camera) == 0:
-            alpha[:, : WIDTH // 2] = 0.8
-        return {"alpha_distractor": alpha, "distractor_mask": alpha > 0.5}
+    alpha = torch.full((HEIGHT, WIDTH, 1), 0.1)
+    if train_index(camera) == 0:
+        alpha[:, : WIDTH // 2] = 0.8
+    return {"alpha_distractor": alpha, "distractor_mask": alpha > 0.5}
 
 
 def _views(masks: list[Path | None], distortion: float = 0.0) -> list[tuple[Cameras, Path]]:
@@ -43,7 +41,7 @@ def _views(masks: list[Path | None], distortion: float = 0.0) -> list[tuple[Came
 
 def test_iou_and_alpha_outside_are_means_over_the_views_with_masks(tmp_path: Path):
     masks = [write_mask(tmp_path / "0.png", 1), None, write_mask(tmp_path / "2.png", 1)]
-    scores = score_masks(_Model(), _views(masks))
+    scores = score_masks(_draw, _views(masks))
     # View 0: 2 of 4 predicted pixels are right; outside lie 2 pixels of 0.8 and 4 of 0.1.
     # View 2: nothing predicted, 2 pixels missed; outside all is 0.1.
     assert scores["num_masks"] == 2
@@ -53,22 +51,22 @@ def test_iou_and_alpha_outside_are_means_over_the_views_with_masks(tmp_path: Pat
 
 def test_nothing_predicted_where_nothing_is_scores_1(tmp_path: Path):
     masks = [None, write_mask(tmp_path / "1.png", 0)]
-    assert score_masks(_Model(), _views(masks))["mask_iou"] == 1.0
+    assert score_masks(_draw, _views(masks))["mask_iou"] == 1.0
 
 
 def test_a_capture_without_masks_has_no_scores(tmp_path: Path):
-    assert score_masks(_Model(), _views([None, None])) == {}
+    assert score_masks(_draw, _views([None, None])) == {}
 
 
 def test_a_mask_over_everything_leaves_alpha_outside_undefined(tmp_path: Path):
-    scores = score_masks(_Model(), _views([write_mask(tmp_path / "0.png", WIDTH)]))
+    scores = score_masks(_draw, _views([write_mask(tmp_path / "0.png", WIDTH)]))
     assert "alpha_outside_masks" not in scores
     assert scores["mask_iou"] == pytest.approx(0.5)
 
 
 def test_distorted_photos_are_left_out(tmp_path: Path):
     masks: list[Path | None] = [write_mask(tmp_path / "0.png", 1)]
-    assert score_masks(_Model(), _views(masks, distortion=0.1)) == {}
+    assert score_masks(_draw, _views(masks, distortion=0.1)) == {}
 
 
 def test_with_shadows_scores_are_against_both_together_over_the_views_that_have_them(
@@ -77,9 +75,9 @@ def test_with_shadows_scores_are_against_both_together_over_the_views_that_have_
     for folder in ("masks", "shadow_masks"):
         (tmp_path / folder).mkdir()
     masks: list[Path | None] = [write_mask(tmp_path / f"masks/{i}.png", 1) for i in range(2)]
-    assert not {key for key in score_masks(_Model(), _views(masks)) if "shadow" in key}
+    assert not {key for key in score_masks(_draw, _views(masks)) if "shadow" in key}
     write_mask(tmp_path / "shadow_masks/0.png", 3)
-    scores = score_masks(_Model(), _views(masks))
+    scores = score_masks(_draw, _views(masks))
     # View 0 alone has shadows: 4 pixels are predicted, 6 are objects or shadows, the rest is 0.1.
     assert scores["mask_iou"] == pytest.approx((0.5 + 0.0) / 2)
     assert scores["num_masks"] == 2
@@ -93,7 +91,7 @@ def test_objects_count_with_shadows_where_the_shadow_mask_leaves_them_out(tmp_pa
     for folder, columns in (("masks", 2), ("shadow_masks", 0)):
         (tmp_path / folder).mkdir()
         write_mask(tmp_path / folder / "0.png", columns)
-    scores = score_masks(_Model(), _views([tmp_path / "masks/0.png"]))
+    scores = score_masks(_draw, _views([tmp_path / "masks/0.png"]))
     assert scores["mask_iou"] == scores["mask_iou_with_shadows"] == 1.0
 
 
@@ -102,15 +100,14 @@ def test_shadows_make_a_fifth_of_what_is_in_the_way_of_the_cluttered_fox(data_fo
     folder = data_folder("fox_cluttered")
     paths: list[Path | None] = list(sorted((folder / "masks").iterdir()))
 
-    class Perfect:
-        def get_outputs_for_camera(self, camera: Cameras) -> dict[str, torch.Tensor]:
-            path = paths[train_index(camera) or 0]
-            assert path is not None
-            shadow = shadow_mask_of(path)
-            assert shadow is not None
-            both = read_true_mask(path, 240, 135) | read_true_mask(shadow, 240, 135)
-            return {"alpha_distractor": both.float(), "distractor_mask": both}
+    def perfect(camera: Cameras) -> dict[str, torch.Tensor]:
+        path = paths[train_index(camera) or 0]
+        assert path is not None
+        shadow = shadow_mask_of(path)
+        assert shadow is not None
+        both = read_true_mask(path, 240, 135) | read_true_mask(shadow, 240, 135)
+        return {"alpha_distractor": both.float(), "distractor_mask": both}
 
-    scores = score_masks(Perfect(), _views(paths))
+    scores = score_masks(perfect, _views(paths))
     assert scores["mask_iou_with_shadows"] == 1.0
     assert scores["mask_iou"] == pytest.approx(0.81, abs=0.005)

@@ -44,6 +44,7 @@ class KnownModel(nn.Module):
     def __init__(self, effects: Effects, points: int = 4) -> None:
         super().__init__()
         self.config, self.effects = SimpleNamespace(sh_degree=3), effects
+        self.image_effects = None
         self.gauss_params = nn.ParameterDict({"means": torch.zeros(points, 3)})
         self.distractors = KnownDistractors() if effects.distractors else None
         self.layer_control = LayerControl(2 if effects.distractors else 0)
@@ -88,6 +89,12 @@ class KnownModel(nn.Module):
 
     def update_to_step(self, step: int) -> None:
         self.step = step
+
+    def _has_no_light(self, *_: object) -> Any:
+        raise AssertionError("its images have no light of their own")
+
+    as_function_of_embedding = embedding_in_closed_form = _has_no_light
+    average_embedding = shown_in = _has_no_light
 
 
 def known_cameras(n: int) -> Cameras:

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
+import subprocess
 import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from desplat_ns.commands.process import run
@@ -50,19 +57,73 @@ def test_photos_that_are_all_the_same_are_told_and_nothing_is_left(photo_writer,
     assert not (tmp_path / "out").exists()
 
 
-CRASH = "import os, signal; input(); os.kill(os.getpid(), signal.SIGSEGV)"
-FAIL = "import json; input(); print(json.dumps({'error': 'RuntimeError: no'})); raise SystemExit(1)"
+def crash(threads: int, progress: Callable[[int, int], None]) -> None:
+    """A native crash, after some work."""
+    progress(threads, 2)
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def fail(threads: int, progress: Callable[[int, int], None]) -> None:
+    """An error of pycolmap's, which prints to the descriptors themselves."""
+    os.write(1, b"E1 said by the library\n")
+    raise RuntimeError("no\nmore")
 
 
 @pytest.mark.parametrize(
-    ("program", "said"), [(CRASH, "ended by SIGSEGV during 'mapping'"), (FAIL, "RuntimeError: no")]
+    ("job", "said", "logged"),
+    [
+        (crash, "ended by SIGSEGV during 'mapping'", ""),
+        (fail, r"failed during 'mapping' \(RuntimeError: no\)", "said by the library"),
+    ],
 )
-def test_a_crash_of_the_worker_is_an_error_that_says_where(program, said, tmp_path, monkeypatch):
-    monkeypatch.setattr(jobs, "COMMAND", (sys.executable, "-c", program))
+def test_a_crash_of_the_worker_is_an_error_that_says_where(job, said, logged, tmp_path):
     folder = open_folder(tmp_path / "out", {}, {})
+    folder.stage("features", lambda: {"a.jpg": 7})
     with pytest.raises(DeSplatError, match=said):
-        jobs.run_job(folder, "mapping", "mapping", {"threads": 1})
-    assert json.loads((tmp_path / "out" / "process.json").read_text())["stages"] == {}
+        jobs.run_job(folder, "mapping", f"{__name__}.{job.__name__}", {"threads": 1})
+    assert logged in folder.log.read_text()
+    stages = json.loads((tmp_path / "out" / "process.json").read_text())["stages"]
+    assert stages["features"]["result"] == {"a.jpg": 7}
+
+
+def slow(marks: Path, progress: Callable[[int, int], None]) -> None:
+    """Work that tells its process and does not end."""
+    (marks / "pid").write_text(str(os.getpid()))
+    time.sleep(600)
+
+
+BUSY = """
+import sys
+from pathlib import Path
+from desplat_ns.process import jobs
+from desplat_ns.process.folder import open_folder
+place = Path(sys.argv[1])
+jobs.run_job(open_folder(place / "out", {}, {}), "mapping", sys.argv[2], {"marks": place})
+"""
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
+def test_the_worker_ends_with_whoever_started_it(tmp_path, checkout, sent):
+    line = [sys.executable, "-c", BUSY, str(tmp_path), f"{__name__}.slow"]
+    with subprocess.Popen(line, cwd=checkout, stderr=subprocess.DEVNULL) as parent:
+        wait_until(lambda: (tmp_path / "pid").is_file() and (tmp_path / "pid").read_text() != "")
+        worker = int((tmp_path / "pid").read_text())
+        parent.send_signal(sent)
+        parent.wait(timeout=60)
+    wait_until(lambda: not is_running(worker))
+
+
+def is_running(pid: int) -> bool:
+    """Whether there is such a process that has not ended."""
+    return psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+
+
+def wait_until(done: Callable[[], bool]) -> None:
+    """Look every 50 ms, for a minute."""
+    end = time.monotonic() + 60
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.05)
 
 
 def test_alignment_finds_a_similarity():

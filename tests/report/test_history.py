@@ -1,13 +1,13 @@
 """The curves of a run: thinned, and what was done twice counts once."""
 
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pytest
 
 from desplat_ns.report import history
-from desplat_ns.report.event_files import Scalar
-from desplat_ns.report.history import TOTAL_TIME, read_history, thinned
+from desplat_ns.report.history import TOTAL_TIME, Scalar, read_history, scalars, thinned
 
 
 def test_few_points_stay_as_they_are():
@@ -25,13 +25,25 @@ def test_what_cannot_be_drawn_is_left_out():
     assert thinned(values, is_logarithmic=True) == ((3.0, 1.0),)
 
 
-def test_a_run_that_went_on_has_one_curve_and_the_time_of_both_sittings(monkeypatch):
-    first = [Scalar("Train Loss", step, 1.0, 10.0 + step) for step in range(6)]
-    second = [Scalar("Train Loss", step, 2.0, 90.0) for step in range(4, 8)]
-    second += [Scalar(TOTAL_TIME, 8, 30.0, 95.0)]
-    files = {"1": first, "2": second}
-    monkeypatch.setattr(history, "scalars", lambda path, tags: iter(files[path.name]))
-    found = read_history([Path("1"), Path("2")])
+def write_events(folder: Path, logged: Mapping[str, Sequence[Scalar]], text: str = "") -> Path:
+    """An event file by TensorBoard's writer."""
+    from torch.utils.tensorboard.writer import SummaryWriter
+
+    with SummaryWriter(str(folder)) as writer:
+        writer.add_text("config", text)
+        for tag, numbers in logged.items():
+            for one in numbers:
+                writer.add_scalar(tag, one.value, one.step, walltime=one.wall_time)
+    (path,) = folder.iterdir()
+    return path
+
+
+def test_a_run_that_went_on_has_one_curve_and_the_time_of_both_sessions(tmp_path: Path):
+    first = {"Train Loss": [Scalar(10.0 + step, step, 1.0) for step in range(6)]}
+    second = {"Train Loss": [Scalar(90.0, step, 2.0) for step in range(4, 8)]}
+    second[TOTAL_TIME] = [Scalar(95.0, 8, 30.0)]
+    logged = {"1": first, "2": second}
+    found = read_history([write_events(tmp_path / name, what) for name, what in logged.items()])
     (chart,) = found.charts
     assert [value for _, value in chart.curves[0].points] == [1.0] * 4 + [2.0] * 4
     assert found.seconds == pytest.approx(5.0 + 30.0)
@@ -40,3 +52,46 @@ def test_a_run_that_went_on_has_one_curve_and_the_time_of_both_sittings(monkeypa
 def test_a_run_that_logged_nothing_has_no_curves(tmp_path: Path):
     assert read_history([]).charts == ()
     assert read_history([tmp_path / "gone"]).seconds is None
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An event file with 50 steps of two numbers, and a text that names one of them."""
+    loss = [Scalar(100.0 + step, 1000 * step, 1 / (step + 1)) for step in range(50)]
+    other = [Scalar(200.0, step, 7.0) for step in range(50)]
+    logged = {"Train Loss": loss, "other": other}
+    return write_events(tmp_path_factory.mktemp("events"), logged, "Train Loss, as a text")
+
+
+def test_the_numbers_of_a_tag_come_in_order_with_step_and_time(written: Path):
+    found = scalars(written, {"Train Loss", "Train"})
+    assert set(found) == {"Train Loss"}
+    assert [one.step for one in found["Train Loss"]] == [1000 * step for step in range(50)]
+    values = [one.value for one in found["Train Loss"]]
+    assert values == pytest.approx([1 / (step + 1) for step in range(50)], rel=1e-7)
+    assert tuple(found["Train Loss"][3]) == (103.0, 3000, 0.25)
+
+
+@pytest.mark.parametrize("cut", [1, 11, 30])
+def test_a_file_that_is_cut_off_gives_what_is_whole(written: Path, tmp_path: Path, cut: int):
+    path = tmp_path / written.name
+    path.write_bytes(written.read_bytes()[:-cut])
+    found = scalars(path, {"Train Loss", "other"})
+    assert (len(found["Train Loss"]), len(found["other"])) == (50, 49)
+
+
+@pytest.mark.parametrize("content", [b"", b"no records at all", b"\xff" * 400, b"\x00" * 400])
+def test_what_is_no_event_file_gives_nothing(written: Path, tmp_path: Path, content: bytes):
+    path = tmp_path / written.name
+    path.write_bytes(content)
+    assert scalars(path, {"Train Loss"}) == {}
+
+
+def test_damage_ends_the_reading_without_an_error(written: Path, tmp_path: Path):
+    whole, path = written.read_bytes(), tmp_path / written.name
+    counts = []
+    for byte in range(40, len(whole), len(whole) // 20):
+        path.write_bytes(whole[:byte] + bytes([whole[byte] ^ 0xFF]) + whole[byte + 1 :])
+        found = scalars(path, {"Train Loss", "other"})
+        counts.append(sum(map(len, found.values())))
+    assert counts == sorted(counts) and counts[-1] < 100

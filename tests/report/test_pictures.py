@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desplat_ns.report.pictures import ERROR_COLORS, ERROR_TOP, error_map, even_subset
+from desplat_ns.report.pictures import ERROR_COLORS, ERROR_TOP, error_map
+from desplat_ns.runs.loading import even_subset
 from tests.helpers.report import flat, noise
 
 

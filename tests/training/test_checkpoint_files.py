@@ -26,7 +26,7 @@ from desplat_ns.training.checkpoint_files import (
     checkpoints_in,
     load_checkpoint,
     load_newest,
-    remove_others,
+    remove_older,
     save_atomically,
 )
 
@@ -64,10 +64,12 @@ def test_saving_leaves_nothing_but_the_checkpoint(tmp_path):
     assert [p.name for p in (tmp_path / MODELS).iterdir()] == ["step-000000003.ckpt"]
 
 
-def test_removing_the_others_keeps_the_one_just_saved(folder):
+def test_of_older_ones_the_one_before_stays(folder):
     (folder / "notes.txt").write_text("mine")
-    remove_others(folder / "step-000000002.ckpt")
-    assert sorted(p.name for p in folder.iterdir()) == ["notes.txt", "step-000000002.ckpt"]
+    save_atomically(state(7), checkpoint_path(folder, 7))  # after 10: of another run
+    remove_older(checkpoint_path(folder, 7))
+    names = ["notes.txt", "step-000000002.ckpt", "step-000000007.ckpt"]
+    assert sorted(p.name for p in folder.iterdir()) == names
 
 
 def test_a_truncated_newest_checkpoint_falls_back_to_the_one_before(folder, capsys):
@@ -220,7 +222,7 @@ while rounds < 200 and (rounds < 8 or hits < 3 or first == 0):
             weights = torch.full((300_000,), float(step))
             state = {"step": step, "pipeline": {"w": weights}, "optimizers": {}}
             save_atomically(state, checkpoint_path(folder, step))
-            remove_others(checkpoint_path(folder, step))
+            remove_older(checkpoint_path(folder, step))
     time.sleep(random.uniform(0.02, 0.08) * (1 + rounds // 8))  # a busy machine takes longer
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
@@ -229,6 +231,7 @@ while rounds < 200 and (rounds < 8 or hits < 3 or first == 0):
     if not folder.exists():
         continue
     names = [p.name for p in folder.iterdir()]
+    assert len(names) <= 3, names
     newest = max((int(n[n.find("-") + 1 : n.find(".")]) for n in names), default=None)  # nerfstudio
     if newest is None:
         continue

@@ -37,35 +37,17 @@ def test_a_checkpoint_of_another_method_is_named_as_such(state: object):
         SceneRecord.from_state(state)
 
 
-def test_a_checkpoint_from_the_future_asks_for_an_upgrade():
-    with pytest.raises(CheckpointError, match=rf"format {FORMAT + 1}.*pip install --upgrade"):
-        SceneRecord.from_state({"format": FORMAT + 1})
-
-
-def test_a_record_with_holes_is_damaged():
-    state = HERE.to_state()
-    del state["sh_degree"]
-    with pytest.raises(CheckpointError, match="lacks sh_degree"):
+@pytest.mark.parametrize("change", [{"format": FORMAT + 1}, {"sh_degree": None}])
+def test_a_checkpoint_of_another_version_is_named_as_such(change: dict):
+    state = {k: v for k, v in (HERE.to_state() | change).items() if v is not None}
+    with pytest.raises(CheckpointError, match="another version saved it"):
         SceneRecord.from_state(state)
-
-
-@pytest.mark.parametrize(("before", "grade"), [(False, "off"), (True, "image")])
-def test_a_background_of_before_there_were_grades_is_understood(before, grade):
-    state = replace(HERE, effects={**HERE.effects, "background": before}).to_state()
-    assert SceneRecord.from_state(state).effects["background"] == grade
 
 
 def test_other_effects_are_named_with_the_switch_to_set():
     saved = replace(HERE, effects={"distractors": False})
     with pytest.raises(CheckpointError, match=r"--pipeline\.model\.effects\.distractors False"):
         check_same_scene(saved, HERE)
-
-
-def test_an_effect_that_the_saving_version_did_not_know_was_off():
-    newer = replace(HERE, effects={"distractors": True, "sky": False})
-    check_same_scene(HERE, newer)
-    with pytest.raises(CheckpointError, match=r"effects\.sky False"):
-        check_same_scene(HERE, replace(newer, effects={"distractors": True, "sky": True}))
 
 
 def test_another_sh_degree_is_named_with_the_option_to_set():

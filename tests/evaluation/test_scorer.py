@@ -1,0 +1,108 @@
+"""Right halves are scored, in a light found on the left ones or in the average."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from desplat_ns.errors import ConfigError
+from desplat_ns.evaluation.config import EvaluationConfig
+from desplat_ns.evaluation.halves import left_half, right_half
+from desplat_ns.evaluation.scorer import LeftHalfLight, Scorer
+from desplat_ns.model import DeSplatModel
+from tests.helpers.lit_model import held_out, model_with, moved, photo_in_the_light_of
+from tests.helpers.small_model import HEIGHT, WIDTH
+
+SHORT = EvaluationConfig(steps=6, learning_rate=0.05)
+
+
+def by_left_half(model: DeSplatModel, config: EvaluationConfig, *known: Any) -> Scorer:
+    """Right halves, each in the light that the left half asks for."""
+    return Scorer(model, "right half", LeftHalfLight(model, config, *known))
+
+
+@pytest.fixture(scope="module")
+def model() -> DeSplatModel:
+    return moved(model_with("affine", background="image")).eval()
+
+
+def test_all_else_stays_bit_identical(model):
+    before = {
+        name: value.clone() for name, value in model.state_dict().items() if torch.is_tensor(value)
+    }
+    protocol = by_left_half(model, SHORT)
+    protocol.score(held_out(), {"image": torch.rand(HEIGHT, WIDTH, 3)}, "a")
+    after = model.state_dict()
+    assert all(torch.equal(after[name], value) for name, value in before.items())
+    assert all(p.grad is None for p in model.parameters())
+    assert not model.training
+
+
+def test_the_light_of_a_photo_is_found_again(model):
+    photo = photo_in_the_light_of(model, 2)
+    config = EvaluationConfig(steps=128, learning_rate=0.05)
+    scored, _ = by_left_half(model, config).score(held_out(), {"image": photo}, "a")
+    assert scored.metrics["psnr"] > scored.metrics["psnr_before"] + 6
+
+
+def test_images_do_not_influence_each_other(model):
+    photos = [photo_in_the_light_of(model, view) for view in (0, 2)]
+    together, alone = by_left_half(model, SHORT), by_left_half(model, SHORT)
+    together.score(held_out(), {"image": photos[0]}, "first")
+    together.score(held_out(), {"image": photos[1]}, "second")
+    alone.score(held_out(), {"image": photos[1]}, "second")
+    assert torch.equal(together.light.found["second"], alone.light.found["second"])
+
+
+def test_figures_are_the_right_halfs(model):
+    """A photo that is right on the left and wrong on the right scores as wrong."""
+    assert model.image_effects is not None
+    photo = photo_in_the_light_of(model, 1)
+    mean = model.image_effects.mean()
+    loaded = EvaluationConfig(load_embeddings=Path("e.npz"))
+    protocol = by_left_half(model, loaded, {"a": model.image_effects.of(1).detach()})
+    right, _ = protocol.score(held_out(), {"image": photo}, "a")
+    assert right.metrics["psnr"] == pytest.approx(100)
+    left_half(photo)[:] = 0
+    same, _ = protocol.score(held_out(), {"image": photo}, "a")
+    assert same.metrics["psnr"] == right.metrics["psnr"]
+    right_half(photo)[:] = 0
+    wrong, _ = protocol.score(held_out(), {"image": photo}, "a")
+    assert wrong.metrics["psnr"] < 30
+    assert torch.equal(mean, model.image_effects.mean())
+
+
+def test_right_halves_without_embeddings_are_scored_in_the_average_light(model):
+    photo = photo_in_the_light_of(model, 1)
+    scored, pictures = Scorer(model, "right half").score(held_out(), {"image": photo}, "a")
+    both, _ = by_left_half(model, SHORT).score(held_out(), {"image": photo}, "a")
+    assert scored.metrics["psnr"] == both.metrics["psnr_before"]
+    assert "psnr_before" not in scored.metrics
+    assert pictures["img"].shape == (HEIGHT, 2 * WIDTH, 3)
+    left_half(photo)[:] = 0.0
+    again, _ = Scorer(model, "right half").score(held_out(), {"image": photo}, "a")
+    assert again.metrics == scored.metrics
+
+
+def test_the_narrowest_photo_is_scored(model):
+    batch = {"image": torch.rand(HEIGHT, 4, 3)}
+    scored, _ = by_left_half(model, SHORT).score(held_out(4), batch, "a")
+    assert scored.metrics["psnr"] > 0
+
+
+def test_an_image_without_a_loaded_embedding_is_named(model):
+    protocol = by_left_half(model, EvaluationConfig(load_embeddings=Path("e.npz")), {})
+    with pytest.raises(ConfigError, match="no embedding of 'a'"):
+        protocol.score(held_out(), {"image": torch.rand(HEIGHT, WIDTH, 3)}, "a")
+
+
+def test_the_protocol_says_how_the_light_was_found():
+    by_adam = by_left_half(moved(model_with("affine")).eval(), SHORT)
+    assert "6 steps of Adam at 0.05" in by_adam.describe()
+    at_once = by_left_half(model_with("camera").eval(), SHORT)
+    assert "closed form" in at_once.describe()
+    with_sky = by_left_half(model_with("camera", background="image").eval(), SHORT)
+    assert "6 steps of Adam" in with_sky.describe()
