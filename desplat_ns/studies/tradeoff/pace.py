@@ -19,7 +19,7 @@ from desplat_ns.studies.tradeoff.subject import METHOD, Subject
 START_SECONDS = 20.0
 """Of a run beside its steps, until one is done: imports, photos, evaluations."""
 
-DEARER = {"appearance-affine": 2.5, "relocation": 1.6, BACKEND: 20.0}
+DEARER = {"appearance-affine": 2.5, BACKEND: 20.0}
 """Settings whose steps cost so many times the base's, until a run of theirs is done."""
 
 BESIDE_OTHERS = 1.25

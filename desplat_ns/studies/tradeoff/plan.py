@@ -100,11 +100,6 @@ def _dials(base: Effects) -> dict[str, Compared]:
             base,
             (f"{MODEL}.gaussians-per-pixel", "0.0125"),
         ),
-        "relocation": Compared(
-            "relocation instead of cloning and splitting (3DGS as MCMC)",
-            base,
-            (f"{MODEL}.density-control", "relocation"),
-        ),
     }
     if base.distractors:
         dials["coarse"] = Compared(
