@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import torch
 from gsplat.strategy import DefaultStrategy
@@ -20,7 +20,6 @@ from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
 from desplat_ns.gaussians.activation import RawParameters, resize_rows
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.memory import GaussianMemory
-from desplat_ns.gaussians.relocation import RelocatingStrategy, RelocationConfig
 from desplat_ns.gaussians.seed_points import check_seed_points, clamp_seed_scales
 from desplat_ns.gaussians.strategy import NEVER, StaticStrategy
 from desplat_ns.lit_model import LitModel, LitModelConfig
@@ -87,11 +86,6 @@ class StaticModelConfig(LitModelConfig):
     of training photos: the fewer there are, the more it says beside them. What no photo needs fades
     and is pruned (docs/separation.md, "What nobody sees"). 0 in the paper. It counts as 0 where
     each photo has a light of its own (`effects.appearance`): there the scene fades."""
-    density_control: Literal["gradients", "relocation"] = "gradients"
-    """gradients: clone and split what has large ones, prune what is faint, reset opacities (ADC).
-    relocation: move what is faint, with a price on opacity and size (3DGS as MCMC)."""
-    relocation: RelocationConfig = field(default_factory=RelocationConfig)
-    """What belongs to `density-control relocation`."""
     cull_to_the_end: bool = False
     """Prune faint static Gaussians after `stop_split_at` as well. Splatfacto did so when the paper
     was written (nerfstudio 1.1.4: `continue_cull_post_densification`)."""
@@ -117,7 +111,6 @@ class StaticModelConfig(LitModelConfig):
         for name, value, least in (
             ("refine-every", self.refine_every, 0),
             ("refinements", self.refinements, 1),
-            ("relocation.times", self.relocation.times, 1),
             ("train-downscale", self.train_downscale, 1),
             ("photos-per-coefficient", self.photos_per_coefficient, 0),
             ("gaussians-per-pixel", self.gaussians_per_pixel, 0),
@@ -174,25 +167,15 @@ class StaticModel(LitModel):
         """Refinement and resets as this run and this capture want them."""
         config, cameras = self.config, self.kwargs["metadata"]["train_cameras"]
         pixels = int((cameras.width * cameras.height).sum())
-        most = config.most_gaussians(pixels)
-        if config.density_control == "relocation":
-            self.strategy = RelocatingStrategy(
-                config.relocation,
-                refine_every=max(1, config.stop_split_at // config.relocation.times),
-                refine_start_iter=config.warmup_length,
-                refine_stop_iter=config.stop_split_at,
-                most=most,
-            )
-        else:
-            assert isinstance(self.strategy, DefaultStrategy)
-            self.strategy = StaticStrategy.in_place_of(
-                self.strategy,
-                reset_every=config.reset_every,
-                pause_refine_after_reset=pause_after_reset(self.num_train_data, config.reset_every),
-                most=most,
-                cull_to_the_end=config.cull_to_the_end,
-                verbose=False,
-            )
+        assert isinstance(self.strategy, DefaultStrategy)
+        self.strategy = StaticStrategy.in_place_of(
+            self.strategy,
+            reset_every=config.reset_every,
+            pause_refine_after_reset=pause_after_reset(self.num_train_data, config.reset_every),
+            most=config.most_gaussians(pixels),
+            cull_to_the_end=config.cull_to_the_end,
+            verbose=False,
+        )
 
     def _get_downscale_factor(self) -> int:
         """By how much photos are smaller than they are; Splatfacto's hook."""
@@ -201,14 +184,12 @@ class StaticModel(LitModel):
     def get_loss_dict(
         self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
     ) -> dict[str, Tensor]:
-        """Splatfacto's, and what `opacity-prior` and `density-control relocation` charge."""
+        """Splatfacto's, and what `opacity-prior` charges."""
         losses = super().get_loss_dict(outputs, batch, metrics_dict)
         if self.training and self.config.opacity_prior > 0:
             weight = self.config.opacity_prior / self.num_train_data
             opacities = self.gauss_params["opacities"]
             losses["opacity_prior"] = weight * mean_shown_opacity(opacities, self.shown)
-        if self.training and self.config.density_control == "relocation":
-            losses["relocation"] = self.config.relocation.price(self.gauss_params)
         return losses
 
     def reschedule(self, stretch: Stretch) -> None:

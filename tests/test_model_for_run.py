@@ -8,7 +8,6 @@ import pytest
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.relocation import RelocationConfig
 from desplat_ns.gaussians.strategy import NEVER
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.training.run_length import pause_after_reset
@@ -174,11 +173,6 @@ def test_photos_are_smaller_to_the_end_where_that_is_wanted_and_else_as_before()
     assert [smaller.downscale_factor(step) for step in range(0, 3000, 50)] == [
         max(2, size) for size in sizes
     ]
-
-
-def test_relocation_has_to_happen_at_least_once():
-    with pytest.raises(ConfigError, match=r"relocation\.times` is 0; it has to be 1 or more"):
-        run_of(3000, 40, relocation=RelocationConfig(times=0))
 
 
 def test_photos_cannot_be_larger_in_training_than_they_are():

@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.relocation import RelocatingStrategy
 from desplat_ns.gaussians.strategy import StaticStrategy
 from desplat_ns.training.budget import Stretch
 from tests.helpers.small_model import Trainer, make_model
@@ -39,33 +38,6 @@ def test_distractors_are_densified_until_the_step_that_was_moved():
     assert model.layer is not None
     model.reschedule(Stretch(5, 3.0))
     assert model.layer.densifier.config.stop_densify_at == 20
-
-
-def test_a_set_that_is_controlled_by_relocation_trains_and_grows():
-    model = make_model(
-        density_control="relocation",
-        warmup_length=0,
-        stop_split_at=20,
-        distractors=DistractorConfig(per_view=20),
-        gaussians_per_pixel=1.0,
-    )
-    assert isinstance(model.strategy, RelocatingStrategy)
-    model.config.relocation.times = 5
-    trainer, before = Trainer(model), model.num_points
-    for step in range(1, 25):
-        assert trainer.step(step, step % 3)["losses"]["relocation"] > 0
-    assert model.num_points > before
-    assert torch.isfinite(model.means).all()
-    grown = model.num_points
-    model.reschedule(Stretch(24, 2.0))
-    trainer.step(25)
-    assert model.num_points == grown
-
-
-def test_nothing_is_charged_for_relocation_where_gradients_control_the_density():
-    model = make_model(distractors=DistractorConfig(per_view=20))
-    assert isinstance(model.strategy, StaticStrategy)
-    assert "relocation" not in Trainer(model).step(1)["losses"]
 
 
 def test_an_opacity_prior_is_the_mean_of_what_the_view_shows_over_the_number_of_photos():

@@ -15,10 +15,12 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from desplat_ns.backend.spherical_harmonics import C0
-from desplat_ns.photo_tourism.config import AppearanceConfig
-from desplat_ns.photo_tourism.fused_mlp import Layers, mlp_of_rows
+from desplat_ns.photo_tourism.config import AppearanceConfig, has_bfloat16
 from desplat_ns.photo_tourism.mlp import hidden_layers, zero_head
-from desplat_ns.photo_tourism.mlp_dtype import MlpDtype, product_dtype
+
+ROWS_AT_ONCE = {"cpu": 2048, "cuda": 65536}
+"""Gaussians that pass through the MLP together: layers of 128 units that stay in a core's cache
+(1,024 to 4,096 take the same time), or a small part of a GPU's memory."""
 
 CENTRAL_QUANTILE = 0.97
 """Share of the points that set the scale of Fourier features: a few far ones do not count."""
@@ -77,11 +79,11 @@ class _Appearance(nn.Module):
 
     def __init__(self, config: AppearanceConfig, per_gaussian: int, outputs: int):
         super().__init__()
+        self.in_bfloat16 = config.mlp_dtype == "bfloat16"
         width = config.hidden_width
         inputs = config.embedding_dim + per_gaussian
         self.body = hidden_layers(inputs, config.hidden_layers, width)
         self.head = zero_head(width, outputs)
-        self.mlp_dtype: MlpDtype = config.mlp_dtype
 
     def _predict(
         self,
@@ -93,15 +95,24 @@ class _Appearance(nn.Module):
 
         The embedding is the same in every row: its part of layer one is worked out once.
         """
-        first, *others = [m for m in (*self.body, self.head) if isinstance(m, nn.Linear)]
-        of_image, of_gaussian = first.weight.split(
-            [len(embedding), first.in_features - len(embedding)], dim=1
-        )
-        layers = Layers(
-            [of_gaussian, *(layer.weight for layer in others)],
-            [first.bias + of_image @ embedding, *(layer.bias for layer in others)],
-        )
-        return mlp_of_rows(own, layers, rows, product_dtype(self.mlp_dtype, own[0], self.training))
+        first = self.body[0]
+        assert isinstance(first, nn.Linear)
+        inputs = torch.cat(list(own), dim=1)
+        if rows is not None:
+            inputs = inputs.index_select(0, rows)
+        of_image, of_gaussian = first.weight.split([len(embedding), inputs.shape[1]], dim=1)
+        bias, device = first.bias + of_image @ embedding, inputs.device.type
+        fewer_bits = self.in_bfloat16 and has_bfloat16(device)
+        # Without the cache, what the blocks add to a weight's gradient is added up in float32.
+        with torch.autocast(device, torch.bfloat16, enabled=fewer_bits, cache_enabled=False):
+            blocks = [
+                self.head(self.body[1:](nn.functional.linear(block, of_gaussian, bias)))
+                for block in inputs.split(ROWS_AT_ONCE.get(device, 2048))
+            ]
+        outputs = torch.cat(blocks).to(inputs.dtype)
+        if rows is None:
+            return outputs
+        return outputs.new_zeros(len(own[0]), outputs.shape[1]).index_copy(0, rows, outputs)
 
 
 class AffineAppearance(_Appearance):

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import Literal
 
+import torch
+
 from desplat_ns.errors import ConfigError
+
+MlpDtype = Literal["float32", "bfloat16"]
 
 LIMITS = {
     "embedding_dim": (1, 4096),
@@ -30,10 +35,10 @@ class AppearanceConfig:
     """Of the MLP. B.3."""
     hidden_width: int = 128
     """Units in each hidden layer. B.3."""
-    mlp_dtype: Literal["float32", "bfloat16"] = "float32"
+    mlp_dtype: MlpDtype = "float32"
     """Of the MLP's products and of what lies between its layers. bfloat16 has 8 bits of mantissa
-    and takes about 0.6 of the time where the processor has instructions for it; elsewhere training
-    is refused. docs/photo_tourism.md has its errors."""
+    and takes about 0.6 of the time; a processor without instructions for it (a CPU needs
+    avx512_bf16 or AMX) uses float32. docs/photo_tourism.md has its errors."""
 
 
 @dataclass
@@ -70,3 +75,12 @@ def check_sizes(config: AppearanceConfig | BackgroundConfig, option: str) -> Non
                 f"`{option}.{name.replace('_', '-')}` is {value}; it has to be from {least} to "
                 f"{most}."
             )
+
+
+@cache
+def has_bfloat16(device_type: str) -> bool:
+    """Whether products of bfloat16 have instructions of their own on this kind of device."""
+    if device_type == "cuda":
+        return torch.cuda.is_bf16_supported(including_emulation=False)
+    tests = ("_is_avx512_bf16_supported", "_is_amx_tile_supported")  # torch 2.4 and later
+    return device_type == "cpu" and any(getattr(torch.cpu, name, bool)() for name in tests)

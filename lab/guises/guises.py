@@ -20,7 +20,9 @@ class Guise:
     variables: Mapping[str, str] = field(default_factory=dict)
 
 
-HASWELL = {
+NO_BFLOAT16 = {"DESPLAT_NS_PRETEND_NO_BFLOAT16": "1"}
+
+HASWELL = NO_BFLOAT16 | {
     "NUMBA_CPU_NAME": "haswell",
     "NUMBA_CPU_FEATURES": "+avx2,+bmi,+bmi2,+f16c,+fma,+lzcnt,+movbe,+popcnt",
     "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL",
@@ -36,7 +38,11 @@ def _cores(number: int) -> dict[str, str]:
 
 GUISES = (
     Guise("as-is", "this machine as it is"),
-    Guise("no-bfloat16", "AVX-512 without bfloat16", {"ONEDNN_MAX_CPU_ISA": "AVX512_CORE_VNNI"}),
+    Guise(
+        "no-bfloat16",
+        "AVX-512 without bfloat16",
+        NO_BFLOAT16 | {"ONEDNN_MAX_CPU_ISA": "AVX512_CORE_VNNI"},
+    ),
     Guise(
         "avx2",
         "AVX2 and no more",

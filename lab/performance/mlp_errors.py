@@ -38,7 +38,7 @@ def main() -> None:
     exact = colors_and_gradients(copy.deepcopy(network).double(), torch.float64)
     names = ["features", "embedding", *(name for name, _ in network.named_parameters())]
     for dtype in ("float32", "bfloat16"):
-        network.mlp_dtype = dtype  # type: ignore[assignment]
+        network.in_bfloat16 = dtype == "bfloat16"
         found = colors_and_gradients(network, torch.float32)
         off = (found[0] - exact[0]).abs()
         print(

@@ -15,10 +15,8 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.calibration.scenes import Scene
-from desplat_ns.errors import ConfigError
 from desplat_ns.photo_tourism.appearance import AffineAppearance, fourier_features, toned_color
-from desplat_ns.photo_tourism.config import AppearanceConfig
-from desplat_ns.photo_tourism.mlp_dtype import MlpDtype, product_dtype
+from desplat_ns.photo_tourism.config import AppearanceConfig, MlpDtype, has_bfloat16
 from lab.pixels.dial_errors import Drawn
 from lab.pixels.rasterizing import Cases
 
@@ -36,11 +34,7 @@ def trained_network() -> AffineAppearance:
 
 def bfloat16_unavailable_reason() -> str | None:
     """Why this processor does not train in bfloat16; None where it does."""
-    try:
-        product_dtype("bfloat16", torch.empty(0), is_training=True)
-    except ConfigError as error:
-        return str(error)
-    return None
+    return None if has_bfloat16("cpu") else "This processor has no instructions for bfloat16."
 
 
 @dataclass(frozen=True)
@@ -84,7 +78,7 @@ def toning(scene: Scene, products: MlpDtype | None) -> Toning:
     dtype = torch.float64 if products is None else torch.float32
     rng = torch.Generator().manual_seed(1)
     network = trained_network().to(dtype)
-    network.mlp_dtype = products or "float32"
+    network.in_bfloat16 = products == "bfloat16"
     zeroth = scene.params["features_dc"]
     frequencies = AppearanceConfig().fourier_frequencies
     embedding = 0.5 * torch.randn(AppearanceConfig().embedding_dim, generator=rng)

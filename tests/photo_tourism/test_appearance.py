@@ -1,5 +1,7 @@
 """Toning of colours: Eq. 6-7 in float64, through spherical harmonics, the identity at the start."""
 
+import copy
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -7,6 +9,7 @@ import torch
 from torch.autograd import gradcheck
 
 from desplat_ns.backend.spherical_harmonics import C0, sh_basis
+from desplat_ns.photo_tourism import appearance
 from desplat_ns.photo_tourism.appearance import (
     AffineAppearance,
     ShAppearance,
@@ -14,7 +17,7 @@ from desplat_ns.photo_tourism.appearance import (
     toned_coefficients,
     toned_color,
 )
-from desplat_ns.photo_tourism.config import AppearanceConfig
+from desplat_ns.photo_tourism.config import AppearanceConfig, has_bfloat16
 
 SMALL = AppearanceConfig(embedding_dim=5, fourier_frequencies=2, hidden_width=7)
 NUM, BASES, FEATURES = 6, 16, 12
@@ -166,3 +169,111 @@ def test_huge_embeddings_give_finite_colours_and_gradients(make):
     seen = model(*inputs, 3)
     assert seen.isfinite().all()
     assert all(g.isfinite().all() for g in torch.autograd.grad(seen.square().mean(), inputs))
+
+
+# --- the MLP by blocks of rows ----------------------------------------------------------------
+
+MANY = 50
+"""Rows of `outputs_and_gradients`: several blocks of 16, the last one shorter."""
+
+
+def outputs_and_gradients(
+    model: AffineAppearance, dtype: torch.dtype, rows: torch.Tensor | None = None
+) -> list[torch.Tensor]:
+    """beta and gamma - 1 [N, 6], and the gradients of their sum by inputs and parameters."""
+    shapes = ((5,), (MANY, FEATURES), (MANY, 3))
+    own = [numbers(*shape, seed=i).to(dtype).requires_grad_() for i, shape in enumerate(shapes)]
+    embedding, features, zeroth = own
+    beta, gamma = model.to(dtype).tones(embedding, features, zeroth, rows)
+    out = torch.cat([beta, gamma - 1], dim=1)
+    leaves = [*own, *model.parameters()]
+    return [out, *torch.autograd.grad(out, leaves, torch.ones_like(out))]
+
+
+def absolute_outputs_and_gradients(model: AffineAppearance) -> list[torch.Tensor]:
+    """The same of absolute inputs and weights, so that all units are on and nothing cancels."""
+    model = copy.deepcopy(model).double()
+    with torch.no_grad():
+        for parameter in model.parameters():
+            parameter.abs_()
+    shapes = ((5,), (MANY, FEATURES), (MANY, 3))
+    own = [numbers(*shape, seed=i).abs().requires_grad_() for i, shape in enumerate(shapes)]
+    out = model.head(model.body(torch.cat([own[0].expand(MANY, -1), *own[1:]], dim=1)))
+    leaves = [*own, *model.parameters()]
+    return [out, *torch.autograd.grad(out, leaves, torch.ones_like(out))]
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_blocks_are_off_by_rounding_from_all_rows_together_in_float64(monkeypatch, dtype):
+    """Every number is a sum of products along the network's paths. Rounding is at most a unit in
+    the last place for each operation on a path, of the same sum with absolute values; gamma is
+    rounded once more, at 1 + beta's size."""
+    model = trained(AffineAppearance(SMALL))
+    exact = outputs_and_gradients(copy.deepcopy(model), torch.float64)
+    bounds = absolute_outputs_and_gradients(model)
+    monkeypatch.setitem(appearance.ROWS_AT_ONCE, "cpu", 16)
+    operations = 2 * (5 + FEATURES + 3 + 7 + 7 + 6 + MANY)
+    unit = torch.finfo(dtype).eps
+    for ours, wanted, bound in zip(outputs_and_gradients(model, dtype), exact, bounds, strict=True):
+        assert ((ours - wanted).abs() <= operations * unit * (bound + 1)).all()
+
+
+def test_the_same_bits_every_time():
+    model = trained(AffineAppearance(SMALL))
+    first, again = (outputs_and_gradients(model, torch.float32) for _ in range(2))
+    assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))
+
+
+def test_rows_that_are_left_out_get_no_gradient(monkeypatch):
+    monkeypatch.setitem(appearance.ROWS_AT_ONCE, "cpu", 2)
+    rows, others = torch.tensor([3, 4, 8, 40]), torch.ones(MANY, dtype=torch.bool)
+    others[rows] = False
+    model = trained(AffineAppearance(SMALL))
+    _, _, *by_own = outputs_and_gradients(model, torch.float64, rows)[:4]
+    for gradient in by_own:
+        assert (gradient[others] == 0).all() and (gradient[rows] != 0).any(1).all()
+
+
+def test_a_view_without_gaussians_gets_zeros():
+    model = trained(AffineAppearance(SMALL))
+    out, *gradients = outputs_and_gradients(model, torch.float64, torch.zeros(0, dtype=torch.long))
+    assert out.shape == (MANY, 6)
+    assert all((value == 0).all() for value in (out, *gradients))
+
+
+def test_bfloat16_is_off_by_its_rounding_and_sums_gradients_in_float32(monkeypatch):
+    """Each layer rounds its input, weights and output to 8 bits; errors pass on by the layers'
+    absolute weights. In bfloat16 a sum of many blocks' gradients would stand still: here each of
+    1,024 blocks adds the same to the last bias."""
+    monkeypatch.setattr(appearance, "has_bfloat16", lambda device: True)  # torch rounds alike
+    model = trained(AffineAppearance(replace(SMALL, mlp_dtype="bfloat16"))).float()
+    embedding, own = numbers(5).float(), numbers(2048, FEATURES + 3, seed=1).float()
+    monkeypatch.setitem(appearance.ROWS_AT_ONCE, "cpu", 2)
+    beta, gamma = model.tones(embedding, own[:, :FEATURES], own[:, FEATURES:])
+    h = torch.cat([embedding.expand(len(own), -1), own], dim=1).double()
+    error, unit = torch.zeros_like(h), 2.0**-8
+    for layer in (model.body[0], model.body[2], model.head):
+        w, b = layer.weight.double(), layer.bias.double()
+        error = error @ w.abs().T + 4 * unit * (h.abs() @ w.abs().T + b.abs())
+        h = h @ w.T + b
+        h = h if layer is model.head else h.relu()
+    off = (torch.cat([beta, gamma - 1], dim=1) - h).abs()
+    assert (off <= error).all() and off.max() > unit**2
+    (by_bias,) = torch.autograd.grad(beta.sum(), model.head.bias)
+    assert by_bias.dtype == torch.float32 and by_bias.tolist() == [2048.0] * 3 + [0.0] * 3
+
+
+def test_a_processor_without_bfloat16_goes_on_in_float32(monkeypatch):
+    model = trained(AffineAppearance(SMALL))
+    wanted = outputs_and_gradients(model, torch.float32)
+    model.in_bfloat16 = True
+    monkeypatch.setattr(appearance, "has_bfloat16", lambda device: False)
+    found = outputs_and_gradients(model, torch.float32)
+    assert all(torch.equal(a, b) for a, b in zip(found, wanted, strict=True))
+
+
+@pytest.mark.parametrize("which", ["_is_avx512_bf16_supported", "_is_amx_tile_supported"])
+def test_either_set_of_instructions_multiplies_in_bfloat16(monkeypatch, which):
+    for name in ("_is_avx512_bf16_supported", "_is_amx_tile_supported"):
+        monkeypatch.setattr(torch.cpu, name, lambda here=name == which: here)
+    assert has_bfloat16.__wrapped__("cpu") and not has_bfloat16("meta")

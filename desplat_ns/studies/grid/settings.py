@@ -62,13 +62,13 @@ OF_RESIDUAL = tuple(
 OF_WARMUP = tuple(f"{DISTRACTORS}{name}_" for name in ("shaping", "min_warmup", "max_warmup"))
 """The same of those that bound a warm-up, and what begins after it."""
 
-CONTROL, BY_GRADIENTS = "pipeline.model.density_control", "gradients"
+NO_OPTION_ANY_MORE = ("pipeline.model.density_control", "pipeline.model.relocation.")
+"""What records name that has one value today."""
 
 NEUTRAL: Mapping[str, Any] = {
     "budget": "",
     "full_rate_visits": 0.0,
     "visits": 0.0,
-    CONTROL: BY_GRADIENTS,
     "pipeline.model.distractors.refine_when_next_seen": True,
     "pipeline.model.distractors.standing_share": 1.0,
     "pipeline.model.opacity_prior": 0.0,
@@ -176,18 +176,15 @@ def changes(found: Settings, wanted: Settings) -> list[str]:
 
 
 def of_active_effects(settings: Settings) -> Settings:
-    """Settings without those of effects that are off, of relocation where gradients control the
-    density, of regions where distractors start everywhere, of the warm-up's bounds where these
-    start at once as well, and of what opacity costs where photos
-    have a light of their own: no figure depends on them."""
-    idle = tuple(
+    """Settings without those that no figure depends on: of effects that are off, of regions where
+    distractors start everywhere, of the warm-up's bounds where these start at once as well, of what
+    opacity costs where photos have a light of their own, and options that are none any more."""
+    idle = NO_OPTION_ANY_MORE + tuple(
         prefix
         for effect, prefixes in OF_EFFECTS.items()
         if settings.get(f"{EFFECTS}{effect}") in (False, "off")
         for prefix in prefixes
     )
-    if settings.get(CONTROL, BY_GRADIENTS) == BY_GRADIENTS:
-        idle += ("pipeline.model.relocation.",)
     if settings.get(f"{DISTRACTORS}start") == "everywhere":
         idle += OF_RESIDUAL
         idle += () if settings.get(f"{DISTRACTORS}static_warmup") else OF_WARMUP

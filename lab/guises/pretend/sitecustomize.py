@@ -7,19 +7,24 @@ from __future__ import annotations
 import importlib.util
 import os
 import sys
+from collections.abc import Callable
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from typing import Any
 
 CORES = int(os.environ.get("DESPLAT_NS_PRETEND_CORES", "0"))
 GPU = os.environ.get("DESPLAT_NS_PRETEND_GPU")
+NO_BFLOAT16 = os.environ.get("DESPLAT_NS_PRETEND_NO_BFLOAT16")
 
 
-class _TorchSeesAGpu(MetaPathFinder):
-    """Once `torch.cuda` is imported it says that there is a GPU, unless GPUs are hidden."""
+class _Says(MetaPathFinder):
+    """Once a module is imported, some of its functions say something else."""
+
+    def __init__(self, module: str, **answers: Callable[[], bool]) -> None:
+        self.module, self.answers = module, answers
 
     def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
-        if fullname != "torch.cuda":
+        if fullname != self.module:
             return None
         sys.meta_path.remove(self)
         spec = importlib.util.find_spec(fullname)
@@ -28,7 +33,7 @@ class _TorchSeesAGpu(MetaPathFinder):
 
         def load_and_pretend(module: Any) -> None:
             load(module)
-            module.is_available = lambda: os.environ.get("CUDA_VISIBLE_DEVICES") != ""
+            vars(module).update(self.answers)
 
         spec.loader.exec_module = load_and_pretend
         return spec
@@ -38,4 +43,8 @@ if CORES:
     os.cpu_count = lambda: CORES
     os.sched_getaffinity = lambda pid: set(range(CORES))
 if GPU:
-    sys.meta_path.insert(0, _TorchSeesAGpu())
+    is_visible = lambda: os.environ.get("CUDA_VISIBLE_DEVICES") != ""  # noqa: E731
+    sys.meta_path.insert(0, _Says("torch.cuda", is_available=is_visible))
+if NO_BFLOAT16:
+    names = ("_is_avx512_bf16_supported", "_is_amx_tile_supported")
+    sys.meta_path.insert(0, _Says("torch.cpu", **dict.fromkeys(names, lambda: False)))

@@ -15,7 +15,7 @@ from lab.guises.guises import GUISES
 ASKED = """
 import json, os
 import numba, numpy, torch
-from desplat_ns.photo_tourism.mlp_dtype import has_bfloat16
+from desplat_ns.photo_tourism.config import has_bfloat16
 print(json.dumps({
     "torch": torch.backends.cpu.get_cpu_capability(),
     "bfloat16": has_bfloat16("cpu"),

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from desplat_ns.calibration.scenes import make_scene
-from desplat_ns.photo_tourism.mlp_dtype import has_bfloat16
+from desplat_ns.photo_tourism.config import has_bfloat16
 from lab.performance.appearance_step import CASES, LitStep, parts
 
 
