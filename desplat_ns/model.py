@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from desplat_ns.backend.contributions import contributions
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.data.training_views import train_index, view_name
-from desplat_ns.errors import DeSplatError, TrainingError
+from desplat_ns.errors import DeSplatError
 from desplat_ns.gaussians.activation import RawParameters, activate_distractors
 from desplat_ns.gaussians.densification import to_device
 from desplat_ns.gaussians.distractor_config import DistractorConfig
@@ -24,7 +24,7 @@ from desplat_ns.rendering.views import held
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.static_model import StaticModel, StaticModelConfig
 from desplat_ns.training.budget import Stretch
-from desplat_ns.training.culled import CulledCount, culled_always, too_many_culled
+from desplat_ns.training.culled import culled_always
 from desplat_ns.training.run_length import photo_downscale, scaled_fields
 from desplat_ns.viewer import LayerControl
 
@@ -68,7 +68,6 @@ class DeSplatModel(StaticModel):
         """The static scene, and distractors in front of every training camera."""
         super().populate_modules()
         self.names: list[str] = self.kwargs.get("metadata", {}).get("train_image_names", [])
-        self.culled = CulledCount(self.num_train_data)
         self.losses: dict[str, Tensor] = {}
         self.train_step: TrainStep | None = None
         """The step at hand; None if there is none, or if it was dropped."""
@@ -216,13 +215,10 @@ class DeSplatModel(StaticModel):
         return config.lambda_bg * background_opacity_loss(alpha_d, alpha_s, explained)
 
     def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
-        """Splatfacto's figures of a training step, the number of distractors, and how many of both
-        were culled in every view when last counted."""
+        """Splatfacto's figures of a training step, and the number of distractors."""
         metrics: dict[str, Any] = super().get_metrics_dict(outputs, batch)
-        metrics["culled_static"] = self.culled.static
         if self.distractors is not None:
             metrics["distractor_count"] = self.distractors.total
-            metrics["culled_distractors"] = self.culled.distractors
         return metrics
 
     # --- after a step ------------------------------------------------------------------------
@@ -253,8 +249,6 @@ class DeSplatModel(StaticModel):
                 lambda: self._refine_static(step),
                 self._contributions_of,
             )
-        if step % self.culled.interval == 0:
-            self._count_culled(step)
         self.train_step = None
 
     def _refine_static(self, step: int) -> None:
@@ -295,26 +289,6 @@ class DeSplatModel(StaticModel):
         """Static Gaussians that no view shows, in the average light."""
         embedding = self.average_embedding() if self.image_effects is not None else None
         return int(culled_always(self._splats(self.gauss_params, embedding)).sum())
-
-    @torch.no_grad()
-    def culled_distractors(self) -> int:
-        """Distractors that their view cannot show."""
-        if self.distractors is None:
-            return 0
-        views = range(self.num_train_data)
-        splats = (activate_distractors(self.distractors.params_of(view)) for view in views)
-        return int(sum(culled_always(one).sum() for one in splats))
-
-    def _count_culled(self, step: int) -> None:
-        """Raises TrainingError where most static Gaussians are culled in every view."""
-        self.culled.take(step, self.culled_static(), self.culled_distractors())
-        found = too_many_culled(self.culled.static, self.num_points)
-        if found is not None:
-            raise TrainingError(
-                f"At step {step} {found}. A learning rate is too high: give a lower "
-                "--optimizers.GROUP.optimizer.lr. Checkpoints saved before are untouched; "
-                "`--load-dir` goes on from the newest."
-            )
 
     def get_extra_state(self) -> dict[str, Any]:
         """What a checkpoint holds besides parameters: densification's running statistics."""
