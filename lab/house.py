@@ -19,7 +19,7 @@ PACKAGE = CHECKOUT / "desplat_ns"
 PICTURE = CHECKOUT / "docs" / "house.svg"
 
 FLOORS: tuple[tuple[str, ...], ...] = (
-    ("", "errors"),
+    ("pages", "errors"),
     ("backend", "options", "console", "effects", "files"),
     ("rendering", "", "data"),
     ("gaussians", "process", "survey", ""),

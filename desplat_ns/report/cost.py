@@ -86,13 +86,3 @@ def trained_on(device: str, events: list[Path], host: str) -> str:
         return f"{what}; which machine was not recorded"
     is_here = all(f".{host}." in path.name for path in events)
     return f"{what} of {'this machine' if is_here else 'another machine'}"
-
-
-def time_in_words(seconds: float) -> str:
-    """45 s, 2 min 5 s, 1 h 20 min."""
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60} s"
-    return f"{whole // 3600} h {whole % 3600 // 60} min"

@@ -5,16 +5,14 @@ Letters in shapes: H x W pixels.
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import UInt8
-from PIL import Image
 
 from desplat_ns.errors import ConfigError
+from desplat_ns.pages import data_address
 
 LADDER = (
     (1024, 82),
@@ -35,8 +33,6 @@ LARGEST_SIDE = LADDER[0][0]
 
 SAMPLE = 12
 """Pictures by which it is judged whether all would fit."""
-
-DATA = "data:image/webp;base64,"
 
 
 @dataclass(frozen=True)
@@ -93,17 +89,4 @@ def _size_of(pictures: Sequence[Picture], side: int, quality: int) -> int:
 
 
 def _address(picture: Picture, side: int, quality: int) -> str:
-    buffer = io.BytesIO()
-    small = shrunk(picture.pixels, max(1, round(side * picture.share)))
-    Image.fromarray(small).save(buffer, "WEBP", quality=quality)
-    return DATA + base64.b64encode(buffer.getvalue()).decode()
-
-
-def shrunk(pixels: UInt8[np.ndarray, "H W 3"], side: int) -> UInt8[np.ndarray, "h w 3"]:
-    """A picture whose longer side has at most `side` pixels; never enlarged."""
-    height, width = pixels.shape[:2]
-    scale = side / max(height, width)
-    if scale >= 1:
-        return pixels
-    size = (max(1, round(width * scale)), max(1, round(height * scale)))
-    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.LANCZOS))
+    return data_address(picture.pixels, max(1, round(side * picture.share)), quality, "WEBP")

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import html
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
+from desplat_ns.pages import template, time_in_words
 from desplat_ns.report.charts import svg
-from desplat_ns.report.cost import Cost, time_in_words
+from desplat_ns.report.cost import Cost
 from desplat_ns.report.effect_reasons import EffectReason
 from desplat_ns.report.encoding import Encoded, Picture, fitted_into
 from desplat_ns.report.history import History
@@ -84,7 +82,7 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES) -> str:
         (one, Sources(next(sources), next(sources), error=next(sources)))
         for one in contents.held_out
     ]
-    return _template().render(
+    return template(TEMPLATE, scores=scores, typed=typed).render(
         page=contents,
         cost=contents.cost,
         training=training,
@@ -95,22 +93,6 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES) -> str:
         error_top=f"{ERROR_TOP:.0%}",
         error_colors=", ".join(f"rgb{color}" for color in ERROR_COLORS),
     )
-
-
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {
-        "digits": digits,
-        "scores": scores,
-        "time": time_in_words,
-        "typed": typed,
-    }
-    return environment.from_string(TEMPLATE.read_text("utf8"))
 
 
 def _pictures(contents: Contents) -> list[Picture]:
@@ -170,8 +152,3 @@ def typed(text: str) -> str:
 def scores(figures: Mapping[str, float]) -> str:
     """PSNR, SSIM and LPIPS in a line, as far as they were measured."""
     return ", ".join(form.format(figures[key]) for key, form in SCORES.items() if key in figures)
-
-
-def digits(value: float | None) -> str:
-    """Three digits that count; "unknown" for what could not be measured."""
-    return "unknown" if value is None or not math.isfinite(value) else f"{value:.3g}"

@@ -54,6 +54,7 @@ def test_images_do_not_influence_each_other(model):
     together.score(held_out(), {"image": photos[0]}, "first")
     together.score(held_out(), {"image": photos[1]}, "second")
     alone.score(held_out(), {"image": photos[1]}, "second")
+    assert together.light is not None and alone.light is not None
     assert torch.equal(together.light.found["second"], alone.light.found["second"])
 
 

@@ -8,8 +8,11 @@ import pytest
 from PIL import Image
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.report.encoding import DATA, LADDER, Picture, fitted_into, shrunk
+from desplat_ns.pages import shrunk
+from desplat_ns.report.encoding import LADDER, Picture, fitted_into
 from tests.helpers.report import flat, noise
+
+DATA = "data:image/webp;base64,"
 
 
 def opened(source: str) -> Image.Image:

@@ -1,0 +1,80 @@
+"""What the HTML pages share: templates, pictures inside the page, figures in words.
+
+Letters in shapes: H x W pixels.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import jinja2
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image
+
+
+def template(path: Path, **filters: Callable[..., Any]) -> jinja2.Template:
+    """A template that escapes what it is given, and fails where a name is unknown.
+
+    Besides `filters` it has `digits` and `time`.
+    """
+    environment = jinja2.Environment(
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"digits": digits, "time": time_in_words, **filters}
+    return environment.from_string(path.read_text("utf8"))
+
+
+def digits(value: float | None) -> str:
+    """Three digits that count; "unknown" for what could not be measured."""
+    return "unknown" if value is None or not math.isfinite(value) else f"{value:.3g}"
+
+
+def time_in_words(seconds: float) -> str:
+    """45 s, 2 min 5 s, 1 h 20 min, 2 h."""
+    whole = round(seconds)
+    units = [("h", whole // 3600), ("min", whole % 3600 // 60)]
+    units += [("s", whole % 60)] if whole < 3600 else []
+    return " ".join(f"{count} {unit}" for unit, count in units if count) or "0 s"
+
+
+def data_address(
+    pixels: UInt8[np.ndarray, "H W 3"], side: int, quality: int, kind: Literal["WEBP", "JPEG"]
+) -> str:
+    """A picture as an address that holds it.
+
+    Args:
+        side: pixels of the longer side, at most.
+        quality: the format's, up to 100.
+    """
+    buffer = io.BytesIO()
+    Image.fromarray(shrunk(pixels, side)).save(buffer, kind, quality=quality)
+    text = base64.b64encode(buffer.getvalue()).decode()
+    return f"data:image/{kind.lower()};base64,{text}"
+
+
+def shrunk(pixels: UInt8[np.ndarray, "H W 3"], side: int) -> UInt8[np.ndarray, "h w 3"]:
+    """A picture whose longer side has at most `side` pixels; never enlarged."""
+    height, width = pixels.shape[:2]
+    scale = side / max(height, width)
+    if scale >= 1:
+        return pixels
+    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.LANCZOS))
+
+
+def inline_svg(file: Path) -> str:
+    """An SVG file's picture for HTML: without the prologue, metadata and a size of its own."""
+    text = re.sub(r"<metadata>.*?</metadata>", "", file.read_text("utf8"), flags=re.DOTALL)
+    tag, rest = text[text.index("<svg") :].split(">", 1)
+    return re.sub(r' (?:width|height)="[^"]*"', "", tag) + ">" + rest
