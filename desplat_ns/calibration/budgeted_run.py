@@ -122,7 +122,6 @@ class BudgetedRun:
             model.reschedule(stretch)
         for scheduler in schedulers:
             follow(scheduler, self.state.planned)
-        self.keeper.start()
 
     def after_step(self, step: int) -> bool:
         """Look at the clock; whether that was the last step that fits."""
