@@ -12,6 +12,7 @@ import yaml
 
 from desplat_ns import run_config
 from desplat_ns.calibration import budgeted_run, run_plan
+from desplat_ns.calibration.budgeted_run import STEPS_BETWEEN_COUNTS
 from desplat_ns.calibration.run_plan import StepCost
 from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import ConfigError
@@ -64,6 +65,18 @@ def test_a_run_spends_its_budget_and_says_so(config, clock, capsys):
     said = " ".join(capsys.readouterr().out.split())
     assert f"of {BUDGET} s were spent" in said
     assert f"{saved['budget']['state']['first_steps']} had been planned" in said
+
+
+def test_what_a_checkpoint_will_hold_is_not_counted_in_every_step(config, clock, monkeypatch):
+    counted = []
+    count = budgeted_run.BudgetedRun._bytes_to_save
+    monkeypatch.setattr(
+        budgeted_run.BudgetedRun,
+        "_bytes_to_save",
+        lambda self: counted.append(self.state.spent) or count(self),
+    )
+    steps = newest(train(config))["budget"]["steps_done"]
+    assert 2 <= len(counted) <= 2 + steps // STEPS_BETWEEN_COUNTS
 
 
 def test_what_kernels_take_to_compile_is_no_part_of_the_budget(config, clock, monkeypatch):
