@@ -23,6 +23,9 @@ from desplat_ns.training.schedules import follow
 BYTES_A_SECOND = 100e6
 """At which a checkpoint is written, at least."""
 
+STEPS_BETWEEN_COUNTS = 100
+"""What a checkpoint will hold is counted so often: each view has parameters of its own."""
+
 WORTH_SAYING = 0.1
 """Change of the number of steps since it was last said."""
 
@@ -122,12 +125,13 @@ class BudgetedRun:
             model.reschedule(stretch)
         for scheduler in schedulers:
             follow(scheduler, self.state.planned)
-        self.keeper.start()
+        self._set_reserve()
 
     def after_step(self, step: int) -> bool:
         """Look at the clock; whether that was the last step that fits."""
         assert self._model is not None
-        self.keeper.reserve = END_SECONDS + self._bytes_to_save() / BYTES_A_SECOND
+        if step % STEPS_BETWEEN_COUNTS == 0:
+            self._set_reserve()
         stretch = self.keeper.after_step(step)
         if stretch is not None:
             self._model.reschedule(stretch)
@@ -143,6 +147,9 @@ class BudgetedRun:
                 f"{self._said}."
             )
             self._said = steps
+
+    def _set_reserve(self) -> None:
+        self.keeper.reserve = END_SECONDS + self._bytes_to_save() / BYTES_A_SECOND
 
     def _bytes_to_save(self) -> int:
         """Of parameters with Adam's two moments."""

@@ -143,7 +143,8 @@ class BudgetKeeper:
         self._cost, self._clock, self._before = cost, clock, state.spent
         self._pace: float | None = None
         """Seconds that steps take over those that were expected."""
-        self._looked, self._expected = self.spent(), 0.0
+        self._looked: float | None = None
+        self._expected = 0.0
 
     def spent(self) -> float:
         """Seconds, those of earlier parts of the run included."""
@@ -153,19 +154,21 @@ class BudgetKeeper:
         """Seconds for further steps."""
         return self.budget - self.reserve - self.spent()
 
-    def start(self) -> None:
-        """The first step follows: what was spent until now is no step's."""
-        self._looked, self._expected = self.spent(), 0.0
-
     def after_step(self, step: int) -> Stretch | None:
         """Look at the clock when step number `step` is done.
+
+        The first one of a process says nothing of the others: nerfstudio reads all photos in it.
+        What it took is spent, and steps are timed from its end.
 
         Returns:
             How the steps that follow are to be stretched, if they are.
         """
-        self._expected += self._cost(step)
         now = self.spent()
         self.state.spent = now
+        if self._looked is None:
+            self._looked = now
+            return None
+        self._expected += self._cost(step)
         if now - self._looked < SHARE_BETWEEN_LOOKS * self.budget or self._expected <= 0:
             return None
         pace = (now - self._looked) / self._expected

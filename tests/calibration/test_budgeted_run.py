@@ -12,9 +12,11 @@ import yaml
 
 from desplat_ns import run_config
 from desplat_ns.calibration import budgeted_run, run_plan
+from desplat_ns.calibration.budgeted_run import STEPS_BETWEEN_COUNTS
 from desplat_ns.calibration.run_plan import StepCost
+from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import ConfigError
-from desplat_ns.training.budget import StepSeconds
+from desplat_ns.training.budget import END_SECONDS, StepSeconds
 from desplat_ns.training.checkpoint_files import load_newest
 
 BUDGET = 40
@@ -65,6 +67,18 @@ def test_a_run_spends_its_budget_and_says_so(config, clock, capsys):
     assert f"{saved['budget']['state']['first_steps']} had been planned" in said
 
 
+def test_what_a_checkpoint_will_hold_is_not_counted_in_every_step(config, clock, monkeypatch):
+    counted = []
+    count = budgeted_run.BudgetedRun._bytes_to_save
+    monkeypatch.setattr(
+        budgeted_run.BudgetedRun,
+        "_bytes_to_save",
+        lambda self: counted.append(self.state.spent) or count(self),
+    )
+    steps = newest(train(config))["budget"]["steps_done"]
+    assert 2 <= len(counted) <= 2 + steps // STEPS_BETWEEN_COUNTS
+
+
 def test_what_kernels_take_to_compile_is_no_part_of_the_budget(config, clock, monkeypatch):
     def compile_kernels(backend: str, device: str) -> float:
         assert (backend, device) == ("auto", config.machine.device_type)
@@ -74,6 +88,42 @@ def test_what_kernels_take_to_compile_is_no_part_of_the_budget(config, clock, mo
     monkeypatch.setattr(run_config, "compile_kernels", compile_kernels)
     train(config)
     assert 0.9 * BUDGET <= clock.now - 300 <= BUDGET
+
+
+def load_slowly(monkeypatch, clock: SimpleNamespace, seconds: float) -> None:
+    """Let the training photos take so long: nerfstudio reads them within the first step."""
+    load = DeSplatDataManager._load_images
+
+    def slow(self: Any, split: Any, *args: Any, **kwargs: Any) -> Any:
+        clock.now += seconds if split == "train" else 0.0
+        return load(self, split, *args, **kwargs)
+
+    monkeypatch.setattr(DeSplatDataManager, "_load_images", slow)
+
+
+def test_photos_that_load_slowly_do_not_end_the_run_early(config, clock, monkeypatch):
+    fast = newest(train(dataclasses.replace(config, timestamp="fast")))["budget"]["steps_done"]
+    load_slowly(monkeypatch, clock, 0.4 * BUDGET)
+    clock.now = 0.0
+    steps = newest(train(dataclasses.replace(config, timestamp="slow")))["budget"]["steps_done"]
+    assert 0.9 * BUDGET <= clock.now <= BUDGET
+    left = (0.6 * BUDGET - END_SECONDS) / (BUDGET - END_SECONDS)
+    assert steps == pytest.approx(left * fast, rel=0.1)
+
+
+def test_a_run_that_goes_on_is_not_ended_early_by_photos_that_load_slowly(
+    config, clock, monkeypatch
+):
+    load_slowly(monkeypatch, clock, 0.3 * BUDGET)
+    first = config.setup(local_rank=0, world_size=1)
+    first.setup()
+    after_step = first._budgeted.after_step
+    monkeypatch.setattr(first._budgeted, "after_step", lambda s: after_step(s) or s == 20)
+    first.train()
+    spent = newest(first)["budget"]["state"]["spent"]
+    clock.now = 0.0
+    train(dataclasses.replace(config, load_dir=first.checkpoint_dir, timestamp="on"))
+    assert 0.9 * BUDGET <= spent + clock.now <= BUDGET
 
 
 def test_schedules_are_those_of_the_planned_length(config, clock):
