@@ -177,16 +177,19 @@ def test_the_clean_environment_holds_the_wheels_package(clean_python: Path) -> N
     assert Path(found.stdout.strip()).is_relative_to(clean_python.parent.parent)
 
 
+PARSE = "from desplat_ns.studies.grid.methods import parse"
+
+
 def test_studies_are_in_the_wheel_and_need_no_checkout(clean_python: Path) -> None:
     found = subprocess.run(
-        [clean_python, "-m", "desplat_ns.studies.grid.settings", "desplat"],
+        [clean_python, "-c", f"{PARSE}; print(parse('desplat', []).max_num_iterations)"],
         cwd=clean_python.parent,
         env=clean_environment(),
         capture_output=True,
         text=True,
     )
     assert found.returncode == 0, found.stderr[-2000:]
-    assert '"pipeline.model.schedule_scale": 1.0' in found.stdout
+    assert found.stdout.split()[-1] == "30000"
 
 
 def test_ns_train_knows_desplat_from_the_wheel_alone(clean_python: Path) -> None:

@@ -35,7 +35,7 @@ class Arguments:
     data: Annotated[Path, tyro.conf.Positional]
     """Folder of the capture."""
     time: str = "30min"
-    """Wall time for the whole study, earlier sittings included."""
+    """Wall time for the whole study, earlier sessions included."""
     output: Path = Path("tradeoff")
     """Folder for the report, its plots, results.json and what is trained. What is there already is
     gone on with."""
@@ -60,9 +60,9 @@ class Arguments:
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
 
-        from desplat_ns.studies.grid.settings import method_config
+        from desplat_ns.studies.grid.methods import method_config
+        from desplat_ns.studies.tradeoff.capture_info import METHOD
         from desplat_ns.studies.tradeoff.study import Request
-        from desplat_ns.studies.tradeoff.subject import METHOD
 
         parser = parser or recognised_words(self.data)
         jobs = self.jobs or default_jobs(method_config(METHOD).machine.device_type)
@@ -99,10 +99,10 @@ def study(request: Request) -> Path:
     """
     from desplat_ns.backend.registry import compile_kernels, default_device
     from desplat_ns.studies.tradeoff.report import write_report
-    from desplat_ns.studies.tradeoff.study import Sitting, open_study
+    from desplat_ns.studies.tradeoff.study import Session, open_study
 
     def spent() -> float:
-        return sitting.clock.spent
+        return session.clock.spent
 
     def tell(what: str) -> None:
         say(what)
@@ -110,10 +110,10 @@ def study(request: Request) -> Path:
     with only_process_in(request.output):
         results = open_study(request)
         compile_kernels("auto", default_device())  # no part of the time that was given
-        sitting = Sitting(request, results, tell)
+        session = Session(request, results, tell)
         with progress_in_time(request.seconds, spent) as say:
-            sitting.do()
-        return write_report(request.output, results, sitting.records)
+            session.do()
+        return write_report(request.output, results)
 
 
 def main() -> None:

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from desplat_ns.studies.grid.records import load
 from lab.grid.figures import Figures
+from lab.grid.records import load
 from lab.grid.sources import Cell
 from lab.separation.records import FILE as RECORDS
 from lab.separation.runs import SEEDS

@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 from string import Template
 
-from desplat_ns.studies.grid.records import Records, load
 from desplat_ns.training.budget import seconds_of
 from lab.documents import DOCS
 from lab.front.growth import FILE as GROWTH
@@ -27,6 +26,7 @@ from lab.front.runs import (
 )
 from lab.front.studies import results, settings_table, time_table
 from lab.grid.figures import Figures
+from lab.grid.records import Records, load
 from lab.grid.sources import Cell, Reference
 from lab.separation.runs import SEEDS
 

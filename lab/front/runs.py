@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from desplat_ns.studies.grid.runs import Run, Setting, Study
 from lab.documents import DOCS
+from lab.grid.runs import Run, Setting, Study
 from lab.separation.runs import FIGURES, GIVEN, RATES, SCENES, SEEDS
 from lab.survey.runs import OWN_LIGHT
 from lab.survey.runs import SCENES as SURVEYED

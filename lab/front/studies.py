@@ -11,9 +11,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.studies.grid.records import Record, Records
-from desplat_ns.studies.tradeoff.plan import BASE, TrainingPlan, compared, study_of
-from desplat_ns.studies.tradeoff.subject import Subject
+from desplat_ns.studies.grid.runs import Run, Variant
+from desplat_ns.studies.tradeoff.capture_info import CaptureInfo
+from desplat_ns.studies.tradeoff.plan import BASE, compared
+from desplat_ns.studies.tradeoff.results import Results
 from desplat_ns.studies.tradeoff.summary import Measured, best_within, finals, measured
 from lab.documents import DOCS
 from lab.grid.tables import table
@@ -38,7 +39,7 @@ def keep(output: Path, name: str) -> Path:
         name: of the capture.
     """
     content = json.loads((output / "results.json").read_text("utf8"))
-    content["subject"]["data"] = name
+    content["capture"]["data"] = name
     content["failed"] = sorted(content["failed"])
     FOLDER.mkdir(exist_ok=True)
     target = FOLDER / f"{name}.json"
@@ -48,32 +49,26 @@ def keep(output: Path, name: str) -> Path:
 
 
 def _measured(content: dict[str, Any]) -> list[Measured]:
-    plan, subject = content["plan"], Subject.from_json(content["subject"])
-    settled = TrainingPlan(plan["steps"], tuple(plan["settings"]), plan["most"])
-    return measured(study_of(subject, settled).plan, records_of(content["training"]))
-
-
-def records_of(rows: dict[str, dict[str, Any]]) -> Records:
-    """The trainings' records, of `results.training_rows`."""
-    return {
-        name: Record(
-            {k: v for k, v in row.items() if k not in ("curve", "commit")},
-            row["commit"],
-            None,
-            curve=tuple(row["curve"]),
-        )
-        for name, row in rows.items()
-    }
+    """In the order of the plan, of which the variants may have been others than today's."""
+    results = Results.from_json({k: v for k, v in content.items() if k != "format"})
+    assert results.plan is not None
+    places = {name: place for place, name in enumerate(results.plan.variants)}
+    parts = sorted(
+        (name.rsplit("-", 2) for name in results.training),
+        key=lambda part: (places.get(part[0], len(places)), int(part[1])),
+    )
+    runs = [Run(Variant(name), int(steps), int(seed), Path()) for name, steps, seed in parts]
+    return measured(runs, results.training)
 
 
 def time_table(studies: dict[str, dict[str, Any]]) -> str:
     """The most dB of the defaults within some training times, for each capture."""
     rows = []
     for name, content in studies.items():
-        ours = [one for one in _measured(content) if one.setting == BASE]
+        ours = [one for one in _measured(content) if one.variant == BASE]
         found = [best_within(seconds, ours) for seconds in SECONDS]
         cells = ["" if one is None else f"{one.psnr.median:.2f}" for one in found]
-        rows.append([f"`{name}`", str(content["subject"]["photos"]), *cells])
+        rows.append([f"`{name}`", str(content["capture"]["photos"]), *cells])
     return table(["capture", "photos", *(f"{seconds} s" for seconds in SECONDS)], rows)
 
 
@@ -93,8 +88,8 @@ WERE = {"relocation": "relocation instead of cloning and splitting (3DGS as MCMC
 
 def _against_base(content: dict[str, Any]) -> dict[str, str]:
     steps = content["plan"]["steps"]
-    ends = {one.setting: one for one in finals(_measured(content)) if one.steps == steps}
-    now = compared(Subject.from_json(content["subject"]).effects)
+    ends = {one.variant: one for one in finals(_measured(content)) if one.steps == steps}
+    now = compared(CaptureInfo.from_json(content["capture"]).effects)
     what = WERE | {name: one.what for name, one in now.items()}
     if BASE not in ends:
         return {}
@@ -105,7 +100,7 @@ def _against_base(content: dict[str, Any]) -> dict[str, str]:
 def _cell(one: Measured, base: Measured) -> str:
     decibels = one.psnr.median - base.psnr.median
     longer = one.wall.median / base.wall.median
-    seeds = f", {one.seeds} seeds" if one.seeds > 1 else ""
+    seeds = f", {len(one.seeds)} seeds" if len(one.seeds) > 1 else ""
     return f"{decibels:+.2f} dB, {longer:.2f} x{seeds}"
 
 

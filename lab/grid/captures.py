@@ -10,8 +10,8 @@ from pathlib import Path
 from threading import RLock
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.grid.runs import DATA_VARIABLE, Capture
-from desplat_ns.studies.grid.settings import Settings, digest, flat
+from lab.grid.runs import DATA_VARIABLE, Capture
+from lab.grid.settings import Settings, digest, flat
 from lab.synthetic import SceneSpec, write_scene
 
 DIGITS = 6

@@ -6,20 +6,21 @@ import argparse
 import difflib
 import fnmatch
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import get_args
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import DeSplatError
 from desplat_ns.files.lock import only_process_in, only_process_writing
-from desplat_ns.studies.grid import records
-from desplat_ns.studies.grid.execute import log_of
 from desplat_ns.studies.grid.executors import ExecutorName, executor_of
-from desplat_ns.studies.grid.records import Record, Records, State
-from desplat_ns.studies.grid.runs import Run, Study
+from desplat_ns.studies.grid.runs import Figures, log_of
+from desplat_ns.studies.grid.runs import Record as Measured
+from desplat_ns.studies.grid.runs import Run as Job
+from lab.grid import records
+from lab.grid.records import Record, Records, State
+from lab.grid.runs import Run, Study
 
 MOST_NAMED = 5
 """Changed settings that `--list` names before it only counts."""
@@ -129,20 +130,46 @@ class Command:
     def _do(self, chosen: argparse.Namespace) -> list[bool]:
         """Do what is wanted; no other process may write the records or into the folder."""
         executor = executor_of(chosen.executor, chosen.jobs, chosen.ray_address)
-        keep = partial(self._keep, chosen.output)
-        with only_process_writing(self.file), only_process_in(chosen.output):
-            return executor.do(self.study, self._wanted(chosen.only), chosen.output, keep)
+        output, lost = chosen.output, list[bool]()
+        with only_process_writing(self.file), only_process_in(output):
+            runs = {run.name: run for run in self._wanted(chosen.only)}
 
-    def _keep(self, output: Path, run: Run, found: Record | Exception) -> bool:
+            def coming() -> Iterator[Job]:
+                for run in runs.values():
+                    try:  # what is generated is made once, here
+                        data = self.study.scenes[run.scene].capture.locate(output).resolve()
+                    except Exception as error:
+                        lost.append(self._keep(output, run, error))
+                    else:
+                        yield self.study.job(run, data)
+
+            def keep(job: Job, found: Measured | Exception) -> bool:
+                return self._keep(output, runs[job.name], found)
+
+            return executor.do(coming(), output, keep) + lost
+
+    def recorded(self, run: Run, found: Measured) -> Record:
+        """A run's record: the study's figures, and the settings that today's code resolves."""
+
+        def kept(figures: Figures, *more: str) -> Figures:
+            names = (*more, *self.study.figures)
+            return {name: figures[name] for name in names if name in figures}
+
+        curve = tuple(kept(point, "step") for point in found.curve)
+        where = (found.device, found.backend)
+        settings = self.study.settings_of(run)
+        return Record(kept(found.figures), found.commit, settings, *where, curve)
+
+    def _keep(self, output: Path, run: Run, found: Measured | Exception) -> bool:
         """Record a run's figures and say the first; False if it failed, which is said as well."""
-        if isinstance(found, Record):
+        if isinstance(found, Measured):
             try:
-                records.enter(self.file, run, found)
+                records.enter(self.file, run, self.recorded(run, found))
             except Exception as error:  # a full disk leaves the other runs
                 found = error
         if isinstance(found, Exception):
             log = f"{type(found).__name__}: {found}. Its log, as far as it came: "
-            said = found if isinstance(found, DeSplatError) else f"{log}{log_of(run, output)}"
+            said = found if isinstance(found, DeSplatError) else f"{log}{log_of(run.name, output)}"
             print(f"{run.name}: {said}", file=sys.stderr, flush=True)
             return False
         first, seconds = self.study.figures[0], found.figures.get("train_cpu_seconds", 0.0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import median
 
-from desplat_ns.studies.grid.records import Records
-from desplat_ns.studies.grid.runs import Run
+from lab.grid.records import Records
+from lab.grid.runs import Run
 from lab.grid.sources import Cell, Measured, Reference, sourced_table
 
 NOT_YET = "not measured"

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 from desplat_ns.console import list_names
 from desplat_ns.studies.grid.code_version import short
-from desplat_ns.studies.grid.records import Record
-from desplat_ns.studies.grid.runs import Run
-from desplat_ns.studies.grid.settings import Settings, changes
+from lab.grid.records import Record
+from lab.grid.runs import Run
+from lab.grid.settings import Settings, changes
 from lab.grid.tables import table
 
 MARKS = ("†", "‡", "§", "¶", "‖")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from string import Template
 
-from desplat_ns.studies.grid.records import Record, Records, load
 from lab.documents import DOCS
+from lab.grid.records import Record, Records, load
 from lab.grid.sources import Cell, Reference, sourced_table
 from lab.photo_tourism.runs import FILE, SETTINGS, STEPS, STUDY, run_of
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
 from lab.documents import DOCS
 from lab.grid.captures import GeneratedCapture, RealCapture
+from lab.grid.runs import Run, Scene, Setting, Study
 from lab.synthetic import SceneSpec
 
 FILE = DOCS / "photo_tourism.json"

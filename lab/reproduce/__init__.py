@@ -1,3 +1,3 @@
-"""Methods that `desplat` is compared with. It may import `studies.grid` and `desplat_ns` outside of
-`studies`.
+"""Methods that `desplat` is compared with. It may import `lab.grid` and all of
+`desplat_ns`.
 """

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.studies.grid import records
-from desplat_ns.studies.grid.records import Record
-from desplat_ns.studies.grid.runs import Run
-from desplat_ns.studies.grid.settings import Settings
+from desplat_ns.studies.grid.train_and_score import where_of
 from lab.documents import DOCS
+from lab.grid import records
+from lab.grid.records import Record
+from lab.grid.runs import Run
+from lab.grid.settings import Settings
 from lab.separation.runs import FIGURES
 
 FILE = DOCS / "separation.json"
@@ -32,10 +33,10 @@ def enter(
     Args:
         results: as `ns-eval` gives them, device and backend among them, with `train_cpu_seconds`.
         commit: the full hash of the code that was run.
-        settings: what that code resolved, its own `python -m desplat_ns.studies.grid.settings`;
+        settings: what that code resolved, its own `python -m lab.grid.settings`;
             `STUDY.settings_of(run)` only where that code resolves the same as today's.
     """
     figures = {name: results[name] for name in FIGURES if name in results}
-    where = records.where_of(results)
+    where = where_of(results)
     found = Record(figures, commit, settings, where["device"], where["backend"])
     records.enter(path, run, found)

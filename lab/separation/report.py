@@ -6,9 +6,9 @@ import re
 from itertools import compress
 from pathlib import Path
 
-from desplat_ns.studies.grid.records import Records, load
 from lab.documents import DOCS
 from lab.grid.figures import Figures, Key, spread
+from lab.grid.records import Records, load
 from lab.grid.sources import Cell, Reference
 from lab.separation import one_pixel
 from lab.separation.records import BEFORE, FILE

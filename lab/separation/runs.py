@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
-from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
 from lab.grid.captures import AlteredCapture, GeneratedCapture, RealCapture
+from lab.grid.runs import Run, Scene, Setting, Study
 from lab.separation.few_views import keep_views
 from lab.separation.hard_cases import make_case
 from lab.separation.single_lights import light_some

@@ -18,9 +18,8 @@ from desplat_ns.errors import DeSplatError
 from desplat_ns.evaluation.pictures import Picture, over_checkerboard, sheet, to_rgb8
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
-from desplat_ns.studies.grid.execute import config_of
-from desplat_ns.studies.grid.runs import Run
 from lab.documents import DOCS, OUTPUTS
+from lab.grid.runs import Run
 from lab.separation.runs import HARD, PLAN, STUDY
 
 TITLES = ("photo", "static scene", "distractors", "their mask", "true mask")
@@ -54,7 +53,7 @@ def trained_config(name: str, folder: Path) -> Path:
     known = {run.name: run for run in PLAN}
     if name not in known:
         raise DeSplatError(f"The study has no run '{name}'; `--list` of the study names them.")
-    config = config_of(STUDY, known[name], folder)
+    config = STUDY.config_of(known[name], folder)
     if not config.is_file():
         raise DeSplatError(
             f"'{name}' is not trained: there is no {config}. Train it with "

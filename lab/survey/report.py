@@ -9,10 +9,10 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from desplat_ns.studies.grid.records import Records, load
 from desplat_ns.survey import background, distractors, findings, light
 from lab.documents import DOCS
 from lab.grid.figures import Figures
+from lab.grid.records import Records, load
 from lab.grid.sources import Cell, Reference
 from lab.survey.runs import SCENES, SEEDS, STEPS, STUDY, TRAINING, downscale_of, settings_on
 from lab.survey.unfamiliar import CHOSEN_ON, JUDGED

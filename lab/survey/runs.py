@@ -6,9 +6,9 @@ have one, in the average light where it cannot.
 
 from __future__ import annotations
 
-from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
 from lab.documents import DOCS
 from lab.grid.captures import RealCapture
+from lab.grid.runs import Run, Scene, Setting, Study
 
 TRAINING = DOCS / "survey_training.json"
 """The records."""

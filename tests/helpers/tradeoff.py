@@ -9,19 +9,18 @@ from pathlib import Path
 from desplat_ns.effects import Effects
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid.executors import Keep
-from desplat_ns.studies.grid.records import Record
-from desplat_ns.studies.grid.runs import Run, Study
-from desplat_ns.studies.tradeoff.subject import Subject
+from desplat_ns.studies.grid.runs import Record, Run
+from desplat_ns.studies.tradeoff.capture_info import CaptureInfo
 
-SUBJECT = Subject("/photos/garden", ("colmap",), 20, 3, 120, 80, 500, Effects())
+CAPTURE = CaptureInfo("/photos/garden", ("colmap",), 20, 3, 120, 80, 500, Effects())
 
-Outcome = Callable[[Study, Run], Record | Exception]
+Outcome = Callable[[Run], Record | Exception]
 
 
-def made_up(study: Study, run: Run) -> Record:
+def made_up(run: Run) -> Record:
     """A record: more dB with more steps, a little by setting and seed, a tenth of a second each
     step."""
-    extra = sum(map(ord, run.setting)) % 7 / 10 + (run.seed - 43) / 100
+    extra = sum(map(ord, run.variant.name)) % 7 / 10 + (run.seed - 43) / 100
     curve = tuple(
         {"step": done, "psnr": 10 + done / 100, "train_wall_seconds": done / 10}
         for done in (run.steps // 2, run.steps)
@@ -32,9 +31,9 @@ def made_up(study: Study, run: Run) -> Record:
         "train_wall_seconds": run.steps / 10,
         "train_cpu_seconds": run.steps / 10,
         "num_static_gaussians": 1000,
-        "seconds_per_image_render": 0.02,
+        "run_wall_seconds": 5 + run.steps / 10,
     }
-    return Record(figures, "c0ffee", study.settings_of(run), "cpu", "numba", curve)
+    return Record(figures, "c0ffee", "cpu", "numba", curve)
 
 
 @dataclass
@@ -45,20 +44,20 @@ class MadeUpExecutor:
     outcome: Outcome = made_up
     done: list[Run] = field(default_factory=list)
 
-    def do(self, study: Study, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
+    def do(self, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
         """See `Executor`."""
         kept = []
         for run in runs:
             self.done.append(run)
             self.pass_time(5 + run.steps / 10)
-            kept.append(keep(run, self.outcome(study, run)))
+            kept.append(keep(run, self.outcome(run)))
         return kept
 
 
 def failing(name: str) -> Outcome:
     """As `made_up`, but for the runs whose names begin so."""
 
-    def outcome(study: Study, run: Run) -> Record | Exception:
-        return DeSplatError("too dark") if run.name.startswith(name) else made_up(study, run)
+    def outcome(run: Run) -> Record | Exception:
+        return DeSplatError("too dark") if run.name.startswith(name) else made_up(run)
 
     return outcome

@@ -1,3 +1,4 @@
-"""One grid for every study: settings by scenes by lengths by seeds, executed, recorded and tabled.
-It may import `desplat_ns` outside of `studies`, and no other study.
+"""Trainings that are compared: a variant of a method for some steps with a seed (`runs`), each in a
+process of its own, on this machine or on Ray (`executors`). It may import `desplat_ns` outside of
+`studies`, and no other study.
 """

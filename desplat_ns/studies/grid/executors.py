@@ -5,7 +5,6 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -14,9 +13,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid.commands import surroundings
-from desplat_ns.studies.grid.execute import execute
-from desplat_ns.studies.grid.records import Record
-from desplat_ns.studies.grid.runs import DATA_VARIABLE, Run, Study
+from desplat_ns.studies.grid.runs import Record, Run, execute
 
 ExecutorName = Literal["local", "ray"]
 
@@ -34,7 +31,7 @@ Keep = Callable[[Run, Record | Exception], bool]
 class Executor(Protocol):
     """Does runs."""
 
-    def do(self, study: Study, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
+    def do(self, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
         """Do all runs and hand over what becomes of each; one that fails leaves the others.
 
         Args:
@@ -56,7 +53,7 @@ class LocalExecutor:
 
     jobs: int = 1
 
-    def do(self, study: Study, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
+    def do(self, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
         """See `Executor`."""
         coming, done, asking, over = iter(runs), list[bool](), Lock(), Event()
 
@@ -67,7 +64,7 @@ class LocalExecutor:
                         run = next(coming, None)
                     if run is None:
                         return
-                    done.append(keep(run, outcome(study, run, folder)))
+                    done.append(keep(run, outcome(run, folder)))
             except BaseException:  # nobody is to begin another run
                 over.set()
                 raise
@@ -93,7 +90,7 @@ class RayExecutor:
     jobs: int = 1
     """Workers of a cluster that is started here."""
 
-    def do(self, study: Study, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
+    def do(self, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
         """See `Executor`. A run whose worker was killed is begun again."""
         ray = import_ray()
         folder, coming = folder.resolve(), iter(runs)
@@ -106,13 +103,11 @@ class RayExecutor:
             task = ray.remote(num_cpus=1, num_gpus=min(1, gpus), max_retries=RETRIES)(
                 _outcome_on_worker
             )
-            shared = ray.put(study)
             pending: dict[Any, Run] = {}
             done = []
             while True:
                 for run in islice(coming, places - len(pending)):
-                    _make_capture(study, run, folder)
-                    pending[task.remote(shared, run, folder)] = run
+                    pending[task.remote(run, folder)] = run
                 if not pending:
                     return done
                 (ready, *_), _ = ray.wait(list(pending), num_returns=1)
@@ -135,8 +130,7 @@ class RayExecutor:
 
     def _cluster(self) -> dict[str, Any]:
         """Arguments of `ray.init`."""
-        names = ("PYTHONPATH", DATA_VARIABLE)
-        environment = {name: value for name, value in surroundings().items() if name in names}
+        environment = {"PYTHONPATH": surroundings()["PYTHONPATH"]}
         options = {"runtime_env": {"env_vars": environment}, "log_to_driver": False}
         if self.address is None:
             return options | {"num_cpus": self.jobs, "include_dashboard": False}
@@ -148,10 +142,10 @@ def executor_of(name: ExecutorName, jobs: int, address: str | None) -> Executor:
     return LocalExecutor(jobs) if name == "local" else RayExecutor(address, jobs)
 
 
-def outcome(study: Study, run: Run, folder: Path) -> Record | Exception:
+def outcome(run: Run, folder: Path) -> Record | Exception:
     """The record of a run, or why there is none."""
     try:
-        return execute(study, run, folder)
+        return execute(run, folder)
     except Exception as error:
         return error
 
@@ -167,16 +161,9 @@ def import_ray() -> Any:
     return ray
 
 
-def _make_capture(study: Study, run: Run, folder: Path) -> None:
-    """Write what is generated once, before a worker looks for it. What cannot be found is told by
-    the run itself."""
-    with suppress(DeSplatError):
-        study.scenes[run.scene].capture.locate(folder)
-
-
-def _outcome_on_worker(study: Study, run: Run, folder: Path) -> Record | Exception:
+def _outcome_on_worker(run: Run, folder: Path) -> Record | Exception:
     """As `outcome`; the error says on which machine."""
-    found = outcome(study, run, folder)
+    found = outcome(run, folder)
     if isinstance(found, Exception):
         return DeSplatError(f"On the Ray worker {socket.gethostname()}: {found}")
     return found

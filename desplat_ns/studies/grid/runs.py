@@ -1,124 +1,130 @@
-"""The grid itself: a setting on a scene, at a size, for a number of steps, with a seed."""
+"""What is run: a variant of a method, trained and scored in a process of its own, on one thread."""
 
 from __future__ import annotations
 
+import json
+import shutil
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any
 
-from desplat_ns.studies.grid.commands import QUIET
-from desplat_ns.studies.grid.settings import SCENE, Settings, resolve
+from desplat_ns.errors import CaptureError
+from desplat_ns.studies.grid.commands import EXPERIMENT, QUIET, TIMESTAMP, run_command
 
-DATA_VARIABLE = "DESPLAT_NS_DATA"
-"""Environment variable with the folder that holds real captures; workers elsewhere get it too."""
+PROGRAM = "desplat_ns.studies.grid.train_and_score"
+RESULTS = "results.json"
+"""What the program writes, in the run's folder."""
 
-
-@runtime_checkable
-class Capture(Protocol):
-    """A folder of photos that a dataparser reads."""
-
-    def locate(self, folder: Path) -> Path:
-        """The capture's folder; what has to be written is written below `folder`, once.
-
-        Raises:
-            DeSplatError: it is not there and cannot be made.
-        """
-        ...
-
-    def describe(self) -> Settings:
-        """What it shows, as JSON values by names: records keep them, so that a change shows. How it
-        is read is among the settings of the method."""
-        ...
+Figures = Mapping[str, int | float]
+"""What was measured, by the names of the evaluation."""
 
 
 @dataclass(frozen=True)
-class Setting:
-    """A method and its options."""
+class Variant:
+    """A method with options."""
 
-    method: str
-    """A name that nerfstudio knows, or `module:attribute` of a MethodSpecification."""
-    options: tuple[str, ...] = ()
+    name: str
     what: str = ""
-    """As tables call it."""
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A capture and how it is read."""
-
-    capture: Capture
-    parser: tuple[str, ...]
-    """The dataparser's name and its options."""
+    """In what it differs from others, in words."""
+    options: tuple[str, ...] = ()
+    """Of `ns-train`."""
+    method: str = "desplat"
+    """A name that nerfstudio knows, or `module:attribute` of a MethodSpecification."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One training run and its evaluation."""
+    """A variant, trained on a capture for some steps with a seed, and scored."""
 
-    setting: str
-    scene: str
-    downscale: int
+    variant: Variant
     steps: int
     seed: int
+    data: Path
+    """The capture's folder: in the same place on every machine that trains."""
+    parser: tuple[str, ...] = ()
+    """The data parser's name and options; empty for the method's own."""
+    evaluations: int = 1
+    """How often it is scored: in the end, after half of its steps, after a quarter, and so on; with
+    more than one its record has a curve."""
 
     @property
     def name(self) -> str:
-        return f"{self.cell}-{self.seed}"
+        """Of its record and its folder."""
+        return f"{self.variant.name}-{self.steps}-{self.seed}"
 
     @property
-    def cell(self) -> str:
-        """What runs that differ in nothing but their seed have in common."""
-        return f"{self.setting}-{self.scene}-{self.downscale}-{self.steps}"
+    def options(self) -> tuple[str, ...]:
+        """Of `ns-train`, all but the seed and the places."""
+        length = ("--max-num-iterations", str(self.steps))
+        return (*length, *QUIET, *self.variant.options, *self.parser)
 
 
 @dataclass(frozen=True)
-class Study:
-    """What is run, and what is kept of it."""
+class Record:
+    """A run that was measured."""
 
-    settings: Mapping[str, Setting]
-    scenes: Mapping[str, Scene]
-    plan: tuple[Run, ...]
-    """Every run that the document wants, the quick and the important first."""
-    figures: tuple[str, ...]
-    """Names of what is recorded, of what the evaluation gives; absent ones are left out. The first
-    is said when a run is done."""
-
+    figures: Figures
+    """Those of the evaluation, with `run_wall_seconds`, those of the process from start to end."""
+    commit: str
+    """Of the code, as `code_version` gives it."""
     device: str | None = None
-    """Type of the device that all runs are to be on; None: any, and the records say which."""
+    """Its type, `cpu` or `cuda`."""
     backend: str | None = None
-    """Rasterizer that all runs are to use; None as above."""
-    evaluations: int = 1
-    """How often a run is scored: in the end, after half of its steps, after a quarter, and so on;
-    with more than one its record has a curve."""
+    """The rasterizer that was used, whatever chose it."""
+    curve: tuple[Figures, ...] = ()
+    """The figures on the way and in the end, each with its `step`; empty if it was scored once."""
 
-    def options_of(self, run: Run) -> tuple[str, ...]:
-        """Options of `ns-train` for a run, all but its seed and its places."""
-        scene = self.scenes[run.scene]
-        smaller = ("--downscale-factor", str(run.downscale)) if run.downscale > 1 else ()
-        steps = ("--max-num-iterations", str(run.steps))
-        device = ("--machine.device-type", self.device) if self.device else ()
-        backend = ("--pipeline.model.backend", self.backend) if self.backend else ()
-        return (
-            *steps,
-            *QUIET,
-            *device,
-            *backend,
-            *self.settings[run.setting].options,
-            *scene.parser,
-            *smaller,
+
+def execute(run: Run, folder: Path) -> Record:
+    """The record of a run; what it trains stays in a folder of its name.
+
+    An earlier one of that name is replaced once this one is whole.
+
+    Raises:
+        DeSplatError: the capture is not there; or training or evaluation failed, and the message
+            names its log.
+    """
+    if not run.data.exists():
+        raise CaptureError(
+            f"There is no capture at {run.data}. Every machine that trains for a study needs the "
+            "photos in the same place."
         )
+    log = log_of(run.name, folder)
+    draft, results = log.parent, log.with_name(RESULTS)
+    shutil.rmtree(draft, ignore_errors=True)  # of a run that failed, if it is there
+    draft.mkdir(parents=True)
+    places = ["--data", run.data, "--output-dir", draft, "--machine.seed", run.seed]
+    line = ["python", "-m", PROGRAM, results, run.evaluations, run.variant.method, *places]
+    began = time.monotonic()
+    run_command([*line, *run.options], log)
+    found = _read(results, time.monotonic() - began)
+    _settle(draft, folder / run.name)
+    return found
 
-    def settings_of(self, run: Run) -> Settings:
-        """What today's code resolves for a run: every setting by its name, and what its scene is.
 
-        Raises:
-            SystemExit: an option of its setting is not understood; tyro has said which.
-        """
-        method = self.settings[run.setting].method
-        return resolve(method, self.options_of(run)) | self.scene_of(run)
+def log_of(name: str, folder: Path) -> Path:
+    """Where the run of a name that is being done, or that failed, says what happens."""
+    return folder / f"{name}.draft" / "run.log"
 
-    def scene_of(self, run: Run) -> Settings:
-        """What a run's scene is, as a part of its settings."""
-        described = self.scenes[run.scene].capture.describe()
-        return {f"{SCENE}{name}": value for name, value in described.items()}
+
+def _settle(draft: Path, output: Path) -> None:
+    """Put a finished run where it is looked for; its config.yml says so, too."""
+    for config in draft.glob(f"{EXPERIMENT}/*/{TIMESTAMP}/config.yml"):
+        text = config.read_text()  # nerfstudio writes a path as a list of its parts
+        config.write_text(text.replace(f"- {draft.name}\n", f"- {output.name}\n"))
+    shutil.rmtree(output, ignore_errors=True)
+    draft.rename(output)
+
+
+def _read(path: Path, seconds: float) -> Record:
+    """What `train_and_score` wrote: of its figures those that are numbers."""
+    results: dict[str, Any] = json.loads(path.read_text())
+
+    def numbers(figures: Mapping[str, Any]) -> Figures:
+        return {name: value for name, value in figures.items() if isinstance(value, int | float)}
+
+    figures = {**numbers(results["figures"]), "run_wall_seconds": round(seconds, 1)}
+    curve = tuple(map(numbers, results["curve"]))
+    return Record(figures, results["commit"], results["device"], results["backend"], curve)

@@ -11,6 +11,7 @@ import json
 import os
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -20,8 +21,7 @@ from nerfstudio.scripts.train import _set_random_seed
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid.code_version import code_version
 from desplat_ns.studies.grid.curve import Curve, TrainingClock, scored_steps
-from desplat_ns.studies.grid.records import where_of
-from desplat_ns.studies.grid.settings import parse, settings_of
+from desplat_ns.studies.grid.methods import parse
 
 PICTURES = "pictures"
 """Folder beside the results, with the photos and the renderings beside them."""
@@ -33,7 +33,7 @@ def train_and_score(
     """Figures, and what they are of.
 
     Args:
-        method, options: see `settings.parse`.
+        method, options: see `methods.parse`.
         pictures: folder for the photos and the renderings beside them.
         evaluations: how often the run is scored, see `curve.scored_steps`.
 
@@ -41,13 +41,12 @@ def train_and_score(
         `figures` as `ns-eval` writes them, with `train_cpu_seconds` and `train_wall_seconds`, those
         of the training steps without reading photos, the last checkpoint and evaluation; `curve`,
         the same figures on the way and in the end, if there are several evaluations; `commit`,
-        `settings`, `device` and `backend`, see `records.Record`.
+        `device` and `backend`, see `runs.Record`.
 
     Raises:
         DeSplatError: training was stopped before its last step; such a model is not scored.
     """
     version, config = code_version(), parse(method, options)
-    settings = settings_of(config)
     if config.data is not None:
         config.pipeline.datamanager.data = config.data
     _set_random_seed(config.machine.seed)
@@ -71,9 +70,15 @@ def train_and_score(
         "figures": figures,
         "curve": points,
         "commit": version,
-        "settings": settings,
         **where_of(figures),
     }
+
+
+def where_of(figures: Mapping[str, Any]) -> dict[str, str | None]:
+    """`device` and `backend` of a record, of the texts of an evaluation; None where one is
+    missing."""
+    device = figures.get("device")
+    return {"device": device and device.partition(":")[0], "backend": figures.get("backend")}
 
 
 def check_complete(done: int, wanted: int) -> None:

@@ -11,36 +11,36 @@ from desplat_ns.calibration.run_plan import measure_costs
 from desplat_ns.calibration.timing import threads
 from desplat_ns.datamanager import training_split
 from desplat_ns.errors import ConfigError
+from desplat_ns.studies.grid.methods import parse
 from desplat_ns.studies.grid.runs import Run
-from desplat_ns.studies.grid.settings import parse
-from desplat_ns.studies.tradeoff.plan import BACKEND, BASE, SCENE, SEEDS, SHORTEST, TrainingPlan
-from desplat_ns.studies.tradeoff.subject import METHOD, Subject
+from desplat_ns.studies.tradeoff.capture_info import METHOD, CaptureInfo
+from desplat_ns.studies.tradeoff.plan import BACKEND, BASE, SEEDS, SHORTEST, TrainingPlan
 
 START_SECONDS = 20.0
 """Of a run beside its steps, until one is done: imports, photos, evaluations."""
 
 DEARER = {"appearance-affine": 2.5, BACKEND: 20.0}
-"""Settings whose steps cost so many times the base's, until a run of theirs is done."""
+"""Variants whose steps cost so many times the base's, until a run of theirs is done."""
 
 BESIDE_OTHERS = 1.25
 """A step beside other jobs takes so many times what it takes alone, until a run is done."""
 
 WANTED = 500
 """Steps of a comparison at least, if the time allows: of shorter runs little can be learned, so
-that one seed, or fewer settings, have to do first."""
+that one seed, or fewer variants, have to do first."""
 
 SHARE_OF_ONE = 0.1
-"""Of the time that a single run of the comparison may take, where not all settings fit."""
+"""Of the time that a single run of the comparison may take, where not all variants fit."""
 
 
 @dataclass
 class Clock:
-    """Wall time of a study, those sittings included that were ended."""
+    """Wall time of a study, those sessions included that were ended."""
 
     budget: float
     """Seconds."""
     earlier: float = 0.0
-    """Seconds that earlier sittings took."""
+    """Seconds that earlier sessions took."""
     _start: float = field(default_factory=lambda: Clock._now())
 
     _now = staticmethod(time.monotonic)
@@ -64,7 +64,7 @@ class Pace:
     """Expected wall seconds of runs, from the start of a process to its end.
 
     A run takes a + b steps: a is for imports, reading photos, the last checkpoint and evaluations,
-    b for a step. Runs of two lengths of a setting give both, by least squares. Until then they are
+    b for a step. Runs of two lengths of a variant give both, by least squares. Until then they are
     the base's, or at first a guess, times a factor that fits the runs that are done.
     """
 
@@ -81,20 +81,24 @@ class Pace:
         Args:
             seconds: from its process's start to its end.
         """
-        self._done.setdefault(run.setting, []).append((run.steps, seconds))
+        self._done.setdefault(run.variant.name, []).append((run.steps, seconds))
 
     def seconds(self, run: Run) -> float:
         """Expected of a run."""
-        start, step = self._line(run.setting)
-        return start + run.steps * step
+        return self.expected(run.variant.name, run.steps)
 
-    def _line(self, setting: str) -> Line:
-        done = self._done.get(setting, [])
+    def expected(self, name: str, steps: int) -> float:
+        """The same of a variant's name and a number of steps."""
+        start, step = self._line(name)
+        return start + steps * step
+
+    def _line(self, name: str) -> Line:
+        done = self._done.get(name, [])
         if len({steps for steps, _ in done}) > 1:
             return fitted(done)
-        start, step = self._guess if setting == BASE else self._line(BASE)
+        start, step = self._guess if name == BASE else self._line(BASE)
         if not done:
-            return start, step * DEARER.get(setting, 1.0)
+            return start, step * DEARER.get(name, 1.0)
         expected = sum(start + steps * step for steps, _ in done)
         factor = sum(seconds for _, seconds in done) / expected
         return factor * start, factor * step
@@ -111,23 +115,23 @@ def fitted(done: Sequence[tuple[int, float]]) -> Line:
     return start, slope
 
 
-def first_pace(subject: Subject, device: str) -> Pace:
+def first_pace(capture: CaptureInfo, device: str) -> Pace:
     """From training steps on generated Gaussians of this capture's size, one thread; seconds.
 
     Args:
         device: on which runs train.
     """
-    config = parse(METHOD, ["--data", subject.data, *subject.parser])
+    config = parse(METHOD, ["--data", capture.data, *capture.parser])
     manager, model = config.pipeline.datamanager, config.pipeline.model
     manager.data = config.data
-    model.effects = model.effects.decided(subject.effects)
+    model.effects = model.effects.decided(capture.effects)
     with threads(1):
         costs = measure_costs(training_split(manager), model, device)
-    return Pace(costs.mean(model, subject.photos, config.nominal_num_iterations))
+    return Pace(costs.mean(model, capture.photos, config.nominal_num_iterations))
 
 
 def plan_for(
-    seconds: float, jobs: int, pace: Pace, settings: Sequence[str], most: int
+    seconds: float, jobs: int, pace: Pace, capture: CaptureInfo, variants: Sequence[str], most: int
 ) -> TrainingPlan:
     """The longest comparison of which all runs fit. If none of `WANTED` steps does, the longest of
     at most as many of which those of the first seed fit, or one run is no large part of the time.
@@ -135,18 +139,19 @@ def plan_for(
     Args:
         seconds: of wall time, for trainings.
         jobs: runs beside each other.
-        settings: names of what is compared, the base first.
+        variants: names of what is compared, the base first.
         most: steps of the method itself.
 
     Raises:
         ConfigError: not even the shortest run of the base fits.
     """
-    plan = TrainingPlan(SHORTEST, tuple(settings), most)
-    first = pace.seconds(plan.runs()[0])
+    plan = TrainingPlan(SHORTEST, tuple(variants), most)
+    shortest = plan.runs(capture)[0]
+    first = pace.seconds(shortest)
     if first > seconds:
         raise ConfigError(
             f"The study has {max(seconds, 0):.0f} s left for trainings, and the shortest, "
-            f"{plan.runs()[0].steps} steps and their evaluation, is expected to take {first:.0f} "
+            f"{shortest.steps} steps and their evaluation, is expected to take {first:.0f} "
             f"s here. Give --time {4 * first / 60:.0f}min or more, or smaller photos (the data "
             "parser's --downscale-factor)."
         )
@@ -154,14 +159,13 @@ def plan_for(
     def fits(plan: TrainingPlan, seeds: tuple[int, ...]) -> bool:
         runs = [
             run
-            for run in plan.runs()
-            if run.seed in seeds and run.steps <= 4 * plan.steps and run.setting != BACKEND
+            for run in plan.runs(capture)
+            if run.seed in seeds and run.steps <= 4 * plan.steps and run.variant.name != BACKEND
         ]
         return sum(map(pace.seconds, runs)) <= seconds * jobs
 
     def is_short(plan: TrainingPlan) -> bool:
-        one = pace.seconds(Run(BASE, SCENE, 1, plan.steps, SEEDS[0]))
-        return one <= SHARE_OF_ONE * seconds * jobs
+        return pace.expected(BASE, plan.steps) <= SHARE_OF_ONE * seconds * jobs
 
     plans = list(_longer(plan))
     whole = [one for one in plans if one.steps >= WANTED and fits(one, SEEDS)]
@@ -175,7 +179,7 @@ def _longer(plan: TrainingPlan) -> Iterator[TrainingPlan]:
     """The plan, and those of doubled lengths."""
     steps = plan.steps
     while steps <= plan.most:
-        yield TrainingPlan(steps, plan.settings, plan.most)
+        yield TrainingPlan(steps, plan.variants, plan.most)
         steps *= 2
 
 

@@ -47,15 +47,15 @@ def draw_all(folder: Path, found: Sequence[Measured]) -> list[str]:
 
 
 def draw_training(folder: Path, found: Sequence[Measured]) -> str:
-    """PSNR against training time: every setting with its spread, the base's lengths as a line."""
+    """PSNR against training time: every variant with its spread, the base's lengths as a line."""
     with _figure(folder, "training") as axes:
-        for steps in dict.fromkeys(one.steps for one in found if one.setting == BASE):
-            way = [one for one in found if (one.setting, one.steps) == (BASE, steps)]
+        for steps in dict.fromkeys(one.steps for one in found if one.variant == BASE):
+            way = [one for one in found if (one.variant, one.steps) == (BASE, steps)]
             axes.plot(*_xy(way), "-", color=COLOURS[0], alpha=0.25, linewidth=1)
-        for index, setting in enumerate(dict.fromkeys(one.setting for one in found)):
-            ends = sorted(finals(o for o in found if o.setting == setting), key=lambda o: o.steps)
-            label = "desplat, by length" if setting == BASE else setting
-            _bars(axes, ends, index, label, "-" if setting == BASE else "")
+        for index, variant in enumerate(dict.fromkeys(one.variant for one in found)):
+            ends = sorted(finals(o for o in found if o.variant == variant), key=lambda o: o.steps)
+            label = "desplat, by length" if variant == BASE else variant
+            _bars(axes, ends, index, label, "-" if variant == BASE else "")
         axes.set(xscale="log", xlabel=TRAINING_SECONDS, ylabel="PSNR of right halves, dB")
         _plain_numbers(axes.xaxis)
         axes.legend(frameon=False, fontsize=8, ncols=2)
@@ -83,7 +83,7 @@ def _xy(found: Sequence[Measured]) -> tuple[list[float], list[float]]:
 def draw_other_figures(folder: Path, found: Sequence[Measured]) -> list[str]:
     """SSIM, LPIPS and mask IoU of the base's lengths, each if it was measured."""
     names = []
-    ends = sorted(finals(o for o in found if o.setting == BASE), key=lambda o: o.steps)
+    ends = sorted(finals(o for o in found if o.variant == BASE), key=lambda o: o.steps)
     for name, label in MORE.items():
         having = [one for one in ends if name in one.figures]
         if not having:

@@ -14,9 +14,8 @@ from PIL import Image
 
 from desplat_ns.effects import Effects
 from desplat_ns.studies.grid.code_version import short
-from desplat_ns.studies.grid.records import Records
 from desplat_ns.studies.grid.train_and_score import PICTURES
-from desplat_ns.studies.tradeoff.plan import BASE, SCENE, SEEDS, compared, study_of
+from desplat_ns.studies.tradeoff.plan import BASE, SEEDS, compared
 from desplat_ns.studies.tradeoff.plots import draw_all
 from desplat_ns.studies.tradeoff.results import RUNS, Results
 from desplat_ns.studies.tradeoff.summary import (
@@ -46,7 +45,7 @@ PICTURE_WIDTH, PICTURE_QUALITY = 900, 85
 
 @dataclass(frozen=True)
 class Row:
-    """A setting at a number of steps, in words."""
+    """A variant at a number of steps, in words."""
 
     what: str
     steps: str
@@ -63,9 +62,9 @@ class Row:
     is_base: bool
 
 
-def write_report(folder: Path, results: Results, records: Records) -> Path:
+def write_report(folder: Path, results: Results) -> Path:
     """Draw the plots and write the report; where it is."""
-    found = _measured(results, records)
+    found = measured_of(results)
     plots = draw_all(folder, found)
     environment = jinja2.Environment(
         autoescape=True,
@@ -77,43 +76,44 @@ def write_report(folder: Path, results: Results, records: Records) -> Path:
     environment.filters["seconds"] = seconds_in_words
     template = environment.from_string(TEMPLATE.read_text("utf8"))
     text = template.render(
-        subject=results.subject,
-        effects=effects_in_words(results.subject.effects),
+        capture=results.capture,
+        effects=effects_in_words(results.capture.effects),
         results=results,
         seeds=len(SEEDS),
         claims=claims_in_words(found),
         rows=training_rows(found, results),
-        more=[MORE[name] for name in measured_of(found)],
-        within=told_within(found),
-        reached=told_reached(found),
+        more=[MORE[name] for name in names_of(found)],
+        within=best_by_time(found),
+        reached=time_by_decibels(found),
         on_the_front=front_in_words(found),
         plots={name: inline(folder / f"{name}.svg") for name in plots},
         pictures=pictures_of(folder, found),
-        commits=sorted({short(r.commit) for r in records.values() if r.commit}),
+        code=short(results.code),
     )
     (folder / FILE).write_text(text, "utf8")
     return folder / FILE
 
 
-def _measured(results: Results, records: Records) -> list[Measured]:
+def measured_of(results: Results) -> list[Measured]:
+    """What its trainings say, in the order of the plan."""
     if results.plan is None:
         return []
-    return measured(study_of(results.subject, results.plan).plan, records)
+    return measured(results.plan.runs(results.capture), results.training)
 
 
 # --- training ------------------------------------------------------------------------------------
 
 
 def training_rows(found: Sequence[Measured], results: Results) -> list[Row]:
-    """Whole runs: the base's lengths first, then the other settings at the comparison's."""
-    ends = sorted(finals(found), key=lambda one: (one.setting != BASE, one.steps))
-    settings, front, said = compared(results.subject.effects), on_front(ends), verdicts(ends)
+    """Whole runs: the base's lengths first, then the other variants at the comparison's."""
+    ends = sorted(finals(found), key=lambda one: (one.variant != BASE, one.steps))
+    variants, front, said = compared(results.capture.effects), on_front(ends), verdicts(ends)
     return [
         Row(
-            settings[one.setting].what,
+            variants[one.variant].what,
             f"{one.steps:,}",
             spread(one.psnr, ".2f"),
-            tuple(_figure(one, name, ".3f") for name in measured_of(ends)),
+            tuple(_figure(one, name, ".3f") for name in names_of(ends)),
             spread(one.wall, ".0f"),
             _figure(one, "train_cpu_seconds", ".0f"),
             _figure(one, "num_static_gaussians", ",.0f", alone=True),
@@ -121,13 +121,13 @@ def training_rows(found: Sequence[Measured], results: Results) -> list[Row]:
             len(one.seeds),
             said[index],
             index in front,
-            one.setting == BASE,
+            one.variant == BASE,
         )
         for index, one in enumerate(ends)
     ]
 
 
-def measured_of(found: Sequence[Measured]) -> list[str]:
+def names_of(found: Sequence[Measured]) -> list[str]:
     """Those of `MORE` that were measured of any run."""
     return [name for name in MORE if any(name in one.figures for one in found)]
 
@@ -147,24 +147,24 @@ def _figure(one: Measured, name: str, form: str, alone: bool = False) -> str:
     return format(values.median, form) if alone else spread(values, form)
 
 
-def told_within(found: Sequence[Measured]) -> list[dict[str, str]]:
+def best_by_time(found: Sequence[Measured]) -> list[dict[str, str]]:
     """The best of the defaults within some training times."""
-    ours = [one for one in found if one.setting == BASE]
-    told = [(seconds, best_within(seconds, ours)) for seconds in times_to_tell(ours)]
+    ours = [one for one in found if one.variant == BASE]
+    rows = [(seconds, best_within(seconds, ours)) for seconds in times_to_tell(ours)]
     return [
         {"time": seconds_in_words(seconds), "psnr": spread(one.psnr, ".2f"), "run": _run_words(one)}
-        for seconds, one in told
+        for seconds, one in rows
         if one is not None
     ]
 
 
-def told_reached(found: Sequence[Measured]) -> list[dict[str, str]]:
+def time_by_decibels(found: Sequence[Measured]) -> list[dict[str, str]]:
     """How soon the defaults reached whole dB."""
-    ours = [one for one in found if one.setting == BASE]
-    told = [(decibels, soonest_at(decibels, ours)) for decibels in decibels_to_tell(ours)]
+    ours = [one for one in found if one.variant == BASE]
+    rows = [(decibels, soonest_at(decibels, ours)) for decibels in decibels_to_tell(ours)]
     return [
         {"psnr": f"{decibels} dB", "time": spread(one.wall, ".0f") + " s", "run": _run_words(one)}
-        for decibels, one in told
+        for decibels, one in rows
         if one is not None
     ]
 
@@ -177,18 +177,20 @@ def _run_words(one: Measured) -> str:
 
 def claims_in_words(found: Sequence[Measured]) -> str:
     """What a claim of this page means, and what so few seeds cannot show."""
-    number = sum("p" in words.split() for words in verdicts(finals(found)))
+    said = verdicts(finals(found))
+    number = sum(bool(words) and "no claim" not in words for words in said)
+    ratio = f"{least_ratio(number):.0f} times" if number else "two and more times"
     return (
-        f"A difference is the mean, over seeds, of what a setting has less what the defaults have "
+        "A difference is the mean, over seeds, of what a variant has less what the defaults have "
         f"with the same seed. It is claimed where all {len(SEEDS)} seeds of both were measured and "
-        f"p is at most {SIGNIFICANT:g}, by a paired t-test and Holm's correction for the "
-        f"{max(1, number)} comparisons here: if no setting mattered, one such page in "
-        f"{round(1 / SIGNIFICANT)} would claim any difference. The clearest one has to be "
-        f"{least_ratio(number):.0f} times as large as it scatters from seed to seed (standard "
-        f"deviation). The test takes that scatter to be normally distributed, which {len(SEEDS)} "
-        "seeds cannot show: without it they tell nothing, for all three differences have the same "
-        'sign by chance once in four times. "Not told apart" does not say that there is no '
-        "difference, and seeds are of this capture alone: what holds here may not hold on another."
+        f"p is at most {SIGNIFICANT:g}, by a paired t-test with Holm's correction for the number "
+        f"of comparisons ({number} here): if no variant mattered, one such page in "
+        f"{round(1 / SIGNIFICANT)} would claim any difference. To be claimed, the clearest one has "
+        f"to be {ratio} as large as its scatter from seed to seed (standard deviation). The test "
+        f"takes that scatter to be normally distributed, which {len(SEEDS)} seeds cannot show; "
+        "without it they tell nothing, for all three differences have the same sign by chance "
+        'once in four times. "Not told apart" does not say that there is no difference; and seeds '
+        "are of this capture alone: what holds here may not hold on another."
     )
 
 
@@ -198,10 +200,10 @@ def front_in_words(found: Sequence[Measured]) -> str:
     if not ends:
         return ""
     front = on_front(ends)
-    beaten = [o for i, o in enumerate(ends) if o.setting == BASE and i not in front]
+    beaten = [o for i, o in enumerate(ends) if o.variant == BASE and i not in front]
     if not beaten:
         return "Every length of the defaults lies on the front."
-    better = {ends[i].setting for i in front if ends[i].setting != BASE}
+    better = {ends[i].variant for i in front if ends[i].variant != BASE}
     lengths = ", ".join(f"{one.steps:,}" for one in sorted(beaten, key=lambda one: one.steps))
     return (
         f"The defaults at {lengths} steps lie behind the front, by medians. On it are also: "
@@ -237,14 +239,14 @@ def inline(svg: Path) -> str:
 
 def pictures_of(folder: Path, found: Sequence[Measured]) -> list[dict[str, str]]:
     """The first held-out photo beside its rendering, by the shortest and by the best run."""
-    ends = [one for one in finals(found) if one.setting == BASE]
+    ends = [one for one in finals(found) if one.variant == BASE]
     if not ends:
         return []
     shortest = min(ends, key=lambda one: one.steps)
     best = max(ends, key=lambda one: one.psnr.median)
     shown = []
     for one in dict.fromkeys((shortest.steps, best.steps)):
-        name = f"{BASE}-{SCENE}-1-{one}-{SEEDS[0]}"
+        name = f"{BASE}-{one}-{SEEDS[0]}"
         found_pictures = sorted((folder / RUNS / name / PICTURES).glob("eval_img_*.png"))
         if found_pictures:
             shown.append({"steps": f"{one:,}", "data": data_of(found_pictures[0])})

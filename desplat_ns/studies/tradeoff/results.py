@@ -1,7 +1,6 @@
 """What a study has found so far, in files: it can be ended at any time and goes on from them.
 
-results.json     the capture, the plan, the time spent, all figures
-training.json    the records of the trainings, as every study keeps them
+results.json     the capture, the plan, the time spent, the record of every training
 runs/            what is trained
 report.html, *.svg, *.png
 """
@@ -9,7 +8,6 @@ report.html, *.svg, *.png
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,39 +15,44 @@ from typing import Any
 from desplat_ns.errors import ConfigError
 from desplat_ns.files.lock import IN_USE
 from desplat_ns.files.whole import write_whole
+from desplat_ns.studies.grid.code_version import code_version, short
 from desplat_ns.studies.grid.machine import describe_machine
-from desplat_ns.studies.grid.records import Records
+from desplat_ns.studies.grid.runs import Record
+from desplat_ns.studies.tradeoff.capture_info import CaptureInfo
 from desplat_ns.studies.tradeoff.plan import TrainingPlan
-from desplat_ns.studies.tradeoff.subject import Subject
 
-FILE, RECORDS, RUNS = "results.json", "training.json", "runs"
-FORMAT = 2
+FILE, RUNS = "results.json", "runs"
+FORMAT = 3
 
 
 @dataclass
 class Results:
-    """All but the trainings, which the grid's records hold."""
+    """All of it."""
 
-    subject: Subject
+    capture: CaptureInfo
     spent: float = 0.0
-    """Seconds of wall time, of all sittings."""
+    """Seconds of wall time, of all sessions."""
     jobs: int = 1
     """Runs beside each other."""
     plan: TrainingPlan | None = None
     """Settled before the first training."""
+    training: dict[str, Record] = field(default_factory=dict)
+    """By the names of the runs."""
+    code: str = field(default_factory=code_version)
+    """That trains; other code makes another study."""
     failed: dict[str, str] = field(default_factory=dict)
-    """Why a cell gave no figure, by its name."""
+    """Why a run gave no figure, by its name."""
     left_out: list[str] = field(default_factory=list)
     """Runs for which no time was left."""
     machine: dict[str, str] = field(default_factory=describe_machine)
 
-    def save(self, folder: Path, records: Records) -> None:
+    def save(self, folder: Path) -> None:
         """Write results.json; whole or not at all.
 
         Raises:
             ConfigError: nothing can be written there, for instance because the disk is full.
         """
-        content = {"format": FORMAT, **asdict(self), "training": training_rows(records)}
+        content = {"format": FORMAT, **asdict(self)}
         target = folder / FILE
         try:
             write_whole(target, (json.dumps(content, indent=1) + "\n").encode())
@@ -74,15 +77,26 @@ class Results:
             content = json.loads(path.read_text("utf8"))
             if content.pop("format") != FORMAT:
                 raise ValueError("it is of another version")
-            del content["training"]
-            subject = Subject.from_json(content.pop("subject"))
-            plan = content.pop("plan")
-            settled = plan and TrainingPlan(plan["steps"], tuple(plan["settings"]), plan["most"])
-            return cls(subject, plan=settled, **content)
+            found = cls.from_json(content)
         except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
             raise ConfigError(
                 f"{path} is not a study's, or is damaged ({error}). Name another --output."
             ) from error
+        if found.code != code_version():
+            raise ConfigError(
+                f"{folder} holds a study by {short(found.code)}, and this is "
+                f"{short(code_version())}: their trainings are not compared. Name another --output."
+            )
+        return found
+
+    @classmethod
+    def from_json(cls, content: dict[str, Any]) -> Results:
+        """What `save` wrote, without its format. Raises KeyError, TypeError where it did not."""
+        capture, plan = CaptureInfo.from_json(content.pop("capture")), content.pop("plan")
+        settled = plan and TrainingPlan(plan["steps"], tuple(plan["variants"]), plan["most"])
+        rows = content.pop("training").items()
+        training = {name: Record(**row | {"curve": tuple(row["curve"])}) for name, row in rows}
+        return cls(capture, plan=settled, training=training, **content)
 
 
 def _check_free(folder: Path) -> None:
@@ -92,11 +106,3 @@ def _check_free(folder: Path) -> None:
             f"--output is '{folder}', which holds something that is no study of this kind. Name a "
             "new or empty folder."
         )
-
-
-def training_rows(records: Records) -> dict[str, Mapping[str, Any]]:
-    """Figures of the trainings by the names of their runs."""
-    return {
-        name: {**record.figures, "curve": record.curve, "commit": record.commit}
-        for name, record in sorted(records.items())
-    }

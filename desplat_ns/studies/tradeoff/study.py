@@ -6,27 +6,25 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from threading import Lock
 
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, DeSplatError
-from desplat_ns.studies.grid import records
-from desplat_ns.studies.grid.execute import config_of, log_of
 from desplat_ns.studies.grid.executors import Executor
-from desplat_ns.studies.grid.records import Record, Records, State
-from desplat_ns.studies.grid.runs import Run, Study
-from desplat_ns.studies.grid.settings import method_config
+from desplat_ns.studies.grid.methods import method_config
+from desplat_ns.studies.grid.runs import Record, Run, log_of
+from desplat_ns.studies.tradeoff.capture_info import METHOD, describe_capture
 from desplat_ns.studies.tradeoff.pace import (
-    START_SECONDS,
     Clock,
     Pace,
     first_pace,
     fitting,
     plan_for,
 )
-from desplat_ns.studies.tradeoff.plan import BACKEND, TrainingPlan, compared, study_of
-from desplat_ns.studies.tradeoff.results import RECORDS, RUNS, Results
-from desplat_ns.studies.tradeoff.subject import METHOD, subject_of
+from desplat_ns.studies.tradeoff.plan import BACKEND, TrainingPlan, compared
+from desplat_ns.studies.tradeoff.results import RUNS, Results
 
 CHECKPOINTS = "nerfstudio_models"
 """nerfstudio's folder in a run."""
@@ -57,11 +55,11 @@ def open_study(request: Request) -> Results:
     found = Results.load(request.output)
     if found is None:
         started = time.monotonic()
-        subject = subject_of(request.data, request.parser, request.output)
-        return Results(subject, time.monotonic() - started, request.jobs)
-    subject = found.subject
-    if (subject.data, subject.parser) != (str(request.data.resolve()), request.parser):
-        options = " ".join((subject.data, *subject.parser))
+        capture = describe_capture(request.data, request.parser, request.output)
+        return Results(capture, time.monotonic() - started, request.jobs)
+    capture = found.capture
+    if (capture.data, capture.parser) != (str(request.data.resolve()), request.parser):
+        options = " ".join((capture.data, *capture.parser))
         raise ConfigError(
             f"{request.output} holds the study of another capture or data parser: {options}. "
             "Name another --output, or that capture to go on with it."
@@ -70,7 +68,7 @@ def open_study(request: Request) -> Results:
     return found
 
 
-class Sitting:
+class Session:
     """The work on a study from one start of the command to its end."""
 
     def __init__(self, request: Request, results: Results, tell: Callable[[str], None]) -> None:
@@ -80,19 +78,14 @@ class Sitting:
         self.results, self.clock = results, Clock(request.seconds, results.spent)
         self._folder, self._executor, self._tell = request.output, request.executor, tell
         self._runs = (request.output / RUNS).resolve()
-        self._begun: dict[Run, float] = {}
+        self._keeping = Lock()
         self.results.left_out = []
         self.save()
-
-    @property
-    def records(self) -> Records:
-        """Of the trainings."""
-        return records.load(self._folder / RECORDS)
 
     def save(self) -> None:
         """Write results.json. Raises ConfigError where that cannot be done."""
         self.results.spent = round(self.clock.spent, 1)
-        self.results.save(self._folder, self.records)
+        self.results.save(self._folder)
 
     def do(self) -> None:
         """The runs of the plan that are not done and for which time is left.
@@ -102,77 +95,60 @@ class Sitting:
         """
         self._tell("timing of training steps")
         results, config = self.results, method_config(METHOD)
-        pace = first_pace(results.subject, config.machine.device_type)
+        pace = first_pace(results.capture, config.machine.device_type)
         if results.plan is None:
-            names = tuple(name for name in compared(results.subject.effects) if name != BACKEND)
+            names = tuple(name for name in compared(results.capture.effects) if name != BACKEND)
             most = config.max_num_iterations
-            results.plan = plan_for(self.clock.left, results.jobs, pace, names, most)
-        study = study_of(results.subject, results.plan)
-        done = set(self._known(study, pace))
-        self._announce_plan(results.plan, len(study.plan), len(done))
-
-        def keep(run: Run, found: Record | Exception) -> bool:
-            return self._keep(study, pace, run, found)
-
-        coming = self._noted(fitting(study.plan, done, pace, self.clock))
+            results.plan = plan_for(
+                self.clock.left, results.jobs, pace, results.capture, names, most
+            )
+        runs = results.plan.runs(results.capture)
+        done = {run for run in runs if run.name in results.training}
+        for run in done:
+            pace.add(run, results.training[run.name].figures["run_wall_seconds"])
+        self._announce_plan(results.plan, len(runs), len(done))
         self._runs.mkdir(parents=True, exist_ok=True)
-        self._executor.do(study, coming, self._runs, keep)
-        measured = self.records
-        results.left_out = [
-            run.name
-            for run in study.plan
-            if run.name not in measured and run.name not in results.failed
-        ]
+        coming = self._noted(fitting(runs, done, pace, self.clock))
+        self._executor.do(coming, self._runs, partial(self._keep, pace))
+        settled = results.training.keys() | results.failed.keys()
+        results.left_out = [run.name for run in runs if run.name not in settled]
         self.save()
-
-    def _known(self, study: Study, pace: Pace) -> Iterator[Run]:
-        """Runs that earlier sittings did, with today's settings."""
-        known = self.records
-        for run in study.plan:
-            if records.state_of(study, run, known)[0] in (State.DONE, State.DIRTY):
-                training = known[run.name].figures["train_wall_seconds"]
-                pace.add(run, training + START_SECONDS)
-                yield run
 
     def _noted(self, runs: Iterable[Run]) -> Iterator[Run]:
         for run in runs:
-            self._begun[run] = self.clock.spent
-            self._tell(f"training: {run.setting}, {run.steps:,} steps, seed {run.seed}")
+            self._tell(f"training: {run.variant.name}, {run.steps:,} steps, seed {run.seed}")
             yield run
 
-    def _keep(self, study: Study, pace: Pace, run: Run, found: Record | Exception) -> bool:
+    def _keep(self, pace: Pace, run: Run, found: Record | Exception) -> bool:
         """Record a run and make room; False if it failed, which is said.
 
         Raises:
             ConfigError: nothing can be written, for instance because the disk is full.
         """
-        if isinstance(found, Record):
-            try:
-                records.enter(self._folder / RECORDS, run, found)
-            except OSError as error:
-                found = error
-        if isinstance(found, Exception):
-            log = "" if isinstance(found, DeSplatError) else f" Its log: {log_of(run, self._runs)}"
-            self._fail(run.name, found, log)
+        with self._keeping:  # runs beside each other share the results
+            if isinstance(found, Exception):
+                self._fail(run.name, found)
+                self.save()
+                return False
+            pace.add(run, found.figures["run_wall_seconds"])
+            self.results.training[run.name] = found
+            self.results.failed.pop(run.name, None)
             self.save()
-            return False
-        training = found.figures["train_wall_seconds"]
-        pace.add(run, self.clock.spent - self._begun[run])
-        self.results.failed.pop(run.name, None)
-        announce(f"{run.name}: {found.figures['psnr']:.2f} dB after {training:.0f} s of training")
-        models = config_of(study, run, self._runs).with_name(CHECKPOINTS)
-        shutil.rmtree(models, ignore_errors=True)
-        self.save()
+        psnr, seconds = found.figures["psnr"], found.figures["train_wall_seconds"]
+        announce(f"{run.name}: {psnr:.2f} dB after {seconds:.0f} s of training")
+        for models in (self._runs / run.name).glob(f"*/*/*/{CHECKPOINTS}"):
+            shutil.rmtree(models, ignore_errors=True)
         return True
 
     def _announce_plan(self, plan: TrainingPlan, number: int, done: int) -> None:
         went_on = f", {done} of which are done" if done else ""
         announce(
-            f"Settings are compared at {plan.steps:,} steps. Planned: {number} trainings{went_on}; "
+            f"Variants are compared at {plan.steps:,} steps. Planned: {number} trainings{went_on}; "
             "as many as fit are done."
         )
 
-    def _fail(self, name: str, error: Exception, more: str = "") -> None:
-        said = str(error) if isinstance(error, DeSplatError) else f"{type(error).__name__}: {error}"
-        self.results.failed[name] = f"{said}{more}"
-        announce(f"{name}: {said}{more}", warning=True)
+    def _fail(self, name: str, error: Exception) -> None:
+        log = f"{type(error).__name__}: {error} Its log: {log_of(name, self._runs)}"
+        said = str(error) if isinstance(error, DeSplatError) else log
+        self.results.failed[name] = said
+        announce(f"{name}: {said}", warning=True)

@@ -7,8 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, median, stdev
 
-from desplat_ns.studies.grid.records import Figures, Records
-from desplat_ns.studies.grid.runs import Run
+from desplat_ns.studies.grid.runs import Figures, Record, Run
 from desplat_ns.studies.tradeoff import pareto
 from desplat_ns.studies.tradeoff.plan import BASE, SEEDS
 
@@ -40,9 +39,9 @@ class Spread:
 
 @dataclass(frozen=True)
 class Measured:
-    """A setting at a number of steps, or the same on its way to them."""
+    """A variant at a number of steps, or the same on its way to them."""
 
-    setting: str
+    variant: str
     steps: int
     """Of the run."""
     done: int
@@ -71,8 +70,8 @@ class Measured:
         return self.figures["train_wall_seconds"]
 
 
-def measured(runs: Sequence[Run], records: Records) -> list[Measured]:
-    """All settings and lengths of which a seed was measured, in the order of the plan, each on its
+def measured(runs: Sequence[Run], records: Mapping[str, Record]) -> list[Measured]:
+    """All variants and lengths of which a seed was measured, in the order of the plan, each on its
     way and in the end."""
     by_cell: dict[tuple[str, int], dict[int, Mapping[int, Figures]]] = {}
     for run in runs:
@@ -80,10 +79,10 @@ def measured(runs: Sequence[Run], records: Records) -> list[Measured]:
         if record is not None:
             points = {int(point["step"]): point for point in record.curve}
             points[run.steps] = record.figures
-            by_cell.setdefault((run.setting, run.steps), {})[run.seed] = points
+            by_cell.setdefault((run.variant.name, run.steps), {})[run.seed] = points
     return [
-        Measured(setting, steps, done, tuple(seeds), _spreads([p[done] for p in seeds.values()]))
-        for (setting, steps), seeds in by_cell.items()
+        Measured(variant, steps, done, tuple(seeds), _spreads([p[done] for p in seeds.values()]))
+        for (variant, steps), seeds in by_cell.items()
         for done in sorted(set.intersection(*(set(points) for points in seeds.values())))
     ]
 
@@ -171,11 +170,11 @@ def corrected(p_values: Sequence[float]) -> list[float]:
 def verdicts(found: Sequence[Measured]) -> list[str]:
     """What may be said of each whole run against the base at as many steps, in their order; empty
     where there is nothing to compare it with."""
-    base = {one.steps: one for one in found if one.setting == BASE}
+    base = {one.steps: one for one in found if one.variant == BASE}
     pairs = {
         i: differences(one, base[one.steps])
         for i, one in enumerate(found)
-        if one.setting != BASE and one.steps in base
+        if one.variant != BASE and one.steps in base
     }
     tested = [i for i, pair in pairs.items() if len(pair) == len(SEEDS)]
     p = dict(zip(tested, corrected([p_value(pairs[i]) for i in tested]), strict=True))

@@ -4,12 +4,12 @@ import json
 
 import pytest
 
-from desplat_ns.studies.grid.records import load
 from lab.front.budgets import enter
 from lab.front.growth import load as load_growth
 from lab.front.kept import Kept
 from lab.front.report import REPORT, budget_rows, front_table, report
 from lab.front.runs import CHOSEN_ON, FILE, PLAN, REPORTED_ON, STUDY
+from lab.grid.records import load
 
 
 def test_scenes_to_choose_on_are_not_those_to_report_on():

@@ -6,20 +6,19 @@ import json
 
 import pytest
 
-from desplat_ns.studies.tradeoff.plan import BASE, TrainingPlan, study_of
+from desplat_ns.studies.tradeoff.plan import BASE, TrainingPlan
 from desplat_ns.studies.tradeoff.results import Results
 from lab.front import studies
-from tests.helpers.tradeoff import SUBJECT, made_up
+from tests.helpers.tradeoff import CAPTURE, made_up
 
 
 @pytest.mark.usefixtures("tyro_may_build")
 def test_a_kept_study_says_nothing_of_the_machine_and_is_compared(tmp_path, monkeypatch):
     monkeypatch.setattr(studies, "FOLDER", tmp_path / "kept")
     settled = TrainingPlan(500, (BASE, "fewer"), 30_000)
-    study = study_of(SUBJECT, settled)
-    records = {run.name: made_up(study, run) for run in study.plan if run.steps <= 500}
-    results = Results(SUBJECT, plan=settled, failed={"fewer": "see /photos/run.log"})
-    results.save(tmp_path / "out", records)
+    training = {run.name: made_up(run) for run in settled.runs(CAPTURE) if run.steps <= 500}
+    failed = {"fewer": "see /photos/run.log"}
+    Results(CAPTURE, plan=settled, training=training, failed=failed).save(tmp_path / "out")
     (tmp_path / "out" / "training.svg").write_text("<svg/>")
     kept = studies.keep(tmp_path / "out", "garden")
     assert "/photos" not in kept.read_text()

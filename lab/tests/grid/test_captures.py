@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.grid.settings import differences
 from lab.grid.captures import (
     DATA_VARIABLE,
     AlteredCapture,
@@ -17,6 +16,7 @@ from lab.grid.captures import (
     made,
     place_of,
 )
+from lab.grid.settings import differences
 from lab.synthetic import SceneSpec
 
 

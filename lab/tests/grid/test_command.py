@@ -9,15 +9,26 @@ import pytest
 
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.grid import executors as module
-from desplat_ns.studies.grid import records
-from desplat_ns.studies.grid.execute import log_of
-from desplat_ns.studies.grid.records import Record, load, save
-from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
+from desplat_ns.studies.grid.runs import Record as Measured
+from desplat_ns.studies.grid.runs import Run as Job
+from desplat_ns.studies.grid.runs import log_of
+from lab.grid import records
 from lab.grid.captures import RealCapture
 from lab.grid.command import Command, named_runs
+from lab.grid.records import Record, load, save
+from lab.grid.runs import Run, Scene, Setting, Study
 from tests.helpers.other_process import running, tried
 
-CAPTURE = RealCapture("fox")
+
+class Here(RealCapture):
+    """A capture that is there."""
+
+    def locate(self, folder: Path) -> Path:
+        return folder
+
+
+CAPTURE = Here("fox")
+FOUND = Measured({"psnr": 30.0, "ssim": 0.5}, "new")
 PLAN = tuple(
     Run(name, scene, 1, 1000, seed)
     for seed in (42, 43)
@@ -56,7 +67,7 @@ def command(tmp_path: Path, monkeypatch) -> Command:
             UNKNOWN.name: Record(figures, None, None),
         },
     )
-    monkeypatch.setattr(module, "execute", lambda *_: Record({"psnr": 30.0}, "new", TODAY))
+    monkeypatch.setattr(module, "execute", lambda *_: FOUND)
     return Command(STUDY, file, lambda: tmp_path / "page.md", tmp_path / "out", "study", "")
 
 
@@ -103,10 +114,10 @@ def test_a_report_alone_runs_nothing(command: Command, monkeypatch):
 
 
 def test_a_run_that_fails_is_said_and_leaves_the_others(command: Command, monkeypatch, capsys):
-    def fail(study: Study, run: Run, folder: Path) -> Record:
-        if run == STALE:
+    def fail(job: Job, folder: Path) -> Measured:
+        if job.name == STALE.name:
             raise DeSplatError("no disk")
-        return Record({"psnr": 30.0}, "new", TODAY)
+        return FOUND
 
     monkeypatch.setattr(module, "execute", fail)
     assert command.main(["--only", "*-42"]) == 1
@@ -115,16 +126,16 @@ def test_a_run_that_fails_is_said_and_leaves_the_others(command: Command, monkey
 
 
 def test_any_exception_is_a_failed_run_and_its_log_is_named(command: Command, monkeypatch, capsys):
-    def fail(study: Study, run: Run, folder: Path) -> Record:
-        if run == STALE:
+    def fail(job: Job, folder: Path) -> Measured:
+        if job.name == STALE.name:
             raise OSError("disk full")
-        return Record({"psnr": 30.0}, "new", TODAY)
+        return FOUND
 
     monkeypatch.setattr(module, "execute", fail)
     assert command.main(["--only", "*-42"]) == 1
     said = capsys.readouterr().err
     assert f"{STALE.name}: OSError: disk full" in said
-    assert str(log_of(STALE, command.output)) in said
+    assert str(log_of(STALE.name, command.output)) in said
     assert MISSING.name in load(command.file)
 
 
@@ -149,9 +160,9 @@ def test_while_a_study_runs_no_other_process_writes_its_records_or_into_its_fold
     locks += [f"only_process_in(Path({str(command.output)!r}))"]
     told: list[str] = []
 
-    def execute(*_: object) -> Record:
+    def execute(*_: object) -> Measured:
         told.extend(tried(lock, checkout) for lock in locks)
-        return Record({"psnr": 30.0}, "new", TODAY)
+        return FOUND
 
     monkeypatch.setattr(module, "execute", execute)
     assert command.main(["--only", STALE.name]) == 0

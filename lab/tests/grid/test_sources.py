@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from desplat_ns.studies.grid.records import Record
-from desplat_ns.studies.grid.runs import Run
-from desplat_ns.studies.grid.settings import Settings
+from lab.grid.records import Record
+from lab.grid.runs import Run
+from lab.grid.settings import Settings
 from lab.grid.sources import MARKS, Cell, Measured, sourced_table
 
 OLD, NEW = (letter * 40 for letter in "ab")

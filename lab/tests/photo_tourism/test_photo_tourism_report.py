@@ -10,7 +10,7 @@ from desplat_ns.method_configs import (
     desplat_phototourism_a_paper,
     desplat_phototourism_paper,
 )
-from desplat_ns.studies.grid.records import Record, load
+from lab.grid.records import Record, load
 from lab.photo_tourism.report import report, scene_table
 from lab.photo_tourism.runs import (
     EFFECTS,

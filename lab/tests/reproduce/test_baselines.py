@@ -12,7 +12,7 @@ from PIL import Image
 
 from desplat_ns.data.true_masks import METADATA_KEY
 from desplat_ns.errors import CaptureError
-from desplat_ns.studies.grid.settings import changes, resolve
+from lab.grid.settings import changes, resolve
 from lab.reproduce.baselines import (
     TRIMMED_SHARE,
     _any_pixel,

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from desplat_ns.data.images import read_image, read_mask
-from desplat_ns.studies.grid.records import Record, Records, State, load, state_of
-from desplat_ns.studies.grid.runs import Run
-from desplat_ns.studies.grid.settings import method_config
+from desplat_ns.studies.grid.methods import method_config
 from lab.documents import DOCS
 from lab.grid.figures import NOT_YET, Figures
+from lab.grid.records import Record, Records, State, load, state_of
+from lab.grid.runs import Run
 from lab.separation import one_pixel, report
 from lab.separation.hard_cases import CASES, RECURRING, make_case
 from lab.separation.records import BEFORE, FILE, enter

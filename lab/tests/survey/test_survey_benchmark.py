@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from desplat_ns.studies.grid.records import load
+from lab.grid.records import load
 from lab.survey import unfamiliar
 from lab.survey.__main__ import measure
 from lab.survey.real import REAL, RealScene

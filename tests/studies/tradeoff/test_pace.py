@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.studies.grid.runs import Run
+from desplat_ns.studies.grid.runs import Run, Variant
 from desplat_ns.studies.tradeoff.pace import (
     BESIDE_OTHERS,
     START_SECONDS,
@@ -17,13 +19,14 @@ from desplat_ns.studies.tradeoff.pace import (
     fitting,
     plan_for,
 )
-from desplat_ns.studies.tradeoff.plan import BACKEND, BASE, SEEDS
+from desplat_ns.studies.tradeoff.plan import BACKEND, BASE, SEEDS, compared
+from tests.helpers.tradeoff import CAPTURE
 
 NAMES = (BASE, "fewer")
 
 
-def run(setting: str = BASE, steps: int = 100, seed: int = 42) -> Run:
-    return Run(setting, "capture", 1, steps, seed)
+def run(name: str = BASE, steps: int = 100, seed: int = 42) -> Run:
+    return Run(Variant(name), steps, seed, Path("/photos"))
 
 
 def test_runs_are_expected_to_take_what_steps_took_and_then_what_runs_took():
@@ -69,27 +72,27 @@ def test_neither_a_step_nor_a_start_takes_less_than_nothing():
 def test_a_plan_of_all_seeds_fits_its_time(seconds, jobs, step):
     pace = Pace(step)
     try:
-        plan = plan_for(seconds, jobs, pace, NAMES, 30_000)
+        plan = plan_for(seconds, jobs, pace, CAPTURE, NAMES, 30_000)
     except ConfigError:
         assert pace.seconds(run(steps=31)) > seconds
         return
     if plan.steps > 500:
         of_comparison = [
-            r for r in plan.runs() if r.steps <= 4 * plan.steps and r.setting != BACKEND
+            r for r in plan.runs(CAPTURE) if r.steps <= 4 * plan.steps and r.variant.name != BACKEND
         ]
         assert sum(map(pace.seconds, of_comparison)) <= seconds * jobs
         assert {r.seed for r in of_comparison} == set(SEEDS)
 
 
 def test_few_settings_at_a_telling_length_come_before_all_at_a_short_one():
-    names = (BASE, *(f"other{n}" for n in range(20)))
-    assert plan_for(900.0, 1, Pace(0.1), names, 30_000).steps == 500
-    assert plan_for(300.0, 1, Pace(0.1), names, 30_000).steps < 500
+    names = tuple(compared(CAPTURE.effects))
+    assert plan_for(900.0, 1, Pace(0.1), CAPTURE, names, 30_000).steps == 500
+    assert plan_for(300.0, 1, Pace(0.1), CAPTURE, names, 30_000).steps < 500
 
 
 def test_too_little_time_says_how_much_is_needed():
     with pytest.raises(ConfigError, match=r"Give --time \d+min or more"):
-        plan_for(10.0, 1, Pace(0.05), NAMES, 30_000)
+        plan_for(10.0, 1, Pace(0.05), CAPTURE, NAMES, 30_000)
 
 
 def test_runs_that_do_not_fit_are_passed_over_and_asked_for_late():

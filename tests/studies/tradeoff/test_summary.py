@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from desplat_ns.studies.grid.records import Record
-from desplat_ns.studies.grid.runs import Run
+from desplat_ns.studies.grid.runs import Record, Run, Variant
 from desplat_ns.studies.tradeoff.plan import BASE, SEEDS
 from desplat_ns.studies.tradeoff.summary import (
     SIGNIFICANT,
@@ -28,27 +29,27 @@ from desplat_ns.studies.tradeoff.summary import (
 )
 
 
-def one(psnr: tuple[float, ...], wall: float = 10.0, setting: str = "other") -> Measured:
+def one(psnr: tuple[float, ...], wall: float = 10.0, variant: str = "other") -> Measured:
     figures = {"psnr": Spread(psnr), "train_wall_seconds": Spread((wall,) * len(psnr))}
-    return Measured(setting, 100, 100, SEEDS[: len(psnr)], figures)
+    return Measured(variant, 100, 100, SEEDS[: len(psnr)], figures)
 
 
 def test_three_seeds_that_do_not_overlap_are_no_claim_among_eight_comparisons():
     """t = 0.3 sqrt(3) / 0.1 = 5.2: p = 0.035 alone, 0.28 as one of eight."""
-    base = one((20.0, 20.1, 20.2), setting=BASE)
+    base = one((20.0, 20.1, 20.2), variant=BASE)
     apart = one((20.3, 20.5, 20.4))
     assert verdicts([base, apart]) == ["", "+0.30 dB, p = 0.035"]
     assert verdicts([base, *[apart] * 8])[1:] == ["+0.30 dB, not told apart (p = 0.28)"] * 8
 
 
 def test_what_seeds_have_in_common_hides_no_difference():
-    base = one((20.0, 22.0, 24.0), setting=BASE)
+    base = one((20.0, 22.0, 24.0), variant=BASE)
     assert verdicts([base, one((20.5, 22.52, 24.48))]) == ["", "+0.50 dB, p < 0.001"]
     assert verdicts([base, one((22.5, 24.48, 20.52))])[1].startswith("+0.50 dB, not told apart")
 
 
 def test_fewer_seeds_make_no_claim_and_are_no_comparison():
-    base = one((20.0, 20.1, 20.2), setting=BASE)
+    base = one((20.0, 20.1, 20.2), variant=BASE)
     found = verdicts([base, one((20.3, 20.5, 20.4)), *[one((25.0,))] * 7])
     assert found[1] == "+0.30 dB, p = 0.035"
     assert found[2:] == ["+5.00 dB, 1 of 3 seeds: no claim"] * 7
@@ -62,7 +63,7 @@ decibels = st.floats(-5, 5).map(lambda x: round(x, 3))
 def test_p_is_that_of_a_paired_t_test(found):
     """Both round sums of three numbers; near 0 scipy's own has 1e-12 or so."""
     if len(set(found)) > 1:
-        expected = stats.ttest_1samp(found, 0.0).pvalue
+        expected = stats.ttest_1samp(found, 0.0)[1]
         assert p_value(found) == pytest.approx(expected, rel=1e-6)
 
 
@@ -86,12 +87,11 @@ def test_the_least_ratio_is_that_at_which_the_claim_begins(number):
 
 
 def test_seeds_come_together_step_by_step():
-    runs = [Run(BASE, "capture", 1, 100, seed) for seed in SEEDS]
+    runs = [Run(Variant(BASE), 100, seed, Path("/photos")) for seed in SEEDS]
     records = {
         run.name: Record(
             {"psnr": 20.0 + i, "train_wall_seconds": 10.0 + i},
             "c",
-            {},
             curve=(
                 {"step": 50, "psnr": 15.0 + i, "train_wall_seconds": 4.0},
                 {"step": 100, "psnr": 20.0 + i, "train_wall_seconds": 10.0 + i},

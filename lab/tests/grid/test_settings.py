@@ -13,16 +13,16 @@ import pytest
 from nerfstudio.configs.method_configs import AnnotatedBaseConfigUnion, all_methods
 
 from desplat_ns.method_configs import desplat
-from desplat_ns.studies.grid import settings
 from desplat_ns.studies.grid.commands import surroundings
-from desplat_ns.studies.grid.settings import (
+from desplat_ns.studies.grid.methods import method_config, parse
+from lab.grid import settings
+from lab.grid.settings import (
     EFFECTS,
     OF_EFFECTS,
     Settings,
     changes,
     differences,
     digest,
-    parse,
     resolve,
     settings_of,
 )
@@ -147,7 +147,7 @@ def test_the_command_prints_them():
 
 
 def test_the_registered_method_is_the_packages():
-    assert settings.method_config("desplat") == desplat.config
+    assert method_config("desplat") == desplat.config
 
 
 def test_what_makes_a_region_does_not_matter_where_distractors_start_everywhere():

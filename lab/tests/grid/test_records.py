@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 from nerfstudio.configs.method_configs import all_methods
 
-from desplat_ns.studies.grid import settings as grid_settings
 from desplat_ns.studies.grid.code_version import DIRTY
-from desplat_ns.studies.grid.records import Record, State, enter, load, save, state_of
-from desplat_ns.studies.grid.runs import Run, Scene, Setting, Study
+from lab.grid import settings as grid_settings
 from lab.grid.captures import RealCapture
+from lab.grid.records import Record, State, enter, load, save, state_of
+from lab.grid.runs import Run, Scene, Setting, Study
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
 

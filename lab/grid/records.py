@@ -23,17 +23,14 @@ from typing import Any
 
 from desplat_ns.files.whole import write_whole
 from desplat_ns.studies.grid.code_version import DIRTY
-from desplat_ns.studies.grid.runs import Run, Study
-from desplat_ns.studies.grid.settings import Settings, changes, digest
+from desplat_ns.studies.grid.runs import Figures
+from lab.grid.runs import Run, Study
+from lab.grid.settings import Settings, changes, digest
 
 COMMON = "common"
 """Instead of a digest: what all settings of a file share."""
 
 _writing = Lock()
-
-
-Figures = Mapping[str, int | float]
-"""What was measured, by the names of the evaluation."""
 
 
 @dataclass(frozen=True)
@@ -111,12 +108,6 @@ def save(path: Path, records: Records) -> None:
 def where(record: Record) -> dict[str, str | None]:
     """What a record was measured on."""
     return {"device": record.device, "backend": record.backend}
-
-
-def where_of(results: Mapping[str, Any]) -> dict[str, str | None]:
-    """Fields of a `Record`, of the texts that the evaluation gives; None where one is missing."""
-    device = results.get("device")
-    return {"device": device and device.partition(":")[0], "backend": results.get("backend")}
 
 
 def _common(settings: list[Settings]) -> Settings:

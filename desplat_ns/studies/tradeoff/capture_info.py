@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.effects import Effects
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.studies.grid.settings import Settings, parse
+from desplat_ns.studies.grid.methods import parse
 from desplat_ns.survey.decide import decided_effects, write_findings
 
 METHOD = "desplat"
-"""The method whose settings are varied."""
+"""The method whose options are varied."""
 
 
 @dataclass(frozen=True)
-class Subject:
+class CaptureInfo:
     """A capture, how it is read, and what it calls for."""
 
     data: str
@@ -41,38 +41,14 @@ class Subject:
         """The folder's."""
         return Path(self.data).name
 
-    def to_json(self) -> dict[str, Any]:
-        """For a file."""
-        return asdict(self)
-
     @classmethod
-    def from_json(cls, content: dict[str, Any]) -> Subject:
-        """What `to_json` gave."""
+    def from_json(cls, content: dict[str, Any]) -> CaptureInfo:
+        """What `asdict` gave."""
         effects, parser = Effects(**content["effects"]), tuple(content["parser"])
         return cls(**content | {"effects": effects, "parser": parser})
 
-    # --- a capture of the grid -------------------------------------------------------------------
 
-    def locate(self, folder: Path) -> Path:
-        """See `grid.runs.Capture`; nothing is written.
-
-        Raises:
-            CaptureError: the folder is not there, for instance on another machine.
-        """
-        found = Path(self.data)
-        if not found.exists():
-            raise CaptureError(
-                f"There is no capture at {found}. Every machine that trains for a study needs the "
-                "photos in the same place."
-            )
-        return found
-
-    def describe(self) -> Settings:
-        """See `grid.runs.Capture`."""
-        return {"folder": self.name}
-
-
-def subject_of(data: Path, parser: tuple[str, ...], folder: Path) -> Subject:
+def describe_capture(data: Path, parser: tuple[str, ...], folder: Path) -> CaptureInfo:
     """Read a capture, survey it, and say what it is.
 
     Args:
@@ -94,7 +70,7 @@ def subject_of(data: Path, parser: tuple[str, ...], folder: Path) -> Subject:
     points = outputs.metadata.get("points3D_xyz")
     effects, found = decided_effects(model.effects, outputs)
     write_findings(found, folder)
-    return Subject(
+    return CaptureInfo(
         str(data),
         parser,
         len(cameras),

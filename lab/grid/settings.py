@@ -2,7 +2,7 @@
 
 A record keeps them, so that a default which was changed since then shows. Resolving reads no data.
 
-python -m desplat_ns.studies.grid.settings METHOD ...    (options of ns-train; prints JSON)
+python -m lab.grid.settings METHOD ...    (options of ns-train; prints JSON)
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import copy
 import dataclasses
 import hashlib
-import importlib
 import json
 import sys
 from collections.abc import Iterator, Mapping
@@ -20,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.effects import EffectsConfig
+from desplat_ns.studies.grid.methods import parse
 
 Settings = dict[str, Any]
 """JSON values by names such as `pipeline.model.distractors.lambda_d`."""
@@ -81,36 +81,6 @@ NEUTRAL: Mapping[str, Any] = {
 """Settings that older code did not have, by the value with which code does what it did before. A
 record that lacks such a name is not stale while today's value is this one. Enter a new setting here
 only if a test holds that its value changes nothing."""
-
-
-def method_config(method: str) -> Any:
-    """A copy of a method's configuration.
-
-    Args:
-        method: a name that nerfstudio knows, or `module:attribute` of a MethodSpecification.
-
-    Raises:
-        KeyError: nerfstudio knows no method of this name.
-    """
-    from nerfstudio.configs.method_configs import all_methods  # takes seconds: not for `--help`
-
-    module, _, attribute = method.partition(":")
-    if attribute:
-        return copy.deepcopy(getattr(importlib.import_module(module), attribute).config)
-    return copy.deepcopy(all_methods[method])
-
-
-def parse(method: str, options: list[str]) -> Any:
-    """The configuration that `ns-train` makes of a method and options.
-
-    Raises:
-        SystemExit: an option is not understood; tyro has said which.
-    """
-    import tyro
-
-    config = method_config(method)
-    kind = (tyro.conf.SuppressFixed, tyro.conf.FlagConversionOff)  # as nerfstudio 1.1.5
-    return tyro.cli(type(config), default=config, args=options, config=kind)
 
 
 def settings_of(config: Any) -> Settings:
