@@ -47,8 +47,9 @@ def test_another_scene_or_other_effects_are_refused_before_anything_changes(
 
 def test_missing_and_unexpected_parameters_are_listed_before_anything_changes():
     pipeline, state = known_pipeline(), _saved()
-    state["_model.extra"] = state.pop("_model.distractors.means")
-    message = r"1 missing parameters \(_model\.distractors\.means\), 1 unexpected .*_model\.extra"
+    state["_model.extra"] = state.pop("_model.distractors.views.1.means")
+    missing = r"1 missing parameters \(_model\.distractors\.views\.1\.means\)"
+    message = missing + r", 1 unexpected .*_model\.extra"
     with pytest.raises(CheckpointError, match=message):
         pipeline.load_pipeline(state, 7)
     assert _is_untouched(pipeline)

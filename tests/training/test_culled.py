@@ -39,7 +39,7 @@ def test_gaussians_that_no_view_shows_are_counted_logged_and_told_once(name, val
 def test_a_distractor_that_is_culled_is_counted():
     model = everywhere()
     assert model.distractors is not None
-    model.distractors.params_of(1)["means"].data[3] = NAN
+    model.distractors.views[1].params["means"].data[3] = NAN
     assert (model.culled_static(), model.culled_distractors()) == (0, 1)
 
 
