@@ -58,7 +58,6 @@ class ViewDistractors:
     def _load_moments(self, name: str) -> None:
         saved = self._saved_moments.pop(name, None)
         if saved is not None:
-            saved = {key: value.clone() for key, value in saved.items()}  # Adam writes into them
             groups = self.optimizers[name].state_dict()["param_groups"]
             self.optimizers[name].load_state_dict({"state": {0: saved}, "param_groups": groups})
 
@@ -106,7 +105,11 @@ class ViewDistractors:
 
     def load(self, saved: Mapping[str, Any], device: torch.device) -> None:
         """Take up what `saved` gave; parameters have their rows already."""
-        self.optimizers, self._saved_moments = {}, dict(saved["moments"])
+        self.optimizers = {}
+        self._saved_moments = {  # copies: Adam writes into them
+            name: {key: value.clone() for key, value in moments.items()}
+            for name, moments in saved["moments"].items()
+        }
         self.state, self.refinement = to_device(saved["state"], device), saved["refinement"]
 
 

@@ -233,11 +233,14 @@ def check_parameters(
     Raises:
         TrainingError: what is not finite, and which checkpoint is the newest.
     """
-    groups = {name: list(_parameters(one)) for name, one in optimizers.optimizers.items()}
+    per_gaussian = set() if strict else model.gaussian_groups()
+    groups: dict[str, Sequence[Tensor]] = {
+        name: list(_parameters(one))
+        for name, one in optimizers.optimizers.items()
+        if name not in per_gaussian
+    }
     if strict:
-        groups |= model.view_parameters()
-    else:
-        groups = {n: group for n, group in groups.items() if n not in model.gaussian_groups()}
+        groups = {**groups, **model.view_parameters()}
     bad = [n for n, group in groups.items() if not all(bool(p.isfinite().all()) for p in group)]
     found = f"The parameters {', '.join(bad)} are not finite" if bad else None
     if found is None:
