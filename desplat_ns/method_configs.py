@@ -61,17 +61,6 @@ def static_optimizers() -> dict:
     }
 
 
-def distractor_optimizers() -> dict:
-    """B.3: quaternions 0.01, scales 0.05, colours 0.025; means and opacities as Splatfacto's."""
-    return {
-        "distractor_means": _decaying(1.6e-4, 1.6e-6),
-        "distractor_quats": _constant(0.01),
-        "distractor_scales": _constant(0.05),
-        "distractor_rgbs": _constant(0.025),
-        "distractor_opacities": _constant(0.05),
-    }
-
-
 def image_effect_optimizers() -> dict:
     """B.3, for appearance and background where they are on; the cheaper grades' are ours."""
     return {
@@ -149,7 +138,7 @@ def _method(
                 datamanager=DeSplatDataManagerConfig(cache_images_type="uint8"),
                 model=model,
             ),
-            optimizers=static_optimizers() | distractor_optimizers() | image_effect_optimizers(),
+            optimizers=static_optimizers() | image_effect_optimizers(),
             viewer=ViewerConfig(num_rays_per_chunk=1 << 15),
             vis="viewer",
         ),

@@ -9,15 +9,15 @@ from typing import Any
 import torch
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor, nn
+from torch.optim import Optimizer
 
 from desplat_ns.backend.contributions import contributions
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.data.training_views import train_index, view_name
 from desplat_ns.errors import DeSplatError
 from desplat_ns.gaussians.activation import RawParameters, activate_distractors
-from desplat_ns.gaussians.densification import to_device
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.distractors import DistractorGaussians
+from desplat_ns.gaussians.distractors import DistractorGaussians, to_device
 from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
 from desplat_ns.rendering.views import held
@@ -28,7 +28,10 @@ from desplat_ns.training.culled import culled_always
 from desplat_ns.training.run_length import photo_downscale, scaled_fields
 from desplat_ns.viewer import LayerControl
 
-DISTRACTOR_STEPS = ("static_warmup", "leave_out_at", "stop_densify_at", "stop_placing_at")
+DISTRACTOR_STEPS = (
+    *("static_warmup", "leave_out_at", "stop_densify_at", "stop_placing_at"),
+    "means_lr_steps",
+)
 """The distractors' settings that are numbers of steps."""
 
 
@@ -149,10 +152,17 @@ class DeSplatModel(StaticModel):
         for name in DISTRACTOR_STEPS:
             setattr(settings, name, stretch.moved(getattr(settings, name)))
 
-    def get_param_groups(self) -> dict[str, list[nn.Parameter]]:
-        """The static scene's groups and one for each kind of distractor parameter."""
-        groups = super().get_param_groups()
-        return groups if self.distractors is None else groups | self.distractors.param_groups()
+    def view_optimizers(self) -> dict[str, Optimizer]:
+        """Those of the distractors that the step at hand drew, beside nerfstudio's, which hold what
+        all views share."""
+        train_step = self.train_step
+        if self.layer is None or train_step is None:
+            return {}
+        return self.layer.optimizers_of(train_step)
+
+    def view_parameters(self) -> dict[str, list[nn.Parameter]]:
+        """The distractors of all views, by kind."""
+        return {} if self.distractors is None else self.distractors.param_groups()
 
     # --- losses ------------------------------------------------------------------------------
 
@@ -245,7 +255,6 @@ class DeSplatModel(StaticModel):
                 train_step,
                 self.gauss_params,
                 self.memory,
-                self.optimizers,
                 lambda: self._refine_static(step),
                 self._contributions_of,
             )
@@ -281,8 +290,7 @@ class DeSplatModel(StaticModel):
 
     def gaussian_groups(self) -> set[str]:
         """Parameter groups with one row for each Gaussian."""
-        groups = set(self.gauss_params.keys())
-        return groups if self.distractors is None else groups | set(self.distractors.param_groups())
+        return set(self.gauss_params.keys())
 
     @torch.no_grad()
     def culled_static(self) -> int:
@@ -293,12 +301,10 @@ class DeSplatModel(StaticModel):
     def get_extra_state(self) -> dict[str, Any]:
         """What a checkpoint holds besides parameters: densification's running statistics."""
         state: dict[str, Any] = {"static_strategy": dict(self.strategy_state)}
-        if self.layer is not None:
-            state["densifier"] = self.layer.state_dict()
-        return state
+        return state if self.layer is None else state | {"regions": self.layer.last.state_dict()}
 
     def set_extra_state(self, state: dict[str, Any]) -> None:
         """Take up what `get_extra_state` gave."""
         self.strategy_state = to_device(state["static_strategy"], self.device)
         if self.layer is not None:
-            self.layer.load_state_dict(state["densifier"], self.device)
+            self.layer.last.load_state_dict(state["regions"], self.device)

@@ -110,7 +110,10 @@ class DeSplatTrainer(Trainer):
         photos = len(cast(DeSplatPipeline, self.pipeline).datamanager.train_image_names)
         raised = raised_rates(config.optimizers, config.rate_factor(photos, steps))
         optimizers = scaled_optimizers(raised, scale)
-        return GuardedOptimizers(optimizers, self.pipeline.get_param_groups(), self._may_step)
+        groups = self.pipeline.get_param_groups()
+        return GuardedOptimizers(
+            optimizers, groups, self._may_step, lambda: self._model.view_optimizers()
+        )
 
     @property
     def _model(self) -> GuardedModel:

@@ -26,9 +26,9 @@ from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.backend.ssim import _window, ssim
 from desplat_ns.effects import Effects
 from desplat_ns.gaussians.activation import activate_distractors
-from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info, to_device
+from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.distractors import PARAMETER_NAMES, DistractorGaussians
+from desplat_ns.gaussians.distractors import PARAMETER_NAMES, ViewDistractors, to_device
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
@@ -140,40 +140,35 @@ def test_placing_stays_on_the_gpu():
     assert_on_cuda(uncovered_cells(regions, step.alpha_d, CONFIG))
 
 
-def distractors_with_moments() -> tuple[DistractorGaussians, dict[str, Any]]:
-    """Those of one view, without asking a camera where they stand; and Adams that have stepped."""
-    distractors = DistractorGaussians.__new__(DistractorGaussians)
-    torch.nn.Module.__init__(distractors)
-    params = {name: torch.nn.Parameter(cuda(N, width)) for name, width in WIDTHS.items()}
-    distractors.views = torch.nn.ModuleList([torch.nn.ParameterDict(params)])
-    optimizers: dict[str, Any] = {}
-    for name, parameter in params.items():
-        optimizers[f"distractor_{name}"] = one = torch.optim.Adam([parameter])
+def distractors_with_moments() -> ViewDistractors:
+    """Those of one view, with Adams that have stepped."""
+    view = ViewDistractors({name: cuda(N, width) for name, width in WIDTHS.items()}, 1.0)
+    for name, parameter in view.params.items():
+        view.optimizers[name] = one = torch.optim.Adam([parameter])
         moments = {key: torch.zeros_like(parameter) for key in ("exp_avg", "exp_avg_sq")}
         one.state[parameter] = {"step": torch.tensor(1.0), **moments}
-    return distractors, optimizers
+    return view
 
 
 def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone():
-    distractors, optimizers = distractors_with_moments()
+    distractors = distractors_with_moments()
     config = replace(CONFIG, refine_when_next_seen=True)
-    densifier = DistractorDensifier(config, SplatfactoModelConfig(warmup_length=0), num_views=1)
+    densifier = DistractorDensifier(config, SplatfactoModelConfig(warmup_length=0))
     view, drawn = the_view(), rendering()
     means2d: Any = drawn.means2d
     means2d.absgrad = cuda(1, N, 2)
     info = strategy_info(drawn, view)
-    densifier.rounds = [LATE]  # not due
-    visit = (0, optimizers, LATE, info, lambda params: params["means"][:, 0])
+    distractors.refinement = LATE  # not due
     for _ in range(2):
-        densifier.after_step(distractors, *visit)
-    running = densifier.running[0]
+        densifier.after_step(distractors, LATE, info, lambda params: params["means"][:, 0])
+    running = distractors.state
     assert_on_cuda(running["grad2d"], running["count"])
     assert_on_cuda(to_device(running, torch.device("cuda"))["grad2d"])
 
 
 def test_gsplat_is_given_gaussians_without_a_look_at_their_values():
     """A look at one, such as whether all are finite, cannot be taken here."""
-    splats = activate_distractors(distractors_with_moments()[0].params_of(0))
+    splats = activate_distractors(distractors_with_moments().params)
     assert_on_cuda(_with_unsound_behind(splats, the_view()))
 
 
@@ -200,21 +195,18 @@ class Sendings(TorchDispatchMode):
 
 
 def test_distractors_are_activated_on_the_gpu():
-    splats = activate_distractors(distractors_with_moments()[0].params_of(0))
+    splats = activate_distractors(distractors_with_moments().params)
     assert_on_cuda(splats.means, splats.quats, splats.scales, splats.opacities, splats.colors)
 
 
 def test_exchanging_distractors_stays_on_the_gpu():
-    distractors, optimizers = distractors_with_moments()
-    densifier = DistractorDensifier(CONFIG, SplatfactoModelConfig(), num_views=1)
-    densifier.running[0]["grad2d"] = cuda(N)
+    view = distractors_with_moments()
+    view.state["grad2d"] = cuda(N)
     new = {name: cuda(5, width) for name, width in WIDTHS.items()}
-    kept = torch.arange(0, N, 2, device="cuda")
-    densifier.exchange(distractors, 0, optimizers, kept, new)
-    params = distractors.params_of(0)
-    assert_on_cuda(*params.values(), densifier.running[0]["grad2d"])
+    view.exchange(torch.arange(0, N, 2, device="cuda"), new)
+    assert_on_cuda(*view.params.values(), view.state["grad2d"])
     for name in PARAMETER_NAMES:
-        assert_on_cuda(optimizers[f"distractor_{name}"].state[params[name]]["exp_avg"])
+        assert_on_cuda(view.optimizers[name].state[view.params[name]]["exp_avg"])
 
 
 def test_where_distractors_cover_a_view_stays_on_the_gpu():

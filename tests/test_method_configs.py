@@ -25,10 +25,6 @@ CONFIG: Any = desplat_paper.config
 SPLATFACTO: Any = upstream["splatfacto"]
 
 
-def learning_rate(group: str) -> float:
-    return CONFIG.optimizers[group]["optimizer"].lr
-
-
 def test_schedule_of_b3():
     assert CONFIG.max_num_iterations == CONFIG.nominal_num_iterations == 30_000
     distractors = CONFIG.pipeline.model.distractors
@@ -43,12 +39,20 @@ def test_schedule_of_b3():
 
 @pytest.mark.parametrize(("group", "rate"), [("quats", 0.01), ("scales", 0.05), ("rgbs", 0.025)])
 def test_distractor_learning_rates_of_b3(group, rate):
-    assert learning_rate(f"distractor_{group}") == rate
+    assert CONFIG.pipeline.model.distractors.rates_at(0)[group] == rate
 
 
 @pytest.mark.parametrize("group", ["means", "opacities"])
 def test_the_other_distractor_learning_rates_are_splatfactos(group):
-    assert learning_rate(f"distractor_{group}") == SPLATFACTO.optimizers[group]["optimizer"].lr
+    rates = CONFIG.pipeline.model.distractors.rates_at
+    assert rates(0)[group] == SPLATFACTO.optimizers[group]["optimizer"].lr
+
+
+def test_the_rate_of_positions_decays_as_the_static_sets():
+    decay, config = CONFIG.optimizers["means"]["scheduler"], CONFIG.pipeline.model.distractors
+    for step in (0, 700, 15_000, 30_000, 40_000):
+        rate = decay.lr_at(step, CONFIG.optimizers["means"]["optimizer"].lr)
+        assert config.rates_at(step)["means"] == pytest.approx(rate, rel=1e-12)
 
 
 @pytest.mark.parametrize("group", sorted(SPLATFACTO.optimizers))

@@ -47,8 +47,8 @@ def test_another_scene_or_other_effects_are_refused_before_anything_changes(
 
 def test_missing_and_unexpected_parameters_are_named():
     pipeline, state = known_pipeline(), _saved()
-    state["_model.extra"] = state.pop("_model.distractors.means")
-    with pytest.raises(CheckpointError, match=r"(?s)distractors\.means.*extra"):
+    state["_model.extra"] = state.pop("_model.distractors.views.1.means")
+    with pytest.raises(CheckpointError, match=r"(?s)distractors\.views\.1\.means.*extra"):
         pipeline.load_pipeline(state, 7)
 
 

@@ -55,11 +55,12 @@ class Run:
             self.static.append(model.num_points)
             self.distractors.append(model.distractors.counts())
 
-        def refine_and_count(distractors, view, optimizers, step, *rest) -> None:
-            round_before, before = model.layer.densifier.rounds[view], distractors.count_of(view)
-            refine(distractors, view, optimizers, step, *rest)
-            if model.layer.densifier.rounds[view] != round_before:
-                self.refined.append((step, view, distractors.count_of(view) - before))
+        def refine_and_count(view, step, *rest) -> None:
+            refinement, before = view.refinement, len(view)
+            refine(view, step, *rest)
+            if view.refinement != refinement:
+                number = model.distractors.views.index(view)
+                self.refined.append((step, number, len(view) - before))
 
         self.trainer.train_iteration, model.layer.densifier.after_step = (
             finish_and_count,
@@ -184,13 +185,14 @@ def test_a_checkpoint_holds_what_refinement_and_placing_remember(straight: Run):
     assert {"pipeline", "optimizers", "schedulers", "rng", "sampler"} <= state.keys()
     memory = state["pipeline"]["_model._extra_state"]
     views = len(straight.distractors[0])
-    assert memory["densifier"]["rounds"] == [2] * views
-    assert len(memory["densifier"]["running"]) == views
-    standing = memory["densifier"]["regions"]
+    of_views = state["pipeline"]["_model.distractors._extra_state"]
+    assert [view["refinement"] for view in of_views] == [2] * views
+    standing = memory["regions"]
     assert standing.keys() == set(range(views))
     assert any(regions.any() for regions in standing.values())
     names = {"grad2d", "count", "usual_residual", "times_seen"}
     assert names <= memory["static_strategy"].keys()
     assert memory["static_strategy"]["visits"] == STEPS
-    moments = state["optimizers"]["distractor_means"]["state"]
-    assert len(moments) == views
+    for view in of_views:
+        assert view["moments"].keys() == {"means", "scales", "quats", "rgbs", "opacities"}
+        assert view["state"].keys() >= {"grad2d", "count"}

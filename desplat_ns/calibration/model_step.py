@@ -9,6 +9,7 @@ from typing import Any
 import torch
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import SceneBox
+from nerfstudio.engine.optimizers import Optimizers
 from torch import nn
 
 from desplat_ns.backend.protocol import View
@@ -16,9 +17,14 @@ from desplat_ns.backend.registry import BackendName
 from desplat_ns.calibration.scenes import Scene
 from desplat_ns.effects import Effects, EffectsConfig
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.distractors import fill_view
+from desplat_ns.gaussians.distractors import ViewDistractors, fill_view
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
-from desplat_ns.training.optimizers import FusedAdamConfig, OptimizersOfViews
+from desplat_ns.training.optimizers import FusedAdamConfig
+
+NOTHING_MOVES: dict[str, Any] = {
+    f"{name}_lr": 0.0 for name in ("means", "quats", "scales", "rgbs", "opacities")
+}
+"""Learning rates of distractors."""
 
 LATE = 20_000
 """A step with all degrees of the harmonics, after densification."""
@@ -63,7 +69,7 @@ class ModelStep:
         cameras = cameras_of(scene, num_views).to(device)
         config = DeSplatModelConfig(
             effects=EffectsConfig(**asdict(effects)),
-            distractors=DistractorConfig(start="residual", static_alone=True),
+            distractors=DistractorConfig(start="residual", static_alone=True, **NOTHING_MOVES),
         )
         config.num_downscales, config.backend = 0, backend
         torch.manual_seed(0)
@@ -89,8 +95,8 @@ class ModelStep:
         self.optimizers = self._optimizers_of(groups)
         self.model.optimizers = self.optimizers.optimizers
 
-    def _optimizers_of(self, groups: dict[str, list[nn.Parameter]]) -> OptimizersOfViews:
-        return OptimizersOfViews(self._options_of(groups), groups)
+    def _optimizers_of(self, groups: dict[str, list[nn.Parameter]]) -> Optimizers:
+        return Optimizers(self._options_of(groups), groups)
 
     def _options_of(self, groups: Iterable[str]) -> dict[str, Any]:
         """The package's Adam, which moves nothing."""
@@ -103,17 +109,18 @@ class ModelStep:
         assert distractors is not None
         everywhere = replace(self.model.config.distractors, start="everywhere", per_view=per_view)
         for index in views:
-            params = distractors.params_of(index)
-            for name, value in fill_view(view, everywhere).items():
-                params[name].data = value
-            distractors.recount(index)
+            distractors.views[index] = ViewDistractors(
+                fill_view(view, everywhere), everywhere.depth
+            )
+        distractors.total = sum(distractors.counts())
 
     def __call__(self) -> None:
         """Draw, weigh, pull back and step; nothing is densified."""
         self.optimizers.zero_grad_all()
         torch.stack(list(self.losses().values())).sum().backward()
-        with self.optimizers.drawn_alone():
-            self.optimizers.optimizer_step_all()
+        self.optimizers.optimizer_step_all()
+        for optimizer in self.model.view_optimizers().values():
+            optimizer.step()
         if self.photo.is_cuda:
             torch.cuda.synchronize()
 
@@ -123,5 +130,5 @@ class ModelStep:
 
     def trained_bytes(self) -> int:
         """Of all parameters, with Adam's two moments of each."""
-        groups = self.model.get_param_groups().values()
-        return sum(3 * p.numel() * p.element_size() for group in groups for p in group)
+        groups = self.model.get_param_groups() | self.model.view_parameters()
+        return sum(3 * p.numel() * p.element_size() for group in groups.values() for p in group)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import platform
 import statistics
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from torch import nn
+from torch import Tensor, nn
 
 import desplat_ns
 from desplat_ns.errors import DeSplatError
@@ -81,19 +81,19 @@ def gaussian_counts(
     static: nn.ParameterDict, distractors: DistractorGaussians | None
 ) -> dict[str, int | float]:
     """How many static and distractor Gaussians there are, and the MB (10^6 bytes) they take."""
+    views = [] if distractors is None else distractors.views
+    of_views = [parameter for view in views for parameter in view.params.values()]
     return {
         "num_static_gaussians": len(static["means"]),
-        "num_distractor_gaussians": sum(distractors.counts()) if distractors is not None else 0,
-        "static_memory_mb": memory_mb(static),
-        "distractor_memory_mb": memory_mb(distractors),
+        "num_distractor_gaussians": sum(len(view) for view in views),
+        "static_memory_mb": memory_mb(static.values()),
+        "distractor_memory_mb": memory_mb(of_views),
     }
 
 
-def memory_mb(module: nn.Module | None) -> float:
-    """Bytes of a module's parameters, in units of 10^6."""
-    if module is None:
-        return 0.0
-    return sum(p.numel() * p.element_size() for p in module.parameters()) / BYTES_PER_MB
+def memory_mb(parameters: Iterable[Tensor]) -> float:
+    """Bytes of parameters, in units of 10^6."""
+    return sum(p.numel() * p.element_size() for p in parameters) / BYTES_PER_MB
 
 
 def versions() -> dict[str, str]:

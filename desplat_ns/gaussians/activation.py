@@ -99,6 +99,15 @@ def clamp_colors(rgbs: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
 
 
 @torch.no_grad()
+def keep_colors_in_range(params: RawParameters) -> None:
+    """Put distractors' colours that a step moved beyond [0, 1] back on the border.
+
+    The clamp in rendering has no gradient beyond the border: a colour left there would stay.
+    """
+    params["rgbs"].clamp_(0, 1)
+
+
+@torch.no_grad()
 def resize_rows(params: nn.ParameterDict, saved: Mapping[str, Tensor], prefix: str) -> None:
     """Give parameters as many rows as a checkpoint has, in place.
 

@@ -104,6 +104,33 @@ class DistractorConfig:
     are composited over the static scene, so their depth only sets how many pixels a step of the
     optimizer moves them. Must lie beyond the near plane."""
 
+    means_lr: float = 1.6e-4
+    """Adam's learning rate of their positions, world units; Splatfacto's."""
+    means_lr_final: float = 1.6e-6
+    """To which it decays, along a straight line of its logarithm. Splatfacto's."""
+    means_lr_steps: int = 30_000
+    """Steps in which it does."""
+    quats_lr: float = 0.01
+    """Of their quaternions. B.3."""
+    scales_lr: float = 0.05
+    """Of the logarithms of their sizes. B.3."""
+    rgbs_lr: float = 0.025
+    """Of their colours. B.3."""
+    opacities_lr: float = 0.05
+    """Of the logits of their opacities; Splatfacto's."""
+
+    def rates_at(self, step: int) -> dict[str, float]:
+        """Learning rates at a step, by the names of parameters."""
+        t = min(step / self.means_lr_steps, 1.0) if self.means_lr_steps > 0 else 1.0
+        means = self.means_lr ** (1.0 - t) * self.means_lr_final**t if self.means_lr > 0 else 0.0
+        return {
+            "means": means,
+            "quats": self.quats_lr,
+            "scales": self.scales_lr,
+            "rgbs": self.rgbs_lr,
+            "opacities": self.opacities_lr,
+        }
+
     def for_views(self, num_views: int, refine_every: int, unrefined: int) -> DistractorConfig:
         """A copy whose warm-up and interval between refinements suit the number of training views.
 
@@ -146,6 +173,11 @@ def check_options(config: DistractorConfig) -> None:
         ("grow-grad", config.grow_grad, config.grow_grad >= 0, "0 or more"),
         ("min-pixels", config.min_pixels, config.min_pixels >= 0, "0 or more"),
         ("shared-detail", config.shared_detail, config.shared_detail > 0, "above 0"),
+        ("means-lr-final", config.means_lr_final, config.means_lr_final > 0, "above 0"),
+        *(
+            (f"{name}-lr", rate, rate >= 0, "0 or more")
+            for name, rate in config.rates_at(0).items()
+        ),
         (
             "strong-excess",
             config.strong_excess,

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor, nn
+from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.gaussians.activation import resize_rows
+from desplat_ns.gaussians.adam import adam
 from desplat_ns.gaussians.distractor_config import DistractorConfig, check_options
-from desplat_ns.gaussians.parameters_of_views import ParametersOfViews
 from desplat_ns.rendering.views import view_of
 
 PARAMETER_NAMES = ("means", "scales", "quats", "rgbs", "opacities")
@@ -24,12 +25,105 @@ PLASTIC_NUMBER = 1.32471795724474602596
 """Real root of x^3 = x + 1: its powers give an even additive recurrence in the plane (R2)."""
 
 
-class DistractorGaussians(nn.Module):
-    """Raw parameters of every training view's distractors.
+class ViewDistractors:
+    """The distractors of one training view: raw parameters, an Adam for each kind, and what its
+    refinement goes by, in the shapes that gsplat's operations expect."""
 
-    `views[i]` maps `PARAMETER_NAMES` to tensors of N_i rows; N_i changes as training goes on, and a
-    view with N_i = 0 costs nothing. Kept outside Splatfacto's `gauss_params`, so that what exports
-    those never sees distractors.
+    def __init__(self, start: Mapping[str, Tensor], depth: float):
+        """Args:
+        start: raw parameters by `PARAMETER_NAMES`, N rows each; N changes as training goes on.
+        depth: world units, against which refinement measures sizes.
+        """
+        self.params = {name: nn.Parameter(value) for name, value in start.items()}
+        self.optimizers: dict[str, Optimizer] = {}
+        """By name; empty until the view is trained, so that they are where its parameters are."""
+        self.state: dict[str, Any] = {"grad2d": None, "count": None, "scene_scale": depth}
+        """What gsplat's strategy gathers."""
+        self.refinement = 0
+        """How many refinements had fallen due when the view was refined last."""
+        self._saved_moments: dict[str, dict[str, Any]] = {}
+
+    def __len__(self) -> int:
+        return len(self.params["means"])
+
+    def begin_step(self, rates: Mapping[str, float]) -> None:
+        """Make its optimizers ready for a step with these learning rates; drop gradients."""
+        for name, parameter in self.params.items():
+            parameter.grad = None
+            if name not in self.optimizers:
+                self.optimizers[name] = adam([parameter], rates[name])
+                self._load_moments(name)
+            self.optimizers[name].param_groups[0]["lr"] = rates[name]
+
+    def _load_moments(self, name: str) -> None:
+        saved = self._saved_moments.pop(name, None)
+        if saved is not None:
+            groups = self.optimizers[name].state_dict()["param_groups"]
+            self.optimizers[name].load_state_dict({"state": {0: saved}, "param_groups": groups})
+
+    @torch.no_grad()
+    def exchange(self, kept: Int[Tensor, " M"], new: Mapping[str, Tensor]) -> None:
+        """Remove the rows but for those in `kept`, and add `new` ones, whose moments are 0.
+
+        Args:
+            kept: numbers of rows, as a mask's number of rows would have to be waited for each time.
+            new: raw parameters by `PARAMETER_NAMES`; any number of rows.
+        """
+
+        def changed(old: Tensor, rows: Tensor | None = None) -> Tensor:
+            rows = old.new_zeros(len(new["means"]), *old.shape[1:]) if rows is None else rows
+            return torch.cat([old[kept], rows])
+
+        for name, old in self.params.items():
+            self.params[name] = parameter = nn.Parameter(changed(old.data, new[name]))
+            optimizer = self.optimizers.get(name)
+            if optimizer is None:
+                continue
+            moments = optimizer.state.pop(old, {})
+            if moments:
+                optimizer.state[parameter] = {
+                    key: value if key == "step" else changed(value)
+                    for key, value in moments.items()
+                }
+            optimizer.param_groups[0]["params"] = [parameter]
+        for key, value in self.state.items():
+            if isinstance(value, Tensor):
+                self.state[key] = changed(value)
+
+    def saved(self) -> dict[str, Any]:
+        """What a checkpoint holds besides the parameters."""
+        moments = {
+            name: dict(optimizer.state[self.params[name]])
+            for name, optimizer in self.optimizers.items()
+            if self.params[name] in optimizer.state
+        }
+        return {
+            "moments": self._saved_moments | moments,
+            "state": dict(self.state),
+            "refinement": self.refinement,
+        }
+
+    def load(self, saved: Mapping[str, Any], device: torch.device) -> None:
+        """Take up what `saved` gave; parameters have their rows already."""
+        self.optimizers = {}
+        self._saved_moments = {  # copies: Adam writes into them
+            name: {key: value.clone() for key, value in moments.items()}
+            for name, moments in saved["moments"].items()
+        }
+        self.state, self.refinement = to_device(saved["state"], device), saved["refinement"]
+
+
+def to_device(state: Mapping[str, Any], device: torch.device) -> dict[str, Any]:
+    """A strategy's running state with its tensors on `device`."""
+    return {k: v.to(device) if isinstance(v, Tensor) else v for k, v in state.items()}
+
+
+class DistractorGaussians(nn.Module):
+    """The distractors of every training view, in `views`.
+
+    Kept outside Splatfacto's `gauss_params`, so that what exports those never sees distractors. The
+    parameters are none of the module's own: nerfstudio 1.1.5 walks over all modules and all
+    parameters of its optimizers in every step, and a step draws one view of what may be thousands.
     """
 
     def __init__(self, config: DistractorConfig, cameras: Cameras):
@@ -43,76 +137,69 @@ class DistractorGaussians(nn.Module):
         """
         super().__init__()
         check_options(config)
-        self.views = nn.ModuleList()
-        for i in range(len(cameras)):
-            start = fill_view(view_of(cameras[i : i + 1]), config)
-            params = {name: nn.Parameter(start[name]) for name in PARAMETER_NAMES}
-            self.views.append(nn.ParameterDict(params))
-        self.drawn: list[int] = []
-        """Views of which there may be gradients; see `draws`."""
-        self._counts = self.counts()
-        self.total = sum(self._counts)
-        """Number of Gaussians of all views, as `recount` keeps it."""
-
-    def train(self, mode: bool = True) -> DistractorGaussians:
-        """For this module alone: parameters know no mode, and nerfstudio 1.1.5 calls it in every
-        step, which took 5 ms for 1,700 views."""
-        self.training = mode
-        return self
-
-    def params_of(self, view: int) -> nn.ParameterDict:
-        """Parameters of one training view."""
-        params = self.views[view]
-        assert isinstance(params, nn.ParameterDict)
-        return params
-
-    def count_of(self, view: int) -> int:
-        """Number of Gaussians that one training view has left."""
-        return self.params_of(view)["means"].shape[0]
+        self.views = [
+            ViewDistractors(fill_view(view_of(cameras[i : i + 1]), config), config.depth)
+            for i in range(len(cameras))
+        ]
+        self.total = sum(self.counts())
+        """Number of Gaussians of all views; whoever changes one keeps it."""
 
     def counts(self) -> list[int]:
         """Number of Gaussians of every training view, counted anew."""
-        return [self.count_of(view) for view in range(len(self.views))]
-
-    def recount(self, view: int) -> None:
-        """Bring `total` up to date after a step that may have changed one view's number."""
-        count = self.count_of(view)
-        self.total += count - self._counts[view]
-        self._counts[view] = count
-
-    def draws(self, view: int) -> None:
-        """Note that a view is drawn in training; forget others, unless they still have gradients
-        because those of several steps are accumulated."""
-        others = [(one, self.params_of(one)) for one in self.drawn if one != view]
-        kept = [n for n, params in others if any(p.grad is not None for p in params.values())]
-        self.drawn[:] = [*kept, view]
+        return [len(view) for view in self.views]
 
     def param_groups(self) -> dict[str, list[nn.Parameter]]:
-        """One optimizer group for each kind of parameter, over all views.
-
-        A view that was not rendered has no gradient, so Adam leaves its Gaussians and their moments
-        alone.
-        """
-        views = [self.params_of(view) for view in range(len(self.views))]
+        """The parameters of all views, by kind."""
         return {
-            f"distractor_{name}": ParametersOfViews((one[name] for one in views), self.drawn)
+            f"distractor_{name}": [view.params[name] for view in self.views]
             for name in PARAMETER_NAMES
         }
 
+    def _apply(self, fn: Callable[[Tensor], Tensor], *args: Any, **options: Any) -> Any:
+        """torch's hook of `to`: parameters move in place."""
+        for view in self.views:
+            for parameter in view.params.values():
+                parameter.data = fn(parameter.data)
+        return super()._apply(fn, *args, **options)
+
+    def _save_to_state_dict(
+        self, destination: dict[str, Any], prefix: str, keep_vars: bool
+    ) -> None:
+        """torch's hook: parameters as if each view were a module `views.0`, `views.1`, ..."""
+        super()._save_to_state_dict(destination, prefix, keep_vars)
+        for key, parameter in self._keyed(prefix):
+            destination[key] = parameter if keep_vars else parameter.detach()
+
     def _load_from_state_dict(self, state_dict: dict[str, Any], prefix: str, *args: Any) -> None:
-        """torch's hook, called before the views load: each takes the saved number of Gaussians."""
-        for view in range(len(self.views)):
-            resize_rows(self.params_of(view), state_dict, f"{prefix}views.{view}.")
-            self.recount(view)
-        super()._load_from_state_dict(state_dict, prefix, *args)
+        """torch's hook: each view takes its saved number of Gaussians."""
+        missing, errors = args[2], args[4]
+        for key, parameter in self._keyed(prefix):
+            value = state_dict.get(key)
+            if value is None:
+                missing.append(key)
+            elif value.shape[1:] != parameter.shape[1:]:
+                errors.append(f"{key} has the shape {tuple(value.shape)}")
+            else:
+                parameter.data = value.to(parameter.data, copy=True)
+                parameter.grad = None
+        own = {key for key, _ in self._keyed(prefix)}
+        rest = {key: value for key, value in state_dict.items() if key not in own}
+        super()._load_from_state_dict(rest, prefix, *args)
+        self.total = sum(self.counts())
 
-    @torch.no_grad()
-    def keep_colors_in_range(self, view: int) -> None:
-        """Put colours that a step moved beyond [0, 1] back on the border.
+    def _keyed(self, prefix: str) -> Iterator[tuple[str, nn.Parameter]]:
+        for number, view in enumerate(self.views):
+            for name, parameter in view.params.items():
+                yield f"{prefix}views.{number}.{name}", parameter
 
-        The clamp in rendering has no gradient beyond the border: a colour left there would stay.
-        """
-        self.params_of(view)["rgbs"].clamp_(0, 1)
+    def get_extra_state(self) -> list[dict[str, Any]]:
+        """Moments and statistics, for a checkpoint."""
+        return [view.saved() for view in self.views]
+
+    def set_extra_state(self, state: list[dict[str, Any]]) -> None:
+        """Take up what `get_extra_state` gave."""
+        for view, saved in zip(self.views, state, strict=True):
+            view.load(saved, view.params["means"].device)
 
 
 def fill_view(view: View, config: DistractorConfig) -> dict[str, Tensor]:

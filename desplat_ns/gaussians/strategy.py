@@ -18,6 +18,8 @@ from gsplat.strategy.ops import reset_opa
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
+from desplat_ns.gaussians.activation import RawParameters
+
 NEVER = 2**62
 """A step that no training reaches, and a number of Gaussians that no set has."""
 
@@ -25,7 +27,7 @@ NEVER = 2**62
 @torch.no_grad()
 def sample(
     strategy: DefaultStrategy,
-    params: nn.ParameterDict,
+    params: RawParameters,
     state: dict[str, Any],
     info: dict[str, Any],
 ) -> None:
@@ -57,7 +59,7 @@ def sample(
 
 def refine(
     strategy: DefaultStrategy,
-    params: nn.ParameterDict,
+    params: RawParameters,
     optimizers: Mapping[str, Any],
     state: dict[str, Any],
     step: int = 0,
@@ -72,7 +74,7 @@ def refine(
 
 def prune(
     strategy: DefaultStrategy,
-    params: nn.ParameterDict,
+    params: RawParameters,
     optimizers: Mapping[str, Any],
     state: dict[str, Any],
     step: int = 0,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
@@ -15,10 +14,14 @@ from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.console import announce
-from desplat_ns.gaussians.activation import activate_distractors
+from desplat_ns.gaussians.activation import (
+    RawParameters,
+    activate_distractors,
+    keep_colors_in_range,
+)
 from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.distractors import DistractorGaussians
+from desplat_ns.gaussians.distractors import DistractorGaussians, ViewDistractors
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.layers import layered_outputs
 from desplat_ns.separation.clearance import Clearance
@@ -71,7 +74,7 @@ class TrainStep:
 
 
 class DistractorLayer:
-    """All that the distractors need besides their parameters, which the model holds."""
+    """All that the distractors need besides themselves, which the model holds."""
 
     def __init__(
         self,
@@ -94,7 +97,7 @@ class DistractorLayer:
         self.config = config
         self.ssim_weight = static.ssim_lambda
         self.num_views = len(cameras)
-        self.densifier = DistractorDensifier(config, static, self.num_views)
+        self.densifier = DistractorDensifier(config, static)
         self.last = LastRegions()
         self.clearance = Clearance(config.clearance, points, cameras)
         if config.start == "residual" and self.num_views < FEW_VIEWS:
@@ -102,9 +105,8 @@ class DistractorLayer:
 
     def draw(self, index: int, rasterize: Callable[[Splats], Rendering]) -> Rendering | None:
         """Render the distractors of training view `index`; None if it has none."""
-        if self.gaussians.count_of(index) == 0:
-            return None
-        return rasterize(activate_distractors(self.gaussians.params_of(index)))
+        view = self.gaussians.views[index]
+        return rasterize(activate_distractors(view.params)) if len(view) > 0 else None
 
     def draw_for_training(
         self, step: int, index: int, rasterize: Callable[[Splats], Rendering]
@@ -112,11 +114,18 @@ class DistractorLayer:
         """As `draw`, with what densification needs to be told; None in the warm-up."""
         if step < self.config.static_warmup:
             return None
+        self.gaussians.views[index].begin_step(self.config.rates_at(step))
         rendering = self.draw(index, rasterize)
         if rendering is not None:
-            self.gaussians.draws(index)
             self.densifier.before_backward(rendering)
         return rendering
+
+    def optimizers_of(self, train_step: TrainStep) -> dict[str, Optimizer]:
+        """Those of the view's distractors, by the names of their groups; none if none is drawn."""
+        if train_step.distractors is None:
+            return {}
+        optimizers = self.gaussians.views[train_step.index].optimizers
+        return {f"distractor_{name}": one for name, one in optimizers.items()}
 
     def training_outputs(
         self, train_step: TrainStep, image: Float[Tensor, "H W 3"]
@@ -210,9 +219,8 @@ class DistractorLayer:
         train_step: TrainStep,
         params: nn.ParameterDict,
         memory: GaussianMemory,
-        optimizers: dict[str, Optimizer],
         refine_static: Callable[[], None],
-        contributions_of: Callable[[nn.ParameterDict], Float[Tensor, " M"]],
+        contributions_of: Callable[[RawParameters], Float[Tensor, " M"]],
     ) -> None:
         """Take up what a step proposes, once the optimizers have stepped: here alone anything that
         outlives a step is changed.
@@ -220,7 +228,6 @@ class DistractorLayer:
         Args:
             params: of the static Gaussians, raw.
             memory: what they remember.
-            optimizers: nerfstudio's, by group name.
             refine_static: refines the static set; called once it has what belongs to its rows.
             contributions_of: gives what each of the view's distractors makes up of it, in pixels.
         """
@@ -233,34 +240,22 @@ class DistractorLayer:
             index, view, params["means"], params["opacities"].data, static.visible
         )
         refine_static()
-        step = train_step.number
+        distractors, step = self.gaussians.views[index], train_step.number
+        before = len(distractors)
         if train_step.distractors is not None:
-            self.gaussians.keep_colors_in_range(index)
+            keep_colors_in_range(distractors.params)
             info = strategy_info(train_step.distractors, view)
-            self.densifier.after_step(
-                self.gaussians, index, optimizers, step, info, contributions_of
-            )
+            self.densifier.after_step(distractors, step, info, contributions_of)
         if train_step.regions is not None and step < self.config.stop_placing_at:
-            self._place(train_step, train_step.regions, optimizers)
-        self.gaussians.recount(index)
+            self._place(train_step, train_step.regions, distractors)
+        self.gaussians.total += len(distractors) - before
 
     @torch.no_grad()
-    def _place(
-        self, train_step: TrainStep, regions: Tensor, optimizers: dict[str, Optimizer]
-    ) -> None:
+    def _place(self, train_step: TrainStep, regions: Tensor, distractors: ViewDistractors) -> None:
         """Give the view new distractors where they belong, and remove those out of place."""
-        means = self.gaussians.params_of(train_step.index)["means"]
+        means = distractors.params["means"]
         changed = placement(
             train_step.view, train_step.photo, train_step.alpha_d, regions, means, self.config
         )
         if changed is not None:
-            self.densifier.exchange(self.gaussians, train_step.index, optimizers, *changed)
-
-    def state_dict(self) -> dict[str, Any]:
-        """The densifier's running statistics and what was found so far, for a checkpoint."""
-        return self.densifier.state_dict() | {"regions": self.last.state_dict()}
-
-    def load_state_dict(self, state: dict[str, Any], device: torch.device) -> None:
-        """Take up what `state_dict` gave, on `device`."""
-        self.densifier.load_state_dict(state, device)
-        self.last.load_state_dict(state["regions"], device)
+            distractors.exchange(*changed)

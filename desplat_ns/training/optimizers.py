@@ -1,20 +1,17 @@
-"""Adam in one pass over the parameters, where torch can, and over those of the drawn view alone."""
+"""The optimizers of a run, as nerfstudio's configurations."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
-import torch
-from nerfstudio.engine.optimizers import AdamOptimizerConfig, Optimizers
+from nerfstudio.engine.optimizers import AdamOptimizerConfig
 from torch import nn
-from torch.cuda.amp.grad_scaler import GradScaler
 from torch.optim import Optimizer
 
-from desplat_ns.gaussians.parameters_of_views import ParametersOfViews
+from desplat_ns.gaussians.adam import adam
 
 RAISED = ("means", "scales", "quats", "features_dc", "features_rest")
 """Groups whose rates are raised in short runs: the static set's. Its opacities have rates for short
@@ -43,60 +40,4 @@ class FusedAdamConfig(AdamOptimizerConfig):
 
     def setup(self, params: list[nn.Parameter]) -> Optimizer:
         """The optimizer of one group of parameters."""
-        options: dict[str, Any] = {
-            "lr": self.lr,
-            "eps": self.eps,
-            "weight_decay": self.weight_decay,
-        }
-        if self.fused:
-            try:
-                return torch.optim.Adam(params, fused=True, **options)
-            except RuntimeError:  # parameters on a device, or of a type, without a fused Adam
-                pass
-        return torch.optim.Adam(params, **options)
-
-
-class OptimizersOfViews(Optimizers):
-    """nerfstudio's optimizers, whose steps cost the same however many training views there are.
-
-    Adam updates what has a gradient: of the distractors those of the view that was drawn. To find
-    them, torch and nerfstudio 1.1.5 look at every view's, four times a step for each kind of
-    parameter, which took some 20 ms for 1,700 views.
-    """
-
-    def __init__(self, config: dict[str, Any], param_groups: dict[str, list[nn.Parameter]]):
-        """`param_groups`: as the model gives them, `ParametersOfViews` among them."""
-        super().__init__(config, param_groups)
-        self._drawn = {
-            name: parameters.drawn
-            for name, parameters in param_groups.items()
-            if isinstance(parameters, ParametersOfViews)
-        }
-
-    @contextmanager
-    def drawn_alone(self) -> Iterator[None]:
-        """Within, optimizers of every view's parameters hold those of the drawn views alone."""
-        groups = {name: self.optimizers[name].param_groups[0] for name in self._drawn}
-        whole = {name: group["params"] for name, group in groups.items()}
-        for name, group in groups.items():
-            group["params"] = [whole[name][view] for view in self._drawn[name]]
-        try:
-            yield
-        finally:
-            for name, group in groups.items():
-                group["params"] = whole[name]
-
-    def zero_grad_all(self) -> None:
-        """Drop all gradients."""
-        with self.drawn_alone():
-            super().zero_grad_all()
-
-    def zero_grad_some(self, param_groups: list[str]) -> None:
-        """Drop the gradients of some groups."""
-        with self.drawn_alone():
-            super().zero_grad_some(param_groups)
-
-    def optimizer_scaler_step_some(self, grad_scaler: GradScaler, param_groups: list[str]) -> None:
-        """Step the optimizers of some groups."""
-        with self.drawn_alone():
-            super().optimizer_scaler_step_some(grad_scaler, param_groups)
+        return adam(params, self.lr, self.fused, eps=self.eps, weight_decay=self.weight_decay)

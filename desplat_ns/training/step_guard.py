@@ -6,7 +6,7 @@ stays: not in parameters and moments, not in what densification and placement re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Any, Protocol, runtime_checkable
 import torch
 from jaxtyping import Float
 from nerfstudio.engine.optimizers import Optimizers
+from nerfstudio.utils import writer
 from torch import Tensor, nn
 from torch.cuda.amp.grad_scaler import GradScaler
 from torch.optim import Optimizer
@@ -23,7 +24,6 @@ from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, TrainingError
 from desplat_ns.training.checkpoint_files import checkpoints_in
 from desplat_ns.training.culled import too_many_culled
-from desplat_ns.training.optimizers import OptimizersOfViews
 
 ADVICE = (
     "Look at that photo and its pose, give a lower --optimizers.GROUP.optimizer.lr for a group "
@@ -82,31 +82,44 @@ def find_fault(
     return Fault(bad_losses, bad_groups) if bad_losses or bad_groups else None
 
 
-class GuardedOptimizers(OptimizersOfViews):
-    """Optimizers that step only if the step at hand is sound."""
+class GuardedOptimizers(Optimizers):
+    """Optimizers that step only if the step at hand is finite, with those of the drawn view."""
 
     def __init__(
         self,
         config: dict[str, Any],
         param_groups: dict[str, list[nn.Parameter]],
         may_step: Callable[[GradScaler], bool],
+        of_view: Callable[[], Mapping[str, Optimizer]],
     ):
-        """`may_step` is called with the gradient scaler after each backward pass."""
+        """Args:
+        may_step: is called with the gradient scaler after each backward pass.
+        of_view: gives the optimizers that belong to the view of the step at hand.
+        """
         super().__init__(config, param_groups)
-        self._may_step = may_step
+        self._may_step, self._of_view = may_step, of_view
 
     def optimizer_scaler_step_some(self, grad_scaler: GradScaler, param_groups: list[str]) -> None:
         """Step, or change nothing and drop all gradients; nerfstudio 1.1.5 steps no other way."""
-        with self.drawn_alone():
-            is_sound = self._may_step(grad_scaler)
-            if not is_sound and grad_scaler.is_enabled():
-                # the scaler's update() insists on having seen the gradients
-                for name in gradients_of(self.optimizers):
-                    grad_scaler.unscale_(self.optimizers[name])
-        if is_sound:
+        of_view = self._of_view()  # first: a step that is dropped has no view any more
+        if self._may_step(grad_scaler):
             super().optimizer_scaler_step_some(grad_scaler, param_groups)
-        else:
-            self.zero_grad_all()
+            for name in gradients_of(of_view):
+                grad_scaler.step(of_view[name])
+            return
+        all_of_them = {**self.optimizers, **of_view}
+        if grad_scaler.is_enabled():  # its update() insists on having seen the gradients
+            for name in gradients_of(all_of_them):
+                grad_scaler.unscale_(all_of_them[name])
+        for optimizer in all_of_them.values():
+            optimizer.zero_grad()
+
+    def scheduler_step_all(self, step: int) -> None:
+        """nerfstudio's, which logs rates; those of the view as well."""
+        super().scheduler_step_all(step)
+        for name, optimizer in self._of_view().items():
+            rate = optimizer.param_groups[0]["lr"]
+            writer.put_scalar(name=f"learning_rate/{name}", scalar=rate, step=step)
 
 
 @runtime_checkable
@@ -131,6 +144,14 @@ class GuardedModel(Protocol):
 
     def gaussian_groups(self) -> set[str]:
         """Parameter groups with one row for each Gaussian."""
+        ...
+
+    def view_optimizers(self) -> Mapping[str, Optimizer]:
+        """Optimizers of what belongs to the view of the step at hand alone."""
+        ...
+
+    def view_parameters(self) -> Mapping[str, Sequence[Tensor]]:
+        """What belongs to single views, of all of them; one row for each Gaussian."""
         ...
 
     def culled_static(self) -> int:
@@ -169,7 +190,9 @@ class StepGuard:
         With mixed precision, gradients overflow now and then, and the gradient scaler sees to them:
         then only losses are judged.
         """
-        judged = {} if grad_scaler.is_enabled() else gradients_of(optimizers.optimizers)
+        judged = {}
+        if not grad_scaler.is_enabled():
+            judged = gradients_of({**optimizers.optimizers, **model.view_optimizers()})
         fault = find_fault(model.losses, judged)
         self.skipped_last = fault is not None
         if fault is None:
@@ -211,12 +234,14 @@ def check_parameters(
         TrainingError: what is not finite, and which checkpoint is the newest.
     """
     per_gaussian = set() if strict else model.gaussian_groups()
-    bad = [
-        name
-        for name, optimizer in optimizers.optimizers.items()
+    groups: dict[str, Sequence[Tensor]] = {
+        name: list(_parameters(one))
+        for name, one in optimizers.optimizers.items()
         if name not in per_gaussian
-        and not all(bool(p.isfinite().all()) for p in _parameters(optimizer))
-    ]
+    }
+    if strict:
+        groups = {**groups, **model.view_parameters()}
+    bad = [n for n, group in groups.items() if not all(bool(p.isfinite().all()) for p in group)]
     found = f"The parameters {', '.join(bad)} are not finite" if bad else None
     if found is None:
         found = too_many_culled(model.culled_static(), model.num_points)

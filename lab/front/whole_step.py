@@ -77,7 +77,9 @@ class WholeStep(ModelStep):
             self.step(view)
 
     def _optimizers_of(self, groups: dict[str, list[nn.Parameter]]) -> GuardedOptimizers:
-        return GuardedOptimizers(self._options_of(groups), groups, self._may_step)
+        return GuardedOptimizers(
+            self._options_of(groups), groups, self._may_step, self.model.view_optimizers
+        )
 
     def _may_step(self, scaler: GradScaler) -> bool:
         return self._guard.is_sound(SETTLED, self.model, self.optimizers, scaler)

@@ -171,8 +171,8 @@ MUTATIONS = (
     Mutation("log-scales that overflow", "gaussians/activation.py",
              "torch.exp(log_scales.clamp(max=MAX_LOG_SCALE))", "torch.exp(log_scales)", FORMULAS),
     # Training
-    Mutation("distractors measured against a scene of size 1", "gaussians/densification.py",
-             "(scene_scale=config.depth)", "(scene_scale=1.0)", DENSIFICATION),
+    Mutation("distractors measured against a scene of size 1", "gaussians/distractors.py",
+             '"scene_scale": depth', '"scene_scale": 1.0', DENSIFICATION),
     Mutation("distractors refined in their warm-up", "gaussians/densification.py",
              "max(static.warmup_length, config.static_warmup)", "static.warmup_length",
              DENSIFICATION),

@@ -26,26 +26,22 @@ class Scene:
         self.distractors = DistractorGaussians(
             self.config, Cameras(poses, 20.0, 20.0, 10.0, 5.0, 20, 10)
         )
-        self.optimizers: dict[str, Any] = {
-            name: torch.optim.Adam(params, lr=1e-3)
-            for name, params in self.distractors.param_groups().items()
-        }
-        self.densifier = DistractorDensifier(self.config, STATIC, num_views=2)
+        self.densifier = DistractorDensifier(self.config, STATIC)
         self.pixels = torch.full((99,), 100.0)
         """What each distractor makes up of the image."""
 
     def params(self, view: int = 0):
-        return self.distractors.params_of(view)
+        return self.distractors.views[view].params
 
     def visit(self, step: int, view: int = 0, grad: float | list[float] = 0.0) -> None:
         """One training step on `view`; `grad` is the screen-space gradient of its Gaussians."""
         params = self.params(view)
         n = len(params["means"])
-        for optimizer in self.optimizers.values():
-            optimizer.zero_grad()
+        one = self.distractors.views[view]
+        one.begin_step(dict.fromkeys(params, 1e-3))
         weighted = [(p * torch.arange(1.0, n + 1)[:, None]).sum() for p in params.values()]
         torch.stack(weighted).sum().backward()
-        for optimizer in self.optimizers.values():
+        for optimizer in one.optimizers.values():
             optimizer.step()
         means2d: Any = torch.zeros(1, n, 2)
         means2d.absgrad = torch.zeros(1, n, 2)
@@ -55,17 +51,11 @@ class Scene:
             torch.zeros(10, 20, 3), torch.zeros(10, 20, 1), None, means2d, torch.ones(n).int()
         )
         info = strategy_info(rendering, VIEW)
-        self.densifier.after_step(
-            self.distractors,
-            view,
-            self.optimizers,
-            step,
-            info,
-            lambda held: self.pixels[: len(held["means"])],
-        )
+        self.densifier.after_step(one, step, info, lambda held: self.pixels[: len(held["means"])])
 
     def moment(self, name: str, view: int = 0) -> torch.Tensor:
-        return self.optimizers[f"distractor_{name}"].state[self.params(view)[name]]["exp_avg"]
+        one = self.distractors.views[view]
+        return one.optimizers[name].state[one.params[name]]["exp_avg"]
 
 
 def test_faint_ones_are_pruned_and_the_others_keep_their_moments():
@@ -148,7 +138,7 @@ def test_the_other_views_are_left_alone():
     for step in range(11, 21):
         scene.visit(step, view=0, grad=1.0)
     assert all(torch.equal(scene.params(1)[name], value) for name, value in other.items())
-    assert scene.densifier.rounds == [10, 5]
+    assert [view.refinement for view in scene.distractors.views] == [10, 0]
 
 
 def test_refinement_falls_due_for_all_views_and_each_has_it_when_it_is_next_seen():
@@ -203,9 +193,8 @@ def test_running_statistics_survive_a_checkpoint():
     scene = Scene(refine_every=13)
     scene.visit(11, grad=1.0)
     scene.visit(12, grad=1.0)
-    copy = DistractorDensifier(scene.config, STATIC, num_views=2)
-    copy.load_state_dict(scene.densifier.state_dict(), torch.device("cpu"))
-    scene.densifier = copy
+    saved, scene = scene.distractors.state_dict(), Scene(refine_every=13)
+    scene.distractors.load_state_dict(saved)
     scene.visit(13, grad=1.0)
     assert scene.distractors.counts() == [8, 4]
 
@@ -219,13 +208,13 @@ def test_exchanged_distractors_start_without_moments_and_the_others_keep_theirs(
     scene.visit(11, grad=[0.1, 0.2, 0.3, 0.4])
     means, moments = scene.params()["means"].detach().clone(), scene.moment("means").clone()
     keep = torch.tensor([0, 2, 3])
-    scene.densifier.exchange(scene.distractors, 0, scene.optimizers, keep, new_rows(2, scene))
+    scene.distractors.views[0].exchange(keep, new_rows(2, scene))
     assert scene.distractors.counts() == [5, 4]
     assert torch.equal(scene.params()["means"][:3], means[keep])
     assert (scene.params()["means"][3:] == 7).all()
     assert torch.equal(scene.moment("means")[:3], moments[keep])
     assert (scene.moment("means")[3:] == 0).all()
-    grad2d = scene.densifier.running[0]["grad2d"]
+    grad2d = scene.distractors.views[0].state["grad2d"]
     assert torch.allclose(grad2d, torch.tensor([0.1, 0.3, 0.4, 0.0, 0.0]))
     scene.visit(12)  # the optimizers hold the new parameters
     assert not torch.equal(scene.params()["means"][3:], torch.full((2, 3), 7.0))
@@ -235,9 +224,9 @@ def test_a_view_can_lose_all_its_distractors_and_get_new_ones():
     scene = Scene()
     scene.visit(11)
     nobody = torch.zeros(0, dtype=torch.long)
-    scene.densifier.exchange(scene.distractors, 0, scene.optimizers, nobody, new_rows(0, scene))
+    scene.distractors.views[0].exchange(nobody, new_rows(0, scene))
     assert scene.distractors.counts() == [0, 4]
-    scene.densifier.exchange(scene.distractors, 0, scene.optimizers, nobody, new_rows(3, scene))
+    scene.distractors.views[0].exchange(nobody, new_rows(3, scene))
     assert scene.distractors.counts() == [3, 4]
     scene.visit(12)
     assert not (scene.params()["means"] == 7).any()
@@ -275,6 +264,7 @@ def test_a_threshold_of_ones_own_does_not_depend_on_the_images_size(size):
     for threshold, expected in ((7.0, 2), (5.0, 3), (3.0, 4)):
         scene = Scene(per_view=2, grow_grad=threshold)
         params = scene.params()
+        scene.distractors.views[0].begin_step(dict.fromkeys(params, 1e-3))
         means2d: Any = torch.zeros(1, 2, 2)
         means2d.absgrad = torch.stack([torch.zeros(2), summed / (width * height)], dim=-1)[None]
         image = torch.zeros(height, width, 3)
@@ -282,6 +272,6 @@ def test_a_threshold_of_ones_own_does_not_depend_on_the_images_size(size):
         info = strategy_info(rendering, View(torch.eye(4), torch.eye(3), width, height))
         for step in (11, 12):
             scene.densifier.after_step(
-                scene.distractors, 0, scene.optimizers, step, info, lambda _: torch.ones(2)
+                scene.distractors.views[0], step, info, lambda _: torch.ones(2)
             )
         assert len(params["means"]) == expected

@@ -6,10 +6,11 @@ from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.backend.protocol import RenderSettings
 from desplat_ns.errors import ConfigError
+from desplat_ns.gaussians.activation import keep_colors_in_range
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians, even_points
-from desplat_ns.gaussians.parameters_of_views import ParametersOfViews
 from desplat_ns.rendering.views import view_of
+from tests.helpers.stub_run import assert_same
 
 
 def cameras(scale: float = 1.0, fx: float = 70.0, width: int = 90, height: int = 160) -> Cameras:
@@ -22,7 +23,7 @@ def cameras(scale: float = 1.0, fx: float = 70.0, width: int = 90, height: int =
 
 def pixels_of(cams: Cameras, distractors: DistractorGaussians, view: int):
     v = view_of(cams[view : view + 1])
-    in_camera = distractors.params_of(view)["means"] @ v.viewmat[:3, :3].T + v.viewmat[:3, 3]
+    in_camera = distractors.views[view].params["means"] @ v.viewmat[:3, :3].T + v.viewmat[:3, 3]
     projected = in_camera @ v.K.T
     return projected[:, :2] / projected[:, 2:], in_camera[:, 2]
 
@@ -46,7 +47,7 @@ def test_their_size_is_half_their_spacing_on_the_image():
     square = cameras(width=120, height=120)
     distractors = DistractorGaussians(DistractorConfig(per_view=144), square)
     # 144 in 120 x 120 pixels: 10 pixels apart, sigma 5 pixels at focal length sqrt(70 * 91).
-    sigma = distractors.params_of(0)["scales"].exp() / 0.02 * (70 * 91) ** 0.5
+    sigma = distractors.views[0].params["scales"].exp() / 0.02 * (70 * 91) ** 0.5
     assert torch.allclose(sigma, torch.full_like(sigma, 5.0), rtol=1e-5)
 
 
@@ -60,64 +61,99 @@ def test_even_points_leave_no_gap():
 def test_groups_cover_every_parameter_once():
     distractors = DistractorGaussians(DistractorConfig(per_view=5), cameras())
     grouped = [p for group in distractors.param_groups().values() for p in group]
-    assert {id(p) for p in grouped} == {id(p) for p in distractors.parameters()}
+    held = [p for view in distractors.views for p in view.params.values()]
+    assert {id(p) for p in grouped} == {id(p) for p in held}
     assert len(grouped) == 2 * 5
 
 
-def test_training_mode_is_set_without_a_visit_to_every_view(monkeypatch):
+def test_what_nerfstudio_walks_over_in_every_step_holds_no_view():
+    """Modules, whose training mode it sets, and parameters of its optimizers."""
     distractors = DistractorGaussians(DistractorConfig(per_view=2), cameras())
-
-    def visited(self, mode=True):
-        raise AssertionError("a view was visited")
-
-    monkeypatch.setattr(torch.nn.ParameterDict, "train", visited)
-    assert not distractors.eval().training
-    assert distractors.train().training
+    assert list(distractors.modules()) == [distractors]
+    assert list(distractors.parameters()) == []
 
 
-def test_the_total_follows_the_view_that_changed():
-    distractors = DistractorGaussians(DistractorConfig(per_view=5), cameras())
-    assert distractors.total == 10
-    params = distractors.params_of(1)
-    params["means"] = torch.nn.Parameter(params["means"].data[:2])
-    distractors.recount(0)
-    assert distractors.total == 10
-    distractors.recount(1)
-    assert distractors.total == sum(distractors.counts()) == 7
-
-
-def test_drawn_views_are_remembered_as_long_as_they_have_gradients():
+def test_they_go_to_another_device_or_type_in_place():
     distractors = DistractorGaussians(DistractorConfig(per_view=2), cameras())
-    groups = [g for g in distractors.param_groups().values() if isinstance(g, ParametersOfViews)]
-    distractors.draws(0)
-    distractors.params_of(0)["rgbs"].sum().backward()
-    distractors.draws(1)
-    assert [group.drawn for group in groups] == [[0, 1]] * 5
-    distractors.draws(1)
-    assert distractors.drawn == [0, 1]
-    distractors.params_of(0)["rgbs"].grad = None
-    distractors.draws(0)
-    assert [group.drawn for group in groups] == [[0]] * 5
+    held = distractors.views[1].params["means"]
+    torch.nn.Sequential(distractors).double()
+    assert held.dtype == torch.float64
+    assert distractors.views[1].params["means"] is held
+
+
+def test_a_step_begins_without_gradients_and_with_the_rates_of_the_step():
+    config = DistractorConfig(per_view=2, means_lr_steps=100)
+    view = DistractorGaussians(config, cameras()).views[0]
+    for step, rate in ((0, 1.6e-4), (50, 1.6e-5), (100, 1.6e-6), (300, 1.6e-6)):
+        view.params["means"].sum().backward()
+        view.begin_step(config.rates_at(step))
+        assert view.params["means"].grad is None
+        assert view.optimizers["means"].param_groups[0]["lr"] == pytest.approx(rate)
+        assert view.optimizers["scales"].param_groups[0]["lr"] == 0.05
+
+
+def test_a_rate_of_0_stays_0():
+    assert DistractorConfig(means_lr=0.0).rates_at(7)["means"] == 0.0
 
 
 def test_colours_that_left_the_range_come_back_to_its_border():
     distractors = DistractorGaussians(DistractorConfig(per_view=2), cameras())
-    rgbs = distractors.params_of(1)["rgbs"]
+    rgbs = distractors.views[1].params["rgbs"]
     with torch.no_grad():
         rgbs.copy_(torch.tensor([[-0.5, 0.5, 1.5], [0.0, 1.0, 2.0]]))
-    distractors.keep_colors_in_range(1)
+    keep_colors_in_range(distractors.views[1].params)
     assert torch.equal(rgbs, torch.tensor([[0.0, 0.5, 1.0], [0.0, 1.0, 1.0]]))
+
+
+def stepped(distractors: DistractorGaussians, view: int) -> None:
+    """One step of Adam on a view, by gradients of 1."""
+    one = distractors.views[view]
+    one.begin_step(DistractorConfig().rates_at(0))
+    torch.stack([p.sum() for p in one.params.values()]).sum().backward()
+    for optimizer in one.optimizers.values():
+        optimizer.step()
 
 
 def test_a_checkpoint_with_other_numbers_loads_into_the_same_parameters():
     source = DistractorGaussians(DistractorConfig(per_view=7), cameras())
     target = DistractorGaussians(DistractorConfig(per_view=3), cameras())
-    held = target.params_of(1)["means"]
+    held = target.views[1].params["means"]
     target.load_state_dict(source.state_dict())
-    assert target.params_of(1)["means"] is held
-    assert torch.equal(held, source.params_of(1)["means"])
+    assert target.views[1].params["means"] is held
+    assert torch.equal(held, source.views[1].params["means"])
     assert target.total == source.total == 14
     assert target.counts() == [7, 7]
+
+
+def test_a_checkpoint_brings_moments_back_also_through_a_second_one():
+    source = DistractorGaussians(DistractorConfig(per_view=4), cameras())
+    stepped(source, 0)
+    source.views[0].refinement = 3
+    target = source
+    for _ in range(2):
+        saved, target = target.state_dict(), DistractorGaussians(DistractorConfig(), cameras())
+        target.load_state_dict(saved)
+    assert target.views[0].refinement == 3
+    for one in (source, target):
+        stepped(one, 0)
+        stepped(one, 1)
+    assert_same(dict(source.state_dict()), dict(target.state_dict()))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda state: state.pop("views.1.rgbs"), r"Missing key.*views\.1\.rgbs"),
+        (lambda state: state.update({"views.2.rgbs": torch.zeros(2, 3)}), "Unexpected key"),
+        (lambda state: state.update({"views.1.rgbs": torch.zeros(2, 4)}), r"rgbs has the shape"),
+    ],
+)
+def test_a_checkpoint_that_does_not_fit_is_refused(spoil, message):
+    distractors = DistractorGaussians(DistractorConfig(per_view=2), cameras())
+    state = distractors.state_dict()
+    spoil(state)
+    with pytest.raises(RuntimeError, match=message):
+        distractors.load_state_dict(state)
 
 
 @pytest.mark.parametrize(
@@ -129,6 +165,8 @@ def test_a_checkpoint_with_other_numbers_loads_into_the_same_parameters():
         ({"max_warmup_visits": -1}, r"max-warmup-visits` is -1; it has to be 0 or more"),
         ({"min_warmup_visits": -1}, r"min-warmup-visits` is -1; it has to be 0 or more"),
         ({"shaping_steps": -1}, r"shaping-steps` is -1; it has to be 0 or more"),
+        ({"rgbs_lr": -1.0}, r"rgbs-lr` is -1\.0; it has to be 0 or more"),
+        ({"means_lr_final": 0.0}, r"means-lr-final` is 0\.0; it has to be above 0"),
         ({"initial_opacity": 1.0}, r"initial-opacity` is 1\.0"),
     ],
 )

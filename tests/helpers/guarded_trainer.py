@@ -37,7 +37,7 @@ class GuardedTrainer:
             for name, rate in rates.items()
         }
         self.guard = StepGuard(max_skipped)
-        self.optimizers = GuardedOptimizers(options, groups, self._may_step)
+        self.optimizers = GuardedOptimizers(options, groups, self._may_step, model.view_optimizers)
         self.photo = torch.rand(20, 24, 3, generator=torch.Generator().manual_seed(1))
 
     def _may_step(self, scaler: Any) -> bool:

@@ -13,7 +13,7 @@ from torch import nn
 
 from desplat_ns.effects import Effects
 from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
-from desplat_ns.gaussians.distractors import DistractorGaussians
+from desplat_ns.gaussians.distractors import DistractorGaussians, ViewDistractors
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline, DeSplatPipelineConfig
 from desplat_ns.viewer import LayerControl
@@ -28,14 +28,11 @@ class NoLpips(LazyLpips):
 
 
 class KnownDistractors(DistractorGaussians):
-    _load_from_state_dict = nn.Module._load_from_state_dict  # pyright: ignore[reportAssignmentType]
+    """Of two views, 2 and 3."""
 
     def __init__(self) -> None:
         nn.Module.__init__(self)
-        self.means = nn.Parameter(torch.zeros(5, 3))
-
-    def counts(self) -> list[int]:
-        return [2, 3]
+        self.views = [ViewDistractors({"means": torch.zeros(n, 3)}, 1.0) for n in (2, 3)]
 
 
 class KnownModel(nn.Module):

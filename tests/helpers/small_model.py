@@ -45,9 +45,9 @@ def make_model(points: torch.Tensor | None = None, **config: Any) -> DeSplatMode
     )
 
 
-def distractors_of(model: DeSplatModel, view: int) -> torch.nn.ParameterDict:
+def distractors_of(model: DeSplatModel, view: int) -> dict[str, torch.nn.Parameter]:
     assert model.distractors is not None
-    return model.distractors.params_of(view)
+    return model.distractors.views[view].params
 
 
 class Trainer:
@@ -74,7 +74,7 @@ class Trainer:
         batch = {"image": self.photo} | ({} if self.mask is None else {"mask": self.mask})
         losses = model.get_loss_dict(outputs, batch)
         torch.stack(list(losses.values())).sum().backward()
-        for optimizer in self.optimizers.values():
+        for optimizer in (*self.optimizers.values(), *model.view_optimizers().values()):
             optimizer.step()
         model.step_post_backward(step)
         return {"outputs": outputs, "losses": losses}

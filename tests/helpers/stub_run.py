@@ -64,6 +64,12 @@ class StubModel:
     def gaussian_groups(self) -> set[str]:
         return set()
 
+    def view_optimizers(self) -> dict[str, torch.optim.Optimizer]:
+        return {}
+
+    def view_parameters(self) -> dict[str, list[torch.Tensor]]:
+        return {}
+
     def culled_static(self) -> int:
         return 0
 

@@ -1,7 +1,6 @@
 """Regions become distractors; what distractors cover is not the static scene's to fit."""
 
 import dataclasses
-from typing import Any
 
 import pytest
 import torch
@@ -72,7 +71,7 @@ def test_new_distractors_lie_on_the_cells_of_the_region_in_the_photos_colours():
 def test_as_many_pixels_wide_as_those_that_cover_the_whole_view():
     whole = DistractorGaussians(dataclasses.replace(CONFIG, start="everywhere"), cameras())
     new = new_ones(block())
-    assert torch.allclose(new["scales"], whole.params_of(0)["scales"][:50], atol=1e-6)
+    assert torch.allclose(new["scales"], whole.views[0].params["scales"][:50], atol=1e-6)
 
 
 def test_none_is_placed_where_distractors_cover_already():
@@ -93,7 +92,7 @@ def test_none_is_placed_in_a_cell_of_which_less_than_half_is_in_a_region():
 def test_those_in_the_region_stay():
     everywhere = dataclasses.replace(CONFIG, start="everywhere")
     distractors = DistractorGaussians(everywhere, cameras())
-    means = distractors.params_of(0)["means"].detach()
+    means = distractors.views[0].params["means"].detach()
     keep = lie_in(block(), means, the_view())
     x, y = pixels(means, the_view()).unbind(-1)
     assert torch.equal(keep, (x >= 30) & (x < 50) & (y >= 10) & (y < 20))
@@ -135,10 +134,6 @@ class Trained:
 
     def __init__(self, config: DistractorConfig = WARMED_UP, num_views: int = 40) -> None:
         self.scene, self.layer = WellKnownScene(), a_layer(config, num_views)
-        self.optimizers: dict[str, Any] = {
-            name: torch.optim.Adam(params)
-            for name, params in self.layer.gaussians.param_groups().items()
-        }
 
     def step(self, number: int, photo: torch.Tensor) -> TrainStep:
         scene, step = self.scene, self.scene.train_step(number, photo)
@@ -146,14 +141,12 @@ class Trained:
         self.layer.losses(step, none, scene.opacities, scene.memory, None)
         means = torch.zeros(len(scene.opacities), 3)
         params = torch.nn.ParameterDict({"means": means, "opacities": scene.opacities.clone()})
-        self.layer.commit(
-            step, params, scene.memory, self.optimizers, lambda: None, lambda _: none.flatten()
-        )
+        self.layer.commit(step, params, scene.memory, lambda: None, lambda _: none.flatten())
         return step
 
     @property
     def count(self) -> int:
-        return self.layer.gaussians.count_of(0)
+        return len(self.layer.gaussians.views[0])
 
 
 def test_with_two_photos_nothing_is_placed_and_all_of_them_train():
@@ -209,13 +202,13 @@ def test_a_found_region_stays_with_less_evidence_also_after_a_checkpoint():
     assert not regions(a_layer(config), paler).any()
     regions(layer, scene.with_a_pale_one())
     resumed = a_layer(config)
-    resumed.load_state_dict(layer.state_dict(), torch.device("cpu"))
+    resumed.last.load_state_dict(layer.last.state_dict(), torch.device("cpu"))
     for one in (layer, resumed):
         assert regions(one, paler)[14:26, 24:36].all()
         assert not regions(one, scene.photo).any()
     regions(layer, scene.with_a_pale_one())
     forgetful = a_layer(dataclasses.replace(config, standing_share=1.0))
-    forgetful.load_state_dict(layer.state_dict(), torch.device("cpu"))
+    forgetful.last.load_state_dict(layer.last.state_dict(), torch.device("cpu"))
     assert not regions(forgetful, paler).any()
     assert not regions(layer, paler, config.leave_out_at).any()
 

@@ -1,19 +1,15 @@
-"""Fused Adam: the same steps as the plain one, where torch has it; and of the drawn view alone."""
+"""Fused Adam: the same steps as the plain one, where torch has it."""
 
 import copy
-from dataclasses import dataclass, field
-from typing import Any
 
 import pytest
 import torch
 from torch import nn
 
-from desplat_ns.gaussians.parameters_of_views import ParametersOfViews
 from desplat_ns.method_configs import desplat
 from desplat_ns.training.optimizers import (
     RAISED,
     FusedAdamConfig,
-    OptimizersOfViews,
     raised_rates,
 )
 
@@ -74,76 +70,3 @@ def test_only_the_static_sets_rates_are_raised_and_the_originals_stay():
         assert group["optimizer"].lr == pytest.approx(factor * rate)
         assert group["scheduler"] == before[name]["scheduler"]
     assert raised_rates(before, 1.0) == before
-
-
-class Watched(torch.optim.Adam):
-    """Notes how many parameters there are to look at, each time that it looks."""
-
-    looked_at: list[int]
-
-    def zero_grad(self, set_to_none: bool = True) -> None:
-        self.looked_at.append(len(self.param_groups[0]["params"]))
-        super().zero_grad(set_to_none)
-
-    def step(self, closure: Any = None) -> Any:
-        self.looked_at.append(len(self.param_groups[0]["params"]))
-        return super().step(closure)
-
-
-@dataclass
-class WatchedConfig:
-    """As nerfstudio's configurations of optimizers."""
-
-    lr: float = 0.1
-    max_norm: None = None
-    looked_at: list[int] = field(default_factory=list)
-
-    def setup(self, params: list[nn.Parameter]) -> Watched:
-        optimizer = Watched(params, lr=self.lr)
-        optimizer.looked_at = self.looked_at
-        return optimizer
-
-
-def of_views(num_views: int) -> tuple[OptimizersOfViews, ParametersOfViews, WatchedConfig]:
-    config = WatchedConfig()
-    views = ParametersOfViews((nn.Parameter(torch.ones(3)) for _ in range(num_views)), [])
-    options = {"views": {"optimizer": config, "scheduler": None}}
-    return OptimizersOfViews(options, {"views": views}), views, config
-
-
-def take_step(optimizers: OptimizersOfViews) -> None:
-    scaler = torch.cuda.amp.GradScaler(enabled=False)
-    optimizers.optimizer_scaler_step_some(scaler, ["views"])
-
-
-@pytest.mark.parametrize("zero", ["all", "some"])
-def test_a_step_looks_at_the_drawn_view_alone(zero):
-    optimizers, views, config = of_views(50)
-    for view in (7, 3):
-        if zero == "all":
-            optimizers.zero_grad_all()
-        else:
-            optimizers.zero_grad_some(["views"])
-        views.drawn[:] = [view]
-        views[view].square().sum().backward()
-        take_step(optimizers)
-    assert config.looked_at == [0, 1, 1, 1]
-    assert [v for v in range(50) if not torch.equal(views[v], torch.ones(3))] == [3, 7]
-    assert views[7].grad is None and views[3].grad is not None
-    held = optimizers.optimizers["views"].param_groups[0]["params"]
-    assert all(a is b for a, b in zip(held, views, strict=True))  # for checkpoints and refinement
-
-
-def test_gradients_of_several_views_are_all_taken():
-    optimizers, views, _ = of_views(5)
-    views.drawn[:] = [4, 1]
-    (views[1].sum() + views[4].sum()).backward()
-    take_step(optimizers)
-    assert [v for v in range(5) if not torch.equal(views[v], torch.ones(3))] == [1, 4]
-
-
-def test_all_views_come_back_after_an_error():
-    optimizers, views, _ = of_views(5)
-    with pytest.raises(KeyError), optimizers.drawn_alone():
-        raise KeyError
-    assert len(optimizers.optimizers["views"].param_groups[0]["params"]) == len(views)

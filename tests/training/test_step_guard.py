@@ -8,6 +8,7 @@ import torch
 from nerfstudio.engine.optimizers import Optimizers
 
 from desplat_ns.errors import ConfigError, TrainingError
+from desplat_ns.gaussians.distractors import PARAMETER_NAMES
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.training.checkpoint_files import checkpoints_in, load_checkpoint
 from desplat_ns.training.step_guard import (
@@ -60,21 +61,23 @@ def test_a_bad_gradient_changes_no_bit_and_its_group_and_photo_are_named(capsys)
     for step in range(8):
         trainer.step(step)
     before = trainer.state()
-    optimizers = trainer.optimizers.optimizers
-    assert len(optimizers) == 11
+    of_view = [f"distractor_{name}" for name in PARAMETER_NAMES]
+    groups = [*trainer.optimizers.optimizers, *of_view]
+    assert len(groups) == 11
 
     def spoil(group: str) -> None:
+        optimizers = trainer.optimizers.optimizers | trainer.model.view_optimizers()
         parameters = optimizers[group].param_groups[0]["params"]
         grad = next(p.grad for p in parameters if p.grad is not None)
         grad.view(-1)[-1] = INF if "means" in group else NAN
 
-    for group in optimizers:
+    for group in groups:
         trainer.step(9, lambda group=group: spoil(group))  # a refinement would be due
         assert_same(before, trainer.state())
         expected = f"At step 9, in the photo a.jpg: the gradient of {group} is not finite"
         assert expected in said(capsys)
     trainer.step(10)
-    assert trainer.guard.skipped == len(optimizers)
+    assert trainer.guard.skipped == len(groups)
     with pytest.raises(AssertionError):  # and the one after that trains
         assert_same(before, trainer.state())
 
