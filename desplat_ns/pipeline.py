@@ -11,7 +11,7 @@ from typing import Any, Literal, Protocol, cast, runtime_checkable
 import torch
 from nerfstudio.pipelines.base_pipeline import VanillaPipeline, VanillaPipelineConfig
 from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
-from torch import Tensor, nn
+from torch import nn
 
 from desplat_ns.backend import Rasterizer
 from desplat_ns.console import list_names, progress_over
@@ -41,7 +41,6 @@ from desplat_ns.nerfstudio_quirks import (
     load_evaluated_checkpoints_like_resumed_ones,
     where_to_render,
 )
-from desplat_ns.photo_tourism.embedding_file import digest_of, load_embeddings, save_embeddings
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.training.checkpoint_record import SceneRecord, check_same_scene
@@ -183,7 +182,6 @@ class DeSplatPipeline(VanillaPipeline):
 
         Raises:
             CaptureError: there is no image to evaluate.
-            CheckpointError: embeddings to load that are not there or not this model's.
             ConfigError: the protocol does not fit the model.
             DeSplatError: called by `ns-eval`, and a figure of an image is not a finite number.
         """
@@ -201,7 +199,6 @@ class DeSplatPipeline(VanillaPipeline):
                 results |= self._texts()
                 results["protocol"] = protocol.describe()
                 results["images"] = per_image(images)
-            self._save_embeddings(protocol)
         self.train()
         return results
 
@@ -210,23 +207,9 @@ class DeSplatPipeline(VanillaPipeline):
         makers: dict[str, Callable[[], EvaluationProtocol]] = {
             "full": lambda: WholeImage(model),
             "right": lambda: RightHalf(model),
-            "half": lambda: RightHalfByLeft(model, config, self._known_embeddings()),
+            "half": lambda: RightHalfByLeft(model, config),
         }
         return makers[chosen_protocol(config, model.effects.image_light)]()
-
-    def _known_embeddings(self) -> dict[str, Tensor]:
-        path = self.config.evaluation.load_embeddings
-        return {} if path is None else load_embeddings(path, self._digest(), self._model.device)
-
-    def _digest(self) -> str:
-        """What says that embeddings belong to this model."""
-        assert self._model.image_effects is not None
-        return digest_of(self._model.image_effects)
-
-    def _save_embeddings(self, protocol: EvaluationProtocol) -> None:
-        path = self.config.evaluation.save_embeddings
-        if isinstance(protocol, RightHalfByLeft) and path is not None:
-            save_embeddings(path, protocol.embeddings, self._digest())
 
     def _score_images(
         self,

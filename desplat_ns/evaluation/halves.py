@@ -10,7 +10,6 @@ from jaxtyping import Float, Shaped
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
-from desplat_ns.errors import ConfigError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.protocol import ScoredModel
 from desplat_ns.evaluation.records import ScoredImage
@@ -76,17 +75,13 @@ class RightHalfByLeft:
 
     model: ScoredLitModel
     config: EvaluationConfig
-    known: dict[str, Tensor] = field(default_factory=dict)
-    """Embeddings by image name that are taken instead of optimized."""
     embeddings: dict[str, Tensor] = field(default_factory=dict)
     """By image name, of the images scored so far."""
 
     def describe(self) -> str:
         """The protocol in words, for the JSON."""
         how = f"{self.config.steps} steps of Adam at {self.config.learning_rate:g} on its left half"
-        if self.config.load_embeddings is not None:
-            how = f"loaded from {self.config.load_embeddings.name}"
-        elif self.model.effects.closed_form:
+        if self.model.effects.closed_form:
             how = "in closed form on its left half"
         return f"right half, static Gaussians only; each image's embedding: {how}"
 
@@ -96,7 +91,6 @@ class RightHalfByLeft:
         """Figures of the right half with the image's own embedding, `*_before` without.
 
         Raises:
-            ConfigError: embeddings were loaded, and this image has none.
             CaptureError: see `embedding_from_left_half`.
         """
         watch = Stopwatch(self.model.device)
@@ -105,7 +99,7 @@ class RightHalfByLeft:
         render_seconds = watch.seconds()
         before, _ = score_right_half(self.model, average, batch)
         watch.start()
-        self.embeddings[name] = self._embedding(camera, batch, name, average["background"])
+        self.embeddings[name] = self._embedding(camera, batch, average["background"])
         fit_seconds = watch.seconds()
         watch.start()
         with self.model.shown_in(self.embeddings[name]):
@@ -117,17 +111,9 @@ class RightHalfByLeft:
         return ScoredImage(name, width, height, figures, render_seconds, watch.seconds()), pictures
 
     def _embedding(
-        self, camera: Cameras, batch: dict[str, Any], name: str, behind: Tensor
+        self, camera: Cameras, batch: dict[str, Any], behind: Tensor
     ) -> Float[Tensor, " E"]:
         config, model = self.config, self.model
-        if config.load_embeddings is None:
-            photo = model.composite_with_background(model.get_gt_img(batch["image"]), behind)
-            options = config.steps, config.learning_rate, _counted(batch)
-            return embedding_from_left_half(model, camera, photo, *options)
-        if name not in self.known:
-            raise ConfigError(
-                f"{config.load_embeddings} holds no embedding of '{name}', only of "
-                f"{', '.join(sorted(self.known)) or 'no image'}. Save the embeddings of this run's "
-                "test images first: `desplat-eval --save-embeddings FILE`."
-            )
-        return self.known[name]
+        photo = model.composite_with_background(model.get_gt_img(batch["image"]), behind)
+        options = config.steps, config.learning_rate, _counted(batch)
+        return embedding_from_left_half(model, camera, photo, *options)
