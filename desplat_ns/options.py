@@ -1,13 +1,52 @@
-"""Options that are numbers: NaN and infinity are mistakes wherever they stand."""
+"""Options that are numbers: what each may be; NaN and infinity are mistakes wherever they stand."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import field, fields, is_dataclass
 from typing import Any
 
 from desplat_ns.errors import ConfigError
+
+
+def ranged(default: Any, interval: str) -> Any:
+    """A dataclass's field that holds a number.
+
+    Args:
+        interval: what it may be, as "[0, inf)" or "(0, 1]"; see `check_ranges`.
+    """
+    return field(default=default, metadata={"interval": interval})
+
+
+def check_ranges(config: Any, option: str) -> None:
+    """Make sure that every `ranged` field of a dataclass is a finite number in its interval.
+
+    Args:
+        option: what `config` is called on the command line.
+
+    Raises:
+        ConfigError: names the first that is not.
+    """
+    check_finite_options(config, option)
+    for f in fields(config):
+        interval, value = f.metadata.get("interval"), getattr(config, f.name)
+        if interval is not None and not _lies_in(value, interval):
+            name = _option(option, f.name.replace("_", "-"))
+            raise ConfigError(f"`{name}` is {value}; it has to be {_in_words(interval)}.")
+
+
+def _lies_in(value: float | int, interval: str) -> bool:
+    least, most = map(float, interval[1:-1].split(","))
+    above = value > least if interval[0] == "(" else value >= least
+    return above and (value < most if interval[-1] == ")" else value <= most)
+
+
+def _in_words(interval: str) -> str:
+    least, most = interval[1:-1].split(", ")
+    if most == "inf":
+        return f"above {least}" if interval[0] == "(" else f"{least} or more"
+    return f"in {interval}"
 
 
 def check_finite_options(config: Any, option: str = "-") -> None:

@@ -15,7 +15,6 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.backend.ssim import ssim_of_planes
-from desplat_ns.errors import ConfigError
 from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
 from desplat_ns.gaussians.activation import RawParameters, resize_rows
 from desplat_ns.gaussians.densification import strategy_info
@@ -27,6 +26,7 @@ from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
 )
+from desplat_ns.options import check_ranges, ranged
 from desplat_ns.training.budget import Stretch
 from desplat_ns.training.losses import mean_shown_opacity
 from desplat_ns.training.run_length import (
@@ -64,24 +64,24 @@ class StaticModelConfig(LitModelConfig):
     """Factor on every number of steps; by default max-num-iterations over the method's own number,
     at most 1."""
 
-    refine_every: int = 0
+    refine_every: int = ranged(0, "[0, inf)")
     """Steps between two refinements of the static set, at most; 0 for no bound. Splatfacto has 100,
     in runs of any length."""
-    refinements: int = 15
+    refinements: int = ranged(15, "[1, inf)")
     """Refinements that a run has time for, however long it is: they are as many steps apart as
     `stop_split_at` has by this number, and at least half a round of the views. See
     docs/separation.md, "How often, and how many"."""
-    train_downscale: int = 1
+    train_downscale: int = ranged(1, "[1, inf)")
     """Factor by which photos are smaller in training at least, to the end; a step then costs less.
     Renderings and evaluation have their full size."""
-    photos_per_coefficient: float = 0.0
+    photos_per_coefficient: float = ranged(0.0, "[0, inf)")
     """Training photos that each coefficient of the colours' harmonics has at least: where there are
     fewer, their degree is lowered. 0: `sh_degree` as it is, as in the paper."""
-    gaussians_per_pixel: float = 0.0
+    gaussians_per_pixel: float = ranged(0.0, "[0, inf)")
     """Static Gaussians at most, per pixel of all training photos together: more than the photos can
     hold in place become floaters. 0 for no limit, as in the paper. A capture that starts with more
     keeps those, but does not grow."""
-    opacity_prior: float = 0.0
+    opacity_prior: float = ranged(0.0, "[0, inf)")
     """Weight of the mean opacity of the static Gaussians that a photo shows, divided by the number
     of training photos: the fewer there are, the more it says beside them. What no photo needs fades
     and is pruned (docs/separation.md, "What nobody sees"). 0 in the paper. It counts as 0 where
@@ -97,7 +97,7 @@ class StaticModelConfig(LitModelConfig):
         Raises:
             ConfigError: a setting lies outside its range.
         """
-        self._check()
+        check_ranges(self, "--pipeline.model")
         run = replace(self, **scaled_fields(self, STATIC_STEPS, self.schedule_scale or 1.0))
         run.refine_every = steps_between_refinements(
             num_views, run.stop_split_at, self.refinements, self.refine_every
@@ -106,20 +106,6 @@ class StaticModelConfig(LitModelConfig):
         if self.effects.settled().appearance != "off":
             run.opacity_prior = 0.0
         return run
-
-    def _check(self) -> None:
-        for name, value, least in (
-            ("refine-every", self.refine_every, 0),
-            ("refinements", self.refinements, 1),
-            ("train-downscale", self.train_downscale, 1),
-            ("photos-per-coefficient", self.photos_per_coefficient, 0),
-            ("gaussians-per-pixel", self.gaussians_per_pixel, 0),
-            ("opacity-prior", self.opacity_prior, 0),
-        ):
-            if not value >= least:
-                raise ConfigError(
-                    f"`--pipeline.model.{name}` is {value}; it has to be {least} or more."
-                )
 
     def downscale_factor(self, step: int) -> int:
         """By how much photos are smaller at a step. Call it on what `for_run` gave."""

@@ -11,7 +11,7 @@ import pytest
 from nerfstudio.configs.method_configs import all_methods
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.options import check_finite_options
+from desplat_ns.options import check_finite_options, check_ranges, ranged
 
 
 @pytest.fixture
@@ -53,3 +53,32 @@ def test_training_does_not_begin_with_such_an_option(config: Any, tmp_path):
     config.pipeline.model.ssim_lambda = math.nan
     with pytest.raises(ConfigError, match=r"--pipeline\.model\.ssim-lambda"):
         config.setup()
+
+
+@dataclass
+class WithRanges:
+    share: float = ranged(0.5, "(0, 1]")
+    count_of_all: int = ranged(2, "[1, inf)")
+    rate: float = ranged(1.0, "(0, inf)")
+
+
+@pytest.mark.parametrize(
+    "held", [{}, {"share": 1.0}, {"share": 1e-9}, {"count_of_all": 1}, {"rate": 1e30}]
+)
+def test_numbers_in_their_interval_pass(held: dict[str, Any]):
+    check_ranges(WithRanges(**held), "--part")
+
+
+@pytest.mark.parametrize(
+    ("held", "message"),
+    [
+        ({"share": 0.0}, r"`--part\.share` is 0\.0; it has to be in \(0, 1\]\."),
+        ({"share": 1.1}, r"`--part\.share` is 1\.1; it has to be in \(0, 1\]\."),
+        ({"count_of_all": 0}, r"`--part\.count-of-all` is 0; it has to be 1 or more\."),
+        ({"rate": 0.0}, r"`--part\.rate` is 0\.0; it has to be above 0\."),
+        ({"rate": math.inf}, r"`--part\.rate` is inf; it has to be a finite number\."),
+    ],
+)
+def test_a_number_out_of_its_interval_is_named(held: dict[str, Any], message: str):
+    with pytest.raises(ConfigError, match=message):
+        check_ranges(WithRanges(**held), "--part")

@@ -9,7 +9,6 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import tyro
 
 from desplat_ns.console import announce
@@ -18,7 +17,6 @@ from desplat_ns.evaluation.config import EvaluationConfig, ProtocolName
 from desplat_ns.files.whole import (
     check_new_file,
     check_new_folder,
-    draft_of,
     plain_errors,
     whole_folder,
     write_whole,
@@ -36,25 +34,17 @@ class Evaluate:
     """The figures."""
     render_output_path: Path | None = None
     """Folder for the photos and the renderings beside them."""
-    strip: Path | None = None
-    """Picture of the first test view in the light of several training photos."""
-    strip_images: int = 5
-    """How many."""
     protocol: ProtocolName | None = None
     """half: find each image's embedding on its left half, score its right half. full: score whole
     images in the training images' average light. right: score right halves in that light, to
     compare a model without appearance with others on the same pixels. auto: half if images have a
-    light of their own, else full. This and the next four: without them, as saved with the run."""
+    light of their own, else full. This and the next two: without them, as saved with the run."""
     steps: int | None = None
     """Steps of Adam for an embedding; `appearance camera` alone takes none."""
     learning_rate: float | None = None
     """Of the embedding."""
-    load_embeddings: Path | None = None
-    """Take the embeddings from this file instead of finding them."""
-    save_embeddings: Path | None = None
-    """Write the test images' embeddings into this file (.npz)."""
     overwrite: bool = False
-    """Replace what is there of all these files, and write into a folder that is not empty."""
+    """Replace the figures if they are there, and write into a folder that is not empty."""
 
     def main(self) -> None:
         """Evaluate, write, say where.
@@ -64,8 +54,6 @@ class Evaluate:
         """
         if self.output_path.suffix != ".json":
             raise ConfigError(f"--output-path is '{self.output_path}'; give it the ending .json.")
-        if self.strip is not None and self.strip_images < 1:
-            raise ConfigError(f"--strip-images is {self.strip_images}; a strip shows 1 or more.")
         files = find_run(self.load_config)
         self._check_paths()
 
@@ -84,16 +72,10 @@ class Evaluate:
         with plain_errors(self.output_path, "--output-path"):
             write_whole(self.output_path, json.dumps(record, indent=2).encode())
         announce(f"Saved results to: {self.output_path}")
-        if self.strip is not None:
-            pipeline.eval()
-            self._write_strip(pipeline, self.strip)
 
     def _check_paths(self) -> None:
         """Nothing that is there is lost unasked, and minutes are not spent in vain."""
-        for option in ("output_path", "strip", "save_embeddings"):
-            path = getattr(self, option)
-            if path is not None:
-                check_new_file(path, self.overwrite, f"--{option.replace('_', '-')}")
+        check_new_file(self.output_path, self.overwrite, "--output-path")
         if self.render_output_path is not None:
             check_new_folder(self.render_output_path, self.overwrite, "--render-output-path")
 
@@ -113,22 +95,6 @@ class Evaluate:
         given = {name: value for name, value in options.items() if value is not None}
         config.pipeline.evaluation = replace(config.pipeline.evaluation, **given)
         return config
-
-    def _write_strip(self, pipeline: Any, path: Path) -> None:
-        from PIL import Image
-
-        from desplat_ns.evaluation.appearance_strip import appearance_strip
-
-        manager = pipeline.datamanager
-        camera, _ = manager.fixed_indices_eval_dataloader[0]
-        count = len(manager.train_dataset)
-        chosen = np.unique(np.linspace(0, count - 1, self.strip_images).round().astype(int))
-        photos = [manager.train_dataset.get_numpy_image(int(i))[..., :3] for i in chosen]
-        name = Path(manager.eval_dataset.image_filenames[0]).name
-        picture = appearance_strip(pipeline.model, camera, name, [int(i) for i in chosen], photos)
-        with plain_errors(path, "--strip"), draft_of(path) as draft:
-            Image.fromarray(picture).save(draft)
-        announce(f"Saved the strip to: {path}")
 
 
 def main() -> None:

@@ -21,7 +21,7 @@ from desplat_ns.survey.capture import Capture, capture_of
 from desplat_ns.survey.decide import effects_of
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.picture import evidence_picture
-from desplat_ns.survey.survey import survey_with_evidence
+from desplat_ns.survey.survey import survey
 
 
 def survey_capture(
@@ -43,7 +43,7 @@ def survey_capture(
         ConfigError: nothing can be written to `output`.
     """
     capture = capture_of(_outputs(data, dataparser))
-    found, evidence = survey_with_evidence(capture)
+    found, evidence = survey(capture)
     for line in found.summary():
         announce(line)
     told = json.loads(found.to_json())

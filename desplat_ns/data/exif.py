@@ -1,4 +1,4 @@
-"""Exposure and lens as a file gives them: often absent, sometimes wrong, so never needed."""
+"""The lens as a file gives it: often absent, sometimes wrong, so never needed."""
 
 from __future__ import annotations
 
@@ -7,9 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import OpenImageIO as oiio
-
-SPEEDS = ("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings")
-"""The same tag in EXIF 2.3 and before."""
 
 
 @dataclass(frozen=True)
@@ -33,24 +30,6 @@ def lens_of(path: Path) -> Lens:
     tags = ("Make", "Model", "Exif:LensModel", "Exif:FocalLength")
     values = [str(value).strip() for tag in tags if (value := spec.getattribute(tag))]
     return Lens(" ".join(values), _number(spec.getattribute("Exif:FocalLengthIn35mmFilm")) or 0.0)
-
-
-def exposure_in_stops(path: Path) -> float | None:
-    """log2(time x speed / 100 / aperture^2): how bright the file makes the same light, in stops.
-
-    None where the file or a tag is missing, or a value cannot be.
-    """
-    file = oiio.ImageInput.open(str(path))
-    if file is None:
-        oiio.geterror()
-        return None
-    spec = file.spec()
-    file.close()
-    time, aperture = (_number(spec.getattribute(name)) for name in ("ExposureTime", "FNumber"))
-    speed = next((n for name in SPEEDS if (n := _number(spec.getattribute(name)))), None)
-    if not (time and aperture and speed):
-        return None
-    return math.log2(time * speed / 100 / aperture**2)
 
 
 def _number(value: object) -> float | None:

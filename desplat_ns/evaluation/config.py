@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 from desplat_ns.errors import ConfigError
@@ -26,10 +25,6 @@ class EvaluationConfig:
     closed form; there, steps and rate mean nothing."""
     learning_rate: float = 0.01
     """Of the embedding. B.3."""
-    load_embeddings: Path | None = None
-    """Take the embeddings from this file (of `save_embeddings`) instead of finding them."""
-    save_embeddings: Path | None = None
-    """Write the test images' embeddings into this file (.npz)."""
 
 
 def chosen_protocol(config: EvaluationConfig, image_light: bool) -> ProtocolName:
@@ -54,12 +49,4 @@ def chosen_protocol(config: EvaluationConfig, image_light: bool) -> ProtocolName
             "`--pipeline.model.effects.appearance affine`."
         )
     automatic = "half" if image_light else "full"
-    protocol = automatic if config.protocol == "auto" else config.protocol
-    files = [path for path in (config.load_embeddings, config.save_embeddings) if path is not None]
-    if files and protocol != "half":
-        raise ConfigError(
-            f"Embeddings of test images are to be read from or written to '{files[0]}', but "
-            "images are scored without any. Leave the file out, or take the half protocol of a "
-            "model with appearance."
-        )
-    return protocol
+    return automatic if config.protocol == "auto" else config.protocol

@@ -8,7 +8,9 @@ from typing import Literal
 
 from desplat_ns.backend.protocol import RenderSettings
 from desplat_ns.errors import ConfigError
-from desplat_ns.options import check_finite_options
+from desplat_ns.options import check_ranges, ranged
+
+OPTION = "--pipeline.model.distractors"
 
 
 @dataclass
@@ -16,29 +18,29 @@ class DistractorConfig:
     """Distractor Gaussians. Numbers of steps are the full schedule's and shrink with it, all but
     `shaping_steps`."""
 
-    per_view: int = 1000
+    per_view: int = ranged(1000, "[0, inf)")
     """Distractor Gaussians that cover one training view. B.3."""
     start: Literal["everywhere", "residual"] = "everywhere"
     """Where distractors start: spread over the whole of every view, or, visit by visit, where a
     photo shows what the other views do not; then those elsewhere are removed, too. The paper has
     everywhere."""
-    weak_excess: float = 0.04
+    weak_excess: float = ranged(0.04, "(0, inf)")
     """With start residual: by how much a residual (colours in [0, 1]) has to exceed the expected
     one for a place to belong to something in the way."""
     strong_excess: float = 0.25
     """With start residual: excess that something in the way has to reach in one place at least,
     while the scene is not learned yet."""
-    settled_share: float = 0.6
+    settled_share: float = ranged(0.6, "(0, 1]")
     """Share of `strong_excess` that is enough in the end: once the scene is learned, what differs
     little from what it covers can be told from it."""
-    strong_levels: float = 20.0
+    strong_levels: float = ranged(20.0, "[0, inf)")
     """What has to be reached lies between the two and is so many times the view's own level, the
     lower quartile of its residuals: that falls as the scene is learned."""
-    standing_share: float = 0.5
+    standing_share: float = ranged(0.5, "(0, 1]")
     """With start residual: share of what has to be reached that is enough where a region was at the
     view's last visit, until `leave_out_at`: what begins to be learned stands out less. 1 remembers
     none."""
-    shared_detail: float = 0.7
+    shared_detail: float = ranged(0.7, "(0, inf)")
     """With start residual: where the detail of a photo correlates more than this with that of the
     static scene, it is the scene's own in another light, and nothing in the way; 1 or more asks
     nothing."""
@@ -51,7 +53,7 @@ class DistractorConfig:
     static_alone: bool = False
     """Train the static scene by a photometric loss of its own, on the pixels that no distractor
     covers; the composite's loss then trains distractors only. The paper has one loss for both."""
-    clearance: float = 0.0
+    clearance: float = ranged(0.0, "[0, 1)")
     """Static Gaussians nearer to a training camera than this share of the depth at which the scene
     starts there, by the seed points, are removed: they show what stands in that photo alone. The
     paper removes none."""
@@ -62,61 +64,61 @@ class DistractorConfig:
     background, before which the scene may be empty (B.3, Photo Tourism)."""
     static_warmup: int = 0
     """Steps for which the static scene trains alone, without distractors. The paper has none."""
-    max_warmup_visits: int = 15
+    max_warmup_visits: int = ranged(15, "[0, inf)")
     """That warm-up ends after so many visits of each view at the latest: seen often enough, what
     stands in one photo alone is learned as well, and its residual is gone. It ends sooner by
     `shaping_steps`. `leave_out_at` comes after twice the longest warm-up that these allow."""
-    shaping_steps: int = 250
+    shaping_steps: int = ranged(250, "[0, inf)")
     """Steps in which a scene takes shape, once it may be refined (`warmup_length`): the warm-up
     ends after so many, or after `min_warmup_visits` if that is later. They do not shrink with the
     run: a step of Adam is as long as its rate."""
-    min_warmup_visits: int = 8
+    min_warmup_visits: int = ranged(8, "[0, inf)")
     """Visits of each view for which `shaping_steps` does not end the warm-up yet; where
     `max_warmup_visits` is less, that decides."""
     stop_densify_at: int = 15000
     """Step at which distractors are no longer cloned, split or pruned. B.3."""
-    refine_every: int = 1
+    refine_every: int = ranged(1, "[1, inf)")
     """Steps from one refinement of distractors (cloning, splitting, pruning) to the next; at least
     the static set's interval."""
     refine_when_next_seen: bool = False
     """Refine every view's distractors each time, when the view is next seen. Otherwise only those
     of the view that is drawn in the very step, as Splatfacto's clock has it: of 40 views each one
     every 40th time."""
-    refine_visits: int = 0
+    refine_visits: int = ranged(0, "[0, inf)")
     """Visits of each view that they settle for in between, at least."""
-    max_refinements: int = 0
+    max_refinements: int = ranged(0, "[0, inf)")
     """Of a view's distractors in a run, at most, however long it is; 0 for any number."""
-    grow_grad: float = 0.0
+    grow_grad: float = ranged(0.0, "[0, inf)")
     """Distractors are cloned or split where a shift by one pixel changes the loss, summed over all
     pixels, by more than this: in colours times pixels, whatever the size of the image. 0 for the
     static set's own threshold, which is of the mean over the image."""
-    min_pixels: float = 0.0
+    min_pixels: float = ranged(0.0, "[0, inf)")
     """Distractors that make up less of the image are pruned, in pixels (`contributions`): where
     opacity costs nothing, none gets faint. 0 for none."""
     cull_to_the_end: bool = False
     """Prune distractors after `stop_densify_at` as well."""
     cull_alpha_thresh: float = 0.1
     """Distractors with less opacity are pruned. Splatfacto's threshold."""
-    initial_opacity: float = 0.1
+    initial_opacity: float = ranged(0.1, "(0, 1)")
     """Opacity of a distractor at its start. Splatfacto's value."""
-    depth: float = 0.02
+    depth: float = ranged(0.02, f"({RenderSettings.near_plane}, inf)")
     """Distance from the camera at the start, world units, whatever the scene's scale: distractors
     are composited over the static scene, so their depth only sets how many pixels a step of the
     optimizer moves them. Must lie beyond the near plane."""
 
-    means_lr: float = 1.6e-4
+    means_lr: float = ranged(1.6e-4, "[0, inf)")
     """Adam's learning rate of their positions, world units; Splatfacto's."""
-    means_lr_final: float = 1.6e-6
+    means_lr_final: float = ranged(1.6e-6, "(0, inf)")
     """To which it decays, along a straight line of its logarithm. Splatfacto's."""
     means_lr_steps: int = 30_000
     """Steps in which it does."""
-    quats_lr: float = 0.01
+    quats_lr: float = ranged(0.01, "[0, inf)")
     """Of their quaternions. B.3."""
-    scales_lr: float = 0.05
+    scales_lr: float = ranged(0.05, "[0, inf)")
     """Of the logarithms of their sizes. B.3."""
-    rgbs_lr: float = 0.025
+    rgbs_lr: float = ranged(0.025, "[0, inf)")
     """Of their colours. B.3."""
-    opacities_lr: float = 0.05
+    opacities_lr: float = ranged(0.05, "[0, inf)")
     """Of the logits of their opacities; Splatfacto's."""
 
     def rates_at(self, step: int) -> dict[str, float]:
@@ -155,43 +157,9 @@ class DistractorConfig:
 
 def check_options(config: DistractorConfig) -> None:
     """Raise ConfigError, naming the option, if one lies outside its range."""
-    check_finite_options(config, "--pipeline.model.distractors")
-    near = RenderSettings.near_plane
-    for name, found, fits, needed in (
-        ("depth", config.depth, config.depth > near, f"beyond the near plane at {near}"),
-        ("per-view", config.per_view, config.per_view >= 0, "0 or more"),
-        ("clearance", config.clearance, 0 <= config.clearance < 1, "at least 0 and below 1"),
-        ("max-warmup-visits", config.max_warmup_visits, config.max_warmup_visits >= 0, "0 or more"),
-        ("min-warmup-visits", config.min_warmup_visits, config.min_warmup_visits >= 0, "0 or more"),
-        ("shaping-steps", config.shaping_steps, config.shaping_steps >= 0, "0 or more"),
-        ("settled-share", config.settled_share, 0 < config.settled_share <= 1, "in (0, 1]"),
-        ("standing-share", config.standing_share, 0 < config.standing_share <= 1, "in (0, 1]"),
-        ("strong-levels", config.strong_levels, config.strong_levels >= 0, "0 or more"),
-        ("refine-every", config.refine_every, config.refine_every >= 1, "1 or more"),
-        ("refine-visits", config.refine_visits, config.refine_visits >= 0, "0 or more"),
-        ("max-refinements", config.max_refinements, config.max_refinements >= 0, "0 or more"),
-        ("grow-grad", config.grow_grad, config.grow_grad >= 0, "0 or more"),
-        ("min-pixels", config.min_pixels, config.min_pixels >= 0, "0 or more"),
-        ("shared-detail", config.shared_detail, config.shared_detail > 0, "above 0"),
-        ("means-lr-final", config.means_lr_final, config.means_lr_final > 0, "above 0"),
-        *(
-            (f"{name}-lr", rate, rate >= 0, "0 or more")
-            for name, rate in config.rates_at(0).items()
-        ),
-        (
-            "strong-excess",
-            config.strong_excess,
-            config.strong_excess >= config.weak_excess > 0,
-            f"positive and not below weak-excess, {config.weak_excess}",
-        ),
-        (
-            "initial-opacity",
-            config.initial_opacity,
-            0 < config.initial_opacity < 1,
-            "inside (0, 1)",
-        ),
-    ):
-        if not fits:
-            raise ConfigError(
-                f"`--pipeline.model.distractors.{name}` is {found}; it has to be {needed}."
-            )
+    check_ranges(config, OPTION)
+    if config.strong_excess < config.weak_excess:
+        raise ConfigError(
+            f"`{OPTION}.strong-excess` is {config.strong_excess}; it has to be weak-excess, "
+            f"{config.weak_excess}, or more."
+        )

@@ -1,39 +1,33 @@
-"""Settings of the per-image effects; sizes and weights are those of B.3."""
+"""Settings of the per-image effects; sizes and weights are those of B.3.
+
+Sizes may be from the least that works to more than anyone has used.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
 import torch
 
-from desplat_ns.errors import ConfigError
+from desplat_ns.options import ranged
 
 MlpDtype = Literal["float32", "bfloat16"]
-
-LIMITS = {
-    "embedding_dim": (1, 4096),
-    "fourier_frequencies": (1, 24),
-    "hidden_layers": (1, 64),
-    "hidden_width": (1, 16384),
-    "sh_degree": (0, 10),
-}
-"""What sizes may be: from the least that works to more than anyone has used."""
 
 
 @dataclass
 class AppearanceConfig:
     """Per-image appearance. `effects.appearance` chooses the model, or none."""
 
-    embedding_dim: int = 32
+    embedding_dim: int = ranged(32, "[1, 4096]")
     """Numbers that describe an image, e_j. B.3. The background reads them, too."""
-    fourier_frequencies: int = 4
+    fourier_frequencies: int = ranged(4, "[1, 24]")
     """Frequencies of the Fourier features at which each Gaussian's own features z_i start; B.3:
     4, which makes 24 of them, sine and cosine along three axes."""
-    hidden_layers: int = 2
+    hidden_layers: int = ranged(2, "[1, 64]")
     """Of the MLP. B.3."""
-    hidden_width: int = 128
+    hidden_width: int = ranged(128, "[1, 16384]")
     """Units in each hidden layer. B.3."""
     mlp_dtype: MlpDtype = "float32"
     """Of the MLP's products and of what lies between its layers. bfloat16 has 8 bits of mantissa
@@ -46,35 +40,17 @@ class BackgroundConfig:
     """What lies behind everything, if `effects.background` has it. The network's sizes are of its
     grade `image`."""
 
-    sh_degree: int = 4
+    sh_degree: int = ranged(4, "[0, 10]")
     """Of its spherical harmonics. B.3."""
-    hidden_layers: int = 3
+    hidden_layers: int = ranged(3, "[1, 64]")
     """Of the MLP. B.3."""
-    hidden_width: int = 128
+    hidden_width: int = ranged(128, "[1, 16384]")
     """Units in each hidden layer. B.3."""
     lambda_bg: float = 0.15
     """Weight of L_bg, Eq. 12. B.3."""
     max_error: float = 0.003
     """T_eps of Eq. 10 (colours in [0, 1]): how well the background alone has to explain a pixel for
     Gaussians there to be unwanted. B.3."""
-
-
-def check_sizes(config: AppearanceConfig | BackgroundConfig, option: str) -> None:
-    """Make sure that a model of these sizes can be built.
-
-    Args:
-        option: what `config` is called on the command line.
-
-    Raises:
-        ConfigError: names the size that lies outside of `LIMITS`.
-    """
-    for name in (field.name for field in fields(config) if field.name in LIMITS):
-        value, (least, most) = getattr(config, name), LIMITS[name]
-        if not least <= value <= most:
-            raise ConfigError(
-                f"`{option}.{name.replace('_', '-')}` is {value}; it has to be from {least} to "
-                f"{most}."
-            )
 
 
 @cache

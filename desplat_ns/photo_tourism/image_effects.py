@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.effects import Effects
+from desplat_ns.options import check_ranges
 from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance
 from desplat_ns.photo_tourism.background import (
     Background,
@@ -23,7 +24,7 @@ from desplat_ns.photo_tourism.camera_response import (
     camera_response,
     squared_radius,
 )
-from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig, check_sizes
+from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.embeddings import ImageEmbeddings, ImageTable
 from desplat_ns.photo_tourism.lit_splats import Lit, as_harmonics, lit_splats
 
@@ -56,8 +57,8 @@ class ImageEffects(nn.Module):
         Raises:
             ConfigError: sizes that no model can have.
         """
-        check_sizes(appearance, "--pipeline.model.appearance")
-        check_sizes(background, "--pipeline.model.background")
+        check_ranges(appearance, "--pipeline.model.appearance")
+        check_ranges(background, "--pipeline.model.background")
         super().__init__()
         self.responses = CameraResponses(num_images) if effects.appearance == "camera" else None
         self.embeddings = (

@@ -29,7 +29,7 @@ def decided_effects(
     Raises:
         CaptureError: no photo, or one that cannot be read or does not fit its camera.
     """
-    found = survey(capture_of(outputs))
+    found, _ = survey(capture_of(outputs))
     decided = effects.decided(effects_of(found))
     for line in found.summary():
         announce(line)

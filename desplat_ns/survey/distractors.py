@@ -10,7 +10,6 @@ Letters in shapes: V photos, P points.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -153,31 +152,24 @@ def distractor_figures(seen: Observations, found: Disagreement) -> tuple[Figure,
     )
 
 
-def distractor_finding(
-    seen: Observations, figures: Sequence[Figure], further: Sequence[Figure] = ()
-) -> Finding:
-    """Decide whether distractors are needed: one figure that speaks for them is enough.
+def distractor_finding(seen: Observations, figures: tuple[Figure, ...]) -> Finding:
+    """Decide whether distractors are needed.
 
     Args:
         figures: of `distractor_figures`.
-        further: evidence from elsewhere; known figures with a threshold count.
     """
-    covered, judged = figures[0], figures[1]
-    every, unknown = (*figures, *further), _unknown(seen)
-    deciding = [one for one in (covered, *further) if one.threshold is not None and one.is_known]
-    above = [one for one in deciding if one.is_above]
-    if above:
-        best = max(above, key=lambda one: one.margin)
+    covered, judged, unknown = figures[0], figures[1], _unknown(seen)
+    if covered.is_above:
         reason = "Some photos do not show what their neighbours see at the same places."
-        sure = confidence_of([best])
-        return Finding(EFFECT, True, True, sure, reason, every, unknown)
-    if not any(one.is_known for one in further) and not judged.value >= JUDGED_SHARE:
+        sure = confidence_of([covered])
+        return Finding(EFFECT, True, sure, reason, figures, unknown)
+    if not judged.value >= JUDGED_SHARE:
         reason = "Too little of the photos can be compared; with distractors nothing is lost."
-        return Finding(EFFECT, True, True, "none", reason, every, unknown)
+        return Finding(EFFECT, True, "none", reason, figures, unknown)
     reason = "Photos show what their neighbours see, wherever they can be compared."
     enough = Figure("judged", judged.value, judged.meaning, JUDGED_SHARE)
-    sure = confidence_of([*deciding, enough])
-    return Finding(EFFECT, False, True, sure, reason, every, unknown)
+    sure = confidence_of([covered, enough])
+    return Finding(EFFECT, False, sure, reason, figures, unknown)
 
 
 def _unknown(seen: Observations) -> tuple[str, ...]:

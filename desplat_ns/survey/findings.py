@@ -1,8 +1,4 @@
-"""What the survey says: figures with thresholds, a decision for each effect, and what is unknown.
-
-A `Finding` is made of figures alone, so a further piece of evidence (a short training, say) is one
-more `Figure` for the function that decides.
-"""
+"""What the survey says: figures with thresholds, a decision for each effect, what is unknown."""
 
 from __future__ import annotations
 
@@ -66,8 +62,6 @@ class Finding:
     effect: Effect
     decision: Decision
     """The value of the effect's switch that explains what was seen at the least cost."""
-    safe_side: Decision
-    """What is chosen where it cannot be told."""
     confidence: Confidence
     """`clear`: the deciding figures are off their thresholds by a factor of `CLEAR`; `close`: by
     less; `none`: the safe side."""

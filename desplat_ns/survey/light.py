@@ -5,7 +5,6 @@ Letters in shapes: V photos, P points, M observations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -97,13 +96,11 @@ def local_steps(
 def appearance_finding(
     seen: Observations,
     light: PhotoLight,
-    exposures: Sequence[float | None] = (),
     in_the_way: Bool[np.ndarray, "V P"] | None = None,
 ) -> Finding:
     """Decide how photos' light is to be explained.
 
     Args:
-        exposures: each photo's light value in stops as its file gives it, or None; told beside.
         in_the_way: see `local_steps`.
     """
     changes = change_of_photos(light)
@@ -128,13 +125,13 @@ def appearance_finding(
         f"share of places off by more than {LOCAL_STEP:.0%} together with what is near",
         LOCAL_SHARE,
     )
-    figures = (median, top, local, explained, *_beside(light, exposures))
+    figures = (median, top, local, explained, *_beside(light))
     unknown = _unknown(seen, changes)
     if len(known) < 2:
         reason = "Fewer than two photos show enough common points to compare their colours."
-        return Finding(EFFECT, "off", "off", "none", reason, figures, unknown)
+        return Finding(EFFECT, "off", "none", reason, figures, unknown)
     decision, sure, reason = _decided(median, top, local, explained)
-    return Finding(EFFECT, decision, "off", sure, reason, figures, unknown)
+    return Finding(EFFECT, decision, sure, reason, figures, unknown)
 
 
 def _decided(
@@ -164,11 +161,9 @@ def _quantile(values: np.ndarray, q: float) -> float:
     return float(np.quantile(values, q)) if len(values) else float("nan")
 
 
-def _beside(light: PhotoLight, exposures: Sequence[float | None]) -> list[Figure]:
+def _beside(light: PhotoLight) -> list[Figure]:
     """What decides nothing."""
     usable = light.counts() >= FEWEST
-    told = [value for value in exposures if value is not None]
-    spread = float(np.std(told)) if len(told) >= 2 else float("nan")
     gains, gammas = light.gains[usable], light.gammas[usable]
     colors = gains - gains.mean(axis=1, keepdims=True)
     values = [
@@ -177,9 +172,7 @@ def _beside(light: PhotoLight, exposures: Sequence[float | None]) -> list[Figure
         ("contrast", gammas, "photos' gammas, standard deviation"),
         ("vignetting", light.vignetting[usable], "corners against the middle, standard deviation"),
     ]
-    figures = [Figure(n, float(v.std()) if v.size else float("nan"), what) for n, v, what in values]
-    meaning = "exposure as the files' EXIF gives it, standard deviation in stops"
-    return [*figures, Figure("exif_exposure", spread, meaning)]
+    return [Figure(n, float(v.std()) if v.size else float("nan"), what) for n, v, what in values]
 
 
 def _unknown(seen: Observations, changes: np.ndarray) -> tuple[str, ...]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from desplat_ns.data.exif import exposure_in_stops
 from desplat_ns.errors import CaptureError
 from desplat_ns.survey.background import background_finding, skies_of
 from desplat_ns.survey.capture import Capture
@@ -15,7 +13,7 @@ from desplat_ns.survey.distractors import (
     distractor_figures,
     distractor_finding,
 )
-from desplat_ns.survey.findings import Figure, Survey
+from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.light import appearance_finding
 from desplat_ns.survey.matching import matched_points
 from desplat_ns.survey.observations import Observations, observe
@@ -33,22 +31,12 @@ class Evidence:
     skies: dict[int, Sky]
 
 
-def survey(capture: Capture, further: Sequence[Figure] = ()) -> Survey:
-    """Look at the training photos and say which effects they call for.
-
-    Args:
-        further: evidence for distractors from elsewhere, see `distractor_finding`.
+def survey(capture: Capture) -> tuple[Survey, Evidence]:
+    """Look at the training photos and say which effects they call for, and by what.
 
     Raises:
         CaptureError: no photo, or one that cannot be read or does not fit its camera.
     """
-    return survey_with_evidence(capture, further)[0]
-
-
-def survey_with_evidence(
-    capture: Capture, further: Sequence[Figure] = ()
-) -> tuple[Survey, Evidence]:
-    """As `survey`, with what it was made from."""
     if len(capture.photos) == 0:
         raise CaptureError(
             "There is no training photo to survey. Check --data and the options of the split."
@@ -57,10 +45,9 @@ def survey_with_evidence(
     if not seen.has_tracks:
         seen.is_tracked = matched_points(seen)
     light = fit_light(seen)
-    exposures = [exposure_in_stops(capture.photos[index]) for index in seen.indices]
     disagreement = compare_photos(seen, light)
-    appearance = appearance_finding(seen, light, exposures, disagreement.disagrees)
-    distractors = distractor_finding(seen, distractor_figures(seen, disagreement), further)
+    appearance = appearance_finding(seen, light, disagreement.disagrees)
+    distractors = distractor_finding(seen, distractor_figures(seen, disagreement))
     skies = skies_of(seen)
     background = background_finding(seen, light, skies, appearance.decision == "affine")
     found = Survey(

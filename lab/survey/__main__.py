@@ -27,7 +27,7 @@ SCENES = OUTPUTS / "survey"
 def measure(capture: Capture) -> tuple[Survey, dict[str, Any]]:
     """The survey, and its decisions, figures and CPU seconds."""
     start = time.process_time()
-    found = survey(capture)
+    found, _ = survey(capture)
     seconds = time.process_time() - start
     figures = [figure for finding in found.findings for figure in finding.figures]
     return found, {

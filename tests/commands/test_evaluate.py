@@ -76,26 +76,10 @@ def test_plain_ns_eval_follows_the_protocol(run: Path, tmp_path: Path):
     assert len(list((tmp_path / "pictures").glob("*.png"))) == 2
 
 
-def test_embeddings_are_saved_and_give_the_same_figures_again(run: Path, tmp_path: Path):
-    path = tmp_path / "embeddings.npz"
-    first = evaluate(run, tmp_path / "a.json", save_embeddings=path)
-    assert "5 steps of Adam" in first["protocol"]  # as saved with the run
-    again = evaluate(run, tmp_path / "b.json", load_embeddings=path)
-    assert [i["psnr"] for i in again["images"]] == [i["psnr"] for i in first["images"]]
-    assert "loaded from embeddings.npz" in again["protocol"]
-
-
 def test_the_full_protocol_scores_whole_images(run: Path, tmp_path: Path):
     results = evaluate(run, tmp_path / "full.json", protocol="full")
     assert results["protocol"] == "full image, static Gaussians only"
     assert "psnr_before" not in results
-
-
-def test_embeddings_without_halves_are_refused(run: Path, tmp_path: Path):
-    from desplat_ns.errors import ConfigError
-
-    with pytest.raises(ConfigError, match=r"e\.npz"):
-        evaluate(run, tmp_path / "m.json", protocol="full", save_embeddings=tmp_path / "e.npz")
 
 
 def test_half_without_appearance_and_a_run_without_it_are_refused(run: Path, tmp_path: Path):
@@ -191,34 +175,19 @@ def test_ns_render_wears_what_the_environment_says(run: Path, tmp_path: Path, mo
     assert (pictures[0] != pictures[1]).any()
 
 
-def test_the_strip_shows_one_view_in_several_lights(run: Path, tmp_path: Path):
-    from desplat_ns.commands.evaluate import Evaluate
-
-    path = tmp_path / "new" / "strip.png"
-    Evaluate(run, tmp_path / "m.json", strip=path, strip_images=3, steps=1).main()
-    width, height = Image.open(path).size
-    assert width > 3 * 32
-    assert height > 2 * 32
-
-
-@pytest.mark.parametrize("option", ["output_path", "strip", "save_embeddings"])
-def test_files_that_are_there_are_replaced_only_if_that_is_asked_for(
-    run: Path, tmp_path: Path, option: str
-):
+def test_figures_that_are_there_are_replaced_only_if_that_is_asked_for(run: Path, tmp_path: Path):
     from desplat_ns.commands.evaluate import Evaluate
     from desplat_ns.errors import ConfigError
 
-    names = {"output_path": "m.json", "strip": "s.png", "save_embeddings": "e.npz"}
-    paths: dict[str, Any] = {one: tmp_path / name for one, name in names.items()}
-    paths[option].write_text("before")
-    command = Evaluate(run, **paths, steps=1)
-    with pytest.raises(ConfigError, match=rf"{names[option]}' already.*--overwrite"):
+    path = tmp_path / "m.json"
+    path.write_text("before")
+    command = Evaluate(run, path, steps=1)
+    with pytest.raises(ConfigError, match=r"m\.json' already.*--overwrite"):
         command.main()
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
+    assert path.read_text() == "before"
     command.overwrite = True
     command.main()
-    assert {path.name for path in tmp_path.iterdir()} == set(names.values())
-    assert paths[option].read_bytes() != b"before"
+    assert path.read_text() != "before"
 
 
 def test_pictures_are_put_beside_others_only_if_that_is_asked_for(run: Path, tmp_path: Path):
@@ -264,7 +233,7 @@ def test_the_command_names_what_is_not_there(tmp_path: Path):
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
-        (["--help"], 0, "--strip-images"),
+        (["--help"], 0, "--learning-rate"),
         (["--load-config", "absent.yml"], 1, "Error: There is no 'absent.yml'"),
         (["--load-config", "a.yml", "--output-path", "a.txt"], 1, "the ending .json"),
     ],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -35,8 +34,3 @@ def test_halves_without_image_light_are_refused():
 def test_steps_and_rate_have_a_range(values: dict[str, Any]):
     with pytest.raises(ConfigError, match="found"):
         chosen_protocol(EvaluationConfig(**values), True)
-
-
-def test_files_of_embeddings_need_halves():
-    with pytest.raises(ConfigError, match=r"e\.npz"):
-        chosen_protocol(EvaluationConfig("full", save_embeddings=Path("e.npz")), True)

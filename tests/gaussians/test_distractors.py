@@ -159,7 +159,7 @@ def test_a_checkpoint_that_does_not_fit_is_refused(spoil, message):
 @pytest.mark.parametrize(
     ("config", "message"),
     [
-        ({"depth": 0.005}, r"distractors\.depth` is 0\.005.*near plane at 0\.01"),
+        ({"depth": 0.005}, r"distractors\.depth` is 0\.005; it has to be above 0\.01"),
         ({"depth": float("nan")}, r"distractors\.depth` is nan"),
         ({"per_view": -1}, r"per-view` is -1; it has to be 0 or more"),
         ({"max_warmup_visits": -1}, r"max-warmup-visits` is -1; it has to be 0 or more"),
@@ -167,7 +167,8 @@ def test_a_checkpoint_that_does_not_fit_is_refused(spoil, message):
         ({"shaping_steps": -1}, r"shaping-steps` is -1; it has to be 0 or more"),
         ({"rgbs_lr": -1.0}, r"rgbs-lr` is -1\.0; it has to be 0 or more"),
         ({"means_lr_final": 0.0}, r"means-lr-final` is 0\.0; it has to be above 0"),
-        ({"initial_opacity": 1.0}, r"initial-opacity` is 1\.0"),
+        ({"initial_opacity": 1.0}, r"initial-opacity` is 1\.0; it has to be in \(0, 1\)"),
+        ({"strong_excess": 0.03}, r"strong-excess` is 0\.03; it has to be weak-excess, 0\.04"),
     ],
 )
 def test_settings_outside_their_range_are_refused(config, message):

@@ -22,7 +22,6 @@ from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.data.robustnerf_names import views_by_file
 from desplat_ns.data.transforms_json import PromptFreeNerfstudio
 from desplat_ns.errors import DeSplatError
-from desplat_ns.photo_tourism.embedding_file import load_embeddings, save_embeddings
 from desplat_ns.photo_tourism.split_file import match_split, read_split_file
 from desplat_ns.training.checkpoint_files import load_checkpoint, load_newest
 from lab.synthetic import SceneSpec, write_scene
@@ -144,26 +143,6 @@ def spoil_one_of(spoil: Callable[[random.Random, Path], None], pattern: str) -> 
     return damage
 
 
-def spoil_archive(rng: random.Random, folder: Path) -> None:
-    """Embeddings: damaged bytes, or a whole file with poisoned or missing contents."""
-    path = folder / "e.npz"
-    if rng.random() < 0.4:
-        return spoil_bytes(rng, path)
-    with np.load(path) as saved:
-        content = {name: saved[name] for name in saved.files}
-    name = rng.choice(sorted(content))
-    kind = rng.randrange(4)
-    if kind == 0:
-        del content[name]
-    elif kind == 1:
-        content[name] = np.array(rng.choice([1.5, "x", [], [[1]], np.zeros((3, 0))]))
-    else:
-        rows = content["embeddings"].copy()
-        rows[rng.randrange(len(rows)), 0] = rng.choice(POISON)
-        content["embeddings"] = rows if kind == 2 else rows[: rng.randrange(len(rows))]
-    np.savez(path, **content)
-
-
 def spoil_checkpoint(rng: random.Random, folder: Path) -> None:
     """The newest checkpoint: damaged bytes, or entries of a wrong kind."""
     path = folder / "step-000000009.ckpt"
@@ -215,10 +194,6 @@ def read_listing(folder: Path) -> Any:
     return []
 
 
-def read_embeddings(folder: Path) -> Any:
-    return load_embeddings(folder / "e.npz", "digest", torch.device("cpu"))
-
-
 def read_newest(folder: Path) -> Any:
     path, state = load_newest(folder)
     assert isinstance(state["step"], int) and state["step"] >= 0
@@ -234,7 +209,6 @@ SOURCES = (
     Source("COLMAP, binary", spoil_one_of(spoil_bytes, "sparse/0/*.bin"), read_robustnerf),
     Source("split file (.tsv)", spoil_one_of(spoil_words, "yard.tsv"), read_split),
     Source("list of photos", spoil_one_of(spoil_words, "train.txt"), read_listing),
-    Source("embeddings (.npz)", spoil_archive, read_embeddings),
     Source("checkpoint", spoil_checkpoint, read_newest),
 )
 
@@ -258,8 +232,6 @@ def write_healthy(folder: Path) -> dict[str, Path]:
     listing = places["list of photos"]
     listing.mkdir()
     (listing / "train.txt").write_text("\n".join(NAMES[:4]) + "\n")
-    embeddings = {name: torch.rand(4) for name in NAMES}
-    save_embeddings(places["embeddings (.npz)"] / "e.npz", embeddings, "digest")
     checkpoints = places["checkpoint"]
     checkpoints.mkdir()
     for step in (4, 9):

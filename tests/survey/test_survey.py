@@ -16,15 +16,20 @@ from desplat_ns.data.images import read_image, write_image
 from desplat_ns.errors import CaptureError
 from desplat_ns.survey import observations
 from desplat_ns.survey.capture import Capture
-from desplat_ns.survey.findings import Figure, Finding
+from desplat_ns.survey.findings import Finding, Survey
 from desplat_ns.survey.light import appearance_finding, local_steps
 from desplat_ns.survey.photo_light import from_middle
 from desplat_ns.survey.picture import evidence_picture
-from desplat_ns.survey.survey import survey, survey_with_evidence
+from desplat_ns.survey.survey import survey as survey_with_evidence
 from lab.synthetic import DaylightSpec, SceneSpec, make_scene
 
 OFF = {"distractors": False, "appearance": "off", "background": "off"}
 SAFE = {"distractors": True, "appearance": "off", "background": "off"}
+
+
+def survey(capture: Capture) -> Survey:
+    """The findings alone."""
+    return survey_with_evidence(capture)[0]
 
 
 def copied(capture: Capture, folder: Path) -> Capture:
@@ -156,14 +161,6 @@ def test_json_is_plain_and_says_what_the_console_says(still: Capture):
     assert {e: plain[e]["decision"] for e in found.decisions()} == found.decisions()
     lines = "\n".join(found.summary())
     assert all(f.name in lines for finding in found.findings for f in finding.figures)
-
-
-def test_evidence_from_elsewhere_counts_for_distractors(still: Capture):
-    for value, decision in ((2.0, True), (0.1, False), (float("nan"), False)):
-        probe = Figure("probe", value, "of a short training", threshold=1.0)
-        finding = survey(still, [probe]).distractors
-        assert finding.decision is decision
-        assert finding.figures[-1] == probe
 
 
 def test_without_tracks_patches_stand_for_them(make_capture: Callable[..., Capture]):
