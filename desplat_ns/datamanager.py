@@ -24,9 +24,9 @@ from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismData
 
 from desplat_ns.data.colmap import with_pycolmap
 from desplat_ns.data.dataset import CaptureDataset
+from desplat_ns.data.gt_masks import METADATA_KEY
 from desplat_ns.data.training_views import image_names
 from desplat_ns.data.transforms_json import PromptFreeNerfstudio
-from desplat_ns.data.true_masks import METADATA_KEY
 from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 from desplat_ns.layouts.choices import AnyDataParser
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
@@ -145,7 +145,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         """Names of the training photos in the order of `train_idx`, below their common folder."""
         return image_names(self.train_dataset.image_filenames)
 
-    def true_masks(self) -> list[tuple[Cameras, Path]]:
+    def gt_masks(self) -> list[tuple[Cameras, Path]]:
         """The camera of each training view whose distractors are known, and their mask's file."""
         paths = self.train_dataparser_outputs.metadata.get(METADATA_KEY, [])
         cameras = self.train_dataset.cameras

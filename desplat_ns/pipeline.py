@@ -126,7 +126,7 @@ class DeSplatPipeline(VanillaPipeline):
             with self._static_scene():
                 if not in_full:
                     return evaluate_in_training(self._model, images, names, show)
-                masks = self.datamanager.true_masks()
+                masks = self.datamanager.gt_masks()
                 return evaluate(self._model, self.config.evaluation, images, names, masks, show)
         finally:
             self.train(was_training)

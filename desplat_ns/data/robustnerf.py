@@ -15,6 +15,7 @@ from desplat_ns.data.colmap import (
     DeSplatColmapDataParserConfig,
 )
 from desplat_ns.data.colmap_model import Frame
+from desplat_ns.data.gt_masks import gt_masks
 from desplat_ns.data.robustnerf_names import (
     describe,
     evaluation_views,
@@ -22,7 +23,6 @@ from desplat_ns.data.robustnerf_names import (
     views_by_number,
     views_by_ratio,
 )
-from desplat_ns.data.true_masks import true_masks
 from desplat_ns.errors import CaptureError, ConfigError
 
 _Hidden = tyro.conf.Suppress
@@ -89,7 +89,7 @@ class RobustNerfDataParser(DeSplatColmapDataParser):
     def metadata_of(self, frames: Sequence[Frame]) -> dict[str, Any]:
         """As upstream's, plus `distractor_mask_filenames`: list[Path | None], one per photo."""
         folder = self.config.data / self.config.distractor_masks_path
-        return super().metadata_of(frames) | true_masks(folder, frames)
+        return super().metadata_of(frames) | gt_masks(folder, frames)
 
     def _training_views(self, names: Sequence[str]) -> list[int]:
         config = self.config

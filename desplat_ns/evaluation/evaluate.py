@@ -24,7 +24,6 @@ from desplat_ns.evaluation.records import (
     versions,
 )
 from desplat_ns.evaluation.scorer import LeftHalfLight, Scorer
-from desplat_ns.photo_tourism.embedding_file import digest_of, load_embeddings, save_embeddings
 
 Image = tuple[Cameras, dict[str, Any]]
 """A camera and its photo, as nerfstudio's datamanager gives them."""
@@ -63,7 +62,6 @@ def evaluate(
 
     Raises:
         CaptureError: there is no image.
-        CheckpointError: embeddings to load that are not there or not this model's.
         ConfigError: the protocol does not fit the model.
         DeSplatError: a figure of an image is not a finite number.
     """
@@ -80,25 +78,15 @@ def evaluate(
     results["versions"], reason = versions(), model.lpips.reason
     results |= {"lpips_net": LPIPS_NET} if reason is None else {"lpips_reason": reason}
     results["protocol"], results["images"] = scorer.describe(), per_image(scored)
-    if scorer.light is not None and config.save_embeddings is not None:
-        save_embeddings(config.save_embeddings, scorer.light.found, _digest(model))
     return results
 
 
 def scorer_of(model: EvaluatedModel, config: EvaluationConfig) -> Scorer:
-    """The scorer that the options ask for. Raises CheckpointError and ConfigError as `evaluate`."""
+    """The scorer that the options ask for. Raises ConfigError as `evaluate`."""
     protocol = chosen_protocol(config, model.effects.image_light)
     if protocol != "half":
         return Scorer(model, "full image" if protocol == "full" else "right half")
-    path = config.load_embeddings
-    known = {} if path is None else load_embeddings(path, _digest(model), model.device)
-    return Scorer(model, "right half", LeftHalfLight(model, config, known))
-
-
-def _digest(model: EvaluatedModel) -> str:
-    """What says that embeddings belong to this model."""
-    assert model.image_effects is not None
-    return digest_of(model.image_effects)
+    return Scorer(model, "right half", LeftHalfLight(model, config))
 
 
 def _score(

@@ -13,7 +13,7 @@ from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
 from desplat_ns.console import progress_over
-from desplat_ns.data.true_masks import read_true_mask, shadow_mask_of
+from desplat_ns.data.gt_masks import read_gt_mask, shadow_mask_of
 from desplat_ns.evaluation.metrics import mask_iou, mean_alpha_outside
 
 
@@ -79,7 +79,7 @@ def score_masks(
 def _truth(path: Path, outputs: dict[str, Tensor]) -> Bool[Tensor, "H W 1"]:
     """A true mask at the size of the rendering."""
     alpha = outputs["alpha_distractor"]
-    return read_true_mask(path, alpha.shape[1], alpha.shape[0]).to(alpha.device)
+    return read_gt_mask(path, alpha.shape[1], alpha.shape[0]).to(alpha.device)
 
 
 def _is_distorted(camera: Cameras) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import torch
@@ -10,7 +10,6 @@ from jaxtyping import Float, Shaped
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
-from desplat_ns.errors import ConfigError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.evaluated_model import EvaluatedModel
 from desplat_ns.evaluation.halves import embedding_from_left_half, right_half
@@ -29,22 +28,16 @@ class LeftHalfLight:
 
     model: EvaluatedModel
     config: EvaluationConfig
-    known: dict[str, Tensor] = field(default_factory=dict)
-    """Embeddings by image name that are taken instead of optimized."""
-    found: dict[str, Tensor] = field(default_factory=dict)
-    """By image name, of the images scored so far."""
 
     def describe(self) -> str:
         """How it is found, in words."""
-        if self.config.load_embeddings is not None:
-            return f"loaded from {self.config.load_embeddings.name}"
         if self.model.effects.closed_form:
             return "in closed form on its left half"
         steps, rate = self.config.steps, self.config.learning_rate
         return f"{steps} steps of Adam at {rate:g} on its left half"
 
     def of(
-        self, camera: Cameras, batch: dict[str, Any], name: str, behind: Float[Tensor, "H W 3"]
+        self, camera: Cameras, batch: dict[str, Any], behind: Float[Tensor, "H W 3"]
     ) -> Float[Tensor, " E"]:
         """The embedding of an image.
 
@@ -52,23 +45,12 @@ class LeftHalfLight:
             behind: what shows where the photo is transparent.
 
         Raises:
-            ConfigError: embeddings were loaded, and this image has none.
             CaptureError: see `embedding_from_left_half`.
         """
         config, model = self.config, self.model
-        if config.load_embeddings is None:
-            photo = model.composite_with_background(model.get_gt_img(batch["image"]), behind)
-            options = config.steps, config.learning_rate, _counted(batch)
-            self.found[name] = embedding_from_left_half(model, camera, photo, *options)
-        elif name in self.known:
-            self.found[name] = self.known[name]
-        else:
-            raise ConfigError(
-                f"{config.load_embeddings} holds no embedding of '{name}', only of "
-                f"{', '.join(sorted(self.known)) or 'no image'}. Save the embeddings of this run's "
-                "test images first: `desplat-eval --save-embeddings FILE`."
-            )
-        return self.found[name]
+        photo = model.composite_with_background(model.get_gt_img(batch["image"]), behind)
+        options = config.steps, config.learning_rate, _counted(batch)
+        return embedding_from_left_half(model, camera, photo, *options)
 
 
 def _counted(batch: dict[str, Any]) -> Shaped[Tensor, "H W 1"] | None:
@@ -118,7 +100,7 @@ class Scorer:
         if self.light is not None:
             before = {f"{key}_before": value for key, value in figures.items()}
             watch.start()
-            embedding = self.light.of(camera, batch, name, outputs["background"])
+            embedding = self.light.of(camera, batch, outputs["background"])
             before["embedding_seconds"] = watch.seconds()
             watch.start()
             with model.shown_in(embedding):

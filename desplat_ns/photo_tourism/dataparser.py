@@ -20,7 +20,7 @@ from desplat_ns.data.colmap import (
 )
 from desplat_ns.data.colmap_model import Frame, has_model
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
-from desplat_ns.data.true_masks import true_masks
+from desplat_ns.data.gt_masks import gt_masks
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.photo_tourism.split_file import (
     PhotoSplit,
@@ -143,7 +143,7 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
     def metadata_of(self, frames: Sequence[Frame]) -> dict[str, Any]:
         """As upstream's, plus `distractor_mask_filenames`: list[Path | None], one per photo."""
         folder = self.config.data / self.config.distractor_masks_path
-        return super().metadata_of(frames) | true_masks(folder, frames)
+        return super().metadata_of(frames) | gt_masks(folder, frames)
 
     @cached_property
     def _sources(self) -> dict[str, PhotoSource]:

@@ -1,6 +1,6 @@
 """Photos or a video to a capture with poses, for `desplat-process`, by pycolmap.
 
-`sources` lists the photos and `folder` keeps the record of what is done, so that a second call goes
+`sources` lists the photos and `workspace` keeps the record of what is done: a second call goes
 on. `video`, `photos`, `masks` and `cameras` prepare; `jobs` runs one stage in a process of its own,
 where `features`, `matches` (with `pairs`, `similarity` and `stationary`), `mapping` and
 `undistortion` are all that speaks to pycolmap. `recipes` has the numbers of the cheap and of the

@@ -11,13 +11,13 @@ from typing import Any
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError
 from desplat_ns.process.cameras import Camera
-from desplat_ns.process.folder import Folder
 from desplat_ns.process.jobs import run_job
+from desplat_ns.process.messages import CAMERA_STANDS_STILL, about_stationary
 from desplat_ns.process.photos import Photo
 from desplat_ns.process.reasons import LeftOut, left_out
 from desplat_ns.process.recipes import PLAIN, THOROUGH, Recipe
 from desplat_ns.process.request import MIN_PHOTOS, Request
-from desplat_ns.process.told import CAMERA_STANDS_STILL, about_stationary
+from desplat_ns.process.workspace import Workspace
 
 FEW = 200
 """Observations of each photo on average below which poses are not relied on: with 130 the centres
@@ -28,12 +28,12 @@ of ten tourists' photos were off by percents of the scene's extent, with 700 by 
 class Task:
     """What both ways start from."""
 
-    folder: Folder
+    folder: Workspace
     request: Request
     photos: Sequence[Photo]
     cameras: Sequence[Camera]
     masks: Path | None
-    how: str
+    pairing: str
     """How pairs are chosen."""
 
 
@@ -57,7 +57,7 @@ class Attempt:
         """Photos in the first model."""
         return len(self.models[0]["photos"]) if self.models else 0
 
-    def merit(self) -> tuple[int, int]:
+    def score(self) -> tuple[int, int]:
         """More photos are better, and with as many more observations."""
         return self.num_posed, self.models[0]["observations"] if self.models else 0
 
@@ -80,7 +80,7 @@ def best_attempt(task: Task) -> Attempt:
         "more and truer features at full size, which takes several times as long (--effort plain "
         "leaves that out)."
     )
-    return max(plain, _attempt(task, THOROUGH), key=Attempt.merit)
+    return max(plain, _attempt(task, THOROUGH), key=Attempt.score)
 
 
 def _attempt(task: Task, recipe: Recipe) -> Attempt:
@@ -105,7 +105,7 @@ def _attempt(task: Task, recipe: Recipe) -> Attempt:
         cameras=task.cameras,
         masks=task.masks,
     )
-    matches = run("matching", "matches.match_photos", how=task.how, pairs_file=pairs_file)
+    matches = run("matching", "matches.match_photos", pairing=task.pairing, pairs_file=pairs_file)
     for line in about_stationary(matches, task.masks is not None):
         announce(line, warning=True)
     pairs = [(a, b, count) for a, b, count in json.loads(pairs_file.read_text("utf8"))]

@@ -19,10 +19,10 @@ from typing import Any
 from desplat_ns.console import progress_with_time_left
 from desplat_ns.errors import DeSplatError
 from desplat_ns.files.whole import disk_is_full
-from desplat_ns.process.folder import Folder, disk_full
+from desplat_ns.process.workspace import disk_full
 
 
-def run_job(folder: Folder, label: str, job: str, arguments: Mapping[str, Any]) -> Any:
+def run_job(folder: Workspace, label: str, job: str, arguments: Mapping[str, Any]) -> Any:
     """What a function returns that is called in another process.
 
     Args:
@@ -107,7 +107,7 @@ def _end_after_the_parent() -> None:
     os._exit(1)
 
 
-def _failure(folder: Folder, label: str, error: str, status: int, begin: int) -> DeSplatError:
+def _failure(folder: Workspace, label: str, error: str, status: int, begin: int) -> DeSplatError:
     if disk_is_full(folder.output):
         return disk_full(folder.output)
     said = error or _last_complaint(folder.log, begin)

@@ -39,12 +39,12 @@ AT_ONCE = 50
 PAIRS_LOOKED_AT = 1000
 """For matches at equal positions."""
 
-How = Literal["exhaustive", "sequential", "similar"]
+Pairing = Literal["exhaustive", "sequential", "similar"]
 
 
 def match_photos(
     database: Path,
-    how: How | Literal["auto"],
+    pairing: Pairing | Literal["auto"],
     pairs_file: Path,
     recipe: Recipe,
     threads: int,
@@ -60,22 +60,22 @@ def match_photos(
             pair that has any, as JSON.
 
     Returns:
-        `how` pairs were chosen; `stationary`: share and box (see `stationary.Stationary`);
+        `pairing`: how pairs were chosen; `stationary`: share and box (see `stationary.Stationary`);
         `left_out`: whether those matches were.
     """
     with pycolmap.Database.open(database) as db:
         images = sorted(db.read_all_images(), key=lambda image: image.name)
     names = [image.name for image in images]
-    if how == "auto":
-        how = "exhaustive" if len(images) <= ALL_PAIRS_UP_TO else "similar"
-    pairs = _chosen_pairs(database, images, how, recipe)
+    if pairing == "auto":
+        pairing = "exhaustive" if len(images) <= ALL_PAIRS_UP_TO else "similar"
+    pairs = _chosen_pairs(database, images, pairing, recipe)
     _match(database, [(names[a], names[b]) for a, b in pairs], recipe, threads, progress)
     found = _stationary(database)
     left_out = found.share >= SUSPICIOUS
     if left_out:
         _verify_without_stationary(database, threads)
     write_whole(pairs_file, json.dumps(verified_pairs(database)).encode())
-    return {"how": how, "stationary": asdict(found), "left_out": left_out}
+    return {"pairing": pairing, "stationary": asdict(found), "left_out": left_out}
 
 
 def verified_pairs(database: Path) -> list[tuple[str, str, int]]:
@@ -88,12 +88,12 @@ def verified_pairs(database: Path) -> list[tuple[str, str, int]]:
 
 
 def _chosen_pairs(
-    database: Path, images: Sequence[pycolmap.Image], how: How, recipe: Recipe
+    database: Path, images: Sequence[pycolmap.Image], pairing: Pairing, recipe: Recipe
 ) -> list[Pair]:
-    if how == "exhaustive":
+    if pairing == "exhaustive":
         return all_pairs(len(images))
     likeness = similarities(_descriptors(database, images))
-    if how == "similar":
+    if pairing == "similar":
         return similar_pairs(likeness, recipe.neighbours)
     sequence = set(sequential_pairs(len(images)))
     return sorted(sequence.union(similar_pairs(likeness, LOOPS)))

@@ -9,14 +9,13 @@ from typing import Any
 
 from desplat_ns.console import announce, list_names, progress_with_time_left
 from desplat_ns.errors import CaptureError
-from desplat_ns.process.folder import Folder
 from desplat_ns.process.masks import prepare_masks
 from desplat_ns.process.photos import Photo, prepare_photos
 from desplat_ns.process.request import MIN_PHOTOS, Request
 from desplat_ns.process.sources import Sources
 
 
-def usable_photos(folder: Folder, request: Request, sources: Sources) -> list[Photo]:
+def usable_photos(folder: Workspace, request: Request, sources: Sources) -> list[Photo]:
     """Copy the photos, or the frames of a video, and say which cannot be used.
 
     Raises:
@@ -43,7 +42,7 @@ def usable_photos(folder: Folder, request: Request, sources: Sources) -> list[Ph
     return good
 
 
-def masks_of(folder: Folder, request: Request, photos: Sequence[Photo]) -> Path | None:
+def masks_of(folder: Workspace, request: Request, photos: Sequence[Photo]) -> Path | None:
     """Folder of the masks as the worker reads them; None without any.
 
     Raises:
@@ -59,7 +58,7 @@ def masks_of(folder: Folder, request: Request, photos: Sequence[Photo]) -> Path 
     return copies
 
 
-def _frames(folder: Folder, request: Request, sources: Sources) -> list[str]:
+def _frames(folder: Workspace, request: Request, sources: Sources) -> list[str]:
     from desplat_ns.process.video import take_frames  # an extra
 
     video = sources.folder / sources.names[0]
@@ -70,7 +69,7 @@ def _frames(folder: Folder, request: Request, sources: Sources) -> list[str]:
 
 
 def _copy(
-    folder: Folder, request: Request, source: Path, names: Sequence[str]
+    folder: Workspace, request: Request, source: Path, names: Sequence[str]
 ) -> list[dict[str, Any]]:
     with progress_with_time_left("Photos") as show:
         photos = prepare_photos(

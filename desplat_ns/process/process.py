@@ -11,25 +11,25 @@ from desplat_ns.errors import CaptureError
 from desplat_ns.files.lock import only_process_in
 from desplat_ns.process.attempts import Attempt, Task, best_attempt
 from desplat_ns.process.cameras import group_by_camera
-from desplat_ns.process.folder import Folder, open_folder, unwritable
 from desplat_ns.process.jobs import run_job
-from desplat_ns.process.photos import Photo
-from desplat_ns.process.preparation import masks_of, usable_photos
-from desplat_ns.process.request import Request
-from desplat_ns.process.sources import Sources
-from desplat_ns.process.told import (
+from desplat_ns.process.messages import (
     made_already,
     may_be_made_thoroughly,
     no_model,
     report_lines,
 )
+from desplat_ns.process.photos import Photo
+from desplat_ns.process.preparation import masks_of, usable_photos
+from desplat_ns.process.request import Request
+from desplat_ns.process.sources import Sources
 from desplat_ns.process.top_view import draw_from_above
+from desplat_ns.process.workspace import Workspace, open_workspace, unwritable
 
 OF_THE_CAPTURE = ("undistortion", "findings")
 """Stages whose results are the capture itself, not in the work folder."""
 
 
-def process(request: Request, sources: Sources) -> Folder:
+def process(request: Request, sources: Sources) -> Workspace:
     """Make the capture, or go on where an earlier call stopped; says what came out.
 
     Raises:
@@ -42,8 +42,8 @@ def process(request: Request, sources: Sources) -> Folder:
         return _process(request, sources)
 
 
-def _process(request: Request, sources: Sources) -> Folder:
-    folder = open_folder(request.output, request.lasting(), sources.fingerprint())
+def _process(request: Request, sources: Sources) -> Workspace:
+    folder = open_workspace(request.output, request.lasting(), sources.fingerprint())
     if "findings" not in folder.stages or _goes_on_thoroughly(folder, request):
         try:
             _make(folder, request, sources)
@@ -58,7 +58,7 @@ def _process(request: Request, sources: Sources) -> Folder:
     return folder
 
 
-def _goes_on_thoroughly(folder: Folder, request: Request) -> bool:
+def _goes_on_thoroughly(folder: Workspace, request: Request) -> bool:
     """Whether a capture that is made from plain features is to be made from thorough ones.
 
     What is not in the work folder any more is struck from the record; the capture stays.
@@ -77,18 +77,18 @@ def _goes_on_thoroughly(folder: Folder, request: Request) -> bool:
     return True
 
 
-def _make(folder: Folder, request: Request, sources: Sources) -> None:
+def _make(folder: Workspace, request: Request, sources: Sources) -> None:
     earlier = folder.stages.get("findings", {}).get("result")
     if folder.stages and not earlier:
         announce(f"Going on in {folder.output}; done already: {', '.join(folder.stages)}.")
     photos = usable_photos(folder, request, sources)
     cameras = group_by_camera(photos, request.cameras, request.camera_model)
     announce(f"{len(photos)} photos, {len(cameras)} camera{'s' if len(cameras) > 1 else ''}.")
-    how = "sequential" if sources.is_video and request.matching == "auto" else request.matching
+    pairing = "sequential" if sources.is_video and request.matching == "auto" else request.matching
     masks = masks_of(folder, request, photos)
-    best = best_attempt(Task(folder, request, photos, cameras, masks, how))
+    best = best_attempt(Task(folder, request, photos, cameras, masks, pairing))
     if earlier:
-        if (earlier["photos"], earlier["observations"]) >= best.merit():
+        if (earlier["photos"], earlier["observations"]) >= best.score():
             announce(f"That poses {best.num_posed} photos, no more: {folder.output} stays.")
             return
         folder.forget(OF_THE_CAPTURE)
@@ -116,7 +116,7 @@ def _findings(best: Attempt, photos: Sequence[Photo]) -> dict[str, Any]:
     }
 
 
-def _undistort(folder: Folder, request: Request, photos: Sequence[Photo], best: Attempt) -> None:
+def _undistort(folder: Workspace, request: Request, photos: Sequence[Photo], best: Attempt) -> None:
     run_job(
         folder,
         "undistortion",

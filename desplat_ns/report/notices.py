@@ -43,7 +43,7 @@ class Notice:
 
 
 @dataclass(frozen=True)
-class Seen:
+class NoticeInputs:
     """What notices are made of."""
 
     cost: Cost
@@ -57,26 +57,26 @@ class Seen:
     """Whether distractors start where a photo shows what the others do not."""
 
 
-def notices(seen: Seen) -> list[Notice]:
+def notices(inputs: NoticeInputs) -> list[Notice]:
     """Everything that stands out, what matters most first."""
     found = [
-        _failure(seen),
-        _unfinished(seen.cost),
-        _few_photos(seen),
-        _much_covered(seen.photos),
-        _nothing_covered(seen.photos),
-        _outliers(seen.results),
-        _gap(seen),
-        *_unsure(seen.reasons),
-        _short(seen.cost),
+        _failure(inputs),
+        _unfinished(inputs.cost),
+        _few_photos(inputs),
+        _much_covered(inputs.photos),
+        _nothing_covered(inputs.photos),
+        _outliers(inputs.results),
+        _gap(inputs),
+        *_unsure(inputs.reasons),
+        _short(inputs.cost),
     ]
     return [one for one in found if one is not None]
 
 
-def _failure(seen: Seen) -> Notice | None:
-    if seen.failure is None:
+def _failure(inputs: NoticeInputs) -> Notice | None:
+    if inputs.failure is None:
         return None
-    what, _, advice = seen.failure.partition(". ")
+    what, _, advice = inputs.failure.partition(". ")
     return Notice(f"{what[0].upper()}{what[1:]}.", advice)
 
 
@@ -90,10 +90,10 @@ def _unfinished(cost: Cost) -> Notice | None:
     )
 
 
-def _few_photos(seen: Seen) -> Notice | None:
-    if not seen.judges_by_others or seen.cost.num_photos >= FEW_VIEWS:
+def _few_photos(inputs: NoticeInputs) -> Notice | None:
+    if not inputs.judges_by_others or inputs.cost.num_photos >= FEW_VIEWS:
         return None
-    return Notice(about_few_views(seen.cost.num_photos))
+    return Notice(about_few_views(inputs.cost.num_photos))
 
 
 def _much_covered(photos: Sequence[TrainingPhoto]) -> Notice | None:
@@ -136,8 +136,8 @@ def _outliers(results: Mapping[str, Any]) -> Notice | None:
     )
 
 
-def _gap(seen: Seen) -> Notice | None:
-    held_out, ours = seen.results.get("psnr"), [one.psnr for one in seen.photos]
+def _gap(inputs: NoticeInputs) -> Notice | None:
+    held_out, ours = inputs.results.get("psnr"), [one.psnr for one in inputs.photos]
     if held_out is None or not ours or statistics.fmean(ours) - held_out < WIDE_GAP:
         return None
     return Notice(

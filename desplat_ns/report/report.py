@@ -13,7 +13,7 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.report.cost import cost_of
 from desplat_ns.report.effect_reasons import effect_reasons, read_survey
 from desplat_ns.report.history import read_history
-from desplat_ns.report.notices import Seen, notices
+from desplat_ns.report.notices import NoticeInputs, notices
 from desplat_ns.report.page import Contents, html_of
 from desplat_ns.report.pictures import (
     held_out_photos,
@@ -51,10 +51,10 @@ def gather(
     cost = cost_of(run.config, files, run.checkpoint, history, figures | counts)
     reasons = effect_reasons(model.effects, read_survey(files.survey))
     failure, by_others = separation_of(model, [coverage for _, coverage in pairs])
-    seen = Seen(cost, reasons, photos, results, failure, by_others)
+    inputs = NoticeInputs(cost, reasons, photos, results, failure, by_others)
     return Contents(
         cost,
-        notices(seen),
+        notices(inputs),
         photos,
         int(results.get("num_images", 0)),
         held_out,

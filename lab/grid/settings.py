@@ -62,10 +62,7 @@ OF_RESIDUAL = tuple(
 OF_WARMUP = tuple(f"{DISTRACTORS}{name}_" for name in ("shaping", "min_warmup", "max_warmup"))
 """The same of those that bound a warm-up, and what begins after it."""
 
-NO_OPTION_ANY_MORE = (
-    *("pipeline.model.density_control", "pipeline.model.relocation."),
-    *("pipeline.evaluation.load_embeddings", "pipeline.evaluation.save_embeddings"),
-)
+NO_OPTION_ANY_MORE = (*("pipeline.model.density_control", "pipeline.model.relocation."),)
 """What records name that has one value today."""
 
 NEUTRAL: Mapping[str, Any] = {

@@ -17,7 +17,7 @@ from nerfstudio.plugins.types import MethodSpecification
 from PIL import Image
 from torch import Tensor
 
-from desplat_ns.data.true_masks import METADATA_KEY, read_true_mask, shadow_mask_of
+from desplat_ns.data.gt_masks import METADATA_KEY, read_gt_mask, shadow_mask_of
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import CaptureError
 from desplat_ns.method_configs import desplat
@@ -92,7 +92,7 @@ def _any_pixel(path: Path, photo: Tensor) -> Tensor:
     """A mask [H, W, 1] by the evaluation's rule at the photo's size: any pixel that it touches."""
     with Image.open(path) as image:
         width, height = image.size
-    mask = read_true_mask(path, width, height)[..., 0].to(photo.device, torch.float32)
+    mask = read_gt_mask(path, width, height)[..., 0].to(photo.device, torch.float32)
     return F.adaptive_max_pool2d(mask[None, None], photo.shape[:2])[0, 0, :, :, None] > 0
 
 

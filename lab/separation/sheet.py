@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from desplat_ns.data.true_masks import METADATA_KEY, read_true_mask
+from desplat_ns.data.gt_masks import METADATA_KEY, read_gt_mask
 from desplat_ns.errors import DeSplatError
 from desplat_ns.evaluation.pictures import Picture, over_checkerboard, sheet, to_rgb8
 from desplat_ns.runs.files import find_run
@@ -77,7 +77,7 @@ def row(name: str, config: Path, view: int) -> tuple[str, list[Picture]]:
         drawn["rgb_static"],
         over_checkerboard(drawn["rgb_distractor"], drawn["alpha_distractor"]),
         drawn["distractor_mask"],
-        read_true_mask(truth, width, height).numpy(),
+        read_gt_mask(truth, width, height).numpy(),
     ]
 
 

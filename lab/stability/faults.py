@@ -36,16 +36,15 @@ KINDS = ("finite", "refused", "culled", "fault")
 
 def killed(kills: int) -> dict[str, Any]:
     """What became of a run that was killed so often, in a process of its own."""
-    script = CHECKOUT / "tests" / "stability" / "kills.py"
-    command = [sys.executable, str(script), str(kills)]
+    command = [sys.executable, "-m", "lab.stability.kills", str(kills)]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=CHECKOUT)
     return json.loads(done.stdout.splitlines()[-1])
 
 
 def fuzzed(inputs: int, seed: int = 0) -> dict[str, dict[str, int]]:
     """How many inputs ended how, by what they were put into."""
-    from tests.stability import fuzz_files, fuzz_options
-    from tests.stability.fuzz_formulas import FORMULAS as ALL
+    from lab.stability import fuzz_files, fuzz_options
+    from lab.stability.fuzz_formulas import FORMULAS as ALL
 
     rng = random.Random(seed)
     found = {FORMULAS: Counter()}

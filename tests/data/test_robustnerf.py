@@ -50,7 +50,7 @@ def test_every_mode_chooses_its_photos(twins: Path, options: dict, expected: lis
     assert names(parser.get_dataparser_outputs("train")) == expected
 
 
-def test_true_masks_are_listed_beside_the_photos_but_never_mask_training(twins: Path):
+def test_gt_masks_are_listed_beside_the_photos_but_never_mask_training(twins: Path):
     (twins / "masks").mkdir()
     Image.new("L", (8, 6)).save(twins / "masks" / "clutter_2.png")
     parser = RobustNerfDataParserConfig(data=twins).setup()

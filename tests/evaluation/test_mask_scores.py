@@ -8,8 +8,8 @@ import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras
 
+from desplat_ns.data.gt_masks import read_gt_mask, shadow_mask_of
 from desplat_ns.data.training_views import train_index
-from desplat_ns.data.true_masks import read_true_mask, shadow_mask_of
 from desplat_ns.evaluation.mask_scores import score_masks
 from tests.helpers.masks import HEIGHT, WIDTH, write_mask
 
@@ -105,7 +105,7 @@ def test_shadows_make_a_fifth_of_what_is_in_the_way_of_the_cluttered_fox(data_fo
         assert path is not None
         shadow = shadow_mask_of(path)
         assert shadow is not None
-        both = read_true_mask(path, 240, 135) | read_true_mask(shadow, 240, 135)
+        both = read_gt_mask(path, 240, 135) | read_gt_mask(shadow, 240, 135)
         return {"alpha_distractor": both.float(), "distractor_mask": both}
 
     scores = score_masks(perfect, _views(paths))

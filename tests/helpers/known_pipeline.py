@@ -117,7 +117,7 @@ class KnownManager:
     masks: list[Path | None] = field(default_factory=list)
     device: str = "cpu"
 
-    def true_masks(self) -> list[tuple[Cameras, Path]]:
+    def gt_masks(self) -> list[tuple[Cameras, Path]]:
         cameras = known_cameras(len(self.masks))
         return [(cameras[i : i + 1], p) for i, p in enumerate(self.masks) if p is not None]
 

@@ -222,7 +222,7 @@ def test_a_photo_one_pixel_wide_is_read(scene, photo_writer, factor: int | None)
     assert dataset.get_data(0)["image"].shape == (3 if factor == 2 else 6, 1, 3)
 
 
-def test_true_masks_are_listed_beside_the_photos_but_never_mask_training(scene):
+def test_gt_masks_are_listed_beside_the_photos_but_never_mask_training(scene):
     data = scene()
     (data / "masks").mkdir()
     Image.new("L", (6, 8)).save(data / "masks" / "b.png")

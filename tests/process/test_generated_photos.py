@@ -54,6 +54,6 @@ def test_the_frames_of_a_video_have_their_places(
     monkeypatch.setattr(video_module, "LEAST_GAP", video_module.STEP)
     video, out = yard.film(tmp_path / "walk.mp4"), tmp_path / "out"
     run(Request(video, out, effort="plain", threads=1))
-    assert recorded(out)["matching (plain)"]["result"]["how"] == "sequential"
+    assert recorded(out)["matching (plain)"]["result"]["pairing"] == "sequential"
     views = {Path(name).stem: view_of(name) for name in recorded(out)["frames"]["result"]}
     assert yard.farthest(out / "sparse" / "0", {f"{n}.jpg": v for n, v in views.items()}) < CLOSE

@@ -13,7 +13,7 @@ import pytest
 from desplat_ns.process import matches, pairs
 from desplat_ns.process.mapping import map_photos
 from desplat_ns.process.masks import prepare_masks
-from desplat_ns.process.matches import How, match_photos, verified_pairs
+from desplat_ns.process.matches import Pairing, match_photos, verified_pairs
 from desplat_ns.process.recipes import PLAIN
 from desplat_ns.process.stationary import SUSPICIOUS, is_stationary, tolerance_of
 from tests.helpers.yard import (
@@ -35,9 +35,9 @@ EVERY_OTHER = range(0, 12, 2)
 """The views that `marked` shows."""
 
 
-def match(found: Found, how: How) -> dict[str, Any]:
+def match(found: Found, pairing: Pairing) -> dict[str, Any]:
     """What `match_photos` says of photos whose features are known."""
-    return match_photos(found.database, how, found.database.with_name("pairs"), FEW, 1, silent)
+    return match_photos(found.database, pairing, found.database.with_name("pairs"), FEW, 1, silent)
 
 
 def numbers(a: str, b: str) -> tuple[int, int]:
@@ -68,12 +68,12 @@ def worst_pose(found: Found, yard: Yard, order: Sequence[int]) -> float:
     return yard.farthest(folder / best["folder"], views)
 
 
-@pytest.mark.parametrize("how", ["exhaustive", "similar", "sequential"])
+@pytest.mark.parametrize("pairing", ["exhaustive", "similar", "sequential"])
 def test_each_pairing_gives_every_photo_its_place(
-    how: How, found: Found, yard: Yard, tmp_path: Path
+    pairing: Pairing, found: Found, yard: Yard, tmp_path: Path
 ):
     mine = found.again(tmp_path)
-    assert match(mine, how)["how"] == how
+    assert match(mine, pairing)["pairing"] == pairing
     assert worst_pose(mine, yard, range(len(yard.pictures))) < CLOSE
 
 

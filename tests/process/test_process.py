@@ -20,8 +20,8 @@ from desplat_ns.commands.process import run
 from desplat_ns.errors import CaptureError, DeSplatError
 from desplat_ns.layouts.recognition import recognise
 from desplat_ns.process import jobs
-from desplat_ns.process.folder import open_folder
 from desplat_ns.process.request import Request
+from desplat_ns.process.workspace import open_workspace
 
 
 @pytest.mark.slow
@@ -77,7 +77,7 @@ def fail(threads: int, progress: Callable[[int, int], None]) -> None:
     ],
 )
 def test_a_crash_of_the_worker_is_an_error_that_says_where(job, said, logged, tmp_path):
-    folder = open_folder(tmp_path / "out", {}, {})
+    folder = open_workspace(tmp_path / "out", {}, {})
     folder.stage("features", lambda: {"a.jpg": 7})
     with pytest.raises(DeSplatError, match=said):
         jobs.run_job(folder, "mapping", f"{__name__}.{job.__name__}", {"threads": 1})
@@ -96,9 +96,9 @@ BUSY = """
 import sys
 from pathlib import Path
 from desplat_ns.process import jobs
-from desplat_ns.process.folder import open_folder
+from desplat_ns.process.workspace import open_workspace
 place = Path(sys.argv[1])
-jobs.run_job(open_folder(place / "out", {}, {}), "mapping", sys.argv[2], {"marks": place})
+jobs.run_job(open_workspace(place / "out", {}, {}), "mapping", sys.argv[2], {"marks": place})
 """
 
 

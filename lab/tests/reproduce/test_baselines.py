@@ -10,7 +10,7 @@ import pytest
 import torch
 from PIL import Image
 
-from desplat_ns.data.true_masks import METADATA_KEY
+from desplat_ns.data.gt_masks import METADATA_KEY
 from desplat_ns.errors import CaptureError
 from lab.grid.settings import changes, resolve
 from lab.reproduce.baselines import (

@@ -18,10 +18,15 @@ KILLS = 20
 def report() -> dict:
     if not hasattr(os, "fork"):
         pytest.skip("kills forked processes, needs POSIX")
-    command = [sys.executable, str(CHECKOUT / "tests" / "stability" / "kills.py"), str(KILLS)]
-    threads = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "PYTHONPATH": str(CHECKOUT)}
+    command = [sys.executable, "-m", "lab.stability.kills", str(KILLS)]
+    threads = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
     done = subprocess.run(
-        command, capture_output=True, text=True, timeout=1800, env=os.environ | threads
+        command,
+        capture_output=True,
+        text=True,
+        timeout=1800,
+        cwd=CHECKOUT,
+        env=os.environ | threads,
     )
     assert done.returncode == 0, done.stderr[-3000:]
     return json.loads(done.stdout.splitlines()[-1])

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 import torch
 
-from desplat_ns.data.true_masks import read_true_mask, shadow_mask_of
+from desplat_ns.data.gt_masks import read_gt_mask, shadow_mask_of
 from desplat_ns.errors import CaptureError
 from tests.helpers.masks import HEIGHT, WIDTH, write_mask
 
 
 def test_a_mask_is_reduced_to_the_size_of_the_rendering(tmp_path: Path):
-    mask = read_true_mask(write_mask(tmp_path / "big.png", 1, scale=3), WIDTH, HEIGHT)
+    mask = read_gt_mask(write_mask(tmp_path / "big.png", 1, scale=3), WIDTH, HEIGHT)
     assert mask.shape == (HEIGHT, WIDTH, 1)
     assert torch.equal(mask[..., 0], torch.tensor([[True, False, False, False]] * HEIGHT))
 
@@ -24,7 +24,7 @@ def test_an_unreadable_mask_is_named(tmp_path: Path, content: bytes | None):
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(CaptureError, match=r"mask_0007\.png"):
-        read_true_mask(path, WIDTH, HEIGHT)
+        read_gt_mask(path, WIDTH, HEIGHT)
 
 
 def test_shadows_lie_beside_their_masks_in_folders_of_folders_too(tmp_path: Path):

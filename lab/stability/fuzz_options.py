@@ -27,7 +27,7 @@ from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.photo_tourism.split_file import draw_split
 from desplat_ns.training.schedules import ScaledExponentialDecaySchedulerConfig
-from tests.stability.fuzz_files import FAULT, FINE, REFUSED, numbers_of, tensors_of
+from lab.stability.fuzz_files import FAULT, FINE, REFUSED, numbers_of, tensors_of
 from tests.stability.poison import POISON
 
 NUMBERS = (*POISON, -5.0, 1e12)

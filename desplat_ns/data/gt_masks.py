@@ -27,7 +27,7 @@ MASK_LEVEL = 127
 """8-bit grey above which a mask's pixel counts as distractor."""
 
 
-def true_masks(folder: Path, frames: Sequence[Frame]) -> dict[str, list[Path | None]]:
+def gt_masks(folder: Path, frames: Sequence[Frame]) -> dict[str, list[Path | None]]:
     """Metadata `METADATA_KEY`: the mask of each photo, None where it has none.
 
     Empty where no photo has one. A mask is a .png with the photo's name below `folder`, white where
@@ -50,7 +50,7 @@ def shadow_mask_of(mask: Path) -> Path | None:
     return None
 
 
-def read_true_mask(path: Path, width: int, height: int) -> Bool[Tensor, "H W 1"]:
+def read_gt_mask(path: Path, width: int, height: int) -> Bool[Tensor, "H W 1"]:
     """A mask image (white = distractor) at the given size in pixels, nearest neighbour.
 
     Raises CaptureError, naming the file, where it is missing or no image.

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from desplat_ns.process.folder import Folder
-from desplat_ns.process.told import LISTED, report_lines
+from desplat_ns.process.messages import LISTED, report_lines
+from desplat_ns.process.workspace import Workspace
 
 
 def lines_about(left_out: list[dict[str, str]]) -> list[str]:
     """The report's lines about photos that are left out."""
     findings = {"photos": 3, "of": 9, "points": 5, "error": 0.5, "recipe": "plain", "others": []}
     stages = {"findings": {"seconds": 0.0, "result": {**findings, "left_out": left_out}}}
-    return [line for line in report_lines(Folder(Path("out"), {}, {}, stages)) if line[:2] == "  "]
+    return [
+        line for line in report_lines(Workspace(Path("out"), {}, {}, stages)) if line[:2] == "  "
+    ]
 
 
 def test_photos_that_are_left_out_for_one_reason_share_a_line():

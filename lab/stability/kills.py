@@ -1,6 +1,6 @@
 """A run of `ns-train desplat` that is killed again and again, each life a process of its own.
 
-    python tests/stability/kills.py KILLS            prints what became of it as JSON
+    python -m lab.stability.kills KILLS            prints what became of it as JSON
 
 The lives are forked from one process that has imported and compiled everything, by training a few
 steps itself: else each took many seconds to begin.

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from desplat_ns.console import list_names
-from desplat_ns.process.folder import Folder
 from desplat_ns.process.reasons import LeftOut
 from desplat_ns.process.recipes import PLAIN, THOROUGH
+from desplat_ns.process.workspace import Workspace
 
 LISTED = 20
 """Reasons that are told, each with the first photos it holds for; process.json has all."""
@@ -49,13 +49,13 @@ def no_model(missing: Sequence[LeftOut]) -> str:
     )
 
 
-def may_be_made_thoroughly(folder: Folder) -> bool:
+def may_be_made_thoroughly(folder: Workspace) -> bool:
     """Whether a finished capture is one of plain features and the thorough way was not tried."""
     recipe = folder.stages["findings"]["result"]["recipe"]
     return recipe == PLAIN.name and f"mapping ({THOROUGH.name})" not in folder.stages
 
 
-def made_already(folder: Folder) -> str:
+def made_already(folder: Workspace) -> str:
     """What to say where nothing is left to do, and what to type to have it done differently."""
     line = f"{folder.output} is made already."
     if may_be_made_thoroughly(folder):
@@ -63,7 +63,7 @@ def made_already(folder: Folder) -> str:
     return f"{line} To make it anew, remove it first: rm -r '{folder.output}'."
 
 
-def report_lines(folder: Folder) -> Iterator[str]:
+def report_lines(folder: Workspace) -> Iterator[str]:
     """The report of a capture that is made."""
     told = folder.stages["findings"]["result"]
     yield (

@@ -28,7 +28,7 @@ RECORD = "process.json"
 
 
 @dataclass
-class Folder:
+class Workspace:
     """A capture in the making."""
 
     output: Path
@@ -103,7 +103,7 @@ class Folder:
         shutil.rmtree(self.work, ignore_errors=True)
 
 
-def open_folder(output: Path, asked: Mapping[str, str], files: Mapping[str, int]) -> Folder:
+def open_workspace(output: Path, asked: Mapping[str, str], files: Mapping[str, int]) -> Workspace:
     """A new folder, or the one in which a call with the same photos and options was at work.
 
     Raises:
@@ -112,12 +112,12 @@ def open_folder(output: Path, asked: Mapping[str, str], files: Mapping[str, int]
     record = output / RECORD
     if not record.is_file():
         _check_nothing_there(output)
-        folder = Folder(output, asked, files)
+        folder = Workspace(output, asked, files)
         folder.save()
         return folder
     try:
         told = json.loads(record.read_text("utf8"))
-        found = Folder(output, told["asked"], told["files"], told["stages"])
+        found = Workspace(output, told["asked"], told["files"], told["stages"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ConfigError(
             f"{record} cannot be read ({error}). Remove {output} to begin anew, or name another "
@@ -144,7 +144,7 @@ def _check_nothing_there(output: Path) -> None:
         )
 
 
-def _changes(found: Folder, asked: Mapping[str, str], files: Mapping[str, int]) -> list[str]:
+def _changes(found: Workspace, asked: Mapping[str, str], files: Mapping[str, int]) -> list[str]:
     changes = [
         f"--{name.replace('_', '-')} was {found.asked.get(name)} and is {value}"
         if name != "photos"

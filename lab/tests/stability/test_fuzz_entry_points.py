@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 import torch
 
-from tests.stability import fuzz_files, fuzz_options
-from tests.stability.fuzz_files import CULLED, FAULT, FINE, REFUSED, SOURCES, Source
-from tests.stability.fuzz_formulas import FORMULAS, Formula, H, W
-from tests.stability.fuzz_options import Options
+from lab.stability import fuzz_files, fuzz_options
+from lab.stability.fuzz_files import CULLED, FAULT, FINE, REFUSED, SOURCES, Source
+from lab.stability.fuzz_formulas import FORMULAS, Formula, H, W
+from lab.stability.fuzz_options import Options
 
 FORMULA_INPUTS, FILE_INPUTS, OPTION_INPUTS = 12, 25, 25
 """Draws in this suite; `lab.stability` has many more."""

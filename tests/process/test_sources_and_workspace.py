@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.process.folder import open_folder
 from desplat_ns.process.request import Request
 from desplat_ns.process.sources import find_sources
+from desplat_ns.process.workspace import open_workspace
 
 
 def touch(folder: Path, *names: str) -> Path:
@@ -43,15 +43,15 @@ def test_what_cannot_be_processed_is_named(tmp_path, names, said):
 
 def test_a_stage_that_is_done_is_not_done_again_by_a_second_call(tmp_path):
     asked, files = {"longest_side": "1600"}, {"a.jpg": 3}
-    open_folder(tmp_path / "out", asked, files).stage("photos", lambda: [1])
-    again = open_folder(tmp_path / "out", asked, files)
+    open_workspace(tmp_path / "out", asked, files).stage("photos", lambda: [1])
+    again = open_workspace(tmp_path / "out", asked, files)
     assert again.stage("photos", lambda: pytest.fail("done twice")) == [1]
 
 
 def test_other_photos_or_options_are_listed_together(tmp_path):
-    open_folder(tmp_path / "out", {"longest_side": "1600"}, {"a": 1, "b": 1})
+    open_workspace(tmp_path / "out", {"longest_side": "1600"}, {"a": 1, "b": 1})
     with pytest.raises(ConfigError) as caught:
-        open_folder(tmp_path / "out", {"longest_side": "800"}, {"a": 2, "c": 1})
+        open_workspace(tmp_path / "out", {"longest_side": "800"}, {"a": 2, "c": 1})
     for said in ("--longest-side was 1600 and is 800", "new (c)", "gone (b)", "changed (a)"):
         assert said in str(caught.value)
 
@@ -59,7 +59,7 @@ def test_other_photos_or_options_are_listed_together(tmp_path):
 def test_a_folder_that_holds_something_else_is_left_alone(tmp_path):
     touch(tmp_path, "thesis.doc")
     with pytest.raises(ConfigError, match=r"holds something else: thesis\.doc"):
-        open_folder(tmp_path, {}, {})
+        open_workspace(tmp_path, {}, {})
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.doc"]
 
 
