@@ -19,6 +19,7 @@ from desplat_ns.studies.tradeoff.plan import BASE, SEEDS, compared
 from desplat_ns.studies.tradeoff.plots import draw_all
 from desplat_ns.studies.tradeoff.results import RUNS, Results
 from desplat_ns.studies.tradeoff.summary import (
+    NEEDED,
     SIGNIFICANT,
     Measured,
     Spread,
@@ -79,7 +80,6 @@ def write_report(folder: Path, results: Results) -> Path:
         capture=results.capture,
         effects=effects_in_words(results.capture.effects),
         results=results,
-        seeds=len(SEEDS),
         claims=claims_in_words(found),
         rows=training_rows(found, results),
         more=[MORE[name] for name in names_of(found)],
@@ -182,12 +182,12 @@ def claims_in_words(found: Sequence[Measured]) -> str:
     ratio = f"{least_ratio(number):.0f} times" if number else "two and more times"
     return (
         "A difference is the mean, over seeds, of what a variant has less what the defaults have "
-        f"with the same seed. It is claimed where all {len(SEEDS)} seeds of both were measured and "
+        f"with the same seed. It is claimed where all {NEEDED} seeds of both were measured and "
         f"p is at most {SIGNIFICANT:g}, by a paired t-test with Holm's correction for the number "
         f"of comparisons ({number} here): if no variant mattered, one such page in "
         f"{round(1 / SIGNIFICANT)} would claim any difference. To be claimed, the clearest one has "
         f"to be {ratio} as large as its scatter from seed to seed (standard deviation). The test "
-        f"takes that scatter to be normally distributed, which {len(SEEDS)} seeds cannot show; "
+        f"takes that scatter to be normally distributed, which {NEEDED} seeds cannot show; "
         "without it they tell nothing, for all three differences have the same sign by chance "
         'once in four times. "Not told apart" does not say that there is no difference; and seeds '
         "are of this capture alone: what holds here may not hold on another."

@@ -9,10 +9,13 @@ from statistics import fmean, median, stdev
 
 from desplat_ns.studies.grid.runs import Figures, Record, Run
 from desplat_ns.studies.tradeoff import pareto
-from desplat_ns.studies.tradeoff.plan import BASE, SEEDS
+from desplat_ns.studies.tradeoff.plan import BASE
 
 NICE_SECONDS = (5, 10, 15, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200)
 """Training times for which the best that was reached is told."""
+
+NEEDED = 3
+"""Seeds that both sides of a claim have: `p_value` is that of so many."""
 
 SIGNIFICANT = 0.05
 """A difference is claimed where p, corrected for the number of comparisons, is no larger."""
@@ -149,7 +152,7 @@ def p_value(found: Sequence[float]) -> float:
     With two degrees of freedom Student's distribution has a closed form,
     P(|T| >= t) = 1 - t / sqrt(t^2 + 2).
     """
-    assert len(found) == len(SEEDS) == 3
+    assert len(found) == NEEDED
     mean, error = fmean(found), stdev(found) / math.sqrt(len(found))
     if error == 0:
         return float(mean == 0)
@@ -176,7 +179,7 @@ def verdicts(found: Sequence[Measured]) -> list[str]:
         for i, one in enumerate(found)
         if one.variant != BASE and one.steps in base
     }
-    tested = [i for i, pair in pairs.items() if len(pair) == len(SEEDS)]
+    tested = [i for i, pair in pairs.items() if len(pair) == NEEDED]
     p = dict(zip(tested, corrected([p_value(pairs[i]) for i in tested]), strict=True))
     return [_verdict(pairs.get(i, ()), p.get(i)) for i in range(len(found))]
 
@@ -186,7 +189,7 @@ def _verdict(pair: Sequence[float], p: float | None) -> str:
         return ""
     said = f"{fmean(pair):+.2f} dB"
     if p is None:
-        return f"{said}, {len(pair)} of {len(SEEDS)} seeds: no claim"
+        return f"{said}, {len(pair)} of {NEEDED} seeds: no claim"
     value = "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
     return f"{said}, {value}" if p <= SIGNIFICANT else f"{said}, not told apart ({value})"
 
@@ -195,4 +198,4 @@ def least_ratio(comparisons: int) -> float:
     """How many times its standard deviation over the seeds the clearest of several differences has
     to be, to be claimed: `p_value` solved for t, over the root of the number of seeds."""
     inside = 1 - SIGNIFICANT / max(1, comparisons)
-    return inside * math.sqrt(2 / (1 - inside**2) / len(SEEDS))
+    return inside * math.sqrt(2 / (1 - inside**2) / NEEDED)

@@ -12,6 +12,7 @@ from scipy import stats
 from desplat_ns.studies.grid.runs import Record, Run, Variant
 from desplat_ns.studies.tradeoff.plan import BASE, SEEDS
 from desplat_ns.studies.tradeoff.summary import (
+    NEEDED,
     SIGNIFICANT,
     Measured,
     Spread,
@@ -65,6 +66,10 @@ def test_p_is_that_of_a_paired_t_test(found):
     if len(set(found)) > 1:
         expected = stats.ttest_1samp(found, 0.0)[1]
         assert p_value(found) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_plan_has_as_many_seeds_as_a_claim_needs():
+    assert len(SEEDS) == NEEDED
 
 
 def test_differences_without_any_scatter_are_beyond_doubt_or_none():
