@@ -24,7 +24,7 @@ from desplat_ns.rendering.views import held
 from desplat_ns.separation.distractor_layer import DistractorLayer
 from desplat_ns.separation.visit import Visit
 from desplat_ns.static_model import StaticModel, StaticModelConfig
-from desplat_ns.training.budget import Stretch
+from desplat_ns.training.budget import Clock
 from desplat_ns.training.culled import CulledCount, culled_always, too_many_culled
 from desplat_ns.training.run_length import photo_downscale, scaled_fields
 from desplat_ns.viewer import LayerControl
@@ -142,12 +142,11 @@ class DeSplatModel(StaticModel):
         settings = self.render_settings(depth=False)
         return lambda splats: self.rasterizer(splats, view, settings)
 
-    def reschedule(self, stretch: Stretch) -> None:
-        """As `StaticModel`'s; the distractors' steps follow."""
-        super().reschedule(stretch)
-        settings = self.config.distractors
-        for name in DISTRACTOR_STEPS:
-            setattr(settings, name, stretch.moved(getattr(settings, name)))
+    def follow(self, clock: Clock) -> None:
+        """As `StaticModel`'s; the distractors' schedules too."""
+        super().follow(clock)
+        if self.layer is not None:
+            self.layer.densifier.schedule = clock.at
 
     def get_param_groups(self) -> dict[str, list[nn.Parameter]]:
         """The static scene's groups and one for each kind of distractor parameter."""
@@ -243,8 +242,8 @@ class DeSplatModel(StaticModel):
             return
         if self.layer is not None:
             self.layer.before_refinement(visit, self.means, opacities, self.memory)
-        super().step_post_backward(step)
-        if step >= self.strategy.refine_stop_iter and step % self.strategy.refine_every == 0:
+        super().step_post_backward(self.step)
+        if self.step >= self.strategy.refine_stop_iter and step % self.strategy.refine_every == 0:
             self.sweep()
         if self.num_points == 0:
             raise DeSplatError(

@@ -55,6 +55,8 @@ class DistractorDensifier:
         num_views: number of training views.
         """
         self.config = config
+        self.schedule: Callable[[int], int | float] = lambda step: step
+        """Where the thresholds are in a step; refinements are `refine_every` steps apart."""
         self.start = max(static.warmup_length, config.static_warmup)
         self.strategy = DefaultStrategy(
             prune_opa=config.cull_alpha_thresh,
@@ -99,8 +101,9 @@ class DistractorDensifier:
             info: of the rendering of this view's distractors in this step.
             pixels_of: gives the contribution of each, in pixels; called only where it is needed.
         """
-        densifying = step < self.config.stop_densify_at
-        if step <= self.start or not (densifying or self.config.cull_to_the_end):
+        now = round(self.schedule(step))
+        densifying = now < self.config.stop_densify_at
+        if now <= self.start or not (densifying or self.config.cull_to_the_end):
             return
         if densifying:
             self._sample(distractors.params_of(view), self.running[view], info)

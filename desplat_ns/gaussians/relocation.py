@@ -22,7 +22,7 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.gaussians.activation import RawParameters
-from desplat_ns.gaussians.strategy import NEVER
+from desplat_ns.gaussians.strategy import LAST, NEVER, crossed
 
 MOST_SHARING = 51
 """Gaussians that may share the opacity of one in one relocation; more are treated as this many."""
@@ -125,9 +125,11 @@ class RelocatingStrategy(Strategy):
             optimizers: by the same names.
             state: tensors with a row for each Gaussian follow it.
         """
-        if self.refine_start_iter < step < self.refine_stop_iter and step % self.refine_every == 0:
+        is_due = crossed(state, step, self.refine_every)
+        if self.refine_start_iter < step < self.refine_stop_iter and is_due:
             self._relocate(params, optimizers, state)
             self._grow(params, optimizers, state)
+        state[LAST] = step
         if self.config.noise > 0:
             rate = optimizers["means"].param_groups[0]["lr"]
             params["means"].add_(position_noise(params) * (rate * self.config.noise))
