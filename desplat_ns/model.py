@@ -23,7 +23,6 @@ from desplat_ns.rendering.layers import layered_outputs, static_outputs
 from desplat_ns.rendering.views import held
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.static_model import StaticModel, StaticModelConfig
-from desplat_ns.training.budget import Stretch
 from desplat_ns.training.culled import culled_always
 from desplat_ns.training.run_length import photo_downscale, scaled_fields
 from desplat_ns.viewer import LayerControl
@@ -145,13 +144,6 @@ class DeSplatModel(StaticModel):
         settings = self.render_settings(depth=False)
         return lambda splats: self.rasterizer(splats, view, settings)
 
-    def reschedule(self, stretch: Stretch) -> None:
-        """As `StaticModel`'s; the distractors' steps follow."""
-        super().reschedule(stretch)
-        settings = self.config.distractors
-        for name in DISTRACTOR_STEPS:
-            setattr(settings, name, stretch.moved(getattr(settings, name)))
-
     def view_optimizers(self) -> dict[str, Optimizer]:
         """Those of the distractors that the step at hand drew, beside nerfstudio's, which hold what
         all views share."""
@@ -265,8 +257,8 @@ class DeSplatModel(StaticModel):
 
         Raises DeSplatError where no static Gaussian is left.
         """
-        super().step_post_backward(step)
-        if step >= self.strategy.refine_stop_iter and step % self.strategy.refine_every == 0:
+        super().step_post_backward(self.step)
+        if self.step >= self.strategy.refine_stop_iter and step % self.strategy.refine_every == 0:
             self.sweep()
         if self.num_points == 0:
             raise DeSplatError(

@@ -10,6 +10,7 @@ from gsplat.strategy import DefaultStrategy
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import OrientedBox
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackAttributes
+from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.model_components.lib_bilagrid import color_correct
 from torch import Tensor, nn
 
@@ -27,7 +28,7 @@ from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_downloads,
 )
 from desplat_ns.options import check_ranges, ranged
-from desplat_ns.training.budget import Stretch
+from desplat_ns.training.budget import Clock
 from desplat_ns.training.losses import mean_shown_opacity
 from desplat_ns.training.run_length import (
     SPLATFACTOS_INTERVAL,
@@ -134,6 +135,8 @@ class StaticModel(LitModel):
     lpips: LazyLpips  # pyright: ignore[reportIncompatibleVariableOverride]
     shown: Tensor
     """Which static Gaussians [N] the view that was last drawn in training shows."""
+    clock = Clock()
+    """What `step` goes by."""
 
     def populate_modules(self) -> None:
         """Static Gaussians at the 3D points, and what the effects need."""
@@ -178,13 +181,13 @@ class StaticModel(LitModel):
             losses["opacity_prior"] = weight * mean_shown_opacity(opacities, self.shown)
         return losses
 
-    def reschedule(self, stretch: Stretch) -> None:
-        """Move what is still ahead. Intervals stay."""
-        for name in ("stop_screen_size_at", "stop_split_at"):
-            setattr(self.config, name, stretch.moved(getattr(self.config, name)))
-        self.strategy.refine_stop_iter = self.config.stop_split_at
-        if isinstance(self.strategy, StaticStrategy):
-            self.strategy.refine_scale2d_stop_iter = self.config.stop_screen_size_at
+    def follow(self, clock: Clock) -> None:
+        """Read schedules at this clock from now on."""
+        self.clock = clock
+
+    def step_cb(self, optimizers: Optimizers, step: int) -> None:
+        """Before a step: `step` of the model is where the schedules are, for all that reads it."""
+        super().step_cb(optimizers, round(self.clock.at(step)))
 
     @property
     def memory(self) -> GaussianMemory:

@@ -106,7 +106,7 @@ class DeSplatTrainer(Trainer):
         if scale != 1.0:
             CONSOLE.print(f"Schedules are scaled by {scale:g}, for a run of this length.")
         budget = self._budgeted
-        steps = config.max_num_iterations if budget is None else budget.state.first_steps
+        steps = config.max_num_iterations if budget is None else budget.state.steps
         photos = len(cast(DeSplatPipeline, self.pipeline).datamanager.train_image_names)
         raised = raised_rates(config.optimizers, config.rate_factor(photos, steps))
         optimizers = scaled_optimizers(raised, scale)
@@ -132,6 +132,8 @@ class DeSplatTrainer(Trainer):
         Where none is left it says so and changes nothing.
         """
         remaining = self.config.max_num_iterations - self._steps_done
+        if self._budgeted is not None:  # by its clock, whatever had been planned
+            remaining = NEVER
         if remaining <= 0:
             self._say_nothing_is_left()
             return
@@ -140,7 +142,7 @@ class DeSplatTrainer(Trainer):
         whole = self.config
         # nerfstudio 1.1.5 trains as many steps *more*; only its loop is to see the smaller number
         self.config = copy.copy(whole)
-        self.config.max_num_iterations = remaining if self._budgeted is None else NEVER
+        self.config.max_num_iterations = remaining
         try:
             with on_stop_signal(self._stop_after_this_step):
                 super().train()

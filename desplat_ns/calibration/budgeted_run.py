@@ -17,14 +17,15 @@ from desplat_ns.calibration.run_plan import measure_costs, plan_run
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
-from desplat_ns.training.budget import END_SECONDS, BudgetKeeper, BudgetState
+from desplat_ns.training.budget import END_SECONDS, BudgetClock, BudgetState
 from desplat_ns.training.schedules import follow
 
 BYTES_A_SECOND = 100e6
 """At which a checkpoint is written, at least."""
 
-STEPS_BETWEEN_COUNTS = 100
-"""What a checkpoint will hold is counted so often: each view has parameters of its own."""
+STEPS_BETWEEN_CHECKS = 100
+"""What a checkpoint will hold is counted so often: each view has parameters of its own. So often
+it is also seen how many steps there will be."""
 
 WORTH_SAYING = 0.1
 """Change of the number of steps since it was last said."""
@@ -70,45 +71,43 @@ class BudgetedRun:
         num_views = len(outputs.cameras)
         if saved is None:
             self.state = plan_run(
-                budget, self._clock(), model, num_views, (most, nominal), self.cost
+                budget, self._seconds(), model, num_views, (most, nominal), self.cost
             )
         else:
-            self.state = BudgetState.from_saved(saved["state"])
+            self.state = BudgetState(**saved["state"])
+            self.state.most = max(self.state.most, most)
             self._check_unfinished(saved["steps_done"])
         model.train_downscale = self.state.downscale
-        model.schedule_scale = min(1.0, self.state.first_steps / nominal)
-        self.keeper = BudgetKeeper(budget, self.state, self._cost, most, self._clock)
-        self._model: DeSplatModel | None = None
-        self._said = self.state.steps
+        model.schedule_scale = min(1.0, self.state.steps / nominal)
+        run = model.for_run(num_views)
+        costs = (self.cost.at(run, step) for step in range(self.state.steps))
+        self.clock = BudgetClock(budget, self.state, costs, self._seconds)
+        self._said, self._checked = self.state.steps, (0, 0.0)
         self._say_plan(self.cost.mean(model, num_views, nominal))
 
     def _check_unfinished(self, steps_done: int) -> None:
-        spent = self.state.spent + self._clock()
-        if steps_done < self.state.steps and spent + END_SECONDS < self.budget:
+        spent, reached = self.state.spent + self._seconds(), round(self.state.reached)
+        if reached < self.state.steps and spent + END_SECONDS < self.budget:
             return
         raise ConfigError(
             f"There is nothing left to train: {spent:.0f} of {self.budget:.0f} s are spent, and "
-            f"{steps_done} of the {self.state.steps} steps that fit are done. A run that was "
-            "stopped goes on with a larger --budget (the total); one that came to its end has had "
-            "its schedules: start a new one for more time."
+            f"{steps_done} steps are done, {reached} of {self.state.steps} as they were planned. "
+            "A run that was stopped goes on with a larger --budget (the total); one that came to "
+            "its end has had its schedules: start a new one for more time."
         )
 
     def saved(self, steps_done: int) -> dict[str, Any]:
         """What a checkpoint keeps."""
         return {"state": self.state.saved(), "steps_done": steps_done}
 
-    def _clock(self) -> float:
+    def _seconds(self) -> float:
         return time.monotonic() - self._started
-
-    def _cost(self, step: int) -> float:
-        assert self._model is not None
-        return self.cost.at(self._model.config, step)
 
     def _say_plan(self, a_step: float) -> None:
         smaller = self.state.downscale
         photos = "photos in full size" if smaller == 1 else f"photos {smaller} times smaller"
         announce(
-            f"Budget: {self.budget:.0f} s, of which {self.keeper.spent():.0f} are spent. A step is "
+            f"Budget: {self.budget:.0f} s, of which {self.clock.spent():.0f} are spent. A step is "
             f"expected to take {1e3 * a_step:.0f} ms on average: {self.state.steps} steps are "
             f"planned, {photos}. No evaluation on the way."
         )
@@ -119,37 +118,38 @@ class BudgetedRun:
         schedulers: Iterable[LRScheduler],
         optimizers: Iterable[Optimizer],
     ) -> None:
-        """Take up the model that is trained, and what was stretched before it was saved."""
-        self._model, self._optimizers = model, list(optimizers)
-        for stretch in self.state.stretches:
-            model.reschedule(stretch)
+        """Let the model that is trained, and its learning rates, go by this run's clock."""
+        self._optimizers = list(optimizers)
+        model.follow(self.clock)
         for scheduler in schedulers:
-            follow(scheduler, self.state.planned)
+            follow(scheduler, self.clock.at)
         self._set_reserve()
 
     def after_step(self, step: int) -> bool:
         """Look at the clock; whether that was the last step that fits."""
-        assert self._model is not None
-        if step % STEPS_BETWEEN_COUNTS == 0:
+        self.clock.after_step(step)
+        if step % STEPS_BETWEEN_CHECKS == 0:
             self._set_reserve()
-        stretch = self.keeper.after_step(step)
-        if stretch is not None:
-            self._model.reschedule(stretch)
             self._say_change(step + 1)
-        return self.keeper.is_over(step + 1)
+        return self.clock.is_over(step + 1)
 
     def _say_change(self, done: int) -> None:
         """Say how many steps there will be, if that is another number than was said last."""
-        steps = self.state.steps
+        state, (done_before, reached_before) = self.state, self._checked
+        self._checked = done, state.reached
+        planned_a_step = (state.reached - reached_before) / (done - done_before)
+        if not planned_a_step > 0:
+            return
+        steps = min(state.most, done + round((state.steps - state.reached) / planned_a_step))
         if abs(steps / self._said - 1) >= WORTH_SAYING:
             announce(
-                f"{done} steps in {self.keeper.spent():.0f} s: there will be {steps} in all, not "
-                f"{self._said}."
+                f"{done} steps in {self.clock.spent():.0f} s: there will be some {steps} in all, "
+                f"not {self._said}."
             )
             self._said = steps
 
     def _set_reserve(self) -> None:
-        self.keeper.reserve = END_SECONDS + self._bytes_to_save() / BYTES_A_SECOND
+        self.clock.reserve = END_SECONDS + self._bytes_to_save() / BYTES_A_SECOND
 
     def _bytes_to_save(self) -> int:
         """Of parameters with Adam's two moments."""
@@ -158,8 +158,8 @@ class BudgetedRun:
 
     def say_cost(self, steps_done: int) -> None:
         """What the run did cost."""
-        spent = self.keeper.spent()
+        spent = self.clock.spent()
         announce(
             f"Budget: {spent:.0f} of {self.budget:.0f} s were spent ({spent / self.budget:.0%}), "
-            f"for {steps_done} steps; {self.state.first_steps} had been planned."
+            f"for {steps_done} steps; {self.state.steps} had been planned."
         )

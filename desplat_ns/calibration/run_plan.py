@@ -153,4 +153,4 @@ def plan_run(
             f"{max(0, steps)} fit, and a run needs {FEWEST_STEPS}. Give {needed:.0f}s or more, or "
             "smaller photos (the data parser's --downscale-factor)."
         )
-    return BudgetState(steps, steps, downscale)
+    return BudgetState(steps, downscale, most)

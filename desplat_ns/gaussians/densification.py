@@ -20,7 +20,7 @@ from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.activation import RawParameters
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import ViewDistractors
-from desplat_ns.gaussians.strategy import prune, refine, sample
+from desplat_ns.gaussians.strategy import LAST, crossed, prune, refine, sample
 
 RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) >= (1, 5)
 """gsplat 1.5 gives radii as [C, N, 2], 1.4 as [C, N]; each one's strategy takes only its own."""
@@ -53,6 +53,8 @@ class DistractorDensifier:
         static: the thresholds that both sets share, and the warm-up before any refinement.
         """
         self.config = config
+        self._clock: dict[str, int] = {}
+        """Of the steps that drew distractors, see `crossed`."""
         self.start = max(static.warmup_length, config.static_warmup)
         self.strategy = DefaultStrategy(
             prune_opa=config.cull_alpha_thresh,
@@ -65,7 +67,7 @@ class DistractorDensifier:
         """Whether `view`, which is drawn at `step`, is refined now."""
         if self.config.refine_when_next_seen:
             return self._fallen_due(step) > max(view.refinement, self._fallen_due(self.start))
-        return step % self.config.refine_every == 0
+        return crossed(self._clock, step, self.config.refine_every)
 
     def _fallen_due(self, step: int) -> int:
         """How many refinements have fallen due until `step`."""
@@ -85,8 +87,8 @@ class DistractorDensifier:
         """Sample a step that drew `view`; refine its distractors if that is due.
 
         Args:
-            step: training step; nothing happens before the warm-up, and from `stop_densify_at` on
-                nothing but pruning, if that.
+            step: where schedules are; nothing happens before the warm-up, and from `stop_densify_at`
+                on nothing but pruning, if that.
             info: of the rendering of this view's distractors in this step.
             contributions_of: gives what each makes up of the image, in pixels; called only where it
                 is needed.
@@ -101,6 +103,7 @@ class DistractorDensifier:
             self._prune_the_small(view, contributions_of)
             change = refine if densifying else prune
             change(self.strategy, view.params, view.optimizers, view.state)
+        self._clock[LAST] = step
 
     def _prune_the_small(
         self,

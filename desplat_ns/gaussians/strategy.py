@@ -24,6 +24,18 @@ NEVER = 2**62
 """A step that no training reaches, and a number of Gaussians that no set has."""
 
 
+LAST = "last_step"
+"""Key in a strategy's state: the step that it was called at before."""
+
+
+def crossed(state: Mapping[str, Any], step: int, every: int) -> bool:
+    """Whether a multiple of `every` was reached since the last call.
+
+    Schedules that go by time may pass over a step, or stay at one.
+    """
+    return step // every > state.get(LAST, step - 1) // every
+
+
 @torch.no_grad()
 def sample(
     strategy: DefaultStrategy,
@@ -124,8 +136,9 @@ class StaticStrategy(DefaultStrategy):
             info: of the rendering, as gsplat's strategies read it.
         """
         if step >= self.refine_stop_iter:
-            if self.cull_to_the_end and step % self.refine_every == 0:
+            if self.cull_to_the_end and crossed(state, step, self.refine_every):
                 prune(self, params, optimizers, state, step)
+            state[LAST] = step
             return
         recovering = step >= self.reset_every and (
             step % self.reset_every < self.pause_refine_after_reset
@@ -137,8 +150,9 @@ class StaticStrategy(DefaultStrategy):
             self._let_the_strongest_grow(params, state, step)
             refine(self, params, optimizers, state, step)
             state[self.SAMPLED] = 0
-        if step % self.reset_every == 0:
+        if crossed(state, step, self.reset_every):
             reset_opa(params, optimizers, state, value=self.prune_opa * 2.0)  # pyright: ignore[reportArgumentType]
+        state[LAST] = step
 
     def _let_the_strongest_grow(
         self, params: nn.ParameterDict, state: dict[str, Any], step: int

@@ -1,28 +1,19 @@
-"""A run that ends when its time is up: how many steps are planned, and how the plan is kept to.
+"""A run that ends when its time is up: how many steps are planned, and what its schedules go by.
 
 Times are seconds of wall time since the process began. A plan is made from what a step costs on
-this machine. While the run goes on, what the steps did cost corrects what is expected of the rest,
-and the rest is stretched: every threshold and every learning rate that is still ahead moves by the
-same factor.
+this machine; schedules are of its length, and are read by the time that is spent.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from desplat_ns.errors import ConfigError
-
-SHARE_BETWEEN_LOOKS = 0.03
-"""Of the budget. So often the plan is compared with what the steps did cost."""
-
-NEWEST = 0.3
-"""Weight of the steps since the last look in what a step is found to cost."""
-
-LEAST_STRETCH = 0.02
-"""Smaller corrections are left for later."""
 
 END_SECONDS = 3.0
 """For ending the process; what a save takes comes on top."""
@@ -70,81 +61,69 @@ class StepSeconds:
         return self.whole_photo / downscale**2
 
 
-@dataclass(frozen=True)
-class Stretch:
-    """From a step on, what was planned takes `factor` times as many steps."""
-
-    step: int
-    factor: float
-
-    def moved(self, planned: int) -> int:
-        """The step to which a planned one moves; what is over stays where it was."""
-        if planned <= self.step:
-            return planned
-        return self.step + max(1, round((planned - self.step) * self.factor))
-
-    def planned(self, step: int | float) -> int | float:
-        """The step that had been planned where the run is now."""
-        return step if step <= self.step else self.step + (step - self.step) / self.factor
-
-
 @dataclass
 class BudgetState:
     """What a checkpoint keeps of a run with a budget."""
 
     steps: int
-    """As they are planned now."""
-    first_steps: int
-    """As they were planned at first: schedules are of this length before they are stretched."""
+    """As they were planned: schedules are of this length."""
     downscale: int
     """By how much photos are smaller in the whole run."""
-    stretches: list[Stretch] = field(default_factory=list)
+    most: int
+    """Steps beyond which it does not go on."""
     spent: float = 0.0
     """Seconds, of this run and of those that it went on from."""
-
-    @classmethod
-    def from_saved(cls, saved: dict[str, Any]) -> BudgetState:
-        """What `saved` gave."""
-        stretches: Any = [Stretch(**one) for one in saved["stretches"]]
-        return cls(**saved | {"stretches": stretches})
+    reached: float = 0.0
+    """Planned step at which the schedules are."""
 
     def saved(self) -> dict[str, Any]:
-        """As plain values."""
+        """As plain values: arguments of this class."""
         return asdict(self)
 
-    def planned(self, step: int | float) -> int | float:
-        """The step of the first plan that stands where the run is now."""
-        for stretch in reversed(self.stretches):
-            step = stretch.planned(step)
+
+class Clock:
+    """What schedules are read at: the step, in a run of given length."""
+
+    def at(self, step: int) -> int | float:
+        """Where the schedules are in a step, in steps of their own length."""
         return step
 
 
-class BudgetKeeper:
-    """Compares the clock with the plan, after every step."""
+class BudgetClock(Clock):
+    """Time in place of steps: schedules come to their end when the budget does.
+
+    Each step takes the schedules as far as the seconds that it took, of those that were left. As
+    far is meant in seconds that the planned steps are expected to cost; so a machine as fast as
+    expected goes through the plan step by step, and one half as fast takes two of them at once.
+    """
 
     def __init__(
         self,
         budget: float,
         state: BudgetState,
-        cost: Callable[[int], float],
-        most: int,
+        costs: Iterable[float],
         clock: Callable[[], float],
     ):
         """Args:
         budget: seconds in all.
         state: of the plan; is changed.
-        cost: seconds that a step is expected to take, by its number.
-        most: steps beyond which a run is not lengthened.
+        costs: seconds that each planned step is expected to take.
         clock: seconds since the process began.
         """
-        self.budget, self.state, self.most = budget, state, most
+        self.budget, self.state = budget, state
         self.reserve = END_SECONDS
         """Seconds for what follows the last step."""
-        self._cost, self._clock, self._before = cost, clock, state.spent
-        self._pace: float | None = None
-        """Seconds that steps take over those that were expected."""
-        self._looked: float | None = None
-        self._expected = 0.0
+        self._until = np.cumsum([0.0, *costs])
+        self._numbers = np.arange(len(self._until))
+        self._clock, self._before = clock, state.spent
+        self._last: tuple[int, float] | None = None
+        """The step that was done last in this process, and where the schedules were in it."""
+
+    def at(self, step: int) -> int | float:
+        """Where the schedules are in the step at hand, or were in the one just done."""
+        if self._last is not None and step <= self._last[0]:
+            return self._last[1]
+        return self.state.reached
 
     def spent(self) -> float:
         """Seconds, those of earlier parts of the run included."""
@@ -154,43 +133,31 @@ class BudgetKeeper:
         """Seconds for further steps."""
         return self.budget - self.reserve - self.spent()
 
-    def after_step(self, step: int) -> Stretch | None:
-        """Look at the clock when step number `step` is done.
+    def after_step(self, step: int) -> None:
+        """Move the schedules on when step number `step` is done.
 
-        The first one of a process says nothing of the others: nerfstudio reads all photos in it.
-        What it took is spent, and steps are timed from its end.
-
-        Returns:
-            How the steps that follow are to be stretched, if they are.
+        The first one of a process moves them by one step, however long it took: nerfstudio reads
+        all photos in it. As little as that where the number of steps comes to an end, not the time.
         """
-        now = self.spent()
-        self.state.spent = now
-        if self._looked is None:
-            self._looked = now
-            return None
-        self._expected += self._cost(step)
-        if now - self._looked < SHARE_BETWEEN_LOOKS * self.budget or self._expected <= 0:
-            return None
-        pace = (now - self._looked) / self._expected
-        self._pace = pace if self._pace is None else self._pace + NEWEST * (pace - self._pace)
-        self._looked, self._expected = now, 0.0
-        return self._stretch(step + 1, self._pace)
+        state, now = self.state, self.spent()
+        left, gone = self.budget - self.reserve - state.spent, now - state.spent
+        ahead = state.steps - state.reached
+        moved = ahead / max(1, state.most - step)
+        if self._last is None:
+            moved = max(moved, 1.0)
+        else:
+            moved = max(moved, self._steps_for(min(1.0, gone / left) if left > 0 else 1.0))
+        self._last, state.spent = (step, state.reached), now
+        state.reached += min(moved, ahead)
 
-    def _stretch(self, done: int, pace: float) -> Stretch | None:
-        """Stretch what is left so that it fits, if that makes a difference."""
-        planned = self.state.steps - done
-        ahead = pace * sum(map(self._cost, range(done, self.state.steps)))
-        if planned <= 0 or ahead <= 0:
-            return None
-        fits = round(planned * max(0.0, self.left()) / ahead)
-        steps = min(max(1, fits), max(self.most - done, planned))
-        if abs(steps / planned - 1) < LEAST_STRETCH:
-            return None
-        stretch = Stretch(done, steps / planned)
-        self.state.stretches.append(stretch)
-        self.state.steps = done + steps
-        return stretch
+    def _steps_for(self, share: float) -> float:
+        """Planned steps that make up a share of the seconds expected of those ahead."""
+        numbers, until = self._numbers, self._until
+        done = np.interp(self.state.reached, numbers, until)
+        target = done + share * (until[-1] - done)
+        return float(np.interp(target, until, numbers)) - self.state.reached
 
     def is_over(self, steps_done: int) -> bool:
-        """Whether the last step that fits is done."""
-        return steps_done >= self.state.steps or self.left() <= 0
+        """Whether less than half a planned step is left, or no further step may be done."""
+        is_at_end = self.state.steps - self.state.reached < 0.5
+        return is_at_end or steps_done >= self.state.most or self.left() <= 0

@@ -117,7 +117,7 @@ def scaled_optimizers(optimizers: Mapping[str, Any], scale: float) -> dict[str, 
     }
 
 
-def follow(scheduler: LRScheduler, planned: Callable[[int | float], int | float]) -> None:
+def follow(scheduler: LRScheduler, planned: Callable[[int], int | float]) -> None:
     """Let a scheduler go by the step that `planned` gives for the step at hand, from now on.
 
     A scheduler that is not made of functions of the step (torch's LambdaLR) keeps its steps.
@@ -132,5 +132,5 @@ def follow(scheduler: LRScheduler, planned: Callable[[int | float], int | float]
         group["lr"] = rate
 
 
-def _at(curve: Callable[[int | float], int | float], planned: Callable[[int | float], int | float]):
+def _at(curve: Callable[[int | float], float], planned: Callable[[int], int | float]):
     return lambda step: curve(planned(step))

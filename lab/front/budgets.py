@@ -18,7 +18,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 from desplat_ns.studies.grid.commands import QUIET, surroundings
-from desplat_ns.training.budget import BudgetState
 from desplat_ns.training.checkpoint_files import load_newest
 from lab.documents import OUTPUTS
 from lab.front.kept import FILE, Kept
@@ -35,9 +34,8 @@ def kept_in(folder: Path, scene: str, budget: str, beside: str, took: float) -> 
     """Read what a finished run planned and did."""
     (models,) = folder.rglob("nerfstudio_models")
     saved = load_newest(models)[1]["budget"]
-    state = BudgetState.from_saved(saved["state"])
-    done = saved["steps_done"]
-    return Kept(scene, budget, beside, took, state.first_steps, done, state.downscale)
+    state, done = saved["state"], saved["steps_done"]
+    return Kept(scene, budget, beside, took, state["steps"], done, state["downscale"])
 
 
 def run(scene: str, budget: str, beside: str) -> Kept:
