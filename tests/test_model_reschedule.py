@@ -17,7 +17,6 @@ def test_thresholds_that_are_ahead_move_and_those_behind_stay():
         per_view=20,
         max_warmup_visits=1000,
         static_warmup=100,
-        leave_out_at=400,
         stop_densify_at=500,
         stop_placing_at=900,
     )
@@ -30,8 +29,8 @@ def test_thresholds_that_are_ahead_move_and_those_behind_stay():
     assert model.layer is not None
     moved = model.layer.config
     assert moved.static_warmup == 100
-    assert (moved.leave_out_at, moved.stop_densify_at, moved.stop_placing_at) == (500, 700, 1500)
-    assert settings.leave_out_at == 400  # the method's own settings stay
+    assert (moved.stop_densify_at, moved.stop_placing_at) == (700, 1500)
+    assert settings.stop_densify_at == 500  # the method's own settings stay
 
 
 def test_distractors_are_densified_until_the_step_that_was_moved():
