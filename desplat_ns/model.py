@@ -27,10 +27,7 @@ from desplat_ns.training.culled import culled_always
 from desplat_ns.training.run_length import photo_downscale, scaled_fields
 from desplat_ns.viewer import LayerControl
 
-DISTRACTOR_STEPS = (
-    *("static_warmup", "leave_out_at", "stop_densify_at", "stop_placing_at"),
-    "means_lr_steps",
-)
+DISTRACTOR_STEPS = ("static_warmup", "stop_densify_at", "stop_placing_at", "means_lr_steps")
 """The distractors' settings that are numbers of steps."""
 
 

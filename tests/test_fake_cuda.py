@@ -50,9 +50,7 @@ from desplat_ns.training.losses import (
 from desplat_ns.training.step_guard import sum_of_squares
 
 WIDTH, HEIGHT, N = 60, 40, 50
-CONFIG = DistractorConfig(
-    per_view=100, start="residual", static_alone=True, static_warmup=5, leave_out_at=10
-)
+CONFIG = DistractorConfig(per_view=100, start="residual", static_alone=True, static_warmup=5)
 WIDTHS = dict(zip(PARAMETER_NAMES, (3, 3, 4, 3, 1), strict=True))
 """Values per distractor."""
 STANDING = 7

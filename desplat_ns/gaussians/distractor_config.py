@@ -44,10 +44,6 @@ class DistractorConfig:
     """With start residual: where the detail of a photo correlates more than this with that of the
     static scene, it is the scene's own in another light, and nothing in the way; 1 or more asks
     nothing."""
-    leave_out_at: int = 12000
-    """With start residual and static_alone: step from which the static scene's own loss leaves out
-    whole regions. Until then only what distractors cover, so that the scene gets a chance to learn
-    what several photos show."""
     stop_placing_at: int = 27000
     """With start residual: step from which none is placed or removed for its place any more."""
     static_alone: bool = False
@@ -67,7 +63,7 @@ class DistractorConfig:
     max_warmup_visits: int = ranged(15, "[0, inf)")
     """That warm-up ends after so many visits of each view at the latest: seen often enough, what
     stands in one photo alone is learned as well, and its residual is gone. It ends sooner by
-    `shaping_steps`. `leave_out_at` comes after twice the longest warm-up that these allow."""
+    `shaping_steps`."""
     shaping_steps: int = ranged(250, "[0, inf)")
     """Steps in which a scene takes shape, once it may be refined (`warmup_length`): the warm-up
     ends after so many, or after `min_warmup_visits` if that is later. They do not shrink with the
@@ -121,6 +117,13 @@ class DistractorConfig:
     opacities_lr: float = ranged(0.05, "[0, inf)")
     """Of the logits of their opacities; Splatfacto's."""
 
+    @property
+    def leave_out_at(self) -> int:
+        """With start residual and static_alone: step from which the static scene's own loss leaves
+        out whole regions, twice the warm-up. Until then only what distractors cover, so that the
+        scene gets a chance to learn what several photos show."""
+        return 2 * self.static_warmup
+
     def rates_at(self, step: int) -> dict[str, float]:
         """Learning rates at a step, by the names of parameters."""
         t = min(step / self.means_lr_steps, 1.0) if self.means_lr_steps > 0 else 1.0
@@ -151,7 +154,6 @@ class DistractorConfig:
             self,
             refine_every=every,
             static_warmup=warmup,
-            leave_out_at=min(self.leave_out_at, 2 * most),
         )
 
 

@@ -27,7 +27,7 @@ from tests.helpers.well_known_scene import (
 
 CONFIG = DistractorConfig(per_view=600, start="residual", initial_opacity=0.5, depth=0.5)
 """Cells of 2 x 2 pixels."""
-WARMED_UP = dataclasses.replace(CONFIG, static_warmup=5, leave_out_at=10)
+WARMED_UP = dataclasses.replace(CONFIG, static_warmup=5)
 
 
 def a_photo() -> torch.Tensor:

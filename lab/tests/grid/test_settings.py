@@ -102,7 +102,8 @@ def test_settings_of_effects_that_are_off_are_left_out():
     assert not [name for name in off if name.removeprefix("pipeline.model.").startswith(idle)]
     assert off["pipeline.model.background_color"] == "random"
     lit = resolve("desplat-phototourism", ())
-    assert all(any(name.startswith(one) for name in lit) for one in sum(OF_EFFECTS.values(), ()))
+    today = {*sum(OF_EFFECTS.values(), ())} - {"optimizers.distractor_"}  # in older records alone
+    assert all(any(name.startswith(one) for name in lit) for one in today)
 
 
 def test_the_pose_optimizer_is_no_setting_of_appearance():
