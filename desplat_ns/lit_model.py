@@ -13,6 +13,7 @@ from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel, SplatfactoMode
 from torch import Tensor, nn
 
 from desplat_ns.backend import BackendName, Rasterizer, resolve
+from desplat_ns.backend.contributions import contributions
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.effects import Effects, EffectsConfig
 from desplat_ns.errors import BackendUnavailableError
@@ -23,7 +24,6 @@ from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.rendering.compositing import over_background
-from desplat_ns.rendering.first_columns import needed_by_columns, rows_of
 from desplat_ns.rendering.views import view_of
 
 
@@ -175,14 +175,15 @@ class LitModel(SplatfactoModel):
         """The static scene [H, W, 3] seen from `view`, given an image embedding [E].
 
         Everything else is held constant. Where `columns` is given, only as many of the first ones
-        are right: what they do not need is left out.
+        are right: what they do not show is left out. Where such a Gaussian ended the blending of a
+        pixel unseen, what is behind then shows, by TRANSMITTANCE_MIN / (1 - ALPHA_MAX) at most.
         """
         constants = {name: value.detach() for name, value in self.gauss_params.items()}
         settings, splats = self.render_settings(depth=False), self._splats(constants, None)
         if columns is not None:
-            needed = needed_by_columns(self.rasterizer, splats, view, settings, columns)
-            constants = {name: value[needed] for name, value in constants.items()}
-            splats = rows_of(splats, needed)
+            weights = contributions(self.rasterizer, splats, view, settings, columns)
+            constants = {name: value[weights > 0] for name, value in constants.items()}
+            splats = self._splats(constants, None)
         lit = self._lit(splats, constants, view, settings, frozen=True)
         static = self.rasterizer(splats, view, settings) if lit is None else None
 
