@@ -161,13 +161,13 @@ class LitModel(SplatfactoModel):
         Colours may be beyond 1.
         """
         image = over_background(static.rgb, static.alpha, background)
-        return self.photographed(image, view, embedding)
+        return self.apply_camera_response(image, view, embedding)
 
-    def photographed(self, colors: Tensor, view: View, embedding: Tensor | None) -> Tensor:
+    def apply_camera_response(self, colors: Tensor, view: View, embedding: Tensor | None) -> Tensor:
         """Colours of the scene, one [3] or an image [H, W, 3], as the image's camera shows them."""
         if self.image_effects is None or embedding is None:
             return colors
-        return self.image_effects.photographed(colors, view, embedding)
+        return self.image_effects.apply_camera_response(colors, view, embedding)
 
     def as_function_of_embedding(
         self, view: View, columns: int | None = None
@@ -219,14 +219,16 @@ class LitModel(SplatfactoModel):
         None if they have the same in all."""
         if self.image_effects is None or FEATURES not in params:
             return None
-        return self.image_effects.lit(splats, params[FEATURES], view, settings, frozen)
+        return self.image_effects.appearance_in_view(
+            splats, params[FEATURES], view, settings, frozen
+        )
 
     def _splats(self, params: RawParameters, embedding: Tensor | None) -> Splats:
         """Static Gaussians in the colours of the image that `embedding` describes."""
         splats = activate_static(params, self._sh_degree())
         if self.image_effects is None or embedding is None or FEATURES not in params:
             return splats
-        return self.image_effects.toned(splats, params[FEATURES], embedding)
+        return self.image_effects.apply_appearance(splats, params[FEATURES], embedding)
 
     @torch.no_grad()
     def shown_splats(self) -> Splats:

@@ -108,7 +108,7 @@ class DeSplatModel(StaticModel):
         static = self.render_static(view, embedding)
         background = self.background_of(view, embedding)
         image = self.image_of(static, background, view, embedding)
-        background = self.photographed(background, view, embedding).clamp(0, 1)
+        background = self.apply_camera_response(background, view, embedding).clamp(0, 1)
         outputs = static_outputs(static, image, background)
         if self.layer is not None:
             outputs["rgb_static"] = outputs["rgb"]
@@ -201,7 +201,7 @@ class DeSplatModel(StaticModel):
         visit = self.visit
         assert visit is not None
         embedding = self.embedding_of(visit.index)
-        return self.photographed(outputs["background"], visit.view, embedding).clamp(0, 1)
+        return self.apply_camera_response(outputs["background"], visit.view, embedding).clamp(0, 1)
 
     def _background_loss(
         self, outputs: dict[str, Any], photo: Tensor, mask: Tensor | None
