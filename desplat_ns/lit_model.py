@@ -13,6 +13,7 @@ from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel, SplatfactoMode
 from torch import Tensor, nn
 
 from desplat_ns.backend import BackendName, Rasterizer, resolve
+from desplat_ns.backend.contributions import contributions
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.effects import Effects, EffectsConfig
 from desplat_ns.errors import BackendUnavailableError
@@ -23,7 +24,6 @@ from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.rendering.compositing import over_background
-from desplat_ns.rendering.first_columns import needed_by_columns, rows_of
 from desplat_ns.rendering.views import view_of
 
 
@@ -161,13 +161,13 @@ class LitModel(SplatfactoModel):
         Colours may be beyond 1.
         """
         image = over_background(static.rgb, static.alpha, background)
-        return self.photographed(image, view, embedding)
+        return self.apply_camera_response(image, view, embedding)
 
-    def photographed(self, colors: Tensor, view: View, embedding: Tensor | None) -> Tensor:
+    def apply_camera_response(self, colors: Tensor, view: View, embedding: Tensor | None) -> Tensor:
         """Colours of the scene, one [3] or an image [H, W, 3], as the image's camera shows them."""
         if self.image_effects is None or embedding is None:
             return colors
-        return self.image_effects.photographed(colors, view, embedding)
+        return self.image_effects.apply_camera_response(colors, view, embedding)
 
     def as_function_of_embedding(
         self, view: View, columns: int | None = None
@@ -175,14 +175,15 @@ class LitModel(SplatfactoModel):
         """The static scene [H, W, 3] seen from `view`, given an image embedding [E].
 
         Everything else is held constant. Where `columns` is given, only as many of the first ones
-        are right: what they do not need is left out.
+        are right: what they do not show is left out. Where such a Gaussian ended the blending of a
+        pixel unseen, what is behind then shows, by TRANSMITTANCE_MIN / (1 - ALPHA_MAX) at most.
         """
         constants = {name: value.detach() for name, value in self.gauss_params.items()}
         settings, splats = self.render_settings(depth=False), self._splats(constants, None)
         if columns is not None:
-            needed = needed_by_columns(self.rasterizer, splats, view, settings, columns)
-            constants = {name: value[needed] for name, value in constants.items()}
-            splats = rows_of(splats, needed)
+            weights = contributions(self.rasterizer, splats, view, settings, columns)
+            constants = {name: value[weights > 0] for name, value in constants.items()}
+            splats = self._splats(constants, None)
         lit = self._lit(splats, constants, view, settings, frozen=True)
         static = self.rasterizer(splats, view, settings) if lit is None else None
 
@@ -218,14 +219,16 @@ class LitModel(SplatfactoModel):
         None if they have the same in all."""
         if self.image_effects is None or FEATURES not in params:
             return None
-        return self.image_effects.lit(splats, params[FEATURES], view, settings, frozen)
+        return self.image_effects.appearance_in_view(
+            splats, params[FEATURES], view, settings, frozen
+        )
 
     def _splats(self, params: RawParameters, embedding: Tensor | None) -> Splats:
         """Static Gaussians in the colours of the image that `embedding` describes."""
         splats = activate_static(params, self._sh_degree())
         if self.image_effects is None or embedding is None or FEATURES not in params:
             return splats
-        return self.image_effects.toned(splats, params[FEATURES], embedding)
+        return self.image_effects.apply_appearance(splats, params[FEATURES], embedding)
 
     @torch.no_grad()
     def shown_splats(self) -> Splats:

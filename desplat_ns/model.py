@@ -106,7 +106,7 @@ class DeSplatModel(StaticModel):
         static = self.render_static(view, embedding)
         background = self.background_of(view, embedding)
         image = self.image_of(static, background, view, embedding)
-        background = self.photographed(background, view, embedding).clamp(0, 1)
+        background = self.apply_camera_response(background, view, embedding).clamp(0, 1)
         outputs = static_outputs(static, image, background)
         if self.layer is not None:
             outputs["rgb_static"] = outputs["rgb"]
@@ -200,7 +200,8 @@ class DeSplatModel(StaticModel):
         train_step = self.train_step
         assert train_step is not None
         embedding = self.embedding_of(train_step.index)
-        return self.photographed(outputs["background"], train_step.view, embedding).clamp(0, 1)
+        background, view = outputs["background"], train_step.view
+        return self.apply_camera_response(background, view, embedding).clamp(0, 1)
 
     def _background_loss(
         self, outputs: dict[str, Any], photo: Tensor, mask: Tensor | None

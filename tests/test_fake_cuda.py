@@ -254,7 +254,8 @@ def test_appearance_and_background_stay_on_the_gpu(appearance, training):
         coefficients = Splats(cuda(N, 3), cuda(N, 4), cuda(N, 3), cuda(N), cuda(N, 16, 3), 2)
         colors = Splats(cuda(N, 3), cuda(N, 4), cuda(N, 3), cuda(N), cuda(N, 3))
         toned = [
-            model.toned(splats, features, embedding).colors for splats in (coefficients, colors)
+            model.apply_appearance(splats, features, embedding).colors
+            for splats in (coefficients, colors)
         ]
         background = model.background_of(embedding, the_view(), degree=2)
         assert_on_cuda(*toned, background)

@@ -54,7 +54,7 @@ def compile_gsplat() -> str | None:
     if not torch.cuda.is_available() and not os.environ.get("TORCH_CUDA_ARCH_LIST"):
         return "draws on CUDA devices, and torch sees none. TORCH_CUDA_ARCH_LIST names another's."
     kernels.try_again()
-    return kernels.hindrance()
+    return kernels.unavailable_reason()
 
 
 COMPILERS = {"numba": compile_numba, "gsplat": compile_gsplat}

@@ -14,21 +14,25 @@ GEOMETRY = ("means", "quats", "scales", "opacities")
 
 
 def contributions(
-    rasterizer: Rasterizer, splats: Splats, view: View, settings: RenderSettings
+    rasterizer: Rasterizer,
+    splats: Splats,
+    view: View,
+    settings: RenderSettings,
+    columns: int | None = None,
 ) -> Float[Tensor, " N"]:
-    """Sum over all pixels of each Gaussian's blending weight alpha_i T_i, in pixels, >= 0.
+    """Sum over pixels of each Gaussian's blending weight alpha_i T_i, in pixels, >= 0.
 
     The rendered colour is sum(w_i c_i) at every pixel, so this is the derivative of the image's sum
     by c_i: one forward and one backward pass, through any backend.
 
     Args:
-        splats: with final colours, no spherical harmonics.
+        splats: whatever their colours.
+        columns: so many of the image's first ones count; all if None.
     """
-    assert splats.sh_degree is None, "the weight of a coefficient is not that of its Gaussian"
     white = torch.ones_like(splats.means).requires_grad_()
     geometry = {name: getattr(splats, name).detach() for name in GEOMETRY}
     alone = Splats(**geometry, colors=white)
     with torch.enable_grad():
         rendered = rasterizer(alone, view, replace(settings, depth=False, absgrad=False))
-        (gradient,) = torch.autograd.grad(rendered.rgb[..., 0].sum(), white)
+        (gradient,) = torch.autograd.grad(rendered.rgb[:, :columns, 0].sum(), white)
     return gradient[:, 0]

@@ -28,12 +28,12 @@ class _Entry:
 
     module: str
     class_name: str
-    hindrance: Callable[[str], str | None]
+    unavailable_reason: Callable[[str], str | None]
     """Of a device type ("cpu", "cuda"): why it cannot run there and what to do, as one sentence or
     two; None where it can."""
 
 
-def _gsplat_hindrance(device: str) -> str | None:
+def _gsplat_unavailable(device: str) -> str | None:
     if not torch.cuda.is_available():
         return (
             "needs a CUDA device and torch sees none. Add `--pipeline.model.backend numba`, "
@@ -44,13 +44,13 @@ def _gsplat_hindrance(device: str) -> str | None:
             f"renders on CUDA and the model is on the {device}. Add `--machine.device-type cuda`, "
             "or `--pipeline.model.backend numba`."
         )
-    from desplat_ns.backend.gsplat_kernels.kernels import hindrance
+    from desplat_ns.backend.gsplat_kernels.kernels import unavailable_reason
 
-    reason = hindrance()
+    reason = unavailable_reason()
     return None if reason is None else f"{reason}\n{ON_THE_CPU}"
 
 
-def _numba_hindrance(device: str) -> str | None:
+def _numba_unavailable(device: str) -> str | None:
     if device != "cpu":
         return (
             f"renders on the CPU and the model is on {device}. Add `--machine.device-type cpu`, or "
@@ -64,8 +64,8 @@ def _numba_hindrance(device: str) -> str | None:
 
 
 _BACKENDS: dict[str, _Entry] = {
-    "gsplat": _Entry("desplat_ns.backend.gsplat_cuda", "GsplatRasterizer", _gsplat_hindrance),
-    "numba": _Entry("desplat_ns.backend.numba_tiles", "NumbaRasterizer", _numba_hindrance),
+    "gsplat": _Entry("desplat_ns.backend.gsplat_cuda", "GsplatRasterizer", _gsplat_unavailable),
+    "numba": _Entry("desplat_ns.backend.numba_tiles", "NumbaRasterizer", _numba_unavailable),
     "torch": _Entry("desplat_ns.backend.torch_tiles", "TorchRasterizer", lambda device: None),
 }
 
@@ -81,7 +81,7 @@ def default_device() -> str:
 def available(device: str | None = None) -> dict[str, str | None]:
     """For each backend None where it can run on a device type, else why and what to do."""
     device = device or default_device()
-    return {name: entry.hindrance(device) for name, entry in _BACKENDS.items()}
+    return {name: entry.unavailable_reason(device) for name, entry in _BACKENDS.items()}
 
 
 def resolve(name: BackendName, device: str | None = None) -> Rasterizer:
@@ -100,7 +100,7 @@ def resolve(name: BackendName, device: str | None = None) -> Rasterizer:
         choices = ", ".join(BACKEND_NAMES)
         raise BackendUnavailableError(f"There is no backend '{name}'. Choose one of: {choices}.")
     entry = _BACKENDS[name]
-    reason = entry.hindrance(device)
+    reason = entry.unavailable_reason(device)
     if reason is not None:
         raise BackendUnavailableError(f"Backend '{name}' {reason}")
     return getattr(importlib.import_module(entry.module), entry.class_name)()
@@ -121,7 +121,7 @@ def _fastest(device: str) -> BackendName:
 
     passed_over = []
     for name in FASTEST_FIRST.get(device, ("torch",)):
-        reason = _BACKENDS[name].hindrance(device)
+        reason = _BACKENDS[name].unavailable_reason(device)
         if reason is None:
             CONSOLE.log(f"Rasterizer backend: {name}.", *passed_over)
             return name
@@ -155,7 +155,7 @@ def rendering_device(name: BackendName, device: str) -> tuple[str, str]:
         return device, ""
     if name == "numba":
         return "cpu", "its backend is numba"
-    reason = _BACKENDS["gsplat"].hindrance(device)
+    reason = _BACKENDS["gsplat"].unavailable_reason(device)
     if reason is None:
         return device, ""
     return "cpu", f"backend 'gsplat' {reason.removesuffix(ON_THE_CPU).strip()}"

@@ -17,31 +17,25 @@ C0 = 0.5 / math.sqrt(math.pi)
 """The constant basis function, 1 / (2 sqrt(pi))."""
 
 
-def _norm(degree: int, order: int) -> float:
-    """Normalization of a real harmonic over the sphere, Condon-Shortley phase left out."""
+def norm(degree: int, order: int) -> float:
+    """Normalization of a real harmonic over the sphere, times 3DGS's sign, (-1)^order."""
     ratio = math.factorial(degree - order) / math.factorial(degree + order)
-    return math.sqrt((2 if order else 1) * (2 * degree + 1) / (4 * math.pi) * ratio)
+    size = math.sqrt((2 if order else 1) * (2 * degree + 1) / (4 * math.pi) * ratio)
+    return (-1) ** order * size
 
 
-def _legendre_over_sin(degree: int, z: Tensor) -> list[list[Tensor]]:
-    """P[n][m](z) / sin(theta)^m for 0 <= m <= n <= degree: polynomials in z, finite at the poles.
+def legendre(degree: int, order: int) -> dict[int, float]:
+    """P(z) / sin(theta)^order of an associated Legendre function P, z being cos(theta): the
+    coefficients of a polynomial, by powers of z. The Condon-Shortley phase is left out.
 
-    Source: the recurrences of the associated Legendre functions, with (-1)^m left out:
-    P[m][m] = (2m - 1)!!, (n - m) P[n][m] = (2n - 1) z P[n-1][m] - (n + m - 1) P[n-2][m].
+    Source: its order-th derivative of Rodrigues' formula, term by term.
     """
-    p: list[list[Tensor]] = []
-    for n in range(degree + 1):
-        row = []
-        for m in range(n + 1):
-            if n == m:
-                row.append(torch.full_like(z, float(math.prod(range(1, 2 * m, 2)))))
-            elif n == m + 1:
-                row.append((2 * m + 1) * z * p[n - 1][m])
-            else:
-                two_below = (n + m - 1) * p[n - 2][m]
-                row.append(((2 * n - 1) * z * p[n - 1][m] - two_below) / (n - m))
-        p.append(row)
-    return p
+    terms = {}
+    for j in range((degree - order) // 2 + 1):
+        power = degree - 2 * j
+        c = (-1.0) ** j * math.comb(degree, j) * math.comb(2 * (degree - j), degree) / 2.0**degree
+        terms[power - order] = c * math.perm(power, order)
+    return terms
 
 
 def sh_basis(degree: int, dirs: Float[Tensor, "N 3"]) -> Float[Tensor, "N K"]:
@@ -52,16 +46,18 @@ def sh_basis(degree: int, dirs: Float[Tensor, "N 3"]) -> Float[Tensor, "N K"]:
     without the Condon-Shortley phase: Y_1 = C1 (-y, z, -x).
     """
     x, y, z = dirs.unbind(-1)
-    p = _legendre_over_sin(degree, z)
-    real, imag = [torch.ones_like(x)], [torch.zeros_like(x)]
+    real, imag, powers = [torch.ones_like(x)], [torch.zeros_like(x)], [torch.ones_like(z)]
     for _ in range(degree):
+        powers.append(powers[-1] * z)
         a, b = real[-1], imag[-1]
         real.append(x * a - y * b)
         imag.append(x * b + y * a)
     columns = []
     for n in range(degree + 1):
-        for m in range(-n, n + 1):
-            a = abs(m)
-            factor = (-1) ** a * _norm(n, a)
-            columns.append(factor * p[n][a] * (imag[a] if m < 0 else real[a]))
+        polar = [
+            sum((norm(n, m) * c * powers[k] for k, c in legendre(n, m).items()), 0 * z)
+            for m in range(n + 1)
+        ]
+        columns += [polar[-m] * imag[-m] for m in range(-n, 0)]
+        columns += [polar[m] * real[m] for m in range(n + 1)]
     return torch.stack(columns, dim=-1)

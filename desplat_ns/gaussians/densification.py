@@ -87,8 +87,8 @@ class DistractorDensifier:
         """Sample a step that drew `view`; refine its distractors if that is due.
 
         Args:
-            step: where the schedules are; nothing happens before the warm-up, and nothing but pruning,
-                if that, from `stop_densify_at` on.
+            step: where the schedules are; nothing happens before the warm-up, and nothing but
+                pruning, if that, from `stop_densify_at` on.
             info: of the rendering of this view's distractors in this step.
             contributions_of: gives what each makes up of the image, in pixels; called only where it
                 is needed.

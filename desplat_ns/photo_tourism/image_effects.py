@@ -107,7 +107,7 @@ class ImageEffects(nn.Module):
 
     # --- what they change --------------------------------------------------------------------
 
-    def toned(
+    def apply_appearance(
         self, splats: Splats, features: Float[Tensor, "N Z"], embedding: Float[Tensor, " E"]
     ) -> Splats:
         """All static Gaussians in the colours of the image that `embedding` describes.
@@ -123,7 +123,7 @@ class ImageEffects(nn.Module):
         colors = self.appearance(read, features, splats.colors, splats.sh_degree)
         return replace(splats, colors=colors)
 
-    def photographed(
+    def apply_camera_response(
         self, colors: Float[Tensor, "... 3"], view: View, embedding: Float[Tensor, " E"]
     ) -> Float[Tensor, "... 3"]:
         """Colours of the static scene, one [3] or an image [H, W, 3], as the image's camera shows
@@ -139,7 +139,7 @@ class ImageEffects(nn.Module):
             return colors
         return camera_response(colors, numbers, squared_radius(view))
 
-    def lit(
+    def appearance_in_view(
         self,
         splats: Splats,
         features: Float[Tensor, "N Z"],
@@ -147,7 +147,8 @@ class ImageEffects(nn.Module):
         settings: RenderSettings,
         frozen: bool = False,
     ) -> Lit:
-        """Static Gaussians as a view shows them, given an embedding [E]; quicker than `toned`.
+        """Static Gaussians as a view shows them, given an embedding [E]; quicker than
+        `apply_appearance`.
 
         Args:
             features: z_i.

@@ -1,7 +1,7 @@
 """The static Gaussians as one view shows them in the light of an embedding.
 
 What the view cannot show needs no network and no toning, and what does not depend on the embedding
-is worked out once. For a file that holds all colours, see `ImageEffects.toned`.
+is worked out once. For a file that holds all colours, see `ImageEffects.apply_appearance`.
 """
 
 from __future__ import annotations

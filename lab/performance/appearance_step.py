@@ -79,7 +79,9 @@ class LitStep(TrainingStep):
         splats = activate_static(self.params, SH_DEGREE)
         if self.effects is None:
             return splats
-        lit = self.effects.lit(splats, self.params[FEATURES], self.view, self.settings)
+        lit = self.effects.appearance_in_view(
+            splats, self.params[FEATURES], self.view, self.settings
+        )
         return lit(self.effects.of(1))
 
 

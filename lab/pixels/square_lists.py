@@ -78,7 +78,7 @@ def _square_entries(
         "first_entry": _starts(key // max(count, 1), grid[0] * grid[1]),
         "ranks": ranks,
         "entries": np.argsort(ranks, kind="stable").astype(np.int32),
-        "spans": spans.reshape(-1),
+        "row_ranges": spans.reshape(-1),
     }
 
 

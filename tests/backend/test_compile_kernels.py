@@ -15,11 +15,11 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     def compile_numba() -> None:
         found.append("numba")
 
-    def hindrance() -> None:
+    def unavailable_reason() -> None:
         found.append("gsplat")
 
     monkeypatch.setitem(compile_kernels.COMPILERS, "numba", compile_numba)
-    monkeypatch.setattr(kernels, "hindrance", hindrance)
+    monkeypatch.setattr(kernels, "unavailable_reason", unavailable_reason)
     monkeypatch.setattr(kernels, "try_again", lambda: found.append("again"))
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     return found
@@ -38,7 +38,7 @@ def test_one_alone_can_be_asked_for(compiled):
 
 
 def test_kernels_that_fail_are_an_exit_status_and_a_reason(compiled, monkeypatch, capsys):
-    monkeypatch.setattr(kernels, "hindrance", lambda: "has no nvcc.")
+    monkeypatch.setattr(kernels, "unavailable_reason", lambda: "has no nvcc.")
     assert compile_kernels.main([]) == 1
     assert "gsplat: has no nvcc." in capsys.readouterr().out
 

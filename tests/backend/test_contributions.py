@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from desplat_ns.backend.constants import ALPHA_MAX, TRANSMITTANCE_MIN
 from desplat_ns.backend.contributions import contributions
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.registry import resolve
@@ -64,3 +65,33 @@ def test_nothing_is_left_behind_in_the_gradients(rasterizer):
         found = contributions(rasterizer, one, VIEW, RenderSettings(depth=True, absgrad=True))
     assert found.item() > 0 and not found.requires_grad
     assert one.opacities.grad is None
+
+
+def crowd(seed: int, count: int) -> Splats:
+    """Gaussians of some pixels, many of them behind others."""
+    rng = torch.Generator().manual_seed(seed)
+    z = 1 + 4 * torch.rand(count, generator=rng)
+    pixel = torch.rand(count, 2, generator=rng) * torch.tensor([VIEW.width, VIEW.height])
+    means = torch.cat([(pixel - VIEW.K[:2, 2]) / 20 * z[:, None], z[:, None]], dim=1)
+    return Splats(
+        means=means,
+        quats=torch.randn(count, 4, generator=rng),
+        scales=(0.3 + 2 * torch.rand(count, 3, generator=rng)) / 20 * z[:, None],
+        opacities=0.9 + 0.1 * torch.rand(count, generator=rng),
+        colors=torch.rand(count, 3, generator=rng),
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_columns_are_drawn_by_what_contributes_to_them(rasterizer, seed):
+    """What contributes nothing may have ended a pixel unseen: before it, blending has left at most
+    TRANSMITTANCE_MIN / (1 - ALPHA_MAX), and so much at most shows of what is behind."""
+    everything, columns = crowd(seed, 300), 14
+    whole = rasterizer(everything, VIEW, RenderSettings()).rgb[:, :columns]
+    needed = contributions(rasterizer, everything, VIEW, RenderSettings(), columns) > 0
+    assert 0.1 < needed.float().mean() < 0.9
+    names = ("means", "quats", "scales", "opacities", "colors")
+    fewer = Splats(**{name: getattr(everything, name)[needed] for name in names})
+    off = (rasterizer(fewer, VIEW, RenderSettings()).rgb[:, :columns] - whole).abs()
+    assert off.max() <= TRANSMITTANCE_MIN / (1 - ALPHA_MAX)
+    assert off.mean() < TRANSMITTANCE_MIN

@@ -59,7 +59,7 @@ def test_a_backend_of_the_other_device_says_what_to_type(monkeypatch):
         resolve("gsplat", "cpu")
 
 
-KERNELS = "desplat_ns.backend.gsplat_kernels.kernels.hindrance"
+KERNELS = "desplat_ns.backend.gsplat_kernels.kernels.unavailable_reason"
 
 
 def test_auto_follows_the_device(monkeypatch):

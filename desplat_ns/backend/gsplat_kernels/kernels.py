@@ -18,7 +18,7 @@ from desplat_ns.backend.gsplat_kernels.tools import NoKernels
 
 
 @cache
-def hindrance() -> str | None:
+def unavailable_reason() -> str | None:
     """Why gsplat has no kernels for this machine's GPU, and what to do; None once they are loaded.
 
     The first call on a machine compiles them, for minutes, and says so.
@@ -32,10 +32,10 @@ def hindrance() -> str | None:
 
 
 def try_again() -> None:
-    """Let `hindrance` compile once more what failed before."""
+    """Let `unavailable_reason` compile once more what failed before."""
     with suppress(NoKernels):
         forget_failure(Target.here(architectures()))
-    hindrance.cache_clear()
+    unavailable_reason.cache_clear()
 
 
 def architectures() -> str:

@@ -73,7 +73,7 @@ class Lists(NamedTuple):
     """[E] rank of the entry's Gaussian."""
     entries: np.ndarray
     """[E] the entries of rank 0, then those of rank 1, ..."""
-    spans: np.ndarray
+    row_ranges: np.ndarray
     """[2 * BLOCKS * E] rows of the tile to look at: first rows of all entries in block 0, end rows
     in block 0, first rows in block 1, ..."""
 
@@ -210,8 +210,8 @@ def _fill(lists, grid, first_row, edges, outlines, places, counter, workers):
 
 @kernel(parallel=True)
 def _write_spans(lists, grid, outlines, counter, workers):
-    """Fill in `lists.spans`, a batch of entries at a time."""
-    first_entry, ranks, spans = lists.first_entry, lists.ranks, lists.spans
+    """Fill in `lists.row_ranges`, a batch of entries at a time."""
+    first_entry, ranks, row_ranges = lists.first_entry, lists.ranks, lists.row_ranges
     for _ in numba.prange(workers):
         s = np.empty(OUTLINE * BATCH, np.float32)
         tile = take(counter)
@@ -228,7 +228,7 @@ def _write_spans(lists, grid, outlines, counter, workers):
                     at = 2 * block * ranks.size + first
                     block_rows(
                         s, number, left, np.float32(low), np.float32(high),
-                        spans, np.uint64(at), np.uint64(at + ranks.size),
+                        row_ranges, np.uint64(at), np.uint64(at + ranks.size),
                     )  # fmt: skip
             tile = take(counter)
 
@@ -258,8 +258,8 @@ def tile_lists(
     _running_sum(first_slot)
     number = _sum_up(counts, first_entry)
     ranks, entries = np.empty((2, number), np.int32)
-    spans = np.empty(2 * BLOCKS * number, np.uint8)
-    lists = Lists(ids, records, first_slot, first_entry, ranks, entries, spans)
+    row_ranges = np.empty(2 * BLOCKS * number, np.uint8)
+    lists = Lists(ids, records, first_slot, first_entry, ranks, entries, row_ranges)
     _fill(lists, grid, first_row, edges, outlines, counts, new_counter(), num_workers())
     _write_spans(lists, grid, outlines, new_counter(), num_workers())
     return lists, stride

@@ -135,7 +135,7 @@ def tile_rows(e, grid):
 
 
 @kernel()
-def block_rows(s, number, left, low, high, spans, first, end):
+def block_rows(s, number, left, low, high, row_ranges, first, end):
     """Rows that the gathered outlines cover in one block of columns; `shadow` for vectors.
 
     The arrays in `s` are the numbers of an outline. Written without branches.
@@ -153,5 +153,5 @@ def block_rows(s, number, left, low, high, spans, first, end):
         top = min(max(top + s[k + _O1] + near - low + ease, _ZERO), high - low)
         start, stop = np.int32(np.ceil(bottom)), np.int32(np.floor(top))
         meets = (x0 <= x1) & (start < stop)
-        spans[first + k] = np.uint8(start if meets else 0)
-        spans[end + k] = np.uint8(stop if meets else 0)
+        row_ranges[first + k] = np.uint8(start if meets else 0)
+        row_ranges[end + k] = np.uint8(stop if meets else 0)

@@ -71,11 +71,11 @@ def _fetch(records, rank, stride):
 
 
 @kernel()
-def _span(spans, entry, block):
+def _row_range(ranges, entry, block):
     """Pixels of a tile, (start, stop), that an entry must look at in one block of columns."""
-    entries = spans.size // (2 * BLOCKS)
+    entries = ranges.size // (2 * BLOCKS)
     at, first = 2 * block * entries + entry, block * COLUMN
-    return first + BLOCK * np.int64(spans[at]), first + BLOCK * np.int64(spans[at + entries])
+    return first + BLOCK * np.int64(ranges[at]), first + BLOCK * np.int64(ranges[at + entries])
 
 
 @kernel()
@@ -113,14 +113,14 @@ def _all_finished(s):
 @kernel()
 def _draw_tile(s, tile, lists, stride, limits):
     """Draw the list of a tile front to back until every pixel is finished."""
-    records, ranks, spans = lists.records, lists.ranks, lists.spans
+    records, ranks, row_ranges = lists.records, lists.ranks, lists.row_ranges
     first = lists.first_entry[tile]
     number = lists.first_entry[tile + 1] - first
     for place in range(number):
         base = ranks[first + place] * stride
         _fetch(records, ranks[first + min(place + AHEAD, number - 1)], stride)
         for block in range(BLOCKS):
-            start, stop = _span(spans, first + place, block)
+            start, stop = _row_range(row_ranges, first + place, block)
             if start < stop:
                 blend(s, records, base, np.float32(place), start, stop, limits)
                 blend_more(s, records, base, stride, start, stop)
@@ -189,7 +189,7 @@ def _reopen_tile(s, tile, grid, frame, pulled, channels):
 @kernel()
 def _pull_tile(s, tile, furthest, lists, stride, limits, grads):
     """Walk the list of a tile back to front; each entry writes its own row of gradients."""
-    records, ranks, spans = lists.records, lists.ranks, lists.spans
+    records, ranks, row_ranges = lists.records, lists.ranks, lists.row_ranges
     first, width = lists.first_entry[tile], GEOMETRY + stride - FEATURES
     more = stride > FEATURES + 4
     for place in range(lists.first_entry[tile + 1] - first - 1, -1, -1):
@@ -199,7 +199,7 @@ def _pull_tile(s, tile, furthest, lists, stride, limits, grads):
         base = ranks[first + place] * stride
         _fetch(records, ranks[first + max(place - AHEAD, 0)], stride)
         for block in range(BLOCKS):
-            start, stop = _span(spans, first + place, block)
+            start, stop = _row_range(row_ranges, first + place, block)
             if start < stop and place <= furthest:
                 if more:
                     gather_more(s, records, base, stride, start, stop)

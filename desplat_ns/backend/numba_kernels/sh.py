@@ -27,7 +27,7 @@ from desplat_ns.backend.numba_kernels.runtime import (
     num_workers,
     take,
 )
-from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
+from desplat_ns.backend.spherical_harmonics import MAX_DEGREE, legendre, norm
 
 BATCH = 64
 LANE = BATCH + 16
@@ -67,19 +67,6 @@ def _azimuth(order: int) -> Polynomial:
     }
 
 
-def _legendre(degree: int, order: int) -> Polynomial:
-    """The associated Legendre function over sin(theta)^order, as a polynomial of z = cos(theta).
-
-    Source: its order-th derivative of Rodrigues' formula, term by term.
-    """
-    terms: Polynomial = {}
-    for j in range((degree - order) // 2 + 1):
-        power = degree - 2 * j
-        c = (-1.0) ** j * math.comb(degree, j) * math.comb(2 * (degree - j), degree) / 2.0**degree
-        terms[0, 0, power - order] = c * math.perm(power, order)
-    return terms
-
-
 @cache
 def sh_terms(degree: int) -> tuple[np.ndarray, np.ndarray]:
     """Terms of all harmonics up to `degree`: [terms, 4] harmonic and powers, [terms]
@@ -88,11 +75,10 @@ def sh_terms(degree: int) -> tuple[np.ndarray, np.ndarray]:
     for n in range(degree + 1):
         for m in range(-n, n + 1):
             a = abs(m)
-            ratio = math.factorial(n - a) / math.factorial(n + a)
-            norm = (-1) ** a * math.sqrt((2 if a else 1) * (2 * n + 1) / (4 * math.pi) * ratio)
-            for powers, c in _times(_azimuth(m), _legendre(n, a)).items():
+            polar = {(0, 0, power): norm(n, a) * c for power, c in legendre(n, a).items()}
+            for powers, c in _times(_azimuth(m), polar).items():
                 places.append((n * n + n + m, *powers))
-                coefficients.append(norm * c)
+                coefficients.append(c)
     return np.array(places, np.int64).reshape(-1, 4), np.array(coefficients, np.float32)
 
 

@@ -15,9 +15,9 @@ from desplat_ns.backend.gsplat_kernels.tools import NoKernels
 
 @pytest.fixture(autouse=True)
 def _nothing_is_kept():
-    kernels.hindrance.cache_clear()
+    kernels.unavailable_reason.cache_clear()
     yield
-    kernels.hindrance.cache_clear()
+    kernels.unavailable_reason.cache_clear()
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_kernels_are_compiled_for_the_gpus_at_hand(gpus, monkeypatch):
 
 def test_a_gpu_that_torch_does_not_know_any_more_is_named(gpus):
     gpus[:] = [(6, 1)]
-    assert kernels.hindrance() == (
+    assert kernels.unavailable_reason() == (
         "cannot draw on GTX 1080: it has compute capability 6.1, and torch "
         f"{torch.__version__} works from 7.5 on. Install a torch for an earlier CUDA."
     )
@@ -65,10 +65,10 @@ def test_a_reason_is_looked_for_once_in_a_process_and_again_when_asked(gpus, mon
     forgotten: list[Any] = []
     monkeypatch.setattr(kernels, "forget_failure", forgotten.append)
     for _ in range(2):
-        assert kernels.hindrance() == "has no nvcc."
+        assert kernels.unavailable_reason() == "has no nvcc."
     assert asked == ["8.9"]
     kernels.try_again()
-    assert kernels.hindrance() == "has no nvcc." and len(asked) == 2
+    assert kernels.unavailable_reason() == "has no nvcc." and len(asked) == 2
     assert [target.architectures for target in forgotten] == ["8.9"]
 
 
@@ -93,7 +93,7 @@ def test_gsplat_calls_what_was_loaded(gpus, monkeypatch, tmp_path):
     backend: Any = ModuleType("gsplat.cuda._backend")
     backend._C = None
     monkeypatch.setitem(sys.modules, "gsplat.cuda._backend", backend)
-    assert kernels.hindrance() is None
+    assert kernels.unavailable_reason() is None
     assert _make_lazy_cuda_func("isect_tiles")(1, 2) == ("called", 1, 2)
     monkeypatch.delitem(sys.modules, "gsplat.cuda._backend")
     assert _make_lazy_cuda_func("isect_tiles")(3) == ("called", 3)
@@ -101,7 +101,7 @@ def test_gsplat_calls_what_was_loaded(gpus, monkeypatch, tmp_path):
 
 def test_a_gsplat_that_brings_its_kernels_has_nothing_compiled(gpus, monkeypatch):
     monkeypatch.setattr(kernels, "library_for", no_kernels)
-    assert kernels.hindrance() == "has no nvcc."
-    kernels.hindrance.cache_clear()
+    assert kernels.unavailable_reason() == "has no nvcc."
+    kernels.unavailable_reason.cache_clear()
     monkeypatch.setitem(sys.modules, "gsplat.csrc", ModuleType("gsplat.csrc"))
-    assert kernels.hindrance() is None
+    assert kernels.unavailable_reason() is None

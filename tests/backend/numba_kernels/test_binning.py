@@ -61,9 +61,9 @@ def greatest_alpha(gaussians: Gaussians, i: int, left: int) -> np.ndarray:
 def looked_at(lists, entry: int, tile: int) -> np.ndarray:
     """[H, W], True where the entry looks: whole rows of blocks of columns."""
     mask = np.zeros((GRID.tiles_y * TILE, GRID.tiles_x * TILE), bool)
-    spans = lists.spans.reshape(BLOCKS, 2, -1)[:, :, entry].astype(int)
+    row_ranges = lists.row_ranges.reshape(BLOCKS, 2, -1)[:, :, entry].astype(int)
     top, left = tile // GRID.tiles_x * TILE, tile % GRID.tiles_x * TILE
-    for block, (start, stop) in enumerate(spans):
+    for block, (start, stop) in enumerate(row_ranges):
         first = left + block * BLOCK
         mask[top + start : top + stop, first : first + BLOCK] = True
     return mask[:HEIGHT, :WIDTH]

@@ -45,9 +45,9 @@ def test_runs_outside_the_image_are_finished_from_the_start():
 def test_rows_are_summed_in_float64_under_the_index_of_their_gaussian():
     ids, first_slot = np.array([2, 0], np.int32), np.array([0, 3, 4], np.int32)
     empty = np.zeros(0, np.int32)
-    spans = np.zeros(0, np.uint8)
+    row_ranges = np.zeros(0, np.uint8)
     entries = np.array([3, 0, 2, 1], np.int32)
-    lists = Lists(ids, np.zeros(0, np.float32), first_slot, empty, empty, entries, spans)
+    lists = Lists(ids, np.zeros(0, np.float32), first_slot, empty, empty, entries, row_ranges)
     # In float32, 2^24 + 1 - 2^24 is 0.
     grads = np.array([1, 2, 5, 6, -(2**24), 3, 2**24, 1], np.float32)
     sums = np.zeros((3, 2), np.float32)
