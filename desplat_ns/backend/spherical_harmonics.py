@@ -46,16 +46,17 @@ def sh_basis(degree: int, dirs: Float[Tensor, "N 3"]) -> Float[Tensor, "N K"]:
     without the Condon-Shortley phase: Y_1 = C1 (-y, z, -x).
     """
     x, y, z = dirs.unbind(-1)
-    real, imag, powers = [torch.ones_like(x)], [torch.zeros_like(x)], [torch.ones_like(z)]
+    real, imag = [torch.ones_like(x)], [torch.zeros_like(x)]
+    powers: list[Tensor | float] = [1.0]
     for _ in range(degree):
-        powers.append(powers[-1] * z)
+        powers.append(z * powers[-1])
         a, b = real[-1], imag[-1]
         real.append(x * a - y * b)
         imag.append(x * b + y * a)
     columns = []
     for n in range(degree + 1):
         polar = [
-            sum((norm(n, m) * c * powers[k] for k, c in legendre(n, m).items()), 0 * z)
+            sum(norm(n, m) * c * powers[k] for k, c in sorted(legendre(n, m).items()))
             for m in range(n + 1)
         ]
         columns += [polar[-m] * imag[-m] for m in range(-n, 0)]
