@@ -99,7 +99,7 @@ def prepare_photos(
     with ThreadPoolExecutor(threads) as pool, seen.open("a", encoding="utf8") as file:
         for photo in pool.map(one, numbered(sources)):
             if photo.source not in known:
-                file.write(json.dumps(asdict(photo)) + "\n")
+                file.write("\n" + json.dumps(asdict(photo)))  # a line that was cut off ends here
                 file.flush()
             photos.append(photo)
             done(len(photos))
@@ -111,7 +111,7 @@ def _read_seen(path: Path) -> Iterable[Photo]:
         try:
             yield Photo(**json.loads(line))
         except (ValueError, TypeError):
-            return  # the line that a kill cut off; it is the last
+            continue  # an empty line, or one that a kill cut off
 
 
 def _prepare(folder: Path, photo: Photo, copies: Path, longest_side: int) -> Photo:

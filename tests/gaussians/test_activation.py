@@ -73,11 +73,8 @@ def test_a_saved_tensor_of_another_kind_is_left_to_the_loader_to_refuse():
     assert params["means"].shape == (2, 3)
 
 
-def test_sigmoid_agrees_with_torch_and_does_not_overflow():
-    x = torch.tensor([-1e30, -700.0, -90.0, -20.0, -1.0, -0.0, 0.0, 1.0, 20.0, 90.0, 1e30])
-    expected = torch.sigmoid(x.double())
-    # Four roundings, of which exp's is within one unit in the last place.
-    assert torch.allclose(sigmoid(x).double(), expected, rtol=4 * 2**-23, atol=1e-44)
+def test_sigmoid_of_infinities_is_exact_and_of_nan_nan():
+    """Of what is finite: `tests/stability/formula_cases.py`."""
     assert torch.equal(sigmoid(torch.tensor([math.inf, -math.inf])), torch.tensor([1.0, 0.0]))
     assert sigmoid(torch.tensor([math.nan])).isnan().all()
 
@@ -85,9 +82,6 @@ def test_sigmoid_agrees_with_torch_and_does_not_overflow():
 def test_sigmoids_gradient_is_that_of_the_formula():
     x = torch.linspace(-5, 5, 21, dtype=torch.float64, requires_grad=True)  # 0 among them
     assert torch.autograd.gradcheck(sigmoid, x)
-    extreme = torch.tensor([-1e30, 1e30], requires_grad=True)
-    (slope,) = torch.autograd.grad(sigmoid(extreme).sum(), extreme)
-    assert torch.equal(slope, torch.zeros(2))
 
 
 def test_sigmoid_gives_the_same_bits_for_any_number_of_threads():

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from desplat_ns.backend import Rendering, RenderSettings
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
-from desplat_ns.gaussians.activation import clamp_colors, sigmoid
+from desplat_ns.gaussians.activation import sigmoid
 from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
 from tests.backend.scenes import (
     BACKENDS,
@@ -230,17 +230,6 @@ def test_the_gradient_of_a_harmonic_vanishes_where_the_colour_is_clamped_and_onl
     evaluated = 0.28209479 * colour + 0.5
     assert (leaves.colors.grad != 0).all().item() == (evaluated > 0)
     assert (got.rgb > 0).any().item() == (evaluated > 0)
-
-
-@settings(few, max_examples=50)
-@given(values=st.lists(st.floats(allow_nan=False, width=32), min_size=3, max_size=3))
-def test_the_gradient_of_a_clamped_colour_vanishes_beyond_the_range_and_only_there(values):
-    rgbs = torch.tensor([values], requires_grad=True)
-    colors = clamp_colors(rgbs)
-    assert ((colors >= 0) & (colors <= 1)).all()
-    (slope,) = torch.autograd.grad(colors.sum(), rgbs)
-    inside = (rgbs >= 0) & (rgbs <= 1)
-    assert torch.equal(slope, inside.float())
 
 
 unit = st.floats(0, 1)
