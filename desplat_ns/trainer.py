@@ -92,9 +92,8 @@ class DeSplatTrainer(Trainer):
         with run_folder(self.base_dir):
             super().setup(test_mode)
             if self._budgeted is not None:
-                schedulers, optimizers = self.optimizers.schedulers, self.optimizers.optimizers
                 model = cast(DeSplatModel, self.pipeline.model)
-                self._budgeted.attach(model, schedulers.values(), optimizers.values())
+                self._budgeted.attach(model, self.optimizers.schedulers.values())
             self.config.write_config()
         if found is not None:
             write_findings(found, self.base_dir)

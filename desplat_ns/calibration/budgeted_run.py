@@ -10,7 +10,6 @@ from typing import Any
 
 import psutil
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
-from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LRScheduler
 
 from desplat_ns.calibration.run_plan import measure_costs, plan_run
@@ -112,14 +111,9 @@ class BudgetedRun:
             f"planned, {photos}. No evaluation on the way."
         )
 
-    def attach(
-        self,
-        model: DeSplatModel,
-        schedulers: Iterable[LRScheduler],
-        optimizers: Iterable[Optimizer],
-    ) -> None:
+    def attach(self, model: DeSplatModel, schedulers: Iterable[LRScheduler]) -> None:
         """Let the model that is trained, and its learning rates, go by this run's clock."""
-        self._optimizers = list(optimizers)
+        self._model = model
         model.follow(self.clock)
         for scheduler in schedulers:
             follow(scheduler, self.clock.at)
@@ -152,9 +146,8 @@ class BudgetedRun:
         self.clock.reserve = END_SECONDS + self._bytes_to_save() / BYTES_A_SECOND
 
     def _bytes_to_save(self) -> int:
-        """Of parameters with Adam's two moments."""
-        groups = (group for optimizer in self._optimizers for group in optimizer.param_groups)
-        return sum(3 * p.numel() * p.element_size() for group in groups for p in group["params"])
+        """Of all parameters, those of every view among them, with Adam's two moments."""
+        return sum(3 * p.numel() * p.element_size() for p in self._model.parameters())
 
     def say_cost(self, steps_done: int) -> None:
         """What the run did cost."""

@@ -19,7 +19,7 @@ from typing import Any
 from desplat_ns.console import progress_with_time_left
 from desplat_ns.errors import DeSplatError
 from desplat_ns.files.whole import disk_is_full
-from desplat_ns.process.workspace import disk_full
+from desplat_ns.process.workspace import Workspace, disk_full
 
 
 def run_job(folder: Workspace, label: str, job: str, arguments: Mapping[str, Any]) -> Any:

@@ -13,6 +13,7 @@ from desplat_ns.process.masks import prepare_masks
 from desplat_ns.process.photos import Photo, prepare_photos
 from desplat_ns.process.request import MIN_PHOTOS, Request
 from desplat_ns.process.sources import Sources
+from desplat_ns.process.workspace import Workspace
 
 
 def usable_photos(folder: Workspace, request: Request, sources: Sources) -> list[Photo]:
