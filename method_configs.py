@@ -1,1 +1,201 @@
-desplat_ns/method_configs.py
+"""The registered methods. Those that end in `-paper` have the numbers of App. B.3 and Splatfacto's
+and nothing else; `desplat` changes what `separating_distractors` lists, refines seldom and has the
+effects that a survey of the capture asks for; `desplat-phototourism` has those of tourists' photos.
+"""
+
+from __future__ import annotations
+
+import torch
+from nerfstudio.configs.base_config import MachineConfig, ViewerConfig
+from nerfstudio.plugins.types import MethodSpecification
+
+from desplat_ns.datamanager import DeSplatDataManagerConfig
+from desplat_ns.effects import EffectsConfig
+from desplat_ns.errors import print_user_errors_plainly
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.pipeline import DeSplatPipelineConfig
+from desplat_ns.trainer import DeSplatTrainerConfig
+from desplat_ns.training.optimizers import FusedAdamConfig
+from desplat_ns.training.schedules import ScaledExponentialDecaySchedulerConfig
+
+print_user_errors_plainly()
+
+STEPS = 30_000
+"""Length of the full schedule, B.3."""
+
+FULL_RATE_VISITS = 75.0
+"""Visits of each photo for which Splatfacto's learning rates are right. Chosen on generated scenes
+and one real one (docs/accuracy-and-time.md, "Learning rates of short runs")."""
+
+QUICK_VISITS, BEST_VISITS = 25.0, 150.0
+"""Visits of each photo in the presets: two points of the measured front
+(docs/accuracy-and-time.md, "Presets")."""
+
+PHOTO_TOURISM_STEPS = 200_000
+"""The same for Photo Tourism."""
+
+
+def _constant(lr: float) -> dict:
+    return {"optimizer": FusedAdamConfig(lr=lr, eps=1e-15), "scheduler": None}
+
+
+def _decaying(lr: float, lr_final: float, warmup_steps: int = 0) -> dict:
+    decay = ScaledExponentialDecaySchedulerConfig(
+        lr_final=lr_final, max_steps=STEPS, warmup_steps=warmup_steps, lr_pre_warmup=0.0
+    )
+    return {"optimizer": FusedAdamConfig(lr=lr, eps=1e-15), "scheduler": decay}
+
+
+def static_optimizers() -> dict:
+    """Splatfacto's (nerfstudio 1.1.5)."""
+    return {
+        "means": _decaying(1.6e-4, 1.6e-6),
+        "features_dc": _constant(2.5e-3),
+        "features_rest": _constant(2.5e-3 / 20),
+        "opacities": _constant(0.05),
+        "scales": _constant(5e-3),
+        "quats": _constant(1e-3),
+        "camera_opt": _decaying(1e-4, 5e-7, warmup_steps=1000),
+        "bilateral_grid": _decaying(2e-3, 1e-4, warmup_steps=1000),
+    }
+
+
+def image_effect_optimizers() -> dict:
+    """B.3, for appearance and background where they are on; the cheaper grades' are ours."""
+    return {
+        "camera_responses": _decaying(2e-2, 5e-4),
+        "background_coefficients": _decaying(1e-2, 1e-3),
+        "appearance_mlp": _constant(5e-4),
+        "image_embeddings": _constant(1e-3),
+        "appearance_features": _constant(5e-3),
+        "background_encoder": _decaying(2e-3, 1e-4),
+        "background_sh_dc": _decaying(2e-3, 2e-4),
+        "background_sh_rest": _decaying(1e-4, 1e-5),
+    }
+
+
+def separating_distractors() -> DistractorConfig:
+    """What separates in short runs as in long ones: docs/separation.md says why and how well."""
+    return DistractorConfig(
+        start="residual",
+        static_alone=True,
+        static_warmup=6_000,
+        lambda_d=0.1,
+        initial_opacity=0.5,
+        clearance=0.5,
+        refine_when_next_seen=True,
+        refine_visits=5,
+        max_refinements=8,
+        grow_grad=6.0,
+        min_pixels=1.0,
+        cull_to_the_end=True,
+    )
+
+
+def desplat_model(effects: EffectsConfig) -> DeSplatModelConfig:
+    """What works in runs of any length."""
+    return DeSplatModelConfig(
+        effects=effects,
+        distractors=separating_distractors(),
+        gaussians_per_pixel=0.05,
+        opacity_prior=0.2,
+    )
+
+
+def paper_model(effects: EffectsConfig) -> DeSplatModelConfig:
+    """B.3; what it has for Photo Tourism alone are the effects and the number of steps."""
+    return DeSplatModelConfig(
+        effects=effects,
+        distractors=DistractorConfig(cull_to_the_end=True),
+        refine_every=100,
+        cull_to_the_end=True,
+    )
+
+
+def _method(
+    name: str,
+    description: str,
+    model: DeSplatModelConfig,
+    steps: int = STEPS,
+    full_rate_visits: float = 0.0,
+    visits: float = 0.0,
+) -> MethodSpecification:
+    return MethodSpecification(
+        config=DeSplatTrainerConfig(
+            method_name=name,
+            machine=MachineConfig(device_type="cuda" if torch.cuda.is_available() else "cpu"),
+            max_num_iterations=steps,
+            nominal_num_iterations=steps,
+            full_rate_visits=full_rate_visits,
+            visits=visits,
+            mixed_precision=False,
+            steps_per_save=2000,
+            steps_per_eval_batch=0,
+            steps_per_eval_image=100,
+            steps_per_eval_all_images=1000,
+            pipeline=DeSplatPipelineConfig(
+                datamanager=DeSplatDataManagerConfig(cache_images_type="uint8"),
+                model=model,
+            ),
+            optimizers=static_optimizers() | image_effect_optimizers(),
+            viewer=ViewerConfig(num_rays_per_chunk=1 << 15),
+            vis="viewer",
+        ),
+        description=description,
+    )
+
+
+def _desplat(name: str, description: str, visits: float = 0.0) -> MethodSpecification:
+    """`desplat`, or a preset of it: they differ in their length alone."""
+    return _method(
+        name,
+        description,
+        desplat_model(EffectsConfig(auto=True)),
+        full_rate_visits=FULL_RATE_VISITS,
+        visits=visits,
+    )
+
+
+desplat = _desplat(
+    "desplat", "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU."
+)
+
+desplat_quick = _desplat(
+    "desplat-quick",
+    "DeSplat for a first look: 25 visits of each photo, 1,000 steps for 40; minutes on a laptop.",
+    QUICK_VISITS,
+)
+
+desplat_best = _desplat(
+    "desplat-best",
+    "DeSplat with 150 visits of each photo, 6,000 steps for 40; for 24 photos or more.",
+    BEST_VISITS,
+)
+
+desplat_paper = _method(
+    "desplat-paper",
+    "DeSplat with the settings of the paper (App. B.3), to compare with.",
+    paper_model(EffectsConfig()),
+)
+
+desplat_phototourism = _method(
+    "desplat-phototourism",
+    "DeSplat for tourists' photos: `desplat` with light and sky of each photo's own.",
+    desplat_model(EffectsConfig(appearance="affine", background="image")),
+    full_rate_visits=FULL_RATE_VISITS,
+)
+
+desplat_phototourism_paper = _method(
+    "desplat-phototourism-paper",
+    "DeSplat with the paper's settings for Photo Tourism (App. B.3), to compare with.",
+    paper_model(EffectsConfig(appearance="affine", background="image")),
+    steps=PHOTO_TOURISM_STEPS,
+)
+
+desplat_phototourism_a_paper = _method(
+    "desplat-phototourism-a-paper",
+    "As desplat-phototourism-paper, with the appearance model alone (DeSplat-A).",
+    paper_model(EffectsConfig(appearance="affine")),
+    steps=PHOTO_TOURISM_STEPS,
+)

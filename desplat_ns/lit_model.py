@@ -13,7 +13,7 @@ from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel, SplatfactoMode
 from torch import Tensor, nn
 
 from desplat_ns.backend import BackendName, Rasterizer, resolve
-from desplat_ns.backend.contributions import contributions
+from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.effects import Effects, EffectsConfig
 from desplat_ns.errors import BackendUnavailableError
@@ -181,7 +181,7 @@ class LitModel(SplatfactoModel):
         constants = {name: value.detach() for name, value in self.gauss_params.items()}
         settings, splats = self.render_settings(depth=False), self._splats(constants, None)
         if columns is not None:
-            weights = contributions(self.rasterizer, splats, view, settings, columns)
+            weights = accumulated_weights(self.rasterizer, splats, view, settings, columns)
             constants = {name: value[weights > 0] for name, value in constants.items()}
             splats = self._splats(constants, None)
         lit = self._lit(splats, constants, view, settings, frozen=True)

@@ -11,7 +11,7 @@ from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
-from desplat_ns.backend.contributions import contributions
+from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.data.training_views import train_index, view_name
 from desplat_ns.errors import DeSplatError
@@ -246,7 +246,7 @@ class DeSplatModel(StaticModel):
                 self.gauss_params,
                 self.memory,
                 lambda: self._refine_static(step),
-                self._contributions_of,
+                self._weights_of,
             )
         self.train_step = None
 
@@ -270,12 +270,12 @@ class DeSplatModel(StaticModel):
             clearance = self.layer.clearance
             clearance.sweep(self.gauss_params, self.optimizers, self.strategy_state)
 
-    def _contributions_of(self, params: RawParameters) -> Tensor:
+    def _weights_of(self, params: RawParameters) -> Tensor:
         """Contributions [N] of distractors of the view just drawn, in pixels of its full size."""
         assert self.train_step is not None
         settings = self.render_settings(depth=False)
         splats = activate_distractors(params)
-        drawn = contributions(self.rasterizer, splats, self.train_step.view, settings)
+        drawn = accumulated_weights(self.rasterizer, splats, self.train_step.view, settings)
         return drawn * self._get_downscale_factor() ** 2
 
     def gaussian_groups(self) -> set[str]:

@@ -21,7 +21,7 @@ from desplat_ns.gaussians.activation import RawParameters, resize_rows
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.gaussians.seed_points import check_seed_points, clamp_seed_scales
-from desplat_ns.gaussians.strategy import NEVER, StaticStrategy
+from desplat_ns.gaussians.strategy import UNLIMITED, StaticStrategy
 from desplat_ns.lit_model import LitModel, LitModelConfig
 from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_cuda,
@@ -117,7 +117,7 @@ class StaticModelConfig(LitModelConfig):
     def reset_every(self) -> int:
         """Steps from one reset of the static opacities to the next; `reset_alpha_every` 0: none."""
         steps = self.reset_alpha_every * SPLATFACTOS_INTERVAL
-        return scaled_steps(steps, self.schedule_scale or 1.0) if steps > 0 else NEVER
+        return scaled_steps(steps, self.schedule_scale or 1.0) if steps > 0 else UNLIMITED
 
     def most_gaussians(self, pixels: int) -> int:
         """Static Gaussians beyond which the set does not grow.
@@ -125,7 +125,9 @@ class StaticModelConfig(LitModelConfig):
         Args:
             pixels: of all training photos together.
         """
-        return round(self.gaussians_per_pixel * pixels) if self.gaussians_per_pixel > 0 else NEVER
+        return (
+            round(self.gaussians_per_pixel * pixels) if self.gaussians_per_pixel > 0 else UNLIMITED
+        )
 
 
 class StaticModel(LitModel):

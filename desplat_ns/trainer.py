@@ -20,7 +20,7 @@ from torch.cuda.amp.grad_scaler import GradScaler
 from desplat_ns.calibration.budgeted_run import BudgetedRun, process_started
 from desplat_ns.console import announce
 from desplat_ns.errors import CheckpointError
-from desplat_ns.gaussians.strategy import NEVER
+from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model import DeSplatModel
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
 from desplat_ns.pipeline import DeSplatPipeline
@@ -120,7 +120,7 @@ class DeSplatTrainer(Trainer):
 
     def _may_step(self, grad_scaler: GradScaler) -> bool:
         """Whether the step at hand is sound; too many that were not, and the run stops."""
-        may = self._guard.is_sound(self.step, self._model, self.optimizers, grad_scaler)
+        may = self._guard.is_finite(self.step, self._model, self.optimizers, grad_scaler)
         if self._guard.exhausted:
             self.stop_training = True
         return may
@@ -132,7 +132,7 @@ class DeSplatTrainer(Trainer):
         """
         remaining = self.config.max_num_iterations - self._steps_done
         if self._budgeted is not None:  # by its clock, whatever had been planned
-            remaining = NEVER
+            remaining = UNLIMITED
         if remaining <= 0:
             self._say_nothing_is_left()
             return

@@ -8,7 +8,7 @@ import pytest
 from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.strategy import NEVER
+from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.training.run_length import pause_after_reset
 
@@ -71,7 +71,7 @@ def test_resets_keep_their_place_whatever_the_interval(every):
     for steps, expected in ((1000, 100), (3000, 300), (30000, 3000)):
         assert run_of(steps, 40, refine_every=every).reset_every == expected
     assert run_of(60000, 40).reset_every == 3000
-    assert run_of(3000, 40, reset_alpha_every=0).reset_every == NEVER
+    assert run_of(3000, 40, reset_alpha_every=0).reset_every == UNLIMITED
 
 
 @pytest.mark.parametrize("steps", [60, 100, 250, 1000, 3000, 30000])
@@ -86,7 +86,7 @@ def test_half_of_the_time_between_two_resets_at_least_is_sampled(steps, views):
 
 def test_the_capture_says_how_many_gaussians_it_can_hold():
     assert DeSplatModelConfig(gaussians_per_pixel=0.025).most_gaussians(40 * 135 * 240) == 32_400
-    assert DeSplatModelConfig().most_gaussians(1000) == NEVER
+    assert DeSplatModelConfig().most_gaussians(1000) == UNLIMITED
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Int
 from torch import Tensor
 
-from desplat_ns.backend.inputs import check_inputs, sound
+from desplat_ns.backend.inputs import check_inputs, is_finite
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.errors import BackendUnavailableError
 
@@ -77,7 +77,7 @@ def _with_unsound_behind(splats: Splats, view: View) -> Tensor:
     """Means, those of Gaussians that gsplat would turn into NaN moved behind the camera."""
     rotation, translation = view.viewmat[:3, :3].detach(), view.viewmat[:3, 3].detach()
     behind = -rotation[2] - translation @ rotation  # of (0, 0, -1), before the camera's axes
-    return torch.where(sound(splats)[:, None], splats.means, behind)
+    return torch.where(is_finite(splats)[:, None], splats.means, behind)
 
 
 def _check_cuda_float32(means: Tensor) -> None:

@@ -24,20 +24,20 @@ MIN_FOCAL = 1e-12
 
 
 @torch.no_grad()
-def sound(splats: Splats) -> Bool[Tensor, " N"]:
-    """Gaussians of finite values whose quaternion has a direction; of colours, see `sound_colors`.
+def is_finite(splats: Splats) -> Bool[Tensor, " N"]:
+    """Gaussians of finite values whose quaternion has a direction; of colours, see `finite_colors`.
 
     A backend culls the others: they are not drawn, and their gradients are 0.
     """
     norm2 = splats.quats.square().sum(-1)
     total = splats.means.sum(-1) + splats.scales.sum(-1) + splats.opacities
     good = torch.isfinite(total + norm2) & (norm2 > MIN_QUAT_NORM**2)
-    good_colors = sound_colors(splats.colors)
+    good_colors = finite_colors(splats.colors)
     return good if good_colors is None else good & good_colors
 
 
 @torch.no_grad()
-def sound_colors(
+def finite_colors(
     colors: Float[Tensor, "N C"] | Float[Tensor, "N K 3"],
 ) -> Bool[Tensor, " N"] | None:
     """Gaussians whose colours have a finite sum of squares. On a CPU None if all have: the usual

@@ -3,7 +3,7 @@
     project      projection.py, ewa.py     the formulas of backend/projection.py, compiled
     colour       sh.py                     spherical harmonics and their gradients
     bin          binning.py, ellipses.py   exact ellipse/tile lists, front to back
-    draw, pull   passes.py, pixels.py      tile kernels with an analytic backward pass
+    draw, backward passes.py, pixels.py      tile kernels with an analytic backward pass
 
 All of them are in `numba_kernels`.
 
@@ -20,10 +20,10 @@ import torch
 from torch import Tensor
 
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
-from desplat_ns.backend.inputs import check_inputs, sound_colors
+from desplat_ns.backend.inputs import check_inputs, finite_colors
 from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, Lists, tile_lists
 from desplat_ns.backend.numba_kernels.ellipses import FEATURES, TILE
-from desplat_ns.backend.numba_kernels.passes import Frame, draw_frame, pull_frame, sum_rows
+from desplat_ns.backend.numba_kernels.passes import Frame, backward_frame, draw_frame, sum_rows
 from desplat_ns.backend.numba_kernels.pixels import AREA, GEOMETRY, Limits
 from desplat_ns.backend.numba_kernels.projection import Project, make_camera
 from desplat_ns.backend.numba_kernels.runtime import launching, new_counter, num_workers, scratch
@@ -92,7 +92,7 @@ def _project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedS
         splats.means, splats.quats, splats.scales, splats.opacities, make_camera(view, settings)
     )  # type: ignore[misc]  # torch does not annotate Function.apply
     colors = splats.colors
-    good_colors = sound_colors(colors)
+    good_colors = finite_colors(colors)
     if good_colors is not None:
         # In place: `Project` holds the same memory, so these get no gradient either.
         radii.masked_fill_(~good_colors, 0)
@@ -170,7 +170,7 @@ class _Rasterize(torch.autograd.Function):
             _flat(grad_rgb), _flat(grad_depth), _flat(grad_alpha), frame.transmittance, frame.last
         )
         sums = torch.from_numpy(
-            _pull(lists, stride, job.grid(), (frame, pulled), channels, ctx.means2d.shape[1])
+            _backward(lists, stride, job.grid(), (frame, pulled), channels, ctx.means2d.shape[1])
         )
         if job.absgrad:
             ctx.means2d.absgrad = sums[None, :, 2:4]
@@ -179,7 +179,7 @@ class _Rasterize(torch.autograd.Function):
         return sums[None, :, :2], sums[:, 4:7], depth, sums[:, 7], colors, None, None
 
 
-def _pull(
+def _backward(
     lists: Lists, stride: int, grid: Grid, frames: tuple[Frame, Frame], channels: int, n: int
 ) -> np.ndarray:
     """Gradients [n, GEOMETRY + features] of all Gaussians; 0 for those not drawn."""
@@ -187,7 +187,7 @@ def _pull(
     sums = np.zeros((n, width), np.float32)
     with launching():
         grads = scratch(lists.ranks.size * width)
-        pull_frame(
+        backward_frame(
             lists, stride, grid, *frames, channels, _LIMITS, grads, new_counter(), num_workers()
         )
         sum_rows(lists, grads, width, sums.reshape(-1), new_counter(), num_workers())

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from desplat_ns.backend.constants import ALPHA_CUTOFF, DET_MIN
-from desplat_ns.backend.inputs import check_inputs, sound, sound_colors
+from desplat_ns.backend.inputs import check_inputs, finite_colors, is_finite
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.spherical_harmonics import sh_basis
 
@@ -121,7 +121,7 @@ def _usable(splats: Splats, view: View, settings: RenderSettings) -> Bool[Tensor
     z = camera[:, 2]
     pixels = torch.maximum(view.K[0, 0], view.K[1, 1]) / z.clamp(min=settings.near_plane)
     spread = torch.maximum(camera[:, :2].abs().amax(-1), splats.scales.abs().amax(-1)) * pixels
-    usable = sound(splats) & (spread < MAX_PIXELS)
+    usable = is_finite(splats) & (spread < MAX_PIXELS)
     return usable & (z >= settings.near_plane) & (z <= settings.far_plane) & (z > 0)
 
 
@@ -131,7 +131,7 @@ def _with_culled_replaced(splats: Splats, view: View, usable: Tensor) -> Splats:
     rotation, translation = view.viewmat[:3, :3].detach(), view.viewmat[:3, 3].detach()
     ahead = (rotation.new_tensor([0.0, 0.0, 1.0]) - translation) @ rotation
     colors = splats.colors
-    if sound_colors(colors) is not None:
+    if finite_colors(colors) is not None:
         colors = colors.masked_fill(culled if colors.ndim == 2 else culled[..., None], 0)
     return Splats(
         means=torch.where(culled, ahead, splats.means),

@@ -105,5 +105,5 @@ def _score(pred: Tensor, target: Tensor, with_gradient: bool) -> tuple[Tensor, T
         gradient = torch.empty(pred.shape)
         scale, counter = np.float32(1 / count), new_counter()
         out = gradient.view(-1).numpy()
-        kernels.pull_image(x, y, *size, slopes, scale, out, counter, workers)
+        kernels.backward_image(x, y, *size, slopes, scale, out, counter, workers)
     return value, gradient

@@ -56,12 +56,12 @@ def check_cameras(cameras: Cameras, names: Sequence[str], source: Path) -> None:
     numbers = [cameras.camera_to_worlds, cameras.fx, cameras.fy, cameras.cx, cameras.cy]
     if cameras.distortion_params is not None:
         numbers.append(cameras.distortion_params)
-    sound = torch.cat([n.reshape(count, -1) for n in numbers], dim=1).isfinite().all(dim=1)
+    is_valid = torch.cat([n.reshape(count, -1) for n in numbers], dim=1).isfinite().all(dim=1)
     for focal in (cameras.fx, cameras.fy):
-        sound &= focal.reshape(count) > 0
+        is_valid &= focal.reshape(count) > 0
     for side in (cameras.width, cameras.height):
-        sound &= (side.reshape(count) >= 1) & (side.reshape(count) <= LARGEST_SIDE)
-    bad = [name for name, fine in zip(names, sound.tolist(), strict=True) if not fine]
+        is_valid &= (side.reshape(count) >= 1) & (side.reshape(count) <= LARGEST_SIDE)
+    bad = [name for name, fine in zip(names, is_valid.tolist(), strict=True) if not fine]
     if bad:
         raise CaptureError(
             f"{len(bad)} of {count} photos in {source} have a pose or a camera that cannot be "

@@ -82,7 +82,7 @@ class DistractorDensifier:
         view: ViewDistractors,
         step: int,
         info: dict[str, Any],
-        contributions_of: Callable[[RawParameters], Float[Tensor, " N"]],
+        weights_of: Callable[[RawParameters], Float[Tensor, " N"]],
     ) -> None:
         """Sample a step that drew `view`; refine its distractors if that is due.
 
@@ -90,7 +90,7 @@ class DistractorDensifier:
             step: where the schedules are; nothing happens before the warm-up, and nothing but
                 pruning, if that, from `stop_densify_at` on.
             info: of the rendering of this view's distractors in this step.
-            contributions_of: gives what each makes up of the image, in pixels; called only where it
+            weights_of: gives what each makes up of the image, in pixels; called only where it
                 is needed.
         """
         densifying = step < self.config.stop_densify_at
@@ -100,7 +100,7 @@ class DistractorDensifier:
             self._sample(view, info)
         if self._is_due(step, view):
             view.refinement = self._fallen_due(step)
-            self._prune_the_small(view, contributions_of)
+            self._prune_the_small(view, weights_of)
             change = refine if densifying else prune
             change(self.strategy, view.params, view.optimizers, view.state)
         self._clock[LAST] = step
@@ -108,12 +108,12 @@ class DistractorDensifier:
     def _prune_the_small(
         self,
         view: ViewDistractors,
-        contributions_of: Callable[[RawParameters], Float[Tensor, " N"]],
+        weights_of: Callable[[RawParameters], Float[Tensor, " N"]],
     ) -> None:
         """Remove distractors that make up less than `min_pixels`."""
         if self.config.min_pixels <= 0:
             return
-        large = contributions_of(view.params) >= self.config.min_pixels
+        large = weights_of(view.params) >= self.config.min_pixels
         if not bool(large.all()):
             nothing = {name: value.data[:0] for name, value in view.params.items()}
             view.exchange(large.nonzero()[:, 0], nothing)

@@ -89,8 +89,8 @@ class DistractorConfig:
     pixels, by more than this: in colours times pixels, whatever the size of the image. 0 for the
     static set's own threshold, which is of the mean over the image."""
     min_pixels: float = ranged(0.0, "[0, inf)")
-    """Distractors that make up less of the image are pruned, in pixels (`contributions`): where
-    opacity costs nothing, none gets faint. 0 for none."""
+    """Distractors that make up less of the image are pruned, in pixels (`accumulated_weights`):
+    where opacity costs nothing, none gets faint. 0 for none."""
     cull_to_the_end: bool = False
     """Prune distractors after `stop_densify_at` as well."""
     cull_alpha_thresh: float = 0.1

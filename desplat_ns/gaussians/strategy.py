@@ -20,7 +20,7 @@ from torch.optim import Optimizer
 
 from desplat_ns.gaussians.activation import RawParameters
 
-NEVER = 2**62
+UNLIMITED = 2**62
 """A step that no training reaches, and a number of Gaussians that no set has."""
 
 
@@ -104,7 +104,7 @@ class StaticStrategy(DefaultStrategy):
     however close resets are. (gsplat 1.5.3 never resets: `0 & step > 0` in its condition.)
     """
 
-    most: int = NEVER
+    most: int = UNLIMITED
     """Gaussians beyond which the set does not grow."""
     cull_to_the_end: bool = False
     """Prune after `refine_stop_iter` as well, every `refine_every` steps: nerfstudio 1.1.4 does,

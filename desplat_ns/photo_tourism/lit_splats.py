@@ -12,7 +12,7 @@ from dataclasses import replace
 from jaxtyping import Float
 from torch import Tensor
 
-from desplat_ns.backend.inputs import sound_colors
+from desplat_ns.backend.inputs import finite_colors
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.backend.uncut_colors import uncut_colors
@@ -65,16 +65,16 @@ def _toned_after_evaluation(
 ) -> Lit:
     """Eq. 7 as it stands: three numbers for each Gaussian are toned, not all coefficients."""
     splats = as_harmonics(splats)
-    zeroth, sound = splats.colors[:, 0], sound_colors(splats.colors)
+    zeroth, finite = splats.colors[:, 0], finite_colors(splats.colors)
     shown = in_view(splats, view, settings)
-    shown = shown if sound is None else shown & sound
+    shown = shown if finite is None else shown & finite
     colors, rows = uncut_colors(splats, view, shown), shown.nonzero()[:, 0]
 
     def lit(embedding: Tensor) -> Splats:
         beta, gamma = appearance.tones(embedding, features, zeroth, rows)
         toned = toned_color(colors, gamma, beta).clamp(min=0)
-        if sound is not None:  # for the backend to cull them
-            toned = toned.masked_fill(~sound[:, None], float("nan"))
+        if finite is not None:  # for the backend to cull them
+            toned = toned.masked_fill(~finite[:, None], float("nan"))
         return replace(splats, colors=toned, sh_degree=None)
 
     return lit

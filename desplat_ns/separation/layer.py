@@ -220,7 +220,7 @@ class DistractorLayer:
         params: nn.ParameterDict,
         memory: GaussianMemory,
         refine_static: Callable[[], None],
-        contributions_of: Callable[[RawParameters], Float[Tensor, " M"]],
+        weights_of: Callable[[RawParameters], Float[Tensor, " M"]],
     ) -> None:
         """Take up what a step proposes, once the optimizers have stepped: here alone anything that
         outlives a step is changed.
@@ -229,7 +229,7 @@ class DistractorLayer:
             params: of the static Gaussians, raw.
             memory: what they remember.
             refine_static: refines the static set; called once it has what belongs to its rows.
-            contributions_of: gives what each of the view's distractors makes up of it, in pixels.
+            weights_of: gives what each of the view's distractors makes up of it, in pixels.
         """
         index, view, static = train_step.index, train_step.view, train_step.static
         if train_step.residual_stats is not None:
@@ -245,7 +245,7 @@ class DistractorLayer:
         if train_step.distractors is not None:
             keep_colors_in_range(distractors.params)
             info = strategy_info(train_step.distractors, view)
-            self.densifier.after_step(distractors, step, info, contributions_of)
+            self.densifier.after_step(distractors, step, info, weights_of)
         if train_step.regions is not None and step < self.config.stop_placing_at:
             self._place(train_step, train_step.regions, distractors)
         self.gaussians.total += len(distractors) - before

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from desplat_ns.backend.inputs import sound
+from desplat_ns.backend.inputs import is_finite
 from desplat_ns.backend.protocol import RenderSettings, Splats
 from desplat_ns.gaussians.activation import MAX_LOG_SCALE
 
@@ -21,12 +21,12 @@ MAX_CULLED_SHARE = 0.5
 
 @torch.no_grad()
 def culled_always(splats: Splats) -> Bool[Tensor, " N"]:
-    """Which Gaussians no view shows: not `sound`, beyond the far plane, or wider than `TOO_WIDE`.
+    """Which Gaussians no view shows: broken, beyond the far plane, or wider than `TOO_WIDE`.
 
     A backend culls them with a gradient of 0, so they never come back.
     """
     away = splats.means.abs().amax(-1) >= RenderSettings.far_plane
-    return ~sound(splats) | away | (splats.scales.amax(-1) > TOO_WIDE)
+    return ~is_finite(splats) | away | (splats.scales.amax(-1) > TOO_WIDE)
 
 
 def too_many_culled(culled: int, count: int) -> str | None:

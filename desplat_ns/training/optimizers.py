@@ -13,16 +13,16 @@ from torch.optim import Optimizer
 
 from desplat_ns.gaussians.adam import adam
 
-RAISED = ("means", "scales", "quats", "features_dc", "features_rest")
+SHORT_RUN_GROUPS = ("means", "scales", "quats", "features_dc", "features_rest")
 """Groups whose rates are raised in short runs: the static set's. Its opacities have rates for short
 runs already, and distractors have visits of their own."""
 
 
 def raised_rates(optimizers: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """A copy of a TrainerConfig's `optimizers` in which the rates of `RAISED` are multiplied; where
-    a rate decays, what it decays to stays."""
+    """A copy of a TrainerConfig's `optimizers` in which the rates of `SHORT_RUN_GROUPS` are
+    multiplied; where a rate decays, what it decays to stays."""
     raised = dict(optimizers)
-    for name in RAISED:
+    for name in SHORT_RUN_GROUPS:
         if name in raised and factor != 1.0:
             optimizer = copy(raised[name]["optimizer"])
             optimizer.lr *= factor

@@ -182,7 +182,7 @@ class StepGuard:
         """Whether the run is to stop."""
         return self.skipped >= self.max_skipped
 
-    def is_sound(
+    def is_finite(
         self, step: int, model: GuardedModel, optimizers: Optimizers, grad_scaler: GradScaler
     ) -> bool:
         """Whether the optimizers may take `step`; if not, that is said and the model drops it.

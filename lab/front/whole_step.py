@@ -82,7 +82,7 @@ class WholeStep(ModelStep):
         )
 
     def _may_step(self, scaler: GradScaler) -> bool:
-        return self._guard.is_sound(SETTLED, self.model, self.optimizers, scaler)
+        return self._guard.is_finite(SETTLED, self.model, self.optimizers, scaler)
 
     def __call__(self) -> None:
         """The next view's step."""

@@ -48,9 +48,9 @@ class Runner:
             if self._kernels_part is not None:
                 self._kernels = self._start(self._kernels_part)
             for part in self.parts:
-                hindrance = self._hindrance(part)
-                if hindrance is not None:
-                    self._keep(part, hindrance)
+                unavailable_reason = self._unavailable_reason(part)
+                if unavailable_reason is not None:
+                    self._keep(part, unavailable_reason)
                     continue
                 running = self._kernels if part is self._kernels_part else self._start(part)
                 assert running is not None
@@ -65,7 +65,7 @@ class Runner:
         self._say(f"[{self._seconds():4.0f} s] {part.title}, {part.deadline:.0f} s at most")
         return PartProcess(part, self.job, self._ends, environment_of(part))
 
-    def _hindrance(self, part: Part) -> Record | None:
+    def _unavailable_reason(self, part: Part) -> Record | None:
         """Why a part is not begun."""
         left = self._ends - time.monotonic()
         if part is not self._kernels_part and left < LEAST:

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from desplat_ns.backend import RenderSettings, Splats, resolve
-from desplat_ns.backend.inputs import check_inputs, sound
+from desplat_ns.backend.inputs import check_inputs, is_finite
 from tests.backend.scenes import PARAMETERS, TestScene, random_scene
 
 GOOD = {
@@ -71,14 +71,14 @@ def test_a_value_that_is_not_finite_makes_its_gaussian_unsound(name, value):
     scene = random_scene(1, count=3, sh_degree=1).to(torch.float32)
     with torch.no_grad():
         getattr(scene, name).view(3, -1)[1, -1] = value
-    assert sound(scene.splats).tolist() == [True, False, True]
+    assert is_finite(scene.splats).tolist() == [True, False, True]
 
 
 def test_large_colours_are_sound_as_long_as_their_squares_are_finite():
     scene = random_scene(1, count=3).to(torch.float32)
     with torch.no_grad():
         scene.colors[:, 0] = torch.tensor([1e18, -1e19, 3e19])
-    assert sound(scene.splats).tolist() == [True, True, False]
+    assert is_finite(scene.splats).tolist() == [True, True, False]
 
 
 @pytest.mark.parametrize("name", ["torch", "numba"])

@@ -9,7 +9,7 @@ from torch import nn
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.densification import strategy_info
-from desplat_ns.gaussians.strategy import NEVER, StaticStrategy, sample
+from desplat_ns.gaussians.strategy import UNLIMITED, StaticStrategy, sample
 
 VIEW = View(torch.eye(4), torch.eye(3), width=20, height=10)
 
@@ -22,7 +22,7 @@ class Scene:
             "refine_every": 3,
             "refine_start_iter": 0,
             "refine_stop_iter": 100,
-            "reset_every": NEVER,
+            "reset_every": UNLIMITED,
             "grow_grad2d": 0.5,
             "prune_scale3d": 100.0,
             "absgrad": True,

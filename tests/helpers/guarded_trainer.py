@@ -41,7 +41,7 @@ class GuardedTrainer:
         self.photo = torch.rand(20, 24, 3, generator=torch.Generator().manual_seed(1))
 
     def _may_step(self, scaler: Any) -> bool:
-        return self.guard.is_sound(self.step_at_hand, self.model, self.optimizers, scaler)
+        return self.guard.is_finite(self.step_at_hand, self.model, self.optimizers, scaler)
 
     def step(self, step: int, spoil: Any = None, photo: Tensor | None = None) -> None:
         model, self.step_at_hand = self.model, step

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from desplat_ns.backend import RenderSettings, resolve
-from desplat_ns.backend.inputs import sound
+from desplat_ns.backend.inputs import is_finite
 from desplat_ns.gaussians.activation import activate_static
 from tests.backend.scenes import BACKENDS, PARAMETERS, Backend, make_backend, render_reference
 from tests.stability.cases import CASES, NEEDLE, Case, hard, joined, witness
@@ -97,7 +97,7 @@ def test_a_learning_rate_spike_leaves_everything_finite(backend: Backend, lr: fl
         assert all(p.grad is not None and p.grad.isfinite().all() for p in raw.values())
         adam.step()
         assert all(p.isfinite().all() for p in raw.values())
-        assert (got.radii[~sound(splats)] == 0).all()
+        assert (got.radii[~is_finite(splats)] == 0).all()
 
 
 def test_an_opacity_of_exactly_1_255_is_drawn_or_not_and_nothing_else(backend: Backend):

@@ -8,7 +8,7 @@ from torch import nn
 
 from desplat_ns.method_configs import desplat
 from desplat_ns.training.optimizers import (
-    RAISED,
+    SHORT_RUN_GROUPS,
     FusedAdamConfig,
     raised_rates,
 )
@@ -63,10 +63,10 @@ def test_only_the_static_sets_rates_are_raised_and_the_originals_stay():
     before = copy.deepcopy(desplat.config.optimizers)
     raised = raised_rates(desplat.config.optimizers, 3.0)
     assert desplat.config.optimizers == before
-    assert set(raised) == set(before) >= set(RAISED)
+    assert set(raised) == set(before) >= set(SHORT_RUN_GROUPS)
     for name, group in raised.items():
         rate = before[name]["optimizer"].lr
-        factor = 3.0 if name in RAISED else 1.0
+        factor = 3.0 if name in SHORT_RUN_GROUPS else 1.0
         assert group["optimizer"].lr == pytest.approx(factor * rate)
         assert group["scheduler"] == before[name]["scheduler"]
     assert raised_rates(before, 1.0) == before

@@ -224,8 +224,8 @@ def test_mixed_precision_leaves_gradients_to_its_scaler(capsys):
     scaler.is_enabled = lambda: True  # it is not without CUDA
     model = StubModel()
     model.losses = {"main_loss": torch.tensor(1.0)}
-    assert guard.is_sound(0, model, optimizers, scaler)
+    assert guard.is_finite(0, model, optimizers, scaler)
     model.losses["main_loss"] = torch.tensor(NAN)
-    assert not guard.is_sound(0, model, optimizers, scaler)
+    assert not guard.is_finite(0, model, optimizers, scaler)
     assert guard.exhausted
     assert "the loss (main_loss)" in said(capsys)

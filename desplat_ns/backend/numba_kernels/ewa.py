@@ -179,7 +179,7 @@ def project_batch(s, camera):
 
 
 @kernel(fastmath=_CONTRACT, inline="always")
-def _pull_shape(s, n, a, b, camera):
+def _backward_shape(s, n, a, b, camera):
     """Gradients by the rows of M, and by the opacity, from those by conic and opacity."""
     xx, xy, yy, minors, sharp, det = _shape(a, b, camera.eps2d)
     per_det = _ONE / det
@@ -213,7 +213,7 @@ def _pull_shape(s, n, a, b, camera):
 
 
 @kernel(fastmath=_CONTRACT, inline="always")
-def _pull_quat(s, n, norm2, g0, g1, g2):
+def _backward_quat(s, n, norm2, g0, g1, g2):
     """Gradient by the quaternion, of any length, from those by the columns of the rotation."""
     per = _ONE / np.sqrt(norm2)
     w, x, y, z = s[QW + n] * per, s[QX + n] * per, s[QY + n] * per, s[QZ + n] * per
@@ -232,7 +232,7 @@ def _pull_quat(s, n, norm2, g0, g1, g2):
 
 
 @kernel(fastmath=_CONTRACT, inline="always")
-def _pull_row(axis, camera, slope, per_z, v):
+def _backward_row(axis, camera, slope, per_z, v):
     """Gradients by the slope and by 1/z of a row of J W."""
     w, d, f = camera.world[axis], camera.world[2], camera.focal[axis]
     by_per_z = f * (_dot3(v, w) - slope * _dot3(v, d))
@@ -240,11 +240,11 @@ def _pull_row(axis, camera, slope, per_z, v):
 
 
 @kernel(fastmath=_CONTRACT, inline="always")
-def _pull_place(s, n, camera, place, slopes, v_rows):
+def _backward_place(s, n, camera, place, slopes, v_rows):
     """Gradient by the mean in world coordinates."""
     x, y, _, per_z = place
-    v_slope_x, v_x = _pull_row(0, camera, slopes[0], per_z, v_rows[0])
-    v_slope_y, v_y = _pull_row(1, camera, slopes[1], per_z, v_rows[1])
+    v_slope_x, v_x = _backward_row(0, camera, slopes[0], per_z, v_rows[0])
+    v_slope_y, v_y = _backward_row(1, camera, slopes[1], per_z, v_rows[1])
     # A clamped slope does not move with the mean.
     u = (v_slope_x if slopes[0] == x * per_z else _ZERO) + camera.focal[0] * s[MEAN_X + n]
     v = (v_slope_y if slopes[1] == y * per_z else _ZERO) + camera.focal[1] * s[MEAN_Y + n]
@@ -259,11 +259,11 @@ def _pull_place(s, n, camera, place, slopes, v_rows):
 
 
 @kernel(fastmath=_CONTRACT)
-def pull_batch(s, camera):
+def backward_batch(s, camera):
     """Replace the planes of the parameters by their gradients."""
     for n in range(_LANES):
         place, slopes, columns, norm2, rows, turned, m = _axes(s, n, camera)
-        v_a, v_b, v_opacity = _pull_shape(s, n, m[0], m[1], camera)
+        v_a, v_b, v_opacity = _backward_shape(s, n, m[0], m[1], camera)
         sx, sy, sz = s[SX + n], s[SY + n], s[SZ + n]
         v_sx = v_a[0] * turned[0][0] + v_b[0] * turned[1][0]
         v_sy = v_a[1] * turned[0][1] + v_b[1] * turned[1][1]
@@ -297,8 +297,8 @@ def pull_batch(s, camera):
             c0[1] * v_b[0] + c1[1] * v_b[1] + c2[1] * v_b[2],
             c0[2] * v_b[0] + c1[2] * v_b[1] + c2[2] * v_b[2],
         )
-        v_mean = _pull_place(s, n, camera, place, slopes, (v_row_x, v_row_y))
-        v_quat = _pull_quat(s, n, norm2, g0, g1, g2)
+        v_mean = _backward_place(s, n, camera, place, slopes, (v_row_x, v_row_y))
+        v_quat = _backward_quat(s, n, norm2, g0, g1, g2)
         s[X + n], s[Y + n], s[Z + n] = v_mean
         s[QW + n], s[QX + n], s[QY + n], s[QZ + n] = v_quat
         s[SX + n], s[SY + n], s[SZ + n], s[OPACITY + n] = v_sx, v_sy, v_sz, v_opacity

@@ -28,11 +28,11 @@ from desplat_ns.backend.numba_kernels.pixels import (
     U,
     X,
     Y,
+    backward,
+    backward_more,
     blend,
     blend_more,
     gather_more,
-    pull,
-    pull_more,
     write_row,
 )
 from desplat_ns.backend.numba_kernels.runtime import kernel, prefetch, take
@@ -187,7 +187,7 @@ def _reopen_tile(s, tile, grid, frame, pulled, channels):
 
 
 @kernel()
-def _pull_tile(s, tile, furthest, lists, stride, limits, grads):
+def _backward_tile(s, tile, furthest, lists, stride, limits, grads):
     """Walk the list of a tile back to front; each entry writes its own row of gradients."""
     records, ranks, row_ranges = lists.records, lists.ranks, lists.row_ranges
     first, width = lists.first_entry[tile], GEOMETRY + stride - FEATURES
@@ -203,21 +203,21 @@ def _pull_tile(s, tile, furthest, lists, stride, limits, grads):
             if start < stop and place <= furthest:
                 if more:
                     gather_more(s, records, base, stride, start, stop)
-                sums = pull(s, records, base, np.float32(place), start, stop, limits, sums)
+                sums = backward(s, records, base, np.float32(place), start, stop, limits, sums)
                 if more:
-                    pull_more(s, stride, start, stop, grads, row)
+                    backward_more(s, stride, start, stop, grads, row)
         write_row(sums, records[base + OPACITY], grads, row)
 
 
 @kernel(parallel=True)
-def pull_frame(lists, stride, grid, frame, pulled, channels, limits, grads, counter, workers):
+def backward_frame(lists, stride, grid, frame, pulled, channels, limits, grads, counter, workers):
     """Backward pass over all tiles: dL/d(frame), `pulled`, to one row of `grads` per entry."""
     for _ in numba.prange(workers):
         s = np.empty(PLANE * (PLANES_BEFORE_FEATURES + stride - FEATURES), np.float32)
         tile = take(counter)
         while tile < grid.tiles_x * grid.tiles_y:
             furthest = _reopen_tile(s, tile, grid, frame, pulled, channels)
-            _pull_tile(s, tile, furthest, lists, stride, limits, grads)
+            _backward_tile(s, tile, furthest, lists, stride, limits, grads)
             tile = take(counter)
 
 

@@ -181,7 +181,7 @@ def gather_more(s, records, base, stride, start, stop):
 
 
 @kernel(fastmath=_LOOSE, forceinline=True)
-def pull(s, records, base, place, start, stop, limits, sums):
+def backward(s, records, base, place, start, stop, limits, sums):
     """Step back over one Gaussian at pixels start ... stop - 1; add to its `sums` and return them.
 
     One loop, although it takes more registers than there are without AVX-512: two or three shorter
@@ -219,7 +219,7 @@ def pull(s, records, base, place, start, stop, limits, sums):
 
 @kernel()
 def write_row(sums, opacity, grads, row):
-    """Turn the sums of `pull` into the gradients of an entry."""
+    """Turn the sums of `backward` into the gradients of an entry."""
     sum_x, sum_y, abs_x, abs_y, xx, xy, yy, total, v0, v1, v2, v3 = sums
     by_mean = (_PER_K * sum_x, _PER_K * sum_y, -_PER_K * abs_x, -_PER_K * abs_y)
     found = (*by_mean, _HALF * xx, xy, _HALF * yy, -total / opacity, v0, v1, v2, v3)
@@ -228,8 +228,8 @@ def write_row(sums, opacity, grads, row):
 
 
 @kernel(fastmath=_LOOSE)
-def pull_more(s, stride, start, stop, grads, row):
-    """Add what features after the fourth get, from the weights that `pull` has just left."""
+def backward_more(s, stride, start, stop, grads, row):
+    """Add what features after the fourth get, from the weights that `backward` has just left."""
     for k in range(4, stride - FEATURES):
         plane, total = F0 + np.uint64(PLANE * k), _ZERO
         for p in range(np.uint64(start), np.uint64(stop)):

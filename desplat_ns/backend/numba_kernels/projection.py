@@ -26,9 +26,9 @@ from desplat_ns.backend.numba_kernels.ewa import (
     RADIUS,
     SX,
     X,
+    backward_batch,
     camera_of,
     project_batch,
-    pull_batch,
 )
 from desplat_ns.backend.numba_kernels.runtime import (
     kernel,
@@ -100,7 +100,7 @@ def _project(parameters, projected, radii, numbers, counter, workers):
 
 
 @kernel(parallel=True)
-def _pull(parameters, pulled, gradients, radii, numbers, counter, workers):
+def _backward(parameters, pulled, gradients, radii, numbers, counter, workers):
     """Gradients by what was projected, `pulled`, to `gradients` by the parameters."""
     means, quats, scales, opacities = parameters
     v_means2d, v_conics, v_depths, v_opacities = pulled
@@ -118,7 +118,7 @@ def _pull(parameters, pulled, gradients, radii, numbers, counter, workers):
             _load(v_conics, 3, first, number, s, np.int64(CONIC_A))
             _load(v_depths, 1, first, number, s, np.int64(DEPTH))
             _load(v_opacities, 1, first, number, s, np.int64(OUT_OPACITY))
-            pull_batch(s, camera_of(numbers))
+            backward_batch(s, camera_of(numbers))
             _store(by_means, 3, first, number, s, np.int64(X), radii)
             _store(by_quats, 4, first, number, s, np.int64(QW), radii)
             _store(by_scales, 3, first, number, s, np.int64(SX), radii)
@@ -154,5 +154,5 @@ class Project(torch.autograd.Function):
         out = torch.empty(n, 3), torch.empty(n, 4), torch.empty(n, 3), torch.empty(n)
         pulled, gradients = tuple(_flat(g) for g in grads[:4]), tuple(_flat(t) for t in out)
         with launching():
-            _pull(parameters, pulled, gradients, radii, camera, new_counter(), num_workers())
+            _backward(parameters, pulled, gradients, radii, camera, new_counter(), num_workers())
         return *out, None

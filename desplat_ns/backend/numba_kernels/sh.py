@@ -172,7 +172,7 @@ def _evaluate(means, values, radii, center, places, coefficients, sizes, out, co
 
 
 @kernel(fastmath=_LOOSE)
-def _pull_values(values, out, grad, i, sizes, s, plane, v_values):
+def _backward_values(values, out, grad, i, sizes, s, plane, v_values):
     """Gradients of the coefficients of the i-th Gaussian; f_k . v takes the place of B_k."""
     stored, used, is_cut = sizes
     r = grad[3 * i] if not is_cut or out[3 * i] > _ZERO else _ZERO
@@ -188,7 +188,7 @@ def _pull_values(values, out, grad, i, sizes, s, plane, v_values):
 
 
 @kernel(fastmath=_LOOSE, parallel=True)
-def _pull(
+def _backward(
     means, values, radii, center, places, coefficients, sizes, out, grad, v_means, v_values,
     counter, workers,
 ):  # fmt: skip
@@ -204,18 +204,18 @@ def _pull(
             for k in range(number):
                 if radii[first + k] > 0:
                     plane = LANE * _BASIS + k
-                    _pull_values(values, out, grad, first + k, sizes, s, plane, v_values)
+                    _backward_values(values, out, grad, first + k, sizes, s, plane, v_values)
                 else:
                     for at in range(3 * (first + k) * stored, 3 * (first + k + 1) * stored):
                         v_values[at] = 0
             _slopes(places, coefficients, s)
             for k in range(number):
-                _pull_direction(s, k, radii[first + k] > 0, 3 * (first + k), v_means)
+                _backward_direction(s, k, radii[first + k] > 0, 3 * (first + k), v_means)
             first = take(counter) * BATCH
 
 
 @kernel()
-def _pull_direction(s, k, is_seen, at, v_means):
+def _backward_direction(s, k, is_seen, at, v_means):
     """Gradient by the mean, from dL/dd of the k-th direction."""
     gx, gy, gz = s[_GRAD[0] + k], s[_GRAD[1] + k], s[_GRAD[2] + k]
     x, y = s[LANE + k], s[LANE * (_POWERS + 1) + k]
@@ -251,5 +251,5 @@ class EvaluateColors(torch.autograd.Function):
         v_means, v_values = torch.empty(shape[0], 3), torch.empty(shape)
         found = (v_means.view(-1).numpy(), v_values.view(-1).numpy())
         with launching():
-            _pull(*inputs, sizes, out, _flat(grad), *found, new_counter(), num_workers())
+            _backward(*inputs, sizes, out, _flat(grad), *found, new_counter(), num_workers())
         return v_means, v_values, None, None, None, None

@@ -189,7 +189,7 @@ def _blur_slopes(s, v, row, columns):
 
 
 @kernel(parallel=True)
-def pull_image(x, y, height, length, slopes, scale, gradient, counter, workers):
+def backward_image(x, y, height, length, slopes, scale, gradient, counter, workers):
     """Second pass: `scale` times the gradient of the sum of SSIM by x."""
     across, down = -(-length // COLUMNS), -(-height // ROWS)
     width, plane = length + SIDE, (length + SIDE) * (height + MARGIN)

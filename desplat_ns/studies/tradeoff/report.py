@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import base64
-import io
-import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import jinja2
+import numpy as np
 from PIL import Image
 
 from desplat_ns.effects import Effects
+from desplat_ns.pages import data_address, inline_svg, template, time_in_words
 from desplat_ns.studies.grid.code_version import short
 from desplat_ns.studies.grid.train_and_score import PICTURES
 from desplat_ns.studies.tradeoff.plan import BASE, SEEDS, compared
@@ -40,8 +38,8 @@ TEMPLATE = Path(__file__).with_name("report.html.jinja")
 MORE = {"ssim": "SSIM", "lpips": "LPIPS", "mask_iou": "mask IoU"}
 """Figures of a run beside its PSNR, as the table calls them."""
 
-PICTURE_WIDTH, PICTURE_QUALITY = 900, 85
-"""Pixels, and JPEG's, of pictures in the report."""
+PICTURE_SIDE, PICTURE_QUALITY = 900, 85
+"""Pixels of the longer side, and JPEG's, of pictures in the report."""
 
 
 @dataclass(frozen=True)
@@ -67,16 +65,7 @@ def write_report(folder: Path, results: Results) -> Path:
     """Draw the plots and write the report; where it is."""
     found = measured_of(results)
     plots = draw_all(folder, found)
-    environment = jinja2.Environment(
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters["seconds"] = seconds_in_words
-    template = environment.from_string(TEMPLATE.read_text("utf8"))
-    text = template.render(
+    text = template(TEMPLATE).render(
         capture=results.capture,
         effects=effects_in_words(results.capture.effects),
         results=results,
@@ -86,7 +75,7 @@ def write_report(folder: Path, results: Results) -> Path:
         within=best_by_time(found),
         reached=time_by_decibels(found),
         on_the_front=front_in_words(found),
-        plots={name: inline(folder / f"{name}.svg") for name in plots},
+        plots={name: inline_svg(folder / f"{name}.svg") for name in plots},
         pictures=pictures_of(folder, found),
         code=short(results.code),
     )
@@ -152,7 +141,7 @@ def best_by_time(found: Sequence[Measured]) -> list[dict[str, str]]:
     ours = [one for one in found if one.variant == BASE]
     rows = [(seconds, best_within(seconds, ours)) for seconds in times_to_tell(ours)]
     return [
-        {"time": seconds_in_words(seconds), "psnr": spread(one.psnr, ".2f"), "run": _run_words(one)}
+        {"time": time_in_words(seconds), "psnr": spread(one.psnr, ".2f"), "run": _run_words(one)}
         for seconds, one in rows
         if one is not None
     ]
@@ -221,22 +210,6 @@ def effects_in_words(effects: Effects) -> str:
     return ", ".join(k if v is True else f"{k} {v}" for k, v in on.items()) or "none"
 
 
-def seconds_in_words(seconds: float) -> str:
-    """45 s, 2 min, 1 h."""
-    if seconds < 60:
-        return f"{seconds:.0f} s"
-    if seconds < 3600:
-        return f"{seconds / 60:g} min" if seconds % 60 == 0 else f"{seconds / 60:.1f} min"
-    return f"{seconds / 3600:g} h"
-
-
-def inline(svg: Path) -> str:
-    """An SVG file's picture for HTML: without the prologue, metadata and a size of its own."""
-    text = re.sub(r"<metadata>.*?</metadata>", "", svg.read_text("utf8"), flags=re.DOTALL)
-    tag, rest = text[text.index("<svg") :].split(">", 1)
-    return re.sub(r' (?:width|height)="[^"]*"', "", tag) + ">" + rest
-
-
 def pictures_of(folder: Path, found: Sequence[Measured]) -> list[dict[str, str]]:
     """The first held-out photo beside its rendering, by the shortest and by the best run."""
     ends = [one for one in finals(found) if one.variant == BASE]
@@ -249,17 +222,7 @@ def pictures_of(folder: Path, found: Sequence[Measured]) -> list[dict[str, str]]
         name = f"{BASE}-{one}-{SEEDS[0]}"
         found_pictures = sorted((folder / RUNS / name / PICTURES).glob("eval_img_*.png"))
         if found_pictures:
-            shown.append({"steps": f"{one:,}", "data": data_of(found_pictures[0])})
+            pixels = np.asarray(Image.open(found_pictures[0]).convert("RGB"))
+            data = data_address(pixels, PICTURE_SIDE, PICTURE_QUALITY, "JPEG")
+            shown.append({"steps": f"{one:,}", "data": data})
     return shown
-
-
-def data_of(picture: Path) -> str:
-    """A picture as a data address, made smaller if it is large."""
-    with Image.open(picture) as opened:
-        image = opened.convert("RGB")
-    if image.width > PICTURE_WIDTH:
-        height = round(image.height * PICTURE_WIDTH / image.width)
-        image = image.resize((PICTURE_WIDTH, height), Image.Resampling.LANCZOS)
-    buffer = io.BytesIO()
-    image.save(buffer, "JPEG", quality=PICTURE_QUALITY)
-    return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode()}"

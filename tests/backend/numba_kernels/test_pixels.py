@@ -23,11 +23,11 @@ from desplat_ns.backend.numba_kernels.pixels import (
     U,
     X,
     Y,
+    backward,
+    backward_more,
     blend,
     blend_more,
     gather_more,
-    pull,
-    pull_more,
     write_row,
 )
 
@@ -121,9 +121,9 @@ def draw(values, features, v, u):
     for place in reversed(range(len(values))):
         flat = rows[place]
         gather_more(s, values[place], 0, stride, 0, 8)
-        sums = pull(s, values[place], 0, np.float32(place), 0, 8, LIMITS, NO_SUMS)
+        sums = backward(s, values[place], 0, np.float32(place), 0, 8, LIMITS, NO_SUMS)
         write_row(sums, values[place][OPACITY], flat, 0)
-        pull_more(s, stride, 0, 8, flat, 0)
+        backward_more(s, stride, 0, 8, flat, 0)
     return total, rows
 
 

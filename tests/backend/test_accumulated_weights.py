@@ -3,8 +3,8 @@
 import pytest
 import torch
 
+from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.constants import ALPHA_MAX, TRANSMITTANCE_MIN
-from desplat_ns.backend.contributions import contributions
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.registry import resolve
 
@@ -31,25 +31,27 @@ def rasterizer(request):
 def test_one_alone_makes_up_what_the_image_shows(rasterizer):
     one = splats([0.7], [2.0], [0.0])
     alpha = rasterizer(one, VIEW, RenderSettings()).alpha
-    found = contributions(rasterizer, one, VIEW, RenderSettings())
+    found = accumulated_weights(rasterizer, one, VIEW, RenderSettings())
     assert found[0].item() == pytest.approx(alpha.sum().item(), rel=1e-4)
 
 
 def test_what_stands_behind_makes_up_what_is_left(rasterizer):
     both = splats([0.6, 0.9], [2.0, 2.001], [0.0, 0.0])
-    front, behind = contributions(rasterizer, both, VIEW, RenderSettings()).tolist()
+    front, behind = accumulated_weights(rasterizer, both, VIEW, RenderSettings()).tolist()
     alpha = rasterizer(both, VIEW, RenderSettings()).alpha.sum().item()
-    alone = contributions(rasterizer, splats([0.6], [2.0], [0.0]), VIEW, RenderSettings())
+    alone = accumulated_weights(rasterizer, splats([0.6], [2.0], [0.0]), VIEW, RenderSettings())
     assert front == pytest.approx(alone.item(), rel=1e-4)
     assert front + behind == pytest.approx(alpha, rel=1e-4)
     assert (
         behind
-        < contributions(rasterizer, splats([0.9], [2.001], [0.0]), VIEW, RenderSettings()).item()
+        < accumulated_weights(
+            rasterizer, splats([0.9], [2.001], [0.0]), VIEW, RenderSettings()
+        ).item()
     )
 
 
 def test_what_the_view_does_not_show_makes_up_nothing(rasterizer):
-    found = contributions(
+    found = accumulated_weights(
         rasterizer,
         splats([0.9, 0.9, 0.0], [2.0, -2.0, 3.0], [50.0, 0.0, 0.0]),
         VIEW,
@@ -62,7 +64,7 @@ def test_nothing_is_left_behind_in_the_gradients(rasterizer):
     one = splats([0.7], [2.0], [0.0])
     one.opacities.requires_grad_()
     with torch.no_grad():
-        found = contributions(rasterizer, one, VIEW, RenderSettings(depth=True, absgrad=True))
+        found = accumulated_weights(rasterizer, one, VIEW, RenderSettings(depth=True, absgrad=True))
     assert found.item() > 0 and not found.requires_grad
     assert one.opacities.grad is None
 
@@ -88,7 +90,7 @@ def test_columns_are_drawn_by_what_contributes_to_them(rasterizer, seed):
     TRANSMITTANCE_MIN / (1 - ALPHA_MAX), and so much at most shows of what is behind."""
     everything, columns = crowd(seed, 300), 14
     whole = rasterizer(everything, VIEW, RenderSettings()).rgb[:, :columns]
-    needed = contributions(rasterizer, everything, VIEW, RenderSettings(), columns) > 0
+    needed = accumulated_weights(rasterizer, everything, VIEW, RenderSettings(), columns) > 0
     assert 0.1 < needed.float().mean() < 0.9
     names = ("means", "quats", "scales", "opacities", "colors")
     fewer = Splats(**{name: getattr(everything, name)[needed] for name in names})

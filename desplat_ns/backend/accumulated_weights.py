@@ -13,7 +13,7 @@ from desplat_ns.backend.protocol import Rasterizer, RenderSettings, Splats, View
 GEOMETRY = ("means", "quats", "scales", "opacities")
 
 
-def contributions(
+def accumulated_weights(
     rasterizer: Rasterizer,
     splats: Splats,
     view: View,
