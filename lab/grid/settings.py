@@ -42,7 +42,7 @@ EFFECTS = "pipeline.model.effects."
 """Begins the names of the switches."""
 
 OF_EFFECTS: Mapping[str, tuple[str, ...]] = {
-    "distractors": ("pipeline.model.distractors.", "optimizers.distractor_"),
+    "distractors": ("pipeline.model.distractors.",),
     "appearance": (
         "pipeline.model.appearance.",
         "optimizers.appearance_",
@@ -62,13 +62,25 @@ OF_RESIDUAL = tuple(
 OF_WARMUP = tuple(f"{DISTRACTORS}{name}_" for name in ("shaping", "min_warmup", "max_warmup"))
 """The same of those that bound a warm-up, and what begins after it."""
 
-NO_OPTION_ANY_MORE = (*("pipeline.model.density_control", "pipeline.model.relocation."),)
-"""What records name that has one value today."""
+NO_OPTION_ANY_MORE = (
+    *("pipeline.model.density_control", "pipeline.model.relocation."),
+    *("pipeline.evaluation.load_embeddings", "pipeline.evaluation.save_embeddings"),
+    *("optimizers.distractor_", f"{DISTRACTORS}leave_out_at"),
+)
+"""How names begin that records have and today's settings have not: all records have the value that
+is fixed now, or that another setting gives."""
 
 NEUTRAL: Mapping[str, Any] = {
     "budget": "",
     "full_rate_visits": 0.0,
     "visits": 0.0,
+    f"{DISTRACTORS}means_lr": 1.6e-4,
+    f"{DISTRACTORS}means_lr_final": 1.6e-6,
+    f"{DISTRACTORS}means_lr_steps": 30_000,
+    f"{DISTRACTORS}quats_lr": 0.01,
+    f"{DISTRACTORS}scales_lr": 0.05,
+    f"{DISTRACTORS}rgbs_lr": 0.025,
+    f"{DISTRACTORS}opacities_lr": 0.05,
     "pipeline.model.distractors.refine_when_next_seen": True,
     "pipeline.model.distractors.standing_share": 1.0,
     "pipeline.model.opacity_prior": 0.0,

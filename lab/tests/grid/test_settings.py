@@ -97,13 +97,13 @@ def test_settings_of_effects_that_are_off_are_left_out():
     given = ("auto", "False"), ("distractors", "False")
     switches = [word for name, value in given for word in (f"--{EFFECTS}{name}", value)]
     off = resolve("desplat", (*switches, *READ))
-    idle = ("distractors.", "appearance.", "background.", "optimizers.distractor_")
+    idle = ("distractors.", "appearance.", "background.")
     idle += ("optimizers.background_", "optimizers.appearance_", "optimizers.image_embeddings")
     assert not [name for name in off if name.removeprefix("pipeline.model.").startswith(idle)]
     assert off["pipeline.model.background_color"] == "random"
     lit = resolve("desplat-phototourism", ())
-    today = {*sum(OF_EFFECTS.values(), ())} - {"optimizers.distractor_"}  # in older records alone
-    assert all(any(name.startswith(one) for name in lit) for one in today)
+    prefixes = {*sum(OF_EFFECTS.values(), ())}
+    assert all(any(name.startswith(one) for name in lit) for one in prefixes)
 
 
 def test_the_pose_optimizer_is_no_setting_of_appearance():
