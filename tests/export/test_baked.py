@@ -36,7 +36,6 @@ def test_a_file_looks_like_the_static_scene_in_the_light_that_is_shown(appearanc
     model = model_with(appearance)
     if appearance != "off":
         moved(model)
-        model.shown_light.first.value = "none chosen"
     model.eval()
     model.step = 100_000  # all degrees are evaluated
     with torch.no_grad():

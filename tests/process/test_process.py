@@ -93,8 +93,9 @@ def slow(marks: Path, progress: Callable[[int, int], None]) -> None:
 
 
 BUSY = """
-import sys
+import signal, sys
 from pathlib import Path
+signal.signal(signal.SIGINT, signal.default_int_handler)  # what a shell starts with & ignores it
 from desplat_ns.process import jobs
 from desplat_ns.process.workspace import open_workspace
 place = Path(sys.argv[1])
