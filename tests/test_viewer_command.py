@@ -64,7 +64,7 @@ def frame(viewer: Any) -> Callable[[], tuple[dict[str, torch.Tensor], np.ndarray
     fov = 2 * math.atan(float(camera.cy) / float(camera.fy))
     state = CameraState(fov, aspect, camera.camera_to_worlds, CameraType.PERSPECTIVE, idx=2)
     machine = RenderStateMachine(viewer, 10.0, browser)
-    viewer.pipeline.layer.value = "static"
+    viewer.pipeline.model.layer_control.layer.value = "static"
 
     def render() -> tuple[dict[str, torch.Tensor], np.ndarray]:
         outputs = machine._render_img(state)
@@ -75,36 +75,36 @@ def frame(viewer: Any) -> Callable[[], tuple[dict[str, torch.Tensor], np.ndarray
 
 
 def test_the_viewer_shows_each_layer_and_at_first_the_static_scene(viewer: Any, frame: Any):
-    pipeline = viewer.pipeline
+    control = viewer.pipeline.model.layer_control
     assert {path for path, _ in viewer.viewer_elements} >= {
-        "Custom Elements/layer",
-        "Custom Elements/training_view",
+        "Custom Elements/model/layer_control/layer",
+        "Custom Elements/model/layer_control/view",
     }
     outputs, picture = frame()
     assert torch.equal(outputs["rgb"], outputs["rgb_static"])
     assert not outputs["alpha_distractor"].any()
     assert picture.any()
-    pipeline.training_view.value = 2
+    control.view.value = 2
     for layer, output in (
         ("composite", "rgb_composite"),
         ("distractors", "rgb_distractor"),
         ("mask", "distractor_mask"),
     ):
-        pipeline.layer.value = layer
+        control.layer.value = layer
         outputs, picture = frame()
         expected = outputs[output].expand_as(outputs["rgb"]).float()
         assert torch.equal(outputs["rgb"], expected.clamp(0, 1))
         assert outputs["alpha_distractor"].any()
         assert picture.dtype == np.uint8
-    pipeline.layer.value = "static"
+    control.layer.value = "static"
     assert not frame()[0]["alpha_distractor"].any()
 
 
 def test_every_training_view_has_distractors_of_its_own_in_the_viewer(viewer: Any, frame: Any):
-    viewer.pipeline.layer.value = "distractors"
+    viewer.pipeline.model.layer_control.layer.value = "distractors"
     pictures = []
     for view in (0, 2, NUM_TRAIN - 1):
-        viewer.pipeline.training_view.value = view
+        viewer.pipeline.model.layer_control.view.value = view
         pictures.append(frame()[0]["rgb"])
     assert not torch.equal(pictures[0], pictures[1])
     assert not torch.equal(pictures[1], pictures[2])
