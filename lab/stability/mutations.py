@@ -85,7 +85,7 @@ MUTATIONS = (
              "(cov_xx + cov_yy - settings.eps2d)", "(cov_xx + cov_yy + settings.eps2d)", TORCH),
     Mutation("a sign in a minor", _PROJECT, "a1 * b2 - a2 * b1", "a1 * b2 + a2 * b1", TORCH),
     Mutation("sizes not limited", _PROJECT,
-             "sound(splats) & (spread < MAX_PIXELS)", "sound(splats)", TORCH),
+             "is_finite(splats) & (spread < MAX_PIXELS)", "is_finite(splats)", TORCH),
     Mutation("near plane forgotten", _PROJECT,
              "(z >= settings.near_plane) & ", "", TORCH),
     Mutation("the held slope", _PROJECT,
