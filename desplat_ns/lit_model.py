@@ -15,7 +15,6 @@ from torch import Tensor, nn
 from desplat_ns.backend import BackendName, Rasterizer, resolve
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
-from desplat_ns.effects import Effects, EffectsConfig
 from desplat_ns.errors import BackendUnavailableError
 from desplat_ns.gaussians.activation import RawParameters, activate_static
 from desplat_ns.photo_tourism.appearance import fourier_features
@@ -25,6 +24,7 @@ from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.views import view_of
+from desplat_ns.settings.effects import Effects, EffectsConfig
 
 
 @dataclass

@@ -10,11 +10,11 @@ from nerfstudio.configs.base_config import MachineConfig, ViewerConfig
 from nerfstudio.plugins.types import MethodSpecification
 
 from desplat_ns.datamanager import DeSplatDataManagerConfig
-from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import print_user_errors_plainly
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig
+from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.trainer import DeSplatTrainerConfig
 from desplat_ns.training.optimizers import FusedAdamConfig
 from desplat_ns.training.schedules import ScaledExponentialDecaySchedulerConfig

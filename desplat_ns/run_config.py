@@ -16,10 +16,10 @@ from desplat_ns.backend.registry import compile_kernels
 from desplat_ns.calibration.budgeted_run import BudgetedRun
 from desplat_ns.console import announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
-from desplat_ns.effects import Effects
 from desplat_ns.errors import ConfigError
 from desplat_ns.model import DeSplatModelConfig
-from desplat_ns.options import check_finite_options
+from desplat_ns.settings.effects import Effects
+from desplat_ns.settings.options import check_finite_options
 from desplat_ns.static_model import StaticModelConfig
 from desplat_ns.survey.decide import decided_effects
 from desplat_ns.survey.findings import Survey

@@ -27,7 +27,7 @@ from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
 )
-from desplat_ns.options import check_ranges, ranged
+from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.training.budget import Clock
 from desplat_ns.training.losses import mean_shown_opacity
 from desplat_ns.training.run_length import (

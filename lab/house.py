@@ -19,8 +19,8 @@ PACKAGE = CHECKOUT / "desplat_ns"
 PICTURE = CHECKOUT / "docs" / "house.svg"
 
 FLOORS: tuple[tuple[str, ...], ...] = (
-    ("pages", "errors"),
-    ("backend", "options", "console", "effects", "files"),
+    ("", "errors"),
+    ("backend", "settings", "console", "", "files"),
     ("rendering", "", "data"),
     ("gaussians", "process", "survey", ""),
     ("training",),

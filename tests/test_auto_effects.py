@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 import yaml
 
-from desplat_ns.effects import Effects, EffectsConfig
 from desplat_ns.errors import ConfigError
+from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.survey.decide import FILE
 from lab.synthetic import Scene, write_scene
 from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up

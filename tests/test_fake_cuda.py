@@ -24,7 +24,6 @@ import desplat_ns.separation.regions as regions_of_photos
 from desplat_ns.backend.gsplat_cuda import _with_unsound_behind
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.backend.ssim import _window, ssim
-from desplat_ns.effects import Effects
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info
 from desplat_ns.gaussians.distractor_config import DistractorConfig
@@ -41,6 +40,7 @@ from desplat_ns.separation.coverage import coverage_of, seen_and_hidden
 from desplat_ns.separation.last_regions import LastRegions
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight, lie_in, uncovered_cells
+from desplat_ns.settings.effects import Effects
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
     mean_shown_opacity,

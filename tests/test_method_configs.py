@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from nerfstudio.configs.method_configs import method_configs as upstream
 
-from desplat_ns.effects import Effects, EffectsConfig
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.method_configs import (
     desplat,
@@ -19,6 +18,7 @@ from desplat_ns.method_configs import (
     desplat_phototourism_paper,
     separating_distractors,
 )
+from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.training.optimizers import FusedAdamConfig
 
 CONFIG: Any = desplat_paper.config

@@ -9,12 +9,12 @@ from nerfstudio.data.scene_box import OrientedBox, SceneBox
 from nerfstudio.model_components.lib_bilagrid import color_correct
 from nerfstudio.models.splatfacto import SplatfactoModel
 
-from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
 from desplat_ns.evaluation.metrics import psnr
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
+from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.small_model import (
     HEIGHT,
     NUM_VIEWS,

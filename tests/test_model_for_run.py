@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.training.run_length import pause_after_reset
 
 SEPARATING = DistractorConfig(

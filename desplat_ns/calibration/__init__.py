@@ -2,5 +2,5 @@
 
 Steps of generated scenes are timed that cost what trained ones do; the moments at which a step
 would wait for a GPU are counted without one. May import `model`, `training`,
-`gaussians`, `backend`, `effects`, `console` and `errors`.
+`gaussians`, `backend`, `settings`, `console` and `errors`.
 """

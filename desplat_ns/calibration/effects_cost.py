@@ -11,7 +11,7 @@ import torch
 from desplat_ns.calibration.model_step import ModelStep
 from desplat_ns.calibration.scenes import make_scene
 from desplat_ns.calibration.timing import time_in_turns
-from desplat_ns.effects import Effects
+from desplat_ns.settings.effects import Effects
 
 MOST_PIXELS, MOST_GAUSSIANS = 200_000, 50_000
 """Larger photos and scenes are measured smaller, which takes seconds: ratios are what is asked."""

@@ -15,10 +15,10 @@ from torch import nn
 from desplat_ns.backend.protocol import View
 from desplat_ns.backend.registry import BackendName
 from desplat_ns.calibration.scenes import Scene
-from desplat_ns.effects import Effects, EffectsConfig
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import ViewDistractors, fill_view
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.training.optimizers import FusedAdamConfig
 
 NOTHING_MOVES: dict[str, Any] = {

@@ -12,8 +12,8 @@ from desplat_ns.errors import ConfigError, print_user_errors_plainly
 from desplat_ns.export.formats import Frame, format_of
 from desplat_ns.export.photo_names import Naming
 from desplat_ns.files.whole import check_new_file, check_new_folder
-from desplat_ns.options import check_finite_options
 from desplat_ns.runs.files import find_run
+from desplat_ns.settings.options import check_finite_options
 
 
 @dataclass

@@ -12,10 +12,10 @@ from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
 from desplat_ns.console import announce
 from desplat_ns.data.images import write_image
 from desplat_ns.datamanager import without_prompts
-from desplat_ns.effects import Effects
 from desplat_ns.errors import BackendUnavailableError
 from desplat_ns.files.whole import draft_of, plain_errors, write_whole
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
+from desplat_ns.settings.effects import Effects
 from desplat_ns.static_model import StaticModelConfig
 from desplat_ns.survey.capture import Capture, capture_of
 from desplat_ns.survey.decide import effects_of

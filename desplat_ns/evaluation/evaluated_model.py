@@ -12,11 +12,11 @@ from torch import Tensor, nn
 
 from desplat_ns.backend import Rasterizer
 from desplat_ns.backend.protocol import View
-from desplat_ns.effects import Effects
 from desplat_ns.evaluation.metrics import LazyLpips
 from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.photo_tourism.shown_light import ShownLight
+from desplat_ns.settings.effects import Effects
 
 
 @runtime_checkable

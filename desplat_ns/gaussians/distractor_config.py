@@ -8,7 +8,7 @@ from typing import Literal
 
 from desplat_ns.backend.protocol import RenderSettings
 from desplat_ns.errors import ConfigError
-from desplat_ns.options import check_ranges, ranged
+from desplat_ns.settings.options import check_ranges, ranged
 
 OPTION = "--pipeline.model.distractors"
 

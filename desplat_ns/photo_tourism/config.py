@@ -11,7 +11,7 @@ from typing import Literal
 
 import torch
 
-from desplat_ns.options import ranged
+from desplat_ns.settings.options import ranged
 
 MlpDtype = Literal["float32", "bfloat16"]
 

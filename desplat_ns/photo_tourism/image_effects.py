@@ -11,8 +11,6 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
-from desplat_ns.effects import Effects
-from desplat_ns.options import check_ranges
 from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance
 from desplat_ns.photo_tourism.background import (
     Background,
@@ -27,6 +25,8 @@ from desplat_ns.photo_tourism.camera_response import (
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.embeddings import ImageEmbeddings, ImageTable
 from desplat_ns.photo_tourism.lit_splats import Lit, as_harmonics, lit_splats
+from desplat_ns.settings.effects import Effects
+from desplat_ns.settings.options import check_ranges
 
 FEATURES = "appearance_features"
 """Name of z_i among the static Gaussians' parameters, where every split, clone and prune finds

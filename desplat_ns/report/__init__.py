@@ -5,5 +5,5 @@
 needs them; `charts` and `page` write. `report.write_report` is the one function.
 
 May import `runs`, `run_config`, `pipeline`, `model`, `separation`, `evaluation`, `rendering`,
-`effects`, `files`, `pages`, `console` and `errors`.
+`settings`, `files`, `console` and `errors`.
 """

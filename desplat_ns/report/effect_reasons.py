@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.effects import Effects
+from desplat_ns.settings.effects import Effects
 
 TITLES = {
     "distractors": "Distractors: what is in the way in one photo only",

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.pages import data_address
+from desplat_ns.files.pages import data_address
 
 LADDER = (
     (1024, 82),

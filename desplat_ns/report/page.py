@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.pages import template, time_in_words
+from desplat_ns.files.pages import template, time_in_words
 from desplat_ns.report.charts import svg
 from desplat_ns.report.cost import Cost
 from desplat_ns.report.effect_reasons import EffectReason

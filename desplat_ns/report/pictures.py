@@ -18,7 +18,7 @@ from desplat_ns.console import progress_over
 from desplat_ns.evaluation.evaluated_model import EvaluatedModel
 from desplat_ns.evaluation.metrics import psnr
 from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
-from desplat_ns.pages import shrunk
+from desplat_ns.files.pages import shrunk
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.views import view_of
 from desplat_ns.report.encoding import LARGEST_SIDE

@@ -8,7 +8,7 @@ from typing import Any
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.console import announce
-from desplat_ns.effects import Effects, EffectsConfig
+from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.survey.capture import capture_of
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.survey import survey

@@ -16,7 +16,7 @@ from torch.cuda.amp.grad_scaler import GradScaler
 
 from desplat_ns.calibration.model_step import ModelStep, cameras_of
 from desplat_ns.calibration.scenes import make_scene
-from desplat_ns.effects import Effects
+from desplat_ns.settings.effects import Effects
 from desplat_ns.training.step_guard import GuardedOptimizers, StepGuard
 
 SETTLED = 28_001

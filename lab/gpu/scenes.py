@@ -9,8 +9,8 @@ from nerfstudio.models.splatfacto import SplatfactoModel, SplatfactoModelConfig
 
 from desplat_ns.calibration.model_step import LATE, ModelStep, cameras_of
 from desplat_ns.calibration.scenes import Scene
-from desplat_ns.effects import Effects
 from desplat_ns.nerfstudio_quirks import splatfacto_modules_without_downloads
+from desplat_ns.settings.effects import Effects
 from lab.gpu.plan import Job
 
 SIZES = ((100_000, 648, 420), (300_000, 1008, 756))

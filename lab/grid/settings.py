@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.effects import EffectsConfig
+from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.studies.grid.methods import parse
 
 Settings = dict[str, Any]

@@ -23,12 +23,12 @@ from desplat_ns.backend.protocol import Splats
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.calibration.scenes import SH_DEGREE, Scene, make_scene
 from desplat_ns.calibration.timing import threads, time_in_turns
-from desplat_ns.effects import Effects
 from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects
 from desplat_ns.rendering.in_view import in_view
+from desplat_ns.settings.effects import Effects
 from desplat_ns.studies.grid.machine import describe_machine
 from lab.performance.steps import product_adam
 from lab.performance.training_step import TrainingStep

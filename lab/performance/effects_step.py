@@ -19,10 +19,10 @@ from nerfstudio.models.splatfacto import SplatfactoModel
 from desplat_ns.calibration.model_step import ModelStep
 from desplat_ns.calibration.scenes import Scene, make_scene
 from desplat_ns.calibration.timing import threads, time_in_turns
-from desplat_ns.effects import Effects
 from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.views import view_of
+from desplat_ns.settings.effects import Effects
 from desplat_ns.studies.grid.machine import describe_machine
 
 SIZES = ((20_000, 480, 270), (100_000, 648, 420))

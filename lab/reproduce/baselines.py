@@ -18,10 +18,10 @@ from PIL import Image
 from torch import Tensor
 
 from desplat_ns.data.gt_masks import METADATA_KEY, read_gt_mask, shadow_mask_of
-from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import CaptureError
 from desplat_ns.method_configs import desplat
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.training.losses import static_photometric_loss
 
 TRIMMED_SHARE = 0.8

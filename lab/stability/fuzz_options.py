@@ -16,16 +16,16 @@ from nerfstudio.configs.method_configs import all_methods
 from nerfstudio.utils.rich_utils import CONSOLE
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.effects import Effects
 from desplat_ns.errors import DeSplatError
 from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians
-from desplat_ns.options import check_finite_options
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.photo_tourism.split_file import draw_split
+from desplat_ns.settings.effects import Effects
+from desplat_ns.settings.options import check_finite_options
 from desplat_ns.training.schedules import ScaledExponentialDecaySchedulerConfig
 from lab.stability.fuzz_files import FAULT, FINE, REFUSED, numbers_of, tensors_of
 from tests.stability.poison import POISON

@@ -26,8 +26,8 @@ from nerfstudio.scripts import train
 from nerfstudio.utils import writer
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.effects import EffectsConfig
 from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.trainer import DeSplatTrainer
 from desplat_ns.training.checkpoint_files import (
     STAGING_FOLDER,

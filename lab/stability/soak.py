@@ -116,7 +116,7 @@ def configured(scene: Path, output: Path, steps: int, trainer: type) -> Any:
     from nerfstudio.configs.method_configs import all_methods
 
     from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-    from desplat_ns.effects import EffectsConfig
+    from desplat_ns.settings.effects import EffectsConfig
 
     config: Any = copy.deepcopy(all_methods["desplat"])
     config._target = trainer

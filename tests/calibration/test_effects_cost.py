@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from desplat_ns.calibration.effects_cost import MOST_GAUSSIANS, MOST_PIXELS, StepSize, measure
-from desplat_ns.effects import Effects
+from desplat_ns.settings.effects import Effects
 
 NOTHING = Effects(distractors=False)
 

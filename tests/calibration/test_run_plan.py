@@ -24,9 +24,9 @@ from desplat_ns.calibration.run_plan import (
 )
 from desplat_ns.calibration.timing import Timing
 from desplat_ns.datamanager import training_split
-from desplat_ns.effects import EffectsConfig
 from desplat_ns.errors import ConfigError
 from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.training.budget import END_SECONDS, StepSeconds
 
 EVEN = StepCost(StepSeconds(fixed=0.1, whole_photo=0.0), share_at_start=1.0)

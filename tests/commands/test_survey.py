@@ -11,8 +11,8 @@ from desplat_ns.commands.parser_words import parse
 from desplat_ns.commands.survey import Arguments
 from desplat_ns.commands.surveyed import survey_capture
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.effects import Effects
 from desplat_ns.errors import BackendUnavailableError, CaptureError, ConfigError
+from desplat_ns.settings.effects import Effects
 from tests.helpers.quick_command import check_quick_command
 
 

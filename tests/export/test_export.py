@@ -38,7 +38,7 @@ def run(capture: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     from nerfstudio.scripts import train
 
     from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-    from desplat_ns.effects import EffectsConfig
+    from desplat_ns.settings.effects import EffectsConfig
 
     config: Any = copy.deepcopy(all_methods["desplat"])
     config.pipeline.datamanager.dataparser = RobustNerfDataParserConfig(

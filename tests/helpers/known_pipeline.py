@@ -11,11 +11,11 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 from torch import nn
 
-from desplat_ns.effects import Effects
 from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
 from desplat_ns.gaussians.distractors import DistractorGaussians, ViewDistractors
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline, DeSplatPipelineConfig
+from desplat_ns.settings.effects import Effects
 from desplat_ns.viewer import LayerControl
 
 HEIGHT, WIDTH = 16, 20

@@ -7,8 +7,8 @@ from typing import Any
 import torch
 from nerfstudio.cameras.cameras import Cameras
 
-from desplat_ns.effects import EffectsConfig
 from desplat_ns.model import DeSplatModel
+from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.small_model import HEIGHT, WIDTH, make_model
 
 

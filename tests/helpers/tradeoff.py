@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from desplat_ns.effects import Effects
 from desplat_ns.errors import DeSplatError
+from desplat_ns.settings.effects import Effects
 from desplat_ns.studies.grid.executors import Keep
 from desplat_ns.studies.grid.runs import Record, Run
 from desplat_ns.studies.tradeoff.capture_info import CaptureInfo

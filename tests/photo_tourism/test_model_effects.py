@@ -7,13 +7,13 @@ import dataclasses
 import pytest
 import torch
 
-from desplat_ns.effects import EffectsConfig
 from desplat_ns.evaluation.halves import embedding_from_left_half, left_half
 from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.camera_response import CENTRED, camera_response, squared_radius
 from desplat_ns.photo_tourism.image_effects import FEATURES
+from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.lit_model import held_out, model_with, moved
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, make_model
 

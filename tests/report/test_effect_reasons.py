@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from desplat_ns.effects import Effects
 from desplat_ns.report.effect_reasons import TITLES, effect_reasons, in_words, read_survey
+from desplat_ns.settings.effects import Effects
 
 
 def finding(decision: Any, confidence: str = "clear") -> dict[str, Any]:

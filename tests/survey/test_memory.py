@@ -6,7 +6,7 @@ from typing import get_args
 
 import pytest
 
-from desplat_ns.effects import AppearanceGrade, BackgroundGrade
+from desplat_ns.settings.effects import AppearanceGrade, BackgroundGrade
 from desplat_ns.survey.memory import memory_of
 
 DECISIONS = [("distractors", True), ("distractors", False)]

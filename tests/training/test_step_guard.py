@@ -199,7 +199,7 @@ def without_scales_after_9(trainer: Any) -> Any:
 
 
 def test_a_network_that_is_not_finite_may_not_be_saved(tmp_path):
-    from desplat_ns.effects import EffectsConfig
+    from desplat_ns.settings.effects import EffectsConfig
 
     model = make_model(
         effects=EffectsConfig(appearance="affine", background="image"),

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from desplat_ns.effects import AppearanceGrade, BackgroundGrade, Effects
+from desplat_ns.settings.effects import AppearanceGrade, BackgroundGrade, Effects
 from desplat_ns.studies.grid.runs import Run, Variant
 from desplat_ns.studies.tradeoff.capture_info import METHOD, CaptureInfo
 

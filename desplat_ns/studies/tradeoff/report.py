@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from desplat_ns.effects import Effects
-from desplat_ns.pages import data_address, inline_svg, template, time_in_words
+from desplat_ns.files.pages import data_address, inline_svg, template, time_in_words
+from desplat_ns.settings.effects import Effects
 from desplat_ns.studies.grid.code_version import short
 from desplat_ns.studies.grid.train_and_score import PICTURES
 from desplat_ns.studies.tradeoff.plan import BASE, SEEDS, compared

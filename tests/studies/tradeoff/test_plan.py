@@ -6,7 +6,7 @@ from itertools import product
 
 import pytest
 
-from desplat_ns.effects import Effects
+from desplat_ns.settings.effects import Effects
 from desplat_ns.studies.grid.methods import parse
 from desplat_ns.studies.grid.runs import Variant
 from desplat_ns.studies.tradeoff.plan import BACKEND, BASE, SEEDS, TrainingPlan, compared

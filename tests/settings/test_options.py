@@ -11,7 +11,7 @@ import pytest
 from nerfstudio.configs.method_configs import all_methods
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.options import check_finite_options, check_ranges, ranged
+from desplat_ns.settings.options import check_finite_options, check_ranges, ranged
 
 
 @pytest.fixture

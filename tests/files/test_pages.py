@@ -8,7 +8,7 @@ import jinja2
 import numpy as np
 import pytest
 
-from desplat_ns.pages import data_address, digits, inline_svg, template, time_in_words
+from desplat_ns.files.pages import data_address, digits, inline_svg, template, time_in_words
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,4 @@
+"""What settings may be: `options` checks numbers, `effects` are the switches of the effects.
+
+May import `errors`.
+"""
