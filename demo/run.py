@@ -20,7 +20,8 @@ from console import CONSOLE, DemoError, execute, printing_to, shown
 
 from desplat_ns.data.images import write_image
 from desplat_ns.errors import DeSplatError
-from desplat_ns.evaluation.pictures import Picture, over_checkerboard, sheet
+from desplat_ns.evaluation.pictures import Picture, over_checkerboard
+from lab.sheet import sheet
 from lab.synthetic import Frame, Scene, SceneSpec, write_scene
 
 HERE = Path(__file__).resolve().parent

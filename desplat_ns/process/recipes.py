@@ -51,6 +51,3 @@ same, and focal lengths of ten tourists' photos came out at half of what they ar
 def verification_error(longest_side: int) -> float:
     """Pixels that a match may be off its epipolar line, in photos of that size."""
     return min(MOST_ERROR, max(LEAST_ERROR, ERROR_OF_SIDE * longest_side))
-
-
-RECIPES = {recipe.name: recipe for recipe in (PLAIN, THOROUGH)}

@@ -15,12 +15,13 @@ from PIL import Image
 
 from desplat_ns.data.gt_masks import METADATA_KEY, read_gt_mask
 from desplat_ns.errors import DeSplatError
-from desplat_ns.evaluation.pictures import Picture, over_checkerboard, sheet, to_rgb8
+from desplat_ns.evaluation.pictures import Picture, over_checkerboard, to_rgb8
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
 from lab.documents import DOCS, OUTPUTS
 from lab.grid.runs import Run
 from lab.separation.runs import HARD, PLAN, STUDY
+from lab.sheet import sheet
 
 TITLES = ("photo", "static scene", "distractors", "their mask", "true mask")
 VIEW = 4

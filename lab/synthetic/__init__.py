@@ -1,10 +1,8 @@
 """A generated capture whose truth is known: static scene, cameras, depth, distractor masks.
 
-With daylight also each photo's light and sky. Tests, the demo and benchmarks use it; nothing is
+With daylight also each photo's light and sky. Tests, the demo and studies use it; nothing is
 downloaded. World units are metres, z is up.
 Inside this package arrays put coordinates first ("3 N"): numpy is fastest that way.
-
-May import `data` and `errors`.
 """
 
 from __future__ import annotations

@@ -62,7 +62,8 @@ def test_a_process_that_this_one_started_does_not_keep_the_lock(tmp_path: Path):
     """A worker that outlives a killed process must not keep others out."""
     with only_process_in(tmp_path):
         sleeper = subprocess.Popen(["sleep", "60"], close_fds=False)
-    with only_process_in(tmp_path):
+    with only_process_in(tmp_path):  # raises where it is kept
+        assert sleeper.poll() is None
         sleeper.kill()
         sleeper.wait()
 

@@ -109,9 +109,11 @@ def test_the_worker_ends_with_whoever_started_it(tmp_path, checkout, sent):
     with subprocess.Popen(line, cwd=checkout, stderr=subprocess.DEVNULL) as parent:
         wait_until(lambda: (tmp_path / "pid").is_file() and (tmp_path / "pid").read_text() != "")
         worker = int((tmp_path / "pid").read_text())
+        assert is_running(worker)
         parent.send_signal(sent)
         parent.wait(timeout=60)
     wait_until(lambda: not is_running(worker))
+    assert not is_running(worker)
 
 
 def is_running(pid: int) -> bool:
