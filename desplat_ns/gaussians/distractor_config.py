@@ -36,10 +36,6 @@ class DistractorConfig:
     strong_levels: float = ranged(20.0, "[0, inf)")
     """What has to be reached lies between the two and is so many times the view's own level, the
     lower quartile of its residuals: that falls as the scene is learned."""
-    standing_share: float = ranged(0.5, "(0, 1]")
-    """With start residual: share of what has to be reached that is enough where a region was at the
-    view's last visit, until `leave_out_at`: what begins to be learned stands out less. 1 remembers
-    none."""
     shared_detail: float = ranged(0.7, "(0, inf)")
     """With start residual: where the detail of a photo correlates more than this with that of the
     static scene, it is the scene's own in another light, and nothing in the way; 1 or more asks

@@ -17,9 +17,6 @@ from torch import Tensor
 CELLS = 8000
 """Cells per image: 2 x 2 pixels at 135 x 240."""
 
-COUNTED_SHARE = 0.5
-"""A cell is masked if less than this share of its pixels counts."""
-
 
 def grid_of(width: int, height: int, cells: int = CELLS) -> tuple[int, int]:
     """Columns and rows of about `cells` square cells, none smaller than a pixel."""
@@ -33,9 +30,9 @@ def pooled(image: Float[Tensor, "H W C"], grid: tuple[int, int]) -> Float[Tensor
 
 
 def counted_cells(mask: Bool[Tensor, "H W 1"]) -> Bool[Tensor, "rows columns"]:
-    """The cells of `grid_of` that are not masked; `mask` is True in the pixels that count."""
+    """The cells of `grid_of` of which half counts; `mask` is True in the pixels that count."""
     height, width = mask.shape[:2]
-    return pooled(mask.to(torch.float32), grid_of(width, height))[0] >= COUNTED_SHARE
+    return pooled(mask.to(torch.float32), grid_of(width, height))[0] >= 0.5
 
 
 def region_pixels(

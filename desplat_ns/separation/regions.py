@@ -17,6 +17,7 @@ from torch import Tensor
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.separation.grid import (
+    CELLS,
     counted_cells,
     grid_of,
     masks_to_host,
@@ -24,17 +25,18 @@ from desplat_ns.separation.grid import (
     to_device,
     window_means,
 )
-from desplat_ns.separation.residuals import ResidualStats, excess_residual, local_residual
+from desplat_ns.separation.residuals import (
+    SMOOTHING,
+    ResidualStats,
+    excess_residual,
+    local_residual,
+)
 
 MIN_AREA = 0.002
 """Share of the image: a smaller region is left to the static scene."""
 
-DETAIL_CELLS = 32000
-"""Cells per image in which detail is compared: a quarter of those that residuals have in area, or
-one pixel at 135 x 240."""
-
-DETAIL_SMOOTHING = 3
-"""Cells (an odd number) over which both are averaged first: what is only not sharp yet is alike."""
+DETAIL_CELLS = 4 * CELLS
+"""Cells per image in which detail is compared: one pixel at 135 x 240."""
 
 DETAIL_WINDOW = 7
 """Cells (an odd number) over which detail is compared: in a wider window edges of what is in front
@@ -89,7 +91,6 @@ def find_regions(
     stats: ResidualStats,
     config: DistractorConfig,
     counted: Bool[Tensor, "rows columns"] | None = None,
-    last: Bool[Tensor, "rows columns"] | None = None,
 ) -> tuple[Bool[Tensor, "rows columns"], ResidualStats]:
     """Find the regions of a photo that show what other views do not, on the grid of `grid_of`.
 
@@ -97,7 +98,6 @@ def find_regions(
         photo: in [0, 1]; under the user's mask as the static scene (`apply_mask`).
         stats: what the static Gaussians remember of other visits.
         counted: cells that the user's mask leaves in; None if it leaves out none.
-        last: regions of the view's last visit; None if there are none.
 
     Returns:
         The regions, and the statistics with this visit in them. Masked cells are in no region.
@@ -117,10 +117,7 @@ def find_regions(
     weak = (excess.values > config.weak_excess) & has_foreign_detail
     most = config.strong_excess
     needed = excess.needed(config.strong_levels, config.settled_share * most, most)
-    strong = excess.values > needed
-    if last is not None:
-        strong |= last & (excess.values > config.standing_share * needed)
-    strong &= has_foreign_detail
+    strong = (excess.values > needed) & has_foreign_detail
     regions = along_edges(outlier_regions(weak, strong), pooled(photo, grid))
     return regions if counted is None else regions & counted, stats
 
@@ -131,8 +128,8 @@ def shared_detail(
     """Correlation of the grey of both in the surroundings of each cell of `grid_of`, in [-1, 1].
 
     Flare, exposure and shade change the colours of a place and leave its detail; so does a static
-    scene that is not sharp yet. Something in front of it has detail of its own, or none. The
-    correlation is the same for any gain and offset of the colours.
+    scene that is not sharp yet, so both are smoothed first. Something in front of it has detail of
+    its own, or none. The correlation is the same for any gain and offset of the colours.
 
     Args:
         static: the static scene, colours in [0, 1].
@@ -142,7 +139,7 @@ def shared_detail(
     """
     height, width = photo.shape[:2]
     both = torch.stack([static.mean(dim=-1), photo.mean(dim=-1)], dim=-1)
-    s, p = window_means(pooled(both, grid_of(width, height, DETAIL_CELLS)), DETAIL_SMOOTHING)
+    s, p = window_means(pooled(both, grid_of(width, height, DETAIL_CELLS)), SMOOTHING)
     s, p, ss, pp, sp = window_means(torch.stack([s, p, s * s, p * p, s * p]), DETAIL_WINDOW)
     of_static = (ss - s * s).clamp(min=0) + DETAIL_NOISE
     of_photo = (pp - p * p).clamp(min=0) + DETAIL_NOISE

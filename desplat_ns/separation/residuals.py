@@ -22,9 +22,9 @@ from torch import Tensor
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.separation.grid import pooled
 
-RESIDUAL_WINDOW = 3
-"""Cells (an odd number) over which residuals are averaged, so that texture does not count. What is
-as small as a cell or two is lost in a wider one."""
+SMOOTHING = 3
+"""Cells (an odd number) over which residuals are averaged, so that texture does not count, and what
+is only not sharp yet. What is as small as a cell or two is lost in a wider window."""
 
 EXPECTED_WINDOW = 5
 """Cells (an odd number) over which Gaussians say what is expected."""
@@ -60,7 +60,7 @@ def local_residual(
     """
     difference = (static - photo).permute(2, 0, 1)
     cells = pooled(_box3(difference).abs().amax(0)[..., None], grid)
-    return _averaged(cells, RESIDUAL_WINDOW)[0].clamp(min=MIN_RESIDUAL)
+    return _averaged(cells, SMOOTHING)[0].clamp(min=MIN_RESIDUAL)
 
 
 @dataclass(frozen=True)
