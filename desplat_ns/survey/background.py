@@ -42,8 +42,6 @@ FEWEST_POINTS = 100
 
 FEWEST_CELLS = 4
 
-EFFECT = "background"
-
 
 @dataclass(frozen=True)
 class SkyColors:
@@ -75,7 +73,7 @@ def sky_colors(seen: Observations, light: PhotoLight, skies: dict[int, Sky]) -> 
         if len(at[0]) < FEWEST_CELLS:
             continue
         height, width = sky.cells.shape
-        rho2 = from_middle(width, height, np.stack([at[1] + 0.5, at[0] + 0.5], axis=-1))
+        rho2 = from_middle((width, height), np.stack([at[1] + 0.5, at[0] + 0.5], axis=-1))
         colors.append(light.neutral(row, sky.values[at], rho2))
         toward = sky.directions[at]
         azimuth = np.degrees(np.arctan2(toward @ north, toward @ east))
@@ -141,7 +139,7 @@ def background_finding(
     unknown = ("whether a bare wall or ceiling above everything else is a sky",)
     if len(seen.all_xyz) < FEWEST_POINTS or not shares:
         reason = f"Fewer than {FEWEST_POINTS} points say where the scene is."
-        return Finding(EFFECT, "off", "none", reason, (share,), unknown)
+        return Finding("background", "off", "none", reason, (share,), unknown)
     found = sky_colors(seen, light, skies)
     logs = np.log(np.maximum(found.colors, LOWEST))
     chroma = logs - logs.mean(axis=1, keepdims=True)
@@ -162,21 +160,21 @@ def background_finding(
     figures = (share, by_photo, by_direction)
     if not share.is_above:
         reason = "The scene fills the photos."
-        return Finding(EFFECT, "off", confidence_of([share]), reason, figures, unknown)
+        return Finding("background", "off", confidence_of([share]), reason, figures, unknown)
     if by_photo.is_above:
         sure = confidence_of([share, by_photo])
         reason = "There is a sky, and photos show different ones."
-        return Finding(EFFECT, "image", sure, reason, figures, unknown)
+        return Finding("background", "image", sure, reason, figures, unknown)
     if not by_photo.is_known:
         unknown += ("whether photos have different skies: too few look in the same direction",)
         reason = "There is a sky; photos do not look in the same directions."
-        return Finding(EFFECT, "sh", "close", reason, figures, unknown)
+        return Finding("background", "sh", "close", reason, figures, unknown)
     sure = confidence_of(figures)
     if by_direction.is_above:
         reason = "There is a sky, the same in all photos, and not of one colour."
-        return Finding(EFFECT, "sh", sure, reason, figures, unknown)
+        return Finding("background", "sh", sure, reason, figures, unknown)
     reason = "There is a sky of one colour."
-    return Finding(EFFECT, "constant", sure, reason, figures, unknown)
+    return Finding("background", "constant", sure, reason, figures, unknown)
 
 
 def _medians(values: np.ndarray, number: np.ndarray) -> np.ndarray:

@@ -15,9 +15,9 @@ import torch
 from desplat_ns.data.images import read_image, write_image
 from desplat_ns.errors import CaptureError
 from desplat_ns.survey import observations
-from desplat_ns.survey.capture import Capture
 from desplat_ns.survey.findings import Finding, Survey
 from desplat_ns.survey.light import appearance_finding, local_steps
+from desplat_ns.survey.observations import Capture
 from desplat_ns.survey.photo_light import from_middle
 from desplat_ns.survey.picture import evidence_picture
 from desplat_ns.survey.survey import survey as survey_with_evidence
@@ -89,7 +89,8 @@ def test_what_was_pasted_over_photos_after_their_reconstruction_is_no_light(
 ):
     pasted = replace(make_capture(), photos=make_capture(cluttered=True).photos)
     found, evidence = survey_with_evidence(pasted)
-    as_light = appearance_finding(evidence.seen, evidence.light)
+    nothing = np.zeros_like(evidence.seen.is_shown)
+    as_light = appearance_finding(evidence.seen, evidence.light, nothing)
     assert share_of_places(as_light) > 1.5 * share_of_places(found.appearance)
     assert found.appearance.decision == "off"
 
@@ -105,7 +106,8 @@ def test_what_is_in_the_way_is_no_light(make_capture: Callable[..., Capture]):
     seen, light = evidence.seen, evidence.light
     in_the_way = np.zeros_like(seen.is_shown)
     in_the_way[2] = True
-    every, some_steps = local_steps(seen, light), local_steps(seen, light, in_the_way)
+    every = local_steps(seen, light, np.zeros_like(in_the_way))
+    some_steps = local_steps(seen, light, in_the_way)
     of_the_photo = light.photo == 2
     assert np.isfinite(every[of_the_photo]).any()
     assert np.isnan(some_steps[of_the_photo]).all()
@@ -229,7 +231,7 @@ def test_a_lens_that_darkens_corners_is_no_light_that_changes_place_by_place(
         photo = read_image(path)
         height, width = photo.shape[:2]
         places = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1) + 0.5
-        darkened = photo * 0.5 ** from_middle(width, height, places)[..., None]
+        darkened = photo * 0.5 ** from_middle((width, height), places)[..., None]
         write_image(path, darkened.round().astype(np.uint8))
     found = survey(capture).appearance
     assert found.decision != "affine"
