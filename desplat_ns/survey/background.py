@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from desplat_ns.survey.findings import Figure, Finding, confidence_of
+from desplat_ns.survey.findings import Figure, Finding, confidence_of, mean_of
 from desplat_ns.survey.observations import Observations
 from desplat_ns.survey.photo_light import FEWEST, LOWEST, PhotoLight, from_middle
 from desplat_ns.survey.sky import Sky, find_sky, vertical
@@ -49,6 +49,7 @@ class SkyColors:
 
     colors: Float[np.ndarray, "K 3"]
     photo: Int[np.ndarray, " K"]
+    """Number among the photos with sky."""
     direction: Int[np.ndarray, " K"]
     """Number of the bin of directions."""
 
@@ -80,8 +81,11 @@ def sky_colors(seen: Observations, light: PhotoLight, skies: dict[int, Sky]) -> 
         elevation = np.degrees(np.arcsin(np.clip(toward @ up, -1, 1)))
         bins += (1000 * np.round(azimuth / TURN) + np.round(elevation / RISE)).tolist()
         photo += [row] * len(toward)
-    number = np.unique(np.array(bins, dtype=int), return_inverse=True)[1]
-    return SkyColors(np.concatenate(colors), np.array(photo, dtype=int), number.reshape(-1))
+    photo, direction = (
+        np.unique(np.array(number, dtype=int), return_inverse=True)[1].reshape(-1)
+        for number in (photo, bins)
+    )
+    return SkyColors(np.concatenate(colors), photo, direction)
 
 
 def range_by_direction(found: SkyColors) -> float:
@@ -91,10 +95,7 @@ def range_by_direction(found: SkyColors) -> float:
     """
     if len(found.colors) == 0:
         return float("nan")
-    values = found.colors.copy()
-    for row in np.unique(found.photo):
-        mine = found.photo == row
-        values[mine] -= np.median(values[mine], axis=0)
+    values = found.colors - _medians(found.colors, found.photo)[found.photo]
     middles = _medians(values, found.direction)[found.direction]
     low, high = np.quantile(middles, [0.1, 0.9], axis=0)
     return float((high - low).max())
@@ -113,7 +114,7 @@ def spread_by_photo(found: SkyColors, values: Float[np.ndarray, "K 3"]) -> float
     differences = values - _medians(values, found.direction)[found.direction]
     own = [
         np.median(differences[mine], axis=0)
-        for row in np.unique(found.photo)
+        for row in range(found.photo.max() + 1)
         if (mine := (found.photo == row) & shared).sum() >= FEWEST_CELLS
     ]
     if not own:
@@ -132,7 +133,7 @@ def background_finding(
     shares = [sky.share for sky in skies.values()]
     share = Figure(
         "empty",
-        float(np.mean(shares)) if shares else float("nan"),
+        mean_of(np.array(shares)),
         "share of the photos' area, smooth and high up, with no point behind or above it",
         VISIBLE_SHARE,
     )

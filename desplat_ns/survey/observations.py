@@ -164,10 +164,10 @@ def _tracked(capture: Capture, indices: np.ndarray, views: Sequence[View]) -> np
     if capture.tracks is not None:
         for row, seen in zip(tracked, capture.tracks.read(indices.tolist()), strict=True):
             row[seen.points] = True
-        return tracked
-    for row, view in zip(tracked, views, strict=True):
-        row |= view.shows(*view.project(capture.xyz))
-    return tracked
+    else:
+        for row, view in zip(tracked, views, strict=True):
+            row |= view.shows(*view.project(capture.xyz))
+    return tracked & np.isfinite(capture.xyz).all(axis=1)
 
 
 def _chosen_points(tracked: np.ndarray) -> np.ndarray:

@@ -46,8 +46,6 @@ class PhotoLight:
     gains: Float[np.ndarray, "V 3"]
     gammas: Float[np.ndarray, " V"]
     vignetting: Float[np.ndarray, " V"]
-    true_colors: Float[np.ndarray, "P 3"]
-    """Logarithms; 0 at points that fewer than two photos show."""
     photo: Int[np.ndarray, " M"]
     """Which photo an observation is of, ascending."""
     point: Int[np.ndarray, " M"]
@@ -106,7 +104,6 @@ def fit_light(seen: Observations) -> PhotoLight:
         gains=gains,
         gammas=gammas,
         vignetting=vignetting,
-        true_colors=true,
         photo=photo,
         point=point,
         change=logs - residual - true[point],

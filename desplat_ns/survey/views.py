@@ -40,9 +40,9 @@ class View:
         self, points: Float[np.ndarray, "*N 3"]
     ) -> tuple[Float[np.ndarray, "*N 2"], Float[np.ndarray, "*N"]]:
         """Pixels (the first one's centre is at 0.5) and depths; NaN pixels behind the camera."""
-        local = (points - self.position) @ self.rotation.T
-        depth = local[..., 2]
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            local = (points - self.position) @ self.rotation.T
+            depth = local[..., 2]
             flat = local[..., :2] / np.where(depth > 0, depth, np.nan)[..., None]
             flat = self._distorted(flat) if self.distortion.any() or self.is_fisheye else flat
         return flat * self.focal + self.center, depth
