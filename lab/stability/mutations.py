@@ -196,7 +196,7 @@ MUTATIONS = (
     Mutation("photos cost what smaller ones do", _PLAN,
              "measured.whole_photo / shrink**2 * placed", "measured.whole_photo * placed", PLAN),
     # From photos to a capture
-    Mutation("features only where a mask is black", "process/masks.py",
+    Mutation("features only where a mask is black", "process/preparation.py",
              "_of_size(read_mask(path), photo, path)", "~_of_size(read_mask(path), photo, path)",
              "tests/process/test_masks.py"),
     Mutation("thorough models are neither filtered nor adjusted", "process/mapping.py",
