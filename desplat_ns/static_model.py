@@ -204,7 +204,7 @@ class StaticModel(LitModel):
         if keep is not None:
             params = {name: value[keep] for name, value in params.items()}
         settings, splats = self.render_settings(depth), self._splats(params, None)
-        lit = None if embedding is None else self._lit(splats, params, view, settings)
+        lit = None if embedding is None else self._lit(splats, params, view)
         if embedding is not None and lit is not None:
             splats = lit(embedding)
         rendering = self.rasterizer(splats, view, settings)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from desplat_ns.backend.protocol import RenderSettings
+from desplat_ns.backend.constants import NEAR_PLANE
 from desplat_ns.errors import ConfigError
 from desplat_ns.settings.options import check_ranges, ranged
 
@@ -93,7 +93,7 @@ class DistractorConfig:
     """Distractors with less opacity are pruned. Splatfacto's threshold."""
     initial_opacity: float = ranged(0.1, "(0, 1)")
     """Opacity of a distractor at its start. Splatfacto's value."""
-    depth: float = ranged(0.02, f"({RenderSettings.near_plane}, inf)")
+    depth: float = ranged(0.02, f"({NEAR_PLANE}, inf)")
     """Distance from the camera at the start, world units, whatever the scene's scale: distractors
     are composited over the static scene, so their depth only sets how many pixels a step of the
     optimizer moves them. Must lie beyond the near plane."""

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from desplat_ns.backend.protocol import RenderSettings, Splats, View
+from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance
 from desplat_ns.photo_tourism.background import (
@@ -144,7 +144,6 @@ class ImageEffects(nn.Module):
         splats: Splats,
         features: Float[Tensor, "N Z"],
         view: View,
-        settings: RenderSettings,
         frozen: bool = False,
     ) -> Lit:
         """Static Gaussians as a view shows them, given an embedding [E]; quicker than
@@ -156,7 +155,7 @@ class ImageEffects(nn.Module):
         """
         assert self.appearance is not None
         appearance = deepcopy(self.appearance).requires_grad_(False) if frozen else self.appearance
-        lit = lit_splats(appearance, splats, features, view, settings)
+        lit = lit_splats(appearance, splats, features, view)
         return lambda embedding: lit(self._read_by_networks(embedding))
 
     def background_of(

@@ -12,7 +12,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from desplat_ns.backend.protocol import RenderSettings, View
+from desplat_ns.backend.constants import NEAR_PLANE
+from desplat_ns.backend.protocol import View
 from desplat_ns.console import list_names
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.rendering.layers import MASK_THRESHOLD
@@ -78,7 +79,7 @@ def seen_and_hidden(
     rows, columns = coverage.covered.shape
     u, v, depth = image_points(means, coverage.view)
     column, row = u * columns, v * rows
-    seen = depth > RenderSettings.near_plane
+    seen = depth > NEAR_PLANE
     seen = seen & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     cell = torch.where(seen, row.floor() * columns + column.floor(), 0.0).long()
     return seen, seen & coverage.covered.flatten()[cell]

@@ -1,8 +1,8 @@
 """The renderer once more, in 60 decimal digits: a truth that extreme scenes cannot spoil.
 
-Written with mpmath from the same papers as `reference.py`, one pixel and one Gaussian at a time.
-Nothing is culled. Derivatives are central differences with a step of 1e-18, whose error of about
-1e-36 is far below what float64 resolves. Slow: for a few Gaussians on a few pixels.
+Written with mpmath from the same papers as `tests/backend/reference.py`, one pixel and one Gaussian
+at a time. Nothing is culled. Derivatives are central differences with a step of 1e-18, whose error
+of about 1e-36 is far below what float64 resolves. Slow: for a few Gaussians on a few pixels.
 
 Letters in shapes: N Gaussians, P pixels, F features (red, green, blue, 1, depth).
 """
@@ -16,7 +16,10 @@ import numpy as np
 from mpmath import mp, mpf
 
 from desplat_ns.backend import RenderSettings
+from desplat_ns.backend.constants import EPS2D
 from tests.backend.scenes import PARAMETERS, TestScene
+from tests.stability.cases import Case
+from tests.stability.measure import ByFloat64, Truth
 
 mp.dps = 60
 
@@ -112,7 +115,7 @@ class Scene:
         mean = (self.K[0][0] * x / z + self.K[0][2], self.K[1][1] * y / z + self.K[1][2])
         xx, xy, yy = self.covariance(gaussian)
         sharp = xx * yy - xy * xy
-        xx, yy = xx + mpf(self.settings.eps2d), yy + mpf(self.settings.eps2d)
+        xx, yy = xx + mpf(EPS2D), yy + mpf(EPS2D)
         det = xx * yy - xy * xy
         opacity = gaussian[3][0]
         if self.settings.antialiased:
@@ -196,3 +199,8 @@ def render(scene: TestScene, settings: RenderSettings) -> Precise:
         slopes[name] = found
     values = [[float(v) for v in image] for image in exact.composite(alphas, features)]
     return Precise(np.array(values).reshape(-1, 5), slopes)
+
+
+def truth(case: Case) -> Truth:
+    """Values and gradients of a case of the catalogue without the error of float64."""
+    return render(case.drawn, case.settings) if case.by_mpmath else ByFloat64(case)
