@@ -14,7 +14,7 @@ from torch import Tensor
 
 from desplat_ns.console import progress_over
 from desplat_ns.data.gt_masks import read_gt_mask, shadow_mask_of
-from desplat_ns.evaluation.metrics import mask_iou, mean_alpha_outside
+from desplat_ns.rendering.metrics import mask_iou, mean_alpha_outside
 
 
 @dataclass

@@ -15,11 +15,11 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from desplat_ns.console import progress_over
-from desplat_ns.evaluation.evaluated_model import EvaluatedModel
-from desplat_ns.evaluation.metrics import psnr
 from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
 from desplat_ns.files.pages import shrunk
+from desplat_ns.model import DeSplatModel
 from desplat_ns.pipeline import DeSplatPipeline
+from desplat_ns.rendering.metrics import psnr
 from desplat_ns.rendering.views import view_of
 from desplat_ns.report.encoding import LARGEST_SIDE
 from desplat_ns.runs.loading import even_subset
@@ -72,7 +72,7 @@ def training_photos(
     Raises:
         CaptureError: a photo that cannot be read any more.
     """
-    model, manager = cast(EvaluatedModel, pipeline.model), pipeline.datamanager
+    model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
     batches = _Batches(pipeline)
     with (
         model.layer_control.suspended(),

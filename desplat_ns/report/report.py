@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
-from desplat_ns.evaluation.evaluated_model import EvaluatedModel
 from desplat_ns.evaluation.records import gaussian_counts
 from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.model import DeSplatModel
@@ -39,7 +38,7 @@ def gather(
         DeSplatError: a figure of a held-out photo is not a finite number.
     """
     pipeline, files = run.pipeline, run.files
-    model = cast(EvaluatedModel, pipeline.model)
+    model = cast(DeSplatModel, pipeline.model)
     history = read_history(files.events)
     num_photos = len(pipeline.datamanager.train_image_names)
     chosen = even_subset(num_photos, most_training)
