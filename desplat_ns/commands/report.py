@@ -50,7 +50,7 @@ class Report:
         from desplat_ns.studies.grid.machine import describe_machine
 
         size = write_report(
-            files, output, self.training_photos, self.held_out_photos, describe_machine
+            files, output, self.training_photos, self.held_out_photos, describe_machine()
         )
         announce(f"Saved the page to: {output} ({size / 1e6:.1f} MB)")
 

@@ -75,7 +75,7 @@ def write_report(folder: Path, results: Results) -> Path:
         within=best_by_time(found),
         reached=time_by_decibels(found),
         on_the_front=front_in_words(found),
-        plots={name: inline_svg(folder / f"{name}.svg") for name in plots},
+        plots={name: inline_svg((folder / f"{name}.svg").read_text("utf8")) for name in plots},
         pictures=pictures_of(folder, found),
         code=short(results.code),
     )
