@@ -47,7 +47,7 @@ class Report:
         check_new_file(output, overwrite=True)
 
         from desplat_ns.report.report import write_report  # seconds: not before the checks
-        from desplat_ns.studies.grid.machine import describe_machine
+        from desplat_ns.studies.machine import describe_machine
 
         size = write_report(
             files, output, self.training_photos, self.held_out_photos, describe_machine()

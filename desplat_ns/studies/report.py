@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
 
-from desplat_ns.files.pages import data_address, inline_svg, template, time_in_words
+from desplat_ns.files.pages import data_address, inline_svg, template
 from desplat_ns.settings.effects import Effects
-from desplat_ns.studies.grid.code_version import short
-from desplat_ns.studies.grid.train_and_score import PICTURES
-from desplat_ns.studies.tradeoff.plan import BASE, SEEDS, compared
-from desplat_ns.studies.tradeoff.plots import draw_all
-from desplat_ns.studies.tradeoff.results import RUNS, Results
-from desplat_ns.studies.tradeoff.summary import (
+from desplat_ns.studies.machine import short
+from desplat_ns.studies.plan import BASE, SEEDS, compared
+from desplat_ns.studies.plots import MORE, draw_all
+from desplat_ns.studies.results import RUNS, Results
+from desplat_ns.studies.summary import (
     NEEDED,
     SIGNIFICANT,
     Measured,
@@ -31,49 +31,35 @@ from desplat_ns.studies.tradeoff.summary import (
     times_to_tell,
     verdicts,
 )
+from desplat_ns.studies.train_and_score import PICTURES
 
 FILE = "report.html"
 TEMPLATE = Path(__file__).with_name("report.html.jinja")
 
-MORE = {"ssim": "SSIM", "lpips": "LPIPS", "mask_iou": "mask IoU"}
-"""Figures of a run beside its PSNR, as the table calls them."""
-
 PICTURE_SIDE, PICTURE_QUALITY = 900, 85
 """Pixels of the longer side, and JPEG's, of pictures in the report."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """A variant at a number of steps, in words."""
-
-    what: str
-    steps: str
-    psnr: str
-    more: tuple[str, ...]
-    """Of `MORE`, those that were measured of any run."""
-    wall: str
-    cpu: str
-    static: str
-    distractors: str
-    seeds: int
-    verdict: str
-    is_on_front: bool
-    is_base: bool
 
 
 def write_report(folder: Path, results: Results) -> Path:
     """Draw the plots and write the report; where it is."""
     found = measured_of(results)
     plots = draw_all(folder, found)
-    text = template(TEMPLATE).render(
+    defaults = [one for one in found if one.variant == BASE]
+    within = [(seconds, best_within(seconds, defaults)) for seconds in times_to_tell(defaults)]
+    reached = [(db, soonest_at(db, defaults)) for db in decibels_to_tell(defaults)]
+    claims = [said for said in verdicts(finals(found)) if said and "no claim" not in said]
+    text = template(TEMPLATE, spread=spread).render(
         capture=results.capture,
         effects=effects_in_words(results.capture.effects),
         results=results,
-        claims=claims_in_words(found),
+        seeds=NEEDED,
+        significant=SIGNIFICANT,
+        comparisons=len(claims),
+        least_ratio=least_ratio(len(claims)),
         rows=training_rows(found, results),
         more=[MORE[name] for name in names_of(found)],
-        within=best_by_time(found),
-        reached=time_by_decibels(found),
+        within=[(seconds, one) for seconds, one in within if one is not None],
+        reached=[(db, one) for db, one in reached if one is not None],
         on_the_front=front_in_words(found),
         plots={name: inline_svg((folder / f"{name}.svg").read_text("utf8")) for name in plots},
         pictures=pictures_of(folder, found),
@@ -90,28 +76,25 @@ def measured_of(results: Results) -> list[Measured]:
     return measured(results.plan.runs(results.capture), results.training)
 
 
-# --- training ------------------------------------------------------------------------------------
-
-
-def training_rows(found: Sequence[Measured], results: Results) -> list[Row]:
-    """Whole runs: the base's lengths first, then the other variants at the comparison's."""
+def training_rows(found: Sequence[Measured], results: Results) -> list[dict[str, Any]]:
+    """Whole runs in words: the base's lengths first, then other variants at the comparison's."""
     ends = sorted(finals(found), key=lambda one: (one.variant != BASE, one.steps))
     variants, front, said = compared(results.capture.effects), on_front(ends), verdicts(ends)
     return [
-        Row(
-            variants[one.variant].what,
-            f"{one.steps:,}",
-            spread(one.psnr, ".2f"),
-            tuple(_figure(one, name, ".3f") for name in names_of(ends)),
-            spread(one.wall, ".0f"),
-            _figure(one, "train_cpu_seconds", ".0f"),
-            _figure(one, "num_static_gaussians", ",.0f", alone=True),
-            _figure(one, "num_distractor_gaussians", ",.0f", alone=True),
-            len(one.seeds),
-            said[index],
-            index in front,
-            one.variant == BASE,
-        )
+        {
+            "what": variants[one.variant].what,
+            "steps": one.steps,
+            "psnr": spread(one.psnr, ".2f"),
+            "more": [_figure(one, name, ".3f") for name in names_of(ends)],
+            "wall": spread(one.wall, ".0f"),
+            "cpu": _figure(one, "train_cpu_seconds", ".0f"),
+            "static": _figure(one, "num_static_gaussians", ",.0f", alone=True),
+            "distractors": _figure(one, "num_distractor_gaussians", ",.0f", alone=True),
+            "seeds": len(one.seeds),
+            "verdict": said[index],
+            "is_on_front": index in front,
+            "is_base": one.variant == BASE,
+        }
         for index, one in enumerate(ends)
     ]
 
@@ -136,53 +119,6 @@ def _figure(one: Measured, name: str, form: str, alone: bool = False) -> str:
     return format(values.median, form) if alone else spread(values, form)
 
 
-def best_by_time(found: Sequence[Measured]) -> list[dict[str, str]]:
-    """The best of the defaults within some training times."""
-    ours = [one for one in found if one.variant == BASE]
-    rows = [(seconds, best_within(seconds, ours)) for seconds in times_to_tell(ours)]
-    return [
-        {"time": time_in_words(seconds), "psnr": spread(one.psnr, ".2f"), "run": _run_words(one)}
-        for seconds, one in rows
-        if one is not None
-    ]
-
-
-def time_by_decibels(found: Sequence[Measured]) -> list[dict[str, str]]:
-    """How soon the defaults reached whole dB."""
-    ours = [one for one in found if one.variant == BASE]
-    rows = [(decibels, soonest_at(decibels, ours)) for decibels in decibels_to_tell(ours)]
-    return [
-        {"psnr": f"{decibels} dB", "time": spread(one.wall, ".0f") + " s", "run": _run_words(one)}
-        for decibels, one in rows
-        if one is not None
-    ]
-
-
-def _run_words(one: Measured) -> str:
-    if one.is_final:
-        return f"a run of {one.steps:,} steps"
-    return f"after {one.done:,} of {one.steps:,} steps"
-
-
-def claims_in_words(found: Sequence[Measured]) -> str:
-    """What a claim of this page means, and what so few seeds cannot show."""
-    said = verdicts(finals(found))
-    number = sum(bool(words) and "no claim" not in words for words in said)
-    ratio = f"{least_ratio(number):.0f} times" if number else "two and more times"
-    return (
-        "A difference is the mean, over seeds, of what a variant has less what the defaults have "
-        f"with the same seed. It is claimed where all {NEEDED} seeds of both were measured and "
-        f"p is at most {SIGNIFICANT:g}, by a paired t-test with Holm's correction for the number "
-        f"of comparisons ({number} here): if no variant mattered, one such page in "
-        f"{round(1 / SIGNIFICANT)} would claim any difference. To be claimed, the clearest one has "
-        f"to be {ratio} as large as its scatter from seed to seed (standard deviation). The test "
-        f"takes that scatter to be normally distributed, which {NEEDED} seeds cannot show; "
-        "without it they tell nothing, for all three differences have the same sign by chance "
-        'once in four times. "Not told apart" does not say that there is no difference; and seeds '
-        "are of this capture alone: what holds here may not hold on another."
-    )
-
-
 def front_in_words(found: Sequence[Measured]) -> str:
     """Whether the defaults are worth their time, and what beats them if they are not."""
     ends = finals(found)
@@ -199,9 +135,6 @@ def front_in_words(found: Sequence[Measured]) -> str:
         f"{', '.join(sorted(better)) or 'other lengths of the defaults alone'}. The table says "
         "what may be claimed of each."
     )
-
-
-# --- words and pictures --------------------------------------------------------------------------
 
 
 def effects_in_words(effects: Effects) -> str:

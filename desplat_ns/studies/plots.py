@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.files.pages import chart, plain_logarithmic, svg_of
-from desplat_ns.studies.tradeoff.plan import BASE
-from desplat_ns.studies.tradeoff.summary import Measured, finals
+from desplat_ns.studies.plan import BASE
+from desplat_ns.studies.summary import Measured, finals
 
 SIZE = (6.6, 4.4)
 """Inches: one panel, so that it can be read on a telephone."""
 
 COLOURS = ("#0b6e99", "#c4452d", "#4f8a3b", "#8b5fbf", "#d08a1d", "#2a9d8f", "#a23b72", "#6b705c")
 MARKERS = "osD^vPXhd"
-MORE = {"ssim": "SSIM", "lpips": "LPIPS (less is better)", "mask_iou": "mask IoU"}
-"""Other figures of a run, as plots call them."""
+MORE = {"ssim": "SSIM", "lpips": "LPIPS", "mask_iou": "mask IoU"}
+"""Figures of a run beside its PSNR, in words."""
 
 
 @contextmanager
@@ -73,6 +73,7 @@ def draw_other_figures(folder: Path, found: Sequence[Measured]) -> list[str]:
     names = []
     ends = sorted(finals(o for o in found if o.variant == BASE), key=lambda o: o.steps)
     for name, label in MORE.items():
+        label += " (less is better)" * (name == "lpips")
         having = [one for one in ends if name in one.figures]
         if not having:
             continue
