@@ -16,7 +16,6 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.backend.ssim import ssim_of_planes
-from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
 from desplat_ns.gaussians.activation import RawParameters, resize_rows
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.memory import GaussianMemory
@@ -27,6 +26,7 @@ from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
 )
+from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.training.budget import Clock
 from desplat_ns.training.losses import mean_shown_opacity

@@ -9,8 +9,7 @@ from typing import Annotated
 import tyro
 
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
-from desplat_ns.export.formats import Frame, format_of
-from desplat_ns.export.photo_names import Naming
+from desplat_ns.export.formats import Frame, Naming, format_of
 from desplat_ns.files.whole import check_new_file, check_new_folder
 from desplat_ns.runs.files import find_run
 from desplat_ns.settings.options import check_finite_options
@@ -50,9 +49,9 @@ class Splats:
         files = find_run(self.load_config)
         check_new_file(self.output, self.overwrite)
 
-        from desplat_ns.export.export import SplatOptions, export_splats  # seconds
+        from desplat_ns.export.export import export_splats  # seconds
 
-        export_splats(files, self.output, SplatOptions(self.frame, self.crop, self.light))
+        export_splats(files, self.output, self.frame, self.crop, self.light)
 
 
 @dataclass

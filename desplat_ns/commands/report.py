@@ -47,10 +47,10 @@ class Report:
         check_new_file(output, overwrite=True)
 
         from desplat_ns.report.report import write_report  # seconds: not before the checks
-        from desplat_ns.studies.grid.machine import describe_machine
+        from desplat_ns.studies.machine import describe_machine
 
         size = write_report(
-            files, output, self.training_photos, self.held_out_photos, describe_machine
+            files, output, self.training_photos, self.held_out_photos, describe_machine()
         )
         announce(f"Saved the page to: {output} ({size / 1e6:.1f} MB)")
 

@@ -13,11 +13,11 @@ from desplat_ns.commands.parser_words import parse
 from desplat_ns.console import announce, progress_in_time
 from desplat_ns.errors import CaptureError, ConfigError, print_user_errors_plainly
 from desplat_ns.files.lock import only_process_in
-from desplat_ns.studies.grid.executors import ExecutorName, executor_of
+from desplat_ns.studies.executors import ExecutorName, executor_of
 from desplat_ns.training.budget import seconds_of
 
 if TYPE_CHECKING:  # seconds: not before the options are checked
-    from desplat_ns.studies.tradeoff.study import Request
+    from desplat_ns.studies.study import Request
 
 MOST_JOBS = 8
 """Trainings beside each other, unless more are asked for."""
@@ -60,9 +60,9 @@ class Arguments:
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
 
-        from desplat_ns.studies.grid.methods import method_config
-        from desplat_ns.studies.tradeoff.capture_info import METHOD
-        from desplat_ns.studies.tradeoff.study import Request
+        from desplat_ns.studies.capture_info import METHOD
+        from desplat_ns.studies.methods import method_config
+        from desplat_ns.studies.study import Request
 
         parser = parser or recognised_words(self.data)
         jobs = self.jobs or default_jobs(method_config(METHOD).machine.device_type)
@@ -98,8 +98,8 @@ def study(request: Request) -> Path:
             in the folder.
     """
     from desplat_ns.backend.registry import compile_kernels, default_device
-    from desplat_ns.studies.tradeoff.report import write_report
-    from desplat_ns.studies.tradeoff.study import Session, open_study
+    from desplat_ns.studies.report import write_report
+    from desplat_ns.studies.study import Session, open_study
 
     def spent() -> float:
         return session.clock.spent

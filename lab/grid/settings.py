@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.studies.grid.methods import parse
+from desplat_ns.studies.methods import parse
 
 Settings = dict[str, Any]
 """JSON values by names such as `pipeline.model.distractors.lambda_d`."""

@@ -29,7 +29,7 @@ from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects
 from desplat_ns.rendering.in_view import in_view
 from desplat_ns.settings.effects import Effects
-from desplat_ns.studies.grid.machine import describe_machine
+from desplat_ns.studies.machine import describe_machine
 from lab.performance.steps import product_adam
 from lab.performance.training_step import TrainingStep
 from lab.pixels.contenders import backends

@@ -13,13 +13,12 @@ from torch import Tensor
 
 from desplat_ns.backend import View
 from desplat_ns.backend.ssim import ssim
-from desplat_ns.evaluation import metrics
 from desplat_ns.gaussians.activation import activate_distractors, clamp_colors, sigmoid
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import distractors_at
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.photo_tourism import appearance, background
-from desplat_ns.rendering import compositing
+from desplat_ns.rendering import compositing, metrics
 from desplat_ns.separation import placement as separation
 from desplat_ns.separation import residuals as excess
 from desplat_ns.separation.regions import outlier_regions

@@ -12,12 +12,12 @@ import pytest
 from desplat_ns.calibration.timing import all_cores
 from desplat_ns.commands.tradeoff import Arguments, default_jobs, recognised_words, study
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.studies.grid.executors import LocalExecutor
-from desplat_ns.studies.tradeoff import plan
-from desplat_ns.studies.tradeoff import study as module
-from desplat_ns.studies.tradeoff.plan import BASE, TrainingPlan
-from desplat_ns.studies.tradeoff.results import RUNS
-from desplat_ns.studies.tradeoff.study import Request
+from desplat_ns.studies import plan
+from desplat_ns.studies import study as module
+from desplat_ns.studies.executors import LocalExecutor
+from desplat_ns.studies.plan import BASE, TrainingPlan
+from desplat_ns.studies.results import RUNS
+from desplat_ns.studies.study import Request
 from lab.synthetic import Scene
 from tests.helpers.other_process import running, tried
 

@@ -174,7 +174,7 @@ def test_every_reading_is_offered_once(capture: Callable[..., Path]):
 
 @pytest.mark.usefixtures("tyro_may_build")
 def test_the_words_that_are_given_are_understood(capture: Callable[..., Path]):
-    from desplat_ns.studies.grid.methods import parse
+    from desplat_ns.studies.methods import parse
 
     (capture() / "images_2").mkdir()
     data = capture()

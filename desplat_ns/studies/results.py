@@ -15,11 +15,10 @@ from typing import Any
 from desplat_ns.errors import ConfigError
 from desplat_ns.files.lock import IN_USE
 from desplat_ns.files.whole import write_whole
-from desplat_ns.studies.grid.code_version import code_version, short
-from desplat_ns.studies.grid.machine import describe_machine
-from desplat_ns.studies.grid.runs import Record
-from desplat_ns.studies.tradeoff.capture_info import CaptureInfo
-from desplat_ns.studies.tradeoff.plan import TrainingPlan
+from desplat_ns.studies.capture_info import CaptureInfo
+from desplat_ns.studies.machine import code_version, describe_machine, short
+from desplat_ns.studies.plan import TrainingPlan
+from desplat_ns.studies.runs import Record
 
 FILE, RUNS = "results.json", "runs"
 FORMAT = 3

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from desplat_ns.studies.grid.commands import QUIET
-from desplat_ns.studies.grid.curve import TrainingClock, scored_steps
-from desplat_ns.studies.grid.train_and_score import train_and_score
+from desplat_ns.studies.curve import TrainingClock, scored_steps
+from desplat_ns.studies.runs import QUIET
+from desplat_ns.studies.train_and_score import train_and_score
 from lab.synthetic import Scene
 
 STEPS = 12

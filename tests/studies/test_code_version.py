@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import desplat_ns
-from desplat_ns.studies.grid.code_version import DIRTY, code_version, short
+from desplat_ns.studies.machine import DIRTY, code_version, short
 
 VERSION = f"desplat-ns {desplat_ns.__version__}"
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.studies.tradeoff import pace, study
-from desplat_ns.studies.tradeoff.pace import Pace
-from desplat_ns.studies.tradeoff.report import write_report
-from desplat_ns.studies.tradeoff.results import FILE, Results
-from desplat_ns.studies.tradeoff.study import Request, Session, open_study
+from desplat_ns.studies import pace, study
+from desplat_ns.studies.pace import Pace
+from desplat_ns.studies.report import write_report
+from desplat_ns.studies.results import FILE, Results
+from desplat_ns.studies.study import Request, Session, open_study
 from tests.helpers.tradeoff import CAPTURE, MadeUpExecutor, failing, made_up
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")

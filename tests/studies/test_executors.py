@@ -11,15 +11,15 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.grid import executors
-from desplat_ns.studies.grid.executors import (
+from desplat_ns.studies import executors
+from desplat_ns.studies.executors import (
     Executor,
     LocalExecutor,
     RayExecutor,
     executor_of,
     import_ray,
 )
-from desplat_ns.studies.grid.runs import Record, Run, Variant
+from desplat_ns.studies.runs import Record, Run, Variant
 from lab.synthetic import Scene
 
 GIVEN = ("--pipeline.model.effects.auto", "False")

@@ -7,38 +7,28 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.studies.tradeoff.plan import BASE
-from desplat_ns.studies.tradeoff.summary import Measured, finals
+from desplat_ns.files.pages import chart, plain_logarithmic, svg_of
+from desplat_ns.studies.plan import BASE
+from desplat_ns.studies.summary import Measured, finals
 
 SIZE = (6.6, 4.4)
 """Inches: one panel, so that it can be read on a telephone."""
 
 COLOURS = ("#0b6e99", "#c4452d", "#4f8a3b", "#8b5fbf", "#d08a1d", "#2a9d8f", "#a23b72", "#6b705c")
 MARKERS = "osD^vPXhd"
-MORE = {"ssim": "SSIM", "lpips": "LPIPS (less is better)", "mask_iou": "mask IoU"}
-"""Other figures of a run, as plots call them."""
-
-TRAINING_SECONDS = "training time, s of wall time"
+MORE = {"ssim": "SSIM", "lpips": "LPIPS", "mask_iou": "mask IoU"}
+"""Figures of a run beside its PSNR, in words."""
 
 
 @contextmanager
-def _figure(folder: Path, name: str) -> Iterator[Any]:
-    """Axes whose picture is written as NAME.svg and NAME.png."""
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    style: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": name}
-    with matplotlib.rc_context({**style, "font.size": 10, "font.family": "sans-serif"}):
-        figure = Figure(figsize=SIZE, layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.subplots()
-        axes.grid(True, which="major", alpha=0.25)
-        for side in ("top", "right"):
-            axes.spines[side].set_visible(False)
+def _figure(folder: Path, name: str, label: str) -> Iterator[Any]:
+    """Axes over the training time whose picture is written as NAME.svg and NAME.png."""
+    with chart(name, SIZE) as axes:
+        axes.set(xlabel="training time, s of wall time", ylabel=label)
+        plain_logarithmic(axes.xaxis)
         yield axes
-        figure.savefig(folder / f"{name}.svg", metadata={"Date": None, "Creator": None})
-        figure.savefig(folder / f"{name}.png", dpi=130, metadata={"Software": None})
+        (folder / f"{name}.svg").write_text(svg_of(axes), "utf8")
+        axes.figure.savefig(folder / f"{name}.png", dpi=130, metadata={"Software": None})
 
 
 def draw_all(folder: Path, found: Sequence[Measured]) -> list[str]:
@@ -48,7 +38,7 @@ def draw_all(folder: Path, found: Sequence[Measured]) -> list[str]:
 
 def draw_training(folder: Path, found: Sequence[Measured]) -> str:
     """PSNR against training time: every variant with its spread, the base's lengths as a line."""
-    with _figure(folder, "training") as axes:
+    with _figure(folder, "training", "PSNR of right halves, dB") as axes:
         for steps in dict.fromkeys(one.steps for one in found if one.variant == BASE):
             way = [one for one in found if (one.variant, one.steps) == (BASE, steps)]
             axes.plot(*_xy(way), "-", color=COLOURS[0], alpha=0.25, linewidth=1)
@@ -56,8 +46,6 @@ def draw_training(folder: Path, found: Sequence[Measured]) -> str:
             ends = sorted(finals(o for o in found if o.variant == variant), key=lambda o: o.steps)
             label = "desplat, by length" if variant == BASE else variant
             _bars(axes, ends, index, label, "-" if variant == BASE else "")
-        axes.set(xscale="log", xlabel=TRAINING_SECONDS, ylabel="PSNR of right halves, dB")
-        _plain_numbers(axes.xaxis)
         axes.legend(frameon=False, fontsize=8, ncols=2)
     return "training"
 
@@ -85,24 +73,15 @@ def draw_other_figures(folder: Path, found: Sequence[Measured]) -> list[str]:
     names = []
     ends = sorted(finals(o for o in found if o.variant == BASE), key=lambda o: o.steps)
     for name, label in MORE.items():
+        label += " (less is better)" * (name == "lpips")
         having = [one for one in ends if name in one.figures]
         if not having:
             continue
-        with _figure(folder, name) as axes:
+        with _figure(folder, name, label) as axes:
             x = [one.wall.median for one in having]
             spreads = [one.figures[name] for one in having]
             axes.plot(x, [s.median for s in spreads], "o-", color=COLOURS[0])
             low, high = [s.least for s in spreads], [s.most for s in spreads]
             axes.fill_between(x, low, high, color=COLOURS[0], alpha=0.15)
-            axes.set(xscale="log", xlabel=TRAINING_SECONDS, ylabel=label)
-            _plain_numbers(axes.xaxis)
         names.append(name)
     return names
-
-
-def _plain_numbers(axis: Any) -> None:
-    """10, 100 instead of powers."""
-    from matplotlib.ticker import NullFormatter, StrMethodFormatter
-
-    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.set_minor_formatter(NullFormatter())

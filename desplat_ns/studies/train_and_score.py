@@ -1,6 +1,6 @@
 """Train a run and score it in one process: what `ns-train` and then `ns-eval` do, started once.
 
-python -m desplat_ns.studies.grid.train_and_score RESULTS.json EVALUATIONS METHOD ...
+python -m desplat_ns.studies.train_and_score RESULTS.json EVALUATIONS METHOD ...
 
 The rest are options of ns-train.
 """
@@ -19,9 +19,9 @@ from typing import Any
 from nerfstudio.scripts.train import _set_random_seed
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.grid.code_version import code_version
-from desplat_ns.studies.grid.curve import Curve, TrainingClock, scored_steps
-from desplat_ns.studies.grid.methods import parse
+from desplat_ns.studies.curve import Curve, TrainingClock, scored_steps
+from desplat_ns.studies.machine import code_version
+from desplat_ns.studies.methods import parse
 
 PICTURES = "pictures"
 """Folder beside the results, with the photos and the renderings beside them."""

@@ -9,7 +9,7 @@ from typing import Any
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.settings.effects import Effects
-from desplat_ns.studies.grid.methods import parse
+from desplat_ns.studies.methods import parse
 from desplat_ns.survey.survey import decided_effects, write_findings
 
 METHOD = "desplat"

@@ -8,9 +8,9 @@ from dataclasses import asdict
 import pytest
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.studies.grid.runs import Record
-from desplat_ns.studies.tradeoff.plan import BASE, TrainingPlan
-from desplat_ns.studies.tradeoff.results import FILE, Results
+from desplat_ns.studies.plan import BASE, TrainingPlan
+from desplat_ns.studies.results import FILE, Results
+from desplat_ns.studies.runs import Record
 from tests.helpers.tradeoff import CAPTURE
 
 CURVE = ({"step": 100, "psnr": 18.5},)

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.studies.grid.runs import Run, Variant
-from desplat_ns.studies.tradeoff.pace import (
+from desplat_ns.studies.pace import (
     BESIDE_OTHERS,
     START_SECONDS,
     Clock,
@@ -19,7 +18,8 @@ from desplat_ns.studies.tradeoff.pace import (
     fitting,
     plan_for,
 )
-from desplat_ns.studies.tradeoff.plan import BACKEND, BASE, SEEDS, compared
+from desplat_ns.studies.plan import BACKEND, BASE, SEEDS, compared
+from desplat_ns.studies.runs import Run, Variant
 from tests.helpers.tradeoff import CAPTURE
 
 NAMES = (BASE, "fewer")

@@ -12,19 +12,19 @@ from threading import Lock
 
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, DeSplatError
-from desplat_ns.studies.grid.executors import Executor
-from desplat_ns.studies.grid.methods import method_config
-from desplat_ns.studies.grid.runs import Record, Run, log_of
-from desplat_ns.studies.tradeoff.capture_info import METHOD, describe_capture
-from desplat_ns.studies.tradeoff.pace import (
+from desplat_ns.studies.capture_info import METHOD, describe_capture
+from desplat_ns.studies.executors import Executor
+from desplat_ns.studies.methods import method_config
+from desplat_ns.studies.pace import (
     Clock,
     Pace,
     first_pace,
     fitting,
     plan_for,
 )
-from desplat_ns.studies.tradeoff.plan import BACKEND, TrainingPlan, compared
-from desplat_ns.studies.tradeoff.results import RUNS, Results
+from desplat_ns.studies.plan import BACKEND, TrainingPlan, compared
+from desplat_ns.studies.results import RUNS, Results
+from desplat_ns.studies.runs import Record, Run, log_of
 
 CHECKPOINTS = "nerfstudio_models"
 """nerfstudio's folder in a run."""

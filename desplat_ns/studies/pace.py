@@ -11,10 +11,10 @@ from desplat_ns.calibration.run_plan import measure_costs
 from desplat_ns.calibration.timing import threads
 from desplat_ns.datamanager import training_split
 from desplat_ns.errors import ConfigError
-from desplat_ns.studies.grid.methods import parse
-from desplat_ns.studies.grid.runs import Run
-from desplat_ns.studies.tradeoff.capture_info import METHOD, CaptureInfo
-from desplat_ns.studies.tradeoff.plan import BACKEND, BASE, SEEDS, SHORTEST, TrainingPlan
+from desplat_ns.studies.capture_info import METHOD, CaptureInfo
+from desplat_ns.studies.methods import parse
+from desplat_ns.studies.plan import BACKEND, BASE, SEEDS, SHORTEST, TrainingPlan
+from desplat_ns.studies.runs import Run
 
 START_SECONDS = 20.0
 """Of a run beside its steps, until one is done: imports, photos, evaluations."""

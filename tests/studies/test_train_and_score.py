@@ -11,9 +11,9 @@ import pytest
 
 from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.grid import curve
-from desplat_ns.studies.grid.commands import QUIET
-from desplat_ns.studies.grid.train_and_score import check_complete, train_and_score
+from desplat_ns.studies import curve
+from desplat_ns.studies.runs import QUIET
+from desplat_ns.studies.train_and_score import check_complete, train_and_score
 from desplat_ns.trainer import DeSplatTrainer
 from lab.synthetic import Scene
 

@@ -7,9 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, median, stdev
 
-from desplat_ns.studies.grid.runs import Figures, Record, Run
-from desplat_ns.studies.tradeoff import pareto
-from desplat_ns.studies.tradeoff.plan import BASE
+from desplat_ns.studies.plan import BASE
+from desplat_ns.studies.runs import Figures, Record, Run
+
+CostAndError = tuple[float, float]
+"""The less of both the better."""
 
 NICE_SECONDS = (5, 10, 15, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200)
 """Training times for which the best that was reached is told."""
@@ -100,9 +102,25 @@ def finals(found: Iterable[Measured]) -> list[Measured]:
     return [one for one in found if one.is_final]
 
 
+def front(points: Sequence[CostAndError]) -> set[int]:
+    """Indices of the points that no other dominates, the Pareto front.
+
+    A point dominates another if it is no worse in either and better in one. Equal points share
+    their fate. NaN is no figure: such a point is on no front and dominates none.
+    """
+    known = [i for i, point in enumerate(points) if not any(map(math.isnan, point))]
+    found: set[int] = set()
+    least, last = math.inf, None
+    for i in sorted(known, key=lambda i: points[i]):
+        if points[i][1] < least or last is None or points[i] == last:
+            found.add(i)
+            least, last = points[i][1], points[i]
+    return found
+
+
 def on_front(found: Sequence[Measured]) -> set[int]:
     """Indices of those that no other beats: less time for as many dB, by medians."""
-    return pareto.front([(one.wall.median, -one.psnr.median) for one in found])
+    return front([(one.wall.median, -one.psnr.median) for one in found])
 
 
 def best_within(seconds: float | int, found: Iterable[Measured]) -> Measured | None:

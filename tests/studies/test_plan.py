@@ -7,9 +7,9 @@ from itertools import product
 import pytest
 
 from desplat_ns.settings.effects import Effects
-from desplat_ns.studies.grid.methods import parse
-from desplat_ns.studies.grid.runs import Variant
-from desplat_ns.studies.tradeoff.plan import BACKEND, BASE, SEEDS, TrainingPlan, compared
+from desplat_ns.studies.methods import parse
+from desplat_ns.studies.plan import BACKEND, BASE, SEEDS, TrainingPlan, compared
+from desplat_ns.studies.runs import Variant
 from tests.helpers.tradeoff import CAPTURE
 
 EFFECTS = "--pipeline.model.effects."

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from desplat_ns.settings.effects import AppearanceGrade, BackgroundGrade, Effects
-from desplat_ns.studies.grid.runs import Run, Variant
-from desplat_ns.studies.tradeoff.capture_info import METHOD, CaptureInfo
+from desplat_ns.studies.capture_info import METHOD, CaptureInfo
+from desplat_ns.studies.runs import Run, Variant
 
 SEEDS = (42, 43, 44)
 """A difference is claimed only where all were measured: `summary.verdicts`."""

@@ -5,7 +5,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desplat_ns.studies.tradeoff.pareto import CostAndError, front
+from desplat_ns.studies.summary import CostAndError, front
 
 # Few different numbers, so that ties occur.
 figure = st.integers(1, 6).map(float) | st.floats(0.1, 10)

@@ -12,8 +12,7 @@ from threading import Event, Lock
 from typing import Any, Literal, Protocol, runtime_checkable
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.grid.commands import surroundings
-from desplat_ns.studies.grid.runs import Record, Run, execute
+from desplat_ns.studies.runs import Record, Run, execute, surroundings
 
 ExecutorName = Literal["local", "ray"]
 

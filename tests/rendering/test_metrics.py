@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 from torch import nn
 
-from desplat_ns.evaluation import metrics
-from desplat_ns.evaluation.metrics import (
+from desplat_ns.rendering import metrics
+from desplat_ns.rendering.metrics import (
     LPIPS_MIN_SIDE,
     PSNR_MAX,
     LazyLpips,

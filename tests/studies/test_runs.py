@@ -9,9 +9,9 @@ import pytest
 import yaml
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.grid import runs as module
-from desplat_ns.studies.grid.code_version import code_version
-from desplat_ns.studies.grid.runs import Record, Run, Variant, execute, log_of
+from desplat_ns.studies import runs as module
+from desplat_ns.studies.machine import code_version
+from desplat_ns.studies.runs import Record, Run, Variant, execute, log_of
 from lab.synthetic import Scene as Written
 
 WHERE = {"device": "cuda", "backend": "gsplat"}

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from desplat_ns.studies.grid.runs import Record, Run, Variant
-from desplat_ns.studies.tradeoff.plan import BASE, SEEDS
-from desplat_ns.studies.tradeoff.summary import (
+from desplat_ns.studies.plan import BASE, SEEDS
+from desplat_ns.studies.runs import Record, Run, Variant
+from desplat_ns.studies.summary import (
     NEEDED,
     SIGNIFICANT,
     Measured,
