@@ -32,7 +32,7 @@ def check_ranges(config: Any, option: str = "-") -> None:
     check_finite_options(config, option)
     for f in fields(config):
         interval, value = f.metadata.get("interval"), getattr(config, f.name)
-        if None not in (interval, value) and not _lies_in(value, interval):
+        if interval and value is not None and not _lies_in(value, interval):
             name = _option(option, f.name.replace("_", "-"))
             raise ConfigError(f"`{name}` is {value}; it has to be {_in_words(interval)}.")
 
