@@ -11,8 +11,9 @@ import tyro
 
 from desplat_ns.commands.parser_words import parse
 from desplat_ns.console import announce, progress_in_time
-from desplat_ns.errors import CaptureError, ConfigError, print_user_errors_plainly
+from desplat_ns.errors import CaptureError, print_user_errors_plainly
 from desplat_ns.files.lock import only_process_in
+from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.studies.executors import ExecutorName, executor_of
 from desplat_ns.training.budget import seconds_of
 
@@ -39,7 +40,7 @@ class Arguments:
     output: Path = Path("tradeoff")
     """Folder for the report, its plots, results.json and what is trained. What is there already is
     gone on with."""
-    jobs: int = 0
+    jobs: int = ranged(0, "[0, inf)")
     """Trainings beside each other, one thread each; 0: one on a GPU, else one for each core, eight
     at most."""
     executor: ExecutorName = "local"
@@ -54,8 +55,7 @@ class Arguments:
             CaptureError: no capture is found.
             ConfigError: an option cannot be.
         """
-        if self.jobs < 0:
-            raise ConfigError(f"--jobs is {self.jobs}; give 1 or more, or 0 to have it chosen.")
+        check_ranges(self)
         seconds = seconds_of(self.time, "--time")
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
@@ -122,7 +122,3 @@ def main() -> None:
     arguments, parser = parse(Arguments, "desplat-tradeoff", sys.argv[1:])
     report = study(arguments.request(parser))
     announce(f"Written: {report}")
-
-
-if __name__ == "__main__":
-    main()

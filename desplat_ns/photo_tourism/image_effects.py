@@ -23,7 +23,7 @@ from desplat_ns.photo_tourism.camera_response import (
     squared_radius,
 )
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
-from desplat_ns.photo_tourism.embeddings import ImageEmbeddings, ImageTable
+from desplat_ns.photo_tourism.embeddings import ImageTable, image_embeddings
 from desplat_ns.photo_tourism.lit_splats import Lit, as_harmonics, lit_splats
 from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_ranges
@@ -61,11 +61,9 @@ class ImageEffects(nn.Module):
         check_ranges(background, "--pipeline.model.background")
         super().__init__()
         self.responses = CameraResponses(num_images) if effects.appearance == "camera" else None
-        self.embeddings = (
-            ImageEmbeddings(num_images, appearance.embedding_dim)
-            if effects.image_embeddings
-            else None
-        )
+        self.embeddings: ImageTable | None = None
+        if effects.image_embeddings:
+            self.embeddings = image_embeddings(num_images, appearance.embedding_dim)
         self.appearance: AffineAppearance | ShAppearance | None = None
         if effects.appearance == "affine":
             self.appearance = AffineAppearance(appearance)

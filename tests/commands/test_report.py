@@ -121,7 +121,7 @@ def test_a_negative_number_of_photos_is_refused(option: str):
     from desplat_ns.commands.report import Report
 
     negative: dict[str, Any] = {option: -1}
-    with pytest.raises(ConfigError, match=rf"--{option.replace('_', '-')} is -1"):
+    with pytest.raises(ConfigError, match=rf"--{option.replace('_', '-')}` is -1"):
         Report(Path("config.yml"), **negative).main()
 
 

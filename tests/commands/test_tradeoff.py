@@ -78,7 +78,7 @@ def test_while_a_study_is_done_its_folder_is_taken(
 def test_options_that_cannot_be_are_named(tmp_path: Path):
     with pytest.raises(ConfigError, match="--time is 'soon'"):
         Arguments(Path("photos"), time="soon").request(("colmap",))
-    with pytest.raises(ConfigError, match="--jobs is -1"):
+    with pytest.raises(ConfigError, match="--jobs` is -1"):
         Arguments(Path("photos"), jobs=-1).request(("colmap",))
     with pytest.raises(CaptureError, match="There is no 'photos'"):
         Arguments(Path("photos")).request(("colmap",))
