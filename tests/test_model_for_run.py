@@ -1,6 +1,7 @@
 """Every number of steps shrinks with the length of the run."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import pytest
@@ -130,16 +131,17 @@ def test_the_warm_up_has_the_steps_that_a_scene_needs_and_15_visits_at_most(
 
 
 def test_photos_have_half_their_size_by_the_middle_of_the_warm_up():
-    sizes = [
-        run_of(30000, 40, distractors=SEPARATING).downscale_factor(step) for step in range(7000)
-    ]
+    config = run_of(30000, 40, distractors=SEPARATING)
+    sizes = [config.downscale_factor(step) for step in range(7000)]
     assert [sizes.index(factor) for factor in (4, 2, 1)] == [0, 300, 6000]  # warm-up: 600
 
 
+@pytest.mark.usefixtures("unchecked_types")
 @pytest.mark.parametrize("steps", [1000, 3000, 30000])
 def test_one_view_more_changes_the_sizes_of_photos_by_little(steps):
     """Sum over all steps of |log2| of the ratio of the two factors: steps at another size."""
 
+    @cache
     def octaves(views: int) -> list[int]:
         config = run_of(steps, views, distractors=SEPARATING)
         return [config.downscale_factor(step).bit_length() for step in range(steps // 4)]

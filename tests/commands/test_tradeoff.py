@@ -4,24 +4,45 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from desplat_ns.calibration.timing import all_cores
 from desplat_ns.commands.tradeoff import Arguments, default_jobs, recognised_words, study
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.studies import plan
+from desplat_ns.studies import plan, runs
 from desplat_ns.studies import study as module
-from desplat_ns.studies.executors import LocalExecutor
+from desplat_ns.studies.executors import Keep, LocalExecutor, outcome
 from desplat_ns.studies.plan import BASE, TrainingPlan
 from desplat_ns.studies.results import RUNS
+from desplat_ns.studies.runs import Run
 from desplat_ns.studies.study import Request
+from desplat_ns.studies.train_and_score import PICTURES, train_and_score
 from lab.synthetic import Scene
 from tests.helpers.other_process import running, tried
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
+
+
+class InThisProcess:
+    """An executor; a process for each run, which `test_runs.py` tests, takes longer to start than
+    to train."""
+
+    def do(self, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
+        return [keep(run, outcome(run, folder)) for run in runs]
+
+
+def train_here(line: list[Any], log: Path, **_: str) -> None:
+    """What `runs.run_command` lets another process do."""
+    program, results, evaluations, method, *options = map(str, line[2:])
+    assert program == runs.PROGRAM
+    pictures = Path(results).with_name(PICTURES)
+    found = train_and_score(method, options, pictures, int(evaluations))
+    Path(results).write_text(json.dumps(found))
 
 
 @pytest.mark.slow
@@ -31,8 +52,9 @@ def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, mo
     monkeypatch.setattr(module, "plan_for", lambda *_: settled)
     monkeypatch.setattr(plan, "SEEDS", (42,))
     monkeypatch.setattr(plan, "LADDER", (1.0,))
+    monkeypatch.setattr(runs, "run_command", train_here)
     request = Request(
-        tiny_scene.folder, ("robustnerf-data",), tmp_path / "out", 3600.0, 2, LocalExecutor(2)
+        tiny_scene.folder, ("robustnerf-data",), tmp_path / "out", 3600.0, 1, InThisProcess()
     )
     report = study(request)
     found = json.loads((tmp_path / "out" / "results.json").read_text())
