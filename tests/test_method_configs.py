@@ -51,7 +51,7 @@ def test_the_other_distractor_learning_rates_are_splatfactos(group):
 def test_the_rate_of_positions_decays_as_the_static_sets():
     decay, config = CONFIG.optimizers["means"]["scheduler"], CONFIG.pipeline.model.distractors
     for step in (0, 700, 15_000, 30_000, 40_000):
-        rate = decay.lr_at(step, CONFIG.optimizers["means"]["optimizer"].lr)
+        rate = 1.6e-4 * curve(step)
         assert config.rates_at(step)["means"] == pytest.approx(rate, rel=1e-12)
 
 

@@ -98,7 +98,7 @@ class StepCost:
     """Gaussians in the beginning, of those in the end."""
 
     def at(self, run: DeSplatModelConfig, step: int) -> float:
-        """Seconds of a step of `run`, settings as `for_run` gives them."""
+        """Seconds of a nominal step of `run`, settings as `for_run` gives them."""
         grown = self.share_at_start + (1 - self.share_at_start) * step / max(1, run.stop_split_at)
         seconds = self.seconds
         return seconds.fixed * min(1.0, grown) + seconds.of_pixels(run.downscale_factor(step))
@@ -107,7 +107,9 @@ class StepCost:
         """Seconds of a step, on average over a run of `SAMPLED_STEPS`."""
         scale = min(1.0, SAMPLED_STEPS / nominal)
         run = replace(model, schedule_scale=scale).for_run(num_views)
-        return sum(self.at(run, step) for step in range(SAMPLED_STEPS)) / SAMPLED_STEPS
+        return (
+            sum(self.at(run, round(step / scale)) for step in range(SAMPLED_STEPS)) / SAMPLED_STEPS
+        )
 
 
 def measure_costs(outputs: DataparserOutputs, model: DeSplatModelConfig, device: str) -> StepCost:

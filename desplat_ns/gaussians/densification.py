@@ -49,7 +49,7 @@ class DistractorDensifier:
 
     def __init__(self, config: DistractorConfig, static: SplatfactoModelConfig):
         """Args:
-        config: thresholds of the distractors; steps as they are in this run.
+        config: thresholds of the distractors, with the intervals of this run.
         static: the thresholds that both sets share, and the warm-up before any refinement.
         """
         self.config = config
@@ -87,7 +87,7 @@ class DistractorDensifier:
         """Sample a step that drew `view`; refine its distractors if that is due.
 
         Args:
-            step: where the schedules are; nothing happens before the warm-up, and nothing but
+            step: nominal; nothing happens before the warm-up, and nothing but
                 pruning, if that, from `stop_densify_at` on.
             info: of the rendering of this view's distractors in this step.
             weights_of: gives what each makes up of the image, in pixels; called only where it

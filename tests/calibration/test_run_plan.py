@@ -14,7 +14,6 @@ from desplat_ns.calibration.run_plan import (
     FEWEST_STEPS,
     MOST_GAUSSIANS,
     MOST_PIXELS,
-    SAMPLED_STEPS,
     STEPS_WANTED,
     StepCost,
     expected_gaussians,
@@ -65,11 +64,11 @@ def test_a_budget_that_holds_no_run_is_refused_with_one_that_does():
 
 def test_steps_are_cheaper_while_photos_and_the_set_are_small():
     cost = StepCost(StepSeconds(fixed=0.04, whole_photo=0.16), share_at_start=0.25)
-    model = replace(MODEL, num_downscales=1, schedule_scale=SAMPLED_STEPS / 30_000)
+    model = replace(MODEL, num_downscales=1)
     run = model.for_run(10)
     assert cost.at(run, 0) == pytest.approx(0.01 + 0.16 / 4)
-    assert cost.at(run, SAMPLED_STEPS - 1) == pytest.approx(0.2)
-    assert 0.15 < cost.mean(replace(model, schedule_scale=None), 10, 30_000) < 0.2
+    assert cost.at(run, 29_970) == pytest.approx(0.2)
+    assert 0.15 < cost.mean(model, 10, 30_000) < 0.2
 
 
 def test_a_run_without_a_limit_is_expected_to_grow_as_much_as_one_with_desplats():
