@@ -37,6 +37,8 @@ WHEELS ?=
 GPU_VENV ?= outputs/gpu-venv
 
 PY := $(VENV)/bin/python
+# One process for each core, four at most, and torch on one thread in each.
+PYTEST := OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --maxprocesses 4 --dist worksteal
 STAMP := $(VENV)/.installed
 
 # Waiting OpenMP threads sleep instead of spinning: spinning makes a busy machine several times slower.
@@ -84,10 +86,10 @@ study: $(STAMP)
 	$(PY) -m lab.separation $(STUDY_ARGS)
 
 test: $(STAMP)
-	$(PY) -m pytest $(PYTEST_ARGS)
+	$(PYTEST) $(PYTEST_ARGS)
 
 test-lab: $(STAMP)
-	$(PY) -m pytest lab/tests $(PYTEST_ARGS)
+	$(PYTEST) lab/tests $(PYTEST_ARGS)
 
 # hypothesis prints the example that failed; the next run tries it first.
 fuzz: $(STAMP)

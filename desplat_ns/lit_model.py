@@ -192,7 +192,7 @@ class LitModel(SplatfactoModel):
             weights = accumulated_weights(self.rasterizer, splats, view, settings, columns)
             constants = {name: value[weights > 0] for name, value in constants.items()}
             splats = self._splats(constants, None)
-        lit = self._lit(splats, constants, view, settings, frozen=True)
+        lit = self._lit(splats, constants, view, frozen=True)
         static = self.rasterizer(splats, view, settings) if lit is None else None
 
         def draw(embedding: Tensor) -> Tensor:
@@ -220,16 +220,13 @@ class LitModel(SplatfactoModel):
         splats: Splats,
         params: RawParameters,
         view: View,
-        settings: RenderSettings,
         frozen: bool = False,
     ) -> Callable[[Tensor], Splats] | None:
         """Gives the static Gaussians in the colours of an embedding, as far as `view` shows them;
         None if they have the same in all."""
         if self.image_effects is None or FEATURES not in params:
             return None
-        return self.image_effects.appearance_in_view(
-            splats, params[FEATURES], view, settings, frozen
-        )
+        return self.image_effects.appearance_in_view(splats, params[FEATURES], view, frozen)
 
     def _splats(self, params: RawParameters, embedding: Tensor | None) -> Splats:
         """Static Gaussians in the colours of the image that `embedding` describes."""

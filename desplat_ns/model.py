@@ -288,11 +288,8 @@ class DeSplatModel(StaticModel):
 
     def get_extra_state(self) -> dict[str, Any]:
         """What a checkpoint holds besides parameters: densification's running statistics."""
-        state: dict[str, Any] = {"static_strategy": dict(self.strategy_state)}
-        return state if self.layer is None else state | {"regions": self.layer.last.state_dict()}
+        return {"static_strategy": dict(self.strategy_state)}
 
     def set_extra_state(self, state: dict[str, Any]) -> None:
         """Take up what `get_extra_state` gave."""
         self.strategy_state = to_device(state["static_strategy"], self.device)
-        if self.layer is not None:
-            self.layer.last.load_state_dict(state["regions"], self.device)

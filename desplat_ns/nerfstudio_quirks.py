@@ -15,7 +15,7 @@ from nerfstudio.viewer import control_panel
 from desplat_ns.backend import BackendName
 from desplat_ns.backend.registry import rendering_device
 from desplat_ns.console import announce
-from desplat_ns.evaluation.metrics import LazyLpips
+from desplat_ns.rendering.metrics import LazyLpips
 from desplat_ns.training.checkpoint_files import load_for_evaluation
 
 

@@ -17,9 +17,9 @@ from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import CheckpointError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.evaluate import Show, evaluate, evaluate_in_training
-from desplat_ns.evaluation.evaluated_model import EvaluatedModel
 from desplat_ns.evaluation.pictures import save_pictures
 from desplat_ns.lit_model import LitModelConfig
+from desplat_ns.model import DeSplatModel
 from desplat_ns.nerfstudio_quirks import (
     give_masks_a_colormap_in_the_viewer,
     load_evaluated_checkpoints_like_resumed_ones,
@@ -46,7 +46,7 @@ class DeSplatPipeline(VanillaPipeline):
 
     config: DeSplatPipelineConfig
     datamanager: DeSplatDataManager
-    _model: EvaluatedModel
+    _model: DeSplatModel
 
     def __init__(
         self,

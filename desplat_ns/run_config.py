@@ -21,8 +21,8 @@ from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_finite_options
 from desplat_ns.static_model import StaticModelConfig
-from desplat_ns.survey.decide import decided_effects
 from desplat_ns.survey.findings import Survey
+from desplat_ns.survey.survey import decided_effects
 from desplat_ns.training.budget import seconds_of
 from desplat_ns.training.checkpoint_files import (
     checkpoint_folder,

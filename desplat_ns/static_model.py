@@ -15,7 +15,6 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.backend.ssim import ssim_of_planes
-from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
 from desplat_ns.gaussians.activation import RawParameters, resize_rows
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.memory import GaussianMemory
@@ -26,6 +25,7 @@ from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
 )
+from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.training.budget import Clock
 from desplat_ns.training.losses import mean_shown_opacity
@@ -193,7 +193,7 @@ class StaticModel(LitModel):
         if keep is not None:
             params = {name: value[keep] for name, value in params.items()}
         settings, splats = self.render_settings(depth), self._splats(params, None)
-        lit = None if embedding is None else self._lit(splats, params, view, settings)
+        lit = None if embedding is None else self._lit(splats, params, view)
         if embedding is not None and lit is not None:
             splats = lit(embedding)
         rendering = self.rasterizer(splats, view, settings)

@@ -25,7 +25,7 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.run_config import RunConfig, SavedRun
-from desplat_ns.survey.decide import write_findings
+from desplat_ns.survey.survey import write_findings
 from desplat_ns.training import resume
 from desplat_ns.training.checkpoint_files import (
     checkpoint_path,

@@ -12,7 +12,7 @@ import yaml
 
 from desplat_ns.errors import ConfigError
 from desplat_ns.settings.effects import Effects, EffectsConfig
-from desplat_ns.survey.decide import FILE
+from desplat_ns.survey.survey import FILE
 from lab.synthetic import Scene, write_scene
 from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up
 

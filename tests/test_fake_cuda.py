@@ -35,9 +35,9 @@ from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
+from desplat_ns.report.failure_case import coverage_of, seen_and_hidden
 from desplat_ns.separation.clearance import Clearance
-from desplat_ns.separation.coverage import coverage_of, seen_and_hidden
-from desplat_ns.separation.last_regions import LastRegions
+from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight, lie_in, uncovered_cells
 from desplat_ns.settings.effects import Effects
@@ -53,8 +53,8 @@ WIDTH, HEIGHT, N = 60, 40, 50
 CONFIG = DistractorConfig(per_view=100, start="residual", static_alone=True, static_warmup=5)
 WIDTHS = dict(zip(PARAMETER_NAMES, (3, 3, 4, 3, 1), strict=True))
 """Values per distractor."""
-STANDING = 7
-"""A step at which regions stand with less evidence."""
+EARLY = 7
+"""A step at which regions are found and filled."""
 LATE = 20
 """A step at which regions are found, left out and filled."""
 
@@ -64,7 +64,8 @@ def fake_mode() -> Iterator[None]:
     """Every tensor is a fake one; those whose number of rows depends on values may be made."""
     with FakeTensorMode(shape_env=ShapeEnv()):
         yield
-    _window.cache_clear()  # a fake one is of use in its own mode only
+    for kept in (_window, _shares):
+        kept.cache_clear()  # a fake one is of use in its own mode only
 
 
 def cuda(*shape: int) -> Tensor:
@@ -84,7 +85,6 @@ def a_layer() -> DistractorLayer:
     """What looks for regions, without what asks cameras where they stand."""
     layer = DistractorLayer.__new__(DistractorLayer)
     layer.config, layer.num_views, layer.ssim_weight = CONFIG, 8, 0.2
-    layer.last = LastRegions()
     return layer
 
 
@@ -113,7 +113,7 @@ def test_a_tensor_made_on_the_cpu_is_noticed():
 
 @pytest.mark.usefixtures("regions_by_cell")
 @pytest.mark.parametrize("masked", [False, True])
-@pytest.mark.parametrize("number", [0, STANDING, LATE])
+@pytest.mark.parametrize("number", [0, EARLY, LATE])
 def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number, masked):
     """Residual, expected residual, statistics, excess, detail, outlines, weights, losses."""
     layer, memory = a_layer(), GaussianMemory({})
@@ -124,11 +124,9 @@ def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number,
         assert step.residual_stats is not None
         assert_on_cuda(step.residual_stats.usual, step.residual_stats.times_seen, *losses.values())
         step.residual_stats.keep_in(memory)
-        if step.regions is not None:
-            layer.last.keep(0, step.regions)
     assert (step.regions is None) == (number < CONFIG.static_warmup)
     if step.regions is not None:
-        assert_on_cuda(step.regions, layer.last.of(0, step.view))
+        assert_on_cuda(step.regions)
 
 
 def test_placing_stays_on_the_gpu():

@@ -57,13 +57,6 @@ def test_every_package_says_what_it_may_import(room):
     assert all(floors()[one] < floors()[room] for one in named)
 
 
-def test_no_study_but_the_grid_is_imported_by_another():
-    for module, imported in module_imports().items():
-        others = {one.split(".")[2] for one in imported if one.startswith("desplat_ns.studies.")}
-        if module.startswith("desplat_ns.studies."):
-            assert others <= {module.split(".")[2], "grid"}, module
-
-
 def test_what_follows_from_two_arrows_is_not_drawn():
     assert set(direct({"a": {"b", "c"}, "b": {"c"}, "c": set()})) == {("a", "b"), ("b", "c")}
 

@@ -10,10 +10,10 @@ from nerfstudio.model_components.lib_bilagrid import color_correct
 from nerfstudio.models.splatfacto import SplatfactoModel
 
 from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
-from desplat_ns.evaluation.metrics import psnr
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
+from desplat_ns.rendering.metrics import psnr
 from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.small_model import (
     HEIGHT,

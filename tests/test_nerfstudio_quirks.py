@@ -13,12 +13,12 @@ from nerfstudio.viewer import control_panel
 from torchmetrics import Metric
 
 from desplat_ns import nerfstudio_quirks
-from desplat_ns.evaluation.metrics import LazyLpips
 from desplat_ns.nerfstudio_quirks import (
     give_masks_a_colormap_in_the_viewer,
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
 )
+from desplat_ns.rendering.metrics import LazyLpips
 
 COLORS = torch.tensor([[0, 128, 255]] * 6, dtype=torch.uint8)
 

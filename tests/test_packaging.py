@@ -177,7 +177,7 @@ def test_the_clean_environment_holds_the_wheels_package(clean_python: Path) -> N
     assert Path(found.stdout.strip()).is_relative_to(clean_python.parent.parent)
 
 
-PARSE = "from desplat_ns.studies.grid.methods import parse"
+PARSE = "from desplat_ns.studies.methods import parse"
 
 
 def test_studies_are_in_the_wheel_and_need_no_checkout(clean_python: Path) -> None:

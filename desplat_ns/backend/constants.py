@@ -11,6 +11,9 @@ TRANSMITTANCE_MIN = 1e-4
 """Blending stops before the Gaussian that would bring the transmittance down to this value, or
 below (gsplat)."""
 
-DET_MIN = 1e-10
-"""2D covariances with a determinant (pixels^4) at or below this, after the low-pass, are culled:
-gradients divide by its square. The low-pass of 0.3 alone leaves 0.09."""
+NEAR_PLANE, FAR_PLANE = 0.01, 1e10
+"""World units; what lies nearer or further off is culled. nerfstudio's and gsplat's values."""
+
+EPS2D = 0.3
+"""Pixels^2, added to the diagonal of the 2D covariance (EWA low-pass; 3DGS, gsplat). Its square is
+the least determinant that there is, and gradients divide by the determinant's square."""

@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Int
 from torch import Tensor
 
+from desplat_ns.backend.constants import EPS2D, FAR_PLANE, NEAR_PLANE
 from desplat_ns.backend.inputs import check_inputs, is_finite
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.errors import BackendUnavailableError
@@ -46,9 +47,9 @@ class GsplatRasterizer:
             Ks=view.K[None],
             width=view.width,
             height=view.height,
-            near_plane=settings.near_plane,
-            far_plane=settings.far_plane,
-            eps2d=settings.eps2d,
+            near_plane=NEAR_PLANE,
+            far_plane=FAR_PLANE,
+            eps2d=EPS2D,
             sh_degree=splats.sh_degree,
             packed=False,
             render_mode="RGB+ED" if settings.depth else "RGB",

@@ -60,20 +60,15 @@ def check_inputs(splats: Splats, view: View) -> None:
     Raises:
         ValueError: what was found and what is needed.
     """
-    n = splats.means.shape[0]
-    shapes: dict[str, tuple[Tensor, tuple[int, ...]]] = {
-        "means": (splats.means, (n, 3)),
-        "quats": (splats.quats, (n, 4)),
-        "scales": (splats.scales, (n, 3)),
-        "opacities": (splats.opacities, (n,)),
-        "viewmat": (view.viewmat, (4, 4)),
-        "K": (view.K, (3, 3)),
-    }
-    for name, (tensor, shape) in shapes.items():
-        if tuple(tensor.shape) != shape:
-            raise ValueError(f"{name} has shape {tuple(tensor.shape)}; needed is {shape}.")
+    n = len(splats.means)
+    needed = {"means": (n, 3), "quats": (n, 4), "scales": (n, 3), "opacities": (n,)}
+    needed |= {"viewmat": (4, 4), "K": (3, 3)}
+    given = {k: v for k, v in {**vars(splats), **vars(view)}.items() if isinstance(v, Tensor)}
+    for name, shape in needed.items():
+        if tuple(given[name].shape) != shape:
+            raise ValueError(f"{name} has shape {tuple(given[name].shape)}; needed is {shape}.")
     _check_colors(splats, n)
-    for name, tensor in {**{k: v[0] for k, v in shapes.items()}, "colors": splats.colors}.items():
+    for name, tensor in given.items():
         if tensor.dtype != splats.means.dtype or not tensor.dtype.is_floating_point:
             raise ValueError(
                 f"{name} is {tensor.dtype} and means is {splats.means.dtype}; "

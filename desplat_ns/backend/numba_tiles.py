@@ -13,11 +13,11 @@ threads (`numba.set_num_threads`, or the environment variable NUMBA_NUM_THREADS)
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
 from desplat_ns.backend.inputs import check_inputs, finite_colors
@@ -26,11 +26,19 @@ from desplat_ns.backend.numba_kernels.ellipses import FEATURES, TILE
 from desplat_ns.backend.numba_kernels.passes import Frame, backward_frame, draw_frame, sum_rows
 from desplat_ns.backend.numba_kernels.pixels import AREA, GEOMETRY, Limits
 from desplat_ns.backend.numba_kernels.projection import Project, make_camera
-from desplat_ns.backend.numba_kernels.runtime import launching, new_counter, num_workers, scratch
+from desplat_ns.backend.numba_kernels.runtime import (
+    flat,
+    launching,
+    new_counter,
+    num_workers,
+    scratch,
+)
 from desplat_ns.backend.numba_kernels.sh import EvaluateColors
 from desplat_ns.backend.projection import ProjectedSplats, project
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.errors import BackendUnavailableError
+
+Input = TypeVar("Input", Splats, View)
 
 _LIMITS = Limits(np.float32(ALPHA_MAX), np.float32(ALPHA_CUTOFF), np.float32(TRANSMITTANCE_MIN))
 
@@ -56,7 +64,7 @@ class NumbaRasterizer:
                 f"{splats.means.device}. Add `--machine.device-type cpu`, or choose "
                 "`--pipeline.model.backend gsplat`."
             )
-        projected = _project(_in_float32(splats), _view_in_float32(view), settings)
+        projected = _project(_in_float32(splats), _in_float32(view), settings)
         return rasterize(projected, view.width, view.height, settings)
 
 
@@ -64,7 +72,7 @@ def rasterize(
     projected: ProjectedSplats, width: int, height: int, settings: RenderSettings
 ) -> Rendering:
     """Draw projected Gaussians, float32 on the CPU."""
-    job = _Job(width, height, settings.depth, settings.absgrad)
+    grid = Grid(width, height, -(-width // TILE), -(-height // TILE))
     rgb, alpha, depth = _Rasterize.apply(
         projected.means2d,
         projected.conics,
@@ -72,7 +80,8 @@ def rasterize(
         projected.opacities,
         projected.colors,
         projected.radii,
-        job,
+        grid,
+        settings,
     )  # type: ignore[misc]  # torch does not annotate Function.apply
     return Rendering(
         rgb=rgb,
@@ -88,95 +97,64 @@ def _project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedS
     check_inputs(splats, view)
     if view.viewmat.requires_grad or view.K.requires_grad:
         return project(splats, view, settings)
+    colors, camera = splats.colors, make_camera(view, settings.antialiased)
     means2d, conics, depths, opacities, radii = Project.apply(
-        splats.means, splats.quats, splats.scales, splats.opacities, make_camera(view, settings)
+        splats.means, splats.quats, splats.scales, splats.opacities, camera, finite_colors(colors)
     )  # type: ignore[misc]  # torch does not annotate Function.apply
-    colors = splats.colors
-    good_colors = finite_colors(colors)
-    if good_colors is not None:
-        # In place: `Project` holds the same memory, so these get no gradient either.
-        radii.masked_fill_(~good_colors, 0)
     if splats.sh_degree is not None:
         center = -view.viewmat[:3, :3].T @ view.viewmat[:3, 3]
         colors = EvaluateColors.apply(splats.means, colors, radii, center, splats.sh_degree)
     return ProjectedSplats(means2d, conics, depths, opacities, colors, radii)  # type: ignore[arg-type]
 
 
-def _in_float32(splats: Splats) -> Splats:
-    return replace(
-        splats,
-        means=splats.means.float(),
-        quats=splats.quats.float(),
-        scales=splats.scales.float(),
-        opacities=splats.opacities.float(),
-        colors=splats.colors.float(),
-    )
-
-
-def _view_in_float32(view: View) -> View:
-    return replace(view, viewmat=view.viewmat.float(), K=view.K.float())
-
-
-@dataclass(frozen=True)
-class _Job:
-    """What `_Rasterize` needs beside tensors."""
-
-    width: int
-    height: int
-    depth: bool
-    absgrad: bool
-
-    def grid(self) -> Grid:
-        return Grid(self.width, self.height, -(-self.width // TILE), -(-self.height // TILE))
-
-
-def _flat(tensor: Tensor) -> np.ndarray:
-    """The values as a flat, contiguous array; a copy only where it takes one."""
-    return tensor.detach().contiguous().view(-1).numpy()
+def _in_float32(of: Input) -> Input:
+    """Splats or a view, each of its tensors in float32."""
+    tensors = {name: v.float() for name, v in vars(of).items() if isinstance(v, torch.Tensor)}
+    return replace(of, **tensors)
 
 
 class _Rasterize(torch.autograd.Function):
     """(means2d, conics, depths, opacities, colors) -> colours, alpha, sum of w z (or empty)."""
 
     @staticmethod
-    def forward(ctx, means2d, conics, depths, opacities, colors, radii, job):  # type: ignore[override]
-        channels, grid = colors.shape[1], job.grid()
+    def forward(ctx, means2d, conics, depths, opacities, colors, radii, grid, settings):  # type: ignore[override]
+        channels = colors.shape[1]
         gaussians = Gaussians(
-            means2d=_flat(means2d),
-            conics=_flat(conics),
-            depths=_flat(depths),
-            opacities=_flat(opacities),
-            colors=_flat(colors),
+            means2d=flat(means2d),
+            conics=flat(conics),
+            depths=flat(depths),
+            opacities=flat(opacities),
+            colors=flat(colors),
             channels=channels,
         )
-        rgb = torch.empty(job.height, job.width, channels)
-        alpha = torch.empty(job.height, job.width, 1)
-        depth = torch.empty((job.height, job.width, 1) if job.depth else (0,))
+        rgb = torch.empty(grid.height, grid.width, channels)
+        alpha = torch.empty(grid.height, grid.width, 1)
+        depth = torch.empty((grid.height, grid.width, 1) if settings.depth else (0,))
         area = grid.tiles_x * grid.tiles_y * AREA
         state = (np.empty(area, np.float32), np.empty(area, np.float32))
-        frame = Frame(_flat(rgb), _flat(depth), _flat(alpha), *state)
+        frame = Frame(flat(rgb), flat(depth), flat(alpha), *state)
         with launching():
-            lists, stride = tile_lists(gaussians, _flat(radii), grid, job.depth, ALPHA_CUTOFF)
+            lists, stride = tile_lists(gaussians, flat(radii), grid, settings.depth, ALPHA_CUTOFF)
             draw_frame(lists, stride, grid, frame, channels, _LIMITS, new_counter(), num_workers())
-        ctx.state = (lists, stride, frame, channels, job)
+        ctx.state = (lists, stride, frame, channels, grid, settings)
         ctx.means2d = means2d
         return rgb, alpha, depth
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad_rgb, grad_alpha, grad_depth):  # type: ignore[override]
-        lists, stride, frame, channels, job = ctx.state
+        lists, stride, frame, channels, grid, settings = ctx.state
         pulled = Frame(
-            _flat(grad_rgb), _flat(grad_depth), _flat(grad_alpha), frame.transmittance, frame.last
+            flat(grad_rgb), flat(grad_depth), flat(grad_alpha), frame.transmittance, frame.last
         )
         sums = torch.from_numpy(
-            _backward(lists, stride, job.grid(), (frame, pulled), channels, ctx.means2d.shape[1])
+            _backward(lists, stride, grid, (frame, pulled), channels, ctx.means2d.shape[1])
         )
-        if job.absgrad:
+        if settings.absgrad:
             ctx.means2d.absgrad = sums[None, :, 2:4]
-        depth = sums[:, GEOMETRY + channels] if job.depth else None
+        depth = sums[:, GEOMETRY + channels] if settings.depth else None
         colors = sums[:, GEOMETRY : GEOMETRY + channels]
-        return sums[None, :, :2], sums[:, 4:7], depth, sums[:, 7], colors, None, None
+        return sums[None, :, :2], sums[:, 4:7], depth, sums[:, 7], colors, None, None, None
 
 
 def _backward(

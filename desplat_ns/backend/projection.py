@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from desplat_ns.backend.constants import ALPHA_CUTOFF, DET_MIN
+from desplat_ns.backend.constants import ALPHA_CUTOFF, EPS2D, FAR_PLANE, NEAR_PLANE
 from desplat_ns.backend.inputs import check_inputs, finite_colors, is_finite
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.spherical_harmonics import sh_basis
@@ -57,26 +57,24 @@ class ProjectedSplats:
 def project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedSplats:
     """Project Gaussians, evaluate their colours and cull.
 
-    Culled are Gaussians out of [near, far], off the image, with values that are not finite, with a
-    quaternion of length 0, with det(cov2d) <= DET_MIN, or larger than MAX_PIXELS; their gradients
-    are 0. Differentiable in `splats` and in `view`.
+    Culled are Gaussians out of [NEAR_PLANE, FAR_PLANE], off the image, with values that are not
+    finite, with a quaternion of length 0, or larger than MAX_PIXELS; their gradients are 0.
+    Differentiable in `splats` and in `view`.
 
     Raises:
         ValueError: shapes, dtypes or devices do not fit together; a camera that cannot be.
     """
     check_inputs(splats, view)
-    usable = _usable(splats, view, settings)
+    usable = _usable(splats, view)
     splats = _with_culled_replaced(splats, view, usable)
 
     x, y, z = _to_camera(splats.means, view).unbind(-1)
     focal_x, focal_y, center_x, center_y = _intrinsics(view)
     mean_x, mean_y = focal_x * x / z + center_x, focal_y * y / z + center_y
     cov_xx, cov_xy, cov_yy, det_sharp = _cov2d(splats, view, x, y, z)
-    cov_xx, cov_yy = cov_xx + settings.eps2d, cov_yy + settings.eps2d
-    det = det_sharp + settings.eps2d * (cov_xx + cov_yy - settings.eps2d)
+    cov_xx, cov_yy = cov_xx + EPS2D, cov_yy + EPS2D
+    det = det_sharp + EPS2D * (cov_xx + cov_yy - EPS2D)
 
-    shaped = det > DET_MIN
-    det = torch.where(shaped, det, 1.0)
     means2d = torch.stack([mean_x, mean_y], dim=-1)
     # Rounded up, the diagonal keeps every conic positive definite in this dtype: of a needle's
     # xx * yy - xy^2 nothing but rounding is left, and an indefinite one would grow without bound.
@@ -91,7 +89,7 @@ def project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedSp
         depths=z,
         opacities=opacities,
         colors=view_colors(splats, view),
-        radii=_radii(usable & shaped, means2d, (cov_xx, cov_xy, cov_yy), view),
+        radii=_radii(usable, means2d, (cov_xx, cov_xy, cov_yy), view),
     )
 
 
@@ -115,14 +113,14 @@ def _to_camera(means: Tensor, view: View) -> Tensor:
 
 
 @torch.no_grad()
-def _usable(splats: Splats, view: View, settings: RenderSettings) -> Bool[Tensor, " N"]:
+def _usable(splats: Splats, view: View) -> Bool[Tensor, " N"]:
     """Sound Gaussians in front, of bounded size: comparisons with NaN are False."""
     camera = _to_camera(splats.means, view)
     z = camera[:, 2]
-    pixels = torch.maximum(view.K[0, 0], view.K[1, 1]) / z.clamp(min=settings.near_plane)
+    pixels = torch.maximum(view.K[0, 0], view.K[1, 1]) / z.clamp(min=NEAR_PLANE)
     spread = torch.maximum(camera[:, :2].abs().amax(-1), splats.scales.abs().amax(-1)) * pixels
     usable = is_finite(splats) & (spread < MAX_PIXELS)
-    return usable & (z >= settings.near_plane) & (z <= settings.far_plane) & (z > 0)
+    return usable & (z >= NEAR_PLANE) & (z <= FAR_PLANE)
 
 
 def _with_culled_replaced(splats: Splats, view: View, usable: Tensor) -> Splats:

@@ -7,15 +7,11 @@ Conventions are gsplat's: EWA splatting, pixel centres at +0.5, OpenCV camera ax
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
-
-MAX_FAR = 1e20
-"""World units. The slope of an expected depth is up to the depth over its least weight, 1e-10."""
 
 
 @dataclass(frozen=True)
@@ -49,34 +45,15 @@ class View:
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """How to rasterize. Raises ValueError where a number lies outside its range."""
+    """How to rasterize."""
 
-    near_plane: float = 0.01
-    """World units, > 0; what lies nearer is culled. nerfstudio's value."""
-    far_plane: float = 1e10
-    """World units, beyond the near plane and at most MAX_FAR; what lies further off is culled."""
-    eps2d: float = 0.3
-    """Added to the diagonal of the 2D covariance, pixels^2, >= 0 (EWA low-pass)."""
     antialiased: bool = False
-    """Scale opacities by sqrt(det(cov2d) / det(cov2d + eps2d I)), Mip-Splatting."""
+    """Scale opacities by sqrt(det(cov2d) / det(cov2d + EPS2D I)), Mip-Splatting."""
     depth: bool = False
     """Also render the expected depth."""
     absgrad: bool = False
     """After backward, `Rendering.means2d.absgrad` holds the sum over pixels of |d loss / d mean|,
     [1, N, 2]."""
-
-    def __post_init__(self) -> None:
-        for name, fits, needed in (
-            ("near_plane", 0 < self.near_plane < math.inf, "positive and finite"),
-            (
-                "far_plane",
-                self.near_plane < self.far_plane <= MAX_FAR,
-                f"beyond the near plane and at most {MAX_FAR:g}",
-            ),
-            ("eps2d", 0 <= self.eps2d < math.inf, "0 or more, and finite"),
-        ):
-            if not fits:
-                raise ValueError(f"{name} is {getattr(self, name)}; it has to be {needed}.")
 
 
 @dataclass(frozen=True)

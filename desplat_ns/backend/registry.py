@@ -136,13 +136,12 @@ def compile_kernels(name: BackendName, device: str) -> float:
         Seconds that this took; about none where they were there.
     """
     began = time.monotonic()
-    if resolve(name, device).name != "numba":
-        return time.monotonic() - began
-    from desplat_ns.backend.numba_kernels.runtime import launching
+    if resolve(name, device).name == "numba":
+        from desplat_ns.backend.numba_kernels.runtime import launching
 
-    began = time.monotonic()
-    with launching():
-        return time.monotonic() - began
+        with launching():
+            pass
+    return time.monotonic() - began
 
 
 def rendering_device(name: BackendName, device: str) -> tuple[str, str]:

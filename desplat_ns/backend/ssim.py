@@ -87,11 +87,11 @@ class _Ssim(torch.autograd.Function):
 def _score(pred: Tensor, target: Tensor, with_gradient: bool) -> tuple[Tensor, Tensor | None]:
     """Mean SSIM and, if asked for, its gradient by `pred`."""
     from desplat_ns.backend.numba_kernels import ssim as kernels
-    from desplat_ns.backend.numba_kernels.runtime import launching, new_counter, num_workers
+    from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter, num_workers
 
     height, length = pred.shape[0], pred.shape[1] * kernels.CHANNELS
     out_rows, out_columns = height - kernels.MARGIN, length - kernels.SIDE
-    x, y = (t.detach().contiguous().view(-1).numpy() for t in (pred, target))
+    x, y = flat(pred), flat(target)
     blocks = (-(-out_rows // kernels.ROWS), -(-out_columns // kernels.COLUMNS))
     sums, count = np.empty(blocks), out_rows * out_columns
     padded = 3 * (height + kernels.MARGIN) * (length + kernels.SIDE)

@@ -8,12 +8,11 @@ from typing import Annotated
 
 import tyro
 
-from desplat_ns.errors import ConfigError, print_user_errors_plainly
-from desplat_ns.export.formats import Frame, format_of
-from desplat_ns.export.photo_names import Naming
+from desplat_ns.errors import print_user_errors_plainly
+from desplat_ns.export.formats import Frame, Naming, format_of
 from desplat_ns.files.whole import check_new_file, check_new_folder
 from desplat_ns.runs.files import find_run
-from desplat_ns.settings.options import check_finite_options
+from desplat_ns.settings.options import check_ranges, ranged
 
 
 @dataclass
@@ -28,7 +27,7 @@ class Splats:
     frame: Frame = "upright"
     """upright: as viewers expect it of the format, in the capture's scale. capture: the capture's
     own coordinates, to lay over its points. training: nerfstudio's, as ns-export."""
-    crop: float | None = None
+    crop: float | None = ranged(None, "(0, inf)")
     """Keep what is at most so many times as far from a camera as that camera looks (the median
     depth of what it shows); 2 keeps the scene and drops what floats far beyond it."""
     light: str | None = None
@@ -43,16 +42,14 @@ class Splats:
         Raises:
             DeSplatError: the run is not there or cannot be loaded, or the file not be written.
         """
-        check_finite_options(self)
-        if self.crop is not None and self.crop <= 0:
-            raise ConfigError(f"--crop is {self.crop:g}; give a number above 0, for example 2.")
+        check_ranges(self)
         format_of(self.output)
         files = find_run(self.load_config)
         check_new_file(self.output, self.overwrite)
 
-        from desplat_ns.export.export import SplatOptions, export_splats  # seconds
+        from desplat_ns.export.export import export_splats  # seconds
 
-        export_splats(files, self.output, SplatOptions(self.frame, self.crop, self.light))
+        export_splats(files, self.output, self.frame, self.crop, self.light)
 
 
 @dataclass
@@ -68,7 +65,7 @@ class Masks:
     """The folder; folders of the photos are kept inside it."""
     invert: bool = False
     """White where distractors are, black elsewhere."""
-    dilate: float = 0.0
+    dilate: float = ranged(0.0, "[0, inf)")
     """Pixels of the photo by which what is masked grows on all sides."""
     names: Naming = "colmap"
     """colmap: photo.jpg.png. nerfstudio: photo.png."""
@@ -77,9 +74,7 @@ class Masks:
 
     def main(self) -> None:
         """As `Splats.main`."""
-        check_finite_options(self)
-        if self.dilate < 0:
-            raise ConfigError(f"--dilate is {self.dilate:g}; give 0 or more pixels.")
+        check_ranges(self)
         files = find_run(self.load_config)
         check_new_folder(self.output, self.overwrite)
 
@@ -98,7 +93,3 @@ def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
     tyro.cli(Command, description=__doc__).main()
-
-
-if __name__ == "__main__":
-    main()

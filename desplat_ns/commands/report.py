@@ -11,6 +11,7 @@ from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
 from desplat_ns.files.whole import check_new_file
 from desplat_ns.runs.files import find_run
+from desplat_ns.settings.options import check_ranges, ranged
 
 
 @dataclass
@@ -25,9 +26,9 @@ class Report:
     """config.yml of the run."""
     output: Path | None = None
     """The page, FILE.html. Without it: report.html beside config.yml."""
-    training_photos: int = 50
+    training_photos: int = ranged(50, "[0, inf)")
     """Training photos to show; of more, as many evenly spread over the capture."""
-    held_out_photos: int = 12
+    held_out_photos: int = ranged(12, "[0, inf)")
     """Held-out photos to show, likewise. All are scored; 0: none is, which saves that time."""
 
     def main(self) -> None:
@@ -36,10 +37,7 @@ class Report:
         Raises:
             DeSplatError: the run is not there or cannot be loaded, or the page not be written.
         """
-        for name in ("training_photos", "held_out_photos"):
-            if getattr(self, name) < 0:
-                option = f"--{name.replace('_', '-')}"
-                raise ConfigError(f"{option} is {getattr(self, name)}; give 0 or more.")
+        check_ranges(self)
         files = find_run(self.load_config)
         output = self.output or files.folder / "report.html"
         if output.suffix != ".html":
@@ -47,10 +45,10 @@ class Report:
         check_new_file(output, overwrite=True)
 
         from desplat_ns.report.report import write_report  # seconds: not before the checks
-        from desplat_ns.studies.grid.machine import describe_machine
+        from desplat_ns.studies.machine import describe_machine
 
         size = write_report(
-            files, output, self.training_photos, self.held_out_photos, describe_machine
+            files, output, self.training_photos, self.held_out_photos, describe_machine()
         )
         announce(f"Saved the page to: {output} ({size / 1e6:.1f} MB)")
 
@@ -59,7 +57,3 @@ def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
     tyro.cli(Report, description=__doc__).main()
-
-
-if __name__ == "__main__":
-    main()

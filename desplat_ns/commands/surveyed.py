@@ -17,11 +17,10 @@ from desplat_ns.files.whole import draft_of, plain_errors, write_whole
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
 from desplat_ns.settings.effects import Effects
 from desplat_ns.static_model import StaticModelConfig
-from desplat_ns.survey.capture import Capture, capture_of
-from desplat_ns.survey.decide import effects_of
 from desplat_ns.survey.findings import Survey
+from desplat_ns.survey.observations import Capture, capture_of
 from desplat_ns.survey.picture import evidence_picture
-from desplat_ns.survey.survey import survey
+from desplat_ns.survey.survey import effects_of, survey
 
 
 def survey_capture(

@@ -11,13 +11,14 @@ import tyro
 
 from desplat_ns.commands.parser_words import parse
 from desplat_ns.console import announce, progress_in_time
-from desplat_ns.errors import CaptureError, ConfigError, print_user_errors_plainly
+from desplat_ns.errors import CaptureError, print_user_errors_plainly
 from desplat_ns.files.lock import only_process_in
-from desplat_ns.studies.grid.executors import ExecutorName, executor_of
+from desplat_ns.settings.options import check_ranges, ranged
+from desplat_ns.studies.executors import ExecutorName, executor_of
 from desplat_ns.training.budget import seconds_of
 
 if TYPE_CHECKING:  # seconds: not before the options are checked
-    from desplat_ns.studies.tradeoff.study import Request
+    from desplat_ns.studies.study import Request
 
 MOST_JOBS = 8
 """Trainings beside each other, unless more are asked for."""
@@ -39,7 +40,7 @@ class Arguments:
     output: Path = Path("tradeoff")
     """Folder for the report, its plots, results.json and what is trained. What is there already is
     gone on with."""
-    jobs: int = 0
+    jobs: int = ranged(0, "[0, inf)")
     """Trainings beside each other, one thread each; 0: one on a GPU, else one for each core, eight
     at most."""
     executor: ExecutorName = "local"
@@ -54,15 +55,14 @@ class Arguments:
             CaptureError: no capture is found.
             ConfigError: an option cannot be.
         """
-        if self.jobs < 0:
-            raise ConfigError(f"--jobs is {self.jobs}; give 1 or more, or 0 to have it chosen.")
+        check_ranges(self)
         seconds = seconds_of(self.time, "--time")
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
 
-        from desplat_ns.studies.grid.methods import method_config
-        from desplat_ns.studies.tradeoff.capture_info import METHOD
-        from desplat_ns.studies.tradeoff.study import Request
+        from desplat_ns.studies.capture_info import METHOD
+        from desplat_ns.studies.methods import method_config
+        from desplat_ns.studies.study import Request
 
         parser = parser or recognised_words(self.data)
         jobs = self.jobs or default_jobs(method_config(METHOD).machine.device_type)
@@ -98,8 +98,8 @@ def study(request: Request) -> Path:
             in the folder.
     """
     from desplat_ns.backend.registry import compile_kernels, default_device
-    from desplat_ns.studies.tradeoff.report import write_report
-    from desplat_ns.studies.tradeoff.study import Session, open_study
+    from desplat_ns.studies.report import write_report
+    from desplat_ns.studies.study import Session, open_study
 
     def spent() -> float:
         return session.clock.spent
@@ -122,7 +122,3 @@ def main() -> None:
     arguments, parser = parse(Arguments, "desplat-tradeoff", sys.argv[1:])
     report = study(arguments.request(parser))
     announce(f"Written: {report}")
-
-
-if __name__ == "__main__":
-    main()

@@ -9,9 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
+import numpy as np
 import torch
+import tyro
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParser, ColmapDataParserConfig
 from nerfstudio.data.scene_box import SceneBox
@@ -20,10 +22,13 @@ from desplat_ns.console import announce
 from desplat_ns.data.checks import check_cameras, check_files, without_infinite_points
 from desplat_ns.data.colmap_model import Frame, Reconstruction, read_reconstruction
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
+from desplat_ns.data.gt_masks import gt_masks
 from desplat_ns.data.poses import OrientedPoses, make_cameras, orient_poses, points_metadata
 from desplat_ns.data.tracks import METADATA_KEY as TRACKS
 from desplat_ns.data.tracks import Tracks
 from desplat_ns.errors import CaptureError, ConfigError
+
+_Hidden = tyro.conf.Suppress
 
 _LIST_FILES = {
     "train": ("train",),
@@ -41,6 +46,21 @@ class DeSplatColmapDataParserConfig(ColmapDataParserConfig):
     colmap_path: Path = Path("sparse")
     """Reconstruction, relative to the data: a model's folder, or a folder of models (sparse/0,
     sparse/1, ...) of which the one with most photos is taken. colmap/sparse is found too."""
+    distractor_masks_path: Path | None = None
+    """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
+    Evaluation compares the model's masks with them; training never sees them."""
+
+
+@dataclass
+class OwnSplitConfig(DeSplatColmapDataParserConfig):
+    """COLMAP captures that say themselves which photos are held out."""
+
+    eval_mode: Annotated[Literal["fraction", "filename", "interval", "all"], _Hidden] = "filename"
+    """Not used: the capture decides."""
+    train_split_fraction: Annotated[float, _Hidden] = 0.9
+    """Not used: the capture decides."""
+    eval_interval: Annotated[int, _Hidden] = 8
+    """Not used: the capture decides."""
 
 
 def with_pycolmap(config: ColmapDataParserConfig) -> DeSplatColmapDataParserConfig:
@@ -81,7 +101,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
                 f"The reconstruction {found.folder} has one photo only ({found.frames[0].name}); "
                 "two or more are needed, better 20. Take more and run COLMAP again."
             )
-        if config.load_3D_points and len(found.points.xyz) == 0:
+        if config.load_3D_points and not np.isfinite(found.points.xyz).all(axis=1).any():
             raise CaptureError(
                 f"The reconstruction {found.folder} has no 3D points to start from. Run COLMAP's "
                 "point_triangulator, or add --load-3D-points False to start from random points."
@@ -138,13 +158,24 @@ class DeSplatColmapDataParser(ColmapDataParser):
 
     def metadata_of(self, frames: Sequence[Frame]) -> dict[str, Any]:
         """What goes into the outputs' metadata for these photos, beside points."""
-        depths = _side_files(self.config.data, self.config.depths_path, frames)
-        if depths is not None:
-            check_files(depths[1], depths[0], "depth maps", "--depths-path")
-        return {
-            "depth_filenames": depths[1] if depths is not None else None,
-            "depth_unit_scale_factor": self.config.depth_unit_scale_factor,
+        config = self.config
+        found: dict[str, Any] = {
+            "depth_filenames": self._files_beside(frames, "depths_path", "depth maps"),
+            "depth_unit_scale_factor": config.depth_unit_scale_factor,
         }
+        if config.distractor_masks_path is not None:
+            found |= gt_masks(config.data / config.distractor_masks_path, frames)
+        return found
+
+    def _files_beside(self, frames: Sequence[Frame], option: str, what: str) -> list[Path] | None:
+        """The .png of each photo in the folder that an option names, None where it is not given."""
+        folder = getattr(self.config, option)
+        if folder is None:
+            return None
+        folder = self.config.data / folder
+        paths = [folder / Path(frame.name).with_suffix(".png") for frame in frames]
+        check_files(paths, folder, what, f"--{option.replace('_', '-')}")
+        return paths
 
     def _generate_dataparser_outputs(self, split: str = "train", **kwargs: Any):
         frames = self.reconstruction.frames
@@ -152,9 +183,6 @@ class DeSplatColmapDataParser(ColmapDataParser):
         chosen = [frames[i] for i in indices]
         sources = self.sources(chosen)
         oriented = self.oriented
-        masks = _side_files(self.config.data, self.config.masks_path, chosen)
-        if masks is not None:
-            check_files(masks[1], masks[0], "masks", "--masks-path")
         metadata = self.metadata_of(chosen)
         if self.config.load_3D_points:
             metadata.update(self._points_metadata(chosen))
@@ -165,9 +193,9 @@ class DeSplatColmapDataParser(ColmapDataParser):
             image_filenames=[source.path for source in sources],
             cameras=cameras,
             scene_box=SceneBox(aabb=torch.tensor([[-half] * 3, [half] * 3], dtype=torch.float32)),
-            mask_filenames=masks[1] if masks is not None else None,
+            mask_filenames=self._files_beside(chosen, "masks_path", "masks"),
             dataparser_scale=oriented.scale,
-            dataparser_transform=oriented.transform,
+            dataparser_transform=oriented.transform.float(),
             metadata=metadata,
         )
 
@@ -178,18 +206,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
             )
         oriented, points = self.oriented, self.reconstruction.points
         folder = self.reconstruction.folder
-        found: dict[str, Any] = points_metadata(
-            points, oriented.local_transform, oriented.scale, oriented.origin
-        )
+        found: dict[str, Any] = points_metadata(points, oriented.transform, oriented.scale)
         photos = tuple(frame.image_id for frame in frames)
         found[TRACKS] = Tracks(folder, photos, points.ids)
         return without_infinite_points(found, folder)
-
-
-def _side_files(
-    data: Path, folder: Path | None, frames: Sequence[Frame]
-) -> tuple[Path, list[Path]] | None:
-    """The folder and the .png file beside each photo (masks, depth maps), None where not asked."""
-    if folder is None:
-        return None
-    return data / folder, [data / folder / Path(f.name).with_suffix(".png") for f in frames]

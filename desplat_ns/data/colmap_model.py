@@ -62,9 +62,6 @@ class Points:
 
     xyz: Float[np.ndarray, "P 3"]
     rgb: UInt8[np.ndarray, "P 3"]
-    error: Float[np.ndarray, " P"]
-    """Mean reprojection error in pixels."""
-    num_views: Int[np.ndarray, " P"]
     ids: Int[np.ndarray, " P"]
     """The reconstruction's own numbers of the points."""
 
@@ -90,7 +87,16 @@ def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
     Raises:
         CaptureError: nothing there, damaged files, cameras or poses that cannot be used.
     """
+    if not data.is_dir():
+        raise CaptureError(f"The folder {data} does not exist. Give the capture's with --data.")
     folders = find_models(data, colmap_path)
+    if not folders:
+        raise CaptureError(
+            f"No COLMAP reconstruction in {data} (looked in "
+            f"{', '.join(map(str, _places(colmap_path)))}). Needed: a folder with cameras, images "
+            "and points3D as .bin or .txt. Run COLMAP first, or name the folder with "
+            "--colmap-path, relative to --data."
+        )
     models = [(folder, _read_model(folder)) for folder in folders]
     folder, model = max(models, key=lambda entry: entry[1].num_reg_images())
     if len(models) > 1:
@@ -105,41 +111,24 @@ def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
             f"The reconstruction {folder} has no photo with a pose. Run COLMAP's mapper again, or "
             "name another reconstruction with --colmap-path."
         )
-    return Reconstruction(folder, frames, _points(model, folder))
+    return Reconstruction(folder, frames, _points(model))
 
 
 def find_models(data: Path, colmap_path: Path) -> list[Path]:
-    """Folders of COLMAP models for `read_reconstruction`, at least one.
-
-    Raises:
-        CaptureError: the capture's folder does not exist, or holds no model.
-    """
-    if not data.is_dir():
-        raise CaptureError(f"The folder {data} does not exist. Give the capture's with --data.")
-    places = [colmap_path]
-    if colmap_path in USUAL_FOLDERS:
-        places += [place for place in USUAL_FOLDERS if place != colmap_path]
-    for place in places:
-        folder = data / place
+    """Folders of COLMAP models as `read_reconstruction` finds them; empty if there are none."""
+    for folder in (data / place for place in _places(colmap_path)):
         found = [folder] if _is_model(folder) else []
         if not found and folder.is_dir():
             found = [child for child in sorted(folder.iterdir()) if _is_model(child)]
         if found:
             return found
-    looked = ", ".join(str(place) for place in places)
-    raise CaptureError(
-        f"No COLMAP reconstruction in {data} (looked in {looked}). Needed: a folder with cameras, "
-        "images and points3D as .bin or .txt. Run COLMAP first, or name the folder with "
-        "--colmap-path, relative to --data."
-    )
+    return []
 
 
-def has_model(data: Path, colmap_path: Path) -> bool:
-    """Whether `find_models` finds one."""
-    try:
-        return bool(find_models(data, colmap_path))
-    except CaptureError:
-        return False
+def _places(colmap_path: Path) -> list[Path]:
+    """Where a model is looked for, in this order."""
+    others = USUAL_FOLDERS if colmap_path in USUAL_FOLDERS else ()
+    return [colmap_path, *(place for place in others if place != colmap_path)]
 
 
 def _is_model(folder: Path) -> bool:
@@ -217,17 +206,13 @@ def _frame(image: pycolmap.Image, folder: Path) -> Frame:
             f"supported are {', '.join(CAMERA_TYPES)}. Undistort the photos first: `colmap "
             "image_undistorter --image_path IMAGES --input_path MODEL --output_path OUT`."
         )
-    pose = np.asarray(image.cam_from_world().matrix(), dtype=np.float64)
-    intrinsics = _intrinsics(camera)
-    if not (np.isfinite(pose).all() and np.isfinite(list(intrinsics.values())).all()):
+    pose, intrinsics = np.asarray(image.cam_from_world().matrix()), _intrinsics(camera)
+    numbers, sides = [*pose.flat, *intrinsics.values()], (camera.width, camera.height)
+    if not (np.isfinite(numbers).all() and min(sides) >= 1 and max(sides) <= LARGEST_SIDE):
         raise CaptureError(
-            f"Photo {image.name} in {folder} has a pose or camera with NaN or infinite numbers. "
-            "Remove it from the reconstruction, or run COLMAP's mapper again."
-        )
-    if not (1 <= camera.width <= LARGEST_SIDE and 1 <= camera.height <= LARGEST_SIDE):
-        raise CaptureError(
-            f"Photo {image.name} in {folder} has a camera of {camera.width}x{camera.height} "
-            f"pixels; a side has 1 to {LARGEST_SIDE}. Mend the camera, or run COLMAP again."
+            f"Photo {image.name} in {folder} has a pose or a camera that cannot be: NaN or "
+            f"infinite numbers, or {sides[0]}x{sides[1]} pixels; a side has 1 to {LARGEST_SIDE}. "
+            "Remove the photo from the reconstruction, or run COLMAP's mapper again."
         )
     return Frame(
         name=Path(image.name).as_posix(),
@@ -251,22 +236,11 @@ def _intrinsics(camera: pycolmap.Camera) -> dict[str, float]:
     return values
 
 
-def _points(model: pycolmap.Reconstruction, folder: Path) -> Points:
-    """All finite points; says how many were not."""
+def _points(model: pycolmap.Reconstruction) -> Points:
     by_id = model.points3D
     points = [by_id[i] for i in sorted(by_id)]
-    xyz = np.array([point.xyz for point in points], dtype=np.float64).reshape(-1, 3)
-    keep = np.isfinite(xyz).all(axis=1)
-    if not keep.all():
-        announce(
-            f"{(~keep).sum()} of {len(points)} points in {folder} have NaN or infinite "
-            "coordinates and are left out.",
-            warning=True,
-        )
     return Points(
-        xyz=xyz[keep],
-        rgb=np.array([point.color for point in points], dtype=np.uint8).reshape(-1, 3)[keep],
-        error=np.array([point.error for point in points], dtype=np.float64)[keep],
-        num_views=np.array([point.track.length() for point in points], dtype=np.int64)[keep],
-        ids=np.array(sorted(by_id), dtype=np.int64)[keep],
+        xyz=np.array([point.xyz for point in points], dtype=np.float64).reshape(-1, 3),
+        rgb=np.array([point.color for point in points], dtype=np.uint8).reshape(-1, 3),
+        ids=np.array(sorted(by_id), dtype=np.int64),
     )

@@ -11,25 +11,22 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import torch
-import tyro
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
 from desplat_ns.console import announce, list_names
-from desplat_ns.data.colmap import DeSplatColmapDataParser, DeSplatColmapDataParserConfig
-from desplat_ns.data.colmap_model import has_model
+from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
+from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.photo_files import photo_names
 from desplat_ns.data.transforms_json import PromptFreeNerfstudio
 from desplat_ns.errors import CaptureError
 
 SPLIT_FILE = "split.json"
 TRANSFORMS_FILE = "transforms.json"
-
-_Hidden = tyro.conf.Suppress
 
 _BOTH_READ = (
     *("data", "scale_factor", "downscale_factor", "scene_scale", "orientation_method"),
@@ -39,18 +36,12 @@ _BOTH_READ = (
 
 
 @dataclass
-class OnTheGoDataParserConfig(DeSplatColmapDataParserConfig):
+class OnTheGoDataParserConfig(OwnSplitConfig):
     """NeRF On-the-go scene: split.json over a COLMAP model, or over transforms.json."""
 
     _target: type = field(default_factory=lambda: OnTheGoDataParser)
     train_on: Literal["clutter", "clean"] = "clutter"
     """Which list of split.json trains; `extra` is always held out."""
-    eval_mode: Annotated[Literal["fraction", "filename", "interval", "all"], _Hidden] = "filename"
-    """Not used: split.json decides."""
-    train_split_fraction: Annotated[float, _Hidden] = 0.9
-    """Not used: split.json decides."""
-    eval_interval: Annotated[int, _Hidden] = 8
-    """Not used: split.json decides."""
 
 
 class OnTheGoDataParser(DeSplatColmapDataParser):
@@ -106,7 +97,7 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
 
     def _generate_dataparser_outputs(self, split: str = "train", **kwargs: Any):
         config = self.config
-        if has_model(config.data, self.colmap_path):
+        if find_models(config.data, self.colmap_path):
             return super()._generate_dataparser_outputs(split, **kwargs)
         options: dict[str, Any] = {name: getattr(config, name) for name in _BOTH_READ}
         whole = NerfstudioDataParserConfig(

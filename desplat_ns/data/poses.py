@@ -20,10 +20,6 @@ from desplat_ns.data.colmap_model import Frame, Points
 from desplat_ns.data.downscale import PhotoSource
 from desplat_ns.errors import CaptureError
 
-FAR = 100.0
-"""Captures that lie nearer, in units of their spread, keep every bit of nerfstudio's arithmetic,
-which costs them 1e-5 of the spread at most."""
-
 
 @dataclass(frozen=True)
 class OrientedPoses:
@@ -31,24 +27,17 @@ class OrientedPoses:
 
     camera_to_worlds: Float[Tensor, "n 3 4"]
     """OpenGL axes, oriented, centred and scaled."""
-    local_transform: Float[Tensor, "3 4"]
-    """COLMAP's world, with `origin` subtracted, to the oriented world, before scaling."""
+    transform: Float[Tensor, "3 4"]
+    """COLMAP's world to the oriented world, before scaling; in float64."""
     scale: float
-    origin: np.ndarray
-    """[3], float64: 0 unless COLMAP's world lies far out (see `far_origin`)."""
-
-    @property
-    def transform(self) -> Float[Tensor, "3 4"]:
-        """COLMAP's world to the oriented world, before scaling; float32, as nerfstudio has it."""
-        if not self.origin.any():
-            return self.local_transform
-        exact = self.local_transform.double()
-        exact[:, 3] -= exact[:, :3] @ torch.from_numpy(self.origin)
-        return exact.float()
 
 
 def orient_poses(frames: Sequence[Frame], config: ColmapDataParserConfig) -> OrientedPoses:
-    """COLMAP's poses turned, centred and scaled by nerfstudio's options."""
+    """COLMAP's poses turned, centred and scaled by nerfstudio's options.
+
+    Their middle is taken off while numbers are float64: float32, in which nerfstudio centres, has a
+    quarter of a metre left for what lies 3,000 km out (geo-referenced captures).
+    """
     applied = np.eye(4)
     if config.assume_colmap_world_coordinate_convention:
         # COLMAP's guess of gravity (-y) to nerfstudio's up (+z): (x, y, z) -> (x, z, -y).
@@ -56,10 +45,8 @@ def orient_poses(frames: Sequence[Frame], config: ColmapDataParserConfig) -> Ori
     world_to_camera = np.tile(np.eye(4), (len(frames), 1, 1))
     world_to_camera[:, :3] = [frame.world_to_camera for frame in frames]
     camera_to_world = np.linalg.inv(world_to_camera)
-    origin = np.zeros(3)
-    if config.center_method != "none":
-        origin = far_origin(camera_to_world[:, :3, 3])
-    camera_to_world[:, :3, 3] -= origin
+    middle = camera_to_world[:, :3, 3].mean(axis=0) * (config.center_method != "none")
+    camera_to_world[:, :3, 3] -= middle
     camera_to_world[:, :3, 1:3] *= -1  # OpenCV's axes to OpenGL's
     poses, transform = camera_utils.auto_orient_and_center_poses(
         torch.from_numpy((applied @ camera_to_world).astype(np.float32)),
@@ -76,38 +63,24 @@ def orient_poses(frames: Sequence[Frame], config: ColmapDataParserConfig) -> Ori
             )
         scale /= farthest
     poses[:, :3, 3] *= scale
-    transform = transform @ torch.from_numpy(applied).to(transform.dtype)
-    return OrientedPoses(poses[:, :3, :4], transform, scale, origin)
-
-
-def far_origin(places: np.ndarray) -> np.ndarray:
-    """The middle of places [n, 3] that lie FAR times their spread from the origin, else 0.
-
-    It is subtracted while numbers are still float64: float32 has a quarter of a metre left for
-    what lies 3,000 km out (geo-referenced captures).
-    """
-    middle = places.mean(axis=0)
-    is_far = np.abs(middle).max() > FAR * np.abs(places - middle).max()
-    return middle if is_far else np.zeros(3)
+    transform = transform.double() @ torch.from_numpy(applied)
+    transform[:, 3] -= transform[:, :3] @ torch.from_numpy(middle)
+    return OrientedPoses(poses[:, :3, :4], transform, scale)
 
 
 def points_metadata(
-    points: Points,
-    transform: Float[Tensor, "3 4"],
-    scale: float,
-    origin: np.ndarray | float = 0.0,
+    points: Points, transform: Float[Tensor, "3 4"], scale: float
 ) -> dict[str, Tensor]:
     """Points in the oriented, scaled world, under the keys that nerfstudio's models read.
 
     Args:
-        transform: of places from which `origin` was subtracted, before scaling.
+        transform: before scaling.
     """
-    xyz = torch.from_numpy((points.xyz - origin).astype(np.float32))
+    transform = transform.double()
+    xyz = torch.from_numpy(points.xyz) @ transform[:, :3].T + transform[:, 3]
     return {
-        "points3D_xyz": (xyz @ transform[:, :3].T + transform[:, 3]) * scale,
+        "points3D_xyz": (scale * xyz).float(),
         "points3D_rgb": torch.from_numpy(points.rgb),
-        "points3D_error": torch.from_numpy(points.error.astype(np.float32)),
-        "points3D_num_points2D": torch.from_numpy(points.num_views),
     }
 
 

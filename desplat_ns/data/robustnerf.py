@@ -5,17 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Literal
 
-import tyro
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
-from desplat_ns.data.colmap import (
-    DeSplatColmapDataParser,
-    DeSplatColmapDataParserConfig,
-)
-from desplat_ns.data.colmap_model import Frame
-from desplat_ns.data.gt_masks import gt_masks
+from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.robustnerf_names import (
     describe,
     evaluation_views,
@@ -25,11 +19,9 @@ from desplat_ns.data.robustnerf_names import (
 )
 from desplat_ns.errors import CaptureError, ConfigError
 
-_Hidden = tyro.conf.Suppress
-
 
 @dataclass
-class RobustNerfDataParserConfig(DeSplatColmapDataParserConfig):
+class RobustNerfDataParserConfig(OwnSplitConfig):
     """COLMAP capture whose file names say `clean`, `clutter` or `extra` (held out)."""
 
     _target: type = field(default_factory=lambda: RobustNerfDataParser)
@@ -47,15 +39,9 @@ class RobustNerfDataParserConfig(DeSplatColmapDataParserConfig):
     """Filename mode: text file with one photo per line, relative to the data."""
     seed: int = 0
     """Chooses which viewpoints are cluttered (ratio mode), which photos are taken (number mode)."""
-    distractor_masks_path: Path = Path("masks")
+    distractor_masks_path: Path | None = Path("masks")
     """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
     Evaluation compares the model's masks with them; training never sees them."""
-    eval_mode: Annotated[Literal["fraction", "filename", "interval", "all"], _Hidden] = "filename"
-    """Not used: file names decide."""
-    train_split_fraction: Annotated[float, _Hidden] = 0.9
-    """Not used: file names decide."""
-    eval_interval: Annotated[int, _Hidden] = 8
-    """Not used: file names decide."""
 
 
 class RobustNerfDataParser(DeSplatColmapDataParser):
@@ -85,11 +71,6 @@ class RobustNerfDataParser(DeSplatColmapDataParser):
             "the file names of the photos to hold out (in the reconstruction, too), or use the "
             "`colmap` dataparser, which holds out every eighth photo."
         )
-
-    def metadata_of(self, frames: Sequence[Frame]) -> dict[str, Any]:
-        """As upstream's, plus `distractor_mask_filenames`: list[Path | None], one per photo."""
-        folder = self.config.data / self.config.distractor_masks_path
-        return super().metadata_of(frames) | gt_masks(folder, frames)
 
     def _training_views(self, names: Sequence[str]) -> list[int]:
         config = self.config

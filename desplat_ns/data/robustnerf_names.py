@@ -10,7 +10,7 @@ from __future__ import annotations
 import random
 import re
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Literal
 
 from desplat_ns.console import list_names
@@ -111,14 +111,14 @@ def views_by_file(names: Sequence[str], listing: Path) -> list[int]:
         )
     lines = [line.strip() for line in listing.read_text(encoding="utf8").splitlines()]
     wanted = [line for line in lines if line and not line.startswith("#")]
-    found = {line: _matches(names, line) for line in wanted}
-    wrong = [line for line in wanted if len(found[line]) != 1]
+    found = find_photos(names, wanted)
+    wrong = [line for line, where in zip(wanted, found, strict=True) if len(where) != 1]
     if wrong:
         raise CaptureError(
             f"{len(wrong)} of {len(wanted)} lines of {listing} name no photo of the reconstruction,"
             f" or several: {list_names(wrong)}. It has {list_names(names)}."
         )
-    picked = sorted({found[line][0] for line in wanted})
+    picked = sorted({where[0] for where in found})
     held_out = [names[i] for i in picked if kind_of(names[i]) == "extra"]
     if held_out:
         raise CaptureError(
@@ -126,6 +126,16 @@ def views_by_file(names: Sequence[str], listing: Path) -> list[int]:
             "Remove these lines."
         )
     return picked
+
+
+def find_photos(names: Sequence[str], wanted: Sequence[str]) -> list[list[int]]:
+    """Indices of the photos that each entry means: the path inside the images folder or, where no
+    path is so, the file name."""
+    places: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        places.setdefault(PurePosixPath(name).name, []).append(i)
+    places |= {name: [i] for i, name in enumerate(names)}
+    return [places.get(entry, []) for entry in wanted]
 
 
 def describe(names: Sequence[str]) -> str:
@@ -147,8 +157,3 @@ def _by_viewpoint(names: Sequence[str], kind: Kind) -> dict[str, list[int]]:
         if kind_of(name) == kind:
             groups.setdefault(viewpoint_of(name), []).append(i)
     return groups
-
-
-def _matches(names: Sequence[str], line: str) -> list[int]:
-    exact = [i for i, name in enumerate(names) if name == line]
-    return exact or [i for i, name in enumerate(names) if Path(name).name == line]

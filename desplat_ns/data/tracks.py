@@ -6,7 +6,7 @@ where they lie. Letters in shapes: P points, M observations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -60,23 +60,21 @@ class Tracks:
 
         try:
             images = pycolmap.Reconstruction(self.folder).images
-            return [self._observed(images[self.image_ids[photo]]) for photo in photos]
+            place = {number: i for i, number in enumerate(self.point_ids.tolist())}
+            return [_observed(images[self.image_ids[photo]], place) for photo in photos]
         except (ValueError, LookupError, RuntimeError) as error:
             raise CaptureError(
                 f"The observations in {self.folder} cannot be read ({error}); they could when the "
                 "capture was opened. Put the reconstruction back, or start again."
             ) from error
 
-    def _observed(self, image: pycolmap.Image) -> Observed:
-        assert image.camera is not None, "pycolmap links every image to its camera"
-        seen = list(image.get_observation_points2D())
-        ids = np.array([one.point3D_id for one in seen], dtype=np.int64)
-        pixels = np.array([one.xy for one in seen], dtype=np.float64).reshape(-1, 2)
-        order = np.argsort(self.point_ids, kind="stable")
-        found = np.searchsorted(self.point_ids, ids, sorter=order)
-        known = found < len(order)
-        points = order[np.where(known, found, 0)] if len(order) else np.zeros_like(found)
-        if len(order):
-            known &= self.point_ids[points] == ids
-        size = (image.camera.width, image.camera.height)
-        return Observed(points[known], (pixels / size)[known])
+
+def _observed(image: pycolmap.Image, place: Mapping[int, int]) -> Observed:
+    """What a photo observes of the points that have a `place` by their number."""
+    assert image.camera is not None, "pycolmap links every image to its camera"
+    known = [one for one in image.get_observation_points2D() if one.point3D_id in place]
+    pixels = np.array([one.xy for one in known], dtype=np.float64).reshape(-1, 2)
+    return Observed(
+        np.array([place[one.point3D_id] for one in known], dtype=np.int64),
+        pixels / (image.camera.width, image.camera.height),
+    )

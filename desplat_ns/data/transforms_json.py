@@ -82,9 +82,7 @@ class PromptFreeNerfstudio(Nerfstudio):
         if self._transforms().is_file():
             return f"The capture {data} cannot be used: {type(error).__name__}: {error}."
         message = f"The capture {data} has no transforms.json. "
-        try:
-            find_models(data, Path("sparse"))
-        except CaptureError:
+        if not find_models(data, Path("sparse")):
             return f"{message}Check --data. {how_to_get_poses(Path('PHOTOS'))}"
         return message + (
             "It has a COLMAP reconstruction: add the dataparser at the end of the command, "

@@ -1,5 +1,5 @@
 """Scores images and masks, by one of several protocols, for the report of `ns-eval`.
 
-May import `photo_tourism`, `training`, `gaussians`, `rendering`, `backend`, `data`, `settings`,
-`console` and `errors`.
+May import `model`, `training`, `gaussians`, `rendering`, `data`, `settings`, `console` and
+`errors`.
 """

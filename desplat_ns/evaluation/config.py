@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
 from desplat_ns.errors import ConfigError
+from desplat_ns.settings.options import check_ranges, ranged
 
 ProtocolName = Literal["auto", "half", "full", "right"]
 
@@ -20,10 +20,10 @@ class EvaluationConfig:
     the whole image in the training images' average light. right: score the right half in that
     light, to compare a model without appearance with others on the same pixels. auto: half if
     images have a light of their own, else full."""
-    steps: int = 128
+    steps: int = ranged(128, "[0, inf)")
     """Steps of Adam for an embedding. B.3. The numbers of `appearance camera` alone are found in
     closed form; there, steps and rate mean nothing."""
-    learning_rate: float = 0.01
+    learning_rate: float = ranged(0.01, "(0, inf)")
     """Of the embedding. B.3."""
 
 
@@ -37,11 +37,7 @@ def chosen_protocol(config: EvaluationConfig, image_light: bool) -> ProtocolName
         ConfigError: halves are asked for, but images have no embedding; or steps or rate are out of
             range.
     """
-    if config.steps < 0 or not 0 < config.learning_rate < math.inf:
-        raise ConfigError(
-            f"An embedding takes 0 or more steps at a positive learning rate; found --steps "
-            f"{config.steps} and --learning-rate {config.learning_rate}. B.3 has 128 at 0.01."
-        )
+    check_ranges(config, "-")
     if config.protocol == "half" and not image_light:
         raise ConfigError(
             "The half protocol finds an image's embedding, and this model has none: its "

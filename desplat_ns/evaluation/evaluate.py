@@ -12,9 +12,7 @@ from torch import Tensor
 from desplat_ns.console import progress_over
 from desplat_ns.errors import CaptureError
 from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
-from desplat_ns.evaluation.evaluated_model import EvaluatedModel
 from desplat_ns.evaluation.mask_scores import score_masks
-from desplat_ns.evaluation.metrics import LPIPS_NET
 from desplat_ns.evaluation.records import (
     ScoredImage,
     check_finite,
@@ -23,7 +21,9 @@ from desplat_ns.evaluation.records import (
     summarize,
     versions,
 )
-from desplat_ns.evaluation.scorer import LeftHalfLight, Scorer
+from desplat_ns.evaluation.scorer import Scorer
+from desplat_ns.model import DeSplatModel
+from desplat_ns.rendering.metrics import LPIPS_NET
 
 Image = tuple[Cameras, dict[str, Any]]
 """A camera and its photo, as nerfstudio's datamanager gives them."""
@@ -33,7 +33,7 @@ Show = Callable[[int, dict[str, Tensor]], None]
 
 
 def evaluate_in_training(
-    model: EvaluatedModel, images: Sequence[Image], names: Sequence[str], show: Show
+    model: DeSplatModel, images: Sequence[Image], names: Sequence[str], show: Show
 ) -> dict[str, Any]:
     """Means over whole images in the average light, times and counts: numbers alone, as event
     writers need them.
@@ -46,7 +46,7 @@ def evaluate_in_training(
 
 
 def evaluate(
-    model: EvaluatedModel,
+    model: DeSplatModel,
     config: EvaluationConfig,
     images: Sequence[Image],
     names: Sequence[str],
@@ -81,12 +81,12 @@ def evaluate(
     return results
 
 
-def scorer_of(model: EvaluatedModel, config: EvaluationConfig) -> Scorer:
+def scorer_of(model: DeSplatModel, config: EvaluationConfig) -> Scorer:
     """The scorer that the options ask for. Raises ConfigError as `evaluate`."""
     protocol = chosen_protocol(config, model.effects.image_light)
     if protocol != "half":
         return Scorer(model, "full image" if protocol == "full" else "right half")
-    return Scorer(model, "right half", LeftHalfLight(model, config))
+    return Scorer(model, "right half", config)
 
 
 def _score(

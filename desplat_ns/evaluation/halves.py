@@ -13,7 +13,8 @@ from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
 from desplat_ns.errors import CaptureError
-from desplat_ns.evaluation.evaluated_model import EvaluatedModel
+from desplat_ns.evaluation.config import EvaluationConfig
+from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.views import view_of
 from desplat_ns.training.losses import photometric_loss
 
@@ -57,11 +58,10 @@ def fit_embedding(
 
 
 def embedding_from_left_half(
-    model: EvaluatedModel,
+    model: DeSplatModel,
     camera: Cameras,
     photo: Float[Tensor, "H W 3"],
-    steps: int,
-    learning_rate: float,
+    config: EvaluationConfig,
     mask: Shaped[Tensor, "H W 1"] | None = None,
 ) -> Float[Tensor, " E"]:
     """The embedding that explains the left half of a photo best.
@@ -73,7 +73,6 @@ def embedding_from_left_half(
 
     Args:
         photo: the whole photo; columns from W // 2 on are not looked at.
-        steps: of Adam.
         mask: of the whole photo; what it leaves out does not count, as in training.
 
     Raises:
@@ -98,6 +97,6 @@ def embedding_from_left_half(
     return fit_embedding(
         lambda embedding: photometric_loss(left_half(draw(embedding)) * seen, target, ssim_weight),
         model.average_embedding(),
-        steps,
-        learning_rate,
+        config.steps,
+        config.learning_rate,
     )

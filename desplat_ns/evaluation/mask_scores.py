@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import torch
 from jaxtyping import Bool
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
 from desplat_ns.console import progress_over
 from desplat_ns.data.gt_masks import read_gt_mask, shadow_mask_of
-from desplat_ns.evaluation.metrics import mask_iou, mean_alpha_outside
+from desplat_ns.rendering.metrics import mask_iou, mean_alpha_outside
+from desplat_ns.rendering.views import is_distorted
 
 
 @dataclass
@@ -56,7 +56,7 @@ def score_masks(
 
     Raises CaptureError where a mask cannot be read.
     """
-    masks = [(camera, path) for camera, path in masks if not _is_distorted(camera)]
+    masks = [(camera, path) for camera, path in masks if not is_distorted(camera)]
     if not masks:
         return {}
     objects, with_shadows = _Scores(), _Scores()
@@ -80,8 +80,3 @@ def _truth(path: Path, outputs: dict[str, Tensor]) -> Bool[Tensor, "H W 1"]:
     """A true mask at the size of the rendering."""
     alpha = outputs["alpha_distractor"]
     return read_gt_mask(path, alpha.shape[1], alpha.shape[0]).to(alpha.device)
-
-
-def _is_distorted(camera: Cameras) -> bool:
-    distortion = camera.distortion_params
-    return distortion is not None and bool(torch.any(distortion != 0))

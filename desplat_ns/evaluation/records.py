@@ -7,7 +7,7 @@ import platform
 import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from typing import Any
 
 from torch import Tensor, nn
@@ -18,8 +18,6 @@ from desplat_ns.gaussians.distractors import DistractorGaussians
 
 PACKAGES = ("nerfstudio", "gsplat", "torch", "numpy", "numba")
 """Packages that a figure may depend on."""
-
-BYTES_PER_MB = 1e6
 
 
 @dataclass
@@ -93,15 +91,10 @@ def gaussian_counts(
 
 def memory_mb(parameters: Iterable[Tensor]) -> float:
     """Bytes of parameters, in units of 10^6."""
-    return sum(p.numel() * p.element_size() for p in parameters) / BYTES_PER_MB
+    return sum(p.numel() * p.element_size() for p in parameters) / 1e6
 
 
 def versions() -> dict[str, str]:
     """Versions of Python, this package and those that a figure may depend on."""
     found = {"python": platform.python_version(), "desplat_ns": desplat_ns.__version__}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+    return found | {package: version(package) for package in PACKAGES}

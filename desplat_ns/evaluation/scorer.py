@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -11,73 +12,33 @@ from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
 from desplat_ns.evaluation.config import EvaluationConfig
-from desplat_ns.evaluation.evaluated_model import EvaluatedModel
 from desplat_ns.evaluation.halves import embedding_from_left_half, right_half
 from desplat_ns.evaluation.records import ScoredImage
-from desplat_ns.evaluation.stopwatch import Stopwatch
+from desplat_ns.model import DeSplatModel
 
 Region = Literal["full image", "right half"]
-
-
-@dataclass
-class LeftHalfLight:
-    """An image's light, as its left half asks for it.
-
-    Source: App. B.1, the protocol of Photo Tourism.
-    """
-
-    model: EvaluatedModel
-    config: EvaluationConfig
-
-    def describe(self) -> str:
-        """How it is found, in words."""
-        if self.model.effects.closed_form:
-            return "in closed form on its left half"
-        steps, rate = self.config.steps, self.config.learning_rate
-        return f"{steps} steps of Adam at {rate:g} on its left half"
-
-    def of(
-        self, camera: Cameras, batch: dict[str, Any], behind: Float[Tensor, "H W 3"]
-    ) -> Float[Tensor, " E"]:
-        """The embedding of an image.
-
-        Args:
-            behind: what shows where the photo is transparent.
-
-        Raises:
-            CaptureError: see `embedding_from_left_half`.
-        """
-        config, model = self.config, self.model
-        photo = model.composite_with_background(model.get_gt_img(batch["image"]), behind)
-        options = config.steps, config.learning_rate, _counted(batch)
-        return embedding_from_left_half(model, camera, photo, *options)
-
-
-def _counted(batch: dict[str, Any]) -> Shaped[Tensor, "H W 1"] | None:
-    """The mask of a photo, without what is transparent in it; None if all of it counts."""
-    image, mask = batch["image"], batch.get("mask")
-    if image.shape[2] < 4:
-        return mask
-    opaque = image[..., 3:] > 0
-    return opaque if mask is None else opaque & (mask.to(opaque.device) != 0)
 
 
 @dataclass
 class Scorer:
     """One way to score images."""
 
-    model: EvaluatedModel
+    model: DeSplatModel
     region: Region = "full image"
     """Which pixels count."""
-    light: LeftHalfLight | None = None
-    """Each image's own; None: the training images' average."""
+    fit: EvaluationConfig | None = None
+    """How each image's light is found on its left half, the protocol of Photo Tourism (App. B.1);
+    None: it is the training images' average."""
 
     def describe(self) -> str:
         """The way in words, for the JSON."""
         text = f"{self.region}, static Gaussians only"
-        if self.light is not None:
-            return f"{text}; each image's embedding: {self.light.describe()}"
-        return text if self.region == "full image" else f"{text}; no embedding of the image's own"
+        if self.fit is None:
+            whole = self.region == "full image"
+            return text if whole else f"{text}; no embedding of the image's own"
+        how = f"{self.fit.steps} steps of Adam at {self.fit.learning_rate:g}"
+        how = "in closed form" if self.model.effects.closed_form else how
+        return f"{text}; each image's embedding: {how} on its left half"
 
     def score(
         self, camera: Cameras, batch: dict[str, Any], name: str
@@ -90,36 +51,55 @@ class Scorer:
             batch: the photo, as nerfstudio's datamanager gives it.
             name: of the photo.
 
-        Raises as `LeftHalfLight.of`.
+        Raises:
+            CaptureError: see `embedding_from_left_half`.
         """
-        model, watch = self.model, Stopwatch(self.model.device)
-        watch.start()
+        model, start = self.model, self._now()
         outputs = model.get_outputs_for_camera(camera)
-        render_seconds = watch.seconds()
+        render_seconds = self._now() - start
         figures, pictures = self._figures(outputs, batch)
-        if self.light is not None:
+        if self.fit is not None:
             before = {f"{key}_before": value for key, value in figures.items()}
-            watch.start()
-            embedding = self.light.of(camera, batch, outputs["background"])
-            before["embedding_seconds"] = watch.seconds()
-            watch.start()
+            start = self._now()
+            photo = self._photo(batch, outputs)
+            embedding = embedding_from_left_half(model, camera, photo, self.fit, _counted(batch))
+            before["embedding_seconds"] = self._now() - start
+            start = self._now()
             with model.shown_in(embedding):
                 outputs = model.get_outputs_for_camera(camera)
             figures, pictures = self._figures(outputs, batch)
             figures |= before
         height, width = outputs["rgb"].shape[:2]
-        return ScoredImage(name, width, height, figures, render_seconds, watch.seconds()), pictures
+        seconds = self._now() - start
+        return ScoredImage(name, width, height, figures, render_seconds, seconds), pictures
+
+    def _now(self) -> float:
+        """Seconds; what the GPU was given is done."""
+        if self.model.device.type == "cuda":
+            torch.cuda.synchronize(self.model.device)
+        return time.perf_counter()
 
     def _figures(
         self, outputs: dict[str, Tensor], batch: dict[str, Any]
     ) -> tuple[dict[str, float], dict[str, Tensor]]:
         """Of the region, and the whole photo beside the whole rendering."""
-        model = self.model
         if self.region == "full image":
-            return model.get_image_metrics_and_images(outputs, batch)
+            return self.model.get_image_metrics_and_images(outputs, batch)
         right = {name: right_half(outputs[name]) for name in ("rgb", "background")}
         half = {**batch, "image": right_half(batch["image"])}
-        figures, _ = model.get_image_metrics_and_images(right, half)
-        photo = model.get_gt_img(batch["image"])
-        photo = model.composite_with_background(photo, outputs["background"])
-        return figures, {"img": torch.cat([photo, outputs["rgb"]], dim=1)}
+        figures, _ = self.model.get_image_metrics_and_images(right, half)
+        return figures, {"img": torch.cat([self._photo(batch, outputs), outputs["rgb"]], dim=1)}
+
+    def _photo(self, batch: dict[str, Any], outputs: dict[str, Tensor]) -> Float[Tensor, "H W 3"]:
+        """The photo, over the background where it is transparent."""
+        photo = self.model.get_gt_img(batch["image"])
+        return self.model.composite_with_background(photo, outputs["background"])
+
+
+def _counted(batch: dict[str, Any]) -> Shaped[Tensor, "H W 1"] | None:
+    """The mask of a photo, without what is transparent in it; None if all of it counts."""
+    image, mask = batch["image"], batch.get("mask")
+    if image.shape[2] < 4:
+        return mask
+    opaque = image[..., 3:] > 0
+    return opaque if mask is None else opaque & (mask.to(opaque.device) != 0)

@@ -3,7 +3,7 @@
 `splat_cloud` is what every format holds; `baked` takes it from a model, in the light that is
 shown; `coordinates` moves it, `surroundings` crops it; `ply`, `spz` and `gltf` write it, `formats`
 is their table. `masks` draws the training photos' distractor masks through each photo's `lens`;
-`photos` and `photo_names` say over which photo each lies. `export.export_splats` and
+`photos` says over which photo each lies. `export.export_splats` and
 `export.export_masks` do the whole.
 
 May import `runs`, `model`, `pipeline`, `datamanager`, `photo_tourism`, `training`,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -15,10 +14,9 @@ from desplat_ns.data.images import write_image
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.baked import baked
 from desplat_ns.export.coordinates import moved, similarity_to
-from desplat_ns.export.formats import Frame, format_of
+from desplat_ns.export.formats import Frame, Naming, format_of
 from desplat_ns.export.masks import dilated, distractor_mask
-from desplat_ns.export.photo_names import Naming, mask_names
-from desplat_ns.export.photos import training_photos
+from desplat_ns.export.photos import mask_names, training_photos
 from desplat_ns.export.splat_cloud import SplatCloud
 from desplat_ns.export.surroundings import Surroundings, surroundings_of
 from desplat_ns.files.whole import plain_errors, whole_folder, write_whole
@@ -33,17 +31,12 @@ MOST_CROP_VIEWS = 100
 """Training views that are looked through to find how far the cameras look."""
 
 
-@dataclass(frozen=True)
-class SplatOptions:
-    """What a file of splats is to hold."""
-
-    frame: Frame = "upright"
-    crop: float | None = None
-    light: str | None = None
-
-
-def export_splats(files: RunFiles, output: Path, options: SplatOptions) -> SplatCloud:
+def export_splats(
+    files: RunFiles, output: Path, frame: Frame, crop: float | None, light: str | None
+) -> SplatCloud:
     """Write the static Gaussians of a run; say how many, how large, and what was left out.
+
+    Args: see `desplat-export splats --help`.
 
     Returns:
         What was written, before the format rounds it.
@@ -56,14 +49,14 @@ def export_splats(files: RunFiles, output: Path, options: SplatOptions) -> Splat
     kind = format_of(output)
     pipeline = load_run(files).pipeline
     model = cast(DeSplatModel, pipeline.model)
-    with _shown_in(model, options.light):
+    with _shown_in(model, light):
         cloud = baked(model.shown_splats(), model.render_settings(depth=False).antialiased)
         announce(f"{len(cloud)} of {model.num_points} static Gaussians can be seen.")
-        if options.crop is not None:
-            cloud = _cropped(cloud, _surroundings(pipeline), options.crop)
+        if crop is not None:
+            cloud = _cropped(cloud, _surroundings(pipeline), crop)
     outputs = pipeline.datamanager.train_dataparser_outputs
     transform = outputs.dataparser_transform.numpy()
-    to_file = similarity_to(options.frame, transform, outputs.dataparser_scale, kind.upright_axes)
+    to_file = similarity_to(frame, transform, outputs.dataparser_scale, kind.upright_axes)
     cloud, left_out = kind.fitting(moved(cloud, to_file))
     content = kind.bytes_of(cloud)
     with plain_errors(output):

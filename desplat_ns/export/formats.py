@@ -18,6 +18,9 @@ from desplat_ns.export.splat_cloud import SplatCloud
 Frame = Literal["upright", "capture", "training"]
 """In which coordinates a file is; see `coordinates.similarity_to`."""
 
+Naming = Literal["colmap", "nerfstudio"]
+"""Of masks. colmap: photo.jpg.png. nerfstudio: photo.png, in place of the photo's own ending."""
+
 Axes = tuple[tuple[int, ...], ...]
 """A matrix [3, 3] of 0 and +-1 that turns one convention's axes into another's."""
 

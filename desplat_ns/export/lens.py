@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import torch
 from jaxtyping import Float
 from nerfstudio.cameras.cameras import Cameras, CameraType
+
+from desplat_ns.rendering.views import is_distorted
 
 WIDEST = 5.0
 """Tangent of the angle from the optical axis beyond which a pinhole is not drawn (79 degrees)."""
@@ -43,8 +44,7 @@ class Pinhole:
 
 def pinhole_of(camera: Cameras) -> Pinhole:
     """The pinhole that sees all that the photo of a camera [1] shows, at the same focal lengths."""
-    distortion = camera.distortion_params
-    if distortion is None or not bool(torch.any(distortion != 0)):
+    if not is_distorted(camera):
         return Pinhole(camera, None)
     rays = _slopes(camera)
     rays = np.where(np.isfinite(rays) & (np.abs(rays) <= WIDEST), rays, np.nan)

@@ -1,22 +1,27 @@
-"""The training photos as they lie on disk: their names, their full size, their cameras.
+"""The training photos as they lie on disk: their names, those of their masks, their full size,
+their cameras.
 
 Letters in shapes: H x W pixels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import torch
 from nerfstudio.cameras.cameras import Cameras
 
+from desplat_ns.console import list_names
 from desplat_ns.data.colmap import DeSplatColmapDataParser
 from desplat_ns.data.images import image_size
 from desplat_ns.data.training_views import image_names
 from desplat_ns.datamanager import DeSplatDataManager
-from desplat_ns.export.photo_names import original_of
+from desplat_ns.errors import ConfigError
+from desplat_ns.export.formats import Naming
 
 
 @dataclass(frozen=True)
@@ -75,3 +80,36 @@ def _at_size(camera: Cameras, width: int, height: int) -> Cameras:
         distortion_params=camera.distortion_params,
         camera_type=camera.camera_type,
     )
+
+
+def original_of(path: Path, folder: Path) -> Path:
+    """The photo in its full size: the one in `folder` where `path` is a copy in a folder beside it
+    (images_2 for images), if it is there; else `path`."""
+    if path.is_relative_to(folder.parent):
+        beside, *rest = path.relative_to(folder.parent).parts
+        original = folder.joinpath(*rest)
+        is_copy = re.fullmatch(re.escape(folder.name) + r"_\d+", beside) is not None
+        if rest and is_copy and original.is_file():
+            return original
+    return path
+
+
+def mask_names(photos: Sequence[str], naming: Naming) -> list[str]:
+    """Names of the masks of photos, as paths below the masks' folder.
+
+    Args:
+        photos: as paths below the photos' folder.
+
+    Raises:
+        ConfigError: two photos would have the same mask.
+    """
+    if naming == "colmap":
+        return [f"{photo}.png" for photo in photos]
+    names = [str(PurePosixPath(photo).with_suffix(".png")) for photo in photos]
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ConfigError(
+            f"--names {naming} calls the masks of several photos the same: {list_names(twice)}. "
+            "Add `--names colmap`, which keeps the photos' endings."
+        )
+    return names

@@ -1,4 +1,4 @@
-"""What the HTML pages share: templates, pictures inside the page, figures in words.
+"""What the HTML pages share: templates, pictures and charts inside the page, figures in words.
 
 Letters in shapes: H x W pixels.
 """
@@ -9,7 +9,8 @@ import base64
 import io
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
@@ -73,8 +74,44 @@ def shrunk(pixels: UInt8[np.ndarray, "H W 3"], side: int) -> UInt8[np.ndarray, "
     return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.LANCZOS))
 
 
-def inline_svg(file: Path) -> str:
-    """An SVG file's picture for HTML: without the prologue, metadata and a size of its own."""
-    text = re.sub(r"<metadata>.*?</metadata>", "", file.read_text("utf8"), flags=re.DOTALL)
+@contextmanager
+def chart(name: str, size: tuple[float, float]) -> Iterator[Any]:
+    """Axes to draw on, and, before it is left, to save by `svg_of`.
+
+    Args:
+        name: keeps apart what charts of one page refer to.
+        size: inches; letters have 10 points.
+    """
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    style: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": name}
+    with matplotlib.rc_context({**style, "font.size": 10, "font.family": "sans-serif"}):
+        axes = Figure(figsize=size, layout="constrained").subplots()
+        axes.grid(True, which="major", alpha=0.25)
+        axes.spines[["top", "right"]].set_visible(False)
+        yield axes
+
+
+def plain_logarithmic(axis: Any) -> None:
+    """An axis of logarithms with numbers as 0.5, 20, 1,000 instead of powers of ten."""
+    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(StrMethodFormatter("{x:,.10g}"))
+
+
+def svg_of(axes: Any) -> str:
+    """A chart as an SVG file."""
+    text = io.StringIO()
+    axes.figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    return text.getvalue()
+
+
+def inline_svg(text: str) -> str:
+    """An SVG file for HTML: without prologue, metadata, name spaces and a size of its own."""
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     tag, rest = text[text.index("<svg") :].split(">", 1)
-    return re.sub(r' (?:width|height)="[^"]*"', "", tag) + ">" + rest
+    return re.sub(r' (?:width|height|xmlns(?::\w+)?)="[^"]*"', "", tag) + ">" + rest

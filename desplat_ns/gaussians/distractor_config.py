@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from desplat_ns.backend.protocol import RenderSettings
+from desplat_ns.backend.constants import NEAR_PLANE
 from desplat_ns.errors import ConfigError
 from desplat_ns.settings.options import check_ranges, ranged
 
@@ -36,10 +36,6 @@ class DistractorConfig:
     strong_levels: float = ranged(20.0, "[0, inf)")
     """What has to be reached lies between the two and is so many times the view's own level, the
     lower quartile of its residuals: that falls as the scene is learned."""
-    standing_share: float = ranged(0.5, "(0, 1]")
-    """With start residual: share of what has to be reached that is enough where a region was at the
-    view's last visit, until `leave_out_at`: what begins to be learned stands out less. 1 remembers
-    none."""
     shared_detail: float = ranged(0.7, "(0, inf)")
     """With start residual: where the detail of a photo correlates more than this with that of the
     static scene, it is the scene's own in another light, and nothing in the way; 1 or more asks
@@ -97,7 +93,7 @@ class DistractorConfig:
     """Distractors with less opacity are pruned. Splatfacto's threshold."""
     initial_opacity: float = ranged(0.1, "(0, 1)")
     """Opacity of a distractor at its start. Splatfacto's value."""
-    depth: float = ranged(0.02, f"({RenderSettings.near_plane}, inf)")
+    depth: float = ranged(0.02, f"({NEAR_PLANE}, inf)")
     """Distance from the camera at the start, world units, whatever the scene's scale: distractors
     are composited over the static scene, so their depth only sets how many pixels a step of the
     optimizer moves them. Must lie beyond the near plane."""

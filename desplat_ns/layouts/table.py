@@ -15,7 +15,7 @@ from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
-from desplat_ns.data.colmap_model import find_models, has_model
+from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.on_the_go import (
     SPLIT_FILE,
     TRANSFORMS_FILE,
@@ -33,7 +33,7 @@ from desplat_ns.photo_tourism.dataparser import (
     PhotoTourismDataParserConfig,
     split_folders,
 )
-from desplat_ns.photo_tourism.split_file import PATTERNS, read_rows
+from desplat_ns.photo_tourism.split_file import split_files
 
 MODEL = Path("sparse")
 """Stands for all usual places of a COLMAP model, see `colmap_model.find_models`."""
@@ -92,7 +92,7 @@ def find_on_the_go(data: Path) -> Evidence | None:
 
 def find_robustnerf(data: Path) -> Evidence | None:
     """`extra` and `clutter` or `clean` in the names of photos, over a COLMAP model."""
-    model = _model_of(data, MODEL)
+    model = _model_of(data)
     if not model:
         return None
     images, options = _photos(data)
@@ -111,12 +111,14 @@ def find_robustnerf(data: Path) -> Evidence | None:
 
 def find_photo_tourism(data: Path) -> Evidence | None:
     """dense/ with photos and a COLMAP model, or a NeRF-W split file beside them."""
-    split = _split_file_name(data)
-    held_out = f"the split file {split}" if split else "no split file: a draw holds photos out"
+    split, _ = split_files(split_folders(data))
+    held_out = (
+        f"the split file {split[0].name}" if split else "no split file: a draw holds photos out"
+    )
     dense = ROOTS[0]
-    if has_model(data, dense / "sparse") and (data / dense / "images").is_dir():
+    if find_models(data, dense / "sparse") and (data / dense / "images").is_dir():
         return Evidence(f"{dense}/images and {dense}/sparse ({held_out})")
-    model = _model_of(data, MODEL)
+    model = _model_of(data)
     if model and (split or data.resolve().name == dense.name):
         return Evidence(f"COLMAP's model in {model} ({held_out})", covers=("colmap",))
     return None
@@ -135,21 +137,13 @@ def find_blender(data: Path) -> Evidence | None:
     return Evidence(", ".join(FILES))
 
 
-def find_mipnerf360(data: Path) -> Evidence | None:
-    """A COLMAP model with folders of smaller copies; without `images`, of the largest copies."""
-    model = _model_of(data, MODEL)
-    factors = downscale_factors(data / IMAGES)
-    if not (model and factors):
-        return None
-    copies = ", ".join(f"{IMAGES}_{factor}" for factor in factors)
-    found = f"COLMAP's model in {model} and {copies}"
-    return Evidence(found, _photos(data)[1], covers=("colmap",))
-
-
 def find_colmap(data: Path) -> Evidence | None:
-    """A COLMAP model in a usual place."""
-    model = _model_of(data, MODEL)
-    return Evidence(f"COLMAP's model in {model}") if model else None
+    """A COLMAP model in a usual place; photos, or smaller copies as Mip-NeRF 360 has them."""
+    model = _model_of(data)
+    if not model:
+        return None
+    copies = "".join(f", {IMAGES}_{factor}" for factor in downscale_factors(data / IMAGES))
+    return Evidence(f"COLMAP's model in {model}{copies}", _photos(data)[1])
 
 
 LAYOUTS = (
@@ -193,16 +187,9 @@ LAYOUTS = (
         "transforms_train.json with those beside it",
     ),
     Layout(
-        "Mip-NeRF 360",
-        "images_2, images_4, ... and a COLMAP model",
-        "colmap",
-        DeSplatColmapDataParserConfig,
-        find_mipnerf360,
-    ),
-    Layout(
         "COLMAP",
-        "images/ and a COLMAP model (cameras, images and points3D as .bin or .txt) in sparse/0, "
-        "sparse or colmap/sparse/0",
+        "images/, or images_2, images_4, ..., and a COLMAP model (cameras, images and points3D as "
+        ".bin or .txt) in sparse/0, sparse or colmap/sparse/0",
         "colmap",
         DeSplatColmapDataParserConfig,
         find_colmap,
@@ -211,11 +198,10 @@ LAYOUTS = (
 """The most specific ones first: the first that is found is taken."""
 
 
-def _model_of(data: Path, colmap: Path) -> str:
+def _model_of(data: Path) -> str:
     """Folder of the COLMAP model, relative to the data; empty if there is none."""
-    try:
-        found = find_models(data, colmap)
-    except CaptureError:
+    found = find_models(data, MODEL)
+    if not found:
         return ""
     folder = found[0] if len(found) == 1 else found[0].parent  # of several, the parser takes one
     return folder.relative_to(data).as_posix()
@@ -232,19 +218,7 @@ def _photos(data: Path) -> tuple[Path, dict[str, Any]]:
 
 
 def _posed_by(data: Path) -> str:
-    model = _model_of(data, MODEL)
+    model = _model_of(data)
     if model:
         return f"COLMAP's model in {model}"
     return TRANSFORMS_FILE if (data / TRANSFORMS_FILE).is_file() else ""
-
-
-def _split_file_name(data: Path) -> str:
-    """Name of a file with the columns of a split file; empty if there is none."""
-    for folder in split_folders(data):
-        for path in (path for pattern in PATTERNS for path in sorted(folder.glob(pattern))):
-            try:
-                read_rows(path)
-            except CaptureError:
-                continue
-            return path.name
-    return ""

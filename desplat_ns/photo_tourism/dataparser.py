@@ -6,21 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
 
-import tyro
 from nerfstudio.data.dataparsers.colmap_dataparser import MAX_AUTO_RESOLUTION
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
 from desplat_ns.console import announce
 from desplat_ns.data.checks import check_files
-from desplat_ns.data.colmap import (
-    DeSplatColmapDataParser,
-    DeSplatColmapDataParserConfig,
-)
-from desplat_ns.data.colmap_model import Frame, has_model
+from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
+from desplat_ns.data.colmap_model import Frame, find_models
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
-from desplat_ns.data.gt_masks import gt_masks
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.photo_tourism.split_file import (
     PhotoSplit,
@@ -30,8 +24,6 @@ from desplat_ns.photo_tourism.split_file import (
     read_split_file,
 )
 
-_Hidden = tyro.conf.Suppress
-
 ROOTS = (Path("dense"), Path())
 """Where photos and reconstruction lie side by side, relative to the data, in this order."""
 
@@ -40,7 +32,7 @@ TEST_FRACTION = 0.1
 
 
 @dataclass
-class PhotoTourismDataParserConfig(DeSplatColmapDataParserConfig):
+class PhotoTourismDataParserConfig(OwnSplitConfig):
     """Photo Tourism scene: dense/images, dense/sparse and NeRF-W's split file."""
 
     _target: type = field(default_factory=lambda: PhotoTourismDataParser)
@@ -61,23 +53,9 @@ class PhotoTourismDataParserConfig(DeSplatColmapDataParserConfig):
     downscale_factor: int | None = None
     """All photos at 1/N of their size. Without this option every photo by itself is halved until it
     has at most 1600 pixels a side; smaller ones keep their size."""
-    distractor_masks_path: Path = Path("masks")
+    distractor_masks_path: Path | None = Path("masks")
     """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
     Evaluation compares the model's masks with them; training never sees them."""
-    eval_mode: Annotated[Literal["fraction", "filename", "interval", "all"], _Hidden] = "filename"
-    """Not used: the split file or --test-fraction decides."""
-    train_split_fraction: Annotated[float, _Hidden] = 0.9
-    """Not used: the split file or --test-fraction decides."""
-    eval_interval: Annotated[int, _Hidden] = 8
-    """Not used: the split file or --test-fraction decides."""
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Where a scene's photos and reconstruction lie, relative to the data."""
-
-    images: Path
-    colmap: Path
 
 
 class PhotoTourismDataParser(DeSplatColmapDataParser):
@@ -86,19 +64,14 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
     config: PhotoTourismDataParserConfig
 
     @cached_property
-    def layout(self) -> Layout:
-        """See `find_layout`."""
-        return find_layout(self.config)
-
-    @cached_property
     def images_path(self) -> Path:
         """Folder of the photos, relative to the data."""
-        return self.layout.images
+        return find_paths(self.config)[0]
 
     @cached_property
     def colmap_path(self) -> Path:
         """Where the reconstruction is looked for, relative to the data."""
-        return self.layout.colmap
+        return find_paths(self.config)[1]
 
     @cached_property
     def split(self) -> PhotoSplit:
@@ -139,11 +112,6 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
             CaptureError: photos of either split that are not there.
         """
         return [self._sources[frame.name] for frame in frames]
-
-    def metadata_of(self, frames: Sequence[Frame]) -> dict[str, Any]:
-        """As upstream's, plus `distractor_mask_filenames`: list[Path | None], one per photo."""
-        folder = self.config.data / self.config.distractor_masks_path
-        return super().metadata_of(frames) | gt_masks(folder, frames)
 
     @cached_property
     def _sources(self) -> dict[str, PhotoSource]:
@@ -201,8 +169,9 @@ def split_folders(data: Path) -> list[Path]:
     return [data, data / ROOTS[0], *above]
 
 
-def find_layout(config: PhotoTourismDataParserConfig) -> Layout:
-    """Photos and reconstruction side by side in one of `ROOTS`; options come before that.
+def find_paths(config: PhotoTourismDataParserConfig) -> tuple[Path, Path]:
+    """(photos, reconstruction), relative to the data, side by side in one of `ROOTS`; options come
+    before that.
 
     Photos of one root never go with the reconstruction of the other: there they are undistorted,
     here perhaps not. A root that has both comes before one that has a reconstruction only.
@@ -212,21 +181,20 @@ def find_layout(config: PhotoTourismDataParserConfig) -> Layout:
     """
     default = PhotoTourismDataParserConfig()
     data = config.data
-    layouts = [
-        Layout(
+    pairs = [
+        (
             config.images_path if config.images_path != default.images_path else root / "images",
             config.colmap_path if config.colmap_path != default.colmap_path else root / "sparse",
         )
         for root in ROOTS
     ]
-    with_model = [layout for layout in layouts if has_model(data, layout.colmap)]
-    complete = [layout for layout in with_model if (data / layout.images).is_dir()]
-    for found in (complete, with_model):
-        if found:
-            return found[0]
+    with_model = [pair for pair in pairs if find_models(data, pair[1])]
+    complete = [pair for pair in with_model if (data / pair[0]).is_dir()]
+    if with_model:
+        return (complete or with_model)[0]
     if not data.is_dir():
         raise CaptureError(f"The folder {data} does not exist. Give the scene's with --data.")
-    looked = ", ".join(dict.fromkeys(layout.colmap.as_posix() for layout in layouts))
+    looked = ", ".join(dict.fromkeys(colmap.as_posix() for _, colmap in pairs))
     raise CaptureError(
         f"No COLMAP reconstruction in {data} (looked in {looked}, and in folders inside them). "
         "Needed: cameras, images and points3D as .bin or .txt, beside a folder `images`. Name the "

@@ -33,14 +33,6 @@ class ImageTable(nn.Module):
         return self.weight.mean(dim=0)
 
 
-class ImageEmbeddings(ImageTable):
-    """The embeddings e_j that the networks of appearance and background read."""
-
-    def __init__(self, num_images: int, dim: int):
-        """Draw the start from torch's generator.
-
-        Args:
-            num_images: training images.
-            dim: d_e.
-        """
-        super().__init__(INITIAL_STD * torch.randn(num_images, dim))
+def image_embeddings(num_images: int, dim: int) -> ImageTable:
+    """The e_j that the networks of appearance and background read; drawn from torch's generator."""
+    return ImageTable(INITIAL_STD * torch.randn(num_images, dim))

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from desplat_ns.backend.protocol import RenderSettings, Splats, View
+from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance
 from desplat_ns.photo_tourism.background import (
@@ -23,7 +23,7 @@ from desplat_ns.photo_tourism.camera_response import (
     squared_radius,
 )
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
-from desplat_ns.photo_tourism.embeddings import ImageEmbeddings, ImageTable
+from desplat_ns.photo_tourism.embeddings import ImageTable, image_embeddings
 from desplat_ns.photo_tourism.lit_splats import Lit, as_harmonics, lit_splats
 from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_ranges
@@ -61,11 +61,9 @@ class ImageEffects(nn.Module):
         check_ranges(background, "--pipeline.model.background")
         super().__init__()
         self.responses = CameraResponses(num_images) if effects.appearance == "camera" else None
-        self.embeddings = (
-            ImageEmbeddings(num_images, appearance.embedding_dim)
-            if effects.image_embeddings
-            else None
-        )
+        self.embeddings: ImageTable | None = None
+        if effects.image_embeddings:
+            self.embeddings = image_embeddings(num_images, appearance.embedding_dim)
         self.appearance: AffineAppearance | ShAppearance | None = None
         if effects.appearance == "affine":
             self.appearance = AffineAppearance(appearance)
@@ -144,7 +142,6 @@ class ImageEffects(nn.Module):
         splats: Splats,
         features: Float[Tensor, "N Z"],
         view: View,
-        settings: RenderSettings,
         frozen: bool = False,
     ) -> Lit:
         """Static Gaussians as a view shows them, given an embedding [E]; quicker than
@@ -156,7 +153,7 @@ class ImageEffects(nn.Module):
         """
         assert self.appearance is not None
         appearance = deepcopy(self.appearance).requires_grad_(False) if frozen else self.appearance
-        lit = lit_splats(appearance, splats, features, view, settings)
+        lit = lit_splats(appearance, splats, features, view)
         return lambda embedding: lit(self._read_by_networks(embedding))
 
     def background_of(

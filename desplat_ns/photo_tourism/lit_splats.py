@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from desplat_ns.backend.inputs import finite_colors
-from desplat_ns.backend.protocol import RenderSettings, Splats, View
+from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.backend.uncut_colors import uncut_colors
 from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance, toned_color
@@ -28,17 +28,16 @@ def lit_splats(
     splats: Splats,
     features: Float[Tensor, "N Z"],
     view: View,
-    settings: RenderSettings,
 ) -> Lit:
-    """What `settings` draw of `view`, as a function of the embedding.
+    """What is drawn of `view`, as a function of the embedding.
 
     Args:
         features: z_i.
     """
     if isinstance(appearance, AffineAppearance):
-        return _toned_after_evaluation(appearance, splats, features, view, settings)
+        return _toned_after_evaluation(appearance, splats, features, view)
     splats = as_harmonics(splats)
-    rows = in_view(splats, view, settings).nonzero()[:, 0]
+    rows = in_view(splats, view).nonzero()[:, 0]
     degree = splats.sh_degree
     assert degree is not None
 
@@ -61,12 +60,11 @@ def _toned_after_evaluation(
     splats: Splats,
     features: Float[Tensor, "N Z"],
     view: View,
-    settings: RenderSettings,
 ) -> Lit:
     """Eq. 7 as it stands: three numbers for each Gaussian are toned, not all coefficients."""
     splats = as_harmonics(splats)
     zeroth, finite = splats.colors[:, 0], finite_colors(splats.colors)
-    shown = in_view(splats, view, settings)
+    shown = in_view(splats, view)
     shown = shown if finite is None else shown & finite
     colors, rows = uncut_colors(splats, view, shown), shown.nonzero()[:, 0]
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -16,6 +15,8 @@ from torch import Tensor, nn
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import ConfigError
+from desplat_ns.photo_tourism.embeddings import ImageTable
+from desplat_ns.photo_tourism.image_effects import ImageEffects
 
 VARIABLE = "DESPLAT_NS_APPEARANCE"
 """Environment variable: `photo.jpg`, or `photo.jpg:0.7,other.jpg:0.3` for a mix of two. (Commands
@@ -23,19 +24,6 @@ of nerfstudio's leave no other way to say it.)"""
 
 OWN = "none chosen"
 """What the viewer's choice shows at the start: `VARIABLE`'s image, its own, or the average."""
-
-
-@runtime_checkable
-class ImageLights(Protocol):
-    """The embeddings of the training images."""
-
-    def of(self, image: int) -> Float[Tensor, " E"]:
-        """That of a training image."""
-        ...
-
-    def mean(self) -> Float[Tensor, " E"]:
-        """The average."""
-        ...
 
 
 def parse_light(
@@ -111,7 +99,9 @@ class ShownLight(nn.Module):
         finally:
             self._suspended = before
 
-    def embedding(self, lights: ImageLights, image: int | None = None) -> Float[Tensor, " E"]:
+    def embedding(
+        self, lights: ImageEffects | ImageTable, image: int | None = None
+    ) -> Float[Tensor, " E"]:
         """The chosen one; else that of training image `image`; else the average."""
         if self._fixed is not None:
             return self._fixed

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from desplat_ns.console import list_names
-from desplat_ns.data.robustnerf_names import shuffled
+from desplat_ns.data.robustnerf_names import find_photos, shuffled
 from desplat_ns.errors import CaptureError, ConfigError
 
 COLUMNS = ("filename", "id", "split")
@@ -47,12 +47,9 @@ class PhotoSplit:
     test: list[int]
 
 
-def find_split_file(folders: Sequence[Path]) -> Path | None:
-    """The one split file in these folders, None where there is no file of such a name.
-
-    Raises:
-        CaptureError: several fit, or there are files of such a name and none fits.
-    """
+def split_files(folders: Sequence[Path]) -> tuple[list[Path], list[str]]:
+    """Files in these folders with the columns of a split file, and what is wrong with others that
+    have its name."""
     found = {p.resolve(): p for f in folders for name in PATTERNS for p in sorted(f.glob(name))}
     fitting: list[Path] = []
     problems: list[str] = []
@@ -62,6 +59,16 @@ def find_split_file(folders: Sequence[Path]) -> Path | None:
             fitting.append(path)
         except CaptureError as error:
             problems.append(str(error))
+    return fitting, problems
+
+
+def find_split_file(folders: Sequence[Path]) -> Path | None:
+    """The one split file in these folders, None where there is no file of such a name.
+
+    Raises:
+        CaptureError: several fit, or there are files of such a name and none fits.
+    """
+    fitting, problems = split_files(folders)
     if len(fitting) > 1:
         raise CaptureError(
             f"{len(fitting)} split files were found: {list_names(map(str, fitting))}. Say with "
@@ -79,8 +86,8 @@ def read_split_file(path: Path) -> SplitFile:
     """Photos that train and photos for testing; rows without an id or a file name do not count.
 
     Raises:
-        CaptureError: as `read_rows`; a split that is neither train nor test; a file name twice;
-            fewer than two photos that train, or none for testing.
+        CaptureError: as `read_rows`; a split that is neither train nor test; fewer than two photos
+            that train, or none for testing.
     """
     names: dict[str, list[str]] = {"train": [], "test": []}
     skipped = 0
@@ -95,9 +102,14 @@ def read_split_file(path: Path) -> SplitFile:
                 f"'{row['split']}'; it must be train or test. To leave a photo out, delete its row."
             )
         names[split].append(PurePosixPath(row["filename"]).as_posix())
-    listed = SplitFile(path, names["train"], names["test"], skipped)
-    _check_counts(listed)
-    return listed
+    train, test = names["train"], names["test"]
+    if len(train) < 2 or not test:
+        raise CaptureError(
+            f"The split file {path} lists {len(train)} photos to train on and {len(test)} to test "
+            f"on ({skipped} rows have no id or no file name and do not count). Needed: at least "
+            "two to train on and one to test on."
+        )
+    return SplitFile(path, train, test, skipped)
 
 
 def read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
@@ -115,7 +127,13 @@ def read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
         with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file, dialect="excel-tab", strict=True)
             header = [(name or "").strip() for name in reader.fieldnames or []]
-            _check_columns(path, header)
+            missing = [name for name in COLUMNS if name not in header]
+            if missing:
+                raise CaptureError(
+                    f"The split file {path} has no column {', '.join(missing)}. Found: "
+                    f"{', '.join(header) or 'nothing'}; needed: {', '.join(COLUMNS)}, with tabs "
+                    "between."
+                )
             reader.fieldnames = header
             return [
                 (reader.line_num, {name: (row[name] or "").strip() for name in COLUMNS})
@@ -141,12 +159,8 @@ def match_split(names: Sequence[str], listed: SplitFile) -> PhotoSplit:
     Raises:
         CaptureError: rows that name no photo of the reconstruction, several, or one once more.
     """
-    places: dict[str, list[int]] = {}
-    for i, name in enumerate(names):
-        places.setdefault(PurePosixPath(name).name, []).append(i)
-    places |= {name: [i] for i, name in enumerate(names)}
     rows = listed.train + listed.test
-    found = [places.get(name, []) for name in rows]
+    found = find_photos(names, rows)
     wrong = [name for name, where in zip(rows, found, strict=True) if len(where) != 1]
     if wrong:
         raise CaptureError(
@@ -157,7 +171,10 @@ def match_split(names: Sequence[str], listed: SplitFile) -> PhotoSplit:
     indices = [where[0] for where in found]
     twice = [names[i] for i, count in Counter(indices).items() if count > 1]
     if twice:
-        raise CaptureError(_listed_twice(listed.path, twice))
+        raise CaptureError(
+            f"The split file {listed.path} lists {len(twice)} photos more than once: "
+            f"{list_names(twice)}. Keep one row for each photo."
+        )
     num_train = len(listed.train)
     return PhotoSplit(sorted(indices[:num_train]), sorted(indices[num_train:]))
 
@@ -181,32 +198,4 @@ def draw_split(names: Sequence[str], test_fraction: float, seed: int) -> PhotoSp
     return PhotoSplit(
         train=[i for i, name in enumerate(names) if name not in test],
         test=[i for i, name in enumerate(names) if name in test],
-    )
-
-
-def _check_columns(path: Path, header: Sequence[str]) -> None:
-    missing = [name for name in COLUMNS if name not in header]
-    if missing:
-        raise CaptureError(
-            f"The split file {path} has no column {', '.join(missing)}. Found: "
-            f"{', '.join(header) or 'nothing'}; needed: {', '.join(COLUMNS)}, with tabs between."
-        )
-
-
-def _check_counts(listed: SplitFile) -> None:
-    twice = [name for name, n in Counter(listed.train + listed.test).items() if n > 1]
-    if twice:
-        raise CaptureError(_listed_twice(listed.path, twice))
-    if len(listed.train) < 2 or not listed.test:
-        raise CaptureError(
-            f"The split file {listed.path} lists {len(listed.train)} photos to train on and "
-            f"{len(listed.test)} to test on ({listed.num_skipped} rows have no id or no file name "
-            "and do not count). Needed: at least two to train on and one to test on."
-        )
-
-
-def _listed_twice(path: Path, names: Sequence[str]) -> str:
-    return (
-        f"The split file {path} lists {len(names)} photos more than once: {list_names(names)}. "
-        "Keep one row for each photo."
     )

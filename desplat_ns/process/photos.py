@@ -14,12 +14,12 @@ from pathlib import Path, PurePosixPath
 
 import cv2
 import numpy as np
-import OpenImageIO as oiio
+import PIL.Image
 from jaxtyping import UInt8
 
 from desplat_ns.data.exif import Lens, lens_of
 from desplat_ns.data.images import read_image, resize_image
-from desplat_ns.errors import CaptureError, DeSplatError
+from desplat_ns.errors import CaptureError
 
 JPEG_QUALITY = 95
 """Of what is written: photos are written twice, so each time must cost nothing to be seen."""
@@ -84,7 +84,7 @@ def prepare_photos(
         done: called with the number of photos that are done.
 
     Raises:
-        DeSplatError: a copy cannot be written.
+        OSError: a copy cannot be written.
     """
     copies.mkdir(parents=True, exist_ok=True)
     seen = copies / "seen.jsonl"
@@ -117,15 +117,14 @@ def _read_seen(path: Path) -> Iterable[Photo]:
 def _prepare(folder: Path, photo: Photo, copies: Path, longest_side: int) -> Photo:
     path = folder / photo.source
     try:
-        pixels = read_image(path)[..., :3]
+        pixels = np.ascontiguousarray(read_image(path)[..., :3])
         lens = lens_of(path)
     except CaptureError as error:
         return replace(photo, problem=_reason(error))
     scale = min(1.0, longest_side / max(pixels.shape[:2]))
     if scale < 1:
         height, width = (max(1, round(side * scale)) for side in pixels.shape[:2])
-        pixels = resize_image(np.ascontiguousarray(pixels), width, height)
-    pixels = np.ascontiguousarray(pixels)
+        pixels = resize_image(pixels, width, height)
     write_jpeg(copies / photo.copy, pixels)
     height, width = pixels.shape[:2]
     return replace(
@@ -163,29 +162,11 @@ def write_jpeg(path: Path, pixels: UInt8[np.ndarray, "H W 3"]) -> None:
     """Write a photo at `JPEG_QUALITY`, with colour at full resolution; never half of it.
 
     Raises:
-        DeSplatError: it cannot be written.
+        OSError: it cannot be written.
     """
-    part = path.with_suffix(".part.jpg")
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, oiio.UINT8)
-    spec.attribute("Compression", f"jpeg:{JPEG_QUALITY}")
-    spec.attribute("jpeg:subsampling", "4:4:4")
-    file = oiio.ImageOutput.create(str(part))
-    written = file is not None and file.open(str(part), spec) and file.write_image(pixels)
-    if not (written and file.close() and ends_as_jpeg(part)):
-        problem = oiio.geterror() if file is None else file.geterror()
-        part.unlink(missing_ok=True)
-        raise DeSplatError(f"Photo {path} cannot be written: {problem.strip() or 'disk full?'}.")
+    part = path.with_suffix(".part")
+    PIL.Image.fromarray(pixels).save(part, "JPEG", quality=JPEG_QUALITY, subsampling=0)
     part.replace(path)
-
-
-def ends_as_jpeg(path: Path) -> bool:
-    """Whether a file is there and has JPEG's end marker, so that it is whole."""
-    try:
-        with path.open("rb") as file:
-            file.seek(-2, 2)
-            return file.read() == b"\xff\xd9"
-    except OSError:
-        return False
 
 
 def _without_twins(photos: Sequence[Photo]) -> list[Photo]:

@@ -1,32 +1,27 @@
-"""Photos or a video to a capture: the stages in their order, each done once."""
+"""Photos or a video to a capture: the stages in their order, each done once, and the report."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from desplat_ns.console import announce
+from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CaptureError
 from desplat_ns.files.lock import only_process_in
 from desplat_ns.process.attempts import Attempt, Task, best_attempt
 from desplat_ns.process.cameras import group_by_camera
 from desplat_ns.process.jobs import run_job
-from desplat_ns.process.messages import (
-    made_already,
-    may_be_made_thoroughly,
-    no_model,
-    report_lines,
-)
 from desplat_ns.process.photos import Photo
 from desplat_ns.process.preparation import masks_of, usable_photos
+from desplat_ns.process.recipes import PLAIN, THOROUGH
 from desplat_ns.process.request import Request
 from desplat_ns.process.sources import Sources
-from desplat_ns.process.top_view import draw_from_above
 from desplat_ns.process.workspace import Workspace, open_workspace, unwritable
 
 OF_THE_CAPTURE = ("undistortion", "findings")
 """Stages whose results are the capture itself, not in the work folder."""
+LISTED = 20
+"""Reasons that are told, each with the first photos it holds for; process.json has all."""
 
 
 def process(request: Request, sources: Sources) -> Workspace:
@@ -50,7 +45,7 @@ def _process(request: Request, sources: Sources) -> Workspace:
         except OSError as error:
             raise unwritable(folder.output, error) from error
     else:
-        announce(made_already(folder))
+        announce(_made_already(folder))
     for line in report_lines(folder):
         announce(line)
     if not request.keep_work:
@@ -63,7 +58,7 @@ def _goes_on_thoroughly(folder: Workspace, request: Request) -> bool:
 
     What is not in the work folder any more is struck from the record; the capture stays.
     """
-    if request.effort != "thorough" or not may_be_made_thoroughly(folder):
+    if request.effort != "thorough" or not _may_be_made_thoroughly(folder):
         return False
     copies = [Photo(**photo) for photo in folder.stages.get("photos", {}).get("result", ())]
     there = (folder.work / "photos" / photo.copy for photo in copies if not photo.problem)
@@ -93,26 +88,29 @@ def _make(folder: Workspace, request: Request, sources: Sources) -> None:
             return
         folder.forget(OF_THE_CAPTURE)
     if not best.models:
-        raise CaptureError(no_model(best.left_out))
-    findings = _findings(best, photos)
+        raise CaptureError(_no_model(best.left_out))
     folder.stage("undistortion", lambda: _undistort(folder, request, photos, best))
-    title = f"{findings['photos']} cameras and {findings['points']} points from above"
-    draw_from_above(folder.work / "view.npz", folder.picture, title)
-    folder.stage("findings", lambda: findings)
+    folder.stage("findings", lambda: findings_of(best, len(photos)))
 
 
-def _findings(best: Attempt, photos: Sequence[Photo]) -> dict[str, Any]:
-    """What the report says."""
-    model = best.models[0]
+def findings_of(best: Attempt, count: int) -> dict[str, Any]:
+    """What the report says of a capture from so many photos.
+
+    Of other models, which COLMAP leaves behind where a try failed, those that have no photo more
+    are not told.
+    """
+    model, *others = best.models
+    posed = set(model["photos"])
+    others = [other["photos"] for other in others if not posed.issuperset(other["photos"])]
     return {
         "photos": best.num_posed,
-        "of": len(photos),
-        "others": [len(other["photos"]) for other in best.models[1:]],
+        "of": count,
+        "others": [len(photos) for photos in others],
         "points": model["points"],
         "observations": model["observations"],
         "error": model["error"],
         "recipe": best.recipe.name,
-        "left_out": [asdict(photo) for photo in best.left_out],
+        "left_out": best.left_out,
     }
 
 
@@ -130,3 +128,61 @@ def _undistort(folder: Workspace, request: Request, photos: Sequence[Photo], bes
             "threads": request.num_threads,
         },
     )
+
+
+def _no_model(missing: Sequence[Mapping[str, str]]) -> str:
+    """The error where no three photos have poses."""
+    reasons = (f"{list_names(sources)}: {reason}" for reason, sources in _by_reason(missing))
+    return (
+        f"No three of the {len(missing)} photos could be put together. {list_names(reasons, 5)}. "
+        "Needed are photos that overlap by two thirds, from places some steps apart, sharp, of "
+        "something with structure."
+    )
+
+
+def _may_be_made_thoroughly(folder: Workspace) -> bool:
+    """Whether a finished capture is one of plain features and the thorough way was not tried."""
+    recipe = folder.stages["findings"]["result"]["recipe"]
+    return recipe == PLAIN.name and f"mapping ({THOROUGH.name})" not in folder.stages
+
+
+def _made_already(folder: Workspace) -> str:
+    """What to say where nothing is left to do, and what to type to have it done differently."""
+    line = f"{folder.output} is made already."
+    if _may_be_made_thoroughly(folder):
+        line += " To try the thorough way on it, type the same with --effort thorough."
+    return f"{line} To make it anew, remove it first: rm -r '{folder.output}'."
+
+
+def report_lines(folder: Workspace) -> Iterator[str]:
+    """The report of a capture that is made."""
+    told = folder.stages["findings"]["result"]
+    yield (
+        f"{told['photos']} of {told['of']} photos have a pose, {told['points']} points, mean "
+        f"reprojection error {told['error']:.2f} pixels ({told['recipe']} features)."
+    )
+    if told["others"]:
+        sizes = " and ".join(str(size) for size in told["others"])
+        yield (
+            f"The photos fell into {len(told['others']) + 1} models that could not be joined; the "
+            f"largest is taken, with {told['photos']} photos (the others have {sizes})."
+        )
+    if told["left_out"]:
+        yield f"Left out, with the probable reason (all are in {folder.output / 'process.json'}):"
+    reasons = _by_reason(told["left_out"])
+    yield from (f"  {list_names(sources)}: {reason}" for reason, sources in reasons[:LISTED])
+    if rest := reasons[LISTED:]:
+        count = sum(len(sources) for _, sources in rest)
+        yield f"  and {count} more photos, for {len(rest)} other reasons"
+    times = (f"{name} {stage['seconds']:.0f} s" for name, stage in folder.stages.items())
+    yield f"Time: {', '.join(times)}."
+    yield f"Cameras and points from above: {folder.picture}"
+    yield f"Train with: ns-train desplat --data '{folder.output}'"
+
+
+def _by_reason(missing: Iterable[Mapping[str, str]]) -> list[tuple[str, list[str]]]:
+    """Each reason with the photos that were left out for it."""
+    photos: dict[str, list[str]] = {}
+    for photo in missing:
+        photos.setdefault(photo["reason"], []).append(photo["source"])
+    return list(photos.items())

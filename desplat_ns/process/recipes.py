@@ -40,14 +40,3 @@ THOROUGH = Recipe("thorough", 0, 8192, 0.002, True, True, True, 15, 40, 2.5, 2.0
 features at 960 pixels pose 11 and 12 apart: a lower threshold at full size poses 42, pooling and
 guided matching with a filter at 2.5 pixels and 2 degrees all 44. On ten tourists' photos of 480
 pixels pooling without affine shapes poses 7; with both all ten, within 1% of the known centres."""
-
-ERROR_OF_SIDE = 0.003
-"""Of the longer side: how far a match may be off its epipolar line."""
-LEAST_ERROR, MOST_ERROR = 1.5, 4.0
-"""Pixels. 4 is COLMAP's for photos of any size; in one of 480 pixels that ties what is not the
-same, and focal lengths of ten tourists' photos came out at half of what they are."""
-
-
-def verification_error(longest_side: int) -> float:
-    """Pixels that a match may be off its epipolar line, in photos of that size."""
-    return min(MOST_ERROR, max(LEAST_ERROR, ERROR_OF_SIDE * longest_side))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -53,33 +53,42 @@ def find_sources(photos: Path, output: Path) -> Sources:
         )
     if not photos.is_dir():
         raise CaptureError(f"There is no folder or video {photos}. Check the first path.")
+    if photos.resolve().is_relative_to(output.resolve()):
+        raise CaptureError(
+            f"The photos lie in the folder for the capture, {output}. Nothing is mixed with them: "
+            "name a new folder beside them."
+        )
     files = [
         path.relative_to(photos).as_posix()
         for path in photos.rglob("*")
-        if path.is_file()
-        and not path.name.startswith(".")
-        and not path.resolve().is_relative_to(output.resolve())
+        if path.is_file() and not path.resolve().is_relative_to(output.resolve())
     ]
-    names = _without_raw_twins(name for name in sorted(files) if _is_source(name))
+    files = [name for name in files if not any(part[0] == "." for part in name.split("/"))]
+    names = _without_raw_twins([name for name in sorted(files) if _is_source(name)])
+    if broken := [text for name in names if (text := _escaped(name)) != name]:
+        raise CaptureError(
+            f"{len(broken)} names in {photos} are no text in UTF-8 ({list_names(broken, 5)}). "
+            "Rename these files."
+        )
     if len(names) >= MIN_PHOTOS:
         return Sources(photos, tuple(names), is_video=False)
     videos = [name for name in files if PurePosixPath(name).suffix.lower() in VIDEO_SUFFIXES]
     raise CaptureError(_too_few(photos, names, files, videos))
 
 
+def _escaped(name: str) -> str:
+    """The name with `\\xfc` for bytes that are no text, as names from old archives have them."""
+    return os.fsencode(name).decode(errors="backslashreplace")
+
+
 def _is_source(name: str) -> bool:
     return PurePosixPath(name).suffix.lower() in PHOTO_SUFFIXES | RAW_SUFFIXES | OTHER_SUFFIXES
 
 
-def _without_raw_twins(names: Iterable[str]) -> list[str]:
-    all_names = list(names)
-    raw = {name for name in all_names if PurePosixPath(name).suffix.lower() in RAW_SUFFIXES}
-    stems = {str(PurePosixPath(name).with_suffix("")) for name in all_names if name not in raw}
-    return [
-        name
-        for name in all_names
-        if name not in raw or str(PurePosixPath(name).with_suffix("")) not in stems
-    ]
+def _without_raw_twins(names: list[str]) -> list[str]:
+    raw = {name for name in names if PurePosixPath(name).suffix.lower() in RAW_SUFFIXES}
+    photos = {PurePosixPath(name).with_suffix("") for name in names if name not in raw}
+    return [n for n in names if n not in raw or PurePosixPath(n).with_suffix("") not in photos]
 
 
 def _too_few(photos: Path, names: list[str], files: list[str], videos: list[str]) -> str:

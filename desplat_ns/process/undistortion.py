@@ -1,9 +1,14 @@
-"""The capture: photos without distortion and the model that goes with them. Runs in the worker."""
+"""The capture: photos without distortion, the model that goes with them, and a picture of cameras
+and points from above. Runs in the worker.
+
+Letters in shapes: N cameras, P points.
+"""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from threading import Event, Thread
 
@@ -12,12 +17,17 @@ import numpy as np
 # PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
 import PIL.Image  # noqa: F401
 import pycolmap
+from jaxtyping import Float
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 
 from desplat_ns.process.features import Progress
-from desplat_ns.process.photos import JPEG_QUALITY, ends_as_jpeg
+from desplat_ns.process.photos import JPEG_QUALITY
 
 MOST_POINTS = 30_000
 """In the picture from above."""
+BORDER = 0.15
+"""Of the extent of cameras and most points: what is shown around them."""
 
 
 def undistort(
@@ -29,7 +39,7 @@ def undistort(
     threads: int,
     progress: Progress,
 ) -> None:
-    """Write `output`/images and `output`/sparse/0, whole or not at all.
+    """Write `output`/cameras.png, `output`/images and `output`/sparse/0, whole or not at all.
 
     Args:
         photos: folder of the copies.
@@ -44,7 +54,7 @@ def undistort(
     options = pycolmap.UndistortCameraOptions()
     options.max_image_size = longest_side
     total = pycolmap.Reconstruction(model).num_reg_images()
-    with _Watched(flat / "images", total, progress):
+    with _watched(flat / "images", total, progress):
         pycolmap.undistort_images(
             flat,
             model,
@@ -55,10 +65,10 @@ def undistort(
         )
     found = pycolmap.Reconstruction(flat / "sparse")
     copies = [found.image(i).name for i in found.reg_image_ids()]
-    broken = [copy for copy in copies if not ends_as_jpeg(flat / "images" / copy)]
+    broken = [copy for copy in copies if not _ends_as_jpeg(flat / "images" / copy)]
     if broken:
         raise OSError(f"{len(broken)} of {len(copies)} undistorted photos are not whole")
-    _write_view(found, output / "work" / "view.npz")
+    draw_from_above(found, output / "cameras.png")
     _hand_over(found, flat, output, names)
 
 
@@ -83,38 +93,79 @@ def _hand_over(
         source.rename(target)
 
 
-def _write_view(model: pycolmap.Reconstruction, path: Path) -> None:
-    """What the picture from above shows: camera centres, their axes, points and colours."""
-    images = [model.image(i) for i in model.reg_image_ids()]
-    poses = [image.cam_from_world().matrix() for image in images]
-    points = list(model.points3D.values())[:: max(1, model.num_points3D() // MOST_POINTS)]
-    np.savez(
-        path,
-        centres=np.array([image.projection_center() for image in images]),
-        forwards=np.array([pose[2, :3] for pose in poses]),
-        ups=np.array([-pose[1, :3] for pose in poses]),
-        points=np.array([point.xyz for point in points]).reshape(-1, 3),
-        colors=np.array([point.color for point in points], dtype=np.uint8).reshape(-1, 3),
-    )
+def _ends_as_jpeg(path: Path) -> bool:
+    """Whether a file is there and has JPEG's end marker, so that it is whole."""
+    return path.is_file() and path.read_bytes()[-2:] == b"\xff\xd9"
 
 
-class _Watched:
+@contextmanager
+def _watched(folder: Path, total: int, progress: Progress) -> Iterator[None]:
     """Tells while pycolmap works how many photos are there: it does not say itself."""
+    over = Event()
 
-    def __init__(self, folder: Path, total: int, progress: Progress) -> None:
-        self.folder, self.total, self.progress = folder, total, progress
-        self.over = Event()
-        self.thread = Thread(target=self._watch, daemon=True)
+    def watch() -> None:
+        while not over.wait(0.5):
+            progress(sum(1 for _ in folder.glob("*.jpg")), total)
 
-    def _watch(self) -> None:
-        while not self.over.wait(0.5):
-            there = sum(1 for _ in self.folder.glob("*.jpg")) if self.folder.is_dir() else 0
-            self.progress(there, self.total)
+    thread = Thread(target=watch, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
-    def __enter__(self) -> None:
-        self.thread.start()
 
-    def __exit__(self, *_: object) -> None:
-        self.over.set()
-        self.thread.join()
-        self.progress(self.total, self.total)
+def draw_from_above(model: pycolmap.Reconstruction, target: Path) -> None:
+    """Draw where a model's cameras are, where they look, and its points."""
+    images = [model.image(i) for i in model.reg_image_ids()]
+    poses = np.array([image.cam_from_world().matrix() for image in images])
+    axes = ground_axes(-poses[:, 1, :3], poses[:, 2, :3])
+    centres = np.array([image.projection_center() for image in images]) @ axes.T
+    forwards = poses[:, 2, :3] @ axes.T
+    chosen = list(model.points3D.values())[:: max(1, model.num_points3D() // MOST_POINTS)]
+    points = np.array([point.xyz for point in chosen]).reshape(-1, 3) @ axes.T
+    colors = np.array([point.color for point in chosen]).reshape(-1, 3) / 255
+    low, high = _window(centres, points)
+    figure = Figure(figsize=(8, 8), layout="constrained")
+    plot = figure.add_subplot()
+    inside = ((points >= low) & (points <= high)).all(axis=1)
+    plot.scatter(*points[inside].T, c=colors[inside], s=2, linewidths=0)
+    ends = centres + 0.04 * float((high - low).max()) * forwards
+    lines = np.stack([centres, ends], axis=1)
+    plot.add_collection(LineCollection(list(lines), colors="tab:red", linewidths=1))
+    plot.scatter(*centres.T, c="tab:red", s=14)
+    title = f"{len(images)} cameras and {model.num_points3D()} points from above"
+    plot.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=title)
+    plot.set_xlabel("cameras red, each with the direction it looks in; the scale is arbitrary")
+    figure.savefig(target, dpi=110)
+
+
+def ground_axes(
+    ups: Float[np.ndarray, "N 3"], forwards: Float[np.ndarray, "N 3"]
+) -> Float[np.ndarray, "2 3"]:
+    """Two directions at right angles to the mean up: what is to the right, and ahead.
+
+    Args:
+        ups, forwards: of the cameras, of length 1, in the world.
+    """
+    up = ups.mean(axis=0)
+    up /= max(float(np.linalg.norm(up)), 1e-9)
+    ahead = forwards.mean(axis=0)
+    ahead = ahead - (ahead @ up) * up
+    if np.linalg.norm(ahead) < 0.1:  # cameras look inwards from all around, or straight down
+        ahead = np.linalg.svd(up[None])[2][1]
+    ahead = ahead / np.linalg.norm(ahead)
+    return np.stack([np.cross(ahead, up), ahead])
+
+
+def _window(
+    centres: Float[np.ndarray, "N 2"], points: Float[np.ndarray, "P 2"]
+) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
+    """Lower and upper corner: all cameras and most points, those far behind left out."""
+    low, high = centres.min(axis=0), centres.max(axis=0)
+    if len(points):
+        near = np.quantile(points, [0.05, 0.95], axis=0)
+        low, high = np.minimum(low, near[0]), np.maximum(high, near[1])
+    reach = BORDER * float((high - low).max() or 1.0)
+    return low - reach, high + reach

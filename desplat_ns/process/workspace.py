@@ -45,16 +45,6 @@ class Workspace:
         return self.output / "work"
 
     @property
-    def images(self) -> Path:
-        """The capture's photos."""
-        return self.output / "images"
-
-    @property
-    def model(self) -> Path:
-        """The capture's reconstruction."""
-        return self.output / "sparse" / "0"
-
-    @property
     def picture(self) -> Path:
         """Cameras and points from above."""
         return self.output / "cameras.png"
@@ -85,10 +75,10 @@ class Workspace:
         Raises:
             DeSplatError: it cannot be written.
         """
-        told = {"asked": self.asked, "files": self.files, "stages": self.stages}
+        record = {"asked": self.asked, "files": self.files, "stages": self.stages}
         try:
             self.work.mkdir(parents=True, exist_ok=True)
-            text = json.dumps(told, indent=1, ensure_ascii=False)
+            text = json.dumps(record, indent=1, ensure_ascii=False)
             write_whole(self.output / RECORD, text.encode())
         except OSError as error:
             raise unwritable(self.output, error) from error

@@ -4,7 +4,7 @@ A backend draws a Gaussian only where its alpha reaches ALPHA_CUTOFF, so at most
 standard deviations from its mean. With J the Jacobian of the projection, taken at a slope t within
 FOV_MARGIN of the image (as all backends clamp it), W the camera's rotation and s the largest scale,
 
-    |J|^2 <= (f / z)^2 (1 + |t|^2),    sigma <= s |J| |W| + sqrt(eps2d),
+    |J|^2 <= (f / z)^2 (1 + |t|^2),    sigma <= s |J| |W| + sqrt(EPS2D),
 
 f being the longer focal length: J = (f_x (1, 0, -t_x), f_y (0, 1, -t_y)) / z, and I + t t^T has the
 eigenvalues 1 and 1 + |t|^2. Everything is compared after it was multiplied by z, so that nothing is
@@ -19,9 +19,9 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from desplat_ns.backend.constants import ALPHA_CUTOFF
+from desplat_ns.backend.constants import ALPHA_CUTOFF, EPS2D, FAR_PLANE, NEAR_PLANE
 from desplat_ns.backend.projection import FOV_MARGIN, REACH_SIGMAS
-from desplat_ns.backend.protocol import RenderSettings, Splats, View
+from desplat_ns.backend.protocol import Splats, View
 
 MORE_EPS = 0.1
 """Pixels^2. The backends' radius takes the eigenvalues at least sqrt(0.01) from their mean."""
@@ -38,7 +38,7 @@ EASE = 1e-3
 
 
 @torch.no_grad()
-def in_view(splats: Splats, view: View, settings: RenderSettings) -> Bool[Tensor, " N"]:
+def in_view(splats: Splats, view: View) -> Bool[Tensor, " N"]:
     """Which Gaussians may be drawn; those left out show in no pixel, and get no gradient.
 
     Gaussians that only cover each other are not told apart: this looks at each one alone. Values
@@ -49,10 +49,10 @@ def in_view(splats: Splats, view: View, settings: RenderSettings) -> Bool[Tensor
     largest = _largest(splats.means) * rotation.abs().sum(1).max() + translation.abs().max()
     off = ROUNDING * torch.finfo(largest.dtype).eps * largest
     z = camera[2]
-    shown = (z + off >= settings.near_plane) & (z - off <= settings.far_plane)
+    shown = (z + off >= NEAR_PLANE) & (z - off <= FAR_PLANE)
     shown &= splats.opacities >= (1 - EASE) * ALPHA_CUTOFF
     sigmas = (1 + EASE) * REACH_SIGMAS * _largest(splats.scales) * _stretch(view)
-    blurred = REACH_SIGMAS * math.sqrt(settings.eps2d + MORE_EPS) + PIXELS
+    blurred = REACH_SIGMAS * math.sqrt(EPS2D + MORE_EPS) + PIXELS
     reach = sigmas + blurred * (z + off)
     for axis, size in ((0, view.width), (1, view.height)):
         focal, center = view.K[axis, axis], view.K[axis, 2]

@@ -21,6 +21,12 @@ def world_to_camera(camera_to_world: Float[Tensor, "3 4"]) -> Float[Tensor, "4 4
     return torch.cat([torch.cat([rotation, translation], dim=1), last_row])
 
 
+def is_distorted(cameras: Cameras) -> bool:
+    """Whether the lens of any camera bends what a pinhole shows straight."""
+    distortion = cameras.distortion_params
+    return distortion is not None and bool(torch.any(distortion != 0))
+
+
 def view_of(
     camera: Cameras, camera_to_world: Float[Tensor, "3 4"] | None = None, downscale: int = 1
 ) -> View:

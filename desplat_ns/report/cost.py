@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.report.history import History
-from desplat_ns.run_config import RunConfig
-from desplat_ns.runs.files import RunFiles
+from desplat_ns.runs.loading import LoadedRun
 
 
 @dataclass(frozen=True)
@@ -47,34 +45,29 @@ class Cost:
 
 
 def cost_of(
-    config: RunConfig,
-    files: RunFiles,
-    checkpoint: Path,
-    history: History,
-    figures: Mapping[str, Any],
+    run: LoadedRun, seconds: float | None, num_photos: int, counts: Mapping[str, Any]
 ) -> Cost:
     """Gather what a run cost.
 
     Args:
-        config: of the run.
-        checkpoint: that was loaded.
-        history: what the run logged.
-        figures: `steps`, `num_photos`, and those of `gaussian_counts`.
+        seconds: of training, where that was logged.
+        counts: see `gaussian_counts`.
     """
+    config = run.config
     return Cost(
         str(config.experiment_name),
         str(config.method_name),
         str(config.pipeline.datamanager.data or ""),
-        figures["steps"],
+        run.steps,
         config.max_num_iterations,
-        figures["num_photos"],
-        history.seconds,
+        num_photos,
+        seconds,
         config.budget,
-        figures["num_static_gaussians"],
-        figures["num_distractor_gaussians"],
-        figures["static_memory_mb"] + figures["distractor_memory_mb"],
-        checkpoint.stat().st_size / 1e6,
-        trained_on(config.machine.device_type, files.events, socket.gethostname()),
+        counts["num_static_gaussians"],
+        counts["num_distractor_gaussians"],
+        counts["static_memory_mb"] + counts["distractor_memory_mb"],
+        run.checkpoint.stat().st_size / 1e6,
+        trained_on(config.machine.device_type, run.files.events, socket.gethostname()),
     )
 
 

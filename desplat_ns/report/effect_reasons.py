@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -26,18 +26,6 @@ CONFIDENCE = {
 
 
 @dataclass(frozen=True)
-class SurveyFigure:
-    """A number that the survey measured."""
-
-    name: str
-    value: float | None
-    """None if it could not be measured."""
-    threshold: float | None
-    """Above it the number speaks for the effect."""
-    meaning: str
-
-
-@dataclass(frozen=True)
 class EffectReason:
     """One effect of a run."""
 
@@ -48,8 +36,9 @@ class EffectReason:
     why: str
     is_unsure: bool = False
     """Whether the survey said that it was close, or that it could not tell."""
-    figures: tuple[SurveyFigure, ...] = ()
-    could_not_tell: tuple[str, ...] = ()
+    figures: Sequence[Mapping[str, Any]] = ()
+    """As `survey.findings.Figure`."""
+    could_not_tell: Sequence[str] = ()
 
 
 def read_survey(path: Path) -> dict[str, Any] | None:
@@ -77,16 +66,14 @@ def effect_reasons(effects: Effects, survey: Mapping[str, Any] | None) -> list[E
 
 def in_words(value: bool | str) -> str:
     """An effect's switch: on, off, or its grade."""
-    return {True: "on", False: "off"}.get(value, str(value)) if isinstance(value, bool) else value
+    return value if isinstance(value, str) else "on" if value else "off"
 
 
 def _surveyed(effect: str, had: bool | str, finding: Mapping[str, Any]) -> EffectReason:
-    decision, confidence = finding.get("decision"), str(finding.get("confidence"))
-    reason = str(finding.get("reason", ""))
-    if decision == had:
-        why = f"{reason} {CONFIDENCE.get(confidence, '')}".strip()
-    else:
-        would = in_words(decision) if isinstance(decision, (bool, str)) else "something else"
+    decision, confidence, reason = (finding[key] for key in ("decision", "confidence", "reason"))
+    why = f"{reason} {CONFIDENCE[confidence]}"
+    if decision != had:
+        would = in_words(decision)
         why = f"As given. The survey of the photos would have said {would}: {reason}"
     return EffectReason(
         effect,
@@ -94,15 +81,6 @@ def _surveyed(effect: str, had: bool | str, finding: Mapping[str, Any]) -> Effec
         in_words(had),
         why,
         decision == had and confidence in ("close", "none"),
-        tuple(_figure(one) for one in finding.get("figures", ())),
-        tuple(map(str, finding.get("could_not_tell", ()))),
-    )
-
-
-def _figure(figure: Mapping[str, Any]) -> SurveyFigure:
-    return SurveyFigure(
-        str(figure.get("name", "")),
-        figure.get("value"),
-        figure.get("threshold"),
-        str(figure.get("meaning", "")),
+        finding.get("figures", ()),
+        finding.get("could_not_tell", ()),
     )

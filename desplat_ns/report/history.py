@@ -6,7 +6,10 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tensorboard.backend.event_processing.event_accumulator import ScalarEvent
 
 Points = tuple[tuple[float, float], ...]
 """(step, value), in the order of the steps."""
@@ -17,15 +20,6 @@ MOST_POINTS = 240
 ALL_HELD_OUT = "Eval Images Metrics Dict (all images)/psnr"
 TOTAL_TIME = "Train Total (time)"
 """Seconds of the training loop, logged at its end."""
-
-
-class Scalar(NamedTuple):
-    """A number that a run logged."""
-
-    wall_time: float
-    """Seconds since 1970."""
-    step: int
-    value: float
 
 
 @dataclass(frozen=True)
@@ -100,8 +94,9 @@ def read_history(files: Sequence[Path]) -> History:
     return History(tuple(charts), sum(seconds) if seconds else None)
 
 
-def scalars(path: Path, tags: Collection[str]) -> dict[str, Sequence[Scalar]]:
-    """The numbers of those tags that an event file has, in the order in which they were logged.
+def scalars(path: Path, tags: Collection[str]) -> dict[str, Sequence[ScalarEvent]]:
+    """The numbers of those tags that an event file has, in the order in which they were logged,
+    each with `wall_time`, seconds since 1970, `step` and `value`.
 
     Ends where the file is cut off or damaged; empty if it cannot be read.
     """
@@ -115,14 +110,10 @@ def scalars(path: Path, tags: Collection[str]) -> dict[str, Sequence[Scalar]]:
         events.Reload()
     except OSError:
         return {}
-    return {
-        tag: [Scalar(one.wall_time, one.step, one.value) for one in events.Scalars(tag)]
-        for tag in events.Tags()["scalars"]
-        if tag in tags
-    }
+    return {tag: events.Scalars(tag) for tag in events.Tags()["scalars"] if tag in tags}
 
 
-def _seconds_of(found: Mapping[str, Sequence[Scalar]]) -> float:
+def _seconds_of(found: Mapping[str, Sequence[ScalarEvent]]) -> float:
     """Of one file's session: what its end logged, or from the first number to the last."""
     if TOTAL_TIME in found:
         return found[TOTAL_TIME][-1].value

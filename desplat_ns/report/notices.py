@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,128 +42,97 @@ class Notice:
     advice: str = ""
 
 
-@dataclass(frozen=True)
-class NoticeInputs:
-    """What notices are made of."""
+def notices(
+    cost: Cost,
+    reasons: Sequence[EffectReason],
+    photos: Sequence[TrainingPhoto],
+    results: Mapping[str, Any],
+    failure: str | None = None,
+    judges_by_others: bool = False,
+) -> list[Notice]:
+    """Everything that stands out, what matters most first.
 
-    cost: Cost
-    reasons: Sequence[EffectReason]
-    photos: Sequence[TrainingPhoto]
-    results: Mapping[str, Any]
-    """Of the evaluation; empty without one."""
-    failure: str | None = None
-    """What `failure_case` found."""
-    judges_by_others: bool = False
-    """Whether distractors start where a photo shows what the others do not."""
-
-
-def notices(inputs: NoticeInputs) -> list[Notice]:
-    """Everything that stands out, what matters most first."""
-    found = [
-        _failure(inputs),
-        _unfinished(inputs.cost),
-        _few_photos(inputs),
-        _much_covered(inputs.photos),
-        _nothing_covered(inputs.photos),
-        _outliers(inputs.results),
-        _gap(inputs),
-        *_unsure(inputs.reasons),
-        _short(inputs.cost),
-    ]
-    return [one for one in found if one is not None]
-
-
-def _failure(inputs: NoticeInputs) -> Notice | None:
-    if inputs.failure is None:
-        return None
-    what, _, advice = inputs.failure.partition(". ")
-    return Notice(f"{what[0].upper()}{what[1:]}.", advice)
-
-
-def _unfinished(cost: Cost) -> Notice | None:
-    if cost.steps >= cost.planned:
-        return None
-    return Notice(
-        f"The run has {cost.steps:,} of {cost.planned:,} steps: it was stopped, or this is one of "
-        "its earlier checkpoints.",
-        "Go on with --load-dir and the folder of its checkpoints.",
-    )
-
-
-def _few_photos(inputs: NoticeInputs) -> Notice | None:
-    if not inputs.judges_by_others or inputs.cost.num_photos >= FEW_VIEWS:
-        return None
-    return Notice(about_few_views(inputs.cost.num_photos))
-
-
-def _much_covered(photos: Sequence[TrainingPhoto]) -> Notice | None:
-    names = [one.name for one in photos if one.covered is not None and one.covered > MUCH]
-    if not names:
-        return None
-    return Notice(
-        f"Distractors cover more than half of {list_names(names, MAX_NAMES)}.",
-        "Look at them below. A photo that shows little of the scene can be left out of the "
-        "capture; if what is covered belongs to the scene, try a higher "
-        "--pipeline.model.distractors.strong-excess.",
-    )
-
-
-def _nothing_covered(photos: Sequence[TrainingPhoto]) -> Notice | None:
-    shares = [one.covered for one in photos if one.covered is not None]
-    if not shares or statistics.fmean(shares) > HARDLY:
-        return None
-    return Notice(
-        "Distractors cover next to nothing: either nothing is in the way, or it was not found.",
-        "If you see nothing in the way, --pipeline.model.effects.distractors False is as good or "
-        "better, and faster. If you do: more steps, or a lower "
-        "--pipeline.model.distractors.strong-excess.",
-    )
-
-
-def _outliers(results: Mapping[str, Any]) -> Notice | None:
-    scores = {one["name"]: one["psnr"] for one in results.get("images", ()) if "psnr" in one}
-    if len(scores) < 3:
-        return None
-    median = statistics.median(scores.values())
-    order = sorted(scores, key=lambda name: scores[name])
-    low = [name for name in order if scores[name] < median - FAR_BELOW]
-    if not low:
-        return None
-    return Notice(
-        f"Held out and far worse than the others ({median:.1f} dB): {list_names(low, MAX_NAMES)}.",
-        "Look at their error maps. Bright everywhere: the pose or the light of the photo is off. "
-        "Bright in one place: something is in the way there, or no training photo shows it.",
-    )
-
-
-def _gap(inputs: NoticeInputs) -> Notice | None:
-    held_out, ours = inputs.results.get("psnr"), [one.psnr for one in inputs.photos]
-    if held_out is None or not ours or statistics.fmean(ours) - held_out < WIDE_GAP:
-        return None
-    return Notice(
-        f"Training photos are explained at {statistics.fmean(ours):.1f} dB, held-out photos at "
-        f"{held_out:.1f} dB: views between the photos are much worse than the photos.",
-        "More photos help most. With few of them, --pipeline.model.photos-per-coefficient 2 may.",
-    )
-
-
-def _unsure(reasons: Sequence[EffectReason]) -> list[Notice]:
-    return [
-        Notice(
-            f"The survey was not sure about {one.effect} ({one.value}).",
-            f"Compare with a run that has another --pipeline.model.effects.{one.effect}.",
+    Args:
+        results: of the evaluation; empty without one.
+        failure: what `failure_case` found.
+        judges_by_others: whether distractors start where a photo shows what the others do not.
+    """
+    found: list[Notice] = []
+    if failure is not None:
+        what, _, advice = failure.partition(". ")
+        found.append(Notice(f"{what[0].upper()}{what[1:]}.", advice))
+    if cost.steps < cost.planned:
+        found.append(
+            Notice(
+                f"The run has {cost.steps:,} of {cost.planned:,} steps: it was stopped, or this is "
+                "one of its earlier checkpoints.",
+                "Go on with --load-dir and the folder of its checkpoints.",
+            )
         )
-        for one in reasons
-        if one.is_unsure
-    ]
+    if judges_by_others and cost.num_photos < FEW_VIEWS:
+        found.append(Notice(about_few_views(cost.num_photos)))
+    found += [*_of_distractors(photos), *_of_scores(results, photos), *_unsure(reasons)]
+    if cost.visits < BEST_VISITS and cost.steps < LONG:
+        found.append(
+            Notice(
+                f"Each photo was seen {cost.visits:.0f} times.",
+                "More steps may still help: desplat-best, or a larger --max-num-iterations. After "
+                f"{BEST_VISITS * cost.num_photos:,} nothing more was gained on the captures that "
+                "it was measured on.",
+            )
+        )
+    return found
 
 
-def _short(cost: Cost) -> Notice | None:
-    if cost.visits >= BEST_VISITS or cost.steps >= LONG:
-        return None
-    most = BEST_VISITS * cost.num_photos
-    return Notice(
-        f"Each photo was seen {cost.visits:.0f} times.",
-        "More steps may still help: desplat-best, or a larger --max-num-iterations. After "
-        f"{most:,} nothing more was gained on the captures that it was measured on.",
-    )
+def _of_distractors(photos: Sequence[TrainingPhoto]) -> Iterator[Notice]:
+    shares = {one.name: one.covered for one in photos if one.covered is not None}
+    names = [name for name, covered in shares.items() if covered > MUCH]
+    if names:
+        yield Notice(
+            f"Distractors cover more than half of {list_names(names, MAX_NAMES)}.",
+            "Look at them below. A photo that shows little of the scene can be left out of the "
+            "capture; if what is covered belongs to the scene, try a higher "
+            "--pipeline.model.distractors.strong-excess.",
+        )
+    if shares and statistics.fmean(shares.values()) <= HARDLY:
+        yield Notice(
+            "Distractors cover next to nothing: either nothing is in the way, or it was not found.",
+            "If you see nothing in the way, --pipeline.model.effects.distractors False is as good "
+            "or better, and faster. If you do: more steps, or a lower "
+            "--pipeline.model.distractors.strong-excess.",
+        )
+
+
+def _of_scores(results: Mapping[str, Any], photos: Sequence[TrainingPhoto]) -> Iterator[Notice]:
+    scores = {one["name"]: one["psnr"] for one in results.get("images", ()) if "psnr" in one}
+    median = statistics.median(scores.values()) if scores else 0.0
+    ranked = sorted(scores, key=scores.__getitem__)
+    low = [name for name in ranked if scores[name] < median - FAR_BELOW]
+    if low and len(scores) >= 3:
+        yield Notice(
+            f"Held out and far worse than the others ({median:.1f} dB): "
+            f"{list_names(low, MAX_NAMES)}.",
+            "Look at their error maps. Bright everywhere: the pose or the light of the photo is "
+            "off. Bright in one place: something is in the way there, or no training photo shows "
+            "it.",
+        )
+    held_out = results.get("psnr")
+    if held_out is None or not photos:
+        return
+    ours = statistics.fmean(one.psnr for one in photos)
+    if ours - held_out >= WIDE_GAP:
+        yield Notice(
+            f"Training photos are explained at {ours:.1f} dB, held-out photos at {held_out:.1f} "
+            "dB: views between the photos are much worse than the photos.",
+            "More photos help most. With few of them, --pipeline.model.photos-per-coefficient 2 "
+            "may.",
+        )
+
+
+def _unsure(reasons: Sequence[EffectReason]) -> Iterator[Notice]:
+    for one in reasons:
+        if one.is_unsure:
+            yield Notice(
+                f"The survey was not sure about {one.effect} ({one.value}).",
+                f"Compare with a run that has another --pipeline.model.effects.{one.effect}.",
+            )

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.files.pages import template, time_in_words
+from desplat_ns.files.pages import template
 from desplat_ns.report.charts import svg
 from desplat_ns.report.cost import Cost
 from desplat_ns.report.effect_reasons import EffectReason
-from desplat_ns.report.encoding import Encoded, Picture, fitted_into
+from desplat_ns.report.encoding import Picture, fitted_into
 from desplat_ns.report.history import History
 from desplat_ns.report.notices import Notice
 from desplat_ns.report.pictures import ERROR_COLORS, ERROR_TOP, HeldOutPhoto, TrainingPhoto
@@ -39,8 +39,6 @@ class Contents:
     cost: Cost
     notices: Sequence[Notice]
     training: Sequence[TrainingPhoto]
-    num_held_out: int
-    """Photos that were scored."""
     held_out: Sequence[HeldOutPhoto]
     results: Mapping[str, Any]
     """Of the evaluation; empty without one."""
@@ -52,17 +50,6 @@ class Contents:
     """Path of config.yml, to be typed."""
 
 
-@dataclass(frozen=True)
-class Sources:
-    """Addresses of the pictures of one photo; None for what there is not."""
-
-    photo: str
-    rendering: str
-    distractors: str | None = None
-    mask: str | None = None
-    error: str | None = None
-
-
 def html_of(contents: Contents, budget: int = PICTURE_BYTES) -> str:
     """The page.
 
@@ -72,76 +59,37 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES) -> str:
     Raises:
         ConfigError: there are too many pictures for it.
     """
-    encoded = fitted_into(_pictures(contents), budget)
+    photos = [*contents.training, *contents.held_out]
+    pictures = [_pictures(photo) for photo in photos]
+    encoded = fitted_into([one for shown in pictures for one in shown.values()], budget)
     sources = iter(encoded.sources)
-    training = [
-        (one, Sources(*(next(sources) for _ in range(4 if one.mask is not None else 2))))
-        for one in contents.training
-    ]
-    held_out = [
-        (one, Sources(next(sources), next(sources), error=next(sources)))
-        for one in contents.held_out
+    shown = [
+        (photo, {name: next(sources) for name in names})
+        for photo, names in zip(photos, pictures, strict=True)
     ]
     return template(TEMPLATE, scores=scores, typed=typed).render(
         page=contents,
         cost=contents.cost,
-        training=training,
-        held_out=held_out,
-        summary=summary(contents),
-        quality=quality_in_words(contents, encoded),
+        training=shown[: len(contents.training)],
+        held_out=shown[len(contents.training) :],
+        largest=max((max(one.size) for one in contents.training), default=0),
+        encoded=encoded,
         charts=[(chart, svg(chart)) for chart in contents.history.charts],
         error_top=f"{ERROR_TOP:.0%}",
         error_colors=", ".join(f"rgb{color}" for color in ERROR_COLORS),
     )
 
 
-def _pictures(contents: Contents) -> list[Picture]:
-    """Everything to be shown, in the order in which `html_of` takes it up again."""
-    pictures = []
-    for one in contents.training:
-        pictures += [Picture(one.photo), Picture(one.static)]
-        if one.distractors is not None and one.mask is not None:
-            pictures += [Picture(one.distractors, BESIDE), Picture(one.mask, BESIDE)]
-    for photo in contents.held_out:
-        beside = (photo.photo, photo.rendering, photo.error)
-        pictures += [Picture(pixels, BESIDE) for pixels in beside]
-    return pictures
-
-
-def summary(contents: Contents) -> list[tuple[str, str]]:
-    """The figures that stand on top, each with its name."""
-    cost, results = contents.cost, contents.results
-    told = []
-    if "psnr" in results:
-        told.append((f"{results['psnr']:.2f} dB", "PSNR of held-out photos"))
-    if "ssim" in results:
-        told.append((f"{results['ssim']:.3f}", "SSIM of held-out photos"))
-    if "mask_iou" in results:
-        told.append((f"{results['mask_iou']:.2f}", "IoU of masks with true ones"))
-    told.append((f"{cost.num_photos:,}", "training photos"))
-    told.append((f"{cost.steps:,}", "steps"))
-    if cost.seconds is not None:
-        told.append((time_in_words(cost.seconds), "of training"))
-    told.append((f"{cost.num_static:,}", "static Gaussians"))
-    if cost.num_distractors:
-        told.append((f"{cost.num_distractors:,}", "distractor Gaussians"))
-    return told
-
-
-def quality_in_words(contents: Contents, encoded: Encoded) -> str:
-    """What was done to the pictures to keep the page small."""
-    largest = max((max(one.size) for one in contents.training), default=0)
-    if largest <= encoded.side:
-        reduced = "Pictures of the slider have all pixels of the photos"
-    else:
-        reduced = (
-            f"Pictures are reduced to {encoded.side} pixels on the longer side, where the photos "
-            f"have {largest:,},"
-        )
-    return (
-        f"{reduced} and are compressed (WebP, quality {encoded.quality} of 100) so that the page "
-        "stays below 10 MB; smaller ones have fewer. Scores are of the full renderings."
-    )
+def _pictures(one: TrainingPhoto | HeldOutPhoto) -> dict[str, Picture]:
+    """What is shown of a photo, by the template's names."""
+    if isinstance(one, HeldOutPhoto):
+        beside = {"photo": one.photo, "rendering": one.rendering, "error": one.error}
+        return {name: Picture(pixels, BESIDE) for name, pixels in beside.items()}
+    shown = {"photo": Picture(one.photo), "rendering": Picture(one.static)}
+    if one.distractors is not None and one.mask is not None:
+        shown |= {"distractors": Picture(one.distractors, BESIDE)}
+        shown |= {"mask": Picture(one.mask, BESIDE)}
+    return shown
 
 
 def typed(text: str) -> str:

@@ -10,20 +10,19 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from desplat_ns.console import progress_over
-from desplat_ns.evaluation.evaluated_model import EvaluatedModel
-from desplat_ns.evaluation.metrics import psnr
 from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
 from desplat_ns.files.pages import shrunk
+from desplat_ns.model import DeSplatModel
 from desplat_ns.pipeline import DeSplatPipeline
-from desplat_ns.rendering.views import view_of
+from desplat_ns.rendering.metrics import psnr
+from desplat_ns.rendering.views import is_distorted, view_of
 from desplat_ns.report.encoding import LARGEST_SIDE
+from desplat_ns.report.failure_case import Coverage, coverage_of
 from desplat_ns.runs.loading import even_subset
-from desplat_ns.separation.coverage import Coverage, coverage_of
 
 Rgb = UInt8[np.ndarray, "_ _ 3"]
 
@@ -72,16 +71,18 @@ def training_photos(
     Raises:
         CaptureError: a photo that cannot be read any more.
     """
-    model, manager = cast(EvaluatedModel, pipeline.model), pipeline.datamanager
-    batches = _Batches(pipeline)
+    model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
+    dataset, undistorted = manager.train_dataset, None
+    if is_distorted(dataset.cameras):
+        undistorted = manager.cached_train  # all at once; it changes the cameras
     with (
         model.layer_control.suspended(),
         model.shown_light.suspended(),
         progress_over(len(chosen), "Rendering training photos...") as advance,
     ):
         for index in chosen:
-            batch = batches[index]  # first: it may undistort, which changes the camera
-            camera = manager.train_dataset.cameras[index : index + 1].to(pipeline.device)
+            batch = undistorted[index] if undistorted else dataset.get_data(index, "uint8")
+            camera = dataset.cameras[index : index + 1].to(pipeline.device)
             outputs = model.get_outputs_for_camera(camera)
             photo = model.get_gt_img(batch["image"].to(pipeline.device))
             photo = model.composite_with_background(photo, outputs["background"])
@@ -90,20 +91,6 @@ def training_photos(
                 coverage = coverage_of(name, view_of(camera), outputs["alpha_distractor"])
             yield _taken_apart(name, photo, outputs), coverage
             advance()
-
-
-class _Batches:
-    """Training photos by number, as training sees them; undistorted ones come all at once."""
-
-    def __init__(self, pipeline: DeSplatPipeline) -> None:
-        self.manager = pipeline.datamanager
-        distortion = self.manager.train_dataset.cameras.distortion_params
-        self.are_distorted = distortion is not None and bool(torch.any(distortion != 0))
-
-    def __getitem__(self, index: int) -> dict[str, Any]:
-        if self.are_distorted:
-            return self.manager.cached_train[index]
-        return self.manager.train_dataset.get_data(index, "uint8")
 
 
 def _taken_apart(

@@ -13,7 +13,7 @@ OURS = "tag:yaml.org,2002:python/object:desplat_ns."
 """How the tag of the configuration of one of our runs begins."""
 
 SURVEY = "survey.json"
-"""What `desplat_ns.survey.decide` writes into a run's folder."""
+"""What `desplat_ns.survey.survey` writes into a run's folder."""
 
 EVENTS = "events.out.tfevents.*"
 """TensorBoard's files."""

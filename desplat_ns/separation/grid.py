@@ -1,13 +1,16 @@
 """The grid of cells on which residuals and regions are computed, whatever the size of a photo.
 
-Regions are found on the host. A copy to it waits until a GPU has done all that it was given, so a
-step has as few of them as can be.
+On a CPU OpenCV takes the means, in a tenth of the time of torch; on a GPU torch does. Regions are
+found on the host. A copy to it waits until a GPU has done all that it was given, so a step has as
+few of them as can be.
 """
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
+import cv2
 import numpy as np
 import torch
 import torch.nn.functional as F
@@ -17,9 +20,6 @@ from torch import Tensor
 CELLS = 8000
 """Cells per image: 2 x 2 pixels at 135 x 240."""
 
-COUNTED_SHARE = 0.5
-"""A cell is masked if less than this share of its pixels counts."""
-
 
 def grid_of(width: int, height: int, cells: int = CELLS) -> tuple[int, int]:
     """Columns and rows of about `cells` square cells, none smaller than a pixel."""
@@ -27,15 +27,43 @@ def grid_of(width: int, height: int, cells: int = CELLS) -> tuple[int, int]:
     return max(1, round(width / size)), max(1, round(height / size))
 
 
+def fine_grid_of(width: int, height: int) -> tuple[int, int]:
+    """`grid_of` with cells of half the size, or of one pixel where that is larger."""
+    columns, rows = grid_of(width, height)
+    return min(2 * columns, width), min(2 * rows, height)
+
+
 def pooled(image: Float[Tensor, "H W C"], grid: tuple[int, int]) -> Float[Tensor, "C rows columns"]:
-    """Mean of an image over each cell of a grid of (columns, rows)."""
-    return F.adaptive_avg_pool2d(image.permute(2, 0, 1)[None], (grid[1], grid[0]))[0]
+    """Mean of an image over each cell of a grid of (columns, rows), no finer than the image.
+
+    A pixel counts in each cell by the part of it that lies there. Without gradients.
+    """
+    image = image.detach()
+    if not image.is_cpu:
+        (height, width), (columns, rows) = image.shape[:2], grid
+        down = _shares(height, rows, image.dtype, image.device)
+        along = _shares(width, columns, image.dtype, image.device)
+        return torch.einsum("rh,hwc,kw->crk", down, image, along)
+    cells = cv2.resize(image.contiguous().numpy(), grid, interpolation=cv2.INTER_AREA)
+    return torch.from_numpy(cells.reshape(grid[1], grid[0], -1)).permute(2, 0, 1).contiguous()
+
+
+@lru_cache(maxsize=32)
+def _shares(
+    pixels: int, cells: int, dtype: torch.dtype, device: torch.device
+) -> Float[Tensor, "cells pixels"]:
+    """Weight of each pixel of a line in the mean of each cell."""
+    ends = torch.arange(cells + 1, dtype=torch.float64) * (pixels / cells)
+    first = torch.arange(pixels, dtype=torch.float64)
+    least = torch.maximum(ends[:-1, None], first)
+    most = torch.minimum(ends[1:, None], first + 1)
+    return ((most - least).clamp(min=0) * (cells / pixels)).to(device, dtype)
 
 
 def counted_cells(mask: Bool[Tensor, "H W 1"]) -> Bool[Tensor, "rows columns"]:
-    """The cells of `grid_of` that are not masked; `mask` is True in the pixels that count."""
+    """The cells of `grid_of` of which half counts; `mask` is True in the pixels that count."""
     height, width = mask.shape[:2]
-    return pooled(mask.to(torch.float32), grid_of(width, height))[0] >= COUNTED_SHARE
+    return pooled(mask.to(torch.float32), grid_of(width, height))[0] >= 0.5
 
 
 def region_pixels(
@@ -50,22 +78,19 @@ def window_means(
     cells: Float[Tensor, "C rows columns"], size: int
 ) -> Float[Tensor, "C rows columns"]:
     """Means over windows of `size` x `size` cells (an odd number), as far as they are in the image.
-
-    From running sums along columns and rows, so that a wide window takes no longer than a narrow
-    one. They are as exact as the sum of a whole column: for values of like size, such as colours.
+    Without gradients.
     """
-    counts = torch.ones_like(cells[:1])
-    return _window_sums(cells, size) / _window_sums(counts, size)
+    cells = cells.detach()
+    if not cells.is_cpu:
+        return F.avg_pool2d(cells[None], size, 1, size // 2, count_include_pad=False)[0]
+    planes = cells.contiguous().numpy()
+    counts = _window_sums(np.ones_like(planes[0]), size)
+    return torch.from_numpy(np.stack([_window_sums(plane, size) / counts for plane in planes]))
 
 
-def _window_sums(cells: Tensor, size: int) -> Tensor:
-    return _sums_along(_sums_along(cells, size, 2), size, 1)
-
-
-def _sums_along(cells: Tensor, size: int, dim: int) -> Tensor:
-    count, half = cells.shape[dim], size // 2
-    running = F.pad(cells, [0, 0] * (2 - dim) + [half + 1, half]).cumsum(dim)
-    return running.narrow(dim, size, count) - running.narrow(dim, 0, count)
+def _window_sums(plane: Float[np.ndarray, "rows columns"], size: int) -> np.ndarray:
+    window = (size, size)
+    return cv2.boxFilter(plane, -1, window, normalize=False, borderType=cv2.BORDER_CONSTANT)
 
 
 def masks_to_host(*masks: Bool[Tensor, "..."]) -> list[Bool[np.ndarray, "..."]]:

@@ -26,7 +26,6 @@ from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.layers import layered_outputs
 from desplat_ns.separation.clearance import Clearance
 from desplat_ns.separation.grid import region_pixels
-from desplat_ns.separation.last_regions import LastRegions
 from desplat_ns.separation.placement import (
     FEW_VIEWS,
     about_few_views,
@@ -98,7 +97,6 @@ class DistractorLayer:
         self.ssim_weight = static.ssim_lambda
         self.num_views = len(cameras)
         self.densifier = DistractorDensifier(config, static)
-        self.last = LastRegions()
         self.clearance = Clearance(config.clearance, points, cameras)
         if config.start == "residual" and self.num_views < FEW_VIEWS:
             announce(about_few_views(self.num_views), warning=True)
@@ -204,15 +202,10 @@ class DistractorLayer:
             torch.sigmoid(opacities.detach()[:, 0]),
         )
         stats = ResidualStats.of(memory, len(opacities), self.num_views, photo.device)
-        last = self.last.of(train_step.index, train_step.view) if self._keeps(train_step) else None
-        regions, stats = find_regions(photo, static, stats, self.config, counted, last)
+        regions, stats = find_regions(photo, static, stats, self.config, counted)
         train_step.residual_stats = stats
         if train_step.number >= self.config.static_warmup:
             train_step.regions = regions
-
-    def _keeps(self, train_step: TrainStep) -> bool:
-        """Whether regions stay with less evidence than new ones need."""
-        return self.config.standing_share < 1 and train_step.number < self.config.leave_out_at
 
     def commit(
         self,
@@ -234,8 +227,6 @@ class DistractorLayer:
         index, view, static = train_step.index, train_step.view, train_step.static
         if train_step.residual_stats is not None:
             train_step.residual_stats.keep_in(memory)
-        if train_step.regions is not None and self._keeps(train_step):
-            self.last.keep(index, train_step.regions)
         self.clearance.hide_near_camera(
             index, view, params["means"], params["opacities"].data, static.visible
         )

@@ -21,17 +21,9 @@ from desplat_ns.rendering.views import image_points
 from desplat_ns.separation.grid import grid_of, masks_to_host, pooled, region_pixels, to_device
 from desplat_ns.separation.residuals import LEAST_VIEWS
 
-FEW_VIEWS = 5
+FEW_VIEWS = 2 * LEAST_VIEWS + 1
 """With fewer training photos a warning is said: of three, two that are occluded alike outvote the
 third."""
-
-COVERED_SHARE = 0.5
-"""A distractor is placed where more than this share of its cell is inside a region, and where the
-distractors' mean opacity is less than it."""
-
-MARGIN = 1.0
-"""Cells of `grid_of` by which the weight of distractors reaches beyond their edge: an edge is
-half-transparent, and its leak would be learned."""
 
 
 def about_few_views(num_views: int) -> str:
@@ -51,12 +43,13 @@ def about_few_views(num_views: int) -> str:
 def distractor_weight(
     alpha_d: Float[Tensor, "H W 1"], regions: Bool[Tensor, "rows columns"] | None = None
 ) -> Float[Tensor, "H W 1"]:
-    """How far a pixel is the distractors', in [0, 1]: the largest of their opacities around it.
+    """How far a pixel is the distractors', in [0, 1]: the largest of their opacities around it, as
+    far as a cell of `grid_of`: an edge is half-transparent, and its leak would be learned.
 
     A pixel in one of `regions` has weight 1 even if they cover nothing of it.
     """
     height, width = alpha_d.shape[:2]
-    margin = round(MARGIN * width / grid_of(width, height)[0])
+    margin = round(width / grid_of(width, height)[0])
     plane, window = alpha_d.detach()[..., 0], 2 * margin + 1
     rows = F.max_pool1d(plane, window, 1, margin)  # row by row: a tenth of max_pool2d's time
     weight = F.max_pool1d(rows.T.contiguous(), window, 1, margin).T[..., None]
@@ -91,12 +84,12 @@ def placement(
 def uncovered_cells(
     regions: Bool[Tensor, "rows columns"], alpha_d: Float[Tensor, "H W 1"], config: DistractorConfig
 ) -> Bool[Tensor, "grid_rows grid_columns"]:
-    """Cells in which distractors belong and none covers much, of a grid of `config.per_view`."""
+    """Cells of a grid of `config.per_view` that are half in a region, and not half covered."""
     height, width = alpha_d.shape[:2]
     grid = grid_of(width, height, max(1, config.per_view))
     inside = pooled(regions[..., None].to(torch.float32), grid)[0]
     covered = pooled(alpha_d.detach(), grid)[0]
-    return (inside >= COVERED_SHARE) & (covered < COVERED_SHARE)
+    return (inside >= 0.5) & (covered < 0.5)
 
 
 def distractors_in(

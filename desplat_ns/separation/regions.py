@@ -18,27 +18,26 @@ from torch import Tensor
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.separation.grid import (
     counted_cells,
+    fine_grid_of,
     grid_of,
     masks_to_host,
     pooled,
     to_device,
     window_means,
 )
-from desplat_ns.separation.residuals import ResidualStats, excess_residual, local_residual
+from desplat_ns.separation.residuals import (
+    SMOOTHING,
+    ResidualStats,
+    excess_residual,
+    local_residual,
+)
 
 MIN_AREA = 0.002
 """Share of the image: a smaller region is left to the static scene."""
 
-DETAIL_CELLS = 32000
-"""Cells per image in which detail is compared: a quarter of those that residuals have in area, or
-one pixel at 135 x 240."""
-
-DETAIL_SMOOTHING = 3
-"""Cells (an odd number) over which both are averaged first: what is only not sharp yet is alike."""
-
 DETAIL_WINDOW = 7
-"""Cells (an odd number) over which detail is compared: in a wider window edges of what is in front
-count as its own detail far inside, in a narrower one there is little to compare."""
+"""Fine cells (an odd number) over which detail is compared: in a wider window edges of what is in
+front count as its own detail far inside, in a narrower one there is little to compare."""
 
 DETAIL_NOISE = 1e-3
 """Added to both variances, of grey in [0, 1]. What differs less from its surroundings is no detail:
@@ -89,7 +88,6 @@ def find_regions(
     stats: ResidualStats,
     config: DistractorConfig,
     counted: Bool[Tensor, "rows columns"] | None = None,
-    last: Bool[Tensor, "rows columns"] | None = None,
 ) -> tuple[Bool[Tensor, "rows columns"], ResidualStats]:
     """Find the regions of a photo that show what other views do not, on the grid of `grid_of`.
 
@@ -97,59 +95,55 @@ def find_regions(
         photo: in [0, 1]; under the user's mask as the static scene (`apply_mask`).
         stats: what the static Gaussians remember of other visits.
         counted: cells that the user's mask leaves in; None if it leaves out none.
-        last: regions of the view's last visit; None if there are none.
 
     Returns:
         The regions, and the statistics with this visit in them. Masked cells are in no region.
     """
     height, width = photo.shape[:2]
-    grid = grid_of(width, height)
+    grid, fine = grid_of(width, height), fine_grid_of(width, height)
+    colors_s, colors_p = pooled(static.rgb, fine), pooled(photo, fine)
     x, y = static.means2d.unbind(-1)
     excess, stats = excess_residual(
-        local_residual(static.rgb, photo, grid),
+        local_residual(colors_s, colors_p, grid),
         torch.stack([x * (grid[0] / width), y * (grid[1] / height)], dim=-1),
         static.visible,
         static.opacities,
         stats,
         counted,
     )
-    has_foreign_detail = shared_detail(static.rgb, photo) <= config.shared_detail
+    alike = pooled(shared_detail(colors_s, colors_p)[..., None], grid)[0]
+    has_foreign_detail = alike <= config.shared_detail
     weak = (excess.values > config.weak_excess) & has_foreign_detail
     most = config.strong_excess
     needed = excess.needed(config.strong_levels, config.settled_share * most, most)
-    strong = excess.values > needed
-    if last is not None:
-        strong |= last & (excess.values > config.standing_share * needed)
-    strong &= has_foreign_detail
-    regions = along_edges(outlier_regions(weak, strong), pooled(photo, grid))
+    strong = (excess.values > needed) & has_foreign_detail
+    regions = along_edges(outlier_regions(weak, strong), pooled(colors_p.permute(1, 2, 0), grid))
     return regions if counted is None else regions & counted, stats
 
 
 def shared_detail(
-    static: Float[Tensor, "H W 3"], photo: Float[Tensor, "H W 3"]
-) -> Float[Tensor, "rows columns"]:
-    """Correlation of the grey of both in the surroundings of each cell of `grid_of`, in [-1, 1].
+    static: Float[Tensor, "3 fine_rows fine_columns"],
+    photo: Float[Tensor, "3 fine_rows fine_columns"],
+) -> Float[Tensor, "fine_rows fine_columns"]:
+    """Correlation of the grey of both in the surroundings of each cell, in [-1, 1].
 
     Flare, exposure and shade change the colours of a place and leave its detail; so does a static
-    scene that is not sharp yet. Something in front of it has detail of its own, or none. The
-    correlation is the same for any gain and offset of the colours.
+    scene that is not sharp yet, so both are smoothed first. Something in front of it has detail of
+    its own, or none. The correlation is the same for any gain and offset of the colours.
 
     Args:
-        static: the static scene, colours in [0, 1].
-        photo: what it should look like.
+        static: the static scene in cells of `fine_grid_of`, colours in [0, 1].
+        photo: the photo in the same.
 
     Source: normalised cross-correlation, with a floor that stands for noise.
     """
-    height, width = photo.shape[:2]
-    both = torch.stack([static.mean(dim=-1), photo.mean(dim=-1)], dim=-1)
-    s, p = window_means(pooled(both, grid_of(width, height, DETAIL_CELLS)), DETAIL_SMOOTHING)
+    s, p = window_means(torch.stack([static.mean(dim=0), photo.mean(dim=0)]), SMOOTHING)
     s, p, ss, pp, sp = window_means(torch.stack([s, p, s * s, p * p, s * p]), DETAIL_WINDOW)
     of_static = (ss - s * s).clamp(min=0) + DETAIL_NOISE
     of_photo = (pp - p * p).clamp(min=0) + DETAIL_NOISE
     common = sp - s * p
     alike = common / (of_static * of_photo).sqrt()
-    alike = alike.masked_fill(common / of_static > MOST_CONTRAST, 0.0)
-    return pooled(alike[..., None], grid_of(width, height))[0]
+    return alike.masked_fill(common / of_static > MOST_CONTRAST, 0.0)
 
 
 def outlier_regions(

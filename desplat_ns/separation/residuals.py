@@ -20,11 +20,12 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from desplat_ns.gaussians.memory import GaussianMemory
-from desplat_ns.separation.grid import pooled
+from desplat_ns.separation.grid import pooled, window_means
 
-RESIDUAL_WINDOW = 3
-"""Cells (an odd number) over which residuals are averaged, so that texture does not count. What is
-as small as a cell or two is lost in a wider one."""
+SMOOTHING = 3
+"""Cells (an odd number) over which colours are averaged, fine ones, and residuals, so that neither
+texture counts nor what is only not sharp yet. What is as small as a cell or two is lost in a wider
+window."""
 
 EXPECTED_WINDOW = 5
 """Cells (an odd number) over which Gaussians say what is expected."""
@@ -50,17 +51,23 @@ MIN_RESIDUAL = 1e-4
 
 
 def local_residual(
-    static: Float[Tensor, "H W 3"], photo: Float[Tensor, "H W 3"], grid: tuple[int, int]
+    static: Float[Tensor, "3 fine_rows fine_columns"],
+    photo: Float[Tensor, "3 fine_rows fine_columns"],
+    grid: tuple[int, int],
 ) -> Float[Tensor, "rows columns"]:
-    """Largest difference of the three colours, averaged around each cell; colours in [0, 1].
+    """Largest difference of the three colours, averaged around each cell of `grid`.
 
-    The difference is averaged over 3 x 3 pixels before its absolute value is taken: what is only
-    not sharp yet cancels out. The largest of the three: what is fine or moved differs in brightness
-    most, and what is another thing in one colour more than in the others.
+    The difference is averaged before its absolute value is taken: what is only not sharp yet
+    cancels out. The largest of the three: what is fine or moved differs in brightness most, and
+    what is another thing in one colour more than in the others.
+
+    Args:
+        static: the static scene in cells of `fine_grid_of`, colours in [0, 1].
+        photo: the photo in the same.
     """
-    difference = (static - photo).permute(2, 0, 1)
-    cells = pooled(_box3(difference).abs().amax(0)[..., None], grid)
-    return _averaged(cells, RESIDUAL_WINDOW)[0].clamp(min=MIN_RESIDUAL)
+    difference = window_means(static - photo, SMOOTHING).abs().amax(0)
+    cells = pooled(difference[..., None], grid)
+    return window_means(cells, SMOOTHING)[0].clamp(min=MIN_RESIDUAL)
 
 
 @dataclass(frozen=True)
@@ -154,19 +161,6 @@ def _level(
     return torch.where(counted.any(), level, MIN_RESIDUAL)
 
 
-def _box3(image: Float[Tensor, "C H W"]) -> Float[Tensor, "C H W"]:
-    """Means over 3 x 3 pixels, the border repeated; sums of slices are faster than avg_pool2d."""
-    padded = F.pad(image[None], (1, 1, 1, 1), mode="replicate")[0]
-    rows = padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]
-    return (rows[..., :-2] + rows[..., 1:-1] + rows[..., 2:]) / 9
-
-
-def _averaged(
-    cells: Float[Tensor, "C rows columns"], window: int
-) -> Float[Tensor, "C rows columns"]:
-    return F.avg_pool2d(cells[None], window, 1, window // 2, count_include_pad=False)[0]
-
-
 def _cells_of(
     means2d: Tensor, visible: Tensor, shape: torch.Size, counted: Tensor | None
 ) -> tuple[Bool[Tensor, " N"], Int[Tensor, " N"]]:
@@ -192,7 +186,7 @@ def _mean_by_cell(
     small."""
     rows = torch.stack([weights * values, weights])
     sums = rows.new_zeros(2, shape[0] * shape[1] + 1).index_add_(1, cell, rows)
-    total, weight = _averaged(sums[:, :-1].reshape(2, *shape), EXPECTED_WINDOW)
+    total, weight = window_means(sums[:, :-1].reshape(2, *shape), EXPECTED_WINDOW)
     all_values, all_weights = rows.sum(dim=1)
     typical = all_values / all_weights.clamp(min=torch.finfo(rows.dtype).tiny)
     return (total + TYPICAL_WEIGHT * typical) / (weight + TYPICAL_WEIGHT)

@@ -19,11 +19,12 @@ def ranged(default: Any, interval: str) -> Any:
     return field(default=default, metadata={"interval": interval})
 
 
-def check_ranges(config: Any, option: str) -> None:
-    """Make sure that every `ranged` field of a dataclass is a finite number in its interval.
+def check_ranges(config: Any, option: str = "-") -> None:
+    """Make sure that every `ranged` field of a dataclass is a finite number in its interval; one
+    that is None was not given.
 
     Args:
-        option: what `config` is called on the command line.
+        option: what `config` is called on the command line, "-" for the command itself.
 
     Raises:
         ConfigError: names the first that is not.
@@ -31,7 +32,7 @@ def check_ranges(config: Any, option: str) -> None:
     check_finite_options(config, option)
     for f in fields(config):
         interval, value = f.metadata.get("interval"), getattr(config, f.name)
-        if interval is not None and not _lies_in(value, interval):
+        if interval and value is not None and not _lies_in(value, interval):
             name = _option(option, f.name.replace("_", "-"))
             raise ConfigError(f"`{name}` is {value}; it has to be {_in_words(interval)}.")
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from desplat_ns.survey.findings import Figure, Finding, confidence_of
+from desplat_ns.survey.findings import Figure, Finding, confidence_of, mean_of
 from desplat_ns.survey.observations import Observations
 from desplat_ns.survey.photo_light import FEWEST, LOWEST, PhotoLight, from_middle
 from desplat_ns.survey.sky import Sky, find_sky, vertical
@@ -42,8 +42,6 @@ FEWEST_POINTS = 100
 
 FEWEST_CELLS = 4
 
-EFFECT = "background"
-
 
 @dataclass(frozen=True)
 class SkyColors:
@@ -51,6 +49,7 @@ class SkyColors:
 
     colors: Float[np.ndarray, "K 3"]
     photo: Int[np.ndarray, " K"]
+    """Number among the photos with sky."""
     direction: Int[np.ndarray, " K"]
     """Number of the bin of directions."""
 
@@ -75,15 +74,18 @@ def sky_colors(seen: Observations, light: PhotoLight, skies: dict[int, Sky]) -> 
         if len(at[0]) < FEWEST_CELLS:
             continue
         height, width = sky.cells.shape
-        rho2 = from_middle(width, height, np.stack([at[1] + 0.5, at[0] + 0.5], axis=-1))
+        rho2 = from_middle((width, height), np.stack([at[1] + 0.5, at[0] + 0.5], axis=-1))
         colors.append(light.neutral(row, sky.values[at], rho2))
         toward = sky.directions[at]
         azimuth = np.degrees(np.arctan2(toward @ north, toward @ east))
         elevation = np.degrees(np.arcsin(np.clip(toward @ up, -1, 1)))
         bins += (1000 * np.round(azimuth / TURN) + np.round(elevation / RISE)).tolist()
         photo += [row] * len(toward)
-    number = np.unique(np.array(bins, dtype=int), return_inverse=True)[1]
-    return SkyColors(np.concatenate(colors), np.array(photo, dtype=int), number.reshape(-1))
+    photo, direction = (
+        np.unique(np.array(number, dtype=int), return_inverse=True)[1].reshape(-1)
+        for number in (photo, bins)
+    )
+    return SkyColors(np.concatenate(colors), photo, direction)
 
 
 def range_by_direction(found: SkyColors) -> float:
@@ -93,10 +95,7 @@ def range_by_direction(found: SkyColors) -> float:
     """
     if len(found.colors) == 0:
         return float("nan")
-    values = found.colors.copy()
-    for row in np.unique(found.photo):
-        mine = found.photo == row
-        values[mine] -= np.median(values[mine], axis=0)
+    values = found.colors - _medians(found.colors, found.photo)[found.photo]
     middles = _medians(values, found.direction)[found.direction]
     low, high = np.quantile(middles, [0.1, 0.9], axis=0)
     return float((high - low).max())
@@ -115,7 +114,7 @@ def spread_by_photo(found: SkyColors, values: Float[np.ndarray, "K 3"]) -> float
     differences = values - _medians(values, found.direction)[found.direction]
     own = [
         np.median(differences[mine], axis=0)
-        for row in np.unique(found.photo)
+        for row in range(found.photo.max() + 1)
         if (mine := (found.photo == row) & shared).sum() >= FEWEST_CELLS
     ]
     if not own:
@@ -134,14 +133,14 @@ def background_finding(
     shares = [sky.share for sky in skies.values()]
     share = Figure(
         "empty",
-        float(np.mean(shares)) if shares else float("nan"),
+        mean_of(np.array(shares)),
         "share of the photos' area, smooth and high up, with no point behind or above it",
         VISIBLE_SHARE,
     )
     unknown = ("whether a bare wall or ceiling above everything else is a sky",)
     if len(seen.all_xyz) < FEWEST_POINTS or not shares:
         reason = f"Fewer than {FEWEST_POINTS} points say where the scene is."
-        return Finding(EFFECT, "off", "none", reason, (share,), unknown)
+        return Finding("background", "off", "none", reason, (share,), unknown)
     found = sky_colors(seen, light, skies)
     logs = np.log(np.maximum(found.colors, LOWEST))
     chroma = logs - logs.mean(axis=1, keepdims=True)
@@ -162,21 +161,21 @@ def background_finding(
     figures = (share, by_photo, by_direction)
     if not share.is_above:
         reason = "The scene fills the photos."
-        return Finding(EFFECT, "off", confidence_of([share]), reason, figures, unknown)
+        return Finding("background", "off", confidence_of([share]), reason, figures, unknown)
     if by_photo.is_above:
         sure = confidence_of([share, by_photo])
         reason = "There is a sky, and photos show different ones."
-        return Finding(EFFECT, "image", sure, reason, figures, unknown)
+        return Finding("background", "image", sure, reason, figures, unknown)
     if not by_photo.is_known:
         unknown += ("whether photos have different skies: too few look in the same direction",)
         reason = "There is a sky; photos do not look in the same directions."
-        return Finding(EFFECT, "sh", "close", reason, figures, unknown)
+        return Finding("background", "sh", "close", reason, figures, unknown)
     sure = confidence_of(figures)
     if by_direction.is_above:
         reason = "There is a sky, the same in all photos, and not of one colour."
-        return Finding(EFFECT, "sh", sure, reason, figures, unknown)
+        return Finding("background", "sh", sure, reason, figures, unknown)
     reason = "There is a sky of one colour."
-    return Finding(EFFECT, "constant", sure, reason, figures, unknown)
+    return Finding("background", "constant", sure, reason, figures, unknown)
 
 
 def _medians(values: np.ndarray, number: np.ndarray) -> np.ndarray:

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from desplat_ns.survey.memory import memory_of
+import numpy as np
+from jaxtyping import Bool, Float
 
 Effect = Literal["appearance", "background", "distractors"]
 Confidence = Literal["clear", "close", "none"]
@@ -16,6 +17,19 @@ Decision = str | bool
 
 CLEAR = 1.5
 """A figure that is so many times its threshold, or that part of it, is clear of it."""
+
+MEMORY: dict[tuple[str, Decision], str] = {
+    ("distractors", True): "at most a quarter of the static scene's memory in the scenes measured",
+    ("appearance", "camera"): "60 bytes a photo",
+    ("appearance", "affine"): "288 bytes a static Gaussian, 384 a photo, 0.3 MB",
+    ("background", "constant"): "36 bytes",
+    ("background", "sh"): "900 bytes",
+    ("background", "image"): "0.6 MB, 384 bytes a photo",
+}
+"""Of what is switched on: parameters and their Adam moments, float32."""
+
+NO_TRACKS = "which photo observed which point: there are no tracks"
+"""What one cannot tell then, whatever the effect."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +55,10 @@ class Figure:
         return self.is_known and self.threshold is not None and self.value > self.threshold
 
     @property
-    def margin(self) -> float:
-        """The larger of the ratios of value and threshold; at least 1."""
-        if not self.is_known or not self.threshold:
-            return 1.0
-        ratio = max(self.value, 0.0) / self.threshold
-        return max(ratio, 1 / ratio) if ratio > 0 else math.inf
+    def is_clear(self) -> bool:
+        """Whether it is off its threshold by a factor of `CLEAR`."""
+        assert self.threshold is not None
+        return not self.threshold / CLEAR < self.value < self.threshold * CLEAR
 
     def line(self) -> str:
         """For a console."""
@@ -69,13 +81,20 @@ class Finding:
     figures: tuple[Figure, ...]
     could_not_tell: tuple[str, ...] = ()
 
+    @property
+    def memory(self) -> str:
+        """What the decision needs, in words. What it takes of time, `calibration` measures."""
+        return MEMORY.get((self.effect, self.decision), "nothing")
+
     def lines(self) -> list[str]:
         """For a console: the decision, then its figures, then what is not known."""
-        how = {"clear": "clear", "close": "close to the threshold", "none": "the safe side"}
-        head = f"{self.effect}: {self.decision} ({how[self.confidence]}). {self.reason}"
-        told = [f"  {figure.line()}" for figure in self.figures]
-        memory = f"  memory: {memory_of(self.effect, self.decision)}"
-        return [head, *told, memory, *(f"  Not told: {line}" for line in self.could_not_tell)]
+        sure = {"clear": "clear", "close": "close to the threshold", "none": "the safe side"}
+        return [
+            f"{self.effect}: {self.decision} ({sure[self.confidence]}). {self.reason}",
+            *(f"  {figure.line()}" for figure in self.figures),
+            f"  memory: {self.memory}",
+            *(f"  Not told: {line}" for line in self.could_not_tell),
+        ]
 
 
 @dataclass(frozen=True)
@@ -106,7 +125,7 @@ class Survey:
         """Everything, as JSON; numbers that could not be measured are null."""
         told = asdict(self)
         for finding in self.findings:
-            told[finding.effect]["memory"] = memory_of(finding.effect, finding.decision)
+            told[finding.effect]["memory"] = finding.memory
         return json.dumps(_plain(told), indent=2, allow_nan=False) + "\n"
 
     def summary(self) -> list[str]:
@@ -118,10 +137,15 @@ class Survey:
 
 def confidence_of(figures: Sequence[Figure]) -> Confidence:
     """How far the figures that decided are from their thresholds; the nearest one counts."""
-    known = [figure.margin for figure in figures if figure.is_known]
+    known = [figure for figure in figures if figure.is_known]
     if not known:
         return "none"
-    return "clear" if min(known) >= CLEAR else "close"
+    return "clear" if all(figure.is_clear for figure in known) else "close"
+
+
+def mean_of(values: Bool[np.ndarray, "*N"] | Float[np.ndarray, "*N"]) -> float:
+    """Their mean, NaN without any."""
+    return float(values.mean()) if values.size else math.nan
 
 
 def _plain(value: Any) -> Any:

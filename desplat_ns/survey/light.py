@@ -12,13 +12,14 @@ from jaxtyping import Bool, Float
 
 from desplat_ns.console import list_names
 from desplat_ns.survey.findings import (
+    NO_TRACKS,
     Confidence,
     Decision,
     Figure,
     Finding,
     confidence_of,
+    mean_of,
 )
-from desplat_ns.survey.neighbourhood import near_means
 from desplat_ns.survey.observations import Observations
 from desplat_ns.survey.photo_light import FEWEST, PhotoLight, robust_spread
 
@@ -50,8 +51,6 @@ LEAST_EXPLAINED = 0.3
 FEW_NEAR = 3
 """Other observations near a place without which it says nothing."""
 
-EFFECT = "appearance"
-
 
 def change_of_photos(light: PhotoLight) -> Float[np.ndarray, " V"]:
     """How much each photo's light changes what it shows: RMS of the values' relative change.
@@ -68,7 +67,7 @@ def change_of_photos(light: PhotoLight) -> Float[np.ndarray, " V"]:
 
 
 def local_steps(
-    seen: Observations, light: PhotoLight, in_the_way: Bool[np.ndarray, "V P"] | None = None
+    seen: Observations, light: PhotoLight, in_the_way: Bool[np.ndarray, "V P"]
 ) -> Float[np.ndarray, " M"]:
     """What a photo's light leaves at each observation and near it, in log; the lesser of both.
 
@@ -80,13 +79,11 @@ def local_steps(
     """
     photos = np.bincount(light.point, minlength=len(seen.xyz))[light.point]
     own = np.median(light.residual, axis=1) * photos / np.maximum(photos - 1, 1)
-    steps, counts = np.full(len(own), np.nan), np.ones(len(own), bool)
-    if in_the_way is not None:
-        counts = ~in_the_way[light.photo, light.point]
+    steps, counts = np.full(len(own), np.nan), ~in_the_way[light.photo, light.point]
     for row, view in enumerate(seen.views):
         part = np.flatnonzero((light.photo == row) & counts)
         places = seen.places[row, light.point[part]]
-        near, count = near_means(view, places, np.clip(own[part], -0.5, 0.5))
+        near, count = view.near_means(places, np.clip(own[part], -0.5, 0.5))
         agree = np.sign(near) == np.sign(own[part])
         lesser = np.where(agree, np.minimum(np.abs(near), np.abs(own[part])), 0.0)
         steps[part] = np.where(count >= FEW_NEAR, lesser * np.sign(near), np.nan)
@@ -94,9 +91,7 @@ def local_steps(
 
 
 def appearance_finding(
-    seen: Observations,
-    light: PhotoLight,
-    in_the_way: Bool[np.ndarray, "V P"] | None = None,
+    seen: Observations, light: PhotoLight, in_the_way: Bool[np.ndarray, "V P"]
 ) -> Finding:
     """Decide how photos' light is to be explained.
 
@@ -105,33 +100,29 @@ def appearance_finding(
     """
     changes = change_of_photos(light)
     known = changes[np.isfinite(changes)]
-    median, top = (
-        Figure(name, _quantile(known, q), meaning, threshold)
-        for name, q, meaning, threshold in (
-            ("change", 0.5, "change of values by a photo's own light, median photo", QUARTER_STOP),
-            ("largest_changes", 0.9, "the same, exceeded by a tenth of the photos", None),
-        )
-    )
+    middle, top = np.quantile(known, [0.5, 0.9]).tolist() if len(known) else (np.nan, np.nan)
+    what = "change of values by a photo's own light, median photo"
+    median = Figure("change", middle, what, QUARTER_STOP)
+    largest = Figure("largest_changes", top, "the same, exceeded by a tenth of the photos")
     before, after = robust_spread(light.residual_before), robust_spread(light.residual)
-    share = 1 - (after / before) ** 2 if before > 0 else float("nan")
+    share = 1 - (after / before) ** 2 if before > 0 else np.nan
     explained = Figure(
         "explained", share, "share of the variance between photos that their light explains"
     )
     steps = local_steps(seen, light, in_the_way)
-    steps = np.abs(steps[np.isfinite(steps)])
     local = Figure(
         "local",
-        float((steps > LOCAL_STEP).mean()) if len(steps) else float("nan"),
+        mean_of(np.abs(steps[np.isfinite(steps)]) > LOCAL_STEP),
         f"share of places off by more than {LOCAL_STEP:.0%} together with what is near",
         LOCAL_SHARE,
     )
-    figures = (median, top, local, explained, *_beside(light))
+    figures = (median, largest, local, explained, *_beside(light))
     unknown = _unknown(seen, changes)
     if len(known) < 2:
         reason = "Fewer than two photos show enough common points to compare their colours."
-        return Finding(EFFECT, "off", "none", reason, figures, unknown)
-    decision, sure, reason = _decided(median, top, local, explained)
-    return Finding(EFFECT, decision, sure, reason, figures, unknown)
+        return Finding("appearance", "off", "none", reason, figures, unknown)
+    decision, sure, reason = _decided(median, largest, local, explained)
+    return Finding("appearance", decision, sure, reason, figures, unknown)
 
 
 def _decided(
@@ -157,10 +148,6 @@ def _decided(
     return "off", sure, "Photos show the same colours, as far as the eye would notice."
 
 
-def _quantile(values: np.ndarray, q: float) -> float:
-    return float(np.quantile(values, q)) if len(values) else float("nan")
-
-
 def _beside(light: PhotoLight) -> list[Figure]:
     """What decides nothing."""
     usable = light.counts() >= FEWEST
@@ -183,6 +170,4 @@ def _unknown(seen: Observations, changes: np.ndarray) -> tuple[str, ...]:
             f"the light of {len(missing)} photos that show fewer than {FEWEST} known points with "
             f"values that are not clipped: {list_names(missing, 5)}"
         )
-    if not seen.has_tracks:
-        lines.append("which photo observed which point: there are no tracks")
-    return tuple(lines)
+    return tuple(lines) if seen.has_tracks else (*lines, NO_TRACKS)

@@ -13,11 +13,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, UInt8
+from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.data.dataset import check_size
 from desplat_ns.data.images import read_image, read_mask, resize_image, resize_mask
-from desplat_ns.survey.capture import Capture
+from desplat_ns.data.tracks import METADATA_KEY, Tracks
 from desplat_ns.survey.views import View, small_view
 
 MOST_PHOTOS = 160
@@ -29,14 +31,14 @@ MOST_POINTS = 3000
 GRID = 5
 """Samples along a patch's side, about a pixel apart: the least that has a structure."""
 
-PATCH_RADIUS = 2.0
+PATCH_RADIUS = (GRID - 1) / 2
 """Pixels from the middle to the side of a patch in the photo that is the middle one in scale."""
 
 SCALES = (0.4, 3.0)
 """A patch is not looked at where it is so many times smaller or larger: it shows other detail."""
 
-DARKEST, BRIGHTEST = 0.02, 0.98
-"""Values beyond these are clipped: what the camera saw there is not known."""
+DARKEST = 0.02
+"""Values that are nearer to 0 or 1 are clipped: what the camera saw there is not known."""
 
 HIDING_CELL = 1 / 50
 """Of the longest side: points in one cell of this size are compared in depth."""
@@ -45,23 +47,46 @@ HIDING_GAP = 0.93
 """A point is hidden where another one in its cell lies nearer than this fraction of its depth."""
 
 
+@dataclass(frozen=True)
+class Capture:
+    """The training photos of a capture, as they are on disk: not undistorted."""
+
+    cameras: Cameras
+    photos: Sequence[Path]
+    xyz: Float[np.ndarray, "_ 3"]
+    """Points in the cameras' world."""
+    tracks: Tracks | None = None
+    """None where nobody knows which photo observed which point."""
+    masks: Sequence[Path] | None = None
+    """Where each photo may be used, if the capture says so."""
+
+
+def capture_of(outputs: DataparserOutputs) -> Capture:
+    """What a data parser says of the training split."""
+    xyz = outputs.metadata.get("points3D_xyz")
+    return Capture(
+        cameras=outputs.cameras,
+        photos=list(outputs.image_filenames),
+        xyz=np.zeros((0, 3)) if xyz is None else xyz.double().cpu().numpy(),
+        tracks=outputs.metadata.get(METADATA_KEY),
+        masks=outputs.mask_filenames,
+    )
+
+
 @dataclass
 class Observations:
     """What the photos show at the points."""
 
-    indices: Int[np.ndarray, " V"]
-    """The photos' numbers in the split."""
     names: list[str]
     views: list[View]
     photos: list[np.ndarray]
     """Small copies: [H, W, 3], uint8."""
-    allowed: list[np.ndarray | None]
-    """Where a photo may be used ([H, W], bool), if the capture says so."""
+    allowed: list[np.ndarray]
+    """Where a photo may be used: [H, W], bool."""
     xyz: Float[np.ndarray, "P 3"]
     """The chosen points."""
     places: Float[np.ndarray, "V P 2"]
     """Pixels at which the points appear, whether they are shown or not; NaN outside."""
-    depths: Float[np.ndarray, "V P"]
     is_shown: Bool[np.ndarray, "V P"]
     """The patch lies inside the photo, in a fitting scale, and no nearer point is before it."""
     is_tracked: Bool[np.ndarray, "V P"]
@@ -92,29 +117,25 @@ def observe(capture: Capture) -> Observations:
     chosen = _chosen_points(tracked)
     xyz, tracked = capture.xyz[chosen], tracked[:, chosen]
     grids = patch_grids(xyz, tracked, views)
+    shape = len(views), len(xyz)
     found = Observations(
-        indices=indices,
         names=[str(capture.photos[i].name) for i in indices],
         views=views,
         photos=[],
         allowed=[],
         xyz=xyz,
-        places=np.full((len(views), len(xyz), 2), np.nan, np.float32),
-        depths=np.zeros((len(views), len(xyz)), np.float32),
-        is_shown=np.zeros((len(views), len(xyz)), bool),
+        places=np.full((*shape, 2), np.nan, np.float32),
+        is_shown=np.zeros(shape, bool),
         is_tracked=tracked,
-        colors=np.zeros((len(views), len(xyz), 3), np.float32),
-        is_clipped=np.zeros((len(views), len(xyz)), bool),
-        structures=np.zeros((len(views), len(xyz), GRID * GRID), np.float32),
+        colors=np.zeros((*shape, 3), np.float32),
+        is_clipped=np.zeros(shape, bool),
+        structures=np.zeros((*shape, GRID * GRID), np.float32),
         has_tracks=capture.tracks is not None,
         num_photos=count,
         all_xyz=capture.xyz,
     )
-    for row, (index, view) in enumerate(zip(indices, views, strict=True)):
-        photo, allowed = read_small(capture.photos[index], capture, int(index), view)
-        if capture.masks is not None:
-            mask = resize_mask(read_mask(capture.masks[index]), view.width, view.height)
-            allowed = mask if allowed is None else mask & allowed
+    for row, (index, view) in enumerate(zip(indices.tolist(), views, strict=True)):
+        photo, allowed = _read_small(capture, index, view)
         found.photos.append(photo)
         found.allowed.append(allowed)
         _sample(found, row, grids, hidden_points(view, xyz, capture.xyz))
@@ -122,20 +143,19 @@ def observe(capture: Capture) -> Observations:
     return found
 
 
-def read_small(
-    path: Path, capture: Capture, index: int, view: View
-) -> tuple[UInt8[np.ndarray, "H W 3"], Bool[np.ndarray, "H W"] | None]:
-    """The photo at its view's size, and where it is opaque; None if it is everywhere.
-
-    Raises:
-        CaptureError: it cannot be read, or does not fit its camera.
-    """
+def _read_small(
+    capture: Capture, index: int, view: View
+) -> tuple[UInt8[np.ndarray, "H W 3"], Bool[np.ndarray, "H W"]]:
+    """The photo at its view's size, and where it is opaque and not masked."""
+    path, cameras = capture.photos[index], capture.cameras
     image = read_image(path)
-    cameras = capture.cameras
     size = int(cameras.width.reshape(-1)[index]), int(cameras.height.reshape(-1)[index])
     check_size(path, (image.shape[1], image.shape[0]), size)
     image = resize_image(image, view.width, view.height)
-    return image[..., :3], image[..., 3] == 255 if image.shape[2] == 4 else None
+    allowed = (image[..., 3:] == 255).all(axis=-1)
+    if capture.masks is not None:
+        allowed &= resize_mask(read_mask(capture.masks[index]), view.width, view.height)
+    return image[..., :3], allowed
 
 
 def _tracked(capture: Capture, indices: np.ndarray, views: Sequence[View]) -> np.ndarray:
@@ -144,17 +164,10 @@ def _tracked(capture: Capture, indices: np.ndarray, views: Sequence[View]) -> np
     if capture.tracks is not None:
         for row, seen in zip(tracked, capture.tracks.read(indices.tolist()), strict=True):
             row[seen.points] = True
-        return tracked
-    for row, view in zip(tracked, views, strict=True):
-        row |= _inside(view, *view.project(capture.xyz))
-    return tracked
-
-
-def _inside(view: View, places: np.ndarray, depths: np.ndarray, margin: float = 0.0) -> np.ndarray:
-    x, y = places[..., 0], places[..., 1]
-    with np.errstate(invalid="ignore"):
-        inside = (x >= margin) & (x <= view.width - margin)
-        return inside & (y >= margin) & (y <= view.height - margin) & (depths > 0)
+    else:
+        for row, view in zip(tracked, views, strict=True):
+            row |= view.shows(*view.project(capture.xyz))
+    return tracked & np.isfinite(capture.xyz).all(axis=1)
 
 
 def _chosen_points(tracked: np.ndarray) -> np.ndarray:
@@ -206,12 +219,12 @@ def hidden_points(
     shape = int(view.height / cell) + 3, int(view.width / cell) + 3
     nearest = np.full(shape, np.inf, np.float32)
     places, depths = view.project(all_xyz)
-    inside = _inside(view, places, depths)
+    inside = view.shows(places, depths)
     at = (places[inside] / cell).astype(int) + 1
     np.minimum.at(nearest, (at[:, 1], at[:, 0]), depths[inside].astype(np.float32))
     nearest = cv2.erode(nearest, np.ones((3, 3), np.uint8))
     places, depths = view.project(xyz)
-    inside = _inside(view, places, depths)
+    inside = view.shows(places, depths)
     at = np.where(inside[:, None], places / cell, 0).astype(int) + 1
     return inside & (nearest[at[:, 1], at[:, 0]] < HIDING_GAP * depths)
 
@@ -219,33 +232,22 @@ def hidden_points(
 def _sample(found: Observations, row: int, grids: np.ndarray, hidden: np.ndarray) -> None:
     """Fill in what one photo shows."""
     view, photo, allowed = found.views[row], found.photos[row], found.allowed[row]
-    places, depths = view.project(found.xyz)
+    places, _ = view.project(found.xyz)
     corners, corner_depths = view.project(grids)
-    inside = _inside(view, corners, corner_depths, 0.5).all(axis=-1)
+    inside = view.shows(corners, corner_depths, 0.5).all(axis=-1)
     with np.errstate(invalid="ignore"):
         reach = np.linalg.norm(corners[:, -1] - corners[:, 0], axis=-1) / np.sqrt(8)
         shown = inside & (reach > SCALES[0] * PATCH_RADIUS) & (reach < SCALES[1] * PATCH_RADIUS)
-    shown &= ~hidden
-    if allowed is not None:
-        at = np.where(inside[:, None], places, 0).astype(int)
-        shown &= allowed[at[:, 1].clip(0, view.height - 1), at[:, 0].clip(0, view.width - 1)]
-    which, values = np.flatnonzero(shown), photo.astype(np.float32)
-    at = (corners[which] - 0.5).astype(np.float32)
-    patches = np.zeros((len(which), GRID * GRID, 3), np.float32)
-    for start in range(0, len(which), 8192):  # OpenCV's maps have fewer than 2^15 rows
-        part = slice(start, start + 8192)
-        patches[part] = cv2.remap(
-            values,
-            at[part, :, 0],
-            at[part, :, 1],
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-    patches /= 255
-    mean = patches.mean(axis=1)
-    grey = patches.mean(axis=2)
-    found.places[row], found.depths[row], found.is_shown[row] = places, depths, shown
-    found.colors[row, which] = mean
-    lowest, highest = mean.min(axis=1), mean.max(axis=1)
-    found.is_clipped[row, which] = (lowest < DARKEST) | (highest > BRIGHTEST)
-    found.structures[row, which] = grey - grey.mean(axis=1, keepdims=True)
+    at = np.where(inside[:, None], places, 0).astype(int)
+    shown &= allowed[at[:, 1].clip(0, view.height - 1), at[:, 0].clip(0, view.width - 1)] & ~hidden
+    found.places[row], found.is_shown[row] = places, shown
+    if not shown.any():
+        return
+    x, y = np.moveaxis((corners[shown] - 0.5).astype(np.float32), -1, 0)
+    values, border = photo.astype(np.float32), cv2.BORDER_REPLICATE
+    patches = cv2.remap(values, x, y, cv2.INTER_LINEAR, borderMode=border) / 255
+    mean, grey = patches.mean(axis=1), patches.mean(axis=2)
+    found.colors[row, shown] = mean
+    is_clipped = (mean < DARKEST) | (mean > 1 - DARKEST)
+    found.is_clipped[row, shown] = is_clipped.any(axis=1)
+    found.structures[row, shown] = grey - grey.mean(axis=1, keepdims=True)

@@ -46,8 +46,6 @@ class PhotoLight:
     gains: Float[np.ndarray, "V 3"]
     gammas: Float[np.ndarray, " V"]
     vignetting: Float[np.ndarray, " V"]
-    true_colors: Float[np.ndarray, "P 3"]
-    """Logarithms; 0 at points that fewer than two photos show."""
     photo: Int[np.ndarray, " M"]
     """Which photo an observation is of, ascending."""
     point: Int[np.ndarray, " M"]
@@ -78,11 +76,11 @@ class PhotoLight:
 
 
 def from_middle(
-    width: int, height: int, places: Float[np.ndarray, "*N 2"]
+    size: Int[np.ndarray, "*N 2"] | tuple[int, int], places: Float[np.ndarray, "*N 2"]
 ) -> Float[np.ndarray, "*N"]:
-    """rho^2: 0 in the middle of the photo, 1 in its corners."""
-    half = np.array([width / 2, height / 2])
-    return ((places - half) ** 2).sum(axis=-1) / (half**2).sum()
+    """rho^2: 0 in the middle of a photo of that width and height, 1 in its corners."""
+    half = np.asarray(size) / 2
+    return ((places - half) ** 2).sum(axis=-1) / (half**2).sum(axis=-1)
 
 
 def fit_light(seen: Observations) -> PhotoLight:
@@ -96,9 +94,8 @@ def fit_light(seen: Observations) -> PhotoLight:
     colors = seen.colors[photo, point].astype(np.float64)
     logs = np.log(np.maximum(colors, LOWEST))
     weight = (colors / (colors + DARK)) ** 2
-    half = np.array([[view.width / 2, view.height / 2] for view in seen.views])
-    places = seen.places[photo, point] - half[photo]
-    rho2 = (places**2).sum(axis=1) / (half**2).sum(axis=1)[photo]
+    sizes = np.array([view.size for view in seen.views])
+    rho2 = from_middle(sizes[photo], seen.places[photo, point])
     count = len(seen.views), len(seen.xyz)
     before = _alternate(photo, point, logs, weight, rho2, count, fits_photos=False)
     after = _alternate(photo, point, logs, weight, rho2, count, fits_photos=True)
@@ -107,7 +104,6 @@ def fit_light(seen: Observations) -> PhotoLight:
         gains=gains,
         gammas=gammas,
         vignetting=vignetting,
-        true_colors=true,
         photo=photo,
         point=point,
         change=logs - residual - true[point],

@@ -10,8 +10,8 @@ from desplat_ns.survey.photo_light import from_middle
 from desplat_ns.survey.survey import Evidence
 
 MOST_COLUMNS = 8
-CELL_SIDE, GAP, HEAD = 200, 6, 18
-"""Pixels: the square in which a photo is shown, between two of them, above each row."""
+SIDE, GAP = 200, 6
+"""Pixels: the square in which a photo is shown, and between two of them."""
 
 ROWS = (
     "photos",
@@ -40,24 +40,23 @@ def evidence_picture(evidence: Evidence) -> UInt8[np.ndarray, "H W 3"]:
         ]
         for row in chosen.tolist()
     ]
-    rows = []
-    for number, title in enumerate(ROWS):
-        head = np.full((HEAD, len(chosen) * (CELL_SIDE + GAP) + GAP, 3), 255, np.uint8)
-        place = (GAP, HEAD - 5)
-        cv2.putText(head, title, place, cv2.FONT_HERSHEY_SIMPLEX, 0.4, (20, 20, 20), 1, cv2.LINE_AA)
-        rows += [head, _row([column[number] for column in columns])]
-    return np.concatenate(rows)
+    return np.concatenate(
+        [_row(title, [column[row] for column in columns]) for row, title in enumerate(ROWS)]
+    )
 
 
-def _row(pictures: list[np.ndarray]) -> np.ndarray:
-    sheet = np.full((CELL_SIDE + GAP, len(pictures) * (CELL_SIDE + GAP) + GAP, 3), 255, np.uint8)
+def _row(title: str, pictures: list[np.ndarray]) -> np.ndarray:
+    head = 3 * GAP
+    sheet = np.full((head + SIDE + GAP, len(pictures) * (SIDE + GAP) + GAP, 3), 255, np.uint8)
+    font, black = cv2.FONT_HERSHEY_SIMPLEX, (20, 20, 20)
+    cv2.putText(sheet, title, (GAP, head - 5), font, 0.4, black, 1, cv2.LINE_AA)
     for column, picture in enumerate(pictures):
         height, width = picture.shape[:2]
-        ratio = CELL_SIDE / max(height, width)
+        ratio = SIDE / max(height, width)
         size = max(1, round(width * ratio)), max(1, round(height * ratio))
         small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-        left = GAP + column * (CELL_SIDE + GAP) + (CELL_SIDE - size[0]) // 2
-        sheet[: size[1], left : left + size[0]] = small
+        left = GAP + column * (SIDE + GAP) + (SIDE - size[0]) // 2
+        sheet[head : head + size[1], left : left + size[0]] = small
     return sheet
 
 
@@ -65,7 +64,7 @@ def _without_light(evidence: Evidence, row: int) -> np.ndarray:
     photo = evidence.seen.photos[row]
     height, width = photo.shape[:2]
     places = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
-    neutral = evidence.light.neutral(row, photo / 255.0, from_middle(width, height, places))
+    neutral = evidence.light.neutral(row, photo / 255.0, from_middle((width, height), places))
     return np.rint(neutral.clip(0, 1) * 255).astype(np.uint8)
 
 

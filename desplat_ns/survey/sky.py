@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-from desplat_ns.survey.neighbourhood import cell_grid, cells_of
 from desplat_ns.survey.observations import Observations
 from desplat_ns.survey.views import View
 
@@ -70,28 +69,22 @@ def find_sky(seen: Observations, row: int, up: Float[np.ndarray, "3"]) -> Sky:
         up: see `vertical`.
     """
     view, photo = seen.views[row], seen.photos[row]
-    rows, columns, side = cell_grid(view)
-    centers = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1) * side
-    directions = view.directions(centers)
+    rows, columns = view.grid
+    centers = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1)
+    directions = view.directions(centers * view.cell)
     behind = _something_behind(seen, view)
     cells = ~behind & (_roughness(photo, columns, rows) < SMOOTH) & (directions @ up > 0)
     cells &= _nothing_above(behind, view.rotation @ up)
     small = cv2.resize(photo, (columns, rows), interpolation=cv2.INTER_AREA) / 255.0
-    allowed = seen.allowed[row]
-    if allowed is not None:
-        usable = cv2.resize(allowed.astype(np.float32), (columns, rows), None, 0, 0, cv2.INTER_AREA)
-        cells &= usable > 0.99
+    allowed = seen.allowed[row].astype(np.float32)
+    cells &= cv2.resize(allowed, (columns, rows), interpolation=cv2.INTER_AREA) > 0.99
     return Sky(cells, small, directions)
 
 
 def _something_behind(seen: Observations, view: View) -> np.ndarray:
-    rows, columns, _ = cell_grid(view)
     places, depths = view.project(seen.all_xyz)
-    with np.errstate(invalid="ignore"):
-        inside = (depths > 0) & (places >= 0).all(axis=1)
-        inside &= (places[:, 0] < view.width) & (places[:, 1] < view.height)
-    hit = np.zeros((rows, columns), np.uint8)
-    hit[cells_of(view, places[inside])] = 1
+    hit = np.zeros(view.grid, np.uint8)
+    hit[view.cells_of(places[view.shows(places, depths)])] = 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (AROUND, AROUND))
     return cv2.dilate(hit, disc) > 0
 

@@ -8,8 +8,9 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
+from desplat_ns.backend.constants import FAR_PLANE
 from desplat_ns.backend.inputs import is_finite
-from desplat_ns.backend.protocol import RenderSettings, Splats
+from desplat_ns.backend.protocol import Splats
 from desplat_ns.gaussians.activation import MAX_LOG_SCALE
 
 TOO_WIDE = math.exp(MAX_LOG_SCALE) / 2
@@ -25,7 +26,7 @@ def culled_always(splats: Splats) -> Bool[Tensor, " N"]:
 
     A backend culls them with a gradient of 0, so they never come back.
     """
-    away = splats.means.abs().amax(-1) >= RenderSettings.far_plane
+    away = splats.means.abs().amax(-1) >= FAR_PLANE
     return ~is_finite(splats) | away | (splats.scales.amax(-1) > TOO_WIDE)
 
 

@@ -17,7 +17,7 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from desplat_ns.studies.grid.commands import QUIET, surroundings
+from desplat_ns.studies.runs import QUIET, surroundings
 from desplat_ns.training.checkpoint_files import load_newest
 from lab.documents import OUTPUTS
 from lab.front.kept import FILE, Kept

@@ -14,8 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from desplat_ns.calibration.timing import Timing, threads, time_in_turns
-from desplat_ns.studies.grid.code_version import code_version
-from desplat_ns.studies.grid.machine import describe_machine
+from desplat_ns.studies.machine import code_version, describe_machine
 from lab.documents import DOCS
 from lab.front.growth_memory import measure_peak
 from lab.front.whole_step import Size, WholeStep

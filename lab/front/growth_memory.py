@@ -10,7 +10,7 @@ import subprocess
 import sys
 from dataclasses import asdict
 
-from desplat_ns.studies.grid.commands import ONE_THREAD, surroundings
+from desplat_ns.studies.runs import ONE_THREAD, surroundings
 from lab.front.whole_step import Size, WholeStep
 from lab.pixels.memory import peak_mib
 

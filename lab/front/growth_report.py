@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from desplat_ns.studies.grid.code_version import short
+from desplat_ns.studies.machine import short
 from lab.front.growth import DRAWN, OTHERS, PIXELS, SERIES, STATIC, VIEWS, Growth, Point
 from lab.front.growth_plot import law_of
 from lab.front.power_law import exponent_range, fit, upper_slope

@@ -11,11 +11,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.studies.grid.runs import Run, Variant
-from desplat_ns.studies.tradeoff.capture_info import CaptureInfo
-from desplat_ns.studies.tradeoff.plan import BASE, compared
-from desplat_ns.studies.tradeoff.results import Results
-from desplat_ns.studies.tradeoff.summary import Measured, best_within, finals, measured
+from desplat_ns.studies.capture_info import CaptureInfo
+from desplat_ns.studies.plan import BASE, compared
+from desplat_ns.studies.results import Results
+from desplat_ns.studies.runs import Run, Variant
+from desplat_ns.studies.summary import Measured, best_within, finals, measured
 from lab.documents import DOCS
 from lab.grid.tables import table
 

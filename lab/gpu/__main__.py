@@ -80,7 +80,7 @@ def gone_on_with(output: Path, job: Job) -> Run:
     of the same code."""
     import torch
 
-    from desplat_ns.studies.grid.code_version import code_version
+    from desplat_ns.studies.machine import code_version
 
     where = job.device if job.is_stand_in else torch.cuda.get_device_name(0)
     run, path = Run(job.device, job.quick, made_by=f"{code_version()} on {where}"), output / FILE

@@ -22,11 +22,12 @@ from pathlib import Path
 from types import ModuleType
 
 import gsplat
+import torch
 from torch import Tensor
 
 from desplat_ns.backend.gsplat_kernels.build import Target, library_for
 from desplat_ns.backend.gsplat_kernels.kernels import load
-from desplat_ns.backend.gsplat_kernels.tools import NoKernels, find_tools, toolkit_wheel
+from desplat_ns.backend.gsplat_kernels.tools import NoKernels, find_tools
 from lab.documents import CHECKOUT
 from lab.gpu.declarations import misfits, read_declarations
 from lab.gpu.recorded_calls import Call, record
@@ -53,10 +54,9 @@ def have_toolkit() -> None:
             find_tools()
             return
         except NoKernels as reason:
-            wheel = toolkit_wheel()
-            if wheel is None or "no nvcc" not in str(reason):
+            if "desplat-ns[cuda]" not in str(reason):
                 raise
-            _install(wheel)
+            _install(f"cuda-toolkit[nvcc]=={torch.version.cuda}.*")
     for nvcc in TOOLKIT.glob("nvidia/*/bin/nvcc"):
         os.environ["CUDA_HOME"] = str(nvcc.parent.parent)
     find_tools()

@@ -1,1 +1,1 @@
-"""What our own studies need beside `desplat_ns.studies.grid`: scenes, a command, tables."""
+"""What our own studies need beside `desplat_ns.studies`: scenes, a command, tables."""

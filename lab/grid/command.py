@@ -14,10 +14,10 @@ from typing import get_args
 from desplat_ns.console import list_names
 from desplat_ns.errors import DeSplatError
 from desplat_ns.files.lock import only_process_in, only_process_writing
-from desplat_ns.studies.grid.executors import ExecutorName, executor_of
-from desplat_ns.studies.grid.runs import Figures, log_of
-from desplat_ns.studies.grid.runs import Record as Measured
-from desplat_ns.studies.grid.runs import Run as Job
+from desplat_ns.studies.executors import ExecutorName, executor_of
+from desplat_ns.studies.runs import Figures, log_of
+from desplat_ns.studies.runs import Record as Measured
+from desplat_ns.studies.runs import Run as Job
 from lab.grid import records
 from lab.grid.records import Record, Records, State
 from lab.grid.runs import Run, Study

@@ -22,8 +22,8 @@ from threading import Lock
 from typing import Any
 
 from desplat_ns.files.whole import write_whole
-from desplat_ns.studies.grid.code_version import DIRTY
-from desplat_ns.studies.grid.runs import Figures
+from desplat_ns.studies.machine import DIRTY
+from desplat_ns.studies.runs import Figures
 from lab.grid.runs import Run, Study
 from lab.grid.settings import Settings, changes, digest
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from desplat_ns.studies.grid.commands import EXPERIMENT, TIMESTAMP
-from desplat_ns.studies.grid.methods import method_config
-from desplat_ns.studies.grid.runs import Run as Job
-from desplat_ns.studies.grid.runs import Variant
+from desplat_ns.studies.methods import method_config
+from desplat_ns.studies.runs import EXPERIMENT, TIMESTAMP, Variant
+from desplat_ns.studies.runs import Run as Job
 from lab.grid.settings import SCENE, Settings, resolve
 
 DATA_VARIABLE = "DESPLAT_NS_DATA"

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.studies.grid.methods import parse
+from desplat_ns.studies.methods import parse
 
 Settings = dict[str, Any]
 """JSON values by names such as `pipeline.model.distractors.lambda_d`."""
@@ -54,9 +54,7 @@ OF_EFFECTS: Mapping[str, tuple[str, ...]] = {
 """How the names of the settings begin that matter only where an effect is on."""
 
 DISTRACTORS = "pipeline.model.distractors."
-OF_RESIDUAL = tuple(
-    f"{DISTRACTORS}{name}_" for name in ("weak", "strong", "settled", "standing", "shared")
-)
+OF_RESIDUAL = tuple(f"{DISTRACTORS}{name}_" for name in ("weak", "strong", "settled", "shared"))
 """How the names of the settings begin that matter only where distractors start by the residual."""
 
 OF_WARMUP = tuple(f"{DISTRACTORS}{name}_" for name in ("shaping", "min_warmup", "max_warmup"))
@@ -86,7 +84,6 @@ NEUTRAL: Mapping[str, Any] = {
     f"{DISTRACTORS}rgbs_lr": 0.025,
     f"{DISTRACTORS}opacities_lr": 0.05,
     "pipeline.model.distractors.refine_when_next_seen": True,
-    "pipeline.model.distractors.standing_share": 1.0,
     "pipeline.model.opacity_prior": 0.0,
     "pipeline.model.photos_per_coefficient": 0.0,
     "pipeline.model.train_downscale": 1,

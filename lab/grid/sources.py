@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from desplat_ns.console import list_names
-from desplat_ns.studies.grid.code_version import short
+from desplat_ns.studies.machine import short
 from lab.grid.records import Record
 from lab.grid.runs import Run
 from lab.grid.settings import Settings, changes

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.studies.grid.machine import describe_machine
+from desplat_ns.studies.machine import describe_machine
 from lab.documents import CHECKOUT
 from lab.guises.guises import GUISES, PRETEND, Guise
 from lab.guises.report import enter

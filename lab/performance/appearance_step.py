@@ -29,7 +29,7 @@ from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects
 from desplat_ns.rendering.in_view import in_view
 from desplat_ns.settings.effects import Effects
-from desplat_ns.studies.grid.machine import describe_machine
+from desplat_ns.studies.machine import describe_machine
 from lab.performance.steps import product_adam
 from lab.performance.training_step import TrainingStep
 from lab.pixels.contenders import backends
@@ -79,9 +79,7 @@ class LitStep(TrainingStep):
         splats = activate_static(self.params, SH_DEGREE)
         if self.effects is None:
             return splats
-        lit = self.effects.appearance_in_view(
-            splats, self.params[FEATURES], self.view, self.settings
-        )
+        lit = self.effects.appearance_in_view(splats, self.params[FEATURES], self.view)
         return lit(self.effects.of(1))
 
 
@@ -103,7 +101,7 @@ def parts(step: LitStep) -> dict[str, float]:
     splats = activate_static({n: p.detach() for n, p in step.params.items()}, SH_DEGREE)
     features = step.params[FEATURES]
     embedding = effects.of(1).detach().requires_grad_()
-    rows = in_view(splats, step.view, step.settings).nonzero()[:, 0]
+    rows = in_view(splats, step.view).nonzero()[:, 0]
     own = (
         [features] if effects.appearance.head.out_features > 6 else [features, splats.colors[:, 0]]
     )
@@ -122,7 +120,7 @@ def parts(step: LitStep) -> dict[str, float]:
     forward, both = cpu_ms(network(False)), cpu_ms(network(True))
     return {
         "rows in view": float(len(rows)),
-        "which rows are in view": cpu_ms(lambda: in_view(splats, step.view, step.settings)),
+        "which rows are in view": cpu_ms(lambda: in_view(splats, step.view)),
         "network, forward": forward,
         "network, backward": both - forward,
         "Adam of features, network, embeddings": cpu_ms(lambda: [a.step() for a in adams]),

@@ -23,7 +23,7 @@ from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.views import view_of
 from desplat_ns.settings.effects import Effects
-from desplat_ns.studies.grid.machine import describe_machine
+from desplat_ns.studies.machine import describe_machine
 
 SIZES = ((20_000, 480, 270), (100_000, 648, 420))
 

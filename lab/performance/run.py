@@ -12,7 +12,7 @@ from pathlib import Path
 
 from desplat_ns.calibration.scenes import Scene, make_scene
 from desplat_ns.calibration.timing import thread_counts
-from desplat_ns.studies.grid.machine import describe_machine
+from desplat_ns.studies.machine import describe_machine
 from lab.documents import DOCS
 from lab.performance.pairs import count_pairs
 from lab.performance.peak import peak_rates

@@ -23,7 +23,7 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.calibration.scenes import PARAMETERS, Scene, tensors_of
-from desplat_ns.evaluation.metrics import psnr
+from desplat_ns.rendering.metrics import psnr
 from lab.pixels.contenders import Contender, cotangents, images_of
 from lab.pixels.dials import Setting, replacements, turned
 from lab.pixels.rasterizing import Cases, forward_and_both

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from desplat_ns.studies.tradeoff.pareto import CostAndError, front
+from desplat_ns.studies.summary import CostAndError, front
 
 RASTERIZING, ANTIALIASING, APPEARANCE = "rasterizing", "antialiasing", "appearance MLP"
 """Groups: the points of one have the same work and the same truth, and one front."""

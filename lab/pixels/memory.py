@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from desplat_ns.studies.grid.commands import surroundings
+from desplat_ns.studies.runs import surroundings
 
 if TYPE_CHECKING:
     from lab.pixels.contenders import Contender

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.studies.grid.train_and_score import where_of
+from desplat_ns.studies.train_and_score import where_of
 from lab.documents import DOCS
 from lab.grid import records
 from lab.grid.records import Record

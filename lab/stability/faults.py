@@ -23,7 +23,7 @@ from typing import Any
 
 import torch
 
-from desplat_ns.studies.grid.machine import describe_machine
+from desplat_ns.studies.machine import describe_machine
 from lab.documents import CHECKOUT, DOCS
 
 RECORD = "faults.json"

@@ -13,13 +13,12 @@ from torch import Tensor
 
 from desplat_ns.backend import View
 from desplat_ns.backend.ssim import ssim
-from desplat_ns.evaluation import metrics
 from desplat_ns.gaussians.activation import activate_distractors, clamp_colors, sigmoid
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import distractors_at
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.photo_tourism import appearance, background
-from desplat_ns.rendering import compositing
+from desplat_ns.rendering import compositing, metrics
 from desplat_ns.separation import placement as separation
 from desplat_ns.separation import residuals as excess
 from desplat_ns.separation.regions import outlier_regions
@@ -81,6 +80,8 @@ def _tensors(result: Any) -> list[Tensor]:
 
 VIEW = View(torch.eye(4), torch.tensor([[20.0, 0, 7], [0, 20, 6], [0, 0, 1]]), W, H)
 IMAGE, PLANE, GRID = (UNIT, (H, W, 3)), (UNIT, (H, W, 1)), (4, 5)
+COLORS = UNIT, (3, 8, 10)
+"""Of the finer cells of `GRID`."""
 
 
 def _excess(residual: Tensor, means2d: Tensor, opacities: Tensor) -> Tensor:
@@ -157,7 +158,7 @@ FORMULAS = (
         lambda a, m: metrics.mean_alpha_outside(a.detach(), m > 0.5),
         (PLANE, PLANE),
     ),
-    Formula("local_residual", partial(excess.local_residual, grid=(5, 4)), (IMAGE, IMAGE)),
+    Formula("local_residual", partial(excess.local_residual, grid=(5, 4)), (COLORS, COLORS)),
     Formula("ExpectedResidual", _excess, ((UNIT, GRID), (POISON, (9, 2)), (UNIT, (9,)))),
     Formula("outlier_regions", _regions, ((POISON, GRID),)),
     Formula("distractor_weight", _weighted, (PLANE, (UNIT, GRID))),

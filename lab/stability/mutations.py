@@ -82,12 +82,12 @@ MUTATIONS = (
     Mutation("alpha not clamped", _BLEND, "opacity.clamp(max=ALPHA_MAX)", "opacity", TORCH),
     # Projection, in torch
     Mutation("low-pass in the determinant", _PROJECT,
-             "(cov_xx + cov_yy - settings.eps2d)", "(cov_xx + cov_yy + settings.eps2d)", TORCH),
+             "(cov_xx + cov_yy - EPS2D)", "(cov_xx + cov_yy + EPS2D)", TORCH),
     Mutation("a sign in a minor", _PROJECT, "a1 * b2 - a2 * b1", "a1 * b2 + a2 * b1", TORCH),
     Mutation("sizes not limited", _PROJECT,
              "is_finite(splats) & (spread < MAX_PIXELS)", "is_finite(splats)", TORCH),
     Mutation("near plane forgotten", _PROJECT,
-             "(z >= settings.near_plane) & ", "", TORCH),
+             "(z >= NEAR_PLANE) & ", "", TORCH),
     Mutation("the held slope", _PROJECT,
              "-(center / focal + margin)", "-(center / focal - margin)", TORCH),
     Mutation("culled rotations stay 0", _PROJECT,
@@ -196,7 +196,7 @@ MUTATIONS = (
     Mutation("photos cost what smaller ones do", _PLAN,
              "measured.whole_photo / shrink**2 * placed", "measured.whole_photo * placed", PLAN),
     # From photos to a capture
-    Mutation("features only where a mask is black", "process/masks.py",
+    Mutation("features only where a mask is black", "process/preparation.py",
              "_of_size(read_mask(path), photo, path)", "~_of_size(read_mask(path), photo, path)",
              "tests/process/test_masks.py"),
     Mutation("thorough models are neither filtered nor adjusted", "process/mapping.py",

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from desplat_ns.studies.grid.machine import describe_machine
+from desplat_ns.studies.machine import describe_machine
 from lab.documents import DOCS
 from lab.pixels.memory import status_mib
 

@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.survey.capture import Capture
 from desplat_ns.survey.findings import Survey
+from desplat_ns.survey.observations import Capture
 from desplat_ns.survey.survey import survey
 from lab.documents import OUTPUTS
 from lab.survey import unfamiliar

@@ -12,8 +12,8 @@ from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
-from desplat_ns.survey.capture import Capture, capture_of
 from desplat_ns.survey.findings import Decision
+from desplat_ns.survey.observations import Capture, capture_of
 
 DATA_VARIABLE = "DESPLAT_NS_DATA"
 

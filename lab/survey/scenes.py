@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.survey.capture import Capture, capture_of
+from desplat_ns.survey.observations import Capture, capture_of
 from lab.synthetic import DaylightSpec, OccluderSpec, SceneSpec, write_scene
 
 Appearance = Literal["off", "camera", "affine"]

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from desplat_ns.datamanager import training_split
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.grid.methods import parse
-from desplat_ns.survey.capture import Capture, capture_of
+from desplat_ns.studies.methods import parse
 from desplat_ns.survey.findings import Decision
+from desplat_ns.survey.observations import Capture, capture_of
 from lab.separation.runs import CLEAN, FEW, HARD, PLACES, SCENES, downscale_of
 
 CHOSEN_ON = ("room15", "room40", "grove18", "few12", "small")

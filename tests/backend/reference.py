@@ -3,7 +3,7 @@
 Written from the papers with explicit matrices and shares no code with the package: EWA splatting
 (Zwicker et al. 2001), 3D Gaussian Splatting (Kerbl et al. 2023, Eqs. 3-6), Mip-Splatting's 2D
 filter (Yu et al. 2024, Eq. 10), the table of real spherical harmonics. The numbers 1/255, 0.999,
-1e-4 and 1.3 are gsplat 1.4's. Nothing is culled but what lies out of [near, far]; gradients come
+1e-4 and 1.3 are gsplat 1.4's. Nothing is culled but what lies out of [NEAR, FAR]; gradients come
 from autograd.
 """
 
@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 CUTOFF, CLAMP, STOP, FOV = 1 / 255, 0.999, 1e-4, 1.3
+NEAR, FAR, LOW_PASS = 0.01, 1e10, 0.3
 
 
 @dataclass
@@ -43,7 +44,7 @@ class Projection:
     means_c: Tensor
     """In the camera's axes, [N, 3]."""
     cov2d: Tensor
-    """Widened by `eps2d`, pixels^2, [N, 2, 2]."""
+    """Widened by LOW_PASS, pixels^2, [N, 2, 2]."""
     conics: Tensor
     """Inverses of `cov2d`."""
     means2d: Tensor
@@ -130,14 +131,14 @@ def sh_colors(means: Tensor, harmonics: Tensor, centre: Tensor, degree: int) -> 
 
 
 def project(
-    means, quats, scales, opacities, colors, viewmat, K, size, sh_degree, eps2d, antialiased
+    means, quats, scales, opacities, colors, viewmat, K, size, sh_degree, antialiased
 ) -> Projection:
     rotation, translation = viewmat[:3, :3], viewmat[:3, 3]
     means_c = means @ rotation.T + translation
     R = rotations(quats)
     sigma3d = R @ torch.diag_embed(scales**2) @ R.mT
     sharp = covariances2d(means_c, sigma3d, rotation, K, size)
-    cov2d = sharp + eps2d * torch.eye(2, dtype=means.dtype)
+    cov2d = sharp + LOW_PASS * torch.eye(2, dtype=means.dtype)
     conics = torch.linalg.inv(cov2d)
     projected = means_c @ K.T
     means2d = projected[:, :2] / projected[:, 2:]
@@ -157,11 +158,11 @@ def least_distance(margin: Tensor, *jumps: tuple[Tensor, float, Tensor]) -> Tens
     return margin
 
 
-def composite(gaussians: Projection, size: tuple[int, int], near: float, far: float) -> Reference:
+def composite(gaussians: Projection, size: tuple[int, int]) -> Reference:
     """Blend those between the planes from front to back, each over all pixels."""
     width, height = size
     means_c, dtype = gaussians.means_c, gaussians.means_c.dtype
-    drawn = ((means_c[:, 2] >= near) & (means_c[:, 2] <= far)).nonzero()[:, 0]
+    drawn = ((means_c[:, 2] >= NEAR) & (means_c[:, 2] <= FAR)).nonzero()[:, 0]
     ys, xs = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
     pixels = torch.stack([xs, ys], dim=-1).reshape(-1, 2).to(dtype) + 0.5
     per_pixel = gaussians.means2d.expand(len(pixels), -1, -1) * 1.0
@@ -213,13 +214,10 @@ def render(
     K,
     size: tuple[int, int],
     sh_degree: int | None = None,
-    near: float = 0.01,
-    far: float = 1e10,
-    eps2d: float = 0.3,
     antialiased: bool = False,
 ) -> Reference:
     """Render float64 tensors; `size` is (width, height)."""
     gaussians = project(
-        means, quats, scales, opacities, colors, viewmat, K, size, sh_degree, eps2d, antialiased
+        means, quats, scales, opacities, colors, viewmat, K, size, sh_degree, antialiased
     )
-    return composite(gaussians, size, near, far)
+    return composite(gaussians, size)

@@ -139,9 +139,6 @@ def render_reference(scene: TestScene, settings: RenderSettings) -> reference.Re
         scene.K,
         scene.size,
         sh_degree=scene.sh_degree,
-        near=settings.near_plane,
-        far=settings.far_plane,
-        eps2d=settings.eps2d,
         antialiased=settings.antialiased,
     )
 

@@ -11,7 +11,6 @@ from desplat_ns.backend import RenderSettings, resolve
 from tests.backend.comparison import check_close, check_forward, check_gradients
 from tests.backend.scenes import (
     MODES,
-    PARAMETERS,
     joined,
     one_gaussian,
     random_scene,
@@ -155,29 +154,6 @@ def test_equal_depths_are_drawn_in_the_order_of_their_index(exact_backend):
     two = joined(one_gaussian(), one_gaussian(colors=torch.tensor([[0.0, 0.0, 1.0]])))
     _, got = exact_backend.render(two, RenderSettings())
     assert got.rgb[4, 4].tolist() == pytest.approx([0.5, 0.25, 0.125 + 0.25], rel=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("z", "seen"), [(-1.0, False), (0.0, False), (1e-20, False), (0.19, False), (0.21, True),
-                    (99.0, True), (101.0, False)]
-)  # fmt: skip
-def test_only_what_lies_between_the_planes_is_drawn(backend, z, seen):
-    scene = joined(
-        one_gaussian(),
-        one_gaussian(means=torch.tensor([[0.0, 0.0, z]]), scales=torch.full((1, 3), 0.2)),
-    )
-    settings = RenderSettings(near_plane=0.2, far_plane=100.0, depth=True)
-    leaves, got = backend.render(scene, settings)
-    assert (got.radii[1].item() > 0) == seen
-    assert got.depth is not None
-    (got.rgb.sum() + got.depth.sum()).backward()
-    for name in PARAMETERS:
-        gradient = getattr(leaves, name).grad
-        assert gradient.isfinite().all(), name
-        if not seen:
-            assert gradient[1].abs().max() == 0, name
-    assert seen == bool(leaves.colors.grad[1].abs().max() > 0)
-    check_forward(backend, scene, settings)
 
 
 def test_no_gradients_are_needed_to_render(backend):

@@ -53,17 +53,15 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> FakeGsplat:
 
 def test_settings_reach_gsplat_under_its_names(fake):
     scene = scene_of(2)
-    settings = RenderSettings(
-        near_plane=0.5, far_plane=9.0, eps2d=0.2, antialiased=True, depth=True, absgrad=True
-    )
+    settings = RenderSettings(antialiased=True, depth=True, absgrad=True)
     GsplatRasterizer()(scene.splats, scene.view, settings)
     plain = {k: v for k, v in fake.arguments.items() if not isinstance(v, torch.Tensor)}
     assert plain == {
         "width": 7,
         "height": 5,
-        "near_plane": 0.5,
-        "far_plane": 9.0,
-        "eps2d": 0.2,
+        "near_plane": 0.01,
+        "far_plane": 1e10,
+        "eps2d": 0.3,
         "sh_degree": 1,
         "packed": False,
         "render_mode": "RGB+ED",

@@ -26,10 +26,9 @@ POISON = {
 }
 
 
-@pytest.mark.parametrize("antialiased", [False, True])
 @pytest.mark.parametrize("poison", POISON)
-def test_a_broken_gaussian_is_not_drawn_and_spoils_nothing(backend, poison, antialiased):
-    settings = RenderSettings(depth=True, absgrad=True, antialiased=antialiased)
+def test_a_broken_gaussian_is_not_drawn_and_spoils_nothing(backend, poison):
+    settings = RenderSettings(depth=True, absgrad=True, antialiased=True)
     changes = {name: torch.tensor(value) for name, value in POISON[poison].items()}
     healthy = random_scene(29, count=10)
     healthy = dataclasses.replace(healthy, viewmat=torch.eye(4))
@@ -47,30 +46,6 @@ def test_a_broken_gaussian_is_not_drawn_and_spoils_nothing(backend, poison, anti
         assert gradient[-1].abs().max() == 0, name
 
 
-EXTREME = {
-    "a point": {"scales": [[0.0, 0.0, 0.0]]},
-    "denormal scales": {"scales": [[1e-40, 1e-40, 1e-40]]},
-    "a needle": {"scales": [[50.0, 1e-6, 1e-6]]},
-    "a needle across the diagonal": {
-        "scales": [[50.0, 1e-6, 1e-6]],
-        "quats": [[math.cos(math.pi / 8), 0.0, 0.0, math.sin(math.pi / 8)]],
-    },
-    "a wall": {"scales": [[1e5, 1e5, 1e-3]]},
-    "a long quaternion": {"quats": [[1e15, 0.0, 0.0, 0.0]]},
-    "a short quaternion": {"quats": [[1e-10, 0.0, 0.0, 0.0]]},
-}
-
-
-@pytest.mark.parametrize("extreme", EXTREME)
-def test_an_extreme_but_valid_gaussian_stays_visible(backend, extreme):
-    changes = {name: torch.tensor(value) for name, value in EXTREME[extreme].items()}
-    leaves, got = backend.render(one_gaussian(**changes), RenderSettings(depth=True))
-    assert got.radii.item() > 0
-    assert got.alpha[4, 4].item() == pytest.approx(0.5, rel=1e-3)
-    (got.rgb.sum() + got.alpha.sum()).backward()
-    assert all(getattr(leaves, name).grad.isfinite().all() for name in PARAMETERS)
-
-
 @pytest.mark.parametrize("settings", MODES)
 def test_no_gaussians_give_an_empty_image_that_can_be_differentiated(backend, settings):
     empty = {name: getattr(one_gaussian(), name)[:0] for name in PARAMETERS}
@@ -80,13 +55,3 @@ def test_no_gaussians_give_an_empty_image_that_can_be_differentiated(backend, se
     assert got.rgb.abs().max() == got.alpha.max() == got.depth.max() == 0
     (got.rgb.sum() + got.alpha.sum() + got.depth.sum()).backward()
     assert leaves.means.grad.shape == (0, 3)
-
-
-def test_nothing_in_view_gives_an_empty_image_and_zero_gradients(backend):
-    scene = one_gaussian(means=torch.tensor([[0.0, 0.0, -2.0]]))
-    leaves, got = backend.render(scene, RenderSettings(depth=True, absgrad=True))
-    assert got.rgb.abs().max() == got.alpha.max() == got.depth.max() == 0
-    (got.rgb.sum() + got.alpha.sum() + got.depth.sum()).backward()
-    assert all(getattr(leaves, name).grad.abs().max() == 0 for name in PARAMETERS)
-    assert got.means2d.absgrad.shape == (1, 1, 2)
-    assert got.means2d.absgrad.abs().max() == 0

@@ -1,12 +1,8 @@
 from __future__ import annotations
 
-import numpy as np
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 from pytorch_msssim import ssim as msssim_ssim
-from skimage.metrics import structural_similarity
 
 from desplat_ns.backend import ssim as fast_ssim
 from desplat_ns.backend.ssim import ssim
@@ -46,39 +42,6 @@ def test_value_and_gradient_agree_with_pytorch_msssim_in_float64(size):
     # A gradient divides by a variance once more than the value does.
     error = (leaf.grad - double.grad).abs().max()
     assert error <= 10 * FLAT * double.grad.abs().max()
-
-
-def test_it_agrees_with_scikit_image():
-    pred, target = images(40, 50)
-    full = structural_similarity(
-        pred.double().numpy(),
-        target.double().numpy(),
-        gaussian_weights=True,
-        sigma=1.5,
-        use_sample_covariance=False,
-        data_range=1.0,
-        channel_axis=-1,
-        full=True,
-    )[1]
-    # Its window has 11 taps as well; away from the border they see the same pixels.
-    assert ssim(pred, target).item() == pytest.approx(np.mean(full[5:-5, 5:-5]), abs=FLAT)
-
-
-def test_flat_images_give_the_value_worked_out_by_hand():
-    # Without variance, SSIM = (2 a b + C1) / (a^2 + b^2 + C1), C1 = 1e-4.
-    a, b = torch.full((20, 30, 3), 0.5), torch.full((20, 30, 3), 0.25)
-    want = (2 * 0.125 + 1e-4) / (0.25 + 0.0625 + 1e-4)
-    # The variance is 0 up to rounding, 2^-24 * 20, over C2 = 9e-4.
-    assert ssim(a, b).item() == pytest.approx(want, abs=20 * 2**-24 / 9e-4)
-
-
-@given(seed=st.integers(0, 1000))
-def test_it_is_symmetric_at_most_one_and_one_for_equal_images(seed):
-    pred, target = images(15, 18, seed)
-    value = ssim(pred, target).item()
-    assert value <= 1
-    assert ssim(target, pred).item() == pytest.approx(value, abs=FLAT)
-    assert ssim(target, target).item() == pytest.approx(1, abs=FLAT)
 
 
 def test_equal_images_have_no_gradient():
@@ -130,7 +93,7 @@ def test_images_smaller_than_the_window_are_scored(monkeypatch):
 
 
 def test_without_numba_the_value_is_the_same(monkeypatch):
-    pytest.importorskip("numba")
+
     pred, target = images(20, 20)
     calls = fast_calls(monkeypatch)
     fast = ssim(pred, target).item()

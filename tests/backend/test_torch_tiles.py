@@ -5,7 +5,6 @@ What all backends share is in `test_contract.py` and `test_hostile_input.py`.
 
 from __future__ import annotations
 
-import dataclasses
 import resource
 import subprocess
 import sys
@@ -20,29 +19,6 @@ from tests.backend.scenes import PARAMETERS, TestScene, one_gaussian, random_sce
 
 def draw(scene: TestScene, settings: RenderSettings) -> Rendering:
     return resolve("torch")(scene.splats, scene.view, settings)
-
-
-@pytest.mark.parametrize("antialiased", [False, True])
-@pytest.mark.parametrize("sh_degree", [None, 2])
-def test_gradcheck_passes_in_float64(antialiased, sh_degree):
-    """On a scene whose alphas and transmittances stay off every jump."""
-    scene = one_gaussian(
-        means=torch.tensor([[0.02, 0.03, 2.0], [-0.1, 0.05, 2.5], [0.06, -0.12, 3.0]]),
-        quats=torch.tensor([[1.0, 0.2, -0.3, 0.1], [0.3, -1.0, 0.2, 0.4], [0.1, 0.2, 0.3, 0.4]]),
-        scales=torch.tensor([[1.5, 1.2, 0.9], [1.1, 1.3, 0.8], [2.0, 1.7, 1.0]]),
-        opacities=torch.tensor([0.5, 0.6, 0.7]),
-        colors=torch.rand(3, 3) if sh_degree is None else torch.rand(3, 9, 3) * 0.1,
-        size=(4, 3),
-        sh_degree=sh_degree,
-    ).to(torch.float64)
-
-    def outputs(*parameters: Tensor) -> tuple[Tensor, ...]:
-        changed = dataclasses.replace(scene, **dict(zip(PARAMETERS, parameters, strict=True)))
-        got = draw(changed, RenderSettings(antialiased=antialiased, depth=True))
-        assert got.depth is not None
-        return got.rgb, got.alpha, got.depth
-
-    assert torch.autograd.gradcheck(outputs, tuple(scene.parameters), fast_mode=True)
 
 
 @pytest.mark.parametrize(("batch", "elements"), [(1, 1), (3, 2000), (500, 1 << 22)])
@@ -78,13 +54,6 @@ def test_opaque_tiles_drop_out():
         patch.setattr(blending.Scene, "blend", lambda *a: blended.append(1) or original(*a))
         draw(layers, RenderSettings())
     assert len(blended) == 1
-
-
-def test_means2d_absgrad_is_set_only_when_asked_for():
-    scene = random_scene(3, count=5).to(torch.float32)
-    got = draw(scene, RenderSettings())
-    got.rgb.sum().backward()
-    assert not hasattr(got.means2d, "absgrad")
 
 
 def test_second_derivatives_are_refused_rather_than_wrong():

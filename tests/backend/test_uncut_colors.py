@@ -6,7 +6,6 @@ import dataclasses
 
 import pytest
 import torch
-from torch.autograd import gradcheck
 
 from desplat_ns.backend.projection import view_colors
 from desplat_ns.backend.protocol import Splats, View
@@ -65,16 +64,6 @@ def test_the_camera_gets_its_gradient():
     torch.testing.assert_close(seen, uncut_colors(scene, view, SHOWN), rtol=1e-4, atol=1e-5)
     (gradient,) = torch.autograd.grad(seen.square().sum(), viewmat)
     assert gradient[:3, 3].abs().min() > 0
-
-
-def test_gradcheck():
-    scene, view = splats(torch.float64, 2)
-
-    def colors(means: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
-        some = dataclasses.replace(scene, means=means, colors=values)
-        return uncut_colors(some, view, SHOWN)
-
-    assert gradcheck(colors, [scene.means, scene.colors])
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])

@@ -158,9 +158,9 @@ MASKS = ["masks", "--load-config", "absent.yml", "--output", "masks"]
         ([*SPLATS, "a.ply"], 1, "Error: There is no 'absent.yml'"),
         ([*SPLATS, "a.obj"], 1, "the ending '.obj'. Known are: .ply (PLY), .spz (SPZ)"),
         ([*SPLATS, "a"], 1, "has no ending"),
-        ([*SPLATS, "a.ply", "--crop", "0"], 1, "--crop is 0"),
+        ([*SPLATS, "a.ply", "--crop", "0"], 1, "`--crop` is 0.0; it has to be above 0"),
         ([*SPLATS, "a.ply", "--crop", "nan"], 1, "`--crop` is nan"),
-        ([*MASKS, "--dilate", "-1"], 1, "--dilate is -1"),
+        ([*MASKS, "--dilate", "-1"], 1, "`--dilate` is -1.0; it has to be 0 or more"),
         (MASKS, 1, "Error: There is no 'absent.yml'"),
     ],
 )

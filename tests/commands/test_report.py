@@ -49,7 +49,7 @@ def test_the_page_has_the_scores_of_ns_eval_and_what_the_run_logged(
     for image in results["images"]:
         assert f"PSNR {image['psnr']:.2f} dB, SSIM {image['ssim']:.3f}" in page
     assert f"{results['num_static_gaussians']:,} static" in page
-    assert page.count('<svg class="chart"') == 3
+    assert page.count('<div class="chart"') == 3
     assert "held-out photos, by the static scene alone" in page
     assert "no record of a survey" in page
 
@@ -121,7 +121,7 @@ def test_a_negative_number_of_photos_is_refused(option: str):
     from desplat_ns.commands.report import Report
 
     negative: dict[str, Any] = {option: -1}
-    with pytest.raises(ConfigError, match=rf"--{option.replace('_', '-')} is -1"):
+    with pytest.raises(ConfigError, match=rf"--{option.replace('_', '-')}` is -1"):
         Report(Path("config.yml"), **negative).main()
 
 

@@ -12,12 +12,12 @@ import pytest
 from desplat_ns.calibration.timing import all_cores
 from desplat_ns.commands.tradeoff import Arguments, default_jobs, recognised_words, study
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.studies.grid.executors import LocalExecutor
-from desplat_ns.studies.tradeoff import plan
-from desplat_ns.studies.tradeoff import study as module
-from desplat_ns.studies.tradeoff.plan import BASE, TrainingPlan
-from desplat_ns.studies.tradeoff.results import RUNS
-from desplat_ns.studies.tradeoff.study import Request
+from desplat_ns.studies import plan
+from desplat_ns.studies import study as module
+from desplat_ns.studies.executors import LocalExecutor
+from desplat_ns.studies.plan import BASE, TrainingPlan
+from desplat_ns.studies.results import RUNS
+from desplat_ns.studies.study import Request
 from lab.synthetic import Scene
 from tests.helpers.other_process import running, tried
 
@@ -78,7 +78,7 @@ def test_while_a_study_is_done_its_folder_is_taken(
 def test_options_that_cannot_be_are_named(tmp_path: Path):
     with pytest.raises(ConfigError, match="--time is 'soon'"):
         Arguments(Path("photos"), time="soon").request(("colmap",))
-    with pytest.raises(ConfigError, match="--jobs is -1"):
+    with pytest.raises(ConfigError, match="--jobs` is -1"):
         Arguments(Path("photos"), jobs=-1).request(("colmap",))
     with pytest.raises(CaptureError, match="There is no 'photos'"):
         Arguments(Path("photos")).request(("colmap",))

@@ -11,7 +11,9 @@ import pycolmap
 import pytest
 from nerfstudio.cameras.cameras import CameraType
 
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.colmap_model import find_models, read_reconstruction
+from desplat_ns.data.tracks import METADATA_KEY
 from desplat_ns.errors import CaptureError
 
 SPARSE = Path("sparse")
@@ -30,8 +32,6 @@ def test_text_comes_in_as_written(capture):
     assert second.intrinsics == {"fx": 10.0, "fy": 11.0, "cx": 4.0, "cy": 3.0}
     np.testing.assert_array_equal(found.points.xyz, [[0.5, -1, 4], [1, 2, 3]])
     np.testing.assert_array_equal(found.points.rgb, [[10, 20, 30], [200, 100, 50]])
-    np.testing.assert_array_equal(found.points.error, [0.25, 0.5])
-    np.testing.assert_array_equal(found.points.num_views, [2, 1])
 
 
 def test_binary_equals_text(capture, tmp_path: Path):
@@ -82,9 +82,10 @@ def binary_with(data: Path, change: Callable[[pycolmap.Reconstruction], object])
 def test_points_with_nan_are_left_out_and_counted(capture, capsys):
     data = capture()
     binary_with(data, lambda model: setattr(model.points3D[1], "xyz", [np.nan, 0, 0]))
-    found = read_reconstruction(data, SPARSE)
-    np.testing.assert_array_equal(found.points.xyz, [[1, 2, 3]])
-    np.testing.assert_array_equal(found.points.rgb, [[200, 100, 50]])
+    found = DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs("train")
+    assert found.metadata["points3D_xyz"].isfinite().all()
+    assert found.metadata["points3D_rgb"].tolist() == [[200, 100, 50]]
+    assert found.metadata[METADATA_KEY].point_ids.tolist() == [2]
     assert "1 of 2 points" in capsys.readouterr().out
 
 

@@ -32,5 +32,6 @@ def test_halves_without_image_light_are_refused():
 
 @pytest.mark.parametrize("values", [{"steps": -1}, {"learning_rate": 0.0}])
 def test_steps_and_rate_have_a_range(values: dict[str, Any]):
-    with pytest.raises(ConfigError, match="found"):
+    option = "--" + next(iter(values)).replace("_", "-")
+    with pytest.raises(ConfigError, match=f"`{option}` is"):
         chosen_protocol(EvaluationConfig(**values), True)

@@ -18,7 +18,6 @@ from tests.helpers.lit_model import held_out, model_with, moved, photo_in_the_li
 from tests.helpers.small_model import HEIGHT, WIDTH
 
 SHORT = EvaluationConfig(steps=6, learning_rate=0.05)
-SHORT_FIT = SHORT.steps, SHORT.learning_rate
 
 
 @pytest.fixture(scope="module")
@@ -39,13 +38,11 @@ def test_the_right_half_cannot_reach_the_embedding(model, width):
     photo = torch.rand(HEIGHT, width, 3)
     other = photo.clone()
     right_half(other)[:] = torch.rand_like(right_half(other))
-    fitted = [
-        embedding_from_left_half(model, held_out(width), p, *SHORT_FIT) for p in (photo, other)
-    ]
+    fitted = [embedding_from_left_half(model, held_out(width), p, SHORT) for p in (photo, other)]
     assert torch.equal(*fitted)
     left_half(other)[0, -1] += 0.5  # the last column of the left half does reach it
     assert not torch.equal(
-        embedding_from_left_half(model, held_out(width), other, *SHORT_FIT), fitted[0]
+        embedding_from_left_half(model, held_out(width), other, SHORT), fitted[0]
     )
 
 
@@ -71,14 +68,12 @@ def test_a_fit_is_adam_on_the_loss_alone():
 @pytest.mark.parametrize("width", [1, 2, 3])
 def test_a_photo_without_halves_is_refused(model, width):
     with pytest.raises(CaptureError, match=f"{width} pixels wide"):
-        embedding_from_left_half(model, held_out(width), torch.rand(HEIGHT, width, 3), *SHORT_FIT)
+        embedding_from_left_half(model, held_out(width), torch.rand(HEIGHT, width, 3), SHORT)
 
 
 def test_what_a_mask_leaves_out_does_not_reach_the_embedding(model):
     photo, mask = torch.rand(HEIGHT, WIDTH, 3), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
     mask[:, :5] = False
     other = torch.where(mask, photo, 1 - photo)
-    fits = [
-        embedding_from_left_half(model, held_out(), p, *SHORT_FIT, mask) for p in (photo, other)
-    ]
+    fits = [embedding_from_left_half(model, held_out(), p, SHORT, mask) for p in (photo, other)]
     assert torch.equal(*fits)

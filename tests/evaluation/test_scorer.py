@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 import torch
 
+from desplat_ns.evaluation import scorer
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import left_half, right_half
-from desplat_ns.evaluation.scorer import LeftHalfLight, Scorer
+from desplat_ns.evaluation.scorer import Scorer
 from desplat_ns.model import DeSplatModel
 from tests.helpers.lit_model import held_out, model_with, moved, photo_in_the_light_of
 from tests.helpers.small_model import HEIGHT, WIDTH
@@ -17,7 +18,7 @@ SHORT = EvaluationConfig(steps=6, learning_rate=0.05)
 
 def by_left_half(model: DeSplatModel, config: EvaluationConfig) -> Scorer:
     """Right halves, each in the light that the left half asks for."""
-    return Scorer(model, "right half", LeftHalfLight(model, config))
+    return Scorer(model, "right half", config)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +60,7 @@ def test_figures_are_the_right_halfs(model, monkeypatch):
     photo = photo_in_the_light_of(model, 1)
     mean = model.image_effects.mean()
     protocol, known = by_left_half(model, SHORT), model.image_effects.of(1).detach()
-    monkeypatch.setattr(LeftHalfLight, "of", lambda *_: known)
+    monkeypatch.setattr(scorer, "embedding_from_left_half", lambda *_: known)
     right, _ = protocol.score(held_out(), {"image": photo}, "a")
     assert right.metrics["psnr"] == pytest.approx(100)
     left_half(photo)[:] = 0

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.export.photo_names import mask_names, original_of
+from desplat_ns.export.photos import mask_names, original_of
 
 PHOTOS = ["left/0001.jpg", "left/0002.JPG", "right/0001.jpg"]
 

@@ -4,7 +4,7 @@ import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras
 
-from desplat_ns.backend.protocol import RenderSettings
+from desplat_ns.backend.constants import NEAR_PLANE
 from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians.activation import keep_colors_in_range
 from desplat_ns.gaussians.distractor_config import DistractorConfig
@@ -34,7 +34,7 @@ def test_they_fill_their_own_view_beyond_the_near_plane(cams):
     distractors = DistractorGaussians(config, cams)
     for view in range(2):
         pixels, depths = pixels_of(cams, distractors, view)
-        assert (depths > RenderSettings.near_plane).all()
+        assert (depths > NEAR_PLANE).all()
         assert (pixels > -0.1).all()
         assert (pixels[:, 0] < 90.1).all() and (pixels[:, 1] < 160.1).all()
         # 500 in 10 x 10 cells: 5 in each if spread evenly; none is empty.

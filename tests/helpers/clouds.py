@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import torch
 
+from desplat_ns.backend import projection
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.torch_tiles import TorchRasterizer
 from desplat_ns.export.splat_cloud import SplatCloud
@@ -46,4 +48,5 @@ def drawn(cloud: SplatCloud, seen: View) -> np.ndarray:
         sh_degree=cloud.degree,
     )
     seen = replace(seen, viewmat=seen.viewmat.double(), K=seen.K.double())
-    return TorchRasterizer()(splats, seen, RenderSettings(near_plane=1e-6)).rgb.numpy()
+    with mock.patch.object(projection, "NEAR_PLANE", 1e-6):
+        return TorchRasterizer()(splats, seen, RenderSettings()).rgb.numpy()

@@ -11,10 +11,11 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 from torch import nn
 
-from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
 from desplat_ns.gaussians.distractors import DistractorGaussians, ViewDistractors
+from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline, DeSplatPipelineConfig
+from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from desplat_ns.settings.effects import Effects
 from desplat_ns.viewer import LayerControl
 
@@ -35,26 +36,26 @@ class KnownDistractors(DistractorGaussians):
         self.views = [ViewDistractors({"means": torch.zeros(n, 3)}, 1.0) for n in (2, 3)]
 
 
-class KnownModel(nn.Module):
+class KnownModel(DeSplatModel):
     """Renders a plain picture: grey 0.5 and, if an open viewer asks for distractors, white."""
 
+    rasterizer: Any = SimpleNamespace(name="torch")
+    device: Any = torch.device("cpu")
+    get_extra_state, set_extra_state = nn.Module.get_extra_state, nn.Module.set_extra_state
+    _load_from_state_dict: Any = nn.Module._load_from_state_dict
+
     def __init__(self, effects: Effects, points: int = 4) -> None:
-        super().__init__()
+        nn.Module.__init__(self)
+        self.config: Any
         self.config, self.effects = SimpleNamespace(sh_degree=3), effects
         self.image_effects = None
         self.gauss_params = nn.ParameterDict({"means": torch.zeros(points, 3)})
         self.distractors = KnownDistractors() if effects.distractors else None
         self.layer_control = LayerControl(2 if effects.distractors else 0)
         self.shown_light = ShownLight([])
-        self.rasterizer = SimpleNamespace(name="torch")
         self.lpips = NoLpips()
-        self.device = torch.device("cpu")
         self.step, self.renders, self.value = 0, 0, 0.5
         self.covered = 0  # columns, from the left, that distractors cover
-
-    @property
-    def num_points(self) -> int:
-        return len(self.gauss_params["means"])
 
     def get_outputs_for_camera(self, camera: Cameras) -> dict[str, torch.Tensor]:
         self.renders += 1
@@ -64,7 +65,7 @@ class KnownModel(nn.Module):
         rgb = torch.full((HEIGHT, WIDTH, 3), grey)
         return {"rgb": rgb, "alpha_distractor": alpha, "distractor_mask": alpha > 0.5}
 
-    forward = get_outputs_for_camera
+    forward: Any = get_outputs_for_camera
 
     def get_image_metrics_and_images(self, outputs: dict, batch: dict) -> tuple[dict, dict]:
         figures = image_metrics(outputs["rgb"], batch["image"], self.lpips)
@@ -83,15 +84,6 @@ class KnownModel(nn.Module):
 
     def get_loss_dict(self, outputs: dict, batch: dict, metrics: dict) -> dict:
         return {}
-
-    def update_to_step(self, step: int) -> None:
-        self.step = step
-
-    def _has_no_light(self, *_: object) -> Any:
-        raise AssertionError("its images have no light of their own")
-
-    as_function_of_embedding = embedding_in_closed_form = _has_no_light
-    average_embedding = shown_in = _has_no_light
 
 
 def known_cameras(n: int) -> Cameras:

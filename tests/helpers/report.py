@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from desplat_ns.report.cost import Cost
-from desplat_ns.report.effect_reasons import EffectReason, SurveyFigure
+from desplat_ns.report.effect_reasons import EffectReason
 from desplat_ns.report.history import Chart, Curve, History
 from desplat_ns.report.notices import Notice
 from desplat_ns.report.page import Contents
@@ -29,6 +29,8 @@ COST = Cost(
     checkpoint_mb=1.2,
     trained_on="the CPU of this machine",
 )
+
+FIGURE = {"name": "covered", "value": None, "threshold": 0.004, "meaning": "share of the places"}
 
 
 def noise(seed: int, width: int = 48, height: int = 32) -> np.ndarray:
@@ -63,7 +65,6 @@ def contents(**changes: Any) -> Contents:
         cost=COST,
         notices=[Notice("Each photo was seen 5 times.", "Try --max-num-iterations 9000.")],
         training=[training_photo(f"photo_{number}.png") for number in range(3)],
-        num_held_out=1,
         held_out=[held_out_photo("extra.png")],
         results={"psnr": 25.0, "ssim": 0.9, "num_images": 1, "protocol": "full image"},
         history=History((Chart("Loss", (loss,), True),), 200.0),
@@ -73,7 +74,7 @@ def contents(**changes: Any) -> Contents:
                 "Distractors",
                 "on",
                 "Something is in the way.",
-                figures=(SurveyFigure("covered", None, 0.004, "share of the places"),),
+                figures=[FIGURE],
             )
         ],
         machine={"Processor": "an abacus"},

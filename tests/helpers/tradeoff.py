@@ -8,9 +8,9 @@ from pathlib import Path
 
 from desplat_ns.errors import DeSplatError
 from desplat_ns.settings.effects import Effects
-from desplat_ns.studies.grid.executors import Keep
-from desplat_ns.studies.grid.runs import Record, Run
-from desplat_ns.studies.tradeoff.capture_info import CaptureInfo
+from desplat_ns.studies.capture_info import CaptureInfo
+from desplat_ns.studies.executors import Keep
+from desplat_ns.studies.runs import Record, Run
 
 CAPTURE = CaptureInfo("/photos/garden", ("colmap",), 20, 3, 120, 80, 500, Effects())
 

@@ -132,7 +132,7 @@ def test_mipnerf_360s_smaller_copies_are_said(capture: Callable[..., Path]):
     for name in ("images_8", "images_2", "images_540x960"):
         (data / name).mkdir()
     found = recognise(data)
-    assert "Mip-NeRF 360: COLMAP's model in sparse/0 and images_2, images_8." in found.line()
+    assert "COLMAP: COLMAP's model in sparse/0, images_2, images_8." in found.line()
     assert found.match.words == ("colmap",)
     (data / "images").rename(data / "taken_away")
     assert recognise(data).match.words == ("colmap", "--downscale-factor", "2")
@@ -174,7 +174,7 @@ def test_every_reading_is_offered_once(capture: Callable[..., Path]):
 
 @pytest.mark.usefixtures("tyro_may_build")
 def test_the_words_that_are_given_are_understood(capture: Callable[..., Path]):
-    from desplat_ns.studies.grid.methods import parse
+    from desplat_ns.studies.methods import parse
 
     (capture() / "images_2").mkdir()
     data = capture()

@@ -61,7 +61,7 @@ def test_pictures_and_gradients_are_those_of_all_toned(appearance, has_harmonics
     found = []
     for seen in (
         effects.apply_appearance(splats, features, embedding),
-        effects.appearance_in_view(splats, features, view, SETTINGS)(embedding),
+        effects.appearance_in_view(splats, features, view)(embedding),
     ):
         image = resolve("torch", "cpu")(seen, view, SETTINGS).rgb
         weight = torch.linspace(-1, 1, image.numel()).double().view(image.shape)
@@ -76,11 +76,11 @@ def test_a_gaussian_of_broken_coefficients_is_culled_and_breaks_nothing(appearan
     effects, (splats, view) = effects_of(appearance), scene(dtype=torch.float32)
     features = torch.randn(NUM, FEATURES, requires_grad=True)
     numba = resolve("numba", "cpu")
-    lit = effects.appearance_in_view(splats, features, view, SETTINGS)(effects.of(0))
+    lit = effects.appearance_in_view(splats, features, view)(effects.of(0))
     broken = int(numba(lit, view, SETTINGS).visible.nonzero()[0])
     with torch.no_grad():
         splats.colors[broken, 3] = float("nan")
-    lit = effects.appearance_in_view(splats, features, view, SETTINGS)(effects.of(0))
+    lit = effects.appearance_in_view(splats, features, view)(effects.of(0))
     drawn = numba(lit, view, SETTINGS)
     assert drawn.rgb.isfinite().all() and not drawn.visible[broken]
     if appearance == "affine":
@@ -97,8 +97,8 @@ def test_frozen_nothing_but_the_embedding_gets_a_gradient(appearance):
         sh_degree=2,
     )
     features = torch.randn(NUM, FEATURES)
-    lit = effects.appearance_in_view(still, features, view, SETTINGS, frozen=True)
-    free = effects.appearance_in_view(still, features, view, SETTINGS)(effects.of(0))
+    lit = effects.appearance_in_view(still, features, view, frozen=True)
+    free = effects.appearance_in_view(still, features, view)(effects.of(0))
     embedding = effects.of(0).detach().requires_grad_()
     seen = lit(embedding)
     assert torch.equal(seen.colors, free.colors)

@@ -7,6 +7,7 @@ import dataclasses
 import pytest
 import torch
 
+from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import embedding_from_left_half, left_half
 from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.gaussians.distractor_config import DistractorConfig
@@ -234,7 +235,7 @@ def test_the_light_of_a_test_photo_is_found_on_its_left_half_at_once():
     radius2 = squared_radius(model.view_of_camera(held_out(), None))
     photo = camera_response(plain, light, radius2).clamp(0, 1)
     photo[:, WIDTH // 2 :] = 0.5  # what the right half shows has no say
-    found = embedding_from_left_half(model, held_out(), photo, 0, 0.01)
+    found = embedding_from_left_half(model, held_out(), photo, EvaluationConfig(steps=0))
     with model.shown_in(found):
         again = model.get_outputs_for_camera(held_out())["rgb"]
     torch.testing.assert_close(left_half(again), left_half(photo), atol=2e-3, rtol=0)

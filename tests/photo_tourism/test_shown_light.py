@@ -4,16 +4,16 @@ import pytest
 import torch
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.photo_tourism.embeddings import ImageEmbeddings
+from desplat_ns.photo_tourism.embeddings import ImageTable, image_embeddings
 from desplat_ns.photo_tourism.shown_light import VARIABLE, ShownLight, parse_light
 
 NAMES = ["a.jpg", "b:1.jpg", "c.jpg"]
 
 
 @pytest.fixture
-def embeddings() -> ImageEmbeddings:
+def embeddings() -> ImageTable:
     torch.manual_seed(0)
-    return ImageEmbeddings(3, 4)
+    return image_embeddings(3, 4)
 
 
 def test_an_image_of_its_own_else_the_average(embeddings):

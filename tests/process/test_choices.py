@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from desplat_ns.process.attempts import left_out
 from desplat_ns.process.cameras import group_by_camera
-from desplat_ns.process.pairs import all_pairs, sequential_pairs, similar_pairs
+from desplat_ns.process.matches import is_stationary, summarise, verification_error
+from desplat_ns.process.pairs import all_pairs, sequential_pairs, similar_pairs, similarities
 from desplat_ns.process.photos import Photo, numbered
-from desplat_ns.process.reasons import left_out
-from desplat_ns.process.recipes import verification_error
-from desplat_ns.process.similarity import similarities
-from desplat_ns.process.stationary import is_stationary, summarise
 from desplat_ns.process.video import Frame, choose
 
 
@@ -77,8 +75,8 @@ def test_matches_at_equal_places_are_counted_and_placed():
     same = is_stationary(first, first + np.array([[0.0, 1], [1, 0], [30, 0]]), 2.0)
     assert same.tolist() == [True, True, False]
     found = summarise(3, first[same] / 100)
-    assert found.share == pytest.approx(2 / 3)
-    assert found.box is not None and found.box[0] >= 0.1 and found.box[3] <= 0.92
+    assert found["share"] == pytest.approx(2 / 3)
+    assert found["box"][0] >= 0.1 and found["box"][3] <= 0.92
 
 
 def test_the_sharpest_frame_of_each_even_part_of_the_way_is_taken():
@@ -102,7 +100,8 @@ def test_each_photo_that_is_left_out_has_its_reason():
     features = {one.copy: 1000 for one in photos} | {"00005.jpg": 20}
     pairs = [("00004.jpg", "00001.jpg", 17), ("00000.jpg", "00006.jpg", 400)]
     models = [[f"{i:05d}.jpg" for i in range(4)], ["00007.jpg"]]
-    told = {one.source: one.reason for one in left_out(photos, models, features, pairs, 30)}
+    left = left_out(photos, models, features, pairs, 30)
+    told = {one["source"]: one["reason"] for one in left}
     assert list(told) == ["4.png", "5.png", "6.png", "7.png"]
     assert told["4.png"].startswith("blurred") and "17 at most, with 1.png" in told["4.png"]
     assert told["5.png"].startswith("bare (20 features") and "no matches" in told["5.png"]

@@ -9,9 +9,9 @@ import pytest
 
 from desplat_ns.data.images import write_image
 from desplat_ns.data.photo_files import photo_names
-from desplat_ns.process import masks
-from desplat_ns.process.masks import prepare_masks
+from desplat_ns.process import preparation
 from desplat_ns.process.photos import Photo
+from desplat_ns.process.preparation import prepare_masks
 from tests.helpers.yard import EDGE, Found, features_of, places_of, write_mask_of_the_mark
 
 ROUNDED = 1.0
@@ -51,6 +51,6 @@ def test_the_folder_of_masks_is_listed_once_however_many_photos_there_are(
         listed.append(folder)
         return photo_names(folder)
 
-    monkeypatch.setattr(masks, "photo_names", counted)
+    monkeypatch.setattr(preparation, "photo_names", counted)
     assert prepare_masks(tmp_path / "masks", photos, tmp_path / "copies") == 5
     assert listed == [tmp_path / "masks"]

@@ -12,10 +12,16 @@ import pytest
 
 from desplat_ns.process import matches, pairs
 from desplat_ns.process.mapping import map_photos
-from desplat_ns.process.masks import prepare_masks
-from desplat_ns.process.matches import Pairing, match_photos, verified_pairs
+from desplat_ns.process.matches import (
+    SUSPICIOUS,
+    Pairing,
+    is_stationary,
+    match_photos,
+    tolerance_of,
+    verified_pairs,
+)
+from desplat_ns.process.preparation import prepare_masks
 from desplat_ns.process.recipes import PLAIN
-from desplat_ns.process.stationary import SUSPICIOUS, is_stationary, tolerance_of
 from tests.helpers.yard import (
     CLOSE,
     EDGE,
@@ -111,7 +117,7 @@ def still_and_all(found: Found) -> tuple[int, int]:
             a, b = pycolmap.pair_id_to_image_pair(pair)
             of_a, of_b = db.read_two_view_geometry(a, b).inlier_matches.T
             first, second = places[names[a]][of_a], places[names[b]][of_b]
-            same = is_stationary(first, second, tolerance_of(*SIZE))
+            same = is_stationary(first, second, tolerance_of(max(SIZE)))
             still, every = still + int((same & (first[:, 1] > EDGE)).sum()), every + len(of_a)
     return still, every
 
@@ -123,7 +129,7 @@ def test_what_stands_still_in_all_photos_does_not_tie_them(
     said = match(mine, "exhaustive")
     assert said["left_out"] and said["stationary"]["share"] >= SUSPICIOUS
     _, top, _, _ = said["stationary"]["box"]
-    assert top * SIZE[1] > EDGE - tolerance_of(*SIZE)
+    assert top * SIZE[1] > EDGE - tolerance_of(max(SIZE))
     still, every = still_and_all(mine)
     assert still == 0 and every > 0
     assert worst_pose(mine, yard, EVERY_OTHER) < CLOSE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from desplat_ns.process.messages import LISTED, report_lines
+from desplat_ns.process.process import LISTED, report_lines
 from desplat_ns.process.workspace import Workspace
 
 

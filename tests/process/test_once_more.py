@@ -34,12 +34,11 @@ def made(photo_writer, tmp_path: Path, monkeypatch) -> Callable[..., Request]:
         return Attempt(recipe, [{**model, "observations": OBSERVATIONS[recipe.name]}], [])
 
     def undistort(folder, request, photos, best) -> None:
-        folder.images.mkdir(exist_ok=True)
-        (folder.images / "made").write_text(best.recipe.name)
+        (folder.output / "images").mkdir(exist_ok=True)
+        (folder.output / "images" / "made").write_text(best.recipe.name)
 
     monkeypatch.setattr(process, "best_attempt", attempt)
     monkeypatch.setattr(process, "_undistort", undistort)
-    monkeypatch.setattr(process, "draw_from_above", lambda *_: None)
 
     def make(keep_work: bool = False, **changed: int) -> Request:
         for seed, name in enumerate("abc"):

@@ -33,8 +33,8 @@ def test_an_effect_has_the_surveys_reason_and_figures():
     assert (distractors.value, appearance.value, background.value) == ("on", "camera", "off")
     assert distractors.why.startswith("Because.") and "clear" in distractors.why
     assert [one.is_unsure for one in (distractors, appearance, background)] == [False, True, True]
-    assert distractors.figures[0].value is None
-    assert distractors.could_not_tell == ("what is before the sky",)
+    assert distractors.figures[0]["value"] is None
+    assert distractors.could_not_tell == ["what is before the sky"]
 
 
 def test_an_effect_that_was_given_against_the_survey_says_so():

@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pytest
+from tensorboard.backend.event_processing.event_accumulator import ScalarEvent as Scalar
 
 from desplat_ns.report import history
-from desplat_ns.report.history import TOTAL_TIME, Scalar, read_history, scalars, thinned
+from desplat_ns.report.history import TOTAL_TIME, read_history, scalars, thinned
 
 
 def test_few_points_stay_as_they_are():
@@ -69,7 +70,7 @@ def test_the_numbers_of_a_tag_come_in_order_with_step_and_time(written: Path):
     assert [one.step for one in found["Train Loss"]] == [1000 * step for step in range(50)]
     values = [one.value for one in found["Train Loss"]]
     assert values == pytest.approx([1 / (step + 1) for step in range(50)], rel=1e-7)
-    assert tuple(found["Train Loss"][3]) == (103.0, 3000, 0.25)
+    assert found["Train Loss"][3] == Scalar(103.0, 3000, 0.25)
 
 
 @pytest.mark.parametrize("cut", [1, 11, 30])

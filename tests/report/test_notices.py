@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from desplat_ns.report.effect_reasons import EffectReason
-from desplat_ns.report.notices import NoticeInputs, notices
+from desplat_ns.report.notices import notices
 from tests.helpers.report import COST, training_photo
 
 LONG = replace(COST, steps=30_000, planned=30_000, num_photos=20)
@@ -15,8 +15,9 @@ PHOTOS = [training_photo(f"{number}.png") for number in range(3)]
 
 def said(**changes: Any) -> list[str]:
     """What is said of a long run in which nothing stands out, but for the changes."""
-    inputs = NoticeInputs(LONG, [], PHOTOS, {"psnr": 28.0, "images": []})
-    return [f"{one.what} {one.advice}" for one in notices(replace(inputs, **changes))]
+    results = {"psnr": 28.0, "images": []}
+    inputs = {"cost": LONG, "reasons": [], "photos": PHOTOS, "results": results}
+    return [f"{one.what} {one.advice}" for one in notices(**inputs | changes)]
 
 
 def test_nothing_is_said_of_a_run_in_which_nothing_stands_out():

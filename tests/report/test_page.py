@@ -93,7 +93,8 @@ def test_fifty_large_photos_stay_below_ten_megabytes():
 
 
 def test_a_choice_of_many_photos_is_told():
-    html = html_of(contents(cost=replace(COST, num_photos=1700), num_held_out=40))
+    results = {"num_images": 40, "protocol": "full image"}
+    html = html_of(contents(cost=replace(COST, num_photos=1700), results=results))
     assert "3 of 1,700 photos are shown, evenly chosen" in html
     assert "1 of 40 are shown, evenly chosen" in html
 
@@ -104,7 +105,6 @@ def test_what_there_is_not_is_told():
         training=[plain],
         notices=[],
         held_out=[],
-        num_held_out=0,
         results={},
         history=History((), None),
         cost=replace(COST, seconds=None),

@@ -8,6 +8,7 @@ import torch
 
 from desplat_ns.separation.grid import (
     counted_cells,
+    fine_grid_of,
     grid_of,
     masks_to_host,
     pooled,
@@ -32,6 +33,28 @@ def test_a_grid_has_square_cells_not_smaller_than_a_pixel(width, height):
 def test_pooling_takes_means():
     image = torch.arange(24.0).reshape(4, 6, 1)
     assert torch.equal(pooled(image, (3, 2)), image.reshape(2, 2, 3, 2).mean((1, 3))[None])
+
+
+def test_a_pixel_counts_in_each_cell_by_the_part_that_lies_there():
+    image = torch.tensor([[0.0, 6.0, 12.0]])[..., None]  # cells of one and a half pixels
+    assert pooled(image, (2, 1)).flatten().tolist() == pytest.approx([2.0, 10.0])
+
+
+@pytest.mark.parametrize("size", [(97, 131, 3), (240, 135, 1), (3, 5, 2)])
+def test_a_gpu_takes_the_same_means_by_other_ways(size, monkeypatch):
+    """The branch for other devices, run on the CPU; sums of 1e4 values in [0, 1], float32."""
+    image = torch.rand(size, generator=torch.Generator().manual_seed(0))
+    grid = fine_grid_of(size[1] // 2 + 1, size[0] // 2 + 1)
+    means = pooled(image, grid)
+    windows = window_means(means, 3)
+    monkeypatch.setattr(torch.Tensor, "is_cpu", False)
+    torch.testing.assert_close(pooled(image, grid), means, atol=1e-5, rtol=0)
+    torch.testing.assert_close(window_means(means, 3), windows, atol=1e-5, rtol=0)
+
+
+def test_fine_cells_have_half_the_size_but_no_less_than_a_pixel():
+    assert fine_grid_of(1920, 1080) == tuple(2 * n for n in grid_of(1920, 1080))
+    assert fine_grid_of(120, 100) == (120, 100)
 
 
 def test_a_cell_counts_if_half_of_its_pixels_do():

@@ -183,36 +183,6 @@ def test_once_placing_has_stopped_none_comes_and_none_goes():
     assert trained.count == 0
 
 
-def test_a_found_region_stays_with_less_evidence_also_after_a_checkpoint():
-    """The occluder's colour comes nearer to the scene's, as where that begins to learn it."""
-    config = dataclasses.replace(WARMED_UP, shared_detail=1.0)
-    trained = Trained(config)
-    scene = trained.scene
-
-    def regions(layer: DistractorLayer, photo: torch.Tensor, number: int = 5) -> torch.Tensor:
-        trained.layer = layer
-        found = trained.step(number, photo).regions
-        assert found is not None
-        return found
-
-    for number in range(5):
-        trained.step(number, scene.photo)
-    paler, layer = scene.photo.clone(), trained.layer
-    paler[10:30, 20:40] += 0.11
-    assert not regions(a_layer(config), paler).any()
-    regions(layer, scene.with_a_pale_one())
-    resumed = a_layer(config)
-    resumed.last.load_state_dict(layer.last.state_dict(), torch.device("cpu"))
-    for one in (layer, resumed):
-        assert regions(one, paler)[14:26, 24:36].all()
-        assert not regions(one, scene.photo).any()
-    regions(layer, scene.with_a_pale_one())
-    forgetful = a_layer(dataclasses.replace(config, standing_share=1.0))
-    forgetful.last.load_state_dict(layer.last.state_dict(), torch.device("cpu"))
-    assert not regions(forgetful, paler).any()
-    assert not regions(layer, paler, config.leave_out_at).any()
-
-
 def test_the_weight_of_distractors_reaches_a_cell_beyond_their_edge():
     alpha_d = torch.zeros(135, 240, 1)
     alpha_d[50:60, 100:120] = 0.6

@@ -121,8 +121,9 @@ def test_gaussians_beyond_the_image_are_left_out():
 def test_texture_cancels_out_and_a_shade_does_not():
     checker = (torch.arange(48)[:, None] + torch.arange(60)) % 2 * 0.2
     gray = torch.full((48, 60, 3), 0.5)
+    gray = gray.permute(2, 0, 1)
     grid = grid_of(60, 48, 300)
-    textured = local_residual(gray, gray + (checker - 0.1)[..., None], grid)
+    textured = local_residual(gray, gray + (checker - 0.1), grid)
     shaded = local_residual(gray, gray + 0.1, grid)
     assert torch.allclose(shaded, torch.full_like(shaded, 0.1), atol=1e-6)
     assert textured.max() < 0.04

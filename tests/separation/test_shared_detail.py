@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 import torch
 
-from desplat_ns.separation.grid import grid_of
-from desplat_ns.separation.regions import MOST_CONTRAST, shared_detail
+from desplat_ns.separation import regions
+from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled
+from desplat_ns.separation.regions import MOST_CONTRAST
 
 HEIGHT, WIDTH = 120, 160
 RECTANGLE = (slice(24, 100), slice(36, 134))
@@ -19,6 +20,14 @@ def scene() -> torch.Tensor:
     coarse = torch.rand(1, 1, HEIGHT // 5, WIDTH // 5)
     fine = torch.nn.functional.interpolate(coarse, size=(HEIGHT, WIDTH), mode="bicubic")
     return fine[0].clamp(0, 1).permute(1, 2, 0) * torch.tensor([0.9, 0.8, 0.7])
+
+
+def shared_detail(static: torch.Tensor, photo: torch.Tensor) -> torch.Tensor:
+    """On the grid of `grid_of`."""
+    size = static.shape[1], static.shape[0]
+    fine = fine_grid_of(*size)
+    found = regions.shared_detail(pooled(static, fine), pooled(photo, fine))
+    return pooled(found[..., None], grid_of(*size))[0]
 
 
 def inner(found: torch.Tensor) -> torch.Tensor:

@@ -34,7 +34,7 @@ class Case:
     """Gaussians that must not be drawn."""
     settings: RenderSettings = CLASSIC
     by_mpmath: bool = True
-    """False: against the float64 reference, where 60 digits would take too long."""
+    """False: docs/stability.md compares with float64, where 60 digits would take too long."""
     exact_in_float32: bool = True
     """False: float32 cannot hold the scene, or its bound is above 1; there it is only finite."""
 

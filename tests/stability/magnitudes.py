@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from desplat_ns.backend import RenderSettings
+from desplat_ns.backend.constants import EPS2D
 from desplat_ns.backend.projection import COMPENSATION_MIN, FOV_MARGIN
 from tests.backend.reference import rotations
 from tests.backend.scenes import TestScene
@@ -99,7 +100,7 @@ def project(scene: TestScene, settings: RenderSettings) -> Magnitudes:
     """Magnitudes of the projection of a float64 scene."""
     near = linearize(scene)
     M = near.rows @ rotations(scene.quats) * scene.scales[:, None, :]
-    low_pass, longer, size = settings.eps2d, M.norm(dim=-1).amax(-1), M.flatten(1).norm(dim=-1)
+    low_pass, longer, size = EPS2D, M.norm(dim=-1).amax(-1), M.flatten(1).norm(dim=-1)
     cov = M @ M.mT + low_pass * torch.eye(2, dtype=torch.float64)
     minor = torch.linalg.cross(M[:, 0], M[:, 1]).norm(dim=-1)
     det = minor.square() + low_pass * (size.square() + low_pass)

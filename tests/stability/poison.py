@@ -21,7 +21,6 @@ POISON = (
 
 PLACES = {"means": 3, "quats": 4, "scales": 3, "opacities": 1, "colors": 3}
 CAMERA = ("viewmat", "K")
-SETTINGS = ("near_plane", "far_plane", "eps2d")
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class Dose:
     """One value put somewhere."""
 
     into: str
-    """A parameter, "viewmat", "K", or a setting."""
+    """A parameter, "viewmat" or "K"."""
     gaussian: int
     component: int
     value: float
@@ -44,20 +43,17 @@ def healthy(sh_degree: int | None) -> TestScene:
     return replace(scene, colors=torch.rand(4, 4, 3, generator=rng) - 0.3, sh_degree=sh_degree)
 
 
-def poisoned(scene: TestScene, doses: list[Dose]) -> tuple[TestScene, dict[str, float]]:
-    """The scene with all doses in it, and the settings that they change."""
+def poisoned(scene: TestScene, doses: list[Dose]) -> TestScene:
+    """The scene with all doses in it."""
     changed = {n: getattr(scene, n).clone() for n in (*PARAMETERS, *CAMERA)}
-    options = {}
     for dose in doses:
-        if dose.into in SETTINGS:
-            options[dose.into] = dose.value
-        elif dose.into in CAMERA:
+        if dose.into in CAMERA:
             matrix = changed[dose.into]
             matrix.view(-1)[dose.component % matrix.numel()] = dose.value
         else:
             row = changed[dose.into][dose.gaussian].view(-1)
             row[dose.component % len(row)] = dose.value
-    return replace(scene, **changed), options
+    return replace(scene, **changed)
 
 
 @dataclass(frozen=True)
@@ -73,9 +69,9 @@ class Fate:
 
 def give(backend: Backend, doses: list[Dose], sh_degree: int | None, antialiased: bool) -> Fate:
     """Render a poisoned scene forwards and backwards, and look for what must never happen."""
-    scene, options = poisoned(healthy(sh_degree), doses)
+    scene = poisoned(healthy(sh_degree), doses)
+    settings = RenderSettings(depth=True, absgrad=True, antialiased=antialiased)
     try:
-        settings = RenderSettings(depth=True, absgrad=True, antialiased=antialiased, **options)
         leaves, got = backend.render(scene, settings)
     except ValueError as error:
         return Fate(refused=str(error))

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from desplat_ns.backend import RenderSettings
 from tests.backend.scenes import BACKENDS, Backend, make_backend
-from tests.stability.poison import CAMERA, PLACES, POISON, SETTINGS, Dose, give, healthy
+from tests.stability.poison import CAMERA, PLACES, POISON, Dose, give, healthy
 
-EXACT = [p for p in BACKENDS if p.id != "gsplat"]
+EXACT = [p for p in BACKENDS if p.id not in ("gsplat", "torch-float64")]
 
 parameters = st.sampled_from(sorted(PLACES))
-anything = st.sampled_from([*sorted(PLACES), *CAMERA, *SETTINGS])
+anything = st.sampled_from([*sorted(PLACES), *CAMERA])
 
 
 def doses(where: st.SearchStrategy[str], most: int) -> st.SearchStrategy[list[Dose]]:

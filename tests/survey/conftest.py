@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from desplat_ns.survey.capture import Capture
+    from desplat_ns.survey.observations import Capture
     from lab.synthetic import SceneSpec
 
 
@@ -28,7 +28,7 @@ def make_capture(
 ) -> Callable[..., Capture]:
     """A capture of the small scene, changed as asked for; its clean twins unless `cluttered`."""
     from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-    from desplat_ns.survey.capture import capture_of
+    from desplat_ns.survey.observations import capture_of
     from lab.synthetic import write_scene
 
     made: dict[str, Path] = {}

@@ -1,8 +1,16 @@
 from __future__ import annotations
 
 import math
+from typing import get_args
 
-from desplat_ns.survey.findings import CLEAR, Figure, confidence_of
+import pytest
+
+from desplat_ns.settings.effects import AppearanceGrade, BackgroundGrade
+from desplat_ns.survey.findings import CLEAR, Figure, Finding, confidence_of
+
+DECISIONS = [("distractors", True), ("distractors", False)]
+DECISIONS += [("appearance", grade) for grade in get_args(AppearanceGrade) if grade != "sh"]
+DECISIONS += [("background", grade) for grade in get_args(BackgroundGrade)]
 
 
 def figure(value: float, threshold: float | None = 1.0) -> Figure:
@@ -21,3 +29,9 @@ def test_confidence_is_that_of_the_figure_nearest_to_its_threshold():
     assert confidence_of([figure(1.1), figure(100.0)]) == "close"
     assert confidence_of([figure(1 / (CLEAR * 1.01))]) == "clear"
     assert confidence_of([figure(math.nan)]) == "none"
+
+
+@pytest.mark.parametrize(("effect", "decision"), DECISIONS)
+def test_what_is_on_needs_memory_and_only_that(effect, decision):
+    finding = Finding(effect, decision, "clear", "", ())
+    assert (finding.memory != "nothing") == (decision not in (False, "off"))

@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from desplat_ns.survey.capture import Capture
-from desplat_ns.survey.observations import Observations, observe
+from desplat_ns.survey.observations import Capture, Observations, observe
 from desplat_ns.survey.photo_light import fit_light, from_middle
 from desplat_ns.survey.views import View
 from lab.synthetic import DaylightSpec, make_scene
@@ -14,7 +13,7 @@ from lab.synthetic import DaylightSpec, make_scene
 
 def test_the_corner_is_at_one_and_the_middle_at_zero():
     places = np.array([[0.0, 0.0], [40.0, 30.0], [80.0, 60.0]])
-    np.testing.assert_allclose(from_middle(80, 60, places), [1, 0, 1])
+    np.testing.assert_allclose(from_middle((80, 60), places), [1, 0, 1])
 
 
 def test_fitted_lights_are_those_that_the_photos_were_taken_in(
@@ -65,14 +64,12 @@ def chain(gains: np.ndarray) -> Observations:
         is_fisheye=False,
     )
     return Observations(
-        indices=np.arange(count),
         names=[str(row) for row in range(count)],
         views=[view] * count,
         photos=[],
         allowed=[],
         xyz=np.zeros((number, 3)),
         places=np.broadcast_to(rng.uniform([0, 0], [96, 72], (number, 2)), (count, number, 2)),
-        depths=np.ones((count, number)),
         is_shown=tracked,
         is_tracked=tracked,
         colors=colors,

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
+import PIL.Image
 import pytest
 import torch
 
 from desplat_ns.data.images import read_image, write_image
 from desplat_ns.errors import CaptureError
 from desplat_ns.survey import observations
-from desplat_ns.survey.capture import Capture
 from desplat_ns.survey.findings import Finding, Survey
 from desplat_ns.survey.light import appearance_finding, local_steps
+from desplat_ns.survey.observations import Capture
 from desplat_ns.survey.photo_light import from_middle
 from desplat_ns.survey.picture import evidence_picture
 from desplat_ns.survey.survey import survey as survey_with_evidence
 from lab.synthetic import DaylightSpec, SceneSpec, make_scene
 
+ORIENTATION = 0x0112
+"""EXIF's tag."""
 OFF = {"distractors": False, "appearance": "off", "background": "off"}
 SAFE = {"distractors": True, "appearance": "off", "background": "off"}
 
@@ -89,7 +94,8 @@ def test_what_was_pasted_over_photos_after_their_reconstruction_is_no_light(
 ):
     pasted = replace(make_capture(), photos=make_capture(cluttered=True).photos)
     found, evidence = survey_with_evidence(pasted)
-    as_light = appearance_finding(evidence.seen, evidence.light)
+    nothing = np.zeros_like(evidence.seen.is_shown)
+    as_light = appearance_finding(evidence.seen, evidence.light, nothing)
     assert share_of_places(as_light) > 1.5 * share_of_places(found.appearance)
     assert found.appearance.decision == "off"
 
@@ -105,7 +111,8 @@ def test_what_is_in_the_way_is_no_light(make_capture: Callable[..., Capture]):
     seen, light = evidence.seen, evidence.light
     in_the_way = np.zeros_like(seen.is_shown)
     in_the_way[2] = True
-    every, some_steps = local_steps(seen, light), local_steps(seen, light, in_the_way)
+    every = local_steps(seen, light, np.zeros_like(in_the_way))
+    some_steps = local_steps(seen, light, in_the_way)
     of_the_photo = light.photo == 2
     assert np.isfinite(every[of_the_photo]).any()
     assert np.isnan(some_steps[of_the_photo]).all()
@@ -229,7 +236,7 @@ def test_a_lens_that_darkens_corners_is_no_light_that_changes_place_by_place(
         photo = read_image(path)
         height, width = photo.shape[:2]
         places = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1) + 0.5
-        darkened = photo * 0.5 ** from_middle(width, height, places)[..., None]
+        darkened = photo * 0.5 ** from_middle((width, height), places)[..., None]
         write_image(path, darkened.round().astype(np.uint8))
     found = survey(capture).appearance
     assert found.decision != "affine"
@@ -294,3 +301,49 @@ def test_the_picture_shows_all_rows(still: Capture):
     picture = evidence_picture(survey_with_evidence(still)[1])
     assert picture.dtype == np.uint8
     assert picture.shape[0] > 4 * 150
+
+
+def test_what_a_file_is_like_does_not_change_what_is_seen(still: Capture, tmp_path: Path):
+    """16 bits, grey levels in four channels, and pixels that lie on their side by EXIF."""
+    capture = copied(still, tmp_path)
+    for number, path in enumerate(capture.photos):
+        photo = read_image(path)
+        if number % 3 == 0:
+            cv2.imwrite(str(path), photo[..., ::-1].astype(np.uint16) * 257)
+        elif number % 3 == 1:
+            write_image(path, np.dstack([photo, np.full(photo.shape[:2], 255, np.uint8)]))
+        else:
+            tags = PIL.Image.Exif()
+            tags[ORIENTATION] = 6
+            PIL.Image.fromarray(np.rot90(photo)).save(path, exif=tags)
+    assert survey(capture).to_json() == survey(still).to_json()
+
+
+def test_photos_of_two_sizes_are_compared(still: Capture, tmp_path: Path):
+    capture = copied(still, tmp_path)
+    cameras = copy.deepcopy(capture.cameras)
+    for path in capture.photos[::2]:
+        write_image(path, cv2.resize(read_image(path), (48, 36), interpolation=cv2.INTER_AREA))
+    for name in ("width", "height", "fx", "fy", "cx", "cy"):
+        values = getattr(cameras, name)
+        values[::2] = values[::2] // 2 if name in ("width", "height") else values[::2] / 2
+    found = survey(replace(capture, cameras=cameras))
+    assert found.decisions() == OFF
+
+
+@pytest.mark.filterwarnings("error")
+def test_points_without_a_place_are_passed_over(still: Capture):
+    """As broken reconstructions have them: not a number, and as far as numbers go."""
+    for broken in (np.nan, np.inf, 1e30):
+        xyz = still.xyz.copy()
+        xyz[::50] = broken
+        assert survey(replace(still, xyz=xyz)).decisions() == OFF
+
+
+def test_photos_of_which_none_shows_what_another_does_take_the_safe_side(still: Capture):
+    """Each observes points of its own."""
+    assert still.tracks is not None
+    alone = replace(still.tracks, point_ids=np.arange(len(still.xyz)) + 10**6)
+    found = survey(replace(still, tracks=alone))
+    assert found.decisions() == SAFE
+    assert found.distractors.confidence == "none"

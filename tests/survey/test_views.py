@@ -56,3 +56,11 @@ def test_a_small_view_sees_a_generated_scenes_points_where_they_were_observed(st
         pixels, _ = view.project(still.xyz[seen.points])
         off = np.abs(pixels / [view.width, view.height] - seen.places) * [view.width, view.height]
         assert np.median(off) < 1.0
+
+
+def test_the_mean_is_that_of_the_others_in_three_by_three_cells():
+    places = np.array([[1.0, 1.0], [3.0, 1.0], [5.9, 1.0], [6.1, 1.0], [90.0, 60.0]])
+    mean, count = VIEW.near_means(places, np.array([1.0, 2.0, 3.0, 4.0, 5.0]))
+    # Cells are 2 pixels wide: columns 0, 1, 2, 3 and one far away.
+    np.testing.assert_allclose(count, [1, 2, 2, 1, 0])
+    np.testing.assert_allclose(mean, [2, 2, 3, 3, 0])

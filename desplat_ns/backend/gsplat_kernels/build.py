@@ -6,17 +6,14 @@ variables. This process stays as it is.
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -34,16 +31,6 @@ BYTES_A_JOB = 4 << 30
 
 NAME = "gsplat_cuda"
 """Of the module, and of the folder in which gsplat compiles it."""
-
-END_WITH_PARENT = """
-import os, signal, sys, threading, time
-def watch():
-    while os.getppid() == int(sys.argv[1]):
-        time.sleep(0.5)
-    os.killpg(0, signal.SIGTERM)
-threading.Thread(target=watch, daemon=True).start()
-"""
-"""However the process that compiles for itself ends, the compilers end with it."""
 
 COMPILE = """
 import shutil
@@ -93,6 +80,11 @@ class Target:
         """The compiled module. It is put here when it is complete."""
         return self.folder / f"{NAME}.so"
 
+    @property
+    def failure(self) -> Path:
+        """With which tools compiling failed, in the first line, and why."""
+        return self.folder / "failure.txt"
+
 
 def library_for(target: Target) -> Path:
     """The compiled kernels' file; compiles it if there is none.
@@ -104,9 +96,9 @@ def library_for(target: Target) -> Path:
         return target.library
     tools = find_tools()
     try:
-        with _locked(target.folder):
+        target.folder.mkdir(parents=True, exist_ok=True)
+        with _lock(target.folder):
             if not target.library.exists():  # another process may have been faster
-                _raise_if_it_failed_before(target, tools)
                 _compile(target, tools)
     except OSError as error:
         raise NoKernels(
@@ -119,7 +111,7 @@ def library_for(target: Target) -> Path:
 def forget_failure(target: Target) -> None:
     """Let the next call try again, although nothing changed."""
     with suppress(OSError):
-        (target.folder / "failure.json").unlink()
+        target.failure.unlink()
 
 
 def jobs() -> int:
@@ -134,48 +126,32 @@ def jobs() -> int:
     return max(1, min(cores or 1, FILES, memory // BYTES_A_JOB))
 
 
-def minutes(at_once: int) -> int:
-    """About how long compiling takes with so many jobs."""
-    return max(1, round(CPU_MINUTES / at_once))
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Within, no other process compiles in a folder; the lock of one that died is free."""
-    folder.mkdir(parents=True, exist_ok=True)
+def _lock(folder: Path) -> AbstractContextManager[object]:
+    """Held already: no other process compiles in a folder. The lock of one that died is free."""
     lock = FileLock(folder / "lock")
     try:
-        lock.acquire(timeout=0)
+        return lock.acquire(timeout=0)
     except Timeout:
         _say(f"Another process compiles gsplat's kernels (in {folder}); waiting for it.")
-        lock.acquire()
-    try:
-        yield
-    finally:
-        lock.release()
-
-
-def _raise_if_it_failed_before(target: Target, tools: Tools) -> None:
-    with suppress(OSError, ValueError):
-        failure = json.loads((target.folder / "failure.json").read_text("utf8"))
-        if failure["tools"] == tools.versions():
-            again = f"It is not tried again with the same tools, except by `{AGAIN}`."
-            raise NoKernels(f"{failure['reason']}\n{again}")
+        return lock.acquire()
 
 
 def _compile(target: Target, tools: Tools) -> None:
-    """Let gsplat compile, and put the result in its place.
+    """Let gsplat compile, and put the result in its place. ninja goes on from what was compiled.
 
     Raises:
         NoKernels: with the compiler's last lines; they are kept for the next call.
     """
-    at_work = target.folder / NAME
-    _start_anew_with_other_tools(target, tools)
-    at_once, log = jobs(), target.folder / "log.txt"
+    at_work, at_once, log = target.folder / NAME, jobs(), target.folder / "log.txt"
+    failed_with, _, reason = _text_of(target.failure).partition("\n")
+    if failed_with == tools.versions():
+        raise NoKernels(
+            f"{reason}\nIt is not tried again with the same tools, except by `{AGAIN}`."
+        )
     _say(
         f"Compiling gsplat's CUDA kernels for compute capability {target.architectures} with nvcc "
-        f"{tools.cuda}: about {minutes(at_once)} minutes, {at_once} at a time, once for this "
-        f"machine and these versions. Log: {log}"
+        f"{tools.cuda}: about {max(1, round(CPU_MINUTES / at_once))} minutes, {at_once} at a time, "
+        f"once for this machine and these versions. Log: {log}"
     )
     began = time.monotonic()
     code = _run(target, tools, at_once, log)
@@ -187,22 +163,17 @@ def _compile(target: Target, tools: Tools) -> None:
         return
     complaints = _complaints(log)
     reason = (
-        f"has no CUDA kernels here: compiling them failed (nvcc {tools.cuda}, "
-        f"{tools.compiler_version}). The compiler's last lines, of {log}:\n{complaints}"
+        f"has no CUDA kernels here: compiling them failed ({tools.versions()}). CXX names another "
+        f"C++ compiler, CUDA_HOME another nvcc. The compiler's last lines, of {log}:\n{complaints}"
     )
     if re.search("Killed|died due to", complaints):
         raise NoKernels(f"{reason}\nMAX_JOBS=1 before the command needs less memory.")
-    failure = {"tools": tools.versions(), "target": asdict(target), "reason": reason}
-    (target.folder / "failure.json").write_text(json.dumps(failure, indent=1), "utf8")
+    target.failure.write_text(f"{tools.versions()}\n{reason}", "utf8")
     raise NoKernels(reason)
 
 
-def _start_anew_with_other_tools(target: Target, tools: Tools) -> None:
-    """Throw away what other tools compiled; what these did is gone on from."""
-    record, text = target.folder / "tools.json", json.dumps(tools.versions())
-    if not record.exists() or record.read_text("utf8") != text:
-        shutil.rmtree(target.folder / NAME, ignore_errors=True)
-        record.write_text(text, "utf8")
+def _text_of(path: Path) -> str:
+    return path.read_text("utf8", errors="replace") if path.exists() else ""
 
 
 def _run(target: Target, tools: Tools, at_once: int, log: Path) -> int:
@@ -216,21 +187,14 @@ def _run(target: Target, tools: Tools, at_once: int, log: Path) -> int:
         "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
         "PYTHONSAFEPATH": "1",
     }
-    with log.open("w") as output:
-        process = subprocess.Popen(
-            [sys.executable, "-c", END_WITH_PARENT + COMPILE, str(os.getpid())],
-            env=variables,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
-    try:
+    command = [sys.executable, "-c", COMPILE]
+    with (
+        log.open("w") as output,
+        subprocess.Popen(
+            command, env=variables, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+        ) as process,
+    ):
         return _wait(process, target.folder / NAME)
-    finally:  # an interrupt ends the compilers as well
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGTERM)
-            process.wait()
 
 
 def _wait(process: subprocess.Popen[bytes], at_work: Path, every: float = 1.0) -> int:
@@ -257,8 +221,10 @@ def _progress(at_work: Path) -> tuple[int, int]:
 
 def _complaints(log: Path) -> str:
     """What a compiler, the linker or Python complained of last, of a log that may be long."""
-    lines = log.read_text("utf8", errors="replace").splitlines()
-    bad = re.compile(r"\berror\b|Error:|cannot find|undefined reference|Killed|died due to")
+    lines = _text_of(log).splitlines()
+    bad = re.compile(
+        r"\berror\b|Error:|\bfatal\b|cannot find|undefined reference|Killed|died due to"
+    )
     found = [line.strip() for line in lines if bad.search(line)] or [line for line in lines if line]
     return "\n".join(f"    {line[:300]}" for line in found[-LAST_LINES:])
 

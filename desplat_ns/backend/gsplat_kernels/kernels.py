@@ -5,8 +5,8 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import os
+import re
 import sys
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -33,46 +33,24 @@ def unavailable_reason() -> str | None:
 
 def try_again() -> None:
     """Let `unavailable_reason` compile once more what failed before."""
-    with suppress(NoKernels):
-        forget_failure(Target.here(architectures()))
+    forget_failure(Target.here(architectures()))
     unavailable_reason.cache_clear()
 
 
 def architectures() -> str:
     """Of this process's GPUs, or what TORCH_CUDA_ARCH_LIST says. Of later GPUs than torch knows it
-    is the last that torch knows, from which the driver compiles the rest.
-
-    Raises:
-        NoKernels: torch has none for an old GPU either.
-    """
+    is the last that torch knows, from which the driver compiles the rest."""
     asked = os.environ.get("TORCH_CUDA_ARCH_LIST")
     if asked:
         return asked
-    known = sorted(
-        _capability(name) for name in torch.cuda.get_arch_list() if name.startswith("sm_")
-    )
+    known = (name for name in torch.cuda.get_arch_list() if name.startswith("sm_"))
+    newest = max((int(re.sub(r"\D", "", name)) for name in known), default=sys.maxsize)
     found: set[str] = set()
     for device in range(torch.cuda.device_count()):
-        capability = torch.cuda.get_device_capability(device)
-        if known and capability < known[0]:
-            raise NoKernels(
-                f"cannot draw on {torch.cuda.get_device_name(device)}: it has compute capability "
-                f"{_text(capability)}, and torch {torch.__version__} works from "
-                f"{_text(known[0])} on. Install a torch for an earlier CUDA."
-            )
-        newer = bool(known) and capability > known[-1]
-        found.add(f"{_text(known[-1])}+PTX" if newer else _text(capability))
+        major, minor = torch.cuda.get_device_capability(device)
+        is_known = 10 * major + minor <= newest
+        found.add(f"{major}.{minor}" if is_known else f"{newest // 10}.{newest % 10}+PTX")
     return ";".join(sorted(found))
-
-
-def _capability(name: str) -> tuple[int, int]:
-    """(9, 0) of "sm_90", (12, 0) of "sm_120"."""
-    digits = "".join(letter for letter in name.partition("_")[2] if letter.isdigit())
-    return int(digits[:-1]), int(digits[-1])
-
-
-def _text(capability: tuple[int, int]) -> str:
-    return f"{capability[0]}.{capability[1]}"
 
 
 def load(library: Path) -> ModuleType:
@@ -101,9 +79,6 @@ def use(module: ModuleType) -> None:
 
     sys.modules["gsplat.csrc"] = module
     gsplat.csrc = module  # pyright: ignore[reportAttributeAccessIssue]
-    before = sys.modules.get("gsplat.cuda._backend")
-    if before is not None:
-        before._C = module  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def _brought_by_gsplat() -> bool:

@@ -11,16 +11,12 @@ import sys
 import sysconfig
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import torch
 
 FIRST_WITH_NVCC_AS_WHEEL = 13
 """Major version of CUDA; wheels of earlier ones hold no nvcc."""
-
-FIRST_WITH_CXX20 = 11
-"""Major version of g++ whose `-std=c++20` says 202002, which torch's headers ask for."""
 
 SYSTEM_TOOLKIT = Path("/usr/local/cuda")
 """Where NVIDIA's installer puts it."""
@@ -41,11 +37,11 @@ class Tools:
     ninja: Path
     compiler: str
     """Path of the C++ compiler."""
-    compiler_version: str
 
-    def versions(self) -> dict[str, str]:
+    def versions(self) -> str:
         """What a build that failed depended on."""
-        return {"nvcc": f"{self.cuda} in {self.home}", "c++": self.compiler_version}
+        compiler = _answer(self.compiler, "--version").partition("\n")[0]
+        return f"nvcc {self.cuda} in {self.home}, {compiler or self.compiler}"
 
     def environment(self, links: Path) -> dict[str, str]:
         """Variables under which gsplat and torch find these tools.
@@ -70,7 +66,7 @@ def find_tools() -> Tools:
     """The tools of this machine.
 
     Raises:
-        NoKernels: one is missing, or of a version that cannot compile for this torch.
+        NoKernels: one is missing, or nvcc is of another CUDA than torch.
     """
     home, cuda = _find_toolkit()
     ninja = _find_ninja()
@@ -80,30 +76,24 @@ def find_tools() -> Tools:
             f"(Python.h). `apt install python{sys.version_info[0]}.{sys.version_info[1]}-dev` "
             "brings them."
         )
-    compiler, compiler_version = _find_compiler(home)
-    return Tools(home, cuda, ninja, compiler, compiler_version)
+    named = os.environ.get("CXX")
+    compiler = next(filter(None, map(shutil.which, [named] if named else ["c++", "g++"])), None)
+    if compiler is None:
+        why = (
+            f"CXX names '{named}', which is not there."
+            if named
+            else "`apt install g++` brings one."
+        )
+        raise NoKernels(f"has no CUDA kernels here, and no C++ compiler to compile them. {why}")
+    return Tools(home, cuda, ninja, compiler)
 
 
-def install_command() -> str:
-    """What brings the nvcc that fits torch: one command where a wheel has it."""
-    wheel = toolkit_wheel()
-    if wheel is not None:
-        return f'`pip install "{wheel}"` brings it'
-    place = "https://developer.nvidia.com/cuda-downloads"
-    return f"install the CUDA toolkit {torch.version.cuda} from {place}"
-
-
-def toolkit_wheel() -> str | None:
-    """What pip is asked for to have nvcc in torch's version; None where no wheel has it."""
+def _what_brings_nvcc() -> str:
     wanted = torch.version.cuda or ""
     if int(wanted.partition(".")[0] or 0) < FIRST_WITH_NVCC_AS_WHEEL:
-        return None
-    try:
-        installed = version("cuda-toolkit")  # torch asks for this release to the last number
-    except PackageNotFoundError:
-        installed = ""
-    exact = installed if installed.startswith(f"{wanted}.") else f"{wanted}.*"
-    return f"cuda-toolkit[nvcc]=={exact}"
+        place = "https://developer.nvidia.com/cuda-downloads"
+        return f"Install the CUDA toolkit {wanted} from {place}."
+    return "`pip install 'desplat-ns[cuda]'` brings it."
 
 
 def _find_toolkit() -> tuple[Path, str]:
@@ -120,16 +110,12 @@ def _find_toolkit() -> tuple[Path, str]:
         others = ", ".join(f"nvcc {release} in {home}" for home, release in found)
         raise NoKernels(
             f"has no CUDA kernels here, and what could compile them is for another CUDA than "
-            f"torch's {wanted}: {others}. {_capitalized(install_command())}."
+            f"torch's {wanted}: {others}. {_what_brings_nvcc()}"
         )
     raise NoKernels(
         "has no CUDA kernels here, and no nvcc to compile them was found (in CUDA_HOME, on PATH, "
-        f"in this environment, in /usr/local/cuda). {_capitalized(install_command())}."
+        f"in this environment, in /usr/local/cuda). {_what_brings_nvcc()}"
     )
-
-
-def _capitalized(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _toolkits() -> Iterator[Path]:
@@ -173,48 +159,6 @@ def _find_ninja() -> Path:
     raise NoKernels(
         "has no CUDA kernels here, and no ninja to compile them. `pip install ninja` brings it."
     )
-
-
-def _find_compiler(home: Path) -> tuple[str, str]:
-    """Path and version of the C++ compiler that torch would take; the toolkit has a say in it."""
-    named = os.environ.get("CXX")
-    names = [named] if named else ["c++", "g++"]
-    compiler = next(filter(None, map(shutil.which, names)), None)
-    if compiler is None and named:
-        raise NoKernels(
-            f"has no CUDA kernels here: CXX names the compiler '{named}', which is not there."
-        )
-    if compiler is None:
-        raise NoKernels(
-            "has no CUDA kernels here, and no C++ compiler to compile them. `apt install g++` "
-            "brings one."
-        )
-    if "clang" in _answer(compiler, "--version").partition("\n")[0]:
-        return compiler, "clang"  # its versions are nvcc's to judge
-    release = _answer(compiler, "-dumpfullversion", "-dumpversion").strip()
-    major = int(release.partition(".")[0]) if release[:1].isdigit() else 0
-    least, most = (FIRST_WITH_CXX20 if _torch_needs_cxx20() else 0), _newest_gxx(home)
-    if not least <= major <= most:
-        need = f"from {least} on" if major < least else f"up to {most}, the last that nvcc takes"
-        raise NoKernels(
-            f"has no CUDA kernels here: g++ {release} ({compiler}) cannot compile them, one "
-            f"{need} can. Install such a g++ and name it, such as `CXX=g++-12`."
-        )
-    return compiler, f"g++ {release}"
-
-
-def _torch_needs_cxx20() -> bool:
-    """Whether torch's headers refuse an older standard; those of torch 2.9 and before took 17."""
-    header = Path(torch.__file__).parent / "include" / "ATen" / "ATen.h"
-    return header.exists() and "C++20" in header.read_text("utf8")
-
-
-def _newest_gxx(home: Path) -> int:
-    """The last major version of g++ that a toolkit's nvcc takes; its header says so."""
-    header = home / "include" / "crt" / "host_config.h"
-    text = header.read_text("utf8", errors="replace") if header.exists() else ""
-    found = re.search(r"#if\s+__GNUC__ > (\d+)", text)
-    return int(found[1]) if found else sys.maxsize
 
 
 def _link_to_runtime(tools: Tools, links: Path) -> list[str]:

@@ -59,7 +59,6 @@ class Camera(NamedTuple):
     max_pixels: np.float32
     reach: np.float32
     least_ratio: np.float32
-    least_det: np.float32
     least_norm2: np.float32
 
 
@@ -69,7 +68,7 @@ def camera_of(c):
     return Camera(
         ((c[0], c[1], c[2], c[3]), (c[4], c[5], c[6], c[7]), (c[8], c[9], c[10], c[11])),
         (c[12], c[13]), (c[14], c[15]), (c[16], c[17]), (c[18], c[19]), (c[20], c[21]),
-        c[22], c[23], c[24], c[25], c[26], c[27], c[28], c[29], c[30], c[31],
+        c[22], c[23], c[24], c[25], c[26], c[27], c[28], c[29], c[30],
     )  # fmt: skip
 
 
@@ -139,7 +138,7 @@ def _shape(a, b, eps):
 
 
 @kernel(fastmath=_CONTRACT, inline="always")
-def _is_usable(s, n, place, norm2, det, camera):
+def _is_usable(s, n, place, norm2, camera):
     """Written so that every NaN makes it False."""
     x, y, z, _ = place
     pixels = max(camera.focal[0], camera.focal[1]) / max(z, camera.near)
@@ -148,8 +147,8 @@ def _is_usable(s, n, place, norm2, det, camera):
     good &= (abs(s[SX + n]) * pixels < most) & (abs(s[SY + n]) * pixels < most)
     good &= (abs(s[SZ + n]) * pixels < most) & (norm2 > camera.least_norm2)
     good &= (norm2 < np.float32(np.inf)) & (abs(s[OPACITY + n]) < np.float32(np.inf))
-    good &= (z >= camera.near) & (z <= camera.far) & (z > _ZERO)
-    return good & (det > camera.least_det)
+    good &= (z >= camera.near) & (z <= camera.far)
+    return good
 
 
 @kernel(fastmath=_CONTRACT)
@@ -158,7 +157,7 @@ def project_batch(s, camera):
     for n in range(_LANES):
         place, _, _, norm2, _, _, rows = _axes(s, n, camera)
         xx, xy, yy, _, sharp, det = _shape(rows[0], rows[1], camera.eps2d)
-        usable = _is_usable(s, n, place, norm2, det, camera)
+        usable = _is_usable(s, n, place, norm2, camera)
         per_det = _ONE / det
         kept = np.sqrt(max(sharp * per_det, camera.least_ratio))
         mean_x = camera.focal[0] * (place[0] * place[3]) + camera.center[0]

@@ -8,10 +8,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 import torch
-from torch import Tensor
 
 from desplat_ns.backend import projection
-from desplat_ns.backend.constants import DET_MIN
+from desplat_ns.backend.constants import EPS2D, FAR_PLANE, NEAR_PLANE
 from desplat_ns.backend.inputs import MIN_QUAT_NORM
 from desplat_ns.backend.numba_kernels.ewa import (
     BATCH,
@@ -31,18 +30,19 @@ from desplat_ns.backend.numba_kernels.ewa import (
     project_batch,
 )
 from desplat_ns.backend.numba_kernels.runtime import (
+    flat,
     kernel,
     launching,
     new_counter,
     num_workers,
     take,
 )
-from desplat_ns.backend.protocol import RenderSettings, View
+from desplat_ns.backend.protocol import View
 
 _ZERO = np.float32(0)
 
 
-def make_camera(view: View, settings: RenderSettings) -> np.ndarray:
+def make_camera(view: View, antialiased: bool) -> np.ndarray:
     """The numbers of a Camera in their order: numba's parallel loops take no nested tuples."""
     rows, K = view.viewmat.tolist(), view.K.tolist()
     focal, center, size = (K[0][0], K[1][1]), (K[0][2], K[1][2]), (view.width, view.height)
@@ -51,10 +51,10 @@ def make_camera(view: View, settings: RenderSettings) -> np.ndarray:
     numbers = [*rows[0], *rows[1], *rows[2], *focal, *center, *size]
     numbers += [-(c / f + m) for f, c, _, m in axes]
     numbers += [(n - c) / f + m for f, c, n, m in axes]
-    numbers += [settings.near_plane, settings.far_plane, settings.eps2d, settings.antialiased]
+    numbers += [NEAR_PLANE, FAR_PLANE, EPS2D, antialiased]
     numbers += [1 + 4 * torch.finfo(torch.float32).eps, projection.MAX_PIXELS]
     numbers += [projection.REACH_SIGMAS, projection.COMPENSATION_MIN**2]
-    return np.array([*numbers, DET_MIN, MIN_QUAT_NORM**2], np.float32)
+    return np.array([*numbers, MIN_QUAT_NORM**2], np.float32)
 
 
 @kernel()
@@ -126,22 +126,21 @@ def _backward(parameters, pulled, gradients, radii, numbers, counter, workers):
             first = take(counter) * BATCH
 
 
-def _flat(tensor: Tensor) -> np.ndarray:
-    return tensor.detach().contiguous().view(-1).numpy()
-
-
 class Project(torch.autograd.Function):
-    """(means, quats, scales, opacities, camera) -> means2d, conics, depths, opacities, radii."""
+    """(means, quats, scales, opacities, camera, which may be drawn or None) -> means2d, conics,
+    depths, opacities, radii."""
 
     @staticmethod
-    def forward(ctx, means, quats, scales, opacities, camera):  # type: ignore[override]
+    def forward(ctx, means, quats, scales, opacities, camera, drawable=None):  # type: ignore[override]
         n = means.shape[0]
         out = torch.empty(1, n, 2), torch.empty(n, 3), torch.empty(n), torch.empty(n)
         radii = torch.empty(n, dtype=torch.int32)
-        parameters = tuple(_flat(t) for t in (means, quats, scales, opacities))
+        parameters = tuple(flat(t) for t in (means, quats, scales, opacities))
         with launching():
-            projected = tuple(_flat(t) for t in out)
+            projected = tuple(flat(t) for t in out)
             _project(parameters, projected, radii.numpy(), camera, new_counter(), num_workers())
+        if drawable is not None:
+            radii *= drawable
         ctx.mark_non_differentiable(radii)
         ctx.state = (parameters, radii.numpy(), camera)
         return *out, radii
@@ -152,7 +151,7 @@ class Project(torch.autograd.Function):
         parameters, radii, camera = ctx.state
         n = radii.size
         out = torch.empty(n, 3), torch.empty(n, 4), torch.empty(n, 3), torch.empty(n)
-        pulled, gradients = tuple(_flat(g) for g in grads[:4]), tuple(_flat(t) for t in out)
+        pulled, gradients = tuple(flat(g) for g in grads[:4]), tuple(flat(t) for t in out)
         with launching():
             _backward(parameters, pulled, gradients, radii, camera, new_counter(), num_workers())
-        return *out, None
+        return *out, None, None

@@ -22,6 +22,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import config as _numba_config
 from numba.extending import intrinsic
+from torch import Tensor
 
 numba_config: Any = _numba_config  # its settings are defined at run time, out of sight of checkers
 
@@ -70,7 +72,7 @@ def kernel(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]
         common: dict[str, Any] = {"nogil": True, "error_model": "numpy", **options}
         try:
             dispatcher = numba.njit(cache=True, **common)(function)
-            _drop_stale(dispatcher)
+            _drop_stale(dispatcher.stats.cache_path)
         except RuntimeError:  # "cannot cache function ...: no locator available"
             dispatcher = numba.njit(**common)(function)
         if options.get("parallel"):
@@ -78,14 +80,6 @@ def kernel(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]
         return dispatcher
 
     return decorate
-
-
-def _cached_copies(dispatcher: Any) -> list[Path]:
-    """The files that index what lies in the cache folder for one kernel."""
-    folder = dispatcher.stats.cache_path
-    code = dispatcher.py_func.__code__
-    pattern = f"*.{code.co_name}-{code.co_firstlineno}.*.nbi"
-    return list(Path(folder).glob(pattern)) if folder else []
 
 
 def _is_cached(dispatcher: Any) -> bool:
@@ -98,12 +92,13 @@ def _is_cached(dispatcher: Any) -> bool:
     return any(made_for == processor for _, made_for, _ in index)
 
 
-def _drop_stale(dispatcher: Any) -> None:
-    """Remove cached copies older than any file of kernels; numba looks at the kernel's own only."""
-    for copy in _cached_copies(dispatcher):
+@cache
+def _drop_stale(folder: str) -> None:
+    """Remove cached kernels older than any file of kernels: numba looks at a kernel's own only."""
+    for index in Path(folder).glob("*.nbi"):
         with suppress(OSError):
-            if copy.stat().st_mtime < _NEWEST_SOURCE:
-                copy.unlink()
+            if index.stat().st_mtime < _NEWEST_SOURCE:
+                index.unlink()
 
 
 @contextmanager
@@ -150,6 +145,11 @@ def _have_compiled() -> None:
 def num_workers() -> int:
     """How many workers a kernel is split into: numba's current number of threads."""
     return numba.get_num_threads()
+
+
+def flat(tensor: Tensor) -> np.ndarray:
+    """The values as a flat, contiguous array; a copy only where it takes one."""
+    return tensor.detach().contiguous().view(-1).numpy()
 
 
 def new_counter() -> np.ndarray:

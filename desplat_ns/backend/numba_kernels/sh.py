@@ -18,9 +18,9 @@ from functools import cache
 import numba
 import numpy as np
 import torch
-from torch import Tensor
 
 from desplat_ns.backend.numba_kernels.runtime import (
+    flat,
     kernel,
     launching,
     new_counter,
@@ -226,10 +226,6 @@ def _backward_direction(s, k, is_seen, at, v_means):
     v_means[at + 2] = per * (gz - along * z) if is_seen else _ZERO
 
 
-def _flat(tensor: Tensor) -> np.ndarray:
-    return tensor.detach().contiguous().view(-1).numpy()
-
-
 class EvaluateColors(torch.autograd.Function):
     """(means, coefficients [N, K, 3], radii, camera centre, degree, whether they are cut off at 0)
     -> colours [N, 3]."""
@@ -237,7 +233,7 @@ class EvaluateColors(torch.autograd.Function):
     @staticmethod
     def forward(ctx, means, values, radii, center, degree, is_cut=True):  # type: ignore[override]
         out = torch.empty(means.shape[0], 3)
-        inputs = (_flat(means), _flat(values), radii.numpy(), _flat(center), *sh_terms(degree))
+        inputs = (flat(means), flat(values), radii.numpy(), flat(center), *sh_terms(degree))
         sizes = (values.shape[1], (degree + 1) ** 2, int(is_cut))
         with launching():
             _evaluate(*inputs, sizes, out.view(-1).numpy(), new_counter(), num_workers())
@@ -251,5 +247,5 @@ class EvaluateColors(torch.autograd.Function):
         v_means, v_values = torch.empty(shape[0], 3), torch.empty(shape)
         found = (v_means.view(-1).numpy(), v_values.view(-1).numpy())
         with launching():
-            _backward(*inputs, sizes, out, _flat(grad), *found, new_counter(), num_workers())
+            _backward(*inputs, sizes, out, flat(grad), *found, new_counter(), num_workers())
         return v_means, v_values, None, None, None, None

@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 import torch
 
 from desplat_ns.backend.gsplat_kernels.tools import NoKernels, find_tools
-from desplat_ns.studies.grid.machine import describe_machine
+from desplat_ns.studies.machine import describe_machine
 from lab.gpu.plan import Job
 from lab.gpu.records import Figures
 

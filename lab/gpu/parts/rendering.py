@@ -14,7 +14,7 @@ from torch import Tensor
 
 from desplat_ns.calibration.scenes import Scene, make_scene
 from desplat_ns.calibration.timing import time_in_turns
-from desplat_ns.evaluation.metrics import LazyLpips, image_metrics
+from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from lab.gpu.plan import Job
 from lab.gpu.records import Figures
 from lab.gpu.scenes import (

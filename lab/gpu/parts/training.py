@@ -14,8 +14,8 @@ from typing import Any
 import torch
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.grid.commands import QUIET
-from desplat_ns.studies.grid.train_and_score import train_and_score
+from desplat_ns.studies.runs import QUIET
+from desplat_ns.studies.train_and_score import train_and_score
 from lab.gpu.plan import Job
 from lab.gpu.records import Figures
 from lab.synthetic import SceneSpec, write_scene

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from desplat_ns.studies.grid.code_version import DIRTY
+from desplat_ns.studies.machine import DIRTY
 from lab.front.growth import (
     DRAWN,
     FILE,

@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from desplat_ns.studies.tradeoff.plan import BASE, TrainingPlan
-from desplat_ns.studies.tradeoff.results import Results
+from desplat_ns.studies.plan import BASE, TrainingPlan
+from desplat_ns.studies.results import Results
 from lab.front import studies
 from tests.helpers.tradeoff import CAPTURE, made_up
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.grid import executors as module
-from desplat_ns.studies.grid.runs import Record as Measured
-from desplat_ns.studies.grid.runs import Run as Job
-from desplat_ns.studies.grid.runs import log_of
+from desplat_ns.studies import executors as module
+from desplat_ns.studies.runs import Record as Measured
+from desplat_ns.studies.runs import Run as Job
+from desplat_ns.studies.runs import log_of
 from lab.grid import records
 from lab.grid.captures import RealCapture
 from lab.grid.command import Command, named_runs

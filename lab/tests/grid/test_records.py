@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from nerfstudio.configs.method_configs import all_methods
 
-from desplat_ns.studies.grid.code_version import DIRTY
+from desplat_ns.studies.machine import DIRTY
 from lab.grid import settings as grid_settings
 from lab.grid.captures import RealCapture
 from lab.grid.records import Record, State, enter, load, save, state_of

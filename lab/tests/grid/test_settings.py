@@ -13,8 +13,8 @@ import pytest
 from nerfstudio.configs.method_configs import AnnotatedBaseConfigUnion, all_methods
 
 from desplat_ns.method_configs import desplat
-from desplat_ns.studies.grid.commands import surroundings
-from desplat_ns.studies.grid.methods import method_config, parse
+from desplat_ns.studies.methods import method_config, parse
+from desplat_ns.studies.runs import surroundings
 from lab.grid import settings
 from lab.grid.settings import (
     EFFECTS,

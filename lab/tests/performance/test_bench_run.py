@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.studies.grid.machine import describe_machine
+from desplat_ns.studies.machine import describe_machine
 from lab.documents import CHECKOUT
 from lab.performance.run import main
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from desplat_ns.calibration.scenes import make_scene, tensors_of
-from desplat_ns.evaluation.metrics import PSNR_MAX
+from desplat_ns.rendering.metrics import PSNR_MAX
 from lab.pixels.contenders import contender_called
 from lab.pixels.dial_errors import (
     Drawing,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desplat_ns.studies.tradeoff.pareto import front
+from desplat_ns.studies.summary import front
 from lab.pixels.dial_points import excess
 
 # Few different numbers, so that ties occur.

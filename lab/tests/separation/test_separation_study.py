@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from desplat_ns.data.images import read_image, read_mask
-from desplat_ns.studies.grid.methods import method_config
+from desplat_ns.studies.methods import method_config
 from lab.documents import DOCS
 from lab.grid.figures import NOT_YET, Figures
 from lab.grid.records import Record, Records, State, load, state_of

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-import subprocess
 import sys
 import sysconfig
 import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 
-import psutil
 import pytest
 
 from desplat_ns.backend.gsplat_kernels import build
@@ -93,7 +89,7 @@ def test_a_failure_is_told_by_the_compilers_own_lines_and_remembered(target, mon
     with pytest.raises(NoKernels) as error:
         library_for(target)
     first = str(error.value)
-    assert "compiling them failed (nvcc 13.2, g++ 12.2.0)" in first
+    assert "compiling them failed (nvcc 13.2 in " in first and "c++ (Debian) 12.2.0)" in first
     assert f"of {target.folder / 'log.txt'}" in first
     assert '    some.cu(7): error: identifier "xyz" is undefined' in first.splitlines()
     assert "Compiling" in capsys.readouterr().out
@@ -103,15 +99,6 @@ def test_a_failure_is_told_by_the_compilers_own_lines_and_remembered(target, mon
         library_for(target)
     assert str(error.value).startswith(first) and build.AGAIN in str(error.value)
     assert capsys.readouterr().out == "" and calls(target) == []
-
-
-def test_a_failure_is_forgotten_when_a_tool_changes(target, machine, monkeypatch):
-    compiler_says(monkeypatch, FAILING)
-    with pytest.raises(NoKernels):
-        library_for(target)
-    compiler_says(monkeypatch, SOUND)
-    gxx(machine, "13.1.0")
-    assert library_for(target).exists()
 
 
 def test_a_compiler_that_was_killed_is_not_remembered_and_fewer_at_once_are_proposed(
@@ -133,19 +120,14 @@ def test_a_full_disk_is_no_traceback(target, monkeypatch):
         library_for(target)
 
 
-def test_a_failure_is_forgotten_when_it_is_asked_for(target, monkeypatch):
+@pytest.mark.parametrize("is_asked", [True, False], ids=["when it is asked", "with other tools"])
+def test_a_failure_is_forgotten(target, machine, monkeypatch, is_asked):
     build.forget_failure(target)  # nothing to forget
     compiler_says(monkeypatch, FAILING)
     with pytest.raises(NoKernels):
         library_for(target)
     compiler_says(monkeypatch, SOUND)
-    build.forget_failure(target)
-    assert library_for(target).exists()
-
-
-def test_a_record_that_cannot_be_read_is_none(target):
-    target.folder.mkdir(parents=True)
-    (target.folder / "failure.json").write_text("{")
+    build.forget_failure(target) if is_asked else gxx(machine, "13.1.0")
     assert library_for(target).exists()
 
 
@@ -158,55 +140,6 @@ def test_of_two_processes_one_compiles_and_the_other_waits(target, monkeypatch, 
         thread.join()
     assert len(calls(target)) == 1 and target.library.exists()
     assert "Another process compiles gsplat's kernels" in capsys.readouterr().out
-
-
-def test_what_an_interrupted_build_compiled_is_kept_for_the_same_tools(target, machine):
-    old = target.folder / "gsplat_cuda" / "old.o"
-    tools = build.find_tools()
-    target.folder.mkdir(parents=True)
-    build._start_anew_with_other_tools(target, tools)
-    old.parent.mkdir()
-    old.touch()
-    build._start_anew_with_other_tools(target, tools)
-    assert old.exists()
-    gxx(machine, "13.1.0")
-    build._start_anew_with_other_tools(target, build.find_tools())
-    assert not old.exists()
-
-
-def test_an_interrupt_ends_the_compilers(target, monkeypatch):
-    started = []
-
-    def interrupted(process, *_):
-        started.append(process)
-        raise KeyboardInterrupt
-
-    compiler_says(monkeypatch, "import time; time.sleep(60)")
-    monkeypatch.setattr(build, "_wait", interrupted)
-    began = time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
-        library_for(target)
-    assert started[0].poll() is not None and time.monotonic() - began < 30
-    assert not (target.folder / "failure.json").exists()  # it was no failure
-
-
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux's /proc")
-def test_compilers_end_with_the_process_that_waits_for_them(tmp_path):
-    """Even if it is killed, as at the deadline of a measurement."""
-    compiler = f"{build.END_WITH_PARENT}\nimport time; time.sleep(60)"
-    parent = (
-        "import subprocess, sys, time\n"
-        "import os\ncommand = [sys.executable, '-c', sys.argv[1], str(os.getpid())]\n"
-        "process = subprocess.Popen(command, start_new_session=True)\n"
-        "print(process.pid, flush=True)\ntime.sleep(60)"
-    )
-    command = [REAL_PYTHON, "-c", parent, compiler]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        child = psutil.Process(int(process.stdout.readline()))
-        assert child.is_running()
-        process.kill()
-    child.wait(20)  # raises where it does not end
 
 
 def test_a_folder_that_cannot_be_written_is_named(target, monkeypatch, tmp_path):
@@ -283,4 +216,3 @@ def test_gsplats_own_code_compiles_with_the_tools_that_were_found(
     assert library.stat().st_size > 1000
     compiled = record.read_text().split()
     assert len(compiled) == len(set(compiled)) > 20 and "ext.o" in compiled
-    assert json.loads((target.folder / "tools.json").read_text())["c++"] == "g++ 12.2.0"

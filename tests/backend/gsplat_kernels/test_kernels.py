@@ -22,13 +22,12 @@ def _nothing_is_kept():
 
 @pytest.fixture
 def gpus(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
-    """Compute capabilities of the GPUs; torch works from 7.5 to 12.0."""
+    """Compute capabilities of the GPUs; torch works up to 12.0."""
     found: list[tuple[int, int]] = [(8, 9)]
     monkeypatch.delenv("TORCH_CUDA_ARCH_LIST", raising=False)
     monkeypatch.setattr(torch.cuda, "get_arch_list", lambda: ["sm_75", "sm_90", "sm_120"])
     monkeypatch.setattr(torch.cuda, "device_count", lambda: len(found))
     monkeypatch.setattr(torch.cuda, "get_device_capability", lambda device: found[device])
-    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: "GTX 1080")
     return found
 
 
@@ -40,14 +39,6 @@ def test_kernels_are_compiled_for_the_gpus_at_hand(gpus, monkeypatch):
     assert kernels.architectures() == "12.0+PTX"
     monkeypatch.setenv("TORCH_CUDA_ARCH_LIST", "8.0 8.6")
     assert kernels.architectures() == "8.0 8.6"
-
-
-def test_a_gpu_that_torch_does_not_know_any_more_is_named(gpus):
-    gpus[:] = [(6, 1)]
-    assert kernels.unavailable_reason() == (
-        "cannot draw on GTX 1080: it has compute capability 6.1, and torch "
-        f"{torch.__version__} works from 7.5 on. Install a torch for an earlier CUDA."
-    )
 
 
 def no_kernels(target: Target) -> Path:
@@ -80,7 +71,7 @@ def test_a_file_that_is_no_module_says_what_to_remove(tmp_path):
 
 
 def test_gsplat_calls_what_was_loaded(gpus, monkeypatch, tmp_path):
-    """gsplat itself has none here; afterwards its wrapper finds ours, imported before or not."""
+    """gsplat itself has none here; afterwards its wrapper finds ours."""
     import gsplat
     from gsplat.cuda._wrapper import _make_lazy_cuda_func
 
@@ -90,12 +81,8 @@ def test_gsplat_calls_what_was_loaded(gpus, monkeypatch, tmp_path):
     monkeypatch.setattr(kernels, "load", lambda library: module)
     monkeypatch.setattr(gsplat, "csrc", None, raising=False)  # put back afterwards
     monkeypatch.setitem(sys.modules, "gsplat.csrc", None)  # as if there were none
-    backend: Any = ModuleType("gsplat.cuda._backend")
-    backend._C = None
-    monkeypatch.setitem(sys.modules, "gsplat.cuda._backend", backend)
+    monkeypatch.delitem(sys.modules, "gsplat.cuda._backend", raising=False)
     assert kernels.unavailable_reason() is None
-    assert _make_lazy_cuda_func("isect_tiles")(1, 2) == ("called", 1, 2)
-    monkeypatch.delitem(sys.modules, "gsplat.cuda._backend")
     assert _make_lazy_cuda_func("isect_tiles")(3) == ("called", 3)
 
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import os
-from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -14,23 +13,13 @@ from tests.backend.gsplat_kernels.conftest import Toolkit, gxx, script
 pytestmark = pytest.mark.usefixtures("machine")
 
 
-def installed(monkeypatch: pytest.MonkeyPatch, release: str | None) -> None:
-    """The environment has this cuda-toolkit."""
-
-    def version(name: str) -> str:
-        if release is None:
-            raise PackageNotFoundError(name)
-        return release
-
-    monkeypatch.setattr(tools, "version", version)
-
-
 def test_a_toolkit_in_cuda_home_is_found_with_all_that_goes_with_it(toolkit, machine, monkeypatch):
     home = toolkit("13.2")
     monkeypatch.setenv("CUDA_HOME", str(home))
     found = find_tools()
     assert (found.home, found.cuda, found.ninja) == (home, "13.2", machine / "ninja")
-    assert (found.compiler, found.compiler_version) == (str(machine / "c++"), "g++ 12.2.0")
+    assert found.compiler == str(machine / "c++")
+    assert found.versions() == f"nvcc 13.2 in {home}, c++ (Debian) 12.2.0"
 
 
 def test_a_toolkit_is_found_on_path_in_wheels_and_in_the_systems_place(
@@ -55,13 +44,8 @@ def test_of_two_toolkits_the_one_of_torchs_version_is_taken(toolkit, monkeypatch
 
 
 def test_without_nvcc_it_says_the_one_command_that_brings_it(monkeypatch):
-    installed(monkeypatch, "13.2.2")
-    with pytest.raises(NoKernels, match=r'no nvcc .* `pip install "cuda-toolkit\[nvcc\]==13.2.2"`'):
+    with pytest.raises(NoKernels, match=r"no nvcc .* `pip install 'desplat-ns\[cuda\]'`"):
         find_tools()
-    installed(monkeypatch, "13.1.0")  # not the one that this torch asks for
-    with pytest.raises(NoKernels, match=r'"cuda-toolkit\[nvcc\]==13\.2\.\*"`'):
-        find_tools()
-    installed(monkeypatch, None)
     monkeypatch.setattr(torch.version, "cuda", "12.8")  # whose wheels have no nvcc
     with pytest.raises(NoKernels, match=r"Install the CUDA toolkit 12\.8 from https"):
         find_tools()
@@ -103,37 +87,10 @@ def test_what_is_missing_beside_nvcc_is_said_with_what_brings_it(toolkit, machin
         find_tools()
 
 
-@pytest.mark.parametrize(
-    ("release", "need"), [("10.5.0", "from 11 on"), ("16.1.0", "up to 15"), ("nonsense", "from 11")]
-)
-def test_a_compiler_too_old_for_torch_or_too_new_for_nvcc_is_refused(
-    toolkit, machine, release, need
-):
-    toolkit("13.2", "usr/local/cuda")
-    gxx(machine, release)
-    with pytest.raises(NoKernels, match=rf"{need}.*such as `CXX=g\+\+-12`"):
-        find_tools()
-
-
-@pytest.mark.parametrize("release", ["11.1.0", "15.2.0"])
-def test_compilers_at_the_bounds_are_taken(toolkit, machine, release):
-    toolkit("13.2", "usr/local/cuda")
-    gxx(machine, release)
-    assert find_tools().compiler_version == f"g++ {release}"
-
-
-def test_an_older_torch_takes_an_older_compiler(toolkit, machine, monkeypatch):
-    toolkit("13.2", "usr/local/cuda")
-    gxx(machine, "9.4.0")
-    monkeypatch.setattr(tools, "_torch_needs_cxx20", lambda: False)
-    assert find_tools().compiler_version == "g++ 9.4.0"
-
-
 def test_a_compiler_that_is_named_compiles_for_nvcc_as_well(
     toolkit, machine, monkeypatch, tmp_path
 ):
     toolkit("13.2", "usr/local/cuda")
-    gxx(machine, "16.1.0")
     other = gxx(machine, "12.3.0", "g++-12")
     monkeypatch.setenv("CXX", "g++-12")
     found = find_tools().environment(tmp_path / "links")
@@ -171,14 +128,8 @@ def test_headers_that_a_toolkit_of_nvcc_alone_lacks_are_taken_from_torchs_wheels
     assert find_tools().environment(tmp_path / "links")["CPATH"] == both
 
 
-def test_torchs_own_header_says_which_standard_it_needs(monkeypatch, tmp_path):
-    monkeypatch.undo()
-    header = Path(torch.__file__).parent / "include" / "ATen" / "ATen.h"
-    assert tools._torch_needs_cxx20() == ("202002L" in header.read_text("utf8"))
-
-
 def test_a_compiler_that_is_named_and_not_there_is_said(machine, toolkit, monkeypatch):
     monkeypatch.setenv("CUDA_HOME", str(toolkit("13.2")))
     monkeypatch.setenv("CXX", "g++-99")
-    with pytest.raises(NoKernels, match=r"CXX names the compiler 'g\+\+-99', which is not there"):
+    with pytest.raises(NoKernels, match=r"CXX names 'g\+\+-99', which is not there"):
         find_tools()

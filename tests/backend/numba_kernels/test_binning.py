@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("numba")
 from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, tile_lists
 from desplat_ns.backend.numba_kernels.ellipses import BLOCK, BLOCKS, TILE
 

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-pytest.importorskip("numba")
 from desplat_ns.backend.numba_kernels.binning import Grid
 from desplat_ns.backend.numba_kernels.ellipses import columns, ellipse, tile_rows
 

@@ -1,9 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-pytest.importorskip("numba")
 from desplat_ns.backend.numba_kernels.binning import Grid, Lists
 from desplat_ns.backend.numba_kernels.ellipses import BLOCK, TILE
 from desplat_ns.backend.numba_kernels.passes import RUNS, _open_tile, _run, sum_rows

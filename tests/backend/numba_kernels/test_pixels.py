@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-pytest.importorskip("numba")
 from desplat_ns.backend.numba_kernels import pixels as numba_pixels
 from desplat_ns.backend.numba_kernels.ellipses import FEATURES, OPACITY
 from desplat_ns.backend.numba_kernels.pixels import (

@@ -3,7 +3,6 @@ from __future__ import annotations
 import pytest
 import torch
 
-pytest.importorskip("numba")
 from desplat_ns.backend import RenderSettings
 from desplat_ns.backend.numba_kernels.ewa import BATCH
 from desplat_ns.backend.numba_kernels.projection import Project, make_camera
@@ -16,7 +15,7 @@ NAMES = ("means", "quats", "scales", "opacities")
 
 def compiled(scene, settings):
     parameters = [getattr(scene, name) for name in NAMES]
-    return Project.apply(*parameters, make_camera(scene.view, settings))
+    return Project.apply(*parameters, make_camera(scene.view, settings.antialiased))
 
 
 def plain(scene, settings):

@@ -5,11 +5,9 @@ import math
 import pytest
 import torch
 
-from tests.backend.reference import real_sh
-
-pytest.importorskip("numba")
 from desplat_ns.backend.numba_kernels.sh import BATCH, EvaluateColors, sh_terms
 from desplat_ns.backend.spherical_harmonics import sh_basis
+from tests.backend.reference import real_sh
 
 EPS = torch.finfo(torch.float32).eps
 CENTER = torch.tensor([0.3, -0.2, 0.5])

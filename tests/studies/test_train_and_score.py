@@ -1,0 +1,70 @@
+"""Only what was trained to its last step is scored."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from desplat_ns.datamanager import DeSplatDataManager
+from desplat_ns.errors import DeSplatError
+from desplat_ns.studies import curve
+from desplat_ns.studies.runs import QUIET
+from desplat_ns.studies.train_and_score import check_complete, train_and_score
+from desplat_ns.trainer import DeSplatTrainer
+from lab.synthetic import Scene
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+def test_a_run_that_is_stopped_has_no_figures(tiny_scene: Scene, tmp_path: Path, monkeypatch):
+    train = DeSplatTrainer.train_iteration
+
+    def stop_after(self: DeSplatTrainer, step: int):
+        self._stop_after_this_step("SIGINT")
+        return train(self, step)
+
+    monkeypatch.setattr(DeSplatTrainer, "train_iteration", stop_after)
+    places = ["--data", str(tiny_scene.folder), "--output-dir", str(tmp_path)]
+    options = ["--max-num-iterations", "3", "--pipeline.model.num-downscales", "0", *QUIET]
+    with pytest.raises(DeSplatError, match="stopped after 1 of 3 steps"):
+        train_and_score("desplat", [*places, *options, "robustnerf-data"], tmp_path / "pictures")
+    assert not (tmp_path / "pictures").exists()
+
+
+def test_as_many_steps_as_were_wanted_are_enough():
+    check_complete(3, 3)
+    with pytest.raises(DeSplatError, match="after 0 of 3"):
+        check_complete(0, 3)
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+def test_reading_photos_and_the_last_checkpoint_are_no_training(
+    tiny_scene: Scene, tmp_path: Path, monkeypatch
+):
+    """Both take an hour of a clock that is set forward meanwhile."""
+    forward = [0.0]
+
+    def slow(cls: type, name: str) -> None:
+        usual = getattr(cls, name)
+
+        def slowly(*arguments: Any, **more: Any) -> Any:
+            forward[0] += 3600
+            return usual(*arguments, **more)
+
+        monkeypatch.setattr(cls, name, slowly)
+
+    def now() -> float:
+        return time.perf_counter() + forward[0]
+
+    slow(DeSplatDataManager, "_load_images")
+    slow(DeSplatTrainer, "save_checkpoint")
+    clock = SimpleNamespace(perf_counter=now, process_time=time.process_time)
+    monkeypatch.setattr(curve, "time", clock)
+    options = ["--data", str(tiny_scene.folder), "--output-dir", str(tmp_path)]
+    options += ["--max-num-iterations", "3", "--pipeline.model.num-downscales", "0", *QUIET]
+    found = train_and_score("desplat", [*options, "robustnerf-data"], tmp_path / "pictures")
+    assert forward[0] >= 2 * 3600
+    assert 0 < found["figures"]["train_wall_seconds"] < 3600
