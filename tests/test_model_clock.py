@@ -85,6 +85,7 @@ def test_a_run_of_1000_steps_has_the_events_that_a_hand_counts(monkeypatch):
     assert model.layer is not None
     scene = Scene()
     scene.strategy = model.strategy  # pyright: ignore[reportAttributeAccessIssue]
+    scene.state = model.strategy.initialize_state()
     note(strategy, "refine", "refined")
     note(strategy, "reset_opa", "reset")
     note(densification, "refine", "of view")
