@@ -288,8 +288,13 @@ class DeSplatModel(StaticModel):
 
     def get_extra_state(self) -> dict[str, Any]:
         """What a checkpoint holds besides parameters: densification's running statistics."""
-        return {"static_strategy": dict(self.strategy_state)}
+        state: dict[str, Any] = {"static_strategy": dict(self.strategy_state)}
+        if self.layer is not None:
+            state["distractor_clock"] = dict(self.layer.densifier.clock)
+        return state
 
     def set_extra_state(self, state: dict[str, Any]) -> None:
         """Take up what `get_extra_state` gave."""
         self.strategy_state = to_device(state["static_strategy"], self.device)
+        if self.layer is not None:
+            self.layer.densifier.clock.update(state["distractor_clock"])
