@@ -18,6 +18,7 @@ from desplat_ns.backend.ssim import ssim_of_planes
 from desplat_ns.gaussians.activation import RawParameters, resize_rows
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.memory import GaussianMemory
+from desplat_ns.gaussians.room import most_in_memory
 from desplat_ns.gaussians.seed_points import check_seed_points, clamp_seed_scales
 from desplat_ns.gaussians.strategy import UNLIMITED, StaticStrategy
 from desplat_ns.lit_model import LitModel, LitModelConfig
@@ -67,8 +68,8 @@ class StaticModelConfig(LitModelConfig):
     fewer, their degree is lowered. 0: `sh_degree` as it is, as in the paper."""
     gaussians_per_pixel: float = ranged(0.0, "[0, inf)")
     """Static Gaussians at most, per pixel of all training photos together: more than the photos can
-    hold in place become floaters. 0 for no limit, as in the paper. A capture that starts with more
-    keeps those, but does not grow."""
+    hold in place become floaters. 0 for no such limit, as in the paper. In any case at most as many
+    as fit into memory. A capture that starts with more keeps those, but does not grow."""
     opacity_prior: float = ranged(0.0, "[0, inf)")
     """Weight of the mean opacity of the static Gaussians that a photo shows, divided by the number
     of training photos: the fewer there are, the more it says beside them. What no photo needs fades
@@ -107,15 +108,16 @@ class StaticModelConfig(LitModelConfig):
         steps = self.reset_alpha_every * SPLATFACTOS_INTERVAL
         return steps if steps > 0 else UNLIMITED
 
-    def most_gaussians(self, pixels: int) -> int:
+    def most_gaussians(self, pixels: int, device: str | torch.device) -> int:
         """Static Gaussians beyond which the set does not grow.
 
         Args:
             pixels: of all training photos together.
+            device: in whose memory they have to fit.
         """
-        return (
-            round(self.gaussians_per_pixel * pixels) if self.gaussians_per_pixel > 0 else UNLIMITED
-        )
+        wanted = self.gaussians_per_pixel * pixels
+        room = most_in_memory(device)
+        return min(round(wanted), room) if self.gaussians_per_pixel > 0 else room
 
 
 class StaticModel(LitModel):
@@ -152,7 +154,7 @@ class StaticModel(LitModel):
             pause_refine_after_reset=pause_after_reset(
                 self.num_train_data, config.reset_every, self.clock.scale
             ),
-            most=config.most_gaussians(pixels),
+            most=config.most_gaussians(pixels, self.kwargs.get("device", "cpu")),
             cull_to_the_end=config.cull_to_the_end,
             verbose=False,
         )

@@ -1,8 +1,10 @@
 """What a run of a length, on a number of views, makes of the settings."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
+import psutil
 import pytest
 
 from desplat_ns.errors import ConfigError
@@ -87,8 +89,24 @@ def test_half_of_the_time_between_two_resets_at_least_is_sampled(steps, views):
 
 
 def test_the_capture_says_how_many_gaussians_it_can_hold():
-    assert DeSplatModelConfig(gaussians_per_pixel=0.025).most_gaussians(40 * 135 * 240) == 32_400
-    assert DeSplatModelConfig().most_gaussians(1000) == UNLIMITED
+    config = DeSplatModelConfig(gaussians_per_pixel=0.025)
+    assert config.most_gaussians(40 * 135 * 240, "cpu") == 32_400
+
+
+@pytest.mark.parametrize("per_pixel", [0.0, 0.05])
+def test_memory_is_a_ceiling_whatever_the_capture_could_hold(per_pixel, monkeypatch):
+    """2,000 photos of 1600 x 1200 could hold 192 million; 16 GB have room for a few."""
+    memory = SimpleNamespace(total=16 * 10**9)
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: memory)
+    most = DeSplatModelConfig(gaussians_per_pixel=per_pixel).most_gaussians(
+        2000 * 1600 * 1200, "cpu"
+    )
+    parameters_and_moments = 3 * 59 * 4  # bytes: no run can do with fewer
+    assert most * parameters_and_moments < memory.total / 2
+    assert 10**6 < most < 10**7
+    memory.total *= 2
+    doubled = DeSplatModelConfig(gaussians_per_pixel=per_pixel).most_gaussians(10**12, "cpu")
+    assert doubled == pytest.approx(2 * most, abs=1)
 
 
 @pytest.mark.parametrize(
