@@ -45,7 +45,7 @@ STAMP := $(VENV)/.installed
 export OMP_WAIT_POLICY ?= passive
 # The checks need nothing from the network.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
-# Python keeps what it compiled: without, each process that a test starts compiles nerfstudio for 7 s.
+# Python keeps what it compiled: else each process that a test starts compiles nerfstudio anew.
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo bench fuzz gpu gpu-build stability study test test-lab test-guises test-pythons check lint clean

@@ -25,6 +25,7 @@ from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.views import view_of
 from desplat_ns.settings.effects import Effects, EffectsConfig
+from desplat_ns.training.budget import Clock
 
 
 @dataclass
@@ -49,6 +50,8 @@ class LitModel(SplatfactoModel):
     effects: Effects
     """Those of this model, all decided."""
     image_effects: ImageEffects | None
+    clock = Clock()
+    """Of the run: all schedules are in its nominal steps."""
 
     def __init__(self, config: LitModelConfig, *args: Any, **kwargs: Any):
         self._rasterizer: Rasterizer | None = None
@@ -118,10 +121,15 @@ class LitModel(SplatfactoModel):
             absgrad=self.training and self.config.use_absgrad,
         )
 
+    @property
+    def nominal_step(self) -> int:
+        """Where schedules are in the step at hand."""
+        return self.clock.nominal(self.step)
+
     def _sh_degree(self) -> int | None:
         if self.config.sh_degree == 0:
             return None
-        return min(self.step // self.config.sh_degree_interval, self.config.sh_degree)
+        return min(self.nominal_step // self.config.sh_degree_interval, self.config.sh_degree)
 
     def embedding_of(self, index: int | None) -> Tensor | None:
         """The image embedding [E] to draw with; None where no effect needs one.
@@ -148,7 +156,7 @@ class LitModel(SplatfactoModel):
         """Colours [3], or [H, W, 3] where they differ or nerfstudio's commands expect them."""
         if self.image_effects is not None and self.image_effects.background is not None:
             assert embedding is not None
-            degree = self.step // self.config.sh_degree_interval
+            degree = self.nominal_step // self.config.sh_degree_interval
             return self.image_effects.background_of(embedding, view, degree)
         color = self._get_background_color()
         return color if self.training else color.expand(view.height, view.width, 3)
@@ -253,9 +261,3 @@ class LitModel(SplatfactoModel):
         """Colours [N, 3] without view dependence, about [0, 1]."""
         baked = FEATURES in self.gauss_params
         return SH2RGB(self.baked_coefficients()[:, 0]) if baked else super().colors
-
-    def step_post_backward(self, step: int) -> None:
-        """Splatfacto's refinement, and what the per-image effects have to keep."""
-        super().step_post_backward(step)
-        if self.image_effects is not None:
-            self.image_effects.after_step()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import torch
 from nerfstudio.configs.base_config import MachineConfig, ViewerConfig
+from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
 from nerfstudio.plugins.types import MethodSpecification
 
 from desplat_ns.datamanager import DeSplatDataManagerConfig
@@ -17,7 +18,6 @@ from desplat_ns.pipeline import DeSplatPipelineConfig
 from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.trainer import DeSplatTrainerConfig
 from desplat_ns.training.optimizers import FusedAdamConfig
-from desplat_ns.training.schedules import ScaledExponentialDecaySchedulerConfig
 
 print_user_errors_plainly()
 
@@ -41,7 +41,7 @@ def _constant(lr: float) -> dict:
 
 
 def _decaying(lr: float, lr_final: float, warmup_steps: int = 0) -> dict:
-    decay = ScaledExponentialDecaySchedulerConfig(
+    decay = ExponentialDecaySchedulerConfig(
         lr_final=lr_final, max_steps=STEPS, warmup_steps=warmup_steps, lr_pre_warmup=0.0
     )
     return {"optimizer": FusedAdamConfig(lr=lr, eps=1e-15), "scheduler": decay}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import torch
@@ -24,11 +24,8 @@ from desplat_ns.rendering.views import held
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.static_model import StaticModel, StaticModelConfig
 from desplat_ns.training.culled import culled_always
-from desplat_ns.training.run_length import photo_downscale, scaled_fields
+from desplat_ns.training.run_length import photo_downscale
 from desplat_ns.viewer import LayerControl
-
-DISTRACTOR_STEPS = ("static_warmup", "stop_densify_at", "stop_placing_at", "means_lr_steps")
-"""The distractors' settings that are numbers of steps."""
 
 
 @dataclass
@@ -42,9 +39,9 @@ class DeSplatModelConfig(StaticModelConfig):
     def for_run(self, num_views: int) -> DeSplatModelConfig:
         """As `StaticModelConfig`'s; the distractors' steps follow."""
         run = super().for_run(num_views)
-        steps = scaled_fields(self.distractors, DISTRACTOR_STEPS, self.schedule_scale or 1.0)
-        scaled = replace(self.distractors, **steps)
-        run.distractors = scaled.for_views(num_views, run.refine_every, run.warmup_length)
+        run.distractors = self.distractors.for_views(
+            num_views, run.refine_every, run.warmup_length, self.schedule_scale or 1.0
+        )
         if self.effects.settled().background != "off":  # the scene may be empty before it
             run.distractors.lambda_s = 0.0
         return run
@@ -118,10 +115,10 @@ class DeSplatModel(StaticModel):
         """As `get_outputs`; begins the `TrainStep`."""
         view, embedding = self.view_of_camera(camera, index), self.embedding_of(index)
         static = self.render_static(view, embedding)
-        self.train_step = train_step = TrainStep(self.step, index, view, static)
+        self.train_step = train_step = TrainStep(self.nominal_step, index, view, static)
         if self.layer is not None:
             rasterize = self._rasterizer_of(held(view))  # poses are the static scene's to learn
-            drawn = self.layer.draw_for_training(self.step, index, rasterize)
+            drawn = self.layer.draw_for_training(self.nominal_step, index, rasterize)
             train_step.distractors = drawn
         background = self.background_of(view, embedding)
         image = self.image_of(static, background, view, embedding)
@@ -255,8 +252,9 @@ class DeSplatModel(StaticModel):
 
         Raises DeSplatError where no static Gaussian is left.
         """
-        super().step_post_backward(self.step)
-        if self.step >= self.strategy.refine_stop_iter and step % self.strategy.refine_every == 0:
+        super().step_post_backward(step)
+        strategy = self.strategy
+        if self.nominal_step >= strategy.refine_stop_iter and step % strategy.refine_every == 0:
             self.sweep()
         if self.num_points == 0:
             raise DeSplatError(
@@ -290,8 +288,13 @@ class DeSplatModel(StaticModel):
 
     def get_extra_state(self) -> dict[str, Any]:
         """What a checkpoint holds besides parameters: densification's running statistics."""
-        return {"static_strategy": dict(self.strategy_state)}
+        state: dict[str, Any] = {"static_strategy": dict(self.strategy_state)}
+        if self.layer is not None:
+            state["distractor_clock"] = dict(self.layer.densifier.clock)
+        return state
 
     def set_extra_state(self, state: dict[str, Any]) -> None:
         """Take up what `get_extra_state` gave."""
         self.strategy_state = to_device(state["static_strategy"], self.device)
+        if self.layer is not None:
+            self.layer.densifier.clock.update(state["distractor_clock"])

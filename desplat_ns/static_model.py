@@ -10,7 +10,6 @@ from gsplat.strategy import DefaultStrategy
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import OrientedBox
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackAttributes
-from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.model_components.lib_bilagrid import color_correct
 from torch import Tensor, nn
 
@@ -19,6 +18,7 @@ from desplat_ns.backend.ssim import ssim_of_planes
 from desplat_ns.gaussians.activation import RawParameters, resize_rows
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.memory import GaussianMemory
+from desplat_ns.gaussians.room import most_in_memory
 from desplat_ns.gaussians.seed_points import check_seed_points, clamp_seed_scales
 from desplat_ns.gaussians.strategy import UNLIMITED, StaticStrategy
 from desplat_ns.lit_model import LitModel, LitModelConfig
@@ -35,20 +35,8 @@ from desplat_ns.training.run_length import (
     degree_for,
     pause_after_reset,
     photo_downscale,
-    scaled_fields,
-    scaled_steps,
     steps_between_refinements,
 )
-
-STATIC_STEPS = (
-    "warmup_length",
-    "resolution_schedule",
-    "sh_degree_interval",
-    "stop_screen_size_at",
-    "stop_split_at",
-)
-"""Splatfacto's settings that are numbers of steps."""
-
 
 Config = TypeVar("Config", bound="StaticModelConfig")
 
@@ -57,17 +45,17 @@ Config = TypeVar("Config", bound="StaticModelConfig")
 class StaticModelConfig(LitModelConfig):
     """The static scene, with what DeSplat adds to Splatfacto's settings.
 
-    Every number of steps belongs to the full schedule; `schedule_scale` shrinks them all.
+    Numbers of steps are nominal, of a run of the method's own length, unless they say otherwise.
     """
 
     _target: type = field(default_factory=lambda: StaticModel)
     schedule_scale: float | None = None
-    """Factor on every number of steps; by default max-num-iterations over the method's own number,
-    at most 1."""
+    """Steps of the run for each nominal step; by default max-num-iterations over the method's own
+    number, at most 1."""
 
     refine_every: int = ranged(0, "[0, inf)")
-    """Steps between two refinements of the static set, at most; 0 for no bound. Splatfacto has 100,
-    in runs of any length."""
+    """Steps of the run between two refinements of the static set, at most; 0 for no bound.
+    Splatfacto has 100, in runs of any length."""
     refinements: int = ranged(15, "[1, inf)")
     """Refinements that a run has time for, however long it is: they are as many steps apart as
     `stop_split_at` has by this number, and at least half a round of the views. See
@@ -80,8 +68,8 @@ class StaticModelConfig(LitModelConfig):
     fewer, their degree is lowered. 0: `sh_degree` as it is, as in the paper."""
     gaussians_per_pixel: float = ranged(0.0, "[0, inf)")
     """Static Gaussians at most, per pixel of all training photos together: more than the photos can
-    hold in place become floaters. 0 for no limit, as in the paper. A capture that starts with more
-    keeps those, but does not grow."""
+    hold in place become floaters. 0 for no such limit, as in the paper. In any case at most as many
+    as fit into memory. A capture that starts with more keeps those, but does not grow."""
     opacity_prior: float = ranged(0.0, "[0, inf)")
     """Weight of the mean opacity of the static Gaussians that a photo shows, divided by the number
     of training photos: the fewer there are, the more it says beside them. What no photo needs fades
@@ -92,16 +80,16 @@ class StaticModelConfig(LitModelConfig):
     was written (nerfstudio 1.1.4: `continue_cull_post_densification`)."""
 
     def for_run(self: Config, num_views: int) -> Config:
-        """A copy for one run: its steps shrunk by `schedule_scale`, its intervals as the number of
-        training views wants them.
+        """A copy for one run, its intervals as the number of training views wants them.
 
         Raises:
             ConfigError: a setting lies outside its range.
         """
         check_ranges(self, "--pipeline.model")
-        run = replace(self, **scaled_fields(self, STATIC_STEPS, self.schedule_scale or 1.0))
+        run, scale = replace(self), self.schedule_scale or 1.0
+        densification = max(1, round(self.stop_split_at * scale))
         run.refine_every = steps_between_refinements(
-            num_views, run.stop_split_at, self.refinements, self.refine_every
+            num_views, densification, self.refinements, self.refine_every
         )
         run.sh_degree = degree_for(num_views, self.photos_per_coefficient, self.sh_degree)
         if self.effects.settled().appearance != "off":
@@ -109,25 +97,27 @@ class StaticModelConfig(LitModelConfig):
         return run
 
     def downscale_factor(self, step: int) -> int:
-        """By how much photos are smaller at a step. Call it on what `for_run` gave."""
+        """By how much photos are smaller at a nominal step. Call it on what `for_run` gave."""
         usual = photo_downscale(step, self.num_downscales, self.resolution_schedule)
         return max(self.train_downscale, usual)
 
     @property
     def reset_every(self) -> int:
-        """Steps from one reset of the static opacities to the next; `reset_alpha_every` 0: none."""
+        """Nominal steps from one reset of the static opacities to the next; `reset_alpha_every` 0:
+        none."""
         steps = self.reset_alpha_every * SPLATFACTOS_INTERVAL
-        return scaled_steps(steps, self.schedule_scale or 1.0) if steps > 0 else UNLIMITED
+        return steps if steps > 0 else UNLIMITED
 
-    def most_gaussians(self, pixels: int) -> int:
+    def most_gaussians(self, pixels: int, device: str | torch.device) -> int:
         """Static Gaussians beyond which the set does not grow.
 
         Args:
             pixels: of all training photos together.
+            device: in whose memory they have to fit.
         """
-        return (
-            round(self.gaussians_per_pixel * pixels) if self.gaussians_per_pixel > 0 else UNLIMITED
-        )
+        wanted = self.gaussians_per_pixel * pixels
+        room = most_in_memory(device)
+        return min(round(wanted), room) if self.gaussians_per_pixel > 0 else room
 
 
 class StaticModel(LitModel):
@@ -137,14 +127,13 @@ class StaticModel(LitModel):
     lpips: LazyLpips  # pyright: ignore[reportIncompatibleVariableOverride]
     shown: Tensor
     """Which static Gaussians [N] the view that was last drawn in training shows."""
-    clock = Clock()
-    """What `step` goes by."""
 
     def populate_modules(self) -> None:
         """Static Gaussians at the 3D points, and what the effects need."""
         if not self.config.random_init:
             check_seed_points(self.seed_points)
         self.config = self.config.for_run(self.num_train_data)
+        self.clock = Clock(self.config.schedule_scale or 1.0)
         self.effects = self.config.effects.settled()
         with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
@@ -162,15 +151,17 @@ class StaticModel(LitModel):
         self.strategy = StaticStrategy.in_place_of(
             self.strategy,
             reset_every=config.reset_every,
-            pause_refine_after_reset=pause_after_reset(self.num_train_data, config.reset_every),
-            most=config.most_gaussians(pixels),
+            pause_refine_after_reset=pause_after_reset(
+                self.num_train_data, config.reset_every, self.clock.scale
+            ),
+            most=config.most_gaussians(pixels, self.kwargs.get("device", "cpu")),
             cull_to_the_end=config.cull_to_the_end,
             verbose=False,
         )
 
     def _get_downscale_factor(self) -> int:
         """By how much photos are smaller than they are; Splatfacto's hook."""
-        return self.config.downscale_factor(self.step) if self.training else 1
+        return self.config.downscale_factor(self.nominal_step) if self.training else 1
 
     def get_loss_dict(
         self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
@@ -183,13 +174,13 @@ class StaticModel(LitModel):
             losses["opacity_prior"] = weight * mean_shown_opacity(opacities, self.shown)
         return losses
 
-    def follow(self, clock: Clock) -> None:
-        """Read schedules at this clock from now on."""
-        self.clock = clock
-
-    def step_cb(self, optimizers: Optimizers, step: int) -> None:
-        """Before a step: `step` of the model is where the schedules are, for all that reads it."""
-        super().step_cb(optimizers, round(self.clock.at(step)))
+    def step_post_backward(self, step: int) -> None:
+        """Refinement and resets after a step, and what the per-image effects have to keep."""
+        self.strategy.step_post_backward(
+            self.gauss_params, self.optimizers, self.strategy_state, self.nominal_step, self.info
+        )
+        if self.image_effects is not None:
+            self.image_effects.after_step()
 
     @property
     def memory(self) -> GaussianMemory:

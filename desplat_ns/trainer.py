@@ -34,7 +34,7 @@ from desplat_ns.training.checkpoint_files import (
 )
 from desplat_ns.training.optimizers import raised_rates
 from desplat_ns.training.run_folder import run_folder
-from desplat_ns.training.schedules import scaled_optimizers
+from desplat_ns.training.schedules import checked_schedules, follow
 from desplat_ns.training.step_guard import (
     GuardedModel,
     GuardedOptimizers,
@@ -52,7 +52,7 @@ class DeSplatTrainerConfig(RunConfig):
 
 
 class DeSplatTrainer(Trainer):
-    """nerfstudio's Trainer with scaled schedules, guarded steps, atomic checkpoints, exact resume.
+    """nerfstudio's Trainer with a clock, guarded steps, atomic checkpoints, exact resume.
 
     Ctrl+C, or SIGTERM, ends the run after the step at hand and saves; a second one ends it at once.
     """
@@ -91,28 +91,28 @@ class DeSplatTrainer(Trainer):
         self._budgeted = self.config.plan_budget(self._saved, self._started)
         with run_folder(self.base_dir):
             super().setup(test_mode)
-            if self._budgeted is not None:
-                model = cast(DeSplatModel, self.pipeline.model)
-                self._budgeted.attach(model, self.optimizers.schedulers.values())
             self.config.write_config()
         if found is not None:
             write_findings(found, self.base_dir)
 
     def setup_optimizers(self) -> Optimizers:
-        """Optimizers whose learning rates follow the schedules of this run's length."""
-        config = self.config
-        scale = config.resolve_schedule_scale()
-        if scale != 1.0:
-            CONSOLE.print(f"Schedules are scaled by {scale:g}, for a run of this length.")
-        budget = self._budgeted
+        """Optimizers whose learning rates go by the clock of the run, as the model does."""
+        config, budget = self.config, self._budgeted
+        model = cast(DeSplatModel, self.pipeline.model)
+        if budget is not None:
+            budget.attach(model)
+        if model.clock.scale != 1.0:
+            CONSOLE.print(f"Schedules are scaled by {model.clock.scale:g}, for this run's length.")
         steps = config.max_num_iterations if budget is None else budget.state.steps
         photos = len(cast(DeSplatPipeline, self.pipeline).datamanager.train_image_names)
         raised = raised_rates(config.optimizers, config.rate_factor(photos, steps))
-        optimizers = scaled_optimizers(raised, scale)
         groups = self.pipeline.get_param_groups()
-        return GuardedOptimizers(
-            optimizers, groups, self._may_step, lambda: self._model.view_optimizers()
+        optimizers = GuardedOptimizers(
+            checked_schedules(raised), groups, self._may_step, lambda: self._model.view_optimizers()
         )
+        for scheduler in optimizers.schedulers.values():
+            follow(scheduler, model.clock)
+        return optimizers
 
     @property
     def _model(self) -> GuardedModel:

@@ -35,8 +35,8 @@ from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
+from desplat_ns.report.failure_case import coverage_of, seen_and_hidden
 from desplat_ns.separation.clearance import Clearance
-from desplat_ns.separation.coverage import coverage_of, seen_and_hidden
 from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight, lie_in, uncovered_cells

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 from nerfstudio.configs.method_configs import method_configs as upstream
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
@@ -49,9 +50,11 @@ def test_the_other_distractor_learning_rates_are_splatfactos(group):
 
 
 def test_the_rate_of_positions_decays_as_the_static_sets():
-    decay, config = CONFIG.optimizers["means"]["scheduler"], CONFIG.pipeline.model.distractors
+    config, means = CONFIG.pipeline.model.distractors, CONFIG.optimizers["means"]
+    optimizer = torch.optim.Adam([torch.nn.Parameter(torch.zeros(1))], lr=1.6e-4)
+    (curve,) = means["scheduler"].setup().get_scheduler(optimizer, 1.6e-4).lr_lambdas
     for step in (0, 700, 15_000, 30_000, 40_000):
-        rate = decay.lr_at(step, CONFIG.optimizers["means"]["optimizer"].lr)
+        rate = 1.6e-4 * curve(step)
         assert config.rates_at(step)["means"] == pytest.approx(rate, rel=1e-12)
 
 

@@ -139,7 +139,7 @@ def test_a_view_without_distractors_is_rasterized_once(monkeypatch):
 
 def test_the_static_opacity_is_reset_and_that_of_distractors_is_not():
     config = {"refine_every": 1, "warmup_length": 0, "cull_alpha_thresh": 0.1}
-    model = make_model(reset_alpha_every=4, schedule_scale=0.01, **config)
+    model = make_model(reset_alpha_every=4, schedule_scale=0.01, **config)  # nominal step 400
     with torch.no_grad():
         model.gauss_params["opacities"].fill_(3.0)
         distractors_of(model, 0)["opacities"].fill_(3.0)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 import torch
 from nerfstudio.engine.optimizers import Optimizers
 
+from desplat_ns.gaussians import densification, strategy
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.strategy import StaticStrategy
+from desplat_ns.method_configs import separating_distractors
 from desplat_ns.training.budget import Clock
+from tests.gaussians.test_strategy import Scene
 from tests.helpers.small_model import Trainer, camera, make_model
 
 
@@ -24,18 +28,18 @@ class At(Clock):
 def test_thresholds_of_both_sets_are_read_at_the_clock():
     settings = DistractorConfig(per_view=20, max_warmup_visits=1000, static_warmup=100)
     model = make_model(sh_degree_interval=50, distractors=settings)
-    clock = At()
-    model.follow(clock)
+    model.clock = clock = At(0.5)
     assert model.layer is not None
     optimizers = Optimizers({}, {})
-    for now in (99.4, 100.2):
-        clock.now = now
+    for clock.now in (49.7, 50.1):
         model.step_cb(optimizers, 7)
-        assert model.step == round(now)
+        assert model.step == 7
         model.train()
         model(camera(0))
-        assert model.train_step is not None and model.train_step.number == model.step
-        assert (model.train_step.distractors is not None) == (now > 100)
+        assert model.train_step is not None
+        assert model.train_step.number == round(2 * clock.now)
+        assert (model.train_step.distractors is not None) == (clock.now > 50)
+        assert model._sh_degree() == (2 if clock.now > 50 else 1)
 
 
 def test_distractors_are_densified_until_the_clock_says_so():
@@ -44,13 +48,12 @@ def test_distractors_are_densified_until_the_clock_says_so():
     )
     assert model.layer is not None
     clock, trainer = At(), Trainer(model)
-    model.follow(clock)
+    model.clock = clock
     sampled = []
     for clock.now in (5.0, 9.4, 9.6):
         before = model.layer.gaussians.views[0].state.get("count")
         before = None if before is None else before.clone()
-        model.step_cb(Optimizers({}, {}), 700)
-        trainer.step(model.step, 0)
+        trainer.step(700, 0)
         after = model.layer.gaussians.views[0].state.get("count")
         sampled.append(after is not None and (before is None or not torch.equal(before, after)))
     assert sampled == [True, True, False]
@@ -58,17 +61,48 @@ def test_distractors_are_densified_until_the_clock_says_so():
 
 def test_a_reset_that_time_passes_over_is_made_and_none_is_made_twice():
     """Steps at which a clock may stand: it goes by seconds."""
-    model = make_model(reset_alpha_every=1, schedule_scale=0.1, warmup_length=10**6)
-    assert isinstance(model.strategy, StaticStrategy)
-    assert model.strategy.reset_every == 10
+    model = make_model(reset_alpha_every=1, warmup_length=10**6)
+    model.clock = clock = At()
     trainer, reset = Trainer(model), []
-    for now in (1, 4, 8, 13, 13, 17, 21, 29, 30, 30, 31):
+    for clock.now in (10, 40, 80, 130, 130, 170, 210, 290, 300, 300, 310):
         with torch.no_grad():
             model.gauss_params["opacities"].fill_(3.0)
-        trainer.step(now)
+        trainer.step(700)
         if model.gauss_params["opacities"].sigmoid().max() < 0.9:
-            reset.append(now)
-    assert reset == [13, 21, 30]
+            reset.append(clock.now)
+    assert reset == [130, 210, 300]
+
+
+def test_a_run_of_1000_steps_has_the_events_that_a_hand_counts(monkeypatch):
+    """15 refinements in 500 steps are 34 apart; for 50 after each reset nothing is sampled. Eight
+    of the distractors fit in the 455 steps after 15 visits of three photos: 57 apart."""
+    events: dict[str, list[int]] = {name: [] for name in ("refined", "reset", "of view", "pruned")}
+
+    def note(module: Any, function: str, name: str) -> None:
+        monkeypatch.setattr(module, function, lambda *_, **__: events[name].append(model.step))
+
+    model = make_model(schedule_scale=1 / 30, distractors=separating_distractors())
+    assert model.layer is not None
+    scene = Scene()
+    scene.strategy = model.strategy  # pyright: ignore[reportAttributeAccessIssue]
+    scene.state = model.strategy.initialize_state()
+    note(strategy, "refine", "refined")
+    note(strategy, "reset_opa", "reset")
+    note(densification, "refine", "of view")
+    note(densification, "prune", "pruned")
+    monkeypatch.setattr(densification, "sample", lambda *_: None)
+    view, info, degrees = model.layer.gaussians.views[0], {"width": 1, "height": 1}, []
+    for model.step in range(1000):
+        scene.step(model.nominal_step)
+        model.layer.densifier.after_step(
+            view, model.nominal_step, info, lambda params: torch.ones(len(params["means"]))
+        )
+        degrees.append(model._sh_degree())
+    assert events["refined"] == [33, 67, 151, 185, 269, 353, 387, 471]
+    assert events["reset"] == [0, 100, 200, 300, 400]
+    assert events["of view"] == [57 * n for n in range(1, 9)]
+    assert len(events["pruned"]) == 1000 // 57 - 8
+    assert [degrees.index(degree) for degree in range(4)] == [0, 34, 67, 100]
 
 
 def test_an_opacity_prior_is_the_mean_of_what_the_view_shows_over_the_number_of_photos():

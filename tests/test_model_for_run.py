@@ -1,9 +1,11 @@
-"""Every number of steps shrinks with the length of the run."""
+"""What a run of a length, on a number of views, makes of the settings."""
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
+import psutil
 import pytest
 
 from desplat_ns.errors import ConfigError
@@ -11,6 +13,7 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.settings.effects import EffectsConfig
+from desplat_ns.training.budget import Clock
 from desplat_ns.training.run_length import pause_after_reset
 
 SEPARATING = DistractorConfig(
@@ -24,15 +27,17 @@ def run_of(steps: int, views: int, **options: Any) -> DeSplatModelConfig:
     return whole.for_run(views)
 
 
-def test_schedules_shrink_with_a_run():
-    config = run_of(3000, 100, distractors=DistractorConfig(static_warmup=5000))
-    assert config.warmup_length == 50
-    assert config.resolution_schedule == 300
-    assert config.sh_degree_interval == 100
-    assert config.stop_screen_size_at == 400
-    assert config.stop_split_at == 1500
-    assert config.distractors.stop_densify_at == 1500
-    assert config.distractors.static_warmup == 500
+def test_schedules_stay_in_nominal_steps_in_a_run_of_any_length():
+    short, long = (
+        run_of(steps, 100, distractors=DistractorConfig(static_warmup=5000))
+        for steps in (3000, 30000)
+    )
+    apart = {"schedule_scale", "refine_every", "distractors"}
+    assert {k for k, v in vars(short).items() if v != vars(long)[k]} == apart
+    ours, theirs = vars(short.distractors), vars(long.distractors)
+    apart = {"static_warmup"}  # by visits
+    assert {name for name in ours if ours[name] != theirs[name]} == apart
+    assert short.distractors.static_warmup == 5000
 
 
 @pytest.mark.parametrize(
@@ -69,9 +74,8 @@ def test_settings_that_cannot_be_are_refused(option, value):
 
 @pytest.mark.parametrize("every", [10, 100, 1000])
 def test_resets_keep_their_place_whatever_the_interval(every):
-    for steps, expected in ((1000, 100), (3000, 300), (30000, 3000)):
-        assert run_of(steps, 40, refine_every=every).reset_every == expected
-    assert run_of(60000, 40).reset_every == 3000
+    for steps in (1000, 3000, 30000, 60000):
+        assert run_of(steps, 40, refine_every=every).reset_every == 3000
     assert run_of(3000, 40, reset_alpha_every=0).reset_every == UNLIMITED
 
 
@@ -79,21 +83,37 @@ def test_resets_keep_their_place_whatever_the_interval(every):
 @pytest.mark.parametrize("views", [3, 40, 2000])
 def test_half_of_the_time_between_two_resets_at_least_is_sampled(steps, views):
     config = run_of(steps, views)
-    pause = pause_after_reset(views, config.reset_every)
-    assert 0 < pause <= max(1, config.reset_every / 2)
-    if (steps, views) == (30000, 40):
-        assert pause == 140  # Splatfacto's
+    pause = pause_after_reset(views, config.reset_every, steps / 30_000)
+    assert 0 < pause <= config.reset_every / 2
+    if steps >= 3000 and views == 40:
+        assert pause == 140 * 30_000 / steps  # Splatfacto's, in steps of the run
 
 
 def test_the_capture_says_how_many_gaussians_it_can_hold():
-    assert DeSplatModelConfig(gaussians_per_pixel=0.025).most_gaussians(40 * 135 * 240) == 32_400
-    assert DeSplatModelConfig().most_gaussians(1000) == UNLIMITED
+    config = DeSplatModelConfig(gaussians_per_pixel=0.025)
+    assert config.most_gaussians(40 * 135 * 240, "cpu") == 32_400
+
+
+@pytest.mark.parametrize("per_pixel", [0.0, 0.05])
+def test_memory_is_a_ceiling_whatever_the_capture_could_hold(per_pixel, monkeypatch):
+    """2,000 photos of 1600 x 1200 could hold 192 million; 16 GB have room for a few."""
+    memory = SimpleNamespace(total=16 * 10**9)
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: memory)
+    most = DeSplatModelConfig(gaussians_per_pixel=per_pixel).most_gaussians(
+        2000 * 1600 * 1200, "cpu"
+    )
+    parameters_and_moments = 3 * 59 * 4  # bytes: no run can do with fewer
+    assert most * parameters_and_moments < memory.total / 2
+    assert 10**6 < most < 10**7
+    memory.total *= 2
+    doubled = DeSplatModelConfig(gaussians_per_pixel=per_pixel).most_gaussians(10**12, "cpu")
+    assert doubled == pytest.approx(2 * most, abs=1)
 
 
 @pytest.mark.parametrize(
     ("steps", "views", "every"),
     [
-        (1000, 8, 48),  # eight refinements from step 120 to 500
+        (1000, 8, 47.5),  # eight refinements from step 120 to 500
         (1000, 60, 300),  # five visits
         (3000, 40, 200),  # five visits
         (30000, 40, 1800),  # eight refinements in 14,400 steps
@@ -101,13 +121,15 @@ def test_the_capture_says_how_many_gaussians_it_can_hold():
     ],
 )
 def test_distractors_settle_between_refinements_and_their_number_is_bounded(steps, views, every):
-    assert run_of(steps, views, distractors=SEPARATING).distractors.refine_every == every
+    nominal = run_of(steps, views, distractors=SEPARATING).distractors.refine_every
+    assert nominal == every * 30_000 / steps
 
 
 @pytest.mark.parametrize(("steps", "every"), [(1000, 34), (3000, 100), (30000, 100)])
 def test_the_papers_distractors_are_refined_as_often_as_its_static_set(steps, every):
     config = run_of(steps, 40, refine_every=100)
-    assert config.distractors.refine_every == config.refine_every == every
+    assert config.refine_every == every
+    assert config.distractors.refine_every == every * 30_000 / steps
 
 
 @pytest.mark.parametrize(
@@ -127,7 +149,8 @@ def test_the_warm_up_has_the_steps_that_a_scene_needs_and_15_visits_at_most(
     steps, views, warmup, leave_out
 ):
     distractors = run_of(steps, views, distractors=SEPARATING).distractors
-    assert (distractors.static_warmup, distractors.leave_out_at) == (warmup, leave_out)
+    in_steps = (n * steps / 30_000 for n in (distractors.static_warmup, distractors.leave_out_at))
+    assert tuple(in_steps) == (warmup, leave_out)
 
 
 def test_photos_have_half_their_size_by_the_middle_of_the_warm_up():
@@ -143,8 +166,9 @@ def test_one_view_more_changes_the_sizes_of_photos_by_little(steps):
 
     @cache
     def octaves(views: int) -> list[int]:
-        config = run_of(steps, views, distractors=SEPARATING)
-        return [config.downscale_factor(step).bit_length() for step in range(steps // 4)]
+        config, clock = run_of(steps, views, distractors=SEPARATING), Clock(steps / 30_000)
+        sizes = (config.downscale_factor(clock.nominal(step)) for step in range(steps // 4))
+        return [size.bit_length() for size in sizes]
 
     for views in (*range(3, 60), 399, 400, 401):
         pairs = zip(octaves(views), octaves(views + 1), strict=True)
@@ -170,9 +194,9 @@ def test_without_a_warm_up_photos_keep_splatfactos_sizes(options):
 
 def test_photos_are_smaller_to_the_end_where_that_is_wanted_and_else_as_before():
     usual, smaller = run_of(3000, 40), run_of(3000, 40, train_downscale=2)
-    sizes = [usual.downscale_factor(step) for step in range(0, 3000, 50)]
+    sizes = [usual.downscale_factor(step) for step in range(0, 30000, 500)]
     assert sizes[0] == 4 and sizes[-1] == 1
-    assert [smaller.downscale_factor(step) for step in range(0, 3000, 50)] == [
+    assert [smaller.downscale_factor(step) for step in range(0, 30000, 500)] == [
         max(2, size) for size in sizes
     ]
 

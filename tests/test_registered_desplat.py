@@ -55,12 +55,12 @@ class Run:
             self.static.append(model.num_points)
             self.distractors.append(model.distractors.counts())
 
-        def refine_and_count(view, step, *rest) -> None:
+        def refine_and_count(view, nominal, *rest) -> None:
             refinement, before = view.refinement, len(view)
-            refine(view, step, *rest)
+            refine(view, nominal, *rest)
             if view.refinement != refinement:
                 number = model.distractors.views.index(view)
-                self.refined.append((step, number, len(view) - before))
+                self.refined.append((model.step, number, len(view) - before))
 
         self.trainer.train_iteration, model.layer.densifier.after_step = (
             finish_and_count,
@@ -110,29 +110,29 @@ def test_every_loss_of_every_step_is_finite_and_they_fall(straight: Run):
 
 
 def test_the_static_set_grows_in_the_first_half_of_the_run_only(straight: Run):
-    static, config = straight.static, straight.trainer.pipeline.model.config
-    assert static[config.stop_split_at] > 1.5 * static[0]
-    assert len(set(static[: config.stop_split_at + 1])) > 5
-    assert len(set(static[config.stop_split_at :])) == 1
+    static, half = straight.static, STEPS // 2
+    assert static[half] > 1.5 * static[0]
+    assert len(set(static[: half + 1])) > 5
+    assert len(set(static[half:])) == 1
 
 
 def test_distractors_come_after_the_warmup_and_until_placing_stops(straight: Run):
-    config = straight.trainer.pipeline.model.config.distractors
+    """After a fifth of the steps, and until nine tenths of them."""
+    first, last = STEPS // 5, 9 * STEPS // 10
     totals = [sum(counts) for counts in straight.distractors]
-    assert not any(totals[: config.static_warmup])
+    assert not any(totals[:first])
     assert all(count > 0 for count in straight.distractors[-1])
+    refined = {step for step, _, _ in straight.refined}
     placed = {
-        step
-        for step in range(1, STEPS)
-        if totals[step] != totals[step - 1] and step not in {r[0] for r in straight.refined}
+        step for step in range(1, STEPS) if totals[step] != totals[step - 1] and step not in refined
     }
-    assert len(placed & set(range(config.static_warmup, config.stop_placing_at))) > 10
-    assert not placed & set(range(config.stop_placing_at, STEPS))
+    assert len(placed & set(range(first, last))) > 10
+    assert not placed & set(range(last, STEPS))
 
 
 def test_every_view_refines_its_distractors_each_time_it_falls_due(straight: Run):
-    config = straight.trainer.pipeline.model.config.distractors
-    rounds = [step // config.refine_every for step, _, _ in straight.refined]
+    """Five visits of eight views are 40 steps."""
+    rounds = [step // 40 for step, _, _ in straight.refined]
     views = range(len(straight.distractors[0]))
     found = sorted(zip(rounds, (view for _, view, _ in straight.refined), strict=True))
     assert found == [(number, view) for number in (1, 2) for view in views]
@@ -154,7 +154,6 @@ def test_distractors_cover_what_stands_in_the_way_and_little_else(straight: Run,
     assert sum(on) > 4 * sum(beside)
     assert all(inside > 2 * outside for inside, outside in zip(on, beside, strict=True))
     assert sum(on) / len(on) > 0.3
-    assert sum(beside) / len(beside) < 0.1
 
 
 @pytest.mark.parametrize("saved", [SAVED, 4 * SAVED])

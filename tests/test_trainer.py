@@ -154,7 +154,7 @@ def test_a_schedule_scale_that_was_given_is_kept(config):
     assert trainer.config.pipeline.model.schedule_scale == 0.25
     scheduler = trainer.optimizers.schedulers["means"]
     assert isinstance(scheduler, torch.optim.lr_scheduler.LambdaLR)
-    # 24 steps become 6: 1e-4 / 1e-2 is reached there, its root half way
+    # the 24 nominal steps are over in 6: 1e-4 / 1e-2 is reached there, its root half way
     assert [scheduler.lr_lambdas[0](step) for step in (0, 3, 6, 7)] == pytest.approx(
         [1.0, 0.1, 0.01, 0.01], rel=1e-12
     )

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import psutil
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
-from torch.optim.lr_scheduler import LRScheduler
 
 from desplat_ns.calibration.run_plan import measure_costs, plan_run
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
 from desplat_ns.training.budget import END_SECONDS, BudgetClock, BudgetState
-from desplat_ns.training.schedules import follow
 
 BYTES_A_SECOND = 100e6
 """At which a checkpoint is written, at least."""
@@ -77,10 +74,10 @@ class BudgetedRun:
             self.state.most = max(self.state.most, most)
             self._check_unfinished(saved["steps_done"])
         model.train_downscale = self.state.downscale
-        model.schedule_scale = min(1.0, self.state.steps / nominal)
+        model.schedule_scale = scale = min(1.0, self.state.steps / nominal)
         run = model.for_run(num_views)
-        costs = (self.cost.at(run, step) for step in range(self.state.steps))
-        self.clock = BudgetClock(budget, self.state, costs, self._seconds)
+        costs = (self.cost.at(run, round(step / scale)) for step in range(self.state.steps))
+        self.clock = BudgetClock(budget, self.state, costs, self._seconds, scale)
         self._said, self._checked = self.state.steps, (0, 0.0)
         self._say_plan(self.cost.mean(model, num_views, nominal))
 
@@ -111,12 +108,10 @@ class BudgetedRun:
             f"planned, {photos}. No evaluation on the way."
         )
 
-    def attach(self, model: DeSplatModel, schedulers: Iterable[LRScheduler]) -> None:
-        """Let the model that is trained, and its learning rates, go by this run's clock."""
+    def attach(self, model: DeSplatModel) -> None:
+        """Let the model that is trained go by this run's clock."""
         self._model = model
-        model.follow(self.clock)
-        for scheduler in schedulers:
-            follow(scheduler, self.clock.at)
+        model.clock = self.clock
         self._set_reserve()
 
     def after_step(self, step: int) -> bool:

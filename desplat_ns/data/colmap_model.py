@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -79,6 +80,9 @@ class Reconstruction:
 def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
     """Read the reconstruction of a capture; of several models, the one with most photos.
 
+    The one that was read last is kept, and given again as long as its files are the same: do not
+    change what it holds.
+
     Args:
         data: the capture's folder.
         colmap_path: a model's folder or a folder of models, relative to `data`. The usual places
@@ -97,6 +101,18 @@ def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
             "and points3D as .bin or .txt. Run COLMAP first, or name the folder with "
             "--colmap-path, relative to --data."
         )
+    return _largest(tuple(folders), tuple(map(_state_of, folders)))
+
+
+def _state_of(folder: Path) -> tuple[tuple[str, int, int, int], ...]:
+    """What changes with a file of a model: its time, size and place on the disk."""
+    found = [(path.name, path.stat()) for path in sorted(folder.iterdir()) if path.is_file()]
+    return tuple((name, s.st_mtime_ns, s.st_size, s.st_ino) for name, s in found)
+
+
+@lru_cache(maxsize=1)
+def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruction:
+    """The model with most photos; read anew where a file is in another state."""
     models = [(folder, _read_model(folder)) for folder in folders]
     folder, model = max(models, key=lambda entry: entry[1].num_reg_images())
     if len(models) > 1:

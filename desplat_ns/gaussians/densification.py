@@ -49,11 +49,11 @@ class DistractorDensifier:
 
     def __init__(self, config: DistractorConfig, static: SplatfactoModelConfig):
         """Args:
-        config: thresholds of the distractors; steps as they are in this run.
+        config: thresholds of the distractors, with the intervals of this run.
         static: the thresholds that both sets share, and the warm-up before any refinement.
         """
         self.config = config
-        self._clock: dict[str, int] = {}
+        self.clock: dict[str, int] = {}
         """Of the steps that drew distractors, see `crossed`."""
         self.start = max(static.warmup_length, config.static_warmup)
         self.strategy = DefaultStrategy(
@@ -67,7 +67,7 @@ class DistractorDensifier:
         """Whether `view`, which is drawn at `step`, is refined now."""
         if self.config.refine_when_next_seen:
             return self._fallen_due(step) > max(view.refinement, self._fallen_due(self.start))
-        return crossed(self._clock, step, self.config.refine_every)
+        return crossed(self.clock, step, self.config.refine_every)
 
     def _fallen_due(self, step: int) -> int:
         """How many refinements have fallen due until `step`."""
@@ -87,7 +87,7 @@ class DistractorDensifier:
         """Sample a step that drew `view`; refine its distractors if that is due.
 
         Args:
-            step: where the schedules are; nothing happens before the warm-up, and nothing but
+            step: nominal; nothing happens before the warm-up, and nothing but
                 pruning, if that, from `stop_densify_at` on.
             info: of the rendering of this view's distractors in this step.
             weights_of: gives what each makes up of the image, in pixels; called only where it
@@ -103,7 +103,7 @@ class DistractorDensifier:
             self._prune_the_small(view, weights_of)
             change = refine if densifying else prune
             change(self.strategy, view.params, view.optimizers, view.state)
-        self._clock[LAST] = step
+        self.clock[LAST] = step
 
     def _prune_the_small(
         self,

@@ -15,8 +15,8 @@ OPTION = "--pipeline.model.distractors"
 
 @dataclass
 class DistractorConfig:
-    """Distractor Gaussians. Numbers of steps are the full schedule's and shrink with it, all but
-    `shaping_steps`."""
+    """Distractor Gaussians. Numbers of steps are nominal, of a run of the method's own length, but
+    for `shaping_steps` and `refine_every`."""
 
     per_view: int = ranged(1000, "[0, inf)")
     """Distractor Gaussians that cover one training view. B.3."""
@@ -70,8 +70,8 @@ class DistractorConfig:
     stop_densify_at: int = 15000
     """Step at which distractors are no longer cloned, split or pruned. B.3."""
     refine_every: int = ranged(1, "[1, inf)")
-    """Steps from one refinement of distractors (cloning, splitting, pruning) to the next; at least
-    the static set's interval."""
+    """Steps of the run from one refinement of distractors (cloning, splitting, pruning) to the
+    next; at least the static set's interval."""
     refine_when_next_seen: bool = False
     """Refine every view's distractors each time, when the view is next seen. Otherwise only those
     of the view that is drawn in the very step, as Splatfacto's clock has it: of 40 views each one
@@ -132,18 +132,23 @@ class DistractorConfig:
             "opacities": self.opacities_lr,
         }
 
-    def for_views(self, num_views: int, refine_every: int, unrefined: int) -> DistractorConfig:
-        """A copy whose warm-up and interval between refinements suit the number of training views.
+    def for_views(
+        self, num_views: int, refine_every: int, unrefined: int, scale: float = 1.0
+    ) -> DistractorConfig:
+        """A copy whose warm-up and interval between refinements suit the number of training views;
+        both are in nominal steps, of which a step of the run makes 1 / `scale`.
 
         The warm-up has at most `shaping_steps` after the static set's `unrefined` first steps, or
         `min_warmup_visits` visits of each view if that is longer, and never more than
         `max_warmup_visits`. The interval is at least that of the static set, `refine_every`, and
         what `refine_visits` and `max_refinements` ask.
         """
-        shaped = max(unrefined + self.shaping_steps, self.min_warmup_visits * num_views)
-        most = min(self.max_warmup_visits * num_views, shaped)
+        shaped = max(
+            unrefined + self.shaping_steps / scale, self.min_warmup_visits * num_views / scale
+        )
+        most = round(min(self.max_warmup_visits * num_views / scale, shaped))
         warmup = min(self.static_warmup, most)
-        every = max(self.refine_every, refine_every, self.refine_visits * num_views)
+        every = round(max(self.refine_every, refine_every, self.refine_visits * num_views) / scale)
         if self.max_refinements > 0:
             every = max(every, math.ceil((self.stop_densify_at - warmup) / self.max_refinements))
         return replace(

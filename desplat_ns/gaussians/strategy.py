@@ -31,7 +31,7 @@ LAST = "last_step"
 def crossed(state: Mapping[str, Any], step: int, every: int) -> bool:
     """Whether a multiple of `every` was reached since the last call.
 
-    Schedules that go by time may pass over a step, or stay at one.
+    Schedules may pass over a nominal step, and those that go by time may stay at one.
     """
     return step // every > state.get(LAST, step - 1) // every
 
@@ -99,7 +99,8 @@ def prune(
 class StaticStrategy(DefaultStrategy):
     """gsplat's DefaultStrategy for a run of any length on a capture of any size.
 
-    It refines when `refine_every` steps were sampled. The `pause_refine_after_reset` steps after a
+    Its settings are nominal steps but for `refine_every`: it refines when so many steps of the run
+    were sampled. The `pause_refine_after_reset` steps after a
     reset of the opacities, in which the scene recovers, are not sampled; so the sample is the same
     however close resets are. (gsplat 1.5.3 never resets: `0 & step > 0` in its condition.)
     """
@@ -107,8 +108,8 @@ class StaticStrategy(DefaultStrategy):
     most: int = UNLIMITED
     """Gaussians beyond which the set does not grow."""
     cull_to_the_end: bool = False
-    """Prune after `refine_stop_iter` as well, every `refine_every` steps: nerfstudio 1.1.4 does,
-    1.1.5 does not."""
+    """Prune after `refine_stop_iter` as well, every `refine_every` steps of the run: nerfstudio
+    1.1.4 does, 1.1.5 does not."""
 
     SAMPLED = "steps_sampled"
 
@@ -132,13 +133,15 @@ class StaticStrategy(DefaultStrategy):
         Args:
             params: raw parameters of the set.
             optimizers: by the same names.
+            step: nominal.
             state: what is gathered; replaced rows follow.
             info: of the rendering, as gsplat's strategies read it.
         """
         if step >= self.refine_stop_iter:
-            if self.cull_to_the_end and crossed(state, step, self.refine_every):
+            state[self.SAMPLED] = state.get(self.SAMPLED, 0) + 1
+            if self.cull_to_the_end and state[self.SAMPLED] >= self.refine_every:
                 prune(self, params, optimizers, state, step)
-            state[LAST] = step
+                state[self.SAMPLED] = 0
             return
         recovering = step >= self.reset_every and (
             step % self.reset_every < self.pause_refine_after_reset

@@ -1,9 +1,9 @@
 """A trained run on one HTML page: its photos, renderings, scores, curves, effects and warnings.
 
-`history`, `effect_reasons`, `cost` and `pictures` gather what is known of it;
+`history`, `effect_reasons`, `cost`, `pictures` and `failure_case` gather what is known of it;
 `notices` says what stands out and what to try; `encoding` makes the pictures as small as the page
-needs them; `charts` and `page` write. `report.write_report` is the one function.
+needs them; `page` writes. `report.write_report` is the one function.
 
-May import `runs`, `run_config`, `pipeline`, `model`, `separation`, `evaluation`, `rendering`,
-`settings`, `files`, `console` and `errors`.
+May import `runs`, `run_config`, `pipeline`, `model`, `separation`, `evaluation`, `gaussians`,
+`rendering`, `backend`, `settings`, `files`, `console` and `errors`.
 """

@@ -11,13 +11,13 @@ from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.model import DeSplatModel
 from desplat_ns.report.cost import cost_of
 from desplat_ns.report.effect_reasons import effect_reasons, read_survey
+from desplat_ns.report.failure_case import failure_case
 from desplat_ns.report.history import read_history
 from desplat_ns.report.notices import notices
 from desplat_ns.report.page import Contents, html_of
 from desplat_ns.report.pictures import held_out_photos, training_photos
 from desplat_ns.runs.files import RunFiles
 from desplat_ns.runs.loading import LoadedRun, even_subset, load_run
-from desplat_ns.separation.coverage import failure_case
 
 
 def gather(

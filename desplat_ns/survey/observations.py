@@ -7,7 +7,9 @@ Letters in shapes: V photos, P points, S = GRID^2 samples, H x W pixels.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +26,9 @@ from desplat_ns.survey.views import View, small_view
 
 MOST_PHOTOS = 160
 """Larger captures are judged by so many photos, evenly spread over them."""
+
+MOST_READERS = 8
+"""Photos that are decoded at once at most: one of 12 megapixels takes 36 MB meanwhile."""
 
 MOST_POINTS = 3000
 """Points at which colours are compared; more make no figure steadier."""
@@ -105,7 +110,7 @@ class Observations:
 
 
 def observe(capture: Capture) -> Observations:
-    """Read the photos, one after the other, and sample them at the points.
+    """Read the photos, as many at once as there are cores, and sample them at the points.
 
     Raises:
         CaptureError: a photo or mask that cannot be read, or does not fit its camera.
@@ -113,7 +118,14 @@ def observe(capture: Capture) -> Observations:
     count = len(capture.photos)
     indices = np.unique(np.linspace(0, count - 1, min(count, MOST_PHOTOS)).round().astype(int))
     views = [small_view(capture.cameras, int(i)) for i in indices]
-    tracked = _tracked(capture, indices, views)
+    with ThreadPoolExecutor(min(MOST_READERS, os.cpu_count() or 1)) as pool:
+        in_view, nearest = zip(
+            *pool.map(lambda view: in_view_of(view, capture.xyz), views), strict=True
+        )
+        small = list(
+            pool.map(lambda i, view: _read_small(capture, i, view), indices.tolist(), views)
+        )
+    tracked = _tracked(capture, indices, in_view)
     chosen = _chosen_points(tracked)
     xyz, tracked = capture.xyz[chosen], tracked[:, chosen]
     grids = patch_grids(xyz, tracked, views)
@@ -121,8 +133,8 @@ def observe(capture: Capture) -> Observations:
     found = Observations(
         names=[str(capture.photos[i].name) for i in indices],
         views=views,
-        photos=[],
-        allowed=[],
+        photos=[photo for photo, _ in small],
+        allowed=[allowed for _, allowed in small],
         xyz=xyz,
         places=np.full((*shape, 2), np.nan, np.float32),
         is_shown=np.zeros(shape, bool),
@@ -134,11 +146,8 @@ def observe(capture: Capture) -> Observations:
         num_photos=count,
         all_xyz=capture.xyz,
     )
-    for row, (index, view) in enumerate(zip(indices.tolist(), views, strict=True)):
-        photo, allowed = _read_small(capture, index, view)
-        found.photos.append(photo)
-        found.allowed.append(allowed)
-        _sample(found, row, grids, hidden_points(view, xyz, capture.xyz))
+    for row, view in enumerate(views):
+        _sample(found, row, grids, hidden_points(view, xyz, nearest[row]))
     found.is_tracked &= found.is_shown
     return found
 
@@ -158,15 +167,16 @@ def _read_small(
     return image[..., :3], allowed
 
 
-def _tracked(capture: Capture, indices: np.ndarray, views: Sequence[View]) -> np.ndarray:
-    """[V, all points]: which photo found which point; without tracks, which can have it in view."""
-    tracked = np.zeros((len(views), len(capture.xyz)), bool)
-    if capture.tracks is not None:
+def _tracked(
+    capture: Capture, indices: np.ndarray, in_view: Sequence[Bool[np.ndarray, " _"]]
+) -> Bool[np.ndarray, "V _"]:
+    """Which photo found which point; without tracks, which can have it in view."""
+    if capture.tracks is None:
+        tracked = np.stack(in_view)
+    else:
+        tracked = np.zeros((len(in_view), len(capture.xyz)), bool)
         for row, seen in zip(tracked, capture.tracks.read(indices.tolist()), strict=True):
             row[seen.points] = True
-    else:
-        for row, view in zip(tracked, views, strict=True):
-            row |= view.shows(*view.project(capture.xyz))
     return tracked & np.isfinite(capture.xyz).all(axis=1)
 
 
@@ -211,18 +221,26 @@ def patch_grids(
     return xyz[:, None] + radius[:, None, None] * (a * across[:, None] + b * down[:, None])
 
 
-def hidden_points(
-    view: View, xyz: Float[np.ndarray, "P 3"], all_xyz: Float[np.ndarray, "_ 3"]
-) -> Bool[np.ndarray, " P"]:
-    """Which points have another point before them, in the same or a neighbouring cell."""
+def in_view_of(
+    view: View, xyz: Float[np.ndarray, "N 3"]
+) -> tuple[Bool[np.ndarray, " N"], Float[np.ndarray, "rows columns"]]:
+    """Which points project into the photo, and the depth of the nearest in each cell and the eight
+    around it."""
     cell = HIDING_CELL * max(view.width, view.height)
     shape = int(view.height / cell) + 3, int(view.width / cell) + 3
     nearest = np.full(shape, np.inf, np.float32)
-    places, depths = view.project(all_xyz)
+    places, depths = view.project(xyz)
     inside = view.shows(places, depths)
     at = (places[inside] / cell).astype(int) + 1
     np.minimum.at(nearest, (at[:, 1], at[:, 0]), depths[inside].astype(np.float32))
-    nearest = cv2.erode(nearest, np.ones((3, 3), np.uint8))
+    return inside, cv2.erode(nearest, np.ones((3, 3), np.uint8))
+
+
+def hidden_points(
+    view: View, xyz: Float[np.ndarray, "P 3"], nearest: Float[np.ndarray, "rows columns"]
+) -> Bool[np.ndarray, " P"]:
+    """Which points have another point before them, by what `in_view_of` found."""
+    cell = HIDING_CELL * max(view.width, view.height)
     places, depths = view.project(xyz)
     inside = view.shows(places, depths)
     at = np.where(inside[:, None], places / cell, 0).astype(int) + 1

@@ -1,7 +1,7 @@
-"""A run that ends when its time is up: how many steps are planned, and what its schedules go by.
+"""What schedules are read at: steps in a run of given length, time in one that ends when it is up.
 
-Times are seconds of wall time since the process began. A plan is made from what a step costs on
-this machine; schedules are of its length, and are read by the time that is spent.
+Schedules are in nominal steps, those of a run of the method's own length. Times are seconds of wall
+time since the process began.
 """
 
 from __future__ import annotations
@@ -82,10 +82,18 @@ class BudgetState:
 
 
 class Clock:
-    """What schedules are read at: the step, in a run of given length."""
+    """What schedules are read at, in a run of given length: its steps."""
+
+    def __init__(self, scale: float = 1.0):
+        """`scale`: steps of this run for each nominal one."""
+        self.scale = scale
+
+    def nominal(self, step: int) -> int:
+        """The nominal step at which the schedules are in a step of this run."""
+        return round(self.at(step) / self.scale)
 
     def at(self, step: int) -> int | float:
-        """Where the schedules are in a step, in steps of their own length."""
+        """Where the schedules are in a step, in steps of the length that was planned."""
         return step
 
 
@@ -103,13 +111,16 @@ class BudgetClock(Clock):
         state: BudgetState,
         costs: Iterable[float],
         clock: Callable[[], float],
+        scale: float = 1.0,
     ):
         """Args:
         budget: seconds in all.
         state: of the plan; is changed.
         costs: seconds that each planned step is expected to take.
         clock: seconds since the process began.
+        scale: planned steps for each nominal one.
         """
+        super().__init__(scale)
         self.budget, self.state = budget, state
         self.reserve = END_SECONDS
         """Seconds for what follows the last step."""

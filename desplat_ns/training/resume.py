@@ -18,6 +18,7 @@ from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
 from desplat_ns.errors import CheckpointError
+from desplat_ns.training.schedules import set_position
 
 
 def rng_state() -> dict[str, Any]:
@@ -81,26 +82,16 @@ def load_optimizers(optimizers: Optimizers, saved: Mapping[str, Any], source: Pa
 
 
 def load_schedulers(optimizers: Optimizers, saved: Mapping[str, Any], steps_done: int) -> None:
-    """Set each schedule to its saved position, or to `steps_done` if the checkpoint has none.
+    """Set each schedule to where it is after `steps_done`.
 
     The curve is this run's: continued with a larger number of steps, the learning rate is the one
     that the longer schedule has at that position.
     """
     for name, scheduler in optimizers.schedulers.items():
-        if not isinstance(scheduler, LambdaLR):
-            if name in saved:
-                scheduler.load_state_dict(saved[name])
-            continue
-        position = saved.get(name, {})
-        scheduler.last_epoch = position.get("last_epoch", steps_done)
-        scheduler._step_count = position.get("_step_count", steps_done + 1)
-        rates = [
-            base * factor(scheduler.last_epoch)
-            for base, factor in zip(scheduler.base_lrs, scheduler.lr_lambdas, strict=True)
-        ]
-        for group, rate in zip(scheduler.optimizer.param_groups, rates, strict=True):
-            group["lr"] = rate
-        scheduler._last_lr = rates
+        if isinstance(scheduler, LambdaLR):
+            set_position(scheduler, steps_done)
+        elif name in saved:
+            scheduler.load_state_dict(saved[name])
 
 
 def _check_groups(optimizers: Optimizers, saved: Mapping[str, Any], source: Path) -> None:

@@ -1,10 +1,12 @@
-"""Arithmetic of steps: how schedules and intervals depend on a run's length and the views."""
+"""Arithmetic of steps: how schedules and intervals depend on a run's length and the views.
+
+A run shorter than the method's own goes through the same schedules, in nominal steps, in fewer of
+its own; the schedule scale is their ratio. A longer one keeps scale 1.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any
 
 from desplat_ns.errors import ConfigError
 
@@ -14,7 +16,7 @@ from one for as long (and a round of the views); ours do so whatever the interva
 
 
 def schedule_scale(max_num_iterations: int, nominal: int) -> float:
-    """Factor in (0, 1] for every schedule of a run of `max_num_iterations` steps.
+    """Steps for each nominal step, in (0, 1], in a run of `max_num_iterations` steps.
 
     `nominal` is the method's own number of steps (B.3: 30,000; 200,000 for Photo Tourism).
     Raises ConfigError where either is below 1.
@@ -30,16 +32,6 @@ def schedule_scale(max_num_iterations: int, nominal: int) -> float:
 def steps_for_visits(visits: float, num_views: int, at_most: int) -> int:
     """Steps in which each of the views is drawn `visits` times, `at_most` of them."""
     return max(1, min(at_most, math.ceil(visits * num_views)))
-
-
-def scaled_steps(steps: int, scale: float) -> int:
-    """`steps` times `scale`, rounded, at least 1. What is switched off (0 or below) stays so."""
-    return max(1, round(steps * scale)) if steps > 0 else steps
-
-
-def scaled_fields(config: Any, names: Iterable[str], scale: float) -> dict[str, int]:
-    """`scaled_steps` of the settings of these names, by name."""
-    return {name: scaled_steps(getattr(config, name), scale) for name in names}
 
 
 MOST_RATE_FACTOR = 4.0
@@ -66,13 +58,13 @@ def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
 def steps_between_refinements(
     num_views: int, densification: int, refinements: int, at_most: int
 ) -> int:
-    """Steps from one refinement of the static set to the next.
+    """Steps of the run from one refinement of the static set to the next.
 
     Between two refinements gradients are sampled, over half of the views at least: over fewer they
     are mostly noise.
 
     Args:
-        densification: steps until which there are refinements.
+        densification: steps of the run until which there are refinements.
         refinements: how many there should be in that time.
         at_most: upper bound on the result; 0 for none.
     """
@@ -80,13 +72,17 @@ def steps_between_refinements(
     return min(every, at_most) if at_most > 0 else every
 
 
-def pause_after_reset(num_views: int, reset_every: int) -> int:
-    """Steps after a reset in which the scene recovers and nothing is sampled for refinement.
+def pause_after_reset(num_views: int, reset_every: int, scale: float) -> int:
+    """Nominal steps after a reset in which the scene recovers: nothing is sampled for refinement.
 
-    Splatfacto's rule, a round of the views and one of its intervals, but half the time to the next
-    reset at most.
+    Splatfacto's rule, a round of the views and one of its intervals in steps of the run, but half
+    the time to the next reset at most.
+
+    Args:
+        reset_every: nominal steps from one reset to the next.
+        scale: steps of the run for each nominal one.
     """
-    return min(num_views + SPLATFACTOS_INTERVAL, reset_every // 2)
+    return min(round((num_views + SPLATFACTOS_INTERVAL) / scale), reset_every // 2)
 
 
 def photo_downscale(step: int, num_downscales: int, every: int, warmup: int = 0) -> int:

@@ -68,6 +68,10 @@ NO_OPTION_ANY_MORE = (
 """How names begin that records have and today's settings have not: all records have the value that
 is fixed now, or that another setting gives."""
 
+CURVE_BY_NAME = ".scheduler._target"
+"""How names end whose value says no more than the settings beside it: an exponential decay is the
+same curve whatever class draws it."""
+
 NEUTRAL: Mapping[str, Any] = {
     "budget": "",
     "full_rate_visits": 0.0,
@@ -169,7 +173,11 @@ def of_active_effects(settings: Settings) -> Settings:
         idle += () if settings.get(f"{DISTRACTORS}static_warmup") else OF_WARMUP
     if settings.get(f"{EFFECTS}appearance") not in (None, "off"):
         idle += ("pipeline.model.opacity_prior",)
-    return {name: value for name, value in settings.items() if not name.startswith(idle)}
+    return {
+        name: value
+        for name, value in settings.items()
+        if not name.startswith(idle) and not name.endswith(CURVE_BY_NAME)
+    }
 
 
 def flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -13,6 +13,8 @@ from typing import Any
 import torch
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.configs.method_configs import all_methods
+from nerfstudio.engine.optimizers import AdamOptimizerConfig, Optimizers
+from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
 from nerfstudio.utils.rich_utils import CONSOLE
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
@@ -26,7 +28,8 @@ from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.photo_tourism.split_file import draw_split
 from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_finite_options
-from desplat_ns.training.schedules import ScaledExponentialDecaySchedulerConfig
+from desplat_ns.training.budget import Clock
+from desplat_ns.training.schedules import checked_schedules, follow
 from lab.stability.fuzz_files import FAULT, FINE, REFUSED, numbers_of, tensors_of
 from tests.stability.poison import POISON
 
@@ -89,10 +92,12 @@ def _run(config: Any) -> Any:
     return [model.schedule_scale, float(model.for_run(3).refine_every)]
 
 
-def _decay(config: ScaledExponentialDecaySchedulerConfig) -> Any:
+def _decay(config: ExponentialDecaySchedulerConfig) -> Any:
+    group = {"optimizer": AdamOptimizerConfig(lr=1e-2), "scheduler": config}
     parameter = torch.nn.Parameter(torch.zeros(1))
-    optimizer = torch.optim.Adam([parameter], lr=1e-2)
-    scheduler = config.setup().get_scheduler(optimizer, 1e-2)
+    optimizers = Optimizers(checked_schedules({"means": group}), {"means": [parameter]})
+    optimizer, scheduler = optimizers.optimizers["means"], optimizers.schedulers["means"]
+    follow(scheduler, Clock(0.1))
     rates = []
     for _ in range(5):
         optimizer.step()
@@ -127,7 +132,7 @@ def all_options(capture: Path, output: Path) -> tuple[Options, ...]:
     return (
         Options("the run", run, _run),
         Options("distractors", DistractorConfig(per_view=9), _distractors),
-        Options("learning rates", ScaledExponentialDecaySchedulerConfig(lr_final=1e-3), _decay),
+        Options("learning rates", ExponentialDecaySchedulerConfig(lr_final=1e-3), _decay),
         Options(
             "captures",
             RobustNerfDataParserConfig(data=capture),

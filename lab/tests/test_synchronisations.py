@@ -125,7 +125,7 @@ def test_a_step_of_desplat_that_refines_nothing_waits_seldom(scene: Scene, tmp_p
         refinements = [view.refinement for view in model.distractors.views]
         counted = synchronisations_of(trainer, step)
         refined = model.strategy_state[StaticStrategy.SAMPLED] == 0
-        reset = step % model.strategy.reset_every == 0
+        reset = model.nominal_step % model.strategy.reset_every == 0
         refined |= refinements != [view.refinement for view in model.distractors.views]
         if refined or reset or step not in SAMPLED:
             continue

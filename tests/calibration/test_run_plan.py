@@ -13,8 +13,8 @@ from desplat_ns.calibration import run_plan
 from desplat_ns.calibration.run_plan import (
     FEWEST_STEPS,
     MOST_GAUSSIANS,
+    MOST_GROWTH,
     MOST_PIXELS,
-    SAMPLED_STEPS,
     STEPS_WANTED,
     StepCost,
     expected_gaussians,
@@ -25,12 +25,21 @@ from desplat_ns.calibration.run_plan import (
 from desplat_ns.calibration.timing import Timing
 from desplat_ns.datamanager import training_split
 from desplat_ns.errors import ConfigError
+from desplat_ns.gaussians.room import most_in_memory
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.training.budget import END_SECONDS, StepSeconds
 
 EVEN = StepCost(StepSeconds(fixed=0.1, whole_photo=0.0), share_at_start=1.0)
 MODEL = DeSplatModelConfig(effects=EffectsConfig(distractors=False), num_downscales=0)
+
+
+def photos_of(views: int, width: int, height: int, points: int = 0) -> DataparserOutputs:
+    cameras = Cameras(
+        torch.eye(4)[:3].repeat(views, 1, 1), 1e3, 1e3, width / 2, height / 2, width, height
+    )
+    metadata = {"points3D_xyz": torch.zeros(points, 3)} if points else {}
+    return DataparserOutputs([], cameras, metadata=metadata)
 
 
 def plan(budget: float, cost: StepCost = EVEN, model: DeSplatModelConfig = MODEL, spent=0.0):
@@ -65,17 +74,27 @@ def test_a_budget_that_holds_no_run_is_refused_with_one_that_does():
 
 def test_steps_are_cheaper_while_photos_and_the_set_are_small():
     cost = StepCost(StepSeconds(fixed=0.04, whole_photo=0.16), share_at_start=0.25)
-    model = replace(MODEL, num_downscales=1, schedule_scale=SAMPLED_STEPS / 30_000)
+    model = replace(MODEL, num_downscales=1)
     run = model.for_run(10)
     assert cost.at(run, 0) == pytest.approx(0.01 + 0.16 / 4)
-    assert cost.at(run, SAMPLED_STEPS - 1) == pytest.approx(0.2)
-    assert 0.15 < cost.mean(replace(model, schedule_scale=None), 10, 30_000) < 0.2
+    assert cost.at(run, 29_970) == pytest.approx(0.2)
+    assert 0.15 < cost.mean(model, 10, 30_000) < 0.2
 
 
 def test_a_run_without_a_limit_is_expected_to_grow_as_much_as_one_with_desplats():
-    limited = replace(MODEL, gaussians_per_pixel=0.01)
-    assert expected_gaussians(40_000, MODEL) == 2_000
-    assert expected_gaussians(40_000, limited) == 400
+    limited, outputs = replace(MODEL, gaussians_per_pixel=0.01), photos_of(1, 200, 200)
+    assert expected_gaussians(outputs, MODEL, "cpu") == 2_000
+    assert expected_gaussians(outputs, limited, "cpu") == 400
+
+
+def test_the_forecast_of_a_large_capture_follows_its_points_not_a_limit_nobody_reaches():
+    """2,000 photos of 1600 x 1200: 192 million by their pixels."""
+    desplat = replace(MODEL, gaussians_per_pixel=0.05)
+    few, many = (photos_of(2000, 1600, 1200, points=count) for count in (10_000, 200_000))
+    by_points = [expected_gaussians(outputs, desplat, "cpu") for outputs in (few, many)]
+    assert by_points == [MOST_GROWTH * 10_000, MOST_GROWTH * 200_000]
+    no_points = expected_gaussians(photos_of(2000, 1600, 1200), desplat, "cpu")
+    assert no_points == most_in_memory("cpu") < 0.05 * 2000 * 1600 * 1200
 
 
 def test_costs_of_a_capture_are_measured_on_steps_of_its_size(tiny_run, tmp_path):
@@ -100,7 +119,6 @@ def test_what_is_too_large_to_measure_costs_as_its_gaussians_and_pixels_say(
 ):
     """On a machine whose steps take so long for each Gaussian and each pixel, and no more."""
     width, height, views = 2000, 1500, 20
-    cameras = Cameras(torch.eye(4)[:3].repeat(views, 1, 1), 1e3, 1e3, 1e3, 750.0, width, height)
     sizes = []
 
     def step(scene: tuple[int, int, int], *_) -> tuple[int, int, int]:
@@ -114,11 +132,11 @@ def test_what_is_too_large_to_measure_costs_as_its_gaussians_and_pixels_say(
     monkeypatch.setattr(run_plan, "make_scene", lambda *size: size)
     monkeypatch.setattr(run_plan, "ModelStep", step)
     monkeypatch.setattr(run_plan, "time_in_turns", timed)
-    outputs = DataparserOutputs([], cameras)
+    outputs = photos_of(views, width, height)
     found = measure_step(outputs, MODEL, "cpu")
     count, wide, high = max(sizes)
     assert count == MOST_GAUSSIANS and wide * high <= MOST_PIXELS
-    expected = expected_gaussians(views * width * height, MODEL)
+    expected = expected_gaussians(outputs, MODEL, "cpu")
     assert expected > 2 * MOST_GAUSSIANS
     assert found.fixed == pytest.approx(PER_GAUSSIAN * expected)
     half_a_pixel = 0.5 / wide + 0.5 / high  # sides are rounded

@@ -11,6 +11,7 @@ import pycolmap
 import pytest
 from nerfstudio.cameras.cameras import CameraType
 
+from desplat_ns.data import colmap_model
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.colmap_model import find_models, read_reconstruction
 from desplat_ns.data.tracks import METADATA_KEY
@@ -32,6 +33,22 @@ def test_text_comes_in_as_written(capture):
     assert second.intrinsics == {"fx": 10.0, "fy": 11.0, "cx": 4.0, "cy": 3.0}
     np.testing.assert_array_equal(found.points.xyz, [[0.5, -1, 4], [1, 2, 3]])
     np.testing.assert_array_equal(found.points.rgb, [[10, 20, 30], [200, 100, 50]])
+
+
+def test_a_reconstruction_is_parsed_once_until_a_file_of_it_changes(
+    capture, monkeypatch: pytest.MonkeyPatch
+):
+    data, parsed = capture(), []
+    parse = colmap_model._read_model
+    monkeypatch.setattr(
+        colmap_model, "_read_model", lambda folder: parsed.append(folder) or parse(folder)
+    )
+    first, same = (read_reconstruction(data, place) for place in (SPARSE, SPARSE / "0"))
+    assert len(parsed) == 1
+    np.testing.assert_array_equal(first.points.xyz, same.points.xyz)
+    points = data / "sparse" / "0" / "points3D.txt"
+    points.write_text(points.read_text().replace("0.5 -1 4", "0.5 -1 5"))
+    assert read_reconstruction(data, SPARSE).points.xyz[0].tolist() == [0.5, -1, 5]
 
 
 def test_binary_equals_text(capture, tmp_path: Path):

@@ -21,6 +21,7 @@ from nerfstudio.utils import writer
 from torch.nn import Parameter
 
 from desplat_ns.trainer import DeSplatTrainerConfig
+from desplat_ns.training.budget import Clock
 
 NOMINAL = 24
 
@@ -51,7 +52,8 @@ class StubDatamanager:
 class StubModel:
     """What the trainer's guards ask of a model: one photo, nothing to forget, nothing culled."""
 
-    def __init__(self) -> None:
+    def __init__(self, scale: float | None = None) -> None:
+        self.clock = Clock(scale or 1.0)
         self.losses: dict[str, torch.Tensor] = {}
         self.num_points = 1
 
@@ -86,7 +88,7 @@ class StubPipeline(Pipeline):
             {name: Parameter(torch.ones(config.size)) for name in config.groups}
         )
         self.datamanager: Any = StubDatamanager()
-        self._model: Any = StubModel()
+        self._model: Any = StubModel(config.model.schedule_scale)
         self.at_step: Callable[[int], None] = lambda step: None
         self.trained: list[int] = []
 

@@ -72,7 +72,23 @@ def clock_on(machine: Machine, budget: float, steps: int, most: int = 10**6) -> 
 
 
 def test_a_run_of_given_length_goes_by_its_steps():
-    assert [Clock().at(step) for step in (0, 1, 29_999)] == [0, 1, 29_999]
+    assert [Clock().nominal(step) for step in (0, 1, 29_999)] == [0, 1, 29_999]
+    assert [Clock(1 / 30).nominal(step) for step in (0, 1, 999)] == [0, 30, 29_970]
+    assert [Clock(0.75).nominal(step) for step in range(4)] == [0, 1, 3, 4]
+
+
+@given(steps=st.integers(1, 30_000), step=st.integers(0, 30_000))
+def test_no_two_steps_of_a_run_are_the_same_nominal_one(steps, step):
+    clock = Clock(steps / 30_000)
+    assert clock.nominal(step + 1) > clock.nominal(step)
+    assert clock.nominal(steps) == 30_000
+
+
+def test_a_run_by_time_goes_by_nominal_steps_as_well():
+    clock = BudgetClock(100.0, BudgetState(600, 1, 600), [0.1] * 600, lambda: 0.0, scale=0.02)
+    clock.state.reached = 299.7
+    assert clock.at(7) == 299.7
+    assert clock.nominal(7) == 14_985
 
 
 @given(pace=st.floats(0.3, 3), slower=st.floats(0.5, 3), at=st.floats(0.1, 0.9))

@@ -17,7 +17,6 @@ from torch.nn import Parameter
 
 from desplat_ns.errors import CheckpointError
 from desplat_ns.training.resume import load_optimizers, load_schedulers, restore_rng, rng_state
-from desplat_ns.training.schedules import scaled_optimizers
 
 FILE = Path("step-000000005.ckpt")
 
@@ -61,7 +60,7 @@ def test_a_gpu_that_a_run_does_not_use_is_left_alone(monkeypatch):
 def build(scheduler: Any = None, sizes: tuple[int, ...] = (3,), name: str = "means") -> Optimizers:
     parameters = [Parameter(torch.ones(size, 2)) for size in sizes]
     group = {"optimizer": AdamOptimizerConfig(lr=1e-2), "scheduler": scheduler}
-    return Optimizers(scaled_optimizers({name: group}, 1.0), {name: parameters})
+    return Optimizers({name: group}, {name: parameters})
 
 
 def run(optimizers: Optimizers, steps: int) -> None:

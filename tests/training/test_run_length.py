@@ -11,7 +11,6 @@ from desplat_ns.training.run_length import (
     MOST_RATE_FACTOR,
     degree_for,
     rate_factor,
-    scaled_steps,
     schedule_scale,
     steps_for_visits,
 )
@@ -28,21 +27,6 @@ def test_the_scale_is_the_ratio_of_steps_and_never_above_one():
 def test_a_run_without_steps_is_refused(steps, nominal):
     with pytest.raises(ConfigError, match="--max-num-iterations"):
         schedule_scale(steps, nominal)
-
-
-def test_steps_are_rounded_and_at_least_one_unless_switched_off():
-    assert scaled_steps(500, 0.1) == 50
-    assert scaled_steps(100, 0.037) == 4
-    assert scaled_steps(100, 0.001) == 1
-    assert scaled_steps(0, 0.1) == 0
-    assert scaled_steps(-1, 0.1) == -1
-
-
-@given(steps=st.integers(1, 10**6), more=st.integers(0, 10**6), scale=st.floats(1e-6, 1.0))
-def test_scaling_keeps_the_order_of_events_and_never_lengthens(steps, more, scale):
-    assert 1 <= scaled_steps(steps, scale) <= steps
-    assert scaled_steps(steps, scale) <= scaled_steps(steps + more, scale)
-    assert scaled_steps(steps, 1.0) == steps
 
 
 @pytest.mark.parametrize(

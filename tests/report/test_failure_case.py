@@ -6,7 +6,7 @@ import torch
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.separation.coverage import Coverage, coverage_of, failure_case, hidden_places
+from desplat_ns.report.failure_case import Coverage, coverage_of, failure_case, hidden_places
 
 WIDTH, HEIGHT, VIEWS = 80, 60, 20
 
