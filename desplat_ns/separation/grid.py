@@ -1,6 +1,6 @@
 """The grid of cells on which residuals and regions are computed, whatever the size of a photo.
 
-On a CPU OpenCV takes the means, in a tenth of the time of torch; on a GPU torch does. Regions are
+On a CPU OpenCV takes the means, and a search a quarter of the time; on a GPU torch does. Regions are
 found on the host. A copy to it waits until a GPU has done all that it was given, so a step has as
 few of them as can be.
 """

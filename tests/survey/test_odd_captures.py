@@ -1,0 +1,181 @@
+"""What captures may be like: what is missing, broken or masked, kinds of files, few photos."""
+
+from __future__ import annotations
+
+import copy
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import PIL.Image
+import pytest
+
+from desplat_ns.data.images import read_image, write_image
+from desplat_ns.errors import CaptureError
+from desplat_ns.survey import observations
+from desplat_ns.survey.observations import Capture
+from tests.helpers.surveyed import copied, some, survey
+
+ORIENTATION = 0x0112
+"""EXIF's tag."""
+OFF = {"distractors": False, "appearance": "off", "background": "off"}
+SAFE = {"distractors": True, "appearance": "off", "background": "off"}
+
+
+def test_without_tracks_patches_stand_for_them(make_capture: Callable[..., Capture]):
+    for cluttered in (False, True):
+        capture = replace(make_capture(cluttered=cluttered), tracks=None)
+        found = survey(capture)
+        assert found.distractors.decision is cluttered
+        assert any("tracks" in line for line in found.notes)
+
+
+def test_without_points_safe_sides_are_taken_and_named(still: Capture):
+    for tracks in (still.tracks and still.tracks.keep(np.zeros(len(still.xyz), bool)), None):
+        found = survey(replace(still, xyz=np.zeros((0, 3)), tracks=tracks))
+        assert found.decisions() == SAFE
+        assert {finding.confidence for finding in found.findings} == {"none"}
+        assert "no points" in found.notes[0]
+
+
+def test_two_photos_and_one_are_not_enough_to_rule_distractors_out(still: Capture):
+    for which in ([0, 1], [4]):
+        found = survey(some(still, which))
+        assert found.decisions() == SAFE
+        assert found.distractors.confidence == "none"
+
+
+def test_no_photo_is_an_error(still: Capture):
+    with pytest.raises(CaptureError, match="no training photo"):
+        survey(some(still, []))
+
+
+def test_photos_that_are_all_alike_call_for_nothing_that_is_seen(still: Capture, tmp_path: Path):
+    capture = copied(still, tmp_path)
+    for path in capture.photos:
+        write_image(path, np.full((72, 96, 3), 128, np.uint8))
+    assert survey(capture).appearance.decision == "off"
+
+
+@pytest.mark.parametrize("level", [0, 255])
+def test_a_black_or_white_photo_changes_no_decision_and_is_named(
+    still: Capture, tmp_path: Path, level: int
+):
+    capture = copied(still, tmp_path)
+    write_image(capture.photos[3], np.full((72, 96, 3), level, np.uint8))
+    found = survey(capture)
+    assert found.decisions() == OFF
+    for finding in (found.appearance, found.distractors):
+        assert any(capture.photos[3].name in line for line in finding.could_not_tell)
+
+
+def test_one_photo_that_shows_something_else_is_at_fault_itself(still: Capture, tmp_path: Path):
+    """As with a wrong pose, or a finger before the lens."""
+    capture = copied(still, tmp_path)
+    shutil.copy(capture.photos[8], capture.photos[3])
+    found = survey(capture).distractors
+    figures = {figure.name: figure for figure in found.figures}
+    assert figures["photos_covered"].value == pytest.approx(1 / len(capture.photos))
+    assert found.decision is False
+
+
+def test_a_photo_of_the_sky_alone_does_not_make_a_background(still: Capture, tmp_path: Path):
+    capture = copied(still, tmp_path)
+    write_image(capture.photos[3], np.full((72, 96, 3), (120, 170, 230), np.uint8))
+    assert survey(capture).background.decision == "off"
+
+
+def test_what_is_cut_out_of_all_photos_is_no_sky(still: Capture, tmp_path: Path):
+    capture = copied(still, tmp_path)
+    for path in capture.photos:
+        photo = read_image(path)
+        alpha = np.full((*photo.shape[:2], 1), 255, np.uint8)
+        alpha[: len(photo) // 3] = 0
+        write_image(path, np.concatenate([photo[..., :3], alpha], axis=2))
+    found = survey(capture)
+    assert found.background.decision == "off"
+    assert found.distractors.decision is False
+
+
+def test_a_photo_that_cannot_be_read_is_named(still: Capture, tmp_path: Path):
+    capture = copied(still, tmp_path)
+    Path(capture.photos[2]).write_bytes(b"no picture")
+    with pytest.raises(CaptureError, match=capture.photos[2].name):
+        survey(capture)
+
+
+def test_large_captures_are_sampled_evenly_and_say_so(
+    still: Capture, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(observations, "MOST_PHOTOS", 5)
+    found = survey(still)
+    assert (found.num_surveyed, found.num_photos) == (5, 10)
+    assert any("evenly" in line for line in found.notes)
+
+
+def test_what_masks_leave_out_is_not_looked_at(
+    make_capture: Callable[..., Capture], tmp_path: Path
+):
+    capture = make_capture(cluttered=True)
+    masks = []
+    for path in capture.photos:
+        truth = read_image(path.parent.parent / "masks" / path.name)[..., 0] > 0
+        masks.append(tmp_path / path.name)
+        widened = np.pad(truth, 4)
+        widened = np.stack(
+            [np.roll(widened, shift, axis) for axis in (0, 1) for shift in range(-4, 5)]
+        ).any(axis=0)[4:-4, 4:-4]
+        write_image(masks[-1], ~widened)
+    masked = survey(replace(capture, masks=masks))
+    covered = {True: masked, False: survey(capture)}
+    values = {key: found.distractors.figures[0].value for key, found in covered.items()}
+    assert values[True] < 0.1 * values[False]
+
+
+def test_what_a_file_is_like_does_not_change_what_is_seen(still: Capture, tmp_path: Path):
+    """16 bits, grey levels in four channels, and pixels that lie on their side by EXIF."""
+    capture = copied(still, tmp_path)
+    for number, path in enumerate(capture.photos):
+        photo = read_image(path)
+        if number % 3 == 0:
+            cv2.imwrite(str(path), photo[..., ::-1].astype(np.uint16) * 257)
+        elif number % 3 == 1:
+            write_image(path, np.dstack([photo, np.full(photo.shape[:2], 255, np.uint8)]))
+        else:
+            tags = PIL.Image.Exif()
+            tags[ORIENTATION] = 6
+            PIL.Image.fromarray(np.rot90(photo)).save(path, exif=tags)
+    assert survey(capture).to_json() == survey(still).to_json()
+
+
+def test_photos_of_two_sizes_are_compared(still: Capture, tmp_path: Path):
+    capture = copied(still, tmp_path)
+    cameras = copy.deepcopy(capture.cameras)
+    for path in capture.photos[::2]:
+        write_image(path, cv2.resize(read_image(path), (48, 36), interpolation=cv2.INTER_AREA))
+    for name in ("width", "height", "fx", "fy", "cx", "cy"):
+        values = getattr(cameras, name)
+        values[::2] = values[::2] // 2 if name in ("width", "height") else values[::2] / 2
+    found = survey(replace(capture, cameras=cameras))
+    assert found.decisions() == OFF
+
+
+@pytest.mark.filterwarnings("error")
+def test_points_without_a_place_are_passed_over(still: Capture):
+    """As broken reconstructions have them: not a number, and as far as numbers go."""
+    for broken in (np.nan, np.inf, 1e30):
+        xyz = still.xyz.copy()
+        xyz[::50] = broken
+        assert survey(replace(still, xyz=xyz)).decisions() == OFF
+
+
+def test_photos_of_which_none_shows_what_another_does_take_the_safe_side(still: Capture):
+    """Each observes points of its own."""
+    assert still.tracks is not None
+    alone = replace(still.tracks, point_ids=np.arange(len(still.xyz)) + 10**6)
+    found = survey(replace(still, tracks=alone))
+    assert found.decisions() == SAFE
+    assert found.distractors.confidence == "none"
