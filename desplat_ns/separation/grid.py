@@ -1,8 +1,8 @@
 """The grid of cells on which residuals and regions are computed, whatever the size of a photo.
 
-On a CPU OpenCV takes the means, and a search a quarter of the time; on a GPU torch does. Regions are
-found on the host. A copy to it waits until a GPU has done all that it was given, so a step has as
-few of them as can be.
+On a CPU OpenCV takes the means, and a search a quarter of the time; on a GPU torch does. Regions
+are found on the host. A copy to it waits until a GPU has done all that it was given, so a step has
+as few of them as can be.
 """
 
 from __future__ import annotations
