@@ -155,7 +155,7 @@ class DeSplatModel(StaticModel):
     def get_loss_dict(
         self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
     ) -> dict[str, Tensor]:
-        """Eq. 5 and 12: Splatfacto's photometric loss on what was drawn, and the opacity terms.
+        """Eq. 5 and 12: the photometric loss of what was drawn, and the opacity terms.
 
         docs/separation.md says what `distractors.start` and `static_alone` change.
         """
@@ -163,23 +163,18 @@ class DeSplatModel(StaticModel):
             return super().get_loss_dict(outputs, batch, metrics_dict)
         if self.effects.background != "off" or batch["image"].shape[2] == 4:
             outputs = {**outputs, "background": self._photographed_background(outputs)}
-        losses = super().get_loss_dict(outputs, batch, metrics_dict)
-        photo = self.composite_with_background(
-            self.get_gt_img(batch["image"]), outputs["background"]
-        )
-        mask = self._mask_of(batch, photo.device)
+        photo = self.photo_of(outputs, batch)
+        mask = self.mask_of(batch, photo.device)
+        losses: dict[str, Tensor] = {}
         if self.layer is not None:
             losses |= self._distractor_losses(self.layer, outputs, photo, mask)
+        if "main_loss" not in losses:
+            losses["main_loss"] = self.photometric_term(outputs["rgb"], photo, mask)
         if self.effects.background != "off":
             losses["background_opacity"] = self._background_loss(outputs, photo, mask)
+        losses |= self.regularizers()
         self.losses = {name: value.detach() for name, value in losses.items()}
         return losses
-
-    def _mask_of(self, batch: dict[str, Any], device: torch.device) -> Tensor | None:
-        """The user's mask [H, W, 1], True in the pixels that count; None if there is none."""
-        if "mask" not in batch:
-            return None
-        return self._downscale_if_required(batch["mask"]).to(device) != 0
 
     def _distractor_losses(
         self, layer: DistractorLayer, outputs: dict[str, Any], photo: Tensor, mask: Tensor | None
@@ -188,7 +183,7 @@ class DeSplatModel(StaticModel):
         train_step = self.train_step
         assert train_step is not None
         train_step.photo, train_step.static_rgb = photo, outputs["rgb_static"]
-        train_step.alpha_d = outputs["alpha_distractor"]
+        train_step.composite, train_step.alpha_d = outputs["rgb"], outputs["alpha_distractor"]
         opacities, alpha_s = self.gauss_params["opacities"], outputs["accumulation"]
         return layer.losses(train_step, alpha_s, opacities, self.memory, mask)
 

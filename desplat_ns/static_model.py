@@ -10,11 +10,10 @@ from gsplat.strategy import DefaultStrategy
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import OrientedBox
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackAttributes
-from nerfstudio.model_components.lib_bilagrid import color_correct
+from nerfstudio.model_components.lib_bilagrid import color_correct, total_variation_loss
 from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.backend.ssim import ssim_of_planes
 from desplat_ns.gaussians.activation import RawParameters, resize_rows
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.memory import GaussianMemory
@@ -29,7 +28,7 @@ from desplat_ns.nerfstudio_quirks import (
 from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.training.budget import Clock
-from desplat_ns.training.losses import mean_shown_opacity
+from desplat_ns.training.losses import mean_shown_opacity, photometric_loss
 from desplat_ns.training.run_length import (
     SPLATFACTOS_INTERVAL,
     degree_for,
@@ -138,8 +137,6 @@ class StaticModel(LitModel):
         with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
         clamp_seed_scales(self.gauss_params)
-        del self.ssim  # a module, whose place only another module could take
-        self.ssim = ssim_of_planes
         self._settle_strategy()
         self.add_image_effects()
 
@@ -166,11 +163,43 @@ class StaticModel(LitModel):
     def get_loss_dict(
         self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
     ) -> dict[str, Tensor]:
-        """Splatfacto's, and what `opacity-prior` charges."""
-        losses = super().get_loss_dict(outputs, batch, metrics_dict)
-        if self.training and self.config.opacity_prior > 0:
-            weight = self.config.opacity_prior / self.num_train_data
-            opacities = self.gauss_params["opacities"]
+        """Splatfacto's terms, and what `opacity-prior` charges."""
+        photo = self.photo_of(outputs, batch)
+        main_loss = self.photometric_term(outputs["rgb"], photo, self.mask_of(batch, photo.device))
+        return {"main_loss": main_loss} | self.regularizers()
+
+    def photo_of(self, outputs: dict[str, Any], batch: dict[str, Any]) -> Tensor:
+        """The photo [H, W, 3] at the step's size; what is transparent shows the background."""
+        return self.composite_with_background(
+            self.get_gt_img(batch["image"]), outputs["background"]
+        )
+
+    def mask_of(self, batch: dict[str, Any], device: torch.device) -> Tensor | None:
+        """The user's mask [H, W, 1], True in the pixels that count; None if there is none."""
+        if "mask" not in batch:
+            return None
+        return self._downscale_if_required(batch["mask"]).to(device) != 0
+
+    def photometric_term(self, image: Tensor, photo: Tensor, mask: Tensor | None) -> Tensor:
+        """L_GS of an image; what is masked is black in it and in the photo."""
+        if mask is not None:
+            image, photo = image * mask, photo * mask
+        return photometric_loss(image, photo, self.config.ssim_lambda)
+
+    def regularizers(self) -> dict[str, Tensor]:
+        """The other terms of Splatfacto (nerfstudio 1.1.5), and what `opacity-prior` charges."""
+        losses, config = {}, self.config
+        if config.use_scale_regularization and self.step % 10 == 0:
+            scales = torch.exp(self.scales)
+            ratio = scales.amax(dim=-1) / scales.amin(dim=-1)
+            losses["scale_reg"] = 0.1 * (ratio - config.max_gauss_ratio).clamp(min=0).mean()
+        if not self.training:
+            return losses
+        self.camera_optimizer.get_loss_dict(losses)
+        if config.use_bilateral_grid:
+            losses["tv_loss"] = 10 * total_variation_loss(self.bil_grids.grids)
+        if config.opacity_prior > 0:
+            weight, opacities = config.opacity_prior / self.num_train_data, self.opacities
             losses["opacity_prior"] = weight * mean_shown_opacity(opacities, self.shown)
         return losses
 

@@ -1,4 +1,5 @@
-"""SSIM as a training loss: pytorch_msssim's value and gradient, at a tenth of its cost on a CPU."""
+"""SSIM and the photometric loss of training: pytorch_msssim's value and gradient, at a tenth of its
+cost on a CPU."""
 
 from __future__ import annotations
 
@@ -37,8 +38,9 @@ def ssim(pred: Float[Tensor, "H W C"], target: Float[Tensor, "H W C"]) -> Float[
     """
     if pred.shape != target.shape:
         raise ValueError(f"pred has shape {tuple(pred.shape)}, target {tuple(target.shape)}.")
-    if _is_fast(pred, target):
-        return _Ssim.apply(pred, target)  # type: ignore[no-any-return]
+    losses = photometric_losses(target, None, 1.0, pred)
+    if losses is not None:
+        return 1 - losses[0]
     planes = (image.movedim(-1, 0)[None] for image in (pred, target))
     return msssim_ssim(*planes, data_range=1.0, win=_window(pred.shape[2], pred.dtype, pred.device))
 
@@ -49,11 +51,23 @@ def _window(channels: int, dtype: torch.dtype, device: torch.device) -> Tensor:
     return gaussian_window(11, 1.5).repeat(channels, 1, 1, 1).to(device, dtype)
 
 
-def ssim_of_planes(
-    target: Float[Tensor, "1 C H W"], pred: Float[Tensor, "1 C H W"]
-) -> Float[Tensor, ""]:
-    """`ssim` as Splatfacto calls it: photo first, channels first."""
-    return ssim(pred[0].movedim(0, -1), target[0].movedim(0, -1))
+def photometric_losses(
+    photo: Float[Tensor, "H W C"],
+    owned: Float[Tensor, "H W 1"] | None,
+    ssim_weight: float,
+    *images: Float[Tensor, "H W C"],
+) -> tuple[Tensor, ...] | None:
+    """The compiled kernels' `training.losses.photometric_loss` of an image, or of two that are
+    equal in all pixels of which nothing is owned; None where they cannot work it out.
+
+    Args:
+        owned: by distractors, in the first image; None for nothing. In the second nothing is.
+        images: one or two. Blocks in which they are equal are worked out once, and the second has
+            no gradient there.
+    """
+    if not all(_is_fast(image, photo) for image in images):
+        return None
+    return _Photometric.apply(photo, owned, ssim_weight, *images)  # type: ignore[no-any-return]
 
 
 def _is_fast(pred: Tensor, target: Tensor) -> bool:
@@ -68,42 +82,77 @@ def _is_fast(pred: Tensor, target: Tensor) -> bool:
     )
 
 
-class _Ssim(torch.autograd.Function):
+class _Photometric(torch.autograd.Function):
     """The gradient is worked out with the value: the two share most of the work."""
 
     @staticmethod
-    def forward(ctx, pred, target):  # type: ignore[override]
-        value, gradient = _score(pred, target, ctx.needs_input_grad[0])
-        if gradient is not None:
-            ctx.save_for_backward(gradient)
-        return value
+    def forward(ctx, photo, owned, ssim_weight, first, second=None):  # type: ignore[override]
+        sums = _Sums(first, ssim_weight)
+        gradients = [sums.differentiate(first, photo, owned)]
+        losses = [sums.loss()]
+        if second is not None:
+            wanted = None if owned is None else sums.blocks_of(owned)
+            gradients.append(sums.differentiate(second, photo, None, wanted))
+            losses.append(sums.loss())
+        ctx.save_for_backward(*gradients)
+        return tuple(losses)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
-    def backward(ctx, grad):  # type: ignore[override]
-        return grad * ctx.saved_tensors[0], None
+    def backward(ctx, *grads):  # type: ignore[override]
+        by_image = zip(grads, ctx.saved_tensors, strict=True)
+        return None, None, None, *(one if grad == 1 else grad * one for grad, one in by_image)
 
 
-def _score(pred: Tensor, target: Tensor, with_gradient: bool) -> tuple[Tensor, Tensor | None]:
-    """Mean SSIM and, if asked for, its gradient by `pred`."""
-    from desplat_ns.backend.numba_kernels import ssim as kernels
-    from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter, num_workers
+class _Sums:
+    """SSIM and L1 of an image, summed over the kernels' blocks."""
 
-    height, length = pred.shape[0], pred.shape[1] * kernels.CHANNELS
-    out_rows, out_columns = height - kernels.MARGIN, length - kernels.SIDE
-    x, y = flat(pred), flat(target)
-    blocks = (-(-out_rows // kernels.ROWS), -(-out_columns // kernels.COLUMNS))
-    sums, count = np.empty(blocks), out_rows * out_columns
-    padded = 3 * (height + kernels.MARGIN) * (length + kernels.SIDE)
-    slopes = np.empty(padded if with_gradient else 0, np.float32)
-    size, workers = (height, length), num_workers()
-    with launching():
-        kernels.score_image(x, y, *size, slopes, sums, new_counter(), workers)
-        value = torch.tensor(float(sums.sum()) / count)
-        if not with_gradient:
-            return value, None
-        gradient = torch.empty(pred.shape)
-        scale, counter = np.float32(1 / count), new_counter()
-        out = gradient.view(-1).numpy()
-        kernels.backward_image(x, y, *size, slopes, scale, out, counter, workers)
-    return value, gradient
+    def __init__(self, image: Float[Tensor, "H W 3"], ssim_weight: float):
+        kernels = _kernels()
+        assert kernels is not None
+        height, length = image.shape[0], image.shape[1] * kernels.CHANNELS
+        self.size, self.kernels = (height, length), kernels
+        windows = (height - kernels.MARGIN, length - kernels.SIDE)
+        self.similarity = np.empty(self._count(*windows))
+        self.difference = np.empty(self._count(height, length))
+        self.per_window = ssim_weight / (windows[0] * windows[1])
+        self.per_number = (1 - ssim_weight) / (height * length)
+        self.constant = ssim_weight
+
+    def _count(self, rows: int, length: int) -> tuple[int, int]:
+        return -(-rows // self.kernels.ROWS), -(-length // self.kernels.COLUMNS)
+
+    def blocks_of(self, owned: Float[Tensor, "H W 1"]) -> np.ndarray:
+        """Blocks of pixels [down, across] in which anything is owned."""
+        down, across = (np.arange(count) for count in self.difference.shape)
+        pixels = self.kernels.COLUMNS // self.kernels.CHANNELS
+        rows = np.maximum.reduceat(owned[..., 0].numpy(), down * self.kernels.ROWS, axis=0)
+        return (np.maximum.reduceat(rows, across * pixels, axis=1) > 0).astype(np.uint8)
+
+    def differentiate(
+        self, image: Tensor, photo: Tensor, owned: Tensor | None, wanted: np.ndarray | None = None
+    ) -> Tensor:
+        """Take up the sums of an image, where they are wanted, and give the gradient of `loss`."""
+        from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter
+        from desplat_ns.backend.numba_kernels.runtime import num_workers
+
+        kernels, (height, length), workers = self.kernels, self.size, num_workers()
+        if wanted is None:
+            wanted = np.empty((0, 0), np.uint8)
+        x, y = flat(image), flat(photo)
+        weights = np.empty(0, np.float32) if owned is None else flat(owned)
+        slopes = np.empty(3 * (height + kernels.MARGIN) * (length + kernels.SIDE), np.float32)
+        gradient = torch.empty(image.shape)
+        shared = (x, y, weights, wanted, height, length, slopes)
+        scales = (np.float32(-self.per_window), np.float32(self.per_number))
+        with launching():
+            kernels.score_image(*shared, self.similarity, new_counter(), workers)
+            out = gradient.view(-1).numpy()
+            kernels.backward_image(*shared, *scales, self.difference, out, new_counter(), workers)
+        return gradient
+
+    def loss(self) -> Float[Tensor, ""]:
+        """(1 - w) L1 + w (1 - SSIM)."""
+        similarity, difference = float(self.similarity.sum()), float(self.difference.sum())
+        value = self.constant - self.per_window * similarity + self.per_number * difference
+        return torch.tensor(value)

@@ -36,7 +36,8 @@ from desplat_ns.separation.regions import StaticView, apply_mask, find_regions
 from desplat_ns.separation.residuals import LEAST_VIEWS, ResidualStats
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
-    static_photometric_loss,
+    layered_photometric_losses,
+    photometric_loss,
     static_transparency_loss,
 )
 
@@ -63,6 +64,8 @@ class TrainStep:
     """What the view should look like, in [0, 1]; under the user's mask as the static scene."""
     static_rgb: Float[Tensor, "H W 3"] = field(init=False)
     """The static scene as an image, over the background."""
+    composite: Float[Tensor, "H W 3"] = field(init=False)
+    """The distractors over it."""
     alpha_d: Float[Tensor, "H W 1"] = field(init=False)
     """Opacity of the distractors."""
 
@@ -94,7 +97,7 @@ class DistractorLayer:
         """
         self.gaussians = gaussians
         self.config = config
-        self.ssim_weight = static.ssim_lambda
+        self.static = static
         self.num_views = len(cameras)
         self.densifier = DistractorDensifier(config, static)
         self.clearance = Clearance(config.clearance, points, cameras)
@@ -147,7 +150,8 @@ class DistractorLayer:
         memory: GaussianMemory,
         mask: Bool[Tensor, "H W 1"] | None,
     ) -> dict[str, Tensor]:
-        """The opacity terms of Eq. 5; with `static_alone` also the static scene's own term.
+        """The opacity terms of Eq. 5; with `static_alone` also the photometric ones, of the
+        composite and of the static scene by itself.
 
         Args:
             alpha_s: opacity of the static scene.
@@ -171,13 +175,24 @@ class DistractorLayer:
         }
         if config.static_alone and train_step.distractors is not None:
             ignored = regions if train_step.number >= config.leave_out_at else None
-            losses["static_photometric"] = static_photometric_loss(
-                train_step.static_rgb,
-                train_step.photo,
-                distractor_weight(alpha_d, ignored),
-                self.ssim_weight,
-            )
+            losses |= self._photometric_losses(train_step, distractor_weight(alpha_d, ignored), mask)
         return losses
+
+    def _photometric_losses(
+        self, train_step: TrainStep, owned: Float[Tensor, "H W 1"], mask: Tensor | None
+    ) -> dict[str, Tensor]:
+        """L_GS of the composite, and of the static scene on what is not owned; in masked pixels the
+        composite shows the static scene, as the photo does."""
+        static, composite, photo = train_step.static_rgb, train_step.composite, train_step.photo
+        weight = self.static.ssim_lambda
+        if mask is not None:
+            composite = torch.where(mask, composite, static.detach())
+        if self.static.use_bilateral_grid:  # the composite moves the grids everywhere
+            own = photometric_loss(static, photo, weight, owned)
+            main = photometric_loss(composite, photo, weight)
+        else:
+            own, main = layered_photometric_losses(static, composite, photo, weight, owned)
+        return {"main_loss": main, "static_photometric": own}
 
     @torch.no_grad()
     def update_regions(

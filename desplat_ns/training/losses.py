@@ -1,7 +1,7 @@
 """The terms of Eq. 5: photometric, for an image or for the static scene alone, and of opacities;
 and the price of what no photo needs.
 
-In training the photometric term of the composite is Splatfacto's and stays there.
+On a CPU the photometric term is compiled (backend/ssim.py); the statements here are its reference.
 """
 
 from __future__ import annotations
@@ -10,23 +10,53 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from desplat_ns.backend.ssim import ssim
+from desplat_ns.backend.ssim import photometric_losses, ssim
 
 
 def photometric_loss(
-    image: Float[Tensor, "H W 3"], photo: Float[Tensor, "H W 3"], ssim_weight: float
+    image: Float[Tensor, "H W 3"],
+    photo: Float[Tensor, "H W 3"],
+    ssim_weight: float,
+    owned: Float[Tensor, "H W 1"] | None = None,
 ) -> Float[Tensor, ""]:
     """(1 - w) L1 + w D-SSIM of two images in [0, 1]; w is `ssim_weight`.
 
-    Source: L_GS, the photometric term of Eq. 5 and 12.
+    With `owned` on the pixels alone that distractors do not own: in L1 a pixel counts by 1 - owned.
+    For D-SSIM, whose windows reach across the border, the photo is blended with the rendering
+    itself, as a constant: there is nothing to see where it is owned.
+
+    Source: L_GS, the photometric term of Eq. 5 and 12; `owned` is ours (docs/separation.md).
     """
-    return _mixed((image - photo).abs().mean(), ssim(image, photo), ssim_weight)
+    compiled = photometric_losses(photo, owned, ssim_weight, image)
+    if compiled is not None:
+        return compiled[0]
+    difference, target = (image - photo).abs(), photo
+    if owned is not None:
+        difference = (1 - owned) * difference
+        target = torch.lerp(photo, image.detach(), owned)
+    return (1 - ssim_weight) * difference.mean() + ssim_weight * (1 - ssim(image, target))
 
 
-def _mixed(
-    l1: Float[Tensor, ""], similarity: Float[Tensor, ""], ssim_weight: float
-) -> Float[Tensor, ""]:
-    return (1 - ssim_weight) * l1 + ssim_weight * (1 - similarity)
+def layered_photometric_losses(
+    static: Float[Tensor, "H W 3"],
+    composite: Float[Tensor, "H W 3"],
+    photo: Float[Tensor, "H W 3"],
+    ssim_weight: float,
+    owned: Float[Tensor, "H W 1"],
+) -> tuple[Float[Tensor, ""], Float[Tensor, ""]]:
+    """`photometric_loss` of the static scene on what distractors do not own, and of the composite.
+
+    Args:
+        composite: equals `static` where nothing is owned. For what it is made of has no gradient
+            there either, most of the second term is the first one's: on a CPU it is taken from it.
+    """
+    compiled = photometric_losses(photo, owned, ssim_weight, static, composite)
+    if compiled is not None:
+        return compiled[0], compiled[1]
+    return (
+        photometric_loss(static, photo, ssim_weight, owned),
+        photometric_loss(composite, photo, ssim_weight),
+    )
 
 
 def distractor_opacity_loss(
@@ -46,24 +76,6 @@ def static_transparency_loss(alpha_s: Float[Tensor, "H W 1"]) -> Float[Tensor, "
     Source: Eq. 5, the term weighted by lambda_s.
     """
     return (1 - alpha_s).mean()
-
-
-def static_photometric_loss(
-    static: Float[Tensor, "H W 3"],
-    photo: Float[Tensor, "H W 3"],
-    owned: Float[Tensor, "H W 1"],
-    ssim_weight: float,
-) -> Float[Tensor, ""]:
-    """(1 - w) L1 + w D-SSIM of the static scene alone, on pixels that distractors do not own.
-
-    In L1 a pixel counts by 1 - owned. For D-SSIM, whose windows reach across the border, the photo
-    is blended with the rendering itself, as a constant: there is nothing to see where it is owned.
-
-    Source: ours (docs/separation.md); the form is the photometric term's of Eq. 5.
-    """
-    l1 = ((1 - owned) * (static - photo).abs()).mean()
-    target = torch.lerp(photo, static.detach(), owned)
-    return _mixed(l1, ssim(static, target), ssim_weight)
 
 
 def mean_shown_opacity(

@@ -14,8 +14,6 @@ import argparse
 from dataclasses import replace
 
 import torch
-from nerfstudio.models.splatfacto import SplatfactoModel
-
 from desplat_ns.calibration.model_step import ModelStep
 from desplat_ns.calibration.scenes import Scene, make_scene
 from desplat_ns.calibration.timing import threads, time_in_turns
@@ -23,6 +21,7 @@ from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.views import view_of
 from desplat_ns.settings.effects import Effects
+from desplat_ns.static_model import StaticModel
 from desplat_ns.studies.machine import describe_machine
 
 SIZES = ((20_000, 480, 270), (100_000, 648, 420))
@@ -52,7 +51,7 @@ class BareStep(ModelStep):
         background = model._get_background_color()
         rgb = over_background(drawn.rgb, drawn.alpha, background).clamp(0, 1)
         outputs = {"rgb": rgb, "accumulation": drawn.alpha, "background": background}
-        return SplatfactoModel.get_loss_dict(model, outputs, {"image": self.photo})
+        return StaticModel.get_loss_dict(model, outputs, {"image": self.photo})
 
 
 def step_of(case: str, scene: Scene) -> ModelStep:

@@ -22,7 +22,7 @@ from desplat_ns.errors import CaptureError
 from desplat_ns.method_configs import desplat
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
 from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.training.losses import static_photometric_loss
+from desplat_ns.training.losses import photometric_loss
 
 TRIMMED_SHARE = 0.8
 """Share of a photo's pixels that the robust baseline trusts in every step."""
@@ -51,12 +51,10 @@ class TrustedPixelsModel(DeSplatModel):
         """Splatfacto's, its photometric part on the trusted pixels only."""
         losses = super().get_loss_dict(outputs, batch, metrics_dict)
         if self.training:
-            photo = self.composite_with_background(
-                self.get_gt_img(batch["image"]), outputs["background"]
-            )
+            photo = self.photo_of(outputs, batch)
             owned = self._truth(photo) if self.config.by_truth else _trimmed(outputs["rgb"], photo)
-            losses["main_loss"] = static_photometric_loss(
-                outputs["rgb"], photo, owned.to(photo.dtype), self.config.ssim_lambda
+            losses["main_loss"] = photometric_loss(
+                outputs["rgb"], photo, self.config.ssim_lambda, owned.to(photo.dtype)
             )
         return losses
 

@@ -141,8 +141,8 @@ FORMULAS = (
     Formula("distractor_opacity_loss", _free, (PLANE, PLANE)),
     Formula("static_transparency_loss", losses.static_transparency_loss, (PLANE,)),
     Formula(
-        "static_photometric_loss",
-        partial(losses.static_photometric_loss, ssim_weight=0.2),
+        "photometric_loss",
+        lambda x, y, owned: losses.photometric_loss(x, y.detach(), 0.2, owned.detach()),
         (IMAGE, IMAGE, PLANE),
     ),
     Formula("ssim (training)", lambda x, y: ssim(x, y.detach()), (IMAGE, IMAGE)),

@@ -7,10 +7,13 @@ from desplat_ns.backend.ssim import ssim
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
     mean_shown_opacity,
+    layered_photometric_losses,
     photometric_loss,
-    static_photometric_loss,
     static_transparency_loss,
 )
+
+FLAT = 1e-5
+"""As of tests/backend/test_ssim.py: rounding of float32 images of contrast 0.05 and more."""
 
 
 def test_values_worked_out_by_hand():
@@ -45,7 +48,7 @@ def test_the_static_loss_of_a_photo_without_distractors_is_splatfactos():
     static, photo = torch.rand(2, 20, 30, 3, generator=torch.Generator().manual_seed(0))
     owned = torch.zeros(20, 30, 1)
     expected = 0.8 * (static - photo).abs().mean() + 0.2 * (1 - ssim(static, photo))
-    assert static_photometric_loss(static, photo, owned, 0.2).item() == pytest.approx(
+    assert photometric_loss(static, photo, 0.2, owned).item() == pytest.approx(
         expected.item(), rel=1e-6
     )
 
@@ -56,14 +59,44 @@ def test_owned_pixels_have_no_gradient_by_l1_and_their_colour_does_not_matter():
     owned = torch.zeros(30, 40, 1, dtype=torch.float64)
     owned[5:20, 5:20] = 1.0
     owned[:, 35:] = 0.25
-    loss = static_photometric_loss(static, photo, owned, 0.0)
+    loss = photometric_loss(static, photo, 0.0, owned)
     loss.backward()
     assert static.grad is not None
     assert torch.allclose(static.grad.abs(), ((1 - owned) / 3600).expand(-1, -1, 3), rtol=1e-12)
     assert loss.item() == pytest.approx((((static - photo).abs() * (1 - owned)).mean()).item())
     painted = torch.where(owned == 1, torch.tensor(1.0).double(), photo)
-    again = static_photometric_loss(static, painted, owned, 0.2)
-    assert again.item() == static_photometric_loss(static, photo, owned, 0.2).item()
+    again = photometric_loss(static, painted, 0.2, owned)
+    assert again.item() == photometric_loss(static, photo, 0.2, owned).item()
+
+
+def occluded(height: int, width: int) -> dict[str, torch.Tensor]:
+    """A static scene, a photo, and an occluder that covers some pixels of two corners' blocks."""
+    rng = torch.Generator().manual_seed(1)
+    static, photo = torch.rand(2, height, width, 3, generator=rng)
+    owned = torch.zeros(height, width, 1)
+    owned[2:7, 3:9], owned[-4:, -5:] = 1.0, torch.rand(4, 5, 1, generator=rng)
+    composite = torch.lerp(static, torch.rand(height, width, 3, generator=rng), owned)
+    return {"static": static, "composite": composite, "photo": photo, "owned": owned}
+
+
+@pytest.mark.parametrize("size", [(11, 11), (27, 40), (60, 500), (35, 161)])
+def test_two_losses_at_once_are_the_two_by_themselves(size):
+    """Compiled against the torch statements in float64; blocks are of 16 x 160 pixels."""
+    images = occluded(*size)
+    owned = images["owned"]
+    losses, slopes = [], []
+    for dtype in (torch.float32, torch.float64):
+        given = {name: image.to(dtype) for name, image in images.items()}
+        static, composite = (given[n].requires_grad_() for n in ("static", "composite"))
+        pair = layered_photometric_losses(static, composite, given["photo"], 0.2, given["owned"])
+        losses.append(torch.stack(pair).double())
+        slopes.append(torch.autograd.grad(3 * pair[0] + 2 * pair[1], (static, composite)))
+    torch.testing.assert_close(losses[0], losses[1], atol=FLAT, rtol=0)
+    largest = slopes[1][0].abs().max()
+    assert (slopes[0][0] - slopes[1][0]).abs().max() <= 10 * FLAT * largest
+    # Of the composite the distractors alone follow the gradient.
+    off = ((slopes[0][1] - slopes[1][1]) * (owned > 0)).abs().max()
+    assert off <= 10 * FLAT * slopes[1][1].abs().max()
 
 
 def test_the_loss_is_the_photometric_one():

@@ -1,4 +1,5 @@
-"""The compiled part of `backend/ssim.py`: mean SSIM of two images, and its gradient, in two passes.
+"""The compiled part of `backend/ssim.py`: L1 and mean SSIM of two images, and the gradient of both,
+in two passes.
 
 With G the 11-tap Gaussian window (along y, then x, wherever it lies within the image), mx = G x,
 my = G y, vx = G x^2 - mx^2, vy = G y^2 - my^2, c = G xy - mx my,
@@ -10,7 +11,8 @@ my = G y, vx = G x^2 - mx^2, vy = G y^2 - my^2, c = G xy - mx my,
     d sum SSIM / dx = G'P + 2 x G'Q + y G'R,
 
 where G' is G over a border of zeros. The first pass sums SSIM and keeps P, Q, R with that border;
-the second blurs them. Both work on blocks of ROWS x COLUMNS numbers, copied with their margins into
+the second blurs them, and adds L1. What is owned by distractors counts by 1 - owned in L1; for SSIM
+y is blended with x there, as a constant. Both passes work on blocks of ROWS x COLUMNS numbers, copied with their margins into
 scratch rows of one fixed length: only then can the compiler see that nothing overlaps, and use
 vectors. Images are read as they lie in memory, [H, W, 3]: a row is 3 W numbers, neighbours of one
 channel 3 apart.
@@ -93,6 +95,44 @@ def _copy_in(source, length, row, column, rows, columns, s, at):
             s[to + j] = source[first + j]
 
 
+@kernel()
+def _spread(owned, length, row, column, columns, o):
+    """A part of a row of `owned`, which has a number for each pixel, for each number of an image;
+    0 where `owned` is empty."""
+    if owned.size == 0:
+        o[:columns] = 0
+        return
+    first = np.uint64((row * length + column) // CHANNELS)
+    for p in range(np.uint64(columns // CHANNELS)):
+        for k in range(CHANNELS):
+            o[CHANNELS * p + np.uint64(k)] = owned[first + p]
+
+
+@kernel()
+def _blend_in(y, owned, length, row, column, rows, columns, s, o):
+    """As `_copy_in`, of y behind x, whose block is in the scratch rows; x where it is owned."""
+    if owned.size == 0:
+        _copy_in(y, length, row, column, rows, columns, s, _IMAGE)
+        return
+    for r in range(rows):
+        _spread(owned, length, row + r, column, columns, o)
+        first, to = np.uint64((row + r) * length + column), np.uint64(r * STRIDE)
+        for j in range(np.uint64(columns)):
+            s[_NEXT + to + j] = o[j] * s[to + j] + (_ONE - o[j]) * y[first + j]
+
+
+@kernel()
+def _is_asked_for(wanted, down, across, row, column):
+    """Whether one of so many blocks from (row, column) on is wanted; all are where none is named."""
+    if wanted.size == 0:
+        return True
+    for i in range(row, min(row + down, wanted.shape[0])):
+        for j in range(column, min(column + across, wanted.shape[1])):
+            if wanted[i, j] > 0:
+                return True
+    return False
+
+
 @kernel(fastmath=_LOOSE)
 def _moments(s, v, row, columns):
     """Means of x, y, x^2, y^2, x y down the window from a scratch row on, into the rows of v."""
@@ -142,19 +182,27 @@ def _clear_border(slopes, plane, height, length):
 
 
 @kernel(parallel=True)
-def score_image(x, y, height, length, slopes, sums, counter, workers):
-    """First pass. Sum of SSIM per block into `sums`; P, Q, R into `slopes` unless that is empty."""
+def score_image(x, y, owned, wanted, height, length, slopes, sums, counter, workers):
+    """First pass. Sum of SSIM per block into `sums`; P, Q, R into `slopes` unless that is empty.
+
+    With `wanted` (one number for each block of pixels) only blocks whose windows reach a wanted one
+    are written.
+    """
     across, out_rows, out_columns = sums.shape[1], height - MARGIN, length - SIDE
     width, plane = length + SIDE, (length + SIDE) * (height + MARGIN)
     for _ in numba.prange(workers):
         s, v = np.empty(2 * _IMAGE, np.float32), np.empty(5 * STRIDE, np.float32)
-        slope = np.empty(3 * STRIDE, np.float32)
+        slope, o = np.empty(3 * STRIDE, np.float32), np.empty(STRIDE, np.float32)
         block = take(counter)
         while block < sums.size:
-            row, column = block // across * ROWS, block % across * COLUMNS
+            i, j = block // across, block % across
+            block = take(counter)
+            if not _is_asked_for(wanted, 2, 2, i, j):
+                continue
+            row, column = i * ROWS, j * COLUMNS
             rows, columns = min(ROWS, out_rows - row), min(COLUMNS, out_columns - column)
             _copy_in(x, length, row, column, rows + MARGIN, columns + SIDE, s, 0)
-            _copy_in(y, length, row, column, rows + MARGIN, columns + SIDE, s, _IMAGE)
+            _blend_in(y, owned, length, row, column, rows + MARGIN, columns + SIDE, s, o)
             total = 0.0
             for r in range(rows):
                 _moments(s, v, r, columns + SIDE)
@@ -162,20 +210,26 @@ def score_image(x, y, height, length, slopes, sums, counter, workers):
                 if slopes.size > 0:
                     at = (row + r + MARGIN) * width + column + SIDE
                     for k in range(3):
-                        for j in range(columns):
-                            slopes[k * plane + at + j] = slope[k * STRIDE + j]
-            sums[block // across, block % across] = total
-            block = take(counter)
+                        for c in range(columns):
+                            slopes[k * plane + at + c] = slope[k * STRIDE + c]
+            sums[i, j] = total
 
 
 @kernel(fastmath=_LOOSE)
-def _mix(v, x, y, gradient, at, columns, scale):
-    """One row of the gradient of a block, from P, Q, R blurred down the window."""
-    first = np.uint64(at)
+def _mix(v, x, y, o, gradient, at, columns, scale, scale_l1):
+    """One row of the gradient of a block, from P, Q, R blurred down the window; gives its L1."""
+    first, total = np.uint64(at), np.float32(0)
     for j in range(np.uint64(columns)):
         p, q = _blur(v, j, _ALONG), _blur(v, _P1 + j, _ALONG)
         r = _blur(v, _P2 + j, _ALONG)
-        gradient[first + j] = scale * (p + _TWO * x[first + j] * q + y[first + j] * r)
+        here, there, counted = x[first + j], y[first + j], _ONE - o[j]
+        off = here - there
+        total += counted * abs(off)
+        sign = np.float32(off > 0) - np.float32(off < 0)
+        blended = o[j] * here + counted * there
+        slope = p + _TWO * here * q + blended * r
+        gradient[first + j] = scale * slope + scale_l1 * (counted * sign)
+    return total
 
 
 @kernel(fastmath=_LOOSE)
@@ -189,21 +243,34 @@ def _blur_slopes(s, v, row, columns):
 
 
 @kernel(parallel=True)
-def backward_image(x, y, height, length, slopes, scale, gradient, counter, workers):
-    """Second pass: `scale` times the gradient of the sum of SSIM by x."""
-    across, down = -(-length // COLUMNS), -(-height // ROWS)
+def backward_image(
+    x, y, owned, wanted, height, length, slopes, scale, scale_l1, sums_l1, gradient, counter, workers
+):
+    """Second pass. L1 per block of pixels into `sums_l1`; by x, the gradient of `scale` times the
+    sum of SSIM and `scale_l1` times L1 (0 in blocks that are not wanted)."""
+    down, across = sums_l1.shape
     width, plane = length + SIDE, (length + SIDE) * (height + MARGIN)
     _clear_border(slopes, plane, height, length)
     for _ in numba.prange(workers):
         s, v = np.empty(3 * _IMAGE, np.float32), np.empty(3 * STRIDE, np.float32)
+        o = np.empty(STRIDE, np.float32)
         block = take(counter)
         while block < across * down:
-            row, column = block // across * ROWS, block % across * COLUMNS
+            i, j = block // across, block % across
+            block = take(counter)
+            row, column = i * ROWS, j * COLUMNS
             rows, columns = min(ROWS, height - row), min(COLUMNS, length - column)
+            if not _is_asked_for(wanted, 1, 1, i, j):
+                for r in range(row, row + rows):
+                    gradient[r * length + column : r * length + column + columns] = 0
+                continue
             for k in range(3):
                 part = slopes[k * plane : (k + 1) * plane]
                 _copy_in(part, width, row, column, rows + MARGIN, columns + SIDE, s, k * _IMAGE)
+            total = 0.0
             for r in range(rows):
                 _blur_slopes(s, v, r, columns + SIDE)
-                _mix(v, x, y, gradient, (row + r) * length + column, columns, scale)
-            block = take(counter)
+                _spread(owned, length, row + r, column, columns, o)
+                at = (row + r) * length + column
+                total += _mix(v, x, y, o, gradient, at, columns, scale, scale_l1)
+            sums_l1[i, j] = total
