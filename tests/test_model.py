@@ -80,7 +80,7 @@ def test_an_effect_that_is_off_leaves_no_trace():
     assert not any("distractor" in name for name in model.state_dict())
     result = Trainer(model).step(0)
     assert not any("distractor" in name for name in result["outputs"])
-    assert set(result["losses"]) == {"main_loss", "scale_reg"}
+    assert set(result["losses"]) == {"main_loss"}
 
 
 def test_the_loss_is_equation_5():

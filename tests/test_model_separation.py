@@ -117,7 +117,7 @@ def test_without_distractors_in_the_view_splatfactos_loss_and_the_transparency_a
     trainer = Trainer(model)
     result = trainer.step(0)
     losses, outputs = result["losses"], result["outputs"]
-    assert set(losses) == {"main_loss", "scale_reg", "distractor_opacity", "static_transparency"}
+    assert set(losses) == {"main_loss", "distractor_opacity", "static_transparency"}
     static, photo = outputs["rgb_static"], trainer.photo
     assert torch.equal(outputs["rgb"], static)
     splatfactos = 0.8 * (static - photo).abs().mean() + 0.2 * (1 - ssim(static, photo))

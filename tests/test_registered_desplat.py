@@ -98,7 +98,7 @@ def last_checkpoint(config: Any) -> dict[str, Any]:
 def test_every_loss_of_every_step_is_finite_and_they_fall(straight: Run):
     assert len(straight.losses) == STEPS
     assert all(math.isfinite(loss) for step in straight.losses for loss in step.values())
-    names = {"main_loss", "scale_reg", "opacity_prior"}
+    names = {"main_loss", "opacity_prior"}
     names |= {"distractor_opacity", "static_transparency"}
     assert set(straight.losses[0]) == names
     assert set(straight.losses[-1]) == names | {"static_photometric"}

@@ -133,8 +133,12 @@ class _Sums:
         self, image: Tensor, photo: Tensor, owned: Tensor | None, wanted: np.ndarray | None = None
     ) -> Tensor:
         """Take up the sums of an image, where they are wanted, and give the gradient of `loss`."""
-        from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter
-        from desplat_ns.backend.numba_kernels.runtime import num_workers
+        from desplat_ns.backend.numba_kernels.runtime import (
+            flat,
+            launching,
+            new_counter,
+            num_workers,
+        )
 
         kernels, (height, length), workers = self.kernels, self.size, num_workers()
         if wanted is None:

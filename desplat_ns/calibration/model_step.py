@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import asdict, replace
 from typing import Any
 
-import numpy as np
 import torch
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import SceneBox
@@ -20,8 +18,6 @@ from desplat_ns.calibration.scenes import Scene
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import ViewDistractors, fill_view
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
-from desplat_ns.separation.grid import grid_of, region_pixels
-from desplat_ns.separation.placement import distractors_in
 from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.training.optimizers import FusedAdamConfig
 
@@ -64,14 +60,11 @@ class ModelStep:
         device: str = "cpu",
         backend: BackendName = "numba",
         distractors_per_view: int = 0,
-        in_the_way: float = 0.0,
     ) -> None:
         """Args:
         scene: its Gaussians are the static ones, its view is that of every photo.
         backend: a rasterizer, or "auto".
         distractors_per_view: spread over every photo; only if `effects` has distractors.
-        in_the_way: share of the photo that something covers, with distractors placed there; only if
-            `effects` has distractors. The photo is noise if it is 0, else the scene behind it.
         """
         cameras = cameras_of(scene, num_views).to(device)
         config = DeSplatModelConfig(
@@ -98,8 +91,6 @@ class ModelStep:
         self.camera = cameras[:1]
         self.camera.metadata = {"train_idx": torch.tensor([[0]])}
         self.photo = torch.rand(scene.view.height, scene.view.width, 3).to(device)
-        if in_the_way > 0:
-            self._cover(scene.view, in_the_way)
         groups = {name: group for name, group in self.model.get_param_groups().items() if group}
         self.optimizers = self._optimizers_of(groups)
         self.model.optimizers = self.optimizers.optimizers
@@ -122,21 +113,6 @@ class ModelStep:
                 fill_view(view, everywhere), everywhere.depth
             )
         distractors.total = sum(distractors.counts())
-
-    @torch.no_grad()
-    def _cover(self, view: View, share: float) -> None:
-        """Noise over so much of the middle of the photo, distractors there, the scene around it."""
-        config, distractors = self.model.config.distractors, self.model.distractors
-        assert distractors is not None
-        columns, rows = grid_of(view.width, view.height, config.per_view)
-        across = np.abs((np.arange(columns) + 0.5) / columns - 0.5) < math.sqrt(share) / 2
-        down = np.abs((np.arange(rows) + 0.5) / rows - 0.5) < math.sqrt(share) / 2
-        cells = down[:, None] & across
-        covered = region_pixels(torch.from_numpy(cells), view.height, view.width)
-        scene = self.model(self.camera)["rgb_static"]
-        self.photo = torch.where(covered.to(scene.device), self.photo, scene)
-        placed = distractors_in(cells, view, self.photo, config)
-        distractors.views[0] = ViewDistractors(placed, config.depth)
 
     def __call__(self) -> None:
         """Draw, weigh, pull back and step; nothing is densified."""

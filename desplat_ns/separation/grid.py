@@ -88,6 +88,15 @@ def window_means(
     return torch.from_numpy(np.stack([_window_sums(plane, size) / counts for plane in planes]))
 
 
+def window_maxima(plane: Float[Tensor, "H W"], size: int) -> Float[Tensor, "H W"]:
+    """Maxima over windows of `size` x `size` pixels (an odd number). Without gradients."""
+    plane = plane.detach()
+    if not plane.is_cpu:
+        rows = F.max_pool1d(plane, size, 1, size // 2)  # row by row: a tenth of max_pool2d's time
+        return F.max_pool1d(rows.T.contiguous(), size, 1, size // 2).T
+    return torch.from_numpy(cv2.dilate(plane.numpy(), np.ones((size, size), np.uint8)))
+
+
 def _window_sums(plane: Float[np.ndarray, "rows columns"], size: int) -> np.ndarray:
     window = (size, size)
     return cv2.boxFilter(plane, -1, window, normalize=False, borderType=cv2.BORDER_CONSTANT)

@@ -175,7 +175,8 @@ class DistractorLayer:
         }
         if config.static_alone and train_step.distractors is not None:
             ignored = regions if train_step.number >= config.leave_out_at else None
-            losses |= self._photometric_losses(train_step, distractor_weight(alpha_d, ignored), mask)
+            owned = distractor_weight(alpha_d, ignored)
+            losses |= self._photometric_losses(train_step, owned, mask)
         return losses
 
     def _photometric_losses(

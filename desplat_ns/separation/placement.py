@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
@@ -18,7 +17,14 @@ from desplat_ns.backend.protocol import View
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import distractors_at
 from desplat_ns.rendering.views import image_points
-from desplat_ns.separation.grid import grid_of, masks_to_host, pooled, region_pixels, to_device
+from desplat_ns.separation.grid import (
+    grid_of,
+    masks_to_host,
+    pooled,
+    region_pixels,
+    to_device,
+    window_maxima,
+)
 from desplat_ns.separation.residuals import LEAST_VIEWS
 
 FEW_VIEWS = 2 * LEAST_VIEWS + 1
@@ -50,9 +56,7 @@ def distractor_weight(
     """
     height, width = alpha_d.shape[:2]
     margin = round(width / grid_of(width, height)[0])
-    plane, window = alpha_d.detach()[..., 0], 2 * margin + 1
-    rows = F.max_pool1d(plane, window, 1, margin)  # row by row: a tenth of max_pool2d's time
-    weight = F.max_pool1d(rows.T.contiguous(), window, 1, margin).T[..., None]
+    weight = window_maxima(alpha_d[..., 0], 2 * margin + 1)[..., None]
     if regions is None:
         return weight
     return weight.masked_fill(region_pixels(regions, height, width), 1.0)

@@ -14,6 +14,7 @@ import argparse
 from dataclasses import replace
 
 import torch
+
 from desplat_ns.calibration.model_step import ModelStep
 from desplat_ns.calibration.scenes import Scene, make_scene
 from desplat_ns.calibration.timing import threads, time_in_turns

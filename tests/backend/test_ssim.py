@@ -66,9 +66,7 @@ def fast_calls(monkeypatch) -> list[int]:
     """Counts the calls that the compiled kernels answer."""
     calls: list[int] = []
     score = fast_ssim._Sums.differentiate
-    monkeypatch.setattr(
-        fast_ssim._Sums, "differentiate", lambda *a: calls.append(1) or score(*a)
-    )
+    monkeypatch.setattr(fast_ssim._Sums, "differentiate", lambda *a: calls.append(1) or score(*a))
     return calls
 
 

@@ -6,8 +6,8 @@ import torch
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
-    mean_shown_opacity,
     layered_photometric_losses,
+    mean_shown_opacity,
     photometric_loss,
     static_transparency_loss,
 )

@@ -11,10 +11,11 @@ my = G y, vx = G x^2 - mx^2, vy = G y^2 - my^2, c = G xy - mx my,
     d sum SSIM / dx = G'P + 2 x G'Q + y G'R,
 
 where G' is G over a border of zeros. The first pass sums SSIM and keeps P, Q, R with that border;
-the second blurs them, and adds L1. What is owned by distractors counts by 1 - owned in L1; for SSIM
-y is blended with x there, as a constant. Both passes work on blocks of ROWS x COLUMNS numbers, copied with their margins into
-scratch rows of one fixed length: only then can the compiler see that nothing overlaps, and use
-vectors. Images are read as they lie in memory, [H, W, 3]: a row is 3 W numbers, neighbours of one
+the second blurs them, and adds L1. What distractors own counts by 1 - owned in L1; for SSIM y is
+blended with x there, as a constant. Both passes work on blocks of ROWS x COLUMNS numbers, copied
+with their margins into scratch rows of one fixed length: only then can the compiler see that
+nothing overlaps, and use vectors. Images are read as they lie in memory, [H, W, 3]: a row is 3 W
+numbers, neighbours of one
 channel 3 apart.
 """
 
@@ -123,7 +124,7 @@ def _blend_in(y, owned, length, row, column, rows, columns, s, o):
 
 @kernel()
 def _is_asked_for(wanted, down, across, row, column):
-    """Whether one of so many blocks from (row, column) on is wanted; all are where none is named."""
+    """Whether any of so many blocks from (row, column) on is wanted; with none named, all are."""
     if wanted.size == 0:
         return True
     for i in range(row, min(row + down, wanted.shape[0])):
@@ -244,10 +245,10 @@ def _blur_slopes(s, v, row, columns):
 
 @kernel(parallel=True)
 def backward_image(
-    x, y, owned, wanted, height, length, slopes, scale, scale_l1, sums_l1, gradient, counter, workers
+    x, y, owned, wanted, height, length, slopes, scale, scale_l1, sums_l1, out, counter, workers
 ):
-    """Second pass. L1 per block of pixels into `sums_l1`; by x, the gradient of `scale` times the
-    sum of SSIM and `scale_l1` times L1 (0 in blocks that are not wanted)."""
+    """Second pass. L1 per block of pixels into `sums_l1`; into `out` the gradient, by x, of `scale`
+    times the sum of SSIM and `scale_l1` times L1 (0 in blocks that are not wanted)."""
     down, across = sums_l1.shape
     width, plane = length + SIDE, (length + SIDE) * (height + MARGIN)
     _clear_border(slopes, plane, height, length)
@@ -262,7 +263,7 @@ def backward_image(
             rows, columns = min(ROWS, height - row), min(COLUMNS, length - column)
             if not _is_asked_for(wanted, 1, 1, i, j):
                 for r in range(row, row + rows):
-                    gradient[r * length + column : r * length + column + columns] = 0
+                    out[r * length + column : r * length + column + columns] = 0
                 continue
             for k in range(3):
                 part = slopes[k * plane : (k + 1) * plane]
@@ -272,5 +273,5 @@ def backward_image(
                 _blur_slopes(s, v, r, columns + SIDE)
                 _spread(owned, length, row + r, column, columns, o)
                 at = (row + r) * length + column
-                total += _mix(v, x, y, o, gradient, at, columns, scale, scale_l1)
+                total += _mix(v, x, y, o, out, at, columns, scale, scale_l1)
             sums_l1[i, j] = total
