@@ -108,7 +108,7 @@ class DeSplatModel(StaticModel):
         if self.layer is not None:
             outputs["rgb_static"] = outputs["rgb"]
             drawn = None if index is None else self.layer.draw(index, self._rasterizer_of(view))
-            outputs |= layered_outputs(image, drawn)
+            outputs |= layered_outputs(image, outputs["rgb"], drawn)
         return self.layer_control.chosen(outputs)
 
     def _training_outputs(self, camera: Cameras, index: int) -> dict[str, Tensor]:
@@ -125,7 +125,7 @@ class DeSplatModel(StaticModel):
         outputs = static_outputs(static, image, background)
         if self.layer is not None:
             outputs["rgb_static"] = outputs["rgb"]
-            outputs |= self.layer.training_outputs(train_step, image)
+            outputs |= self.layer.training_outputs(train_step, image, outputs["rgb"])
             outputs["rgb"] = outputs["rgb_composite"]
         if self.config.use_bilateral_grid:
             for name in outputs.keys() & {"rgb", "rgb_static"}:

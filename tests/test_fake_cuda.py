@@ -221,8 +221,10 @@ def test_layers_and_losses_stay_on_the_gpu():
     static, distractor = rendering(), rendering(9)
     photo, background = cuda(HEIGHT, WIDTH, 3), cuda(3)
     image = over_background(static.rgb, static.alpha, background)
-    outputs = static_outputs(static, image, background) | layered_outputs(image, distractor)
-    outputs |= {"empty": layered_outputs(image, None)["rgb_composite"]}
+    outputs = static_outputs(static, image, background)
+    rgb = outputs["rgb"]
+    outputs |= layered_outputs(image, rgb, distractor)
+    outputs |= {"empty": layered_outputs(image, rgb, None)["rgb_composite"]}
     assert_on_cuda(*outputs.values())
     alpha_d, alpha_s = outputs["alpha_distractor"], outputs["accumulation"]
     owned = distractor_weight(alpha_d)

@@ -138,6 +138,7 @@ class _Sums:
             launching,
             new_counter,
             num_workers,
+            scratch,
         )
 
         kernels, (height, length), workers = self.kernels, self.size, num_workers()
@@ -145,11 +146,11 @@ class _Sums:
             wanted = np.empty((0, 0), np.uint8)
         x, y = flat(image), flat(photo)
         weights = np.empty(0, np.float32) if owned is None else flat(owned)
-        slopes = np.empty(3 * (height + kernels.MARGIN) * (length + kernels.SIDE), np.float32)
         gradient = torch.empty(image.shape)
-        shared = (x, y, weights, wanted, height, length, slopes)
         scales = (np.float32(-self.per_window), np.float32(self.per_number))
         with launching():
+            slopes = scratch(3 * (height + kernels.MARGIN) * (length + kernels.SIDE))
+            shared = (x, y, weights, wanted, height, length, slopes)
             kernels.score_image(*shared, self.similarity, new_counter(), workers)
             out = gradient.view(-1).numpy()
             kernels.backward_image(*shared, *scales, self.difference, out, new_counter(), workers)

@@ -36,7 +36,7 @@ def static_outputs(
 
 
 def layered_outputs(
-    image: Float[Tensor, "H W 3"], distractor: Rendering | None
+    image: Float[Tensor, "H W 3"], rgb: Float[Tensor, "H W 3"], distractor: Rendering | None
 ) -> dict[str, Tensor]:
     """The distractors' layer and the composite, [H, W, C] with colours in [0, 1].
 
@@ -46,11 +46,15 @@ def layered_outputs(
 
     Args:
         image: as of `static_outputs`.
+        rgb: what that gave.
     """
-    rgb_d = torch.zeros_like(image) if distractor is None else distractor.rgb
-    alpha_d = torch.zeros_like(image[..., :1]) if distractor is None else distractor.alpha
+    if distractor is None:
+        composite, rgb_d, alpha_d = rgb, torch.zeros_like(rgb), torch.zeros_like(rgb[..., :1])
+    else:
+        rgb_d, alpha_d = distractor.rgb, distractor.alpha
+        composite = composite_color(rgb_d, alpha_d, image).clamp(0, 1)
     return {
-        "rgb_composite": composite_color(rgb_d, alpha_d, image).clamp(0, 1),
+        "rgb_composite": composite,
         "rgb_distractor": rgb_d,
         "alpha_distractor": alpha_d,
         "distractor_mask": alpha_d > MASK_THRESHOLD,

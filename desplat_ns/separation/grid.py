@@ -84,7 +84,7 @@ def window_means(
     if not cells.is_cpu:
         return F.avg_pool2d(cells[None], size, 1, size // 2, count_include_pad=False)[0]
     planes = cells.contiguous().numpy()
-    counts = _window_sums(np.ones_like(planes[0]), size)
+    counts = _window_counts(*planes.shape[1:], size)
     return torch.from_numpy(np.stack([_window_sums(plane, size) / counts for plane in planes]))
 
 
@@ -95,6 +95,12 @@ def window_maxima(plane: Float[Tensor, "H W"], size: int) -> Float[Tensor, "H W"
         rows = F.max_pool1d(plane, size, 1, size // 2)  # row by row: a tenth of max_pool2d's time
         return F.max_pool1d(rows.T.contiguous(), size, 1, size // 2).T
     return torch.from_numpy(cv2.dilate(plane.numpy(), np.ones((size, size), np.uint8)))
+
+
+@lru_cache(maxsize=32)
+def _window_counts(rows: int, columns: int, size: int) -> Float[np.ndarray, "rows columns"]:
+    """Cells in each window."""
+    return _window_sums(np.ones((rows, columns), np.float32), size)
 
 
 def _window_sums(plane: Float[np.ndarray, "rows columns"], size: int) -> np.ndarray:

@@ -32,7 +32,7 @@ from desplat_ns.separation.placement import (
     distractor_weight,
     placement,
 )
-from desplat_ns.separation.regions import StaticView, apply_mask, find_regions
+from desplat_ns.separation.regions import StaticView, apply_mask, compare, find_regions
 from desplat_ns.separation.residuals import LEAST_VIEWS, ResidualStats
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
@@ -129,7 +129,7 @@ class DistractorLayer:
         return {f"distractor_{name}": one for name, one in optimizers.items()}
 
     def training_outputs(
-        self, train_step: TrainStep, image: Float[Tensor, "H W 3"]
+        self, train_step: TrainStep, image: Float[Tensor, "H W 3"], rgb: Float[Tensor, "H W 3"]
     ) -> dict[str, Tensor]:
         """The layers and the composite of a step.
 
@@ -138,9 +138,10 @@ class DistractorLayer:
 
         Args:
             image: of the static scene; colours may be beyond 1.
+            rgb: the same in [0, 1].
         """
         alone = self.config.static_alone and train_step.distractors is not None
-        return layered_outputs(image.detach() if alone else image, train_step.distractors)
+        return layered_outputs(image.detach() if alone else image, rgb, train_step.distractors)
 
     def losses(
         self,
@@ -218,10 +219,9 @@ class DistractorLayer:
             torch.sigmoid(opacities.detach()[:, 0]),
         )
         stats = ResidualStats.of(memory, len(opacities), self.num_views, photo.device)
-        regions, stats = find_regions(photo, static, stats, self.config, counted)
-        train_step.residual_stats = stats
+        comparison, train_step.residual_stats = compare(photo, static, stats, counted)
         if train_step.number >= self.config.static_warmup:
-            train_step.regions = regions
+            train_step.regions = find_regions(comparison, self.config)
 
     def commit(
         self,

@@ -27,6 +27,7 @@ from desplat_ns.separation.grid import (
 )
 from desplat_ns.separation.residuals import (
     SMOOTHING,
+    Excess,
     ResidualStats,
     excess_residual,
     local_residual,
@@ -82,22 +83,31 @@ def apply_mask(
     return torch.where(mask, photo, static.detach()), counted_cells(mask)
 
 
-def find_regions(
+@dataclass(frozen=True)
+class Comparison:
+    """A photo beside the static scene."""
+
+    static: Float[Tensor, "3 fine_rows fine_columns"]
+    """In cells of `fine_grid_of`, colours in [0, 1]."""
+    photo: Float[Tensor, "3 fine_rows fine_columns"]
+    excess: Excess
+    """On the grid of `grid_of`."""
+    counted: Bool[Tensor, "rows columns"] | None
+    """Cells that the user's mask leaves in; None if it leaves out none."""
+
+
+def compare(
     photo: Float[Tensor, "H W 3"],
     static: StaticView,
     stats: ResidualStats,
-    config: DistractorConfig,
     counted: Bool[Tensor, "rows columns"] | None = None,
-) -> tuple[Bool[Tensor, "rows columns"], ResidualStats]:
-    """Find the regions of a photo that show what other views do not, on the grid of `grid_of`.
+) -> tuple[Comparison, ResidualStats]:
+    """How far a photo is from the static scene, and the statistics with this visit in them.
 
     Args:
         photo: in [0, 1]; under the user's mask as the static scene (`apply_mask`).
         stats: what the static Gaussians remember of other visits.
-        counted: cells that the user's mask leaves in; None if it leaves out none.
-
-    Returns:
-        The regions, and the statistics with this visit in them. Masked cells are in no region.
+        counted: as `Comparison`'s.
     """
     height, width = photo.shape[:2]
     grid, fine = grid_of(width, height), fine_grid_of(width, height)
@@ -111,14 +121,23 @@ def find_regions(
         stats,
         counted,
     )
-    alike = pooled(shared_detail(colors_s, colors_p)[..., None], grid)[0]
-    has_foreign_detail = alike <= config.shared_detail
+    return Comparison(colors_s, colors_p, excess, counted), stats
+
+
+def find_regions(comparison: Comparison, config: DistractorConfig) -> Bool[Tensor, "rows columns"]:
+    """Where a photo shows what other views do not, on the grid of `grid_of`; masked cells are in no
+    region."""
+    excess, counted = comparison.excess, comparison.counted
+    rows, columns = excess.values.shape
+    alike = shared_detail(comparison.static, comparison.photo)
+    has_foreign_detail = pooled(alike[..., None], (columns, rows))[0] <= config.shared_detail
     weak = (excess.values > config.weak_excess) & has_foreign_detail
     most = config.strong_excess
     needed = excess.needed(config.strong_levels, config.settled_share * most, most)
     strong = (excess.values > needed) & has_foreign_detail
-    regions = along_edges(outlier_regions(weak, strong), pooled(colors_p.permute(1, 2, 0), grid))
-    return regions if counted is None else regions & counted, stats
+    colors = pooled(comparison.photo.permute(1, 2, 0), (columns, rows))
+    regions = along_edges(outlier_regions(weak, strong), colors)
+    return regions if counted is None else regions & counted
 
 
 def shared_detail(

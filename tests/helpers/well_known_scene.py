@@ -12,7 +12,7 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import view_of
 from desplat_ns.separation.layer import TrainStep
-from desplat_ns.separation.regions import StaticView, apply_mask, find_regions
+from desplat_ns.separation.regions import StaticView, apply_mask, compare, find_regions
 from desplat_ns.separation.residuals import ResidualStats
 
 WIDTH, HEIGHT = 60, 40
@@ -70,7 +70,8 @@ class WellKnownScene:
             rgb, self.drawn.means2d[0], self.drawn.visible, self.opacities[:, 0].sigmoid()
         )
         stats = ResidualStats.of(self.memory, count, num_views, photo.device)
-        regions, stats = find_regions(photo, static, stats, config, counted)
+        comparison, stats = compare(photo, static, stats, counted)
+        regions = find_regions(comparison, config)
         stats.keep_in(self.memory)
         return regions
 

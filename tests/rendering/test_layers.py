@@ -43,7 +43,7 @@ def test_colours_stay_in_range():
 
 def test_the_distractors_and_the_composite_are_outputs_of_their_own():
     static, distractor = layer([0, 1.0, 0], [1.0, 0.5]), layer([1.0, 0, 0], [0.25, 0.75])
-    outputs = layered_outputs(over_blue(static), distractor)
+    outputs = layered_outputs(over_blue(static), outputs_of(static)["rgb"], distractor)
     assert torch.equal(outputs["rgb_distractor"], distractor.rgb)
     # 0.25 red + 0.75 green; 0.75 red + 0.25 * (0.5 green + 0.5 blue).
     expected = torch.tensor([[[0.25, 0.75, 0], [0.75, 0.125, 0.125]]])
@@ -53,7 +53,7 @@ def test_the_distractors_and_the_composite_are_outputs_of_their_own():
 
 def test_without_distractors_their_layer_is_empty():
     static = layer([0, 1.0, 0], [1.0, 0.5])
-    outputs = layered_outputs(over_blue(static), None)
+    outputs = layered_outputs(over_blue(static), outputs_of(static)["rgb"], None)
     assert torch.equal(outputs["rgb_composite"], outputs_of(static)["rgb"])
     assert not outputs["alpha_distractor"].any()
     assert not outputs["distractor_mask"].any()
