@@ -44,7 +44,7 @@ from desplat_ns.settings.effects import Effects
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
     mean_shown_opacity,
-    static_photometric_loss,
+    photometric_loss,
     static_transparency_loss,
 )
 from desplat_ns.training.step_guard import sum_of_squares
@@ -91,6 +91,7 @@ def a_layer() -> DistractorLayer:
 def a_step(number: int) -> TrainStep:
     step = TrainStep(number, 0, the_view(), rendering(), rendering(9))
     step.photo, step.static_rgb = cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 3)
+    step.composite = cuda(HEIGHT, WIDTH, 3)
     step.alpha_d = cuda(HEIGHT, WIDTH, 1)
     return step
 
@@ -233,7 +234,7 @@ def test_layers_and_losses_stay_on_the_gpu():
         distractor_opacity_loss(alpha_d, owned > 0.5),
         static_transparency_loss(alpha_s),
         mean_shown_opacity(cuda(N, 1), static.visible),
-        static_photometric_loss(outputs["rgb"], photo, owned, 0.2),
+        photometric_loss(outputs["rgb"], photo, 0.2, owned),
         (outputs["rgb_composite"] - photo).abs().mean(),
         background_opacity_loss(alpha_d, alpha_s, explained_by_background(photo, photo, 0.1)),
     ]

@@ -30,6 +30,7 @@ def compile_numba() -> str | None:
     reason = available("cpu")["numba"]
     if reason is not None:
         return reason
+    from desplat_ns.backend.layers import compiled_over
     from desplat_ns.backend.numba_kernels.runtime import compile_here
     from desplat_ns.backend.numba_tiles import NumbaRasterizer
     from desplat_ns.backend.ssim import ssim
@@ -44,7 +45,9 @@ def compile_numba() -> str | None:
         sh_degree=1,
     )
     K = torch.tensor([[SIZE, 0, SIZE / 2], [0, SIZE, SIZE / 2], [0, 0, 1]])
-    image = NumbaRasterizer()(splats, View(torch.eye(4), K, SIZE, SIZE), RenderSettings()).rgb
+    drawn = NumbaRasterizer()(splats, View(torch.eye(4), K, SIZE, SIZE), RenderSettings())
+    image = compiled_over(drawn.rgb, drawn.alpha, torch.zeros(3), is_cut=True)
+    assert image is not None
     ssim(image, torch.zeros_like(image)).backward()
     return None
 

@@ -5,19 +5,22 @@ from __future__ import annotations
 from jaxtyping import Float
 from torch import Tensor
 
+from desplat_ns.backend.layers import compiled_over
+
 
 def composite_color(
     rgb_d: Float[Tensor, "H W 3"],
     alpha_d: Float[Tensor, "H W 1"],
     rgb_s: Float[Tensor, "H W 3"],
 ) -> Float[Tensor, "H W 3"]:
-    """Colour of the distractors drawn over the static scene.
+    """Colour of the distractors drawn over the static scene, cut to [0, 1].
 
     Both colours are weighted by their own alpha already; that of the static scene may include what
     lies behind it.
     Source: c = c_d + (1 - alpha_d) c_s, DeSplat, Sec. 3.
     """
-    return rgb_d + (1 - alpha_d) * rgb_s
+    compiled = compiled_over(rgb_d, alpha_d, rgb_s, is_cut=True)
+    return (rgb_d + (1 - alpha_d) * rgb_s).clamp(0, 1) if compiled is None else compiled
 
 
 def composite_alpha(
@@ -40,4 +43,5 @@ def over_background(
     Source: alpha blending; with `composite_alpha` the background's weight is
     (1 - alpha_d) (1 - alpha_s), DeSplat, Sec. 3.
     """
-    return rgb + (1 - alpha) * background
+    compiled = compiled_over(rgb, alpha, background, is_cut=False)
+    return rgb + (1 - alpha) * background if compiled is None else compiled

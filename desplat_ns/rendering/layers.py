@@ -52,7 +52,7 @@ def layered_outputs(
         composite, rgb_d, alpha_d = rgb, torch.zeros_like(rgb), torch.zeros_like(rgb[..., :1])
     else:
         rgb_d, alpha_d = distractor.rgb, distractor.alpha
-        composite = composite_color(rgb_d, alpha_d, image).clamp(0, 1)
+        composite = composite_color(rgb_d, alpha_d, image)
     return {
         "rgb_composite": composite,
         "rgb_distractor": rgb_d,

@@ -156,7 +156,7 @@ MUTATIONS = (
     Mutation("free opacity has its price", "training/losses.py",
              "alpha_d if free is None", "alpha_d if True", FORMULAS),
     Mutation("the scene shines through", "rendering/compositing.py",
-             "return rgb_d + (1 - alpha_d) * rgb_s", "return rgb_d + (1 + alpha_d) * rgb_s",
+             "return (rgb_d + (1 - alpha_d) * rgb_s)", "return (rgb_d + (1 + alpha_d) * rgb_s)",
              FORMULAS),
     Mutation("opacities add up", "rendering/compositing.py",
              "return alpha_d + (1 - alpha_d) * alpha_s", "return alpha_d + alpha_s", FORMULAS),

@@ -18,7 +18,7 @@ from desplat_ns.gaussians.activation import MAX_LOG_SCALE, activate_static, clam
 from desplat_ns.photo_tourism.appearance import AffineAppearance
 from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
-from desplat_ns.training.losses import distractor_opacity_loss, static_photometric_loss
+from desplat_ns.training.losses import distractor_opacity_loss, photometric_loss
 
 SSIM_C1, SSIM_C2 = mpf("1e-4"), mpf("9e-4")
 """0.01^2 and 0.03^2 (Wang et al. 2004)."""
@@ -175,7 +175,7 @@ def all_pixels_masked(dtype: torch.dtype) -> tuple[Pair, Pair]:
     static, photo = torch.rand(2, 14, 17, 3, generator=rng, dtype=torch.float64).to(dtype)
     static.requires_grad_()
     owned = torch.ones(14, 17, 1, dtype=dtype)
-    got = static_photometric_loss(static, photo, owned, 0.2)
+    got = photometric_loss(static, photo, 0.2, owned)
     zero = torch.zeros(14, 17, 3, dtype=torch.float64)
     bound, slope = 0.2 * ssim_error(dtype), slope_of(got, static)
     return Pair(got, zero.sum(), bound), Pair(slope, zero, 10 * bound)
