@@ -84,7 +84,7 @@ def rendering(count: int = N) -> Rendering:
 def a_layer() -> DistractorLayer:
     """What looks for regions, without what asks cameras where they stand."""
     layer = DistractorLayer.__new__(DistractorLayer)
-    layer.config, layer.num_views, layer.ssim_weight = CONFIG, 8, 0.2
+    layer.config, layer.num_views, layer.static = CONFIG, 8, SplatfactoModelConfig()
     return layer
 
 

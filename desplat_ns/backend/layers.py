@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -30,17 +31,21 @@ def compiled_over(
     return _Over.apply(*layers, is_cut)  # type: ignore[no-any-return]
 
 
+def _launch(kernel: str, *arguments: Any) -> None:
+    """Call one of the kernels; tensors go to it as flat arrays."""
+    from desplat_ns.backend.numba_kernels import layers as kernels
+    from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter, num_workers
+
+    given = [flat(a) if isinstance(a, Tensor) else a for a in arguments]
+    with launching():
+        getattr(kernels, kernel)(*given, new_counter(), num_workers())
+
+
 class _Over(torch.autograd.Function):
     @staticmethod
     def forward(ctx, front, alpha, behind, is_cut):  # type: ignore[override]
-        from desplat_ns.backend.numba_kernels import layers as kernels
-        from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter
-        from desplat_ns.backend.numba_kernels.runtime import num_workers as workers
-
         out = torch.empty(front.shape)
-        images = (flat(front), flat(alpha), flat(behind))
-        with launching():
-            kernels.over_image(*images, is_cut, flat(out), new_counter(), workers())
+        _launch("over_image", front, alpha, behind, is_cut, out)
         ctx.save_for_backward(front, alpha, behind)
         ctx.is_cut = is_cut
         return out
@@ -48,14 +53,9 @@ class _Over(torch.autograd.Function):
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad):  # type: ignore[override]
-        from desplat_ns.backend.numba_kernels import layers as kernels
-        from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter
-        from desplat_ns.backend.numba_kernels.runtime import num_workers as workers
-
-        saved = [flat(tensor) for tensor in ctx.saved_tensors]
-        by_front, by_alpha, by_behind = (torch.empty(t.shape) for t in ctx.saved_tensors)
-        last = flat(by_behind) if ctx.needs_input_grad[2] else np.empty(0, np.float32)
-        given = (flat(grad), flat(by_front), flat(by_alpha), last)
-        with launching():
-            kernels.over_image_backward(*saved, ctx.is_cut, *given, new_counter(), workers())
+        front, alpha, behind = ctx.saved_tensors
+        by_front, by_alpha = torch.empty(front.shape), torch.empty(alpha.shape)
+        by_behind = torch.empty(behind.shape if ctx.needs_input_grad[2] else 0)
+        given = (*ctx.saved_tensors, ctx.is_cut, grad)
+        _launch("over_image_backward", *given, by_front, by_alpha, by_behind)
         return by_front, by_alpha, by_behind if ctx.needs_input_grad[2] else None, None

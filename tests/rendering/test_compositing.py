@@ -1,5 +1,6 @@
 """Layers over one another."""
 
+import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
@@ -64,3 +65,25 @@ def test_gradients_agree_with_finite_differences():
         return over_background(both, composite_alpha(alpha_d, alpha_s), background)
 
     assert torch.autograd.gradcheck(final, inputs)
+
+
+@pytest.mark.parametrize("behind", ["an image", "one colour"])
+def test_compiled_layers_are_the_statements_in_float64(behind):
+    """Colours go beyond 1 in both layers, so that some are cut. 1 - alpha, the product and the sum
+    are rounded; a gradient by alpha sums three products more."""
+    generator = torch.Generator().manual_seed(0)
+    shapes = [(37, 211, 3), (37, 211, 1), (37, 211, 3) if behind == "an image" else (3,)]
+    inputs = [torch.rand(shape, generator=generator) * 1.4 - 0.1 for shape in shapes]
+    inputs[1].clamp_(0, 1)
+    weights = torch.rand(37, 211, 3, generator=generator)
+    formula = composite_color if behind == "an image" else over_background
+    moved = inputs if behind == "an image" else inputs[:2]
+    results = []
+    for dtype in (torch.float32, torch.float64):
+        given = [t.to(dtype).requires_grad_(any(t is m for m in moved)) for t in inputs]
+        image = formula(*given)
+        slopes = torch.autograd.grad((image * weights).sum(), given[: len(moved)])
+        assert ("Over" in str(image.grad_fn)) == (dtype == torch.float32)
+        results.append((image, *slopes))
+    for found, exact in zip(*results, strict=True):
+        assert (found - exact).abs().max() <= 12 * torch.finfo(torch.float32).eps
