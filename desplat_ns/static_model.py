@@ -127,6 +127,8 @@ class StaticModel(LitModel):
     lpips: LazyLpips  # pyright: ignore[reportIncompatibleVariableOverride]
     shown: Tensor
     """Which static Gaussians [N] the view that was last drawn in training shows."""
+    _photo: tuple[tuple[int, int, int], Tensor, Tensor] | None = None
+    """What was asked for last, the image, which keeps its `id` from another, and the answer."""
 
     def populate_modules(self) -> None:
         """Static Gaussians at the 3D points, and what the effects need."""
@@ -163,6 +165,16 @@ class StaticModel(LitModel):
         """By how much photos are smaller than they are; Splatfacto's hook."""
         return self.config.downscale_factor(self.nominal_step) if self.training else 1
 
+    def get_gt_img(self, image: Tensor) -> Tensor:
+        """A photo in [0, 1], as small as the step at hand wants it; Splatfacto's.
+
+        Its losses, its figures and ours ask for the same one: it is worked out once.
+        """
+        asked = (id(image), image._version, self._get_downscale_factor())
+        if self._photo is None or self._photo[0] != asked:
+            self._photo = (asked, image, super().get_gt_img(image))
+        return self._photo[2]
+
     def get_loss_dict(
         self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
     ) -> dict[str, Tensor]:
@@ -176,6 +188,7 @@ class StaticModel(LitModel):
 
     def step_post_backward(self, step: int) -> None:
         """Refinement and resets after a step, and what the per-image effects have to keep."""
+        self._photo = None
         self.strategy.step_post_backward(
             self.gauss_params, self.optimizers, self.strategy_state, self.nominal_step, self.info
         )

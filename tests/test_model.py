@@ -7,6 +7,7 @@ import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
 from nerfstudio.data.scene_box import OrientedBox, SceneBox
 from nerfstudio.model_components.lib_bilagrid import color_correct
+from nerfstudio.models import splatfacto
 from nerfstudio.models.splatfacto import SplatfactoModel
 
 from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
@@ -93,6 +94,28 @@ def test_the_loss_is_equation_5():
     assert losses["static_transparency"].item() == pytest.approx(
         0.25 * (1 - outputs["accumulation"].double()).mean().item(), rel=1e-5
     )
+
+
+def test_a_photo_is_made_smaller_once_a_step_and_anew_where_it_changed(monkeypatch):
+    calls, resized = [], splatfacto.resize_image
+
+    def resize(image: torch.Tensor, factor: int) -> torch.Tensor:
+        calls.append(factor)
+        return resized(image, factor)
+
+    monkeypatch.setattr(splatfacto, "resize_image", resize)
+    model = make_model(num_downscales=1).train()
+    photo = torch.randint(256, (HEIGHT, WIDTH, 3), dtype=torch.uint8)
+    small = model.get_gt_img(photo)
+    expected = resized(photo.float() / 255, 2)
+    assert torch.equal(model.get_gt_img(photo), expected) and calls == [2]
+    batch, model.optimizers = {"image": photo}, {}
+    outputs = model(camera(0))
+    model.get_loss_dict(outputs, batch, model.get_metrics_dict(outputs, batch))
+    assert torch.equal(small, expected) and calls == [2]
+    photo += 1
+    assert not torch.equal(model.get_gt_img(photo), expected)
+    assert torch.equal(model.eval().get_gt_img(photo), photo.float() / 255)
 
 
 def test_the_opacity_terms_are_not_part_of_an_evaluation():
