@@ -26,12 +26,13 @@ SIZE = 32
 
 
 def compile_numba() -> str | None:
-    """Call every kernel: draw one Gaussian, score the image, and follow the gradients back."""
+    """Call every kernel: draw one Gaussian over black, score that, follow the gradients back."""
     reason = available("cpu")["numba"]
     if reason is not None:
         return reason
     from desplat_ns.backend.numba_kernels.runtime import compile_here
     from desplat_ns.backend.numba_tiles import NumbaRasterizer
+    from desplat_ns.backend.over import over
     from desplat_ns.backend.ssim import ssim
 
     compile_here()
@@ -44,7 +45,8 @@ def compile_numba() -> str | None:
         sh_degree=1,
     )
     K = torch.tensor([[SIZE, 0, SIZE / 2], [0, SIZE, SIZE / 2], [0, 0, 1]])
-    image = NumbaRasterizer()(splats, View(torch.eye(4), K, SIZE, SIZE), RenderSettings()).rgb
+    drawn = NumbaRasterizer()(splats, View(torch.eye(4), K, SIZE, SIZE), RenderSettings())
+    image = over(drawn.rgb, drawn.alpha, torch.zeros(3))
     ssim(image, torch.zeros_like(image)).backward()
     return None
 

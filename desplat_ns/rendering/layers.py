@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering
-from desplat_ns.rendering.compositing import composite_color
+from desplat_ns.rendering.compositing import composite_color, in_range
 
 MASK_THRESHOLD = 0.5
 """A pixel counts as covered where the distractors' opacity is greater. App. C.1."""
@@ -25,7 +25,7 @@ def static_outputs(
             cut here.
     """
     outputs = {
-        "rgb": image.clamp(0, 1),
+        "rgb": in_range(image),
         "accumulation": static.alpha,
         "background": background,
     }
@@ -50,7 +50,7 @@ def layered_outputs(
     rgb_d = torch.zeros_like(image) if distractor is None else distractor.rgb
     alpha_d = torch.zeros_like(image[..., :1]) if distractor is None else distractor.alpha
     return {
-        "rgb_composite": composite_color(rgb_d, alpha_d, image).clamp(0, 1),
+        "rgb_composite": in_range(composite_color(rgb_d, alpha_d, image)),
         "rgb_distractor": rgb_d,
         "alpha_distractor": alpha_d,
         "distractor_mask": alpha_d > MASK_THRESHOLD,
