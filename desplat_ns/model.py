@@ -67,6 +67,8 @@ class DeSplatModel(StaticModel):
         self.losses: dict[str, Tensor] = {}
         self.train_step: TrainStep | None = None
         """The step at hand; None if there is none, or if it was dropped."""
+        self.is_logged = True
+        """Whether anybody is told the figures of the step at hand."""
         self.distractors, self.layer = None, None
         if self.effects.distractors:
             self.layer = self._make_layer()
@@ -207,7 +209,10 @@ class DeSplatModel(StaticModel):
         return config.lambda_bg * background_opacity_loss(alpha_d, alpha_s, explained)
 
     def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
-        """Splatfacto's figures of a training step, and the number of distractors."""
+        """Splatfacto's figures, and the number of distractors; none of a training step that is not
+        logged."""
+        if self.training and not self.is_logged:
+            return {}
         metrics: dict[str, Any] = super().get_metrics_dict(outputs, batch)
         if self.distractors is not None:
             metrics["distractor_count"] = self.distractors.total

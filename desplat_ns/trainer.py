@@ -58,6 +58,7 @@ class DeSplatTrainer(Trainer):
     """
 
     config: DeSplatTrainerConfig
+    optimizers: GuardedOptimizers
 
     def __init__(
         self, config: DeSplatTrainerConfig, local_rank: int = 0, world_size: int = 1
@@ -151,7 +152,10 @@ class DeSplatTrainer(Trainer):
                 whole.max_num_iterations = self._steps_done
 
     def train_iteration(self, step: int) -> Any:
-        """One step; counts it as done once it is."""
+        """One step; counts it as done once it is. Figures and rates are worked out where logged."""
+        is_logged = step_check(step, self.config.logging.steps_per_log, run_at_zero=True)
+        cast(DeSplatModel, self.pipeline.model).is_logged = is_logged
+        self.optimizers.is_logged = is_logged
         result = super().train_iteration(step)
         self._steps_done = step + 1
         if self._budgeted is not None and self._budgeted.after_step(step):

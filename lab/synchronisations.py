@@ -21,6 +21,7 @@ from nerfstudio.engine.trainer import Trainer
 from torch import Tensor
 from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils._pytree import tree_leaves
 
 READS = {
     "_local_scalar_dense": "a number is read",
@@ -42,6 +43,9 @@ SENT = (torch.tensor, torch.as_tensor, Tensor.new_tensor)
 
 CPU_ONLY = (torch.quantile, Tensor.quantile, torch.nanquantile, Tensor.nanquantile)
 """Functions that look at a number (whether q is in [0, 1]) on a CPU alone."""
+
+NO_WORK = ("empty", "empty_like", "empty_strided", "new_empty", "_unsafe_view")
+"""Operations that set memory aside, or look at it as another shape."""
 
 UPSTREAM = ("torch", "jaxtyping", "beartype")
 """Packages whose own frames do not say where in a step something happens."""
@@ -111,6 +115,35 @@ def synchronisations_of(trainer: Trainer, step: int) -> Synchronisations:
         for callback in trainer.callbacks:
             callback.run_callback_at_location(step, TrainingCallbackLocation.AFTER_TRAIN_ITERATION)
     return counted
+
+
+class Launches(TorchDispatchMode):
+    """Within, counts the operations that a GPU is given, by name: those that make or fill a tensor
+    on a device. Views, and memory that is only set aside, are not.
+
+    An operation is one kernel or a few, so the number is a measure and no bound. Fake tensors
+    (`torch._subclasses.FakeTensorMode`) do for the device.
+    """
+
+    def __init__(self, device: str = "cuda") -> None:
+        super().__init__()
+        self.found: Counter[str] = Counter()
+        self._device = device
+
+    @property
+    def total(self) -> int:
+        """How many there were."""
+        return self.found.total()
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):  # type: ignore[override]
+        out = func(*args, **(kwargs or {}))
+        name, returns = func.overloadpacket.__name__, func._schema.returns
+        is_view = any(one.alias_info is not None and not one.alias_info.is_write for one in returns)
+        made = [t.device.type for t in tree_leaves(out) if isinstance(t, Tensor)]
+        is_work = not is_view and name not in NO_WORK
+        if self._device in made and is_work:
+            self.found[name] += 1
+        return out
 
 
 class _Functions(TorchFunctionMode):

@@ -186,3 +186,15 @@ def test_the_log_counts_distractors_as_refinement_and_placement_leave_them():
     assert len(counted) > 1
     metrics = model.get_metrics_dict(model(camera(0)), {"image": trainer.photo})
     assert metrics["distractor_count"] == model.distractors.total
+
+
+def test_figures_are_those_of_logged_steps_and_of_every_evaluation():
+    model, photo = everywhere(), {"image": torch.rand(HEIGHT, WIDTH, 3)}
+    model.optimizers = {}
+    outputs = model.train()(camera(0))
+    assert {"psnr", "gaussian_count", "distractor_count"} <= set(
+        model.get_metrics_dict(outputs, photo)
+    )
+    model.is_logged = False
+    assert model.get_metrics_dict(outputs, photo) == {}
+    assert "psnr" in model.eval().get_metrics_dict(outputs, photo)

@@ -10,6 +10,7 @@ import pytest
 import torch
 import yaml
 from nerfstudio.engine.optimizers import AdamOptimizerConfig
+from nerfstudio.utils import writer
 
 from desplat_ns.errors import BackendUnavailableError, CheckpointError, ConfigError
 from desplat_ns.method_configs import desplat
@@ -74,6 +75,21 @@ def test_a_short_run_goes_on_with_the_schedules_of_the_longer_one(config):
     # half the nominal number of steps: 1e-2 to 1e-4 over 12 steps
     assert rates["long"][6] == pytest.approx(1e-3, rel=1e-12)
     assert rates["continued"] == rates["long"][6:]
+
+
+def test_rates_are_logged_with_the_other_figures_and_followed_in_every_step(config, monkeypatch):
+    logged: dict[str, list[int]] = {}
+    monkeypatch.setattr(
+        writer, "put_scalar", lambda name, scalar, step: logged.setdefault(name, []).append(step)
+    )
+    config.logging.steps_per_log = 5
+    followed: list[float] = []
+    trainer = set_up(config)
+    group = trainer.optimizers.optimizers["means"].param_groups[0]
+    trainer.pipeline.at_step = lambda step: followed.append(group["lr"])
+    trainer.train()
+    assert logged["learning_rate/means"] == logged["Train Loss"] == [0, 5, 10]
+    assert len(set(followed)) == len(followed) == 12
 
 
 def test_the_options_of_a_resumed_run_set_its_rates(config):

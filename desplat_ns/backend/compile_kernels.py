@@ -26,13 +26,13 @@ SIZE = 32
 
 
 def compile_numba() -> str | None:
-    """Call every kernel: draw one Gaussian, score the image, and follow the gradients back."""
+    """Call every kernel: draw one Gaussian over black, score that, follow the gradients back."""
     reason = available("cpu")["numba"]
     if reason is not None:
         return reason
-    from desplat_ns.backend.layers import compiled_over
     from desplat_ns.backend.numba_kernels.runtime import compile_here
     from desplat_ns.backend.numba_tiles import NumbaRasterizer
+    from desplat_ns.backend.over import over
     from desplat_ns.backend.ssim import ssim
 
     compile_here()
@@ -46,8 +46,7 @@ def compile_numba() -> str | None:
     )
     K = torch.tensor([[SIZE, 0, SIZE / 2], [0, SIZE, SIZE / 2], [0, 0, 1]])
     drawn = NumbaRasterizer()(splats, View(torch.eye(4), K, SIZE, SIZE), RenderSettings())
-    image = compiled_over(drawn.rgb, drawn.alpha, torch.zeros(3), is_cut=True)
-    assert image is not None
+    image = over(drawn.rgb, drawn.alpha, torch.zeros(3))
     ssim(image, torch.zeros_like(image)).backward()
     return None
 

@@ -27,11 +27,6 @@ def _kernels() -> ModuleType | None:
     return kernels
 
 
-def has_kernels() -> bool:
-    """Whether numba can be imported."""
-    return _kernels() is not None
-
-
 def ssim(pred: Float[Tensor, "H W C"], target: Float[Tensor, "H W C"]) -> Float[Tensor, ""]:
     """Mean structural similarity of two images in [0, 1], over channels and full 11 x 11 windows.
 

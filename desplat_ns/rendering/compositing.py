@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from desplat_ns.backend.layers import compiled_over
+from desplat_ns.backend.over import over
 
 
 def composite_color(
@@ -13,14 +14,13 @@ def composite_color(
     alpha_d: Float[Tensor, "H W 1"],
     rgb_s: Float[Tensor, "H W 3"],
 ) -> Float[Tensor, "H W 3"]:
-    """Colour of the distractors drawn over the static scene, cut to [0, 1].
+    """Colour of the distractors drawn over the static scene.
 
     Both colours are weighted by their own alpha already; that of the static scene may include what
     lies behind it.
     Source: c = c_d + (1 - alpha_d) c_s, DeSplat, Sec. 3.
     """
-    compiled = compiled_over(rgb_d, alpha_d, rgb_s, is_cut=True)
-    return (rgb_d + (1 - alpha_d) * rgb_s).clamp(0, 1) if compiled is None else compiled
+    return over(rgb_d, alpha_d, rgb_s)
 
 
 def composite_alpha(
@@ -43,5 +43,25 @@ def over_background(
     Source: alpha blending; with `composite_alpha` the background's weight is
     (1 - alpha_d) (1 - alpha_s), DeSplat, Sec. 3.
     """
-    compiled = compiled_over(rgb, alpha, background, is_cut=False)
-    return rgb + (1 - alpha) * background if compiled is None else compiled
+    return over(rgb, alpha, background)
+
+
+def in_range(image: Float[Tensor, "H W 3"]) -> Float[Tensor, "H W 3"]:
+    """Colours clamped to [0, 1], with the bits of `torch.clamp` (2.15), whose gradient takes six
+    passes over them."""
+    return _InRange.apply(image)  # type: ignore[no-any-return]
+
+
+class _InRange(torch.autograd.Function):
+    """The gradient is 1 within the range, 0 on its border and beyond, and where a colour is NaN."""
+
+    @staticmethod
+    def forward(ctx, image):  # type: ignore[override]
+        clamped = image.clamp(0, 1)
+        ctx.save_for_backward((image > 0) & (image < 1))
+        return clamped
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad):  # type: ignore[override]
+        return torch.where(ctx.saved_tensors[0], grad, 0.0)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering
-from desplat_ns.rendering.compositing import composite_color
+from desplat_ns.rendering.compositing import composite_color, in_range
 
 MASK_THRESHOLD = 0.5
 """A pixel counts as covered where the distractors' opacity is greater. App. C.1."""
@@ -25,7 +25,7 @@ def static_outputs(
             cut here.
     """
     outputs = {
-        "rgb": image.clamp(0, 1),
+        "rgb": in_range(image),
         "accumulation": static.alpha,
         "background": background,
     }
@@ -52,7 +52,7 @@ def layered_outputs(
         composite, rgb_d, alpha_d = rgb, torch.zeros_like(rgb), torch.zeros_like(rgb[..., :1])
     else:
         rgb_d, alpha_d = distractor.rgb, distractor.alpha
-        composite = composite_color(rgb_d, alpha_d, image)
+        composite = in_range(composite_color(rgb_d, alpha_d, image))
     return {
         "rgb_composite": composite,
         "rgb_distractor": rgb_d,

@@ -98,6 +98,8 @@ class GuardedOptimizers(Optimizers):
         """
         super().__init__(config, param_groups)
         self._may_step, self._of_view = may_step, of_view
+        self.is_logged = True
+        """Whether the rates of the step at hand are."""
 
     def optimizer_scaler_step_some(self, grad_scaler: GradScaler, param_groups: list[str]) -> None:
         """Step, or change nothing and drop all gradients; nerfstudio 1.1.5 steps no other way."""
@@ -115,7 +117,12 @@ class GuardedOptimizers(Optimizers):
             optimizer.zero_grad()
 
     def scheduler_step_all(self, step: int) -> None:
-        """nerfstudio's, which logs rates; those of the view as well."""
+        """nerfstudio's, which logs all rates at every step; here where a step is logged, those of
+        the view as well."""
+        if not self.is_logged:
+            for scheduler in self.schedulers.values():
+                scheduler.step()
+            return
         super().scheduler_step_all(step)
         for name, optimizer in self._of_view().items():
             rate = optimizer.param_groups[0]["lr"]

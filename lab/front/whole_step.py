@@ -1,8 +1,8 @@
 """One step of training as the trainer takes it, with all its bookkeeping, on a generated scene.
 
-What a `ModelStep` leaves out: nn.Module.train, figures for the log, the guard, what is remembered,
-refinement and placement (which are over at `SETTLED`), and that views take turns. Loading a photo
-and writing the log are not in it.
+What a `ModelStep` leaves out: nn.Module.train, the guard, what is remembered, refinement and
+placement (which are over at `SETTLED`), and that views take turns. Loading a photo and the log,
+which nine of ten steps do without, are not in it.
 """
 
 from __future__ import annotations
@@ -55,14 +55,19 @@ class WholeStep(ModelStep):
 
     optimizers: GuardedOptimizers
 
-    def __init__(self, size: Size, like: Size | None = None) -> None:
+    def __init__(
+        self,
+        size: Size,
+        like: Size | None = None,
+        effects: Effects = Effects(distractors=True),  # noqa: B008  # frozen
+    ) -> None:
         """Args:
         like: size of the scene whose Gaussians these resemble; by default this one's own.
+        effects: without distractors, `size` has none.
         """
         self._guard = StepGuard(max_skipped=1)
         sized_for = None if like is None else (like.static, like.width, like.height)
         scene = make_scene(size.static, size.width, size.height, sized_for=sized_for)
-        effects = Effects(distractors=True)
         super().__init__(scene, effects, size.views, distractors_per_view=size.distractors)
         self._cameras = cameras_of(scene, size.views)
         if size.others is not None:
@@ -72,7 +77,7 @@ class WholeStep(ModelStep):
         self._groups = [*self.optimizers.optimizers]
         self._in_turn = range(size.views if size.others is None else 1)
         self._steps = 0
-        self.model.step = SETTLED
+        self.model.step, self.model.is_logged = SETTLED, False
         for view in range(size.views):  # all moments are there, as after a round
             self.step(view)
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from desplat_ns.calibration.timing import Timing
+from lab.performance.distractors_price import Price
 from lab.performance.pairs import Pairs
+from lab.performance.serial_share import Serial
 from lab.performance.steps import StepTimes
 from lab.performance.yardstick import YARDSTICK
 from lab.pixels.accuracy import Errors
@@ -33,6 +35,9 @@ class Results:
     peaks: dict[int, float] = field(default_factory=dict)
     """GFLOP/s of one core by bits of a vector."""
     growth: list[Point] = field(default_factory=list)
+    prices: list[Price] = field(default_factory=list)
+    serial: list[Serial] = field(default_factory=list)
+    """Empty where there is one core."""
 
     def row(self, scene: str, contender: str, part: str, threads: int = 1) -> Row:
         """Times of one contender. Raises KeyError where it was not measured."""

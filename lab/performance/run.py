@@ -14,10 +14,14 @@ from desplat_ns.calibration.scenes import Scene, make_scene
 from desplat_ns.calibration.timing import thread_counts
 from desplat_ns.studies.machine import describe_machine
 from lab.documents import DOCS
+from lab.performance.distractors_price import SIZES as PRICED
+from lab.performance.distractors_price import time_price
 from lab.performance.pairs import count_pairs
 from lab.performance.peak import peak_rates
 from lab.performance.report import write_report
 from lab.performance.results import Results
+from lab.performance.serial_share import SIZES as SERIAL
+from lab.performance.serial_share import time_serial
 from lab.performance.steps import time_adam, time_steps
 from lab.performance.yardstick import YARDSTICK
 from lab.performance.yardstick_squares import SQUARES
@@ -78,7 +82,19 @@ def measure(quick: bool) -> Results:
     say("growth")
     (grown,) = (c for c in everyone if c.name == "numba")
     results.growth = measure_growth(grown, 1 if quick else 5, quick)
+    measure_model(results, quick)
     return results
+
+
+def measure_model(results: Results, quick: bool) -> None:
+    """Steps of the whole model: what distractors add, and what is serial."""
+    small, numbers = tuple(QUICK_SIZES), thread_counts()
+    for size in small if quick else PRICED:
+        say(f"{size[0]:,} Gaussians, {size[1]} x {size[2]}: the price of distractors")
+        results.prices += time_price(size, 1 if quick else 3, numbers)
+    for size in (small if quick else SERIAL) if len(numbers) > 1 else ():
+        say(f"{size[0]:,} Gaussians, {size[1]} x {size[2]}: what is serial")
+        results.serial += time_serial(size, 1 if quick else 15, numbers[-1])
 
 
 def measure_scene(

@@ -5,8 +5,10 @@ from __future__ import annotations
 from desplat_ns.calibration.scenes import PARAMETERS
 from desplat_ns.calibration.timing import Timing
 from lab.grid.tables import table
+from lab.performance.distractors_price import CASES, OFF
 from lab.performance.peak import FLOPS_BACKWARD, FLOPS_FORWARD
 from lab.performance.results import Results
+from lab.performance.serial_share import FORECAST, share_of, speedup
 from lab.performance.targets import targets
 from lab.performance.training_step import OTHER, PARTS
 from lab.performance.yardstick import YARDSTICK
@@ -151,6 +153,52 @@ def growth_table(results: Results) -> str:
     return table(head, rows)
 
 
+def price_table(results: Results) -> str:
+    """Steps with distractors over those without: CPU time and, in brackets, wall time."""
+    rows = []
+    for p in results.prices:
+        off, ratios = p.steps[OFF], [p.ratios(case) for case in CASES]
+        times = f"{milliseconds(off.cpu_ms)} ({milliseconds(off.wall_ms)})"
+        cells = [f"{cpu:.2f} ({wall:.2f})" for cpu, wall in ratios]
+        rows.append([p.scene, str(p.threads), times, *cells])
+    return table(["photo, Gaussians", "threads", "off, CPU (wall) ms", *CASES], rows)
+
+
+def serial_table(results: Results) -> str:
+    """Whole steps on one thread and on all, and what that forecasts."""
+    if not results.serial:
+        return "Not measured: there is one core."
+    rows = [
+        [
+            f"{s.scene}, {s.kind}",
+            *(milliseconds(s.whole[n].wall_ms) for n in (1, s.threads)),
+            f"{s.cores_used:.2f} of {s.threads}",
+            f"{s.share:.0%}",
+            *(f"{speedup(s.share, n):.1f} x" for n in FORECAST),
+        ]
+        for s in results.serial
+    ]
+    most = results.serial[0].threads
+    head = ["photo, Gaussians", "1 thread, ms", f"{most} threads", "cores used", "serial share"]
+    return table([*head, *(f"at {n}" for n in FORECAST)], rows)
+
+
+def serial_parts(results: Results) -> str:
+    """The parts of the steps of `serial_table`."""
+    tables = []
+    for s in results.serial:
+        one, many = s.parts[1], s.parts[s.threads]
+        rows = []
+        for part, ms in one.items():
+            share = f"{share_of(ms, many[part], s.threads):.0%}" if ms > 0 else ""
+            cells = (f"{ms:.1f}", f"{ms / sum(one.values()):.0%}", f"{many[part]:.1f}", share)
+            rows.append([part, *cells])
+        title = f"{s.scene}, {s.kind}, wall ms"
+        head = [title, "1 thread", "of the step", f"{s.threads} threads", "serial share"]
+        tables.append(table(head, rows))
+    return "\n\n".join(tables)
+
+
 def target_table(results: Results) -> str:
     rows = [[t.text, t.measured, "yes" if t.met else "**no**"] for t in targets(results)]
     return table(["target (1 thread, CPU time)", "measured", "met"], rows)
@@ -175,5 +223,8 @@ def all_tables(results: Results) -> dict[str, str]:
         "errors": error_table(results),
         "peak": peak_table(results),
         "growth": growth_table(results),
+        "price": price_table(results),
+        "serial": serial_table(results),
+        "serial_parts": serial_parts(results),
         "targets": target_table(results),
     }

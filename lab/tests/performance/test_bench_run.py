@@ -15,6 +15,8 @@ SECTIONS = (
     "(Pixel, Gaussian) pairs",
     "Rasterizers",
     "A whole training step",
+    "The price of distractors",
+    "What is serial",
     "Peak memory",
     "Error against float64",
     "Share of what the processor can do",

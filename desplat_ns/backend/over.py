@@ -1,0 +1,77 @@
+"""A layer over what lies behind it: compiled on a CPU, where it is most of what an image costs
+besides blending and scoring it."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import ModuleType
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@cache
+def _kernels() -> ModuleType | None:
+    """The compiled kernels, imported when the first layer is drawn: numba is large. None where it
+    is missing."""
+    try:
+        from desplat_ns.backend.numba_kernels import over as kernels
+    except ImportError:
+        return None
+    return kernels
+
+
+def over(
+    top: Float[Tensor, "H W C"], alpha: Float[Tensor, "H W 1"], below: Float[Tensor, "*below C"]
+) -> Float[Tensor, "H W C"]:
+    """top + (1 - alpha) below: a layer that is weighted by its alpha already, over one colour [C]
+    or an image [H, W, C].
+
+    Float32 RGB on the CPU takes the compiled kernels, to the same bits; of gradients only the sum
+    over the colours may be rounded otherwise.
+
+    Source: alpha blending.
+    """
+    if _is_fast(top, alpha, below):
+        return _Over.apply(top, alpha, below)  # type: ignore[no-any-return]
+    return top + (1 - alpha) * below
+
+
+def _is_fast(top: Tensor, alpha: Tensor, below: Tensor) -> bool:
+    if any(t.device.type != "cpu" or t.dtype != torch.float32 for t in (top, alpha, below)):
+        return False
+    if (below.ndim == 1 and below.requires_grad) or (below.ndim > 1 and below.shape != top.shape):
+        return False
+    kernels = _kernels()
+    return kernels is not None and top.ndim == 3 and top.shape == (*alpha.shape[:2], 3)
+
+
+class _Over(torch.autograd.Function):
+    """See `numba_kernels/over.py`."""
+
+    @staticmethod
+    def forward(ctx, top, alpha, below):  # type: ignore[override]
+        from desplat_ns.backend.numba_kernels import over as kernels
+        from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter
+        from desplat_ns.backend.numba_kernels.runtime import num_workers as workers
+
+        out, values = torch.empty(top.shape), (flat(top), flat(alpha), flat(below))
+        with launching():
+            kernels.put_over(*values, out.view(-1).numpy(), new_counter(), workers())
+        ctx.values, ctx.shape = values[1:], top.shape
+        return out
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad):  # type: ignore[override]
+        from desplat_ns.backend.numba_kernels import over as kernels
+        from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter
+        from desplat_ns.backend.numba_kernels.runtime import num_workers as workers
+
+        by_alpha = torch.empty(*ctx.shape[:2], 1)
+        by_below = torch.empty(ctx.shape if ctx.needs_input_grad[2] else 0)
+        found = (by_alpha.view(-1).numpy(), by_below.view(-1).numpy())
+        with launching():
+            kernels.pull_under(flat(grad), *ctx.values, *found, new_counter(), workers())
+        return grad, by_alpha, by_below if ctx.needs_input_grad[2] else None
