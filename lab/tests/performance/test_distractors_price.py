@@ -39,7 +39,7 @@ def test_a_phase_draws_and_leaves_out_what_a_run_does_in_it(monkeypatch):
         in_phase(step, phase)
     assert drawn == [False, True, True]
     assert ignored[0] is None and ignored[1] is not None
-    assert step.model.distractors.total == 5 * 3
+    assert step.model.distractors is not None and step.model.distractors.total == 5 * 3
 
 
 def test_every_case_takes_steps_of_the_same_static_scene():
