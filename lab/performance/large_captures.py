@@ -1,10 +1,11 @@
 """What a large capture costs: survey, budget, the first steps of a training, a report.
 
-    python -m lab.performance.large_captures CAPTURE PART [OPTION_OF_NS_TRAIN ...] [colmap ...]
+    python -m lab.performance.large_captures CAPTURE PART STEPS [OPTION_OF_NS_TRAIN ...]
 
 PART is survey, budget, training or report; each is a process of its own, which prints its seconds
-and its peak of memory. `training` ends after `STEPS` steps of a run of the method's own length, of
-which `report` makes a page. Captures: `lab.synthetic.many_photos`.
+and its peak of memory. `training` ends after STEPS steps of a run of the method's own length, when
+photos are a quarter of their size; `report` makes a page of it. Captures:
+`lab.synthetic.many_photos`.
 """
 
 from __future__ import annotations
@@ -21,9 +22,6 @@ BEGAN = time.time()  # before anything large is imported
 
 from desplat_ns.studies.methods import parse  # noqa: E402
 
-STEPS = 40
-"""Of the training: at its beginning photos are a quarter of their size."""
-
 Figures = dict[str, float]
 
 
@@ -39,7 +37,7 @@ def peak_gigabytes() -> float:
     return kilobytes * 1024 / 1e9
 
 
-def survey_of(config: Any) -> Figures:
+def survey_of(config: Any, _: int) -> Figures:
     from desplat_ns.datamanager import training_split
     from desplat_ns.survey.observations import capture_of
     from desplat_ns.survey.survey import survey
@@ -50,7 +48,7 @@ def survey_of(config: Any) -> Figures:
     return {"until_parsed": parsed, "survey": since_start() - parsed}
 
 
-def budget_of(config: Any) -> Figures:
+def budget_of(config: Any, _: int) -> Figures:
     config.budget = "20min"
     config.pipeline.model.effects.auto = False
     before = since_start()
@@ -58,7 +56,7 @@ def budget_of(config: Any) -> Figures:
     return {"budget": since_start() - before, "planned_steps": float(run.state.steps)}
 
 
-def training_of(config: Any) -> Figures:
+def training_of(config: Any, steps: int) -> Figures:
     trainer = config.setup(local_rank=0, world_size=1)
     trainer.setup()
     set_up, seconds, iteration = since_start(), [], trainer.train_iteration
@@ -69,7 +67,7 @@ def training_of(config: Any) -> Figures:
         seconds.append(time.perf_counter() - began)
         if step == 0:
             seconds.append(since_start())
-        trainer.stop_training = step + 1 >= STEPS
+        trainer.stop_training = step + 1 >= steps
         return result
 
     trainer.train_iteration = timed
@@ -84,7 +82,7 @@ def training_of(config: Any) -> Figures:
     }
 
 
-def report_of(config: Any) -> Figures:
+def report_of(config: Any, _: int) -> Figures:
     from desplat_ns.report.report import write_report
     from desplat_ns.runs.files import find_run
 
@@ -94,7 +92,7 @@ def report_of(config: Any) -> Figures:
     return {"report": since_start() - before}
 
 
-PARTS: dict[str, Callable[[Any], Figures]] = {
+PARTS: dict[str, Callable[[Any, int], Figures]] = {
     "survey": survey_of,
     "budget": budget_of,
     "training": training_of,
@@ -102,16 +100,17 @@ PARTS: dict[str, Callable[[Any], Figures]] = {
 }
 
 
-def measure(capture: Path, part: str, options: list[str]) -> Figures:
+def measure(capture: Path, part: str, steps: int, options: list[str]) -> Figures:
     """Seconds and peak of a part, run in this process."""
     output = ["--output-dir", str(capture / "runs"), "--timestamp", "run", "--vis", "tensorboard"]
     config = parse("desplat", ["--data", str(capture), *output, *options])
     config.pipeline.datamanager.data = config.data
     config.machine.device_type = "cpu"
-    figures = PARTS[part](config)
+    figures = PARTS[part](config, steps)
     return {**figures, "cpu": time.process_time(), "peak_gigabytes": peak_gigabytes()}
 
 
 if __name__ == "__main__":
-    found = measure(Path(sys.argv[1]), sys.argv[2], sys.argv[3:])
-    print(json.dumps({sys.argv[2]: {name: round(value, 3) for name, value in found.items()}}))
+    folder, of_part, number, *rest = sys.argv[1:]
+    found = measure(Path(folder), of_part, int(number), rest)
+    print(json.dumps({of_part: {name: round(value, 3) for name, value in found.items()}}))

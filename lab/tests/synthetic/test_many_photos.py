@@ -10,7 +10,6 @@ import pytest
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.images import read_image
 from desplat_ns.data.tracks import METADATA_KEY
-from lab.performance import large_captures
 from lab.performance.large_captures import measure
 from lab.synthetic.many_photos import ManyPhotos, write_many_photos
 
@@ -50,11 +49,10 @@ def test_photos_show_the_points_that_they_observe(capture: Path):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("tyro_may_build")
-def test_what_a_capture_costs_is_measured(capture: Path, monkeypatch):
-    monkeypatch.setattr(large_captures, "STEPS", 3)
+def test_what_a_capture_costs_is_measured(capture: Path):
     options = ["--pipeline.datamanager.photo-memory", "1e-4", "colmap"]
     survey, training, report = (
-        measure(capture, part, options) for part in ("survey", "training", "report")
+        measure(capture, part, 3, options) for part in ("survey", "training", "report")
     )
     assert survey["survey"] > 0 and report["report"] > 0
     assert training["until_set_up"] < training["until_first_step_done"]
