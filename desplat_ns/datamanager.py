@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,14 +24,18 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import (
 )
 from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismDataParserConfig
 
+from desplat_ns.console import announce
 from desplat_ns.data.colmap import with_pycolmap
 from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.gt_masks import METADATA_KEY
+from desplat_ns.data.photo_cache import BoundedPhotos, PhotoMemory, PhotosOfCameras
+from desplat_ns.data.photo_reader import Photo, PhotoReader
 from desplat_ns.data.training_views import image_names
 from desplat_ns.data.transforms_json import PromptFreeNerfstudio
 from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 from desplat_ns.layouts.choices import AnyDataParser
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
+from desplat_ns.settings.options import check_ranges, ranged
 
 
 @dataclass
@@ -40,6 +46,10 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
     dataparser: AnyDataParser = field(default_factory=DeSplatDataParserConfig)
     cache_images_type: Literal["uint8", "float32"] = "uint8"
     """How photos are kept in memory; uint8 takes a quarter of float32 and loses nothing."""
+    photo_memory: float | None = ranged(None, "(0, inf)")
+    """GB of memory for decoded photos. Where they take more, they are read again and again, before
+    their turn and in the background, which changes nothing else. By default as much as the machine
+    can spare."""
 
     def settle_dataparser(self) -> DataParserConfig:
         """Put the dataparser that reads the capture in the place of `desplat-data`, and ours in
@@ -47,8 +57,10 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
 
         Raises:
             CaptureError: no capture is found.
-            ConfigError: as `without_prompts`, or options that the capture's layout has no use for.
+            ConfigError: as `without_prompts`, options that the capture's layout has no use for, or
+                numbers that cannot be.
         """
+        check_ranges(self, "--pipeline.datamanager")
         if self.data is not None:
             self.dataparser.data = Path(self.data)  # pyright: ignore[reportAttributeAccessIssue]
         self.dataparser = without_prompts(self.dataparser)
@@ -195,10 +207,61 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         if self.test_mode != "inference":
             dataset.check_photos()
 
+    # --- photos in memory --------------------------------------------------------------------
+
+    def next_train(self, step: int) -> tuple[Cameras, Photo]:
+        """The next view. Where its photo cannot be read (CaptureError), it stays the next one."""
+        index = self.train_unseen_cameras[0]
+        try:
+            return super().next_train(step)
+        except CaptureError:
+            self.train_unseen_cameras.insert(0, index)
+            raise
+
+    def get_train_rays_per_batch(self) -> int:
+        """Pixels of the first training photo; upstream (1.1.5) asks for the photo itself."""
+        cameras = self.train_dataset.cameras
+        return int(cameras.width[0] * cameras.height[0])
+
+    @property
+    def fixed_indices_eval_dataloader(self) -> Any:
+        """Held-out cameras and photos in their order, by their numbers."""
+        photos: Any = self.cached_eval
+        if isinstance(photos, BoundedPhotos):
+            return PhotosOfCameras(self.eval_dataset.cameras, photos, self.device)
+        return super().fixed_indices_eval_dataloader
+
+    @cached_property
+    def _memory(self) -> PhotoMemory:
+        splits = {"train": self.train_dataset, "eval": self.eval_dataset}
+        config = self.config
+        return PhotoMemory(splits, config.cache_images_type, self.device, config.photo_memory)
+
     def _load_images(
         self, split: Literal["train", "eval"], cache_images_device: Literal["cpu", "gpu"]
-    ) -> list[dict[str, Any]]:
+    ) -> Any:
+        """Photos by their numbers: all of them, or `BoundedPhotos` where they do not fit."""
+        memory, is_training = self._memory, self.test_mode == "val"
         # Upstream pins memory for "cpu", which needs a CUDA driver; "gpu" means `self.device`.
         if torch.device(self.device).type == "cpu":
             cache_images_device = "gpu"
-        return super()._load_images(split, cache_images_device)
+        elif not memory.fit_device:
+            cache_images_device = "cpu"
+        fit = memory.fit_device if cache_images_device == "gpu" else memory.fit
+        if fit and (is_training or split == "eval"):  # else few training photos are looked at
+            return super()._load_images(split, cache_images_device)
+        dataset = self.train_dataset if split == "train" else self.eval_dataset
+        if is_training and split == "train":
+            announce(
+                f"Photos take {memory.needed / 1e9:.3g} GB decoded. {memory.room / 1e9:.3g} GB of "
+                "them are held at a time; the others are read before their turn."
+            )
+
+        def upcoming(index: int) -> Iterable[int]:
+            if split == "eval":
+                return range(index + 1, len(dataset))
+            return self.train_unseen_cameras if is_training else ()
+
+        reader = PhotoReader(dataset, self.config.cache_images_type)
+        self.train_cameras = self.train_dataset.cameras.to(self.device)
+        return BoundedPhotos(reader, memory.sizes[split], memory.room_of(split), upcoming)

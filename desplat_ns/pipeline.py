@@ -119,7 +119,7 @@ class DeSplatPipeline(VanillaPipeline):
     def _evaluated(
         self, data_loader: Any, paths: Sequence[Path], show: Show, in_full: bool
     ) -> dict[str, Any]:
-        images, names = list(data_loader), image_names([Path(path) for path in paths])
+        images, names = data_loader, image_names([Path(path) for path in paths])
         was_training = self.training
         self.eval()
         try:

@@ -19,7 +19,7 @@ from torch.cuda.amp.grad_scaler import GradScaler
 
 from desplat_ns.calibration.budgeted_run import BudgetedRun, process_started
 from desplat_ns.console import announce
-from desplat_ns.errors import CheckpointError
+from desplat_ns.errors import CaptureError, CheckpointError
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model import DeSplatModel
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
@@ -130,6 +130,9 @@ class DeSplatTrainer(Trainer):
         """Train until `max_num_iterations` steps are done in all, those of the checkpoint included.
 
         Where none is left it says so and changes nothing.
+
+        Raises:
+            CaptureError: a photo cannot be read any more; what is trained is saved before.
         """
         remaining = self.config.max_num_iterations - self._steps_done
         if self._budgeted is not None:  # by its clock, whatever had been planned
@@ -146,6 +149,10 @@ class DeSplatTrainer(Trainer):
         try:
             with on_stop_signal(self._stop_after_this_step):
                 super().train()
+        except CaptureError:
+            self.stop_training = True
+            self._after_train()
+            raise
         finally:
             self.config = whole
             if self._budgeted is not None:
@@ -173,8 +180,10 @@ class DeSplatTrainer(Trainer):
         if not any(step_check(step, n) for n in (*intervals, config.steps_per_eval_all_images)):
             return
         state = resume.rng_state()
-        super().eval_iteration(step)
-        resume.restore_rng(state)
+        try:
+            super().eval_iteration(step)
+        finally:
+            resume.restore_rng(state)
 
     @check_main_thread
     def save_checkpoint(self, step: int) -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import PIL.Image
-import pycolmap
 import pytest
 import torch
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
@@ -23,6 +22,7 @@ from desplat_ns.data.transforms_json import PromptFreeNerfstudio
 from desplat_ns.datamanager import DeSplatDataManager, DeSplatDataManagerConfig, without_prompts
 from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
+from tests.helpers.lenses import distort
 
 
 def manager(dataparser, test_mode: str = "val", **options) -> DeSplatDataManager:
@@ -34,21 +34,6 @@ def manager(dataparser, test_mode: str = "val", **options) -> DeSplatDataManager
 def copy(tiny_scene, tmp_path: Path) -> Path:
     """The tiny scene (6 clean, 6 clutter, 2 extra) in a folder that may be changed."""
     return Path(shutil.copytree(tiny_scene.folder, tmp_path / "scene"))
-
-
-def distort(data: Path) -> None:
-    """Give every camera of a capture barrel distortion, k1 = 0.2 (COLMAP's OPENCV model)."""
-    folder = data / "sparse" / "0"
-    model = pycolmap.Reconstruction(folder)
-    shutil.rmtree(folder)
-    folder.mkdir()
-    model.write_text(folder)
-    file = folder / "cameras.txt"
-    lines = file.read_text().splitlines()
-    cameras = [
-        line.replace("PINHOLE", "OPENCV") + " 0.2 0 0 0" for line in lines if "#" not in line
-    ]
-    file.write_text("\n".join(cameras) + "\n")
 
 
 def shifted(x: float) -> np.ndarray:

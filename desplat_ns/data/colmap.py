@@ -208,5 +208,6 @@ class DeSplatColmapDataParser(ColmapDataParser):
         folder = self.reconstruction.folder
         found: dict[str, Any] = points_metadata(points, oriented.transform, oriented.scale)
         photos = tuple(frame.image_id for frame in frames)
-        found[TRACKS] = Tracks(folder, photos, points.ids)
+        sizes = tuple((frame.width, frame.height) for frame in frames)
+        found[TRACKS] = Tracks(folder, photos, sizes, points.ids)
         return without_infinite_points(found, folder)

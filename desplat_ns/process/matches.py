@@ -101,19 +101,27 @@ def _chosen_pairs(
 ) -> list[Pair]:
     if pairing == "exhaustive":
         return all_pairs(len(images))
-    likeness = similarities(_descriptors(database, images))
+    with pycolmap.Database.open(database) as db:
+        likeness = similarities(_Descriptors(db, [image.image_id for image in images]))
     if pairing == "similar":
         return similar_pairs(likeness, recipe.neighbours)
     sequence = set(sequential_pairs(len(images)))
     return sorted(sequence.union(similar_pairs(likeness, LOOPS)))
 
 
-def _descriptors(database: Path, images: Sequence[pycolmap.Image]) -> list[np.ndarray]:
-    with pycolmap.Database.open(database) as db:
-        return [
-            np.asarray(db.read_descriptors(image.image_id).data, dtype=np.float32).reshape(-1, 128)
-            for image in images
-        ]
+class _Descriptors(Sequence[np.ndarray]):
+    """Descriptors of photos, [F, 128] float32, each read when it is asked for: those of 2,000
+    photos are 8 GB."""
+
+    def __init__(self, database: pycolmap.Database, images: Sequence[int]):
+        self._database, self._images = database, images
+
+    def __len__(self) -> int:
+        return len(self._images)
+
+    def __getitem__(self, index: Any) -> np.ndarray:
+        found = self._database.read_descriptors(self._images[index]).data
+        return np.asarray(found, dtype=np.float32).reshape(-1, 128)
 
 
 def _match(

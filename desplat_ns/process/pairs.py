@@ -17,6 +17,8 @@ from jaxtyping import Float32
 
 ALL_PAIRS_UP_TO = 200
 """Photos: 19,900 pairs. Above, pairs by image similarity."""
+TILE = 7
+"""Photos: 49 pairs of 14 photos, as many pairs as are matched in one call."""
 OVERLAP = 10
 """Frames of a video that each is matched with before and after it; then every doubled distance."""
 LOOPS = 5
@@ -30,8 +32,11 @@ Pair = tuple[int, int]
 
 
 def all_pairs(count: int) -> list[Pair]:
-    """Every photo with every other, by blocks, so that what is read stays at hand."""
-    return sorted(combinations(range(count), 2), key=lambda pair: (pair[1] // 50, pair))
+    """Every photo with every other, by tiles of `TILE` by `TILE`, row by row: features are read
+    for some fifty pairs at a time, which are then of two dozen photos and not of fifty."""
+    return sorted(
+        combinations(range(count), 2), key=lambda pair: (pair[0] // TILE, pair[1] // TILE, pair)
+    )
 
 
 def sequential_pairs(count: int) -> list[Pair]:
@@ -52,7 +57,8 @@ def similar_pairs(likeness: Float32[np.ndarray, "N N"], neighbours: int) -> list
 def similarities(
     descriptors: Sequence[Float32[np.ndarray, "_ D"]],
 ) -> Float32[np.ndarray, "N N"]:
-    """Cosines between photos, in [-1, 1]; 0 for photos without features."""
+    """Cosines between photos, in [-1, 1]; 0 for photos without features. Asks for the descriptors
+    of each photo twice, one after another: they need not be in memory together."""
     words = _learn_words(descriptors)
     vectors = np.stack([_vlad(one, words) for one in descriptors])
     return vectors @ vectors.T

@@ -74,7 +74,7 @@ def training_photos(
     model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
     dataset, undistorted = manager.train_dataset, None
     if is_distorted(dataset.cameras):
-        undistorted = manager.cached_train  # all at once; it changes the cameras
+        undistorted = manager.cached_train  # changes the cameras
     with (
         model.layer_control.suspended(),
         model.shown_light.suspended(),

@@ -29,7 +29,7 @@ NO_SETTINGS = {
     *("load_dir", "load_step", "load_config", "load_checkpoint", "load_scheduler", "prompt"),
     *("steps_per_save", "save_only_latest_checkpoint", "logging", "log_gradients"),
     *("steps_per_eval_batch", "steps_per_eval_image", "steps_per_eval_all_images"),
-    *("viewer", "vis", "start_paused"),
+    *("viewer", "vis", "start_paused", "photo_memory"),
     "machine",
 }
 """Fields, at any depth, that no figure depends on or that differ from computer to computer. The

@@ -1,14 +1,22 @@
 from __future__ import annotations
 
 import copy
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+
+# PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
+import PIL.Image  # noqa: F401
+import pycolmap
 import pytest
 
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.data.tracks import METADATA_KEY, Tracks
 from desplat_ns.errors import CaptureError
+from desplat_ns.survey.observations import capture_of, observe
 
 
 def tracks_of(folder: Path) -> Tracks:
@@ -42,6 +50,42 @@ def test_tracks_are_small_and_survive_a_copy(tiny_scene):
 
 def test_a_reconstruction_that_is_gone_is_an_error(tiny_scene, tmp_path):
     tracks = tracks_of(tiny_scene.folder)
-    gone = Tracks(tmp_path / "gone", tracks.image_ids, tracks.point_ids)
+    gone = replace(tracks, folder=tmp_path / "gone")
     with pytest.raises(CaptureError, match="gone"):
         gone.read([0])
+
+
+@pytest.mark.parametrize("form", ["binary", "text"])
+def test_observations_are_those_that_pycolmap_reads(tiny_scene, tmp_path: Path, form: str):
+    """Also of a photo with observations of no point, and of one that observes nothing."""
+    data = Path(shutil.copytree(tiny_scene.folder, tmp_path / "scene"))
+    folder = data / "sparse" / "0"
+    model = pycolmap.Reconstruction(folder)
+    numbers = sorted(model.images)
+    for photo, gone in ((0, 3), (2, model.images[numbers[2]].num_points2D())):
+        for index in range(gone):
+            model.delete_observation(numbers[photo], index)
+    shutil.rmtree(folder)
+    folder.mkdir()
+    model.write_binary(folder) if form == "binary" else model.write_text(folder)
+    parser = DeSplatColmapDataParserConfig(data=data, eval_mode="all")
+    tracks = parser.setup().get_dataparser_outputs("train").metadata[METADATA_KEY]
+    order = list(reversed(range(len(numbers))))
+    lost = 0
+    for photo, found in zip(order, tracks.read(order), strict=True):
+        image = model.images[tracks.image_ids[photo]]
+        seen = image.get_observation_points2D()
+        lost += image.num_points2D() - len(seen)
+        expected = [one.point3D_id for one in seen]
+        np.testing.assert_array_equal(tracks.point_ids[found.points], expected)
+        places = np.array([one.xy for one in seen]).reshape(-1, 2) / (48, 32)
+        exact = {"binary": 0, "text": 1e-12}[form]
+        np.testing.assert_allclose(found.places, places, rtol=exact, atol=0)
+    assert lost > 3 and len(model.images[numbers[2]].get_observation_points2D()) == 0
+
+
+def test_a_survey_does_not_parse_the_reconstruction_again(tiny_scene, monkeypatch):
+    parser = RobustNerfDataParserConfig(data=tiny_scene.folder).setup()
+    outputs = parser.get_dataparser_outputs("train")
+    monkeypatch.delattr(pycolmap, "Reconstruction")
+    assert observe(capture_of(outputs)).is_tracked.any()

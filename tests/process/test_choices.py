@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import weakref
+from collections.abc import Sequence
+from itertools import combinations
+
 import numpy as np
 import pytest
 
 from desplat_ns.process.attempts import left_out
 from desplat_ns.process.cameras import group_by_camera
-from desplat_ns.process.matches import is_stationary, summarise, verification_error
-from desplat_ns.process.pairs import all_pairs, sequential_pairs, similar_pairs, similarities
+from desplat_ns.process.matches import AT_ONCE, is_stationary, summarise, verification_error
+from desplat_ns.process.pairs import (
+    TILE,
+    all_pairs,
+    sequential_pairs,
+    similar_pairs,
+    similarities,
+)
 from desplat_ns.process.photos import Photo, numbered
 from desplat_ns.process.video import Frame, choose
 
@@ -25,8 +35,18 @@ def test_names_that_differ_by_their_ending_do_not_meet():
 
 
 def test_all_pairs_are_each_there_once():
-    pairs = all_pairs(120)
-    assert len(set(pairs)) == len(pairs) == 120 * 119 // 2
+    assert sorted(all_pairs(120)) == list(combinations(range(120), 2))
+
+
+@pytest.mark.parametrize("count", [50, 120, 200])
+def test_pairs_that_are_matched_together_share_their_photos(count: int):
+    """A call reads the features of each of its photos once: of some twenty, where pairs row by row
+    would take one more photo than there are pairs."""
+    pairs = all_pairs(count)
+    calls = [pairs[start : start + AT_ONCE] for start in range(0, len(pairs), AT_ONCE)]
+    photos = [len({photo for pair in call for photo in pair}) for call in calls]
+    assert max(photos) <= 5 * TILE
+    assert sum(photos) / len(calls) <= 3 * TILE
 
 
 def test_frames_of_a_video_are_paired_with_neighbours_and_at_doubled_distances():
@@ -40,6 +60,34 @@ def test_photos_are_paired_with_those_that_look_alike():
     noise = rng.normal(size=(6, 200, 128)).astype(np.float32)
     likeness = similarities([kinds[i % 2] + noise[i] for i in range(6)])
     assert similar_pairs(likeness, 2) == [(0, 2), (0, 4), (1, 3), (1, 5), (2, 4), (3, 5)]
+
+
+class OneByOne(Sequence[np.ndarray]):
+    """Descriptors that are made anew whenever they are asked for, and counted while they live."""
+
+    def __init__(self, all_of_them: Sequence[np.ndarray]):
+        self.all, self.alive, self.most = all_of_them, 0, 0
+
+    def __len__(self) -> int:
+        return len(self.all)
+
+    def __getitem__(self, index):
+        made = self.all[index].copy()
+        weakref.finalize(made, self._gone)
+        self.alive += 1
+        self.most = max(self.most, self.alive)
+        return made
+
+    def _gone(self) -> None:
+        self.alive -= 1
+
+
+def test_descriptors_of_two_photos_at_most_are_in_memory_together():
+    rng = np.random.default_rng(0)
+    descriptors = [rng.normal(size=(50, 128)).astype(np.float32) for _ in range(20)]
+    streamed = OneByOne(descriptors)
+    np.testing.assert_array_equal(similarities(streamed), similarities(descriptors))
+    assert streamed.most <= 2
 
 
 def test_photos_without_features_are_like_no_other():

@@ -7,6 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+# PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
+import PIL.Image  # noqa: F401
 import pycolmap
 import pytest
 
@@ -144,3 +148,12 @@ def test_where_a_mask_covers_what_stands_still_nothing_has_to_be_left_out(
     mine = features_of(marked.photos, marked.copies, database, masks)
     assert not match(mine, "exhaustive")["left_out"]
     assert worst_pose(mine, yard, EVERY_OTHER) < CLOSE
+
+
+def test_photos_read_one_by_one_are_as_alike_as_those_read_together(found: Found):
+    with pycolmap.Database.open(found.database) as db:
+        ids = [image.image_id for image in db.read_all_images()]
+        together = [db.read_descriptors(number).data.astype(np.float32) for number in ids]
+        one_by_one = matches._Descriptors(db, ids)
+        assert {len(one) for one in together} != {0}
+        np.testing.assert_array_equal(pairs.similarities(one_by_one), pairs.similarities(together))

@@ -1,0 +1,121 @@
+"""Photos in bounded memory are the photos; each is read before its turn, few more than once."""
+
+from __future__ import annotations
+
+import random
+import threading
+from collections.abc import Iterable, Sequence
+
+import pytest
+
+from desplat_ns.data import photo_cache
+from desplat_ns.data.photo_cache import AHEAD, BoundedPhotos, Photo
+from desplat_ns.errors import CaptureError
+
+SECONDS = 30
+"""After which a thread that did not do something is taken not to do it."""
+
+
+class Files:
+    """What reads photos, and knows which it has read."""
+
+    def __init__(self) -> None:
+        self.read: list[int] = []
+        self.lost: set[int] = set()
+        self.arrived = threading.Condition()
+
+    def __call__(self, index: int) -> Photo:
+        with self.arrived:
+            self.read.append(index)
+            self.arrived.notify_all()
+        if index in self.lost:
+            raise CaptureError(f"photo {index} is gone")
+        return {"image_idx": index}
+
+    def has_read(self, index: int) -> bool:
+        """Whether a photo is read, also if that has to be waited for."""
+        with self.arrived:
+            return self.arrived.wait_for(lambda: index in self.read, SECONDS)
+
+
+class Rounds:
+    """Numbers of photos in rounds of random order, and which are known to come."""
+
+    def __init__(self, count: int):
+        self._random, self._count = random.Random(0), count
+        self.unseen: list[int] = []
+
+    def upcoming(self, index: int) -> Iterable[int]:
+        return self.unseen
+
+    def __call__(self, rounds: int) -> Iterable[int]:
+        for _ in range(rounds):
+            self.unseen = self._random.sample(range(self._count), self._count)
+            while self.unseen:
+                yield self.unseen.pop(0)
+
+
+def in_bytes(photos: BoundedPhotos, sizes: Sequence[int]) -> int:
+    return sum(sizes[one] for one in photos._held)
+
+
+@pytest.mark.parametrize("most", [0, 5, 23, 60, 1000])
+def test_photos_are_given_as_by_a_list_within_the_bound(most: int):
+    rng = random.Random(most)
+    sizes = [rng.randint(1, 9) for _ in range(20)]
+    rounds = Rounds(len(sizes))
+    photos = BoundedPhotos(Files(), sizes, most, rounds.upcoming)
+    for index in rounds(3):
+        assert photos[index] == {"image_idx": index}
+        assert in_bytes(photos, sizes) <= max(most, sizes[index])
+    assert len(photos) == len(sizes) and list(photos) == [{"image_idx": i} for i in range(20)]
+    assert photos[-1] == {"image_idx": 19}
+    with pytest.raises(IndexError):
+        photos[20]
+
+
+def test_the_next_photos_are_read_before_they_are_asked_for():
+    files = Files()
+    photos = BoundedPhotos(files, [1] * 9, 3, lambda index: range(index + 1, 9))
+    _ = photos[0]
+    assert files.has_read(1) and files.has_read(2)
+    assert set(photos._held) == {0, 1, 2}
+    _ = photos[1]
+    assert files.has_read(3) and set(photos._held) == {1, 2, 3}
+
+
+@pytest.mark.parametrize("room", [1, 10, 39])
+def test_as_few_photos_are_read_again_as_there_is_no_room_for(room: int):
+    """Each round needs those of the N that are not held: N - K. In its first steps up to `AHEAD`
+    held photos may have to go for those that come before them, and are read again."""
+    count, rounds, files = 40, 6, Files()
+    order = Rounds(count)
+    photos = BoundedPhotos(files, [1] * count, room, order.upcoming)
+    for index in order(rounds):
+        _ = photos[index]
+    photos._pool.shutdown(wait=True)
+    assert len(files.read) <= count + (rounds - 1) * (count - room + min(AHEAD, room))
+
+
+def test_a_photo_that_cannot_be_read_is_told_when_it_is_asked_for_and_read_again_then():
+    files = Files()
+    files.lost = {1}
+    photos = BoundedPhotos(files, [1] * 3, 3, lambda index: range(index + 1, 3))
+    assert photos[0] == {"image_idx": 0}
+    assert files.has_read(1)
+    with pytest.raises(CaptureError, match="photo 1 is gone"):
+        photos[1]
+    files.lost.clear()
+    assert photos[1] == {"image_idx": 1}
+
+
+def test_several_photos_are_read_at_once(monkeypatch):
+    monkeypatch.setattr(photo_cache.os, "cpu_count", lambda: 4)
+    together = threading.Barrier(4)
+
+    def read(index: int) -> Photo:
+        together.wait(SECONDS)  # breaks where fewer come
+        return {"image_idx": index}
+
+    photos = BoundedPhotos(read, [1] * 4, 4, lambda index: range(index + 1, 4))
+    assert photos[0] == {"image_idx": 0}

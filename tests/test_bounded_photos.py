@@ -1,0 +1,159 @@
+"""Training where not all photos fit into memory: the same bits, and nothing trained is lost."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.images import write_image
+from desplat_ns.data.photo_cache import SHARE, BoundedPhotos
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.datamanager import DeSplatDataManager, DeSplatDataManagerConfig
+from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.report.pictures import training_photos
+from desplat_ns.runs.files import find_run
+from desplat_ns.runs.loading import load_run
+from desplat_ns.training.checkpoint_files import load_newest
+from tests.helpers.lenses import BARREL, distort
+from tests.helpers.registered import set_up
+from tests.helpers.stub_run import assert_same
+
+THREE_PHOTOS = 2e-5
+"""GB: of 6 training and 2 held-out photos of 48x32 pixels, three quarters of 20,000 bytes are three
+training photos of 4,608 bytes."""
+
+
+def manager(dataparser: Any, photo_memory: float | None = None) -> DeSplatDataManager:
+    config = DeSplatDataManagerConfig(dataparser=dataparser, photo_memory=photo_memory)
+    return config.setup(device="cpu", test_mode="val")
+
+
+@pytest.fixture
+def data(tiny_scene, tmp_path: Path) -> Path:
+    """The tiny scene, 6 views, in a folder that may be changed."""
+    return Path(shutil.copytree(tiny_scene.folder, tmp_path / "scene"))
+
+
+def mask_photos(data: Path) -> Path:
+    """Masks of the photos, at random; their folder."""
+    for seed, path in enumerate(sorted((data / "images").iterdir())):
+        used = np.random.default_rng(seed).random((32, 48)) < 0.5
+        write_image(data / "used" / f"{path.stem}.png", used)
+    return Path("used")
+
+
+@pytest.mark.parametrize("lens", [None, BARREL, "OPENCV_FISHEYE 0.1 0 0 0"])
+@pytest.mark.parametrize("is_masked", [False, True])
+def test_photos_and_cameras_are_those_that_upstream_holds(data: Path, lens, is_masked):
+    parser = DeSplatColmapDataParserConfig(data=data)
+    if is_masked:
+        parser.masks_path = mask_photos(data)
+    if lens is not None:
+        distort(data, lens)
+    one, other = manager(parser), manager(copy.deepcopy(parser), THREE_PHOTOS)
+    for step in range(30):
+        assert_same_view(one.next_train(step), other.next_train(step))
+        assert one.get_train_rays_per_batch() == other.get_train_rays_per_batch()
+    assert isinstance(other.cached_train, BoundedPhotos)
+    assert_same(one.sampler_state(), other.sampler_state())
+    held_out = other.fixed_indices_eval_dataloader
+    assert isinstance(other.cached_eval, BoundedPhotos)
+    for view, same in zip(one.fixed_indices_eval_dataloader, held_out, strict=True):
+        assert_same_view(view, same)
+
+
+def assert_same_view(one: Any, other: Any) -> None:
+    assert_same(one[1], other[1])
+    assert_same(vars(one[0]), vars(other[0]))
+
+
+@pytest.mark.parametrize("free", [100_000, 80_000])
+def test_what_the_machine_can_spare_decides(tiny_scene, monkeypatch, free):
+    """8 photos of 4,608 bytes are 36,864."""
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=free))
+    photos = manager(RobustNerfDataParserConfig(data=tiny_scene.folder)).cached_train
+    assert isinstance(photos, BoundedPhotos) == (SHARE * free < 8 * 4608)
+
+
+def test_a_bound_that_cannot_be_is_refused(tiny_scene):
+    with pytest.raises(ConfigError, match=r"photo-memory.* is 0.*above 0"):
+        manager(RobustNerfDataParserConfig(data=tiny_scene.folder), 0.0)
+
+
+def last_checkpoint(config: Any) -> Any:
+    """Without the state of Python's own generator: the checks of types draw from it, which run in
+    tests alone."""
+    state = load_newest(config.get_checkpoint_dir())[1]
+    del state["rng"]["python"]
+    return state
+
+
+def run_of(tiny_run, output: Path, data: Path, bound: float | None, name: str) -> Any:
+    config = dataclasses.replace(tiny_run(output), timestamp=name)
+    config.pipeline.datamanager.dataparser.data = data
+    config.pipeline.datamanager.photo_memory = bound
+    return config
+
+
+def test_a_run_in_little_memory_is_the_run_in_enough_to_the_last_bit(data, tiny_run, tmp_path):
+    runs = [
+        run_of(tiny_run, tmp_path, data, bound, name)
+        for bound, name in ((None, "enough"), (THREE_PHOTOS, "little"))
+    ]
+    for config in runs:
+        set_up(config).train()
+    assert_same(*map(last_checkpoint, runs))
+
+
+@pytest.mark.parametrize("lost_at", [0, 7])
+def test_a_photo_that_vanishes_is_named_and_what_is_trained_is_saved(
+    data: Path, tiny_run, tmp_path: Path, lost_at: int, monkeypatch
+):
+    """Put back, the run goes on as if nothing had been."""
+    whole = run_of(tiny_run, tmp_path, data, None, "whole")
+    set_up(whole).train()
+    config = run_of(tiny_run, tmp_path, data, THREE_PHOTOS, "lost")
+    trainer, images, away = set_up(config), data / "images", data / "away"
+    iteration = trainer.train_iteration
+
+    def loses_photos(step: int) -> Any:
+        if step == lost_at:
+            images.rename(away)
+        return iteration(step)
+
+    monkeypatch.setattr(trainer, "train_iteration", loses_photos)
+    with pytest.raises(CaptureError, match=r"clutter_000\d.png does not exist"):
+        trainer.train()
+    away.rename(images)
+    done = trainer._steps_done
+    assert lost_at <= done <= lost_at + 4  # three photos are in memory
+    resumed = run_of(tiny_run, tmp_path, data, THREE_PHOTOS, "resumed")
+    if done:
+        assert last_checkpoint(config)["step"] == done - 1
+        resumed.load_dir = config.get_checkpoint_dir()
+    set_up(resumed, seed=None if not done else 99).train()
+    assert_same(last_checkpoint(whole), last_checkpoint(resumed))
+
+
+def test_a_report_undistorts_the_photos_that_it_shows_only(data, tiny_run, tmp_path, monkeypatch):
+    distort(data)
+    config = run_of(tiny_run, tmp_path, data, None, "run")
+    trainer = set_up(dataclasses.replace(config, max_num_iterations=2))
+    trainer.train()
+    expected = [one.photo for one, _ in training_photos(trainer.pipeline.eval(), [0, 4])]
+    pipeline = load_run(find_run(config.get_base_dir() / "config.yml")).pipeline
+    dataset, read = pipeline.datamanager.train_dataset, []
+    get_data = dataset.get_data
+    monkeypatch.setattr(dataset, "get_data", lambda i, kind: read.append(i) or get_data(i, kind))
+    found = [one.photo for one, _ in training_photos(pipeline, [0, 4])]
+    assert set(read) == {0, 4}
+    assert_same([one.tolist() for one in found], [one.tolist() for one in expected])

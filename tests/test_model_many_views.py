@@ -1,0 +1,93 @@
+"""A step of a capture of thousands of photos is the step of one of a few."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from typing import Any
+
+import pytest
+from torch import Tensor
+from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils._pytree import tree_leaves
+
+from desplat_ns.calibration.model_step import ModelStep
+from desplat_ns.calibration.scenes import make_scene
+from desplat_ns.settings.effects import Effects
+
+FEW, MANY = 23, 2003
+"""Primes, which are the size of nothing else in a step."""
+
+ON_TABLES = 20
+"""Operations, at most, on a table with a few numbers of each photo's light: its optimizer's step,
+its mean, the row that is drawn. 64,000 numbers of 2,000 photos take some ten microseconds each."""
+
+
+class Operations(TorchDispatchMode):
+    """Counts the operations within by name and by the shapes of all that they take and give."""
+
+    def __init__(self, views: int):
+        super().__init__()
+        self.found: Counter[Any] = Counter()
+        self._views = views
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):  # type: ignore[override]
+        result = func(*args, **(kwargs or {}))
+        shapes = [tuple(t.shape) for t in tree_leaves((args, kwargs, result)) if _is_tensor(t)]
+        named = tuple(tuple("V" if n == self._views else n for n in one) for one in shapes)
+        self.found[str(func), named] += 1
+        return result
+
+
+def _is_tensor(value: Any) -> bool:
+    return isinstance(value, Tensor)
+
+
+def work_of_a_step(effects: Effects, views: int) -> tuple[Counter[Any], Counter[Any]]:
+    """Operations of torch, and calls of Python's and C's functions, of a step that draws, weighs,
+    pulls back, steps and refines nothing; the photo shows the static scene."""
+    step = ModelStep(make_scene(100, 48, 32), effects, views, backend="torch")
+    model = step.model.eval()
+    step.photo = model.get_outputs_for_camera(step.camera)["rgb"].clone()
+    model.train()
+    model.step += 1  # no multiple of any interval, which goes by the number of views
+
+    def whole() -> None:
+        step()
+        model.step_post_backward(model.step)
+
+    whole()  # what is made once
+    with Operations(views) as operations:
+        whole()
+    calls: Counter[Any] = Counter()
+
+    def count(frame: Any, event: str, called: Any) -> None:
+        where = frame.f_globals.get("__name__", "")
+        if event in ("call", "c_call"):
+            calls[where, getattr(called, "__name__", "") or frame.f_code.co_name] += 1
+
+    sys.setprofile(count)
+    try:
+        whole()
+    finally:
+        sys.setprofile(None)
+    return operations.found, calls
+
+
+@pytest.mark.usefixtures("unchecked_types")  # checks of types look at some items of a sequence
+@pytest.mark.parametrize(
+    "effects",
+    [
+        Effects(distractors=True),
+        Effects(distractors=True, appearance="camera", background="constant"),
+        Effects(distractors=True, appearance="affine", background="image"),
+    ],
+    ids=lambda effects: f"{effects.appearance}-{effects.background}",
+)
+def test_a_step_does_the_same_whatever_the_number_of_photos(effects: Effects):
+    few, many = (work_of_a_step(effects, views) for views in (FEW, MANY))
+    assert many == few
+    operations, calls = many
+    assert operations.total() > 1000 and calls.total() > 1000
+    on_tables = [what for what in operations.elements() if "V" in str(what[1])]
+    assert len(on_tables) <= (0 if effects.appearance == "off" else ON_TABLES), on_tables
