@@ -14,8 +14,11 @@ from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import sh_basis
 
 
-def uncut_colors(splats: Splats, view: View, shown: Bool[Tensor, " N"]) -> Float[Tensor, "N 3"]:
-    """SH + 1/2 seen from `view`, negative ones too; 0, without gradients, where not `shown`.
+def uncut_colors(
+    splats: Splats, view: View, shown: Bool[Tensor, " N"]
+) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N 3"]]:
+    """SH + 1/2 seen from `view`, negative ones too; 0, without gradients, where not `shown`. And
+    the zeroth coefficients of all.
 
     Args:
         splats: with spherical harmonics.
@@ -35,4 +38,4 @@ def uncut_colors(splats: Splats, view: View, shown: Bool[Tensor, " N"]) -> Float
     basis = sh_basis(splats.sh_degree, torch.nn.functional.normalize(away, dim=-1))
     used = coefficients[:, : basis.shape[1]].masked_fill(~shown[:, None, None], 0)
     seen = torch.einsum("nk,nkc->nc", basis, used) + 0.5
-    return seen.masked_fill(~shown[:, None], 0)
+    return seen.masked_fill(~shown[:, None], 0), coefficients[:, 0]

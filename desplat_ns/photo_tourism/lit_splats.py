@@ -63,10 +63,11 @@ def _toned_after_evaluation(
 ) -> Lit:
     """Eq. 7 as it stands: three numbers for each Gaussian are toned, not all coefficients."""
     splats = as_harmonics(splats)
-    zeroth, finite = splats.colors[:, 0], finite_colors(splats.colors)
+    finite = finite_colors(splats.colors)
     shown = in_view(splats, view)
     shown = shown if finite is None else shown & finite
-    colors, rows = uncut_colors(splats, view, shown), shown.nonzero()[:, 0]
+    rows = shown.nonzero()[:, 0]
+    colors, zeroth = uncut_colors(splats, view, shown)
 
     def lit(embedding: Tensor) -> Splats:
         beta, gamma = appearance.tones(embedding, features, zeroth, rows)

@@ -6,10 +6,10 @@ from torch import nn
 
 
 def hidden_layers(inputs: int, layers: int, width: int) -> nn.Sequential:
-    """`layers` linear layers of `width` units, a ReLU after each."""
+    """`layers` linear layers of `width` units, a ReLU after each, where they lie in the cache."""
     modules: list[nn.Module] = []
     for i in range(layers):
-        modules += [nn.Linear(inputs if i == 0 else width, width), nn.ReLU()]
+        modules += [nn.Linear(inputs if i == 0 else width, width), nn.ReLU(inplace=True)]
     return nn.Sequential(*modules)
 
 

@@ -249,6 +249,7 @@ def test_bfloat16_is_off_by_its_rounding_and_sums_gradients_in_float32(monkeypat
     model = trained(AffineAppearance(replace(SMALL, mlp_dtype="bfloat16"))).float()
     embedding, own = numbers(5).float(), numbers(2048, FEATURES + 3, seed=1).float()
     monkeypatch.setitem(appearance.ROWS_AT_ONCE, "cpu", 2)
+    monkeypatch.setattr(appearance, "MORE_IN_BFLOAT16", 1)
     beta, gamma = model.tones(embedding, own[:, :FEATURES], own[:, FEATURES:])
     h = torch.cat([embedding.expand(len(own), -1), own], dim=1).double()
     error, unit = torch.zeros_like(h), 2.0**-8

@@ -34,6 +34,10 @@ BLOCK = 8
 
 BLOCKS = TILE // BLOCK
 
+PAIR = 2 * BLOCK
+"""Pixels of two rows of a block. The rows that an entry looks at start and end at even ones: 512
+bits are two rows, and a third by itself took a loop of its own and sums as long as the others'."""
+
 MEAN_X, MEAN_Y, CONIC_A, CONIC_B, CONIC_C, OPACITY, FEATURES = range(7)
 """Places in the record of a visible Gaussian."""
 
@@ -136,7 +140,8 @@ def tile_rows(e, grid):
 
 @kernel()
 def block_rows(s, number, left, low, high, row_ranges, first, end):
-    """Rows that the gathered outlines cover in one block of columns; `shadow` for vectors.
+    """Rows that the gathered outlines cover in one block of columns, in pairs; `shadow` for
+    vectors.
 
     The arrays in `s` are the numbers of an outline. Written without branches.
     """
@@ -153,5 +158,6 @@ def block_rows(s, number, left, low, high, row_ranges, first, end):
         top = min(max(top + s[k + _O1] + near - low + ease, _ZERO), high - low)
         start, stop = np.int32(np.ceil(bottom)), np.int32(np.floor(top))
         meets = (x0 <= x1) & (start < stop)
+        start, stop = start & np.int32(-2), (stop + np.int32(1)) & np.int32(-2)
         row_ranges[first + k] = np.uint8(start if meets else 0)
         row_ranges[end + k] = np.uint8(stop if meets else 0)

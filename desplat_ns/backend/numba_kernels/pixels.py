@@ -20,7 +20,8 @@ alpha is clamped),
 A tile is 256 pixels stored block by block of BLOCK columns, row by row within. Each Gaussian visits
 the rows that it can reach, which lie next to each other in that order: one flat loop, which the
 compiler turns into vector instructions. For that, everything that the loop touches lies in one
-array of planes of float32 (no aliasing to rule out), indices are unsigned, and exp is a polynomial.
+array of planes of float32 (no aliasing to rule out), indices are unsigned, exp is a polynomial, and
+the loop is seen to take whole PAIRs of rows, so that it has no rest.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from desplat_ns.backend.numba_kernels.ellipses import (
     MEAN_X,
     MEAN_Y,
     OPACITY,
+    PAIR,
     TILE,
 )
 from desplat_ns.backend.numba_kernels.runtime import float_of_bits, fma, kernel, nearest
@@ -137,11 +139,12 @@ def _four(values, at):
 
 @kernel(fastmath={"nsz"}, forceinline=True)
 def blend(s, records, base, place, start, stop, limits):
-    """Draw one Gaussian, with its first four features, over pixels start ... stop - 1."""
+    """Draw one Gaussian, with its first four features, over pixels start ... stop - 1: PAIRs."""
     mean_x, mean_y, a, b, c, opacity = _shape(records, base)
     f0, f1, f2, f3 = _four(records, base + FEATURES)
     alpha_max, cutoff, least = limits
-    for p in range(np.uint64(start), np.uint64(stop)):
+    for k in range(np.uint64(PAIR) * np.uint64((stop - start) // PAIR)):
+        p = np.uint64(start) + k
         falloff = _falloff_at(s, p, mean_x, mean_y, a, b, c)[0]
         alpha = min(opacity * falloff, alpha_max)
         t, last = s[T + p], s[LAST + p]
@@ -182,7 +185,8 @@ def gather_more(s, records, base, stride, start, stop):
 
 @kernel(fastmath=_LOOSE, forceinline=True)
 def backward(s, records, base, place, start, stop, limits, sums):
-    """Step back over one Gaussian at pixels start ... stop - 1; add to its `sums` and return them.
+    """Step back over one Gaussian at pixels start ... stop - 1, which are PAIRs; add to its `sums`
+    and return them.
 
     One loop, although it takes more registers than there are without AVX-512: two or three shorter
     ones load and store more, and each ends in a branch that the processor guesses wrong. The plane
@@ -192,7 +196,8 @@ def backward(s, records, base, place, start, stop, limits, sums):
     f0, f1, f2, f3 = _four(records, base + FEATURES)
     alpha_max, cutoff, _ = limits
     sum_x, sum_y, abs_x, abs_y, xx, xy, yy, total, v0, v1, v2, v3 = sums
-    for p in range(np.uint64(start), np.uint64(stop)):
+    for k in range(np.uint64(PAIR) * np.uint64((stop - start) // PAIR)):
+        p = np.uint64(start) + k
         falloff, gx, gy, dx, dy = _falloff_at(s, p, mean_x, mean_y, a, b, c)
         raw = opacity * falloff
         alpha = min(raw, alpha_max)

@@ -14,6 +14,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
 import inspect
 import os
@@ -40,6 +41,10 @@ _LAUNCH_LOCK = threading.RLock()
 """numba's "workqueue" threads abort the process when two Python threads launch kernels at once, and
 nerfstudio's viewer renders from a thread of its own."""
 
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+"""mallopt(3): bytes at the heap's end above which they are given back; bytes from which a block is
+mapped by itself, to be given back when it is freed."""
+
 _NEWEST_SOURCE = max(path.stat().st_mtime for path in Path(__file__).parent.glob("*.py"))
 
 _launched: list[Any] = []
@@ -61,6 +66,21 @@ def _prefer_safe_threads() -> None:
 
 
 _prefer_safe_threads()
+
+
+def _keep_freed_memory() -> None:
+    """Have glibc keep what a step frees for the next one, which asks for as much.
+
+    It would give blocks above 32 MiB back at once, and the system map and clear them again page by
+    page, one thread at a time: a tenth to a fifth of a step with 200,000 Gaussians at 1200 x 800.
+    What the user has set stays, and so does another allocator.
+    """
+    if any(name.startswith("MALLOC_") for name in os.environ) or "GLIBC_TUNABLES" in os.environ:
+        return
+    with suppress(OSError, AttributeError, TypeError):  # no glibc
+        mallopt = ctypes.CDLL(None).mallopt
+        mallopt(_MMAP_THRESHOLD, 1 << 30)
+        mallopt(_TRIM_THRESHOLD, (1 << 31) - 1)
 
 
 def kernel(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -122,6 +142,7 @@ def _have_compiled() -> None:
     Where that fails, or where nothing can be cached, they are compiled here as they are called.
     """
     compile_here()
+    _keep_freed_memory()
     if all(_is_cached(dispatcher) for dispatcher in _launched):
         return
     print(

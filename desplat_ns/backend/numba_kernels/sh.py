@@ -228,7 +228,9 @@ def _backward_direction(s, k, is_seen, at, v_means):
 
 class EvaluateColors(torch.autograd.Function):
     """(means, coefficients [N, K, 3], radii, camera centre, degree, whether they are cut off at 0)
-    -> colours [N, 3]."""
+    -> colours [N, 3]; if they are not cut off, also the zeroth coefficients [N, 3].
+
+    Taken from the coefficients by themselves, those would get a gradient of all K."""
 
     @staticmethod
     def forward(ctx, means, values, radii, center, degree, is_cut=True):  # type: ignore[override]
@@ -238,14 +240,16 @@ class EvaluateColors(torch.autograd.Function):
         with launching():
             _evaluate(*inputs, sizes, out.view(-1).numpy(), new_counter(), num_workers())
         ctx.state = (inputs, sizes, out.view(-1).numpy(), values.shape)
-        return out
+        return out if is_cut else (out, values[:, 0].clone())
 
     @staticmethod
     @torch.autograd.function.once_differentiable
-    def backward(ctx, grad):  # type: ignore[override]
+    def backward(ctx, grad, by_zeroth=None):  # type: ignore[override]
         inputs, sizes, out, shape = ctx.state
         v_means, v_values = torch.empty(shape[0], 3), torch.empty(shape)
         found = (v_means.view(-1).numpy(), v_values.view(-1).numpy())
         with launching():
             _backward(*inputs, sizes, out, flat(grad), *found, new_counter(), num_workers())
+        if by_zeroth is not None:
+            v_values[:, 0] += by_zeroth
         return v_means, v_values, None, None, None, None

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, tile_lists
+from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, _sorted, tile_lists
 from desplat_ns.backend.numba_kernels.ellipses import BLOCK, BLOCKS, TILE
 
 CUTOFF = 1 / 255
@@ -69,7 +69,7 @@ def looked_at(lists, entry: int, tile: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("largest", [3.0, 40.0])
-def test_every_pixel_above_the_cutoff_is_looked_at_once_and_no_row_in_vain(largest):
+def test_every_pixel_above_the_cutoff_is_looked_at_once_and_no_two_rows_in_vain(largest):
     gaussians = random_gaussians(1, 60, largest)
     lists = lists_of(gaussians)
     seen = np.zeros((60, HEIGHT, WIDTH), int)
@@ -82,8 +82,11 @@ def test_every_pixel_above_the_cutoff_is_looked_at_once_and_no_row_in_vain(large
         assert seen[i][alpha >= CUTOFF].all()
         for left in range(0, WIDTH, BLOCK):
             rows = seen[i][:, left : left + BLOCK].any(1)
+            rows, greatest = np.append(rows, rows[-1]), greatest_alpha(gaussians, i, left)
+            assert (rows[::2] == rows[1::2]).all()  # the last one's other is below the image
+            greatest = np.append(greatest, 0).reshape(-1, 2).max(1)
             # In EASE, 2e-3 pixels, log alpha changes by less than 3.4 * 2e-3 / 0.55 = 0.013.
-            assert (greatest_alpha(gaussians, i, left)[rows] >= CUTOFF * (1 - 0.013)).all()
+            assert (greatest[rows[::2]] >= CUTOFF * (1 - 0.013)).all()
 
 
 def test_a_tile_lists_the_nearest_first_and_ties_by_index():
@@ -101,6 +104,14 @@ def test_negative_depths_come_first():
     gaussians.depths[:] = [1.0, -2.0, 0.5, -1.0]
     gaussians.opacities[:] = 1
     assert lists_of(gaussians).ids.tolist() == [1, 3, 2, 0]
+
+
+def test_keys_are_sorted_by_all_bits_of_their_upper_halves():
+    rng = np.random.default_rng(7)
+    depths = np.concatenate([2 ** np.arange(32), rng.integers(0, 2**32, 500), [5, 5]])
+    keys = rng.permutation(depths).astype(np.uint64) << np.uint64(32)
+    keys |= np.arange(keys.size, dtype=np.uint64)
+    assert (_sorted(keys.copy(), np.empty_like(keys)) == np.sort(keys)).all()
 
 
 def test_the_entries_of_each_gaussian_lie_in_its_slots():

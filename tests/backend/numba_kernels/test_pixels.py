@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from desplat_ns.backend.numba_kernels import pixels as numba_pixels
-from desplat_ns.backend.numba_kernels.ellipses import FEATURES, OPACITY
+from desplat_ns.backend.numba_kernels.ellipses import FEATURES, OPACITY, PAIR
 from desplat_ns.backend.numba_kernels.pixels import (
     AREA,
     F0,
@@ -66,20 +66,20 @@ def test_exp2_stays_small_and_normal_far_out():
 
 def test_two_gaussians_blend_as_worked_out_by_hand():
     s = open_planes()
-    blend(s, record(0.5, [1, 0, 0, 2]), 0, np.float32(0), 0, 8, LIMITS)
-    blend(s, record(0.5, [0, 1, 0, 4]), 0, np.float32(1), 0, 8, LIMITS)
+    blend(s, record(0.5, [1, 0, 0, 2]), 0, np.float32(0), 0, PAIR, LIMITS)
+    blend(s, record(0.5, [0, 1, 0, 4]), 0, np.float32(1), 0, PAIR, LIMITS)
     # Weights 0.5 and 0.5 * 0.5.
     assert [at(s, int(F0) + k * PLANE) for k in range(4)] == pytest.approx([0.5, 0.25, 0, 2])
     assert at(s, T) == pytest.approx(0.25)
     assert at(s, LAST) == 1
-    assert at(s, T, pixel=8) == 1  # beyond `stop`
+    assert at(s, T, pixel=PAIR) == 1  # beyond `stop`
 
 
 def test_alpha_falls_off_with_the_conic():
     s = open_planes()
     s[int(X)], s[int(Y)] = 3.0, 5.0
     values = record(0.8, [1, 0, 0, 0], mean=(2.0, 7.0), conic=(0.5, 0.1, 0.25))
-    blend(s, values, 0, np.float32(0), 0, 8, LIMITS)
+    blend(s, values, 0, np.float32(0), 0, PAIR, LIMITS)
     # d = (-1, 2): sigma = (0.5 + 2 * 0.1 * -2 + 0.25 * 4) / 2 = 0.55
     assert at(s, F0) == pytest.approx(0.8 * math.exp(-0.55), rel=ROUNDING)
 
@@ -87,7 +87,7 @@ def test_alpha_falls_off_with_the_conic():
 def test_a_pixel_is_finished_before_its_transmittance_falls_to_1e_4():
     s = open_planes()
     for place, opacity in enumerate((0.99, 0.98, 0.6, 0.2)):
-        blend(s, record(opacity, [1, 0, 0, 0]), 0, np.float32(place), 0, 8, LIMITS)
+        blend(s, record(opacity, [1, 0, 0, 0]), 0, np.float32(place), 0, PAIR, LIMITS)
     # 0.01, 0.0002; then 0.00008 would be too little, and what follows is not looked at.
     assert at(s, T) == pytest.approx(-0.0002, rel=1e-4)
     assert at(s, LAST) == 1
@@ -97,7 +97,7 @@ def test_a_pixel_is_finished_before_its_transmittance_falls_to_1e_4():
 def test_alphas_below_the_cutoff_leave_no_trace():
     s = open_planes()
     before = s.copy()
-    blend(s, record(0.99 / 255, [1, 1, 1, 1]), 0, np.float32(0), 0, 8, LIMITS)
+    blend(s, record(0.99 / 255, [1, 1, 1, 1]), 0, np.float32(0), 0, PAIR, LIMITS)
     assert (s == before).all()
 
 
@@ -105,24 +105,24 @@ def draw(values, features, v, u):
     """Blend a list of records over one pixel, then pull; returns value and rows of gradients."""
     s, stride = open_planes(features), FEATURES + features
     s[int(X)], s[int(Y)] = 0.25, -0.5
-    s[int(T) + 1 : int(T) + 8] = -1  # one pixel only
+    s[int(T) + 1 : int(T) + PAIR] = -1  # one pixel only
     for place, value in enumerate(values):
-        blend(s, value, 0, np.float32(place), 0, 8, LIMITS)
-        blend_more(s, value, 0, stride, 0, 8)
+        blend(s, value, 0, np.float32(place), 0, PAIR, LIMITS)
+        blend_more(s, value, 0, stride, 0, PAIR)
     planes = [at(s, int(F0) + k * PLANE) for k in range(features)]
     total = float(np.dot(planes, v)) + u * (1 - abs(at(s, T)))
-    s[int(T) : int(T) + 8] = np.abs(s[int(T) : int(T) + 8])
-    s[int(SUM) : int(SUM) + 8] = 0
+    s[int(T) : int(T) + PAIR] = np.abs(s[int(T) : int(T) + PAIR])
+    s[int(SUM) : int(SUM) + PAIR] = 0
     s[int(U)] = u
     for k in range(features):
         s[int(F0) + k * PLANE] = v[k]
     rows = np.zeros((len(values), GEOMETRY + features), np.float32)
     for place in reversed(range(len(values))):
         flat = rows[place]
-        gather_more(s, values[place], 0, stride, 0, 8)
-        sums = backward(s, values[place], 0, np.float32(place), 0, 8, LIMITS, NO_SUMS)
+        gather_more(s, values[place], 0, stride, 0, PAIR)
+        sums = backward(s, values[place], 0, np.float32(place), 0, PAIR, LIMITS, NO_SUMS)
         write_row(sums, values[place][OPACITY], flat, 0)
-        backward_more(s, stride, 0, 8, flat, 0)
+        backward_more(s, stride, 0, PAIR, flat, 0)
     return total, rows
 
 

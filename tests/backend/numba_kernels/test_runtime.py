@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import subprocess
 import sys
 import threading
@@ -8,6 +9,7 @@ import threading
 import numba
 import numpy as np
 import pytest
+import torch
 
 from desplat_ns.backend import RenderSettings, resolve
 from desplat_ns.backend.numba_kernels import passes
@@ -183,3 +185,21 @@ def test_scratch_memory_is_kept_and_grows_where_it_must():
     assert np.shares_memory(first, scratch(10))
     larger = scratch(3 * numba_runtime._scratch.size)
     assert np.shares_memory(larger, scratch(1000))
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another allocator")
+def test_a_large_block_that_was_freed_is_used_again_without_asking_the_system(monkeypatch):
+    import resource
+
+    for name in [n for n in os.environ if n.startswith(("MALLOC_", "GLIBC_TUNABLES"))]:
+        monkeypatch.delenv(name)
+    numba_runtime._keep_freed_memory()
+    size, largest_page = 64 << 20, 2 << 20
+
+    def page_faults() -> int:
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        torch.ones(size // 4)
+        return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+    page_faults()
+    assert page_faults() < size / largest_page  # as many at least if it were mapped anew
