@@ -2,6 +2,7 @@
 #
 #   make demo    a generated scene is trained, evaluated and drawn: demo/output/
 #   make test    the tests of the package, on the CPU
+#   make test-quick  those that take a second at most and train nothing (a minute)
 #   make test-lab  the tests of lab/, where the project measures itself
 #   make fuzz    the properties again and again, with new examples each time (10 minutes; FUZZ_MINUTES=60)
 #   make test-guises   the tests on this machine in the guise of others (hours; GUISES_ARGS='--only avx2')
@@ -48,12 +49,12 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 # Python keeps what it compiled: else each process that a test starts compiles nerfstudio anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo bench fuzz gpu gpu-build stability study test test-lab test-guises test-pythons check lint clean
-.PHONY: distclean env help
+.PHONY: demo bench fuzz gpu gpu-build stability study test test-quick test-lab test-guises test-pythons check
+.PHONY: lint clean distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,21s/^# \{0,1\}//p' Makefile
+	@sed -n '3,22s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -89,6 +90,9 @@ study: $(STAMP)
 
 test: $(STAMP)
 	$(PYTEST) $(PYTEST_ARGS)
+
+test-quick: $(STAMP)
+	$(PYTEST) -m "not slow" $(PYTEST_ARGS)
 
 test-lab: $(STAMP)
 	$(PYTEST) lab/tests $(PYTEST_ARGS)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,6 +41,13 @@ settings.register_profile(
 settings.register_profile("fuzz", settings.get_profile("desplat"), derandomize=False)
 settings.load_profile("desplat")
 
+SLOW_FIXTURES = {"tiny_run", "wheel"}
+"""What uses one of these, itself or by another fixture, trains or installs."""
+
+QUICK, QUICK_SECONDS = "not slow", 1.0
+"""The choice of `make test-quick`, and the seconds of CPU time above which a test belongs to the
+slow ones. The imports of the first tests of a process are not theirs."""
+
 DATA_VARIABLE = "DESPLAT_NS_DATA"
 POINTS = ("1 0.5 -1 4 10 20 30 0.25 1 0 2 0", "2 1 2 3 200 100 50 0.5 1 1")
 """COLMAP's lines for two points, seen in the first photos."""
@@ -58,6 +66,34 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     is_asked = item.config.option.markexpr == "gpu" and torch.cuda.is_available()
     if item.get_closest_marker("gpu") and not is_asked:
         pytest.skip("needs a CUDA device, and `-m gpu`, without which GPUs are hidden")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark as slow what uses a fixture that is."""
+    for item in items:
+        if SLOW_FIXTURES.intersection(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.slow)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Measure the CPU time of a test, its child processes included."""
+    before, modules = sum(os.times()[:4]), len(sys.modules)
+    yield
+    imported = len(sys.modules) - modules
+    item.user_properties.append(("cpu", sum(os.times()[:4]) - before if imported < 20 else 0.0))
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    """After a quick run: tests that are not marked as slow, and are."""
+    if config.option.markexpr != QUICK:
+        return
+    reports = [one for one in terminalreporter.getreports("passed") if one.when == "call"]
+    seconds = {one.nodeid: dict(one.user_properties).get("cpu", 0.0) for one in reports}
+    for name in sorted((n for n, took in seconds.items() if took > QUICK_SECONDS), key=seconds.get):
+        line = f"{name} took {seconds[name]:.1f} s of CPU time: mark it with @pytest.mark.slow"
+        terminalreporter.write_line(line, yellow=True)
 
 
 @pytest.fixture(scope="session")

@@ -60,7 +60,7 @@ def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--steps", type=int, default=2000, help="training steps (%(default)s)")
+    parser.add_argument("--steps", type=int, default=600, help="training steps (%(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the scene (%(default)s)")
     parser.add_argument("--scene", type=Path, default=HERE / "scene", help="made anew each time")
     parser.add_argument("--output", type=Path, default=HERE / "output", help="made anew each time")

@@ -35,6 +35,7 @@ def saved_effects(config: Any) -> Effects:
     return written.pipeline.model.effects.settled()
 
 
+@pytest.mark.slow
 def test_the_survey_decides_and_the_run_is_saved_with_what_it_decided(scene, tmp_path):
     config = auto_run(scene, tmp_path)
     trainer = set_up(config)
@@ -64,6 +65,7 @@ def test_nothing_is_surveyed_where_all_is_given(scene, tmp_path):
     assert not (config.get_base_dir() / FILE).exists()
 
 
+@pytest.mark.slow
 def test_a_resumed_run_keeps_the_effects_of_its_checkpoint(scene, tmp_path):
     first = auto_run(scene, tmp_path, appearance="camera")
     set_up(first).train()

@@ -178,6 +178,7 @@ def test_a_checkpoint_comes_back_into_the_parameters_that_the_optimizers_hold():
     assert torch.equal(target.strategy_state["grad2d"], source.strategy_state["grad2d"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "config",
     [

@@ -159,6 +159,7 @@ def test_photos_have_half_their_size_by_the_middle_of_the_warm_up():
     assert [sizes.index(factor) for factor in (4, 2, 1)] == [0, 300, 6000]  # warm-up: 600
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unchecked_types")
 @pytest.mark.parametrize("steps", [1000, 3000, 30000])
 def test_one_view_more_changes_the_sizes_of_photos_by_little(steps):

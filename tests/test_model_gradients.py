@@ -46,6 +46,7 @@ def test_alone_the_static_scene_has_the_background_to_itself():
     assert reaches_the_background(with_background(TOGETHER), "main_loss")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["torch", "numba"])
 def test_a_pose_that_is_off_is_put_right_by_its_own_photo(backend):
     """The photo was taken 0.1 beside where the capture says; only the pose may move."""

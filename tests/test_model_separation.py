@@ -42,6 +42,7 @@ class Crossing(Trainer):
         return self.step(step, view)
 
 
+@pytest.mark.slow
 def test_distractors_appear_where_one_photo_differs_and_nowhere_else():
     model = a_dense_model(static_warmup=60, settled_share=1.0)  # learned by 60 steps of two views
     trainer = Crossing(model)
@@ -62,6 +63,7 @@ def test_distractors_appear_where_one_photo_differs_and_nowhere_else():
     assert ((colors - torch.tensor([1.0, 0.0, 1.0])).abs().amax(-1) < 0.2).sum() > 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("masked", [slice(0, 11), slice(0, WIDTH)])
 def test_no_distractor_is_placed_where_the_users_mask_leaves_a_photo_out(masked):
     """Left of the middle, or everywhere; what is seen to the right of a mask still counts."""
@@ -96,6 +98,7 @@ def test_alone_the_static_scene_gets_no_gradient_from_the_composite():
     assert all(g.any() for g in own)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step_seen", [89, 90])
 def test_a_region_is_left_out_of_the_static_loss_from_twice_the_warm_up_on(step_seen):
     """The warm-up has 15 visits of three views: 45 steps."""

@@ -39,6 +39,7 @@ def _points() -> torch.Tensor:
     return torch.rand((6, 3), generator=torch.Generator().manual_seed(0))
 
 
+@pytest.mark.slow
 def test_lpips_waits_until_it_is_needed_and_stays_out_of_the_checkpoint():
     model = _model((_points(), COLORS))
     assert isinstance(model.lpips, LazyLpips)

@@ -2,9 +2,9 @@
 
 python -m desplat_ns.backend.compile_kernels
 
-numba's take half a minute for each CPU, gsplat's some minutes for each kind of GPU. What is
-compiled already is left as it is; what failed is tried again. Without this, the first run that
-needs them compiles them: numba's by this command in a process of its own.
+numba's take half a minute of one core for each CPU, gsplat's some minutes for each kind of GPU.
+What is compiled already is left as it is; what failed is tried again. Without this, the first run
+that needs them has them compiled.
 """
 
 from __future__ import annotations
@@ -18,37 +18,18 @@ from collections.abc import Sequence
 import torch
 
 from desplat_ns.backend.gsplat_kernels import kernels
-from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.registry import available
-
-SIZE = 32
-"""Pixels, enough for SSIM's window."""
 
 
 def compile_numba() -> str | None:
-    """Call every kernel: draw one Gaussian over black, score that, follow the gradients back."""
+    """Have the kernels compiled; why they cannot run here, if they cannot."""
     reason = available("cpu")["numba"]
-    if reason is not None:
-        return reason
-    from desplat_ns.backend.numba_kernels.runtime import compile_here
-    from desplat_ns.backend.numba_tiles import NumbaRasterizer
-    from desplat_ns.backend.over import over
-    from desplat_ns.backend.ssim import ssim
+    if reason is None:
+        from desplat_ns.backend.numba_kernels.runtime import launching
 
-    compile_here()
-    splats = Splats(
-        means=torch.tensor([[0.0, 0.0, 1.0]], requires_grad=True),
-        quats=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
-        scales=torch.full((1, 3), 0.1),
-        opacities=torch.full((1,), 0.5),
-        colors=torch.zeros(1, 4, 3),
-        sh_degree=1,
-    )
-    K = torch.tensor([[SIZE, 0, SIZE / 2], [0, SIZE, SIZE / 2], [0, 0, 1]])
-    drawn = NumbaRasterizer()(splats, View(torch.eye(4), K, SIZE, SIZE), RenderSettings())
-    image = over(drawn.rgb, drawn.alpha, torch.zeros(3))
-    ssim(image, torch.zeros_like(image)).backward()
-    return None
+        with launching():
+            pass
+    return reason
 
 
 def compile_gsplat() -> str | None:

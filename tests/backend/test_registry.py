@@ -111,7 +111,7 @@ def test_numbas_kernels_are_there_when_a_run_begins(monkeypatch):
 
     compiled = []
     monkeypatch.setattr(runtime, "_is_ready", False)
-    monkeypatch.setattr(runtime, "_have_compiled", lambda: compiled.append(True))
+    monkeypatch.setattr(runtime, "before_first_launch", [lambda: compiled.append(True)])
     assert 0 <= registry.compile_kernels("numba", "cpu") < 60
     assert compiled == [True]
 
@@ -153,6 +153,7 @@ def test_auto_says_once_which_backend_it_took_and_why_not_a_faster_one(monkeypat
     assert said.count("Backend 'numba' is not installed.") == 1
 
 
+@pytest.mark.slow
 def test_backends_are_imported_only_when_asked_for():
     code = (
         "import sys, desplat_ns.backend\n"

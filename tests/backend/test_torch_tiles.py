@@ -90,6 +90,7 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(resource, "RUSAGE_SELF"), reason="needs POSIX resource usage")
 def test_100_000_gaussians_at_640_x_420_stay_under_1_gib():
     done = subprocess.run([sys.executable, "-c", MEMORY], capture_output=True, text=True)

@@ -20,6 +20,7 @@ def test_small_captures_are_measured_as_they_are_and_large_ones_in_their_shape()
     assert large.width / large.height == pytest.approx(4 / 3, rel=0.01)
 
 
+@pytest.mark.slow
 def test_every_case_is_told_once_after_the_step_that_has_nothing_on():
     camera = replace(NOTHING, appearance="camera")
     affine = replace(NOTHING, appearance="affine")

@@ -31,6 +31,7 @@ def test_slow_cases_run_once_a_turn_and_in_fewer_rounds(monkeypatch):
     assert len(calls) == 2 + 2 and len(found.cpu) == 2
 
 
+@pytest.mark.slow
 def test_sleep_costs_wall_time_and_no_processor_time():
     found = time_in_turns({"sleep": lambda: time.sleep(0.02)}, rounds=1)["sleep"]
     assert found.wall_ms >= 20

@@ -150,6 +150,7 @@ SPLATS = ["splats", "--load-config", "absent.yml", "--output"]
 MASKS = ["masks", "--load-config", "absent.yml", "--output", "masks"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [

@@ -16,6 +16,7 @@ from desplat_ns.settings.effects import Effects
 from tests.helpers.quick_command import check_quick_command
 
 
+@pytest.mark.slow
 def test_a_capture_is_found_and_the_findings_are_written(tiny_scene, tmp_path, capsys):
     found = survey_capture(tiny_scene.folder, tmp_path / "out")
     assert "It is read by robustnerf-data." in capsys.readouterr().out

@@ -74,6 +74,7 @@ def assert_same_outputs(data: Path, **options) -> None:
                 torch.testing.assert_close(other.metadata[key], value, **TOLERANCE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 def test_outputs_equal_upstreams_on_a_generated_scene(tiny_scene, options):
     assert_same_outputs(tiny_scene.folder, **options)

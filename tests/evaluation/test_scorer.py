@@ -38,6 +38,7 @@ def test_all_else_stays_bit_identical(model):
     assert not model.training
 
 
+@pytest.mark.slow
 def test_the_light_of_a_photo_is_found_again(model):
     photo = photo_in_the_light_of(model, 2)
     config = EvaluationConfig(steps=128, learning_rate=0.05)

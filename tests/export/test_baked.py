@@ -31,6 +31,7 @@ def splats(**changes) -> Splats:
     return replace(one, **changes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("appearance", ["off", "affine", "sh"])
 def test_a_file_looks_like_the_static_scene_in_the_light_that_is_shown(appearance: str):
     model = model_with(appearance)

@@ -42,6 +42,7 @@ def along(by: Similarity) -> np.ndarray:
     return viewmat
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.floats(0.01, 100.0))
 def test_a_camera_that_moves_along_sees_the_same_picture(seed: int, scale: float):
     scene = cloud(seed % 7)

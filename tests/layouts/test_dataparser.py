@@ -65,6 +65,7 @@ def test_once_settled_the_choice_stays(capture, capsys):
     assert capsys.readouterr().out.count("has the layout of") == 1
 
 
+@pytest.mark.slow
 def test_config_yml_names_the_dataparser_that_was_recognised(tmp_path):
     from lab.synthetic import write_scene
 

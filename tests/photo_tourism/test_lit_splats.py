@@ -71,6 +71,7 @@ def test_pictures_and_gradients_are_those_of_all_toned(appearance, has_harmonics
     assert found[0][0].abs().max() > 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("appearance", ["affine", "sh"])
 def test_a_gaussian_of_broken_coefficients_is_culled_and_breaks_nothing(appearance):
     effects, (splats, view) = effects_of(appearance), scene(dtype=torch.float32)

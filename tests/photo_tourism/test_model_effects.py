@@ -30,6 +30,7 @@ def draw(model: DeSplatModel, view: int | None, where: int = 0) -> torch.Tensor:
     return model.get_outputs_for_camera(one)["rgb"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("appearance", "background", "groups"),
     [
@@ -186,6 +187,7 @@ def lit_photos(model: DeSplatModel, lights: torch.Tensor) -> list[torch.Tensor]:
     return photos
 
 
+@pytest.mark.slow
 def test_training_finds_the_cameras_responses_and_leaves_the_scene_its_colours():
     model = model_with("camera", distractors=DistractorConfig(per_view=0))
     lights = torch.tensor([[0.3, 0.2, 0.1, 0, 0], [0, 0, 0, 0.2, 0], [-0.3, -0.2, -0.1, -0.2, 0]])

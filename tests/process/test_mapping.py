@@ -18,6 +18,8 @@ ERROR, ANGLE = 1.0, 10.0
 """Pixels and degrees: stricter than the thorough recipe, so that the yard's points fall short."""
 STRICT = replace(PLAIN, filter_error=ERROR, filter_angle=ANGLE)
 
+pytestmark = pytest.mark.slow  # photos are matched and mapped
+
 
 class Models(NamedTuple):
     """The same photos with and without the filter."""

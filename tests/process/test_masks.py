@@ -18,6 +18,7 @@ ROUNDED = 1.0
 """Pixels: pycolmap takes the mask's value at the pixel nearest to a feature."""
 
 
+@pytest.mark.slow
 def test_there_are_no_features_where_a_mask_is_black_and_all_others_stay(
     marked: Found, tmp_path: Path
 ):

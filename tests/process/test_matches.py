@@ -78,6 +78,7 @@ def worst_pose(found: Found, yard: Yard, order: Sequence[int]) -> float:
     return yard.farthest(folder / best["folder"], views)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pairing", ["exhaustive", "similar", "sequential"])
 def test_each_pairing_gives_every_photo_its_place(
     pairing: Pairing, found: Found, yard: Yard, tmp_path: Path
@@ -96,6 +97,7 @@ def test_photos_that_look_alike_are_compared_and_others_are_not(found: Found, tm
     assert all(b - a < last / 2 for a, b in compared(mine))
 
 
+@pytest.mark.slow
 def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
     yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -126,6 +128,7 @@ def still_and_all(found: Found) -> tuple[int, int]:
     return still, every
 
 
+@pytest.mark.slow
 def test_what_stands_still_in_all_photos_does_not_tie_them(
     marked: Found, yard: Yard, tmp_path: Path
 ):
@@ -139,6 +142,7 @@ def test_what_stands_still_in_all_photos_does_not_tie_them(
     assert worst_pose(mine, yard, EVERY_OTHER) < CLOSE
 
 
+@pytest.mark.slow
 def test_where_a_mask_covers_what_stands_still_nothing_has_to_be_left_out(
     marked: Found, yard: Yard, tmp_path: Path
 ):

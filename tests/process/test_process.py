@@ -69,6 +69,7 @@ def fail(threads: int, progress: Callable[[int, int], None]) -> None:
     raise RuntimeError("no\nmore")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("job", "said", "logged"),
     [
@@ -103,6 +104,7 @@ jobs.run_job(open_workspace(place / "out", {}, {}), "mapping", sys.argv[2], {"ma
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
 def test_the_worker_ends_with_whoever_started_it(tmp_path, checkout, sent):
     line = [sys.executable, "-c", BUSY, str(tmp_path), f"{__name__}.slow"]

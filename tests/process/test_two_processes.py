@@ -22,6 +22,7 @@ run(Request(Path({photos!r}), Path({output!r}), threads=1))
 """
 
 
+@pytest.mark.slow
 def test_the_second_is_refused_and_goes_on_once_the_first_was_killed(
     tmp_path: Path, photo_writer, checkout: Path, monkeypatch: pytest.MonkeyPatch
 ):

@@ -19,6 +19,7 @@ def film(yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return yard.film(tmp_path_factory.mktemp("film") / "walk.mp4")
 
 
+@pytest.mark.slow
 def test_frames_that_are_taken_are_the_sharp_ones_of_their_numbers(
     film: Path, yard: Yard, tmp_path: Path
 ):
@@ -38,10 +39,12 @@ def test_every_frame_is_looked_at_and_progress_ends_at_their_number(film: Path, 
     assert told[-1] == (len(frames), len(frames))
 
 
+@pytest.mark.slow
 def test_no_more_frames_are_taken_than_are_asked_for(film: Path, tmp_path: Path):
     assert len(take_frames(film, tmp_path, 4, silent)) <= 4
 
 
+@pytest.mark.slow
 def test_a_video_whose_camera_stands_still_is_refused(yard: Yard, tmp_path: Path):
     still = Yard([yard.pictures[0]] * 12, yard.centres, yard.pixel)
     with pytest.raises(CaptureError, match="walk around while filming"):

@@ -153,6 +153,7 @@ def test_photos_that_are_the_same_but_for_noise_are_of_a_camera_that_stands(
         run(Request(tmp_path / "photos", tmp_path / "out", effort="plain", threads=1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("calls", [0, 1, 2])
 def test_features_that_were_cut_off_go_on_where_they_stopped(
     yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
@@ -180,6 +181,7 @@ def test_features_that_were_cut_off_go_on_where_they_stopped(
     assert all(count for count in feature_counts(database).values())
 
 
+@pytest.mark.slow
 def test_photos_that_were_entered_in_part_share_their_camera_all_the_same(
     yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

@@ -86,6 +86,7 @@ def assert_nothing_is_missed(
     return shown
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["torch", "numba"])
 @given(
     seed=st.integers(0, 10**6),

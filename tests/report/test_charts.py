@@ -9,6 +9,7 @@ from desplat_ns.report.charts import svg
 from desplat_ns.report.history import Chart, Curve
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_logarithmic", [True, False])
 @pytest.mark.parametrize("values", [(1.0,), (2.0, 2.0), (1e-6, 3.0, 1e7), tuple(range(1, 41))])
 def test_a_chart_is_well_formed_and_its_curves_are_inside(is_logarithmic, values):

@@ -28,6 +28,7 @@ def test_pictures_fit_into_the_budget_whatever_their_size(budget: int):
     assert len(encoded.sources) == 4
 
 
+@pytest.mark.slow
 def test_a_smaller_budget_gives_smaller_pictures():
     picture = [Picture(noise(0, 700, 500))]
     steps = [fitted_into(picture, budget) for budget in (600_000, 60_000, 15_000)]

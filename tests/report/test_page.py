@@ -79,6 +79,7 @@ def test_options_are_set_as_what_is_typed_and_the_rest_is_escaped():
     assert typed("Try --a.b-c 2 <now>.") == "Try <code>--a.b-c</code> 2 &lt;now&gt;."
 
 
+@pytest.mark.slow
 def test_fifty_large_photos_stay_below_ten_megabytes():
     """Noise, which compresses worst; what a page gets of photos of any size is 1024 pixels."""
     large = [noise(seed, 640, 480) for seed in range(2)]

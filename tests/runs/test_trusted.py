@@ -83,6 +83,7 @@ def test_the_tag_would_run_if_it_were_not_refused(tmp_path: Path):
     assert (tmp_path / "run").exists()
 
 
+@pytest.mark.slow
 def test_every_method_and_every_data_parser_is_read(tmp_path: Path):
     """As `ns-train` writes it. Data parsers that other packages bring are nerfstudio's or ours.
 

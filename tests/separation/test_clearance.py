@@ -59,6 +59,7 @@ def test_a_wall_that_passes_beside_the_camera_stays():
     assert opacities.item() == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clearance", [0.0, 0.5])
 def test_a_gaussian_before_a_camera_is_pruned_when_clearance_says_so(clearance):
     """Cameras at z = 3 look at points around the origin; one Gaussian hangs at 0.3 before one."""

@@ -27,6 +27,7 @@ def backend(request: pytest.FixtureRequest) -> Backend:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_a_hard_scene_is_finite_and_as_promised(backend: Backend, case: Case):
     outcome = run(case, backend)
@@ -54,6 +55,7 @@ def test_names_are_unique():
     assert len(names) == len(set(names))
 
 
+@pytest.mark.slow
 def test_a_learning_rate_spike_leaves_everything_finite(backend: Backend):
     """One step far out, then two ordinary ones: what is lost is culled and counted."""
     rng = torch.Generator().manual_seed(2)

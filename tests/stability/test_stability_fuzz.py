@@ -28,6 +28,7 @@ def backend(request: pytest.FixtureRequest) -> Backend:
     return make_backend(*request.param)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(given_doses=doses(parameters, 4), sh=st.sampled_from([None, 1]), antialiased=st.booleans())
 def test_poisoned_gaussians_are_culled_and_spoil_nothing(backend, given_doses, sh, antialiased):

@@ -31,6 +31,7 @@ def test_a_paused_clock_stands_still():
     assert clock.seconds()["train_wall_seconds"] - before < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("tyro_may_build")
 def test_scoring_on_the_way_changes_nothing_of_the_run(tiny_scene: Scene, tmp_path: Path):
     options = ["--data", str(tiny_scene.folder), "--max-num-iterations", str(STEPS), *QUIET]

@@ -68,6 +68,7 @@ def test_neither_a_step_nor_a_start_takes_less_than_nothing():
     assert fitted([(100, 10.0), (200, 30.0)]) == (0.0, pytest.approx(7000 / 50_000))
 
 
+@pytest.mark.slow
 @given(seconds=st.floats(30, 1e5), jobs=st.integers(1, 8), step=st.floats(1e-3, 1.0))
 def test_a_plan_of_all_seeds_fits_its_time(seconds, jobs, step):
     pace = Pace(step)

@@ -35,6 +35,7 @@ def test_each_variant_differs_from_the_base_in_one_thing(base):
         assert len(changed) == (name != BASE), name
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("tyro_may_build")
 def test_the_method_understands_every_variant():
     """And photos of a light of their own are scored in it."""

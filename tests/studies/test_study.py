@@ -52,6 +52,7 @@ def sit(folder: Path, time: Time, seconds: float, outcome=None) -> tuple[Session
     return session, executor
 
 
+@pytest.mark.slow
 def test_trainings_end_up_in_the_file_and_the_report(time, tmp_path):
     session, executor = sit(tmp_path, time, 7200.0)
     written = json.loads((tmp_path / FILE).read_text())
@@ -70,6 +71,7 @@ def test_trainings_end_up_in_the_file_and_the_report(time, tmp_path):
         assert (tmp_path / f"{name}.png").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_a_training_that_fails_is_reported_and_the_rest_goes_on(time, tmp_path):
     session, executor = sit(tmp_path, time, 1800.0, failing("fewer-"))
     failed = [name for name in session.results.failed if name.startswith("fewer-")]

@@ -25,6 +25,7 @@ OFF = {"distractors": False, "appearance": "off", "background": "off"}
 SAFE = {"distractors": True, "appearance": "off", "background": "off"}
 
 
+@pytest.mark.slow
 def test_without_tracks_patches_stand_for_them(make_capture: Callable[..., Capture]):
     for cluttered in (False, True):
         capture = replace(make_capture(cluttered=cluttered), tracks=None)
@@ -82,12 +83,14 @@ def test_one_photo_that_shows_something_else_is_at_fault_itself(still: Capture, 
     assert found.decision is False
 
 
+@pytest.mark.slow
 def test_a_photo_of_the_sky_alone_does_not_make_a_background(still: Capture, tmp_path: Path):
     capture = copied(still, tmp_path)
     write_image(capture.photos[3], np.full((72, 96, 3), (120, 170, 230), np.uint8))
     assert survey(capture).background.decision == "off"
 
 
+@pytest.mark.slow
 def test_what_is_cut_out_of_all_photos_is_no_sky(still: Capture, tmp_path: Path):
     capture = copied(still, tmp_path)
     for path in capture.photos:
@@ -116,6 +119,7 @@ def test_large_captures_are_sampled_evenly_and_say_so(
     assert any("evenly" in line for line in found.notes)
 
 
+@pytest.mark.slow
 def test_what_masks_leave_out_is_not_looked_at(
     make_capture: Callable[..., Capture], tmp_path: Path
 ):
@@ -163,6 +167,7 @@ def test_photos_of_two_sizes_are_compared(still: Capture, tmp_path: Path):
     assert found.decisions() == OFF
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_points_without_a_place_are_passed_over(still: Capture):
     """As broken reconstructions have them: not a number, and as far as numbers go."""

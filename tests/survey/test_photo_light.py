@@ -16,6 +16,7 @@ def test_the_corner_is_at_one_and_the_middle_at_zero():
     np.testing.assert_allclose(from_middle((80, 60), places), [1, 0, 1])
 
 
+@pytest.mark.slow
 def test_fitted_lights_are_those_that_the_photos_were_taken_in(
     make_capture: Callable[..., Capture], small_spec
 ):

@@ -33,6 +33,7 @@ def test_passers_by_are_seen(make_capture: Callable[..., Capture]):
     assert found.distractors.confidence == "clear"
 
 
+@pytest.mark.slow
 def test_exposure_and_white_balance_of_each_photo_are_a_matter_of_the_camera(
     make_capture: Callable[..., Capture],
 ):
@@ -40,6 +41,7 @@ def test_exposure_and_white_balance_of_each_photo_are_a_matter_of_the_camera(
     assert found.decisions() == {**OFF, "appearance": "camera"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("strength", "degrees"), [(0.5, 120.0), (0.0, 80.0)])
 def test_a_sun_that_moves_is_a_matter_of_places(
     make_capture: Callable[..., Capture], strength: float, degrees: float
@@ -48,6 +50,7 @@ def test_a_sun_that_moves_is_a_matter_of_places(
     assert found.appearance.decision == "affine"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", ["room", "grove"])
 def test_gloss_and_fine_detail_are_no_light(make_capture: Callable[..., Capture], place: str):
     found = survey(make_capture(place=place, arc_degrees=324.0, wall_height=5.0)).appearance
@@ -87,6 +90,7 @@ def test_what_is_in_the_way_is_no_light(make_capture: Callable[..., Capture]):
     np.testing.assert_array_equal(some_steps[~of_the_photo], every[~of_the_photo])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("daylight", "decision"),
     [
@@ -107,6 +111,7 @@ def sky_masks(small_spec: SceneSpec) -> list[np.ndarray]:
     return [np.isinf(frame.depth) for frame in make_scene(low).clean]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("daylight", "decision"),
     [(DaylightSpec(strength=0.0, sky=False, sun=80.0), "sh"), (None, "image")],

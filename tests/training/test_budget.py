@@ -91,6 +91,7 @@ def test_a_run_by_time_goes_by_nominal_steps_as_well():
     assert clock.nominal(7) == 14_985
 
 
+@pytest.mark.slow
 @given(pace=st.floats(0.3, 3), slower=st.floats(0.5, 3), at=st.floats(0.1, 0.9))
 def test_schedules_and_time_end_together(pace, slower, at):
     """Also where the machine is faster or slower than measured, and changes on the way: but for

@@ -243,6 +243,7 @@ print(json.dumps({"rounds": rounds, "hits": hits, "saved": first}))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="kills forked processes, needs POSIX")
 def test_a_kill_while_saving_leaves_the_newest_checkpoint_intact(tmp_path):
     command = [sys.executable, "-c", SAVE_UNTIL_KILLED, str(tmp_path)]

@@ -55,6 +55,7 @@ def test_a_run_that_may_skip_nothing_is_refused():
 # --- a step of the model ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_bad_gradient_changes_no_bit_and_its_group_and_photo_are_named(capsys):
     trainer = GuardedTrainer(everywhere(), max_skipped=1000)
     trainer.model.names = ["a.jpg", "b.jpg", "c.jpg"]
@@ -98,6 +99,7 @@ def test_a_photo_that_is_not_finite_leaves_nothing_behind(step, capsys):
     assert torch.isfinite(trainer.model.strategy_state["usual_residual"]).all()
 
 
+@pytest.mark.slow
 def test_two_runs_that_differ_in_a_skipped_step_stay_the_same():
     """A skipped step of a view is a view that was not visited."""
     ends = []

@@ -2,9 +2,7 @@
 
 - Kernels live at module level, so that numba can cache them on disk (it cannot for closures). Where
   no cache folder can be written they are compiled anew in each process instead of failing.
-- A process that compiled kernels would go on with others than those it puts into the cache: of the
-  loop that `prange` splits off it takes the copy from before the last optimization, which is slower
-  and rounds differently. So another process compiles them, and every process that works loads them.
+- Other processes compile what the cache lacks (`compiling`), and every process that works loads it.
 - Numbers that may differ between installations are arguments of the kernels, never globals: a
   cached kernel would keep the old value.
 - A kernel loops over `num_workers()` workers with `prange`; each takes its next piece of work from
@@ -18,8 +16,6 @@ import ctypes
 import importlib.util
 import inspect
 import os
-import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -47,8 +43,11 @@ mapped by itself, to be given back when it is freed."""
 
 _NEWEST_SOURCE = max(path.stat().st_mtime for path in Path(__file__).parent.glob("*.py"))
 
-_launched: list[Any] = []
-"""The kernels that Python launches; all others are parts of them."""
+kernels: list[Any] = []
+"""Every kernel: those that Python launches (`launches`) and those that are parts of them."""
+
+before_first_launch: list[Callable[[], None]] = []
+"""What is done once in each process that launches a kernel: `compiling` enters itself here."""
 
 _is_ready = False
 """Whether this process has seen to it that its kernels are compiled."""
@@ -90,26 +89,16 @@ def kernel(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]
         # Run-time type checkers wrap every function of the package; numba needs the bare one.
         function = inspect.unwrap(function)
         common: dict[str, Any] = {"nogil": True, "error_model": "numpy", **options}
+        common["no_cfunc_wrapper"] = True  # C calls none
         try:
             dispatcher = numba.njit(cache=True, **common)(function)
             _drop_stale(dispatcher.stats.cache_path)
         except RuntimeError:  # "cannot cache function ...: no locator available"
             dispatcher = numba.njit(**common)(function)
-        if options.get("parallel"):
-            _launched.append(dispatcher)
+        kernels.append(dispatcher)
         return dispatcher
 
     return decorate
-
-
-def _is_cached(dispatcher: Any) -> bool:
-    """Whether the cache has a kernel for this processor. Machines may share a folder; a copy that
-    another processor left is of no use here. (numba 0.60 to 0.68: its index is private.)"""
-    if not dispatcher.stats.cache_path:
-        return False
-    processor = dispatcher.targetctx.codegen().magic_tuple()
-    index = dispatcher._cache._cache_file._load_index()
-    return any(made_for == processor for _, made_for, _ in index)
 
 
 @cache
@@ -124,43 +113,14 @@ def _drop_stale(folder: str) -> None:
 @contextmanager
 def launching() -> Iterator[None]:
     """Hold the launch lock; the first launch of a process has missing kernels compiled."""
+    global _is_ready
     with _LAUNCH_LOCK:
         if not _is_ready:
-            _have_compiled()
+            _is_ready = True
+            _keep_freed_memory()
+            for prepare in before_first_launch:
+                prepare()
         yield
-
-
-def compile_here() -> None:
-    """Let this process compile what is missing."""
-    global _is_ready
-    _is_ready = True
-
-
-def _have_compiled() -> None:
-    """Have another process put missing kernels into the cache; this one loads them from there.
-
-    Where that fails, or where nothing can be cached, they are compiled here as they are called.
-    """
-    compile_here()
-    _keep_freed_memory()
-    if all(_is_cached(dispatcher) for dispatcher in _launched):
-        return
-    print(
-        "Compiling the numba kernels for this CPU (about half a minute, once) ...",
-        file=sys.stderr,
-        flush=True,
-    )
-    if all(dispatcher.stats.cache_path for dispatcher in _launched) and sys.executable:
-        places = os.pathsep.join(map(os.path.abspath, sys.path))  # "" is the folder at hand
-        paths = {"PYTHONPATH": places, "PYTHONSAFEPATH": "1"}
-        with suppress(OSError):
-            subprocess.run(
-                [sys.executable, "-m", "desplat_ns.backend.compile_kernels", "numba"],
-                env={**os.environ, **paths},
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
 
 
 def num_workers() -> int:

@@ -70,6 +70,7 @@ def test_kernels_are_compiled_once_and_then_need_no_tools(target, machine, capsy
     assert library_for(target) == library and capsys.readouterr().out == ""
 
 
+@pytest.mark.slow
 def test_progress_is_said_on_the_way(target, capsys, monkeypatch):
     compiler_says(monkeypatch, SOUND, pause=2.5)
     library_for(target)
@@ -131,6 +132,7 @@ def test_a_failure_is_forgotten(target, machine, monkeypatch, is_asked):
     assert library_for(target).exists()
 
 
+@pytest.mark.slow
 def test_of_two_processes_one_compiles_and_the_other_waits(target, monkeypatch, capsys):
     compiler_says(monkeypatch, SOUND, pause=1.0)
     threads = [threading.Thread(target=library_for, args=(target,)) for _ in range(2)]

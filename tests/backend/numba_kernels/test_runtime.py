@@ -2,8 +2,6 @@ from __future__ import annotations
 
 import os
 import platform
-import subprocess
-import sys
 import threading
 
 import numba
@@ -11,8 +9,6 @@ import numpy as np
 import pytest
 import torch
 
-from desplat_ns.backend import RenderSettings, resolve
-from desplat_ns.backend.numba_kernels import passes
 from desplat_ns.backend.numba_kernels import runtime as numba_runtime
 from desplat_ns.backend.numba_kernels.runtime import (
     fma,
@@ -22,7 +18,6 @@ from desplat_ns.backend.numba_kernels.runtime import (
     scratch,
     take,
 )
-from tests.backend.scenes import random_scene
 
 
 def double(x):
@@ -39,9 +34,9 @@ def test_a_kernel_works_where_no_cache_folder_can_be_written(monkeypatch):
         return compile_(*args, **options)
 
     monkeypatch.setattr(numba, "njit", refuse_to_cache)
-    monkeypatch.setattr(numba_runtime, "_launched", [])
+    monkeypatch.setattr(numba_runtime, "kernels", kernels := [])
     assert kernel(parallel=True)(double)(4) == 8
-    assert numba_runtime._launched[0].stats.cache_path is None
+    assert kernels[0].stats.cache_path is None
 
 
 def test_copies_older_than_any_file_of_kernels_are_dropped(tmp_path):
@@ -55,86 +50,14 @@ def test_copies_older_than_any_file_of_kernels_are_dropped(tmp_path):
     assert new.exists()
 
 
-class Launched:
-    """A kernel as `launching` sees it."""
-
-    class stats:
-        cache_path: str | None = "cache"
-
-
-class Uncached:
-    class stats:
-        cache_path = None
-
-
-@pytest.fixture
-def new_process(monkeypatch):
-    """As if nothing had been launched yet; gives the commands that are run."""
-    commands = []
+def test_the_first_launch_of_a_process_has_missing_kernels_compiled_and_no_later_one(monkeypatch):
+    asked = []
     monkeypatch.setattr(numba_runtime, "_is_ready", False)
-    monkeypatch.setattr(numba_runtime, "_launched", [other := Launched(), Launched])
-    monkeypatch.setattr(numba_runtime, "_is_cached", lambda dispatcher: dispatcher is other)
-    monkeypatch.setattr(subprocess, "run", lambda command, **how: commands.append(command))
-    return commands
-
-
-def test_the_first_launch_has_kernels_compiled_once_and_says_so(new_process, capsys):
+    monkeypatch.setattr(numba_runtime, "before_first_launch", [lambda: asked.append(True)])
     for _ in range(2):
         with launching():
             pass
-    assert capsys.readouterr().err.count("Compiling") == 1
-    command = [sys.executable, "-m", "desplat_ns.backend.compile_kernels", "numba"]
-    assert new_process == [command]
-
-
-def test_kernels_are_compiled_of_the_package_that_this_process_imports(new_process, monkeypatch):
-    """`python -c` and notebooks have "" on their path: the folder they were started in."""
-    environments = []
-    monkeypatch.setattr(subprocess, "run", lambda _, env, **how: environments.append(env))
-    monkeypatch.setattr(sys, "path", ["", "/elsewhere"])
-    with launching():
-        pass
-    assert environments[0]["PYTHONPATH"] == os.pathsep.join([os.getcwd(), "/elsewhere"])
-
-
-def test_nothing_is_compiled_where_all_kernels_lie_in_the_cache(new_process, monkeypatch, capsys):
-    monkeypatch.setattr(numba_runtime, "_is_cached", lambda dispatcher: True)
-    with launching():
-        pass
-    assert capsys.readouterr().err == ""
-    assert new_process == []
-
-
-def test_what_another_processor_left_in_the_cache_is_no_kernel_here(monkeypatch):
-    scene = random_scene(0, count=3)
-    resolve("numba", "cpu")(scene.splats, scene.view, RenderSettings())
-    draw = passes.draw_frame
-    assert numba_runtime._is_cached(draw)
-    other = ("x86_64", "another processor", "")
-    monkeypatch.setattr(type(draw.targetctx.codegen()), "magic_tuple", lambda self: other)
-    assert not numba_runtime._is_cached(draw)
-
-
-def test_no_other_process_compiles_what_it_could_not_hand_over(new_process, monkeypatch, capsys):
-    monkeypatch.setattr(numba_runtime, "_launched", [Launched, Uncached])
-    with launching():
-        pass
-    assert new_process == []
-    assert "Compiling" in capsys.readouterr().err
-
-
-def test_a_machine_that_starts_no_other_process_compiles_by_itself(
-    new_process, monkeypatch, capsys
-):
-    def refuse(*args, **options):
-        raise OSError("no processes")
-
-    monkeypatch.setattr(subprocess, "run", refuse)
-    reached = []
-    with launching():
-        reached.append("kernel")
-    assert reached == ["kernel"]
-    assert "Compiling" in capsys.readouterr().err
+    assert asked == [True]
 
 
 @numba.njit(nogil=True)

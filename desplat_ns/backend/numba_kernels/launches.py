@@ -1,0 +1,77 @@
+"""The kernels that Python launches, each with arguments of the types that it is launched with.
+
+A kernel that is added goes into `launches` as well; a test holds that none is missing and that no
+step launches one with other types.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+
+from desplat_ns.backend.numba_kernels import binning, over, passes, projection, sh, ssim
+from desplat_ns.backend.numba_kernels.pixels import Limits
+
+
+class Launch(NamedTuple):
+    """A kernel and what it is called with."""
+
+    kernel: Any
+    arguments: list[Any]
+
+    @property
+    def types(self) -> tuple[Any, ...]:
+        """Of its arguments, as numba knows them."""
+        return tuple(map(numba.typeof, self.arguments))
+
+    @property
+    def module(self) -> str:
+        """Name of the module that it is in."""
+        return self.kernel.py_func.__module__
+
+
+@cache
+def launches() -> tuple[Launch, ...]:
+    """All of them, those of a module in the order in which a step launches them. The modules that
+    take longest to compile come first, so that the processes that compile them end together."""
+    floats, ints, counts = (np.empty(0, kind) for kind in (np.float32, np.int32, np.int64))
+    table, sums, terms = (np.empty((0, 0), kind) for kind in (np.int32, np.float64, np.int64))
+    places, keys, spans = (np.empty(0, kind) for kind in (np.uint32, np.uint64, np.uint8))
+    wanted, number, cutoff, scale = np.empty((0, 0), np.uint8), 1, 1.0, np.float32(1)
+    turn = (counts, number)  # the shared counter, and how many workers there are
+    gaussians = binning.Gaussians(*[floats] * 5, number)
+    lists = binning.Lists(ints, floats, *[ints] * 4, spans)
+    grid, frame, limits = (
+        binning.Grid(*[number] * 4),
+        passes.Frame(*[floats] * 5),
+        Limits(*[scale] * 3),
+    )
+    four, size, sizes = (floats,) * 4, (number,) * 2, (number,) * 3
+    records = (floats, number, cutoff, grid, ints)
+    colors = (floats, floats, ints, floats, terms, floats, sizes)
+    drawn = (number, limits)
+    images = (floats, floats, floats, wanted, *size)
+    found = (
+        (passes.draw_frame, lists, number, grid, frame, *drawn, *turn),
+        (passes.backward_frame, lists, number, grid, frame, frame, *drawn, floats, *turn),
+        (passes.sum_rows, lists, floats, number, floats, *turn),
+        (projection._project, four, four, ints, floats, *turn),
+        (projection._backward, four, four, four, ints, floats, *turn),
+        (ssim.score_image, *images, floats, sums, *turn),
+        (ssim.backward_image, *images, floats, scale, scale, sums, floats, *turn),
+        (over.put_over, *four, *turn),
+        (over.pull_under, *four, floats, *turn),
+        (binning._visible_keys, gaussians, places, ints, cutoff, keys),
+        (binning._measure, gaussians, ints, *records, *turn),
+        (binning._running_sum, ints),
+        (binning._count, *records, ints, table, ints, floats, *turn),
+        (binning._sum_up, table, ints),
+        (binning._fill, lists, grid, ints, ints, floats, table, *turn),
+        (binning._write_spans, lists, grid, floats, *turn),
+        (sh._evaluate, *colors, floats, *turn),
+        (sh._backward, *colors, *four, *turn),
+    )
+    return tuple(Launch(kernel, arguments) for kernel, *arguments in found)
