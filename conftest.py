@@ -41,8 +41,8 @@ settings.register_profile(
 settings.register_profile("fuzz", settings.get_profile("desplat"), derandomize=False)
 settings.load_profile("desplat")
 
-SLOW_FIXTURES = {"tiny_run", "wheel"}
-"""What uses one of these, itself or by another fixture, trains or installs."""
+SLOW_FIXTURES = {"tiny_run", "wheel", "yard"}
+"""What uses one of these, itself or by another fixture, trains, installs or poses photos."""
 
 QUICK, QUICK_SECONDS = "not slow", 1.0
 """The choice of `make test-quick`, and the seconds of CPU time above which a test belongs to the
@@ -90,9 +90,9 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     if config.option.markexpr != QUICK:
         return
     reports = [one for one in terminalreporter.getreports("passed") if one.when == "call"]
-    seconds = {one.nodeid: dict(one.user_properties).get("cpu", 0.0) for one in reports}
-    for name in sorted((n for n, took in seconds.items() if took > QUICK_SECONDS), key=seconds.get):
-        line = f"{name} took {seconds[name]:.1f} s of CPU time: mark it with @pytest.mark.slow"
+    took = [(dict(one.user_properties).get("cpu", 0.0), one.nodeid) for one in reports]
+    for seconds, name in sorted(one for one in took if one[0] > QUICK_SECONDS):
+        line = f"{name} took {seconds:.1f} s of CPU time: mark it with @pytest.mark.slow"
         terminalreporter.write_line(line, yellow=True)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator, Mapping
+from functools import cache
 from html import escape
 from pathlib import Path
 
@@ -71,8 +72,9 @@ def imported_modules(path: Path) -> Iterator[str]:
             yield from (n.name for n in node.names if n.name.split(".")[0] == PACKAGE.name)
 
 
+@cache
 def module_imports() -> dict[str, set[str]]:
-    """For each module of the package those of it that it imports."""
+    """For each module of the package those of it that it imports. Read once in a process."""
     return {
         module_of(path): set(imported_modules(path)) - {module_of(path)}
         for path in sorted(PACKAGE.rglob("*.py"))

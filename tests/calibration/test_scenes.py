@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import pytest
 import torch
 
 from desplat_ns.backend import RenderSettings
@@ -13,6 +14,7 @@ def test_the_same_call_makes_the_same_scene():
     assert all(torch.equal(first.params[name], second.params[name]) for name in first.params)
 
 
+@pytest.mark.slow
 def test_the_pairs_are_those_that_the_docstring_states():
     pairs = count_pairs(make_scene(20_000, 480, 270))
     for found, stated in (

@@ -10,6 +10,7 @@ from desplat_ns.calibration import timing
 from desplat_ns.calibration.timing import Timing, thread_counts, threads, time_in_turns
 
 
+@pytest.mark.slow
 def test_cases_take_turns():
     calls: list[str] = []
     cases = {name: (lambda name=name: calls.append(name)) for name in "ab"}
@@ -19,6 +20,7 @@ def test_cases_take_turns():
     assert len(found["a"].cpu) == len(found["a"].wall) == 2 * timing.REPEATS
 
 
+@pytest.mark.slow
 def test_slow_cases_run_once_a_turn_and_in_fewer_rounds(monkeypatch):
     monkeypatch.setattr(timing, "SLOW", 0.01)
     calls = []

@@ -80,6 +80,7 @@ def test_outputs_equal_upstreams_on_a_generated_scene(tiny_scene, options):
     assert_same_outputs(tiny_scene.folder, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.real_data
 @pytest.mark.parametrize("options", OPTIONS[:3], ids=str)
 def test_outputs_equal_upstreams_on_fox(data_folder, options):

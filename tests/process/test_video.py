@@ -32,6 +32,7 @@ def test_frames_that_are_taken_are_the_sharp_ones_of_their_numbers(
         assert int(np.argmin(off)) == view_of(name)
 
 
+@pytest.mark.slow
 def test_every_frame_is_looked_at_and_progress_ends_at_their_number(film: Path, yard: Yard):
     told: list[tuple[int, int]] = []
     frames = list(look_at(film, lambda done, total: told.append((done, total))))

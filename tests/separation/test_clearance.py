@@ -121,6 +121,7 @@ def test_what_is_cleared_after_the_last_refinement_is_removed_with_all_that_belo
     assert model.strategy_state["times_seen"].shape == (199,)
 
 
+@pytest.mark.slow
 def test_once_refinement_is_over_it_happens_as_often_as_refinement_did():
     model, trainer = with_one_before_a_camera(stop=6)
     counts = []

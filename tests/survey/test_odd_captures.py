@@ -61,6 +61,7 @@ def test_photos_that_are_all_alike_call_for_nothing_that_is_seen(still: Capture,
     assert survey(capture).appearance.decision == "off"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [0, 255])
 def test_a_black_or_white_photo_changes_no_decision_and_is_named(
     still: Capture, tmp_path: Path, level: int
@@ -110,6 +111,7 @@ def test_a_photo_that_cannot_be_read_is_named(still: Capture, tmp_path: Path):
         survey(capture)
 
 
+@pytest.mark.slow
 def test_large_captures_are_sampled_evenly_and_say_so(
     still: Capture, monkeypatch: pytest.MonkeyPatch
 ):

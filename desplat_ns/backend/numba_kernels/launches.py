@@ -42,8 +42,8 @@ def launches() -> tuple[Launch, ...]:
     places, keys, spans = (np.empty(0, kind) for kind in (np.uint32, np.uint64, np.uint8))
     wanted, number, cutoff, scale = np.empty((0, 0), np.uint8), 1, 1.0, np.float32(1)
     turn = (counts, number)  # the shared counter, and how many workers there are
-    gaussians = binning.Gaussians(*[floats] * 5, number)
-    lists = binning.Lists(ints, floats, *[ints] * 4, spans)
+    gaussians = binning.Gaussians(floats, floats, floats, floats, floats, number)
+    lists = binning.Lists(ints, floats, ints, ints, ints, ints, spans)
     grid, frame, limits = (
         binning.Grid(*[number] * 4),
         passes.Frame(*[floats] * 5),
