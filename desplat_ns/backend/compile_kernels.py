@@ -32,7 +32,7 @@ def compile_numba() -> str | None:
         return reason
     from desplat_ns.backend.numba_kernels.runtime import compile_here
     from desplat_ns.backend.numba_tiles import NumbaRasterizer
-    from desplat_ns.backend.over import over
+    from desplat_ns.backend.over import in_range, over
     from desplat_ns.backend.ssim import ssim
 
     compile_here()
@@ -46,7 +46,7 @@ def compile_numba() -> str | None:
     )
     K = torch.tensor([[SIZE, 0, SIZE / 2], [0, SIZE, SIZE / 2], [0, 0, 1]])
     drawn = NumbaRasterizer()(splats, View(torch.eye(4), K, SIZE, SIZE), RenderSettings())
-    image = over(drawn.rgb, drawn.alpha, torch.zeros(3))
+    image = in_range(over(drawn.rgb, drawn.alpha, torch.zeros(3)))
     ssim(image, torch.zeros_like(image)).backward()
     return None
 
