@@ -38,13 +38,22 @@ def over(
     return top + (1 - alpha) * below
 
 
+def in_range(image: Float[Tensor, "H W C"]) -> Float[Tensor, "H W C"]:
+    """Colours clamped to [0, 1], with the bits of `torch.clamp` (2.15), whose gradient takes
+    several passes over them: it is 1 within the range, 0 on its border and beyond, and for NaN."""
+    return _InRange.apply(image) if _are_compiled_for(image) else image.clamp(0, 1)  # type: ignore[no-any-return]
+
+
 def _is_fast(top: Tensor, alpha: Tensor, below: Tensor) -> bool:
-    if any(t.device.type != "cpu" or t.dtype != torch.float32 for t in (top, alpha, below)):
-        return False
     if (below.ndim == 1 and below.requires_grad) or (below.ndim > 1 and below.shape != top.shape):
         return False
-    kernels = _kernels()
-    return kernels is not None and top.ndim == 3 and top.shape == (*alpha.shape[:2], 3)
+    fits = top.ndim == 3 and top.shape == (*alpha.shape[:2], 3)
+    return fits and _are_compiled_for(top, alpha, below)
+
+
+def _are_compiled_for(*tensors: Tensor) -> bool:
+    is_cpu = all(t.device.type == "cpu" and t.dtype == torch.float32 for t in tensors)
+    return is_cpu and _kernels() is not None
 
 
 class _Over(torch.autograd.Function):
@@ -75,3 +84,25 @@ class _Over(torch.autograd.Function):
         with launching():
             kernels.pull_under(flat(grad), *ctx.values, *found, new_counter(), workers())
         return grad, by_alpha, by_below if ctx.needs_input_grad[2] else None
+
+
+class _InRange(torch.autograd.Function):
+    """See `in_range`."""
+
+    @staticmethod
+    def forward(ctx, image):  # type: ignore[override]
+        ctx.save_for_backward(image)
+        return image.clamp(0, 1)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad):  # type: ignore[override]
+        from desplat_ns.backend.numba_kernels import over as kernels
+        from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter
+        from desplat_ns.backend.numba_kernels.runtime import num_workers as workers
+
+        (image,), pulled = ctx.saved_tensors, torch.empty(grad.shape)
+        values = (flat(grad), flat(image), pulled.view(-1).numpy())
+        with launching():
+            kernels.pull_within(*values, new_counter(), workers())
+        return pulled

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -44,24 +43,3 @@ def over_background(
     (1 - alpha_d) (1 - alpha_s), DeSplat, Sec. 3.
     """
     return over(rgb, alpha, background)
-
-
-def in_range(image: Float[Tensor, "H W 3"]) -> Float[Tensor, "H W 3"]:
-    """Colours clamped to [0, 1], with the bits of `torch.clamp` (2.15), whose gradient takes six
-    passes over them."""
-    return _InRange.apply(image)  # type: ignore[no-any-return]
-
-
-class _InRange(torch.autograd.Function):
-    """The gradient is 1 within the range, 0 on its border and beyond, and where a colour is NaN."""
-
-    @staticmethod
-    def forward(ctx, image):  # type: ignore[override]
-        clamped = image.clamp(0, 1)
-        ctx.save_for_backward((image > 0) & (image < 1))
-        return clamped
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, grad):  # type: ignore[override]
-        return torch.where(ctx.saved_tensors[0], grad, 0.0)

@@ -6,8 +6,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from desplat_ns.backend.over import in_range
 from desplat_ns.backend.protocol import Rendering
-from desplat_ns.rendering.compositing import composite_color, in_range
+from desplat_ns.rendering.compositing import composite_color
 
 MASK_THRESHOLD = 0.5
 """A pixel counts as covered where the distractors' opacity is greater. App. C.1."""

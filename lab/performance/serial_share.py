@@ -40,7 +40,7 @@ PARTS = {
     "desplat_ns.backend.numba_tiles:NumbaRasterizer.__call__": "drawing: projection, blending",
     "desplat_ns.backend.numba_tiles:tile_lists": "drawing: tile lists",
     "desplat_ns.model:DeSplatModel.get_loss_dict": "losses",
-    "desplat_ns.separation.layer:find_regions": "search for regions",
+    "desplat_ns.separation.layer:DistractorLayer.update_regions": "search for regions",
     "desplat_ns.backend.numba_tiles:_Rasterize.backward": "gradients: blending",
     "desplat_ns.backend.numba_kernels.projection:Project.backward": "gradients: projection",
     "desplat_ns.backend.numba_kernels.sh:EvaluateColors.backward": "gradients: harmonics",

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from desplat_ns.backend import over as module
-from desplat_ns.backend.over import over
+from desplat_ns.backend.over import in_range, over
 from desplat_ns.calibration.timing import all_cores, threads
 
 EPS = torch.finfo(torch.float32).eps
@@ -82,3 +82,18 @@ def test_what_the_kernels_cannot_do_takes_the_formula(case, monkeypatch):
     else:
         below.requires_grad_()
     assert torch.equal(over(top, alpha, below), formula(top, alpha, below))
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_colours_in_range_and_their_gradients_are_those_of_a_clamp(dtype):
+    nan = float("nan")
+    values = torch.tensor([-1.0, -1e-9, -0.0, 0.0, 0.5, 1.0, 1.0000001, 7.0, nan], dtype=dtype)
+    values = values.reshape(1, 3, 3)
+    one, other = values.clone().requires_grad_(), values.clone().requires_grad_()
+    found, expected = in_range(one), other.clamp(0, 1)
+    assert torch.equal(found.nan_to_num(5), expected.nan_to_num(5))
+    weights = torch.arange(1.0, 10.0, dtype=dtype).reshape(1, 3, 3)
+    found.backward(weights)
+    expected.backward(weights)
+    assert torch.equal(one.grad, other.grad)
+    assert one.grad.flatten().tolist() == [0, 0, 0, 0, 5, 0, 0, 0, 0]

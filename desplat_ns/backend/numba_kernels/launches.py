@@ -47,7 +47,7 @@ def launches() -> tuple[Launch, ...]:
     grid, frame, limits = (
         binning.Grid(*[number] * 4),
         passes.Frame(*[floats] * 5),
-        Limits(*[scale] * 3),
+        Limits(scale, scale, scale),
     )
     four, size, sizes = (floats,) * 4, (number,) * 2, (number,) * 3
     records = (floats, number, cutoff, grid, ints)
@@ -64,7 +64,9 @@ def launches() -> tuple[Launch, ...]:
         (ssim.backward_image, *images, floats, scale, scale, sums, floats, *turn),
         (over.put_over, *four, *turn),
         (over.pull_under, *four, floats, *turn),
+        (over.pull_within, *four[:3], *turn),
         (binning._visible_keys, gaussians, places, ints, cutoff, keys),
+        (binning._sorted, keys, keys),
         (binning._measure, gaussians, ints, *records, *turn),
         (binning._running_sum, ints),
         (binning._count, *records, ints, table, ints, floats, *turn),

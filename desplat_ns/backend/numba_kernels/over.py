@@ -1,4 +1,4 @@
-"""The compiled part of `backend/over.py`: a layer over what lies behind it, and the gradients.
+"""The compiled part of `backend/over.py`: a layer over what lies behind it, and gradients.
 
 With c = top + (1 - alpha) below for each colour, and v = dL/dc,
 
@@ -19,7 +19,7 @@ CHANNELS = 3
 PIXELS = 4096
 """That one worker takes at a time."""
 
-_ONE = np.float32(1)
+_ZERO, _ONE = np.float32(0), np.float32(1)
 
 
 @kernel(parallel=True)
@@ -51,4 +51,15 @@ def pull_under(grad, alpha, below, by_alpha, by_below, counter, workers):
                 if by_below.size > 0:
                     clear = _ONE - alpha[p]
                     by_below[i], by_below[i + 1], by_below[i + 2] = r * clear, g * clear, b * clear
+            first = take(counter) * PIXELS
+
+
+@kernel(parallel=True)
+def pull_within(grad, image, out, counter, workers):
+    """The gradient of a clamp to [0, 1]: that of colours strictly within."""
+    for _ in numba.prange(workers):
+        first = take(counter) * PIXELS
+        while first < image.size:
+            for i in range(first, min(first + PIXELS, image.size)):
+                out[i] = grad[i] if image[i] > _ZERO and image[i] < _ONE else _ZERO
             first = take(counter) * PIXELS
