@@ -95,5 +95,6 @@ def test_colours_in_range_and_their_gradients_are_those_of_a_clamp(dtype):
     weights = torch.arange(1.0, 10.0, dtype=dtype).reshape(1, 3, 3)
     found.backward(weights)
     expected.backward(weights)
+    assert one.grad is not None and other.grad is not None
     assert torch.equal(one.grad, other.grad)
     assert one.grad.flatten().tolist() == [0, 0, 0, 0, 5, 0, 0, 0, 0]

@@ -70,11 +70,12 @@ def test_owned_pixels_have_no_gradient_by_l1_and_their_colour_does_not_matter():
 
 
 def occluded(height: int, width: int) -> dict[str, torch.Tensor]:
-    """A static scene, a photo, and an occluder that covers some pixels of two corners' blocks."""
+    """A static scene, a photo, and occluders in two corners and where blocks of pixels begin."""
     rng = torch.Generator().manual_seed(1)
     static, photo = torch.rand(2, height, width, 3, generator=rng)
     owned = torch.zeros(height, width, 1)
     owned[2:7, 3:9], owned[-4:, -5:] = 1.0, torch.rand(4, 5, 1, generator=rng)
+    owned[16:20, 160:165] = 1.0
     composite = torch.lerp(static, torch.rand(height, width, 3, generator=rng), owned)
     return {"static": static, "composite": composite, "photo": photo, "owned": owned}
 

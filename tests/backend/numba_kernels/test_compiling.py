@@ -21,7 +21,7 @@ from desplat_ns.backend.numba_kernels.runtime import (
     kernels,
     numba_config,
 )
-from desplat_ns.backend.over import over
+from desplat_ns.backend.over import in_range, over
 from desplat_ns.backend.ssim import ssim
 from tests.backend.scenes import random_scene
 
@@ -34,7 +34,7 @@ def test_every_kernel_that_a_step_launches_is_compiled_beforehand_with_its_types
     splats = replace(scene.splats, **leaves, sh_degree=1)
     for settings in (RenderSettings(), RenderSettings(depth=True, antialiased=True, absgrad=True)):
         drawn = resolve("numba", "cpu")(splats, scene.view, settings)
-        image = over(drawn.rgb, drawn.alpha, torch.zeros(3))
+        image = in_range(over(drawn.rgb, drawn.alpha, torch.zeros(3)))
         photo = torch.zeros(16, 16, 3, requires_grad=True)
         (ssim(photo, torch.zeros(16, 16, 3)) + image.sum()).backward()
     known = {launch.kernel: launch.types for launch in launches()}
