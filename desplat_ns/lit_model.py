@@ -177,6 +177,10 @@ class LitModel(SplatfactoModel):
             return colors
         return self.image_effects.apply_camera_response(colors, view, embedding)
 
+    def params_in(self, view: View) -> RawParameters:
+        """The static Gaussians that a view may show, raw."""
+        return self.gauss_params
+
     def as_function_of_embedding(
         self, view: View, columns: int | None = None
     ) -> Callable[[Tensor], Tensor]:
@@ -186,7 +190,7 @@ class LitModel(SplatfactoModel):
         are right: what they do not show is left out. Where such a Gaussian ended the blending of a
         pixel unseen, what is behind then shows, by TRANSMITTANCE_MIN / (1 - ALPHA_MAX) at most.
         """
-        constants = {name: value.detach() for name, value in self.gauss_params.items()}
+        constants = {name: value.detach() for name, value in self.params_in(view).items()}
         settings, splats = self.render_settings(depth=False), self._splats(constants, None)
         if columns is not None:
             weights = accumulated_weights(self.rasterizer, splats, view, settings, columns)
@@ -209,7 +213,7 @@ class LitModel(SplatfactoModel):
     def embedding_in_closed_form(self, view: View, photo: Tensor, seen: Tensor) -> Tensor:
         """The numbers of the camera's response [5] that explain a photo [H, W, 3] best in the
         pixels `seen` [H, W]. Call it only if `effects.closed_form`."""
-        splats = self._splats(self.gauss_params, None)
+        splats = self._splats(self.params_in(view), None)
         static = self.rasterizer(splats, view, self.render_settings(depth=False))
         background = self.background_of(view, self.average_embedding())
         image = self.image_of(static, background, view, None)

@@ -73,7 +73,8 @@ class DeSplatModel(StaticModel):
         if self.effects.distractors:
             self.layer = self._make_layer()
             self.distractors = self.layer.gaussians
-        self.layer_control = LayerControl(0 if self.layer is None else self.num_train_data)
+        num_views = 0 if self.layer is None else self.num_train_data
+        self.layer_control = LayerControl(num_views, self.config.near_plane)
 
     def _make_layer(self) -> DistractorLayer:
         cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
@@ -134,6 +135,10 @@ class DeSplatModel(StaticModel):
                 toned = self._apply_bilateral_grid(outputs[name][None], index, *self.last_size)
                 outputs[name] = toned[0]
         return outputs
+
+    def near_plane_share(self) -> float:
+        """As the viewer says."""
+        return self.layer_control.near_plane_share()
 
     def _rasterizer_of(self, view: View) -> Callable[[Splats], Rendering]:
         """Draws distractors into a view."""

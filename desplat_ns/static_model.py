@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 import torch
@@ -26,6 +27,7 @@ from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_downloads,
 )
 from desplat_ns.rendering.metrics import LazyLpips, image_metrics
+from desplat_ns.rendering.near_plane import is_beyond, sampled, scene_start
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.training.budget import Clock
 from desplat_ns.training.losses import mean_shown_opacity, photometric_loss
@@ -74,6 +76,10 @@ class StaticModelConfig(LitModelConfig):
     of training photos: the fewer there are, the more it says beside them. What no photo needs fades
     and is pruned (docs/separation.md, "What nobody sees"). 0 in the paper. It counts as 0 where
     each photo has a light of its own (`effects.appearance`): there the scene fades."""
+    near_plane: float = ranged(0.0, "[0, 1)")
+    """Renderings leave out static Gaussians that are nearer than this share of the depth at which
+    the seed points in the view start: what hangs there contradicts no photo, and hides the scene.
+    Training draws them. 0 in the paper."""
     cull_to_the_end: bool = False
     """Prune faint static Gaussians after `stop_split_at` as well. Splatfacto did so when the paper
     was written (nerfstudio 1.1.4: `continue_cull_post_densification`)."""
@@ -216,13 +222,35 @@ class StaticModel(LitModel):
         """What is remembered of each static Gaussian."""
         return GaussianMemory(self.strategy_state)
 
+    def params_in(self, view: View) -> RawParameters:
+        """All in training; else those within the crop box and beyond the view's near plane."""
+        if self.training:
+            return self.gauss_params
+        keep = []
+        if self.crop_box is not None:
+            keep.append(self.crop_box.within(self.means).reshape(-1))
+        share, config = self.near_plane_share(), self.config
+        if share > 0 and self.seed_points is not None and not config.random_init:
+            near_plane = share * scene_start(self._points, view)
+            keep.append(is_beyond(self.means, view, near_plane))
+        if not keep:
+            return self.gauss_params
+        shown = torch.stack(keep).all(dim=0)
+        return {name: value[shown] for name, value in self.gauss_params.items()}
+
+    def near_plane_share(self) -> float:
+        """Of the depth at which the scene starts: nearer, a rendering shows nothing static."""
+        return self.config.near_plane
+
+    @cached_property
+    def _points(self) -> Tensor:
+        """Of the reconstruction, as many as say where the scene starts in a view."""
+        assert self.seed_points is not None
+        return sampled(self.seed_points[0]).to(self.device)
+
     def render_static(self, view: View, embedding: Tensor | None) -> Rendering:
-        crop = self.crop_box if not self.training else None
-        keep = None if crop is None else crop.within(self.means).reshape(-1)
         depth = self.config.output_depth_during_training or not self.training
-        params: RawParameters = self.gauss_params
-        if keep is not None:
-            params = {name: value[keep] for name, value in params.items()}
+        params = self.params_in(view)
         settings, splats = self.render_settings(depth), self._splats(params, None)
         lit = None if embedding is None else self._lit(splats, params, view)
         if embedding is not None and lit is not None:

@@ -20,16 +20,30 @@ LAYERS = ("static", "composite", "distractors", "mask")
 
 
 class LayerControl(nn.Module):
-    """Two controls in the viewer's "Custom Elements": which layer, and whose distractors.
+    """Controls in the viewer's "Custom Elements": which layer, whose distractors, and how near the
+    static scene is shown.
 
     Without a viewer it does nothing. nerfstudio 1.1.5 finds controls that are attributes of the
     pipeline's modules.
     """
 
-    def __init__(self, num_views: int) -> None:
-        """Controls for `num_views` training views; none of them for none."""
+    def __init__(self, num_views: int, near_plane: float = 0.0) -> None:
+        """Args:
+        num_views: training views with distractors; 0 for no controls of them.
+        near_plane: the model's setting; 0 for no control of it.
+        """
         super().__init__()
-        self.num_views = num_views
+        self.num_views, self._near_plane = num_views, near_plane
+        if near_plane > 0:
+            self.near_plane: ViewerSlider[float] = ViewerSlider(
+                "Near plane",
+                near_plane,
+                0.0,
+                0.95,
+                0.05,
+                hint="Nothing is shown nearer than this share of the depth at which the "
+                "reconstruction's points start. Make it smaller to walk up to a wall",
+            )
         if num_views > 0:
             self.layer: ViewerDropdown[str] = ViewerDropdown(
                 "Layer",
@@ -57,6 +71,12 @@ class LayerControl(nn.Module):
             yield
         finally:
             self._suspended = before
+
+    def near_plane_share(self) -> float:
+        """What the viewer says; the model's setting in an evaluation."""
+        if self._suspended or self._near_plane == 0:
+            return self._near_plane
+        return float(self.near_plane.value)
 
     def train_idx(self) -> int | None:
         """Training view whose distractors were asked for; None while the static scene is shown."""

@@ -85,7 +85,7 @@ def test_the_paper_is_refined_and_culled_like_the_splatfacto_it_was_built_on():
     assert model.refine_every == 100
     assert model.cull_to_the_end
     assert model.gaussians_per_pixel == 0
-    assert model.opacity_prior == 0
+    assert model.opacity_prior == model.near_plane == 0
     assert model.for_run(400).distractors.refine_every == 100
     assert model.distractors == DistractorConfig(cull_to_the_end=True)
 
@@ -100,6 +100,7 @@ def test_the_methods_differ_in_the_survey_distractors_refinement_and_prior_alone
         "refine_every",
         "gaussians_per_pixel",
         "opacity_prior",
+        "near_plane",
         "cull_to_the_end",
     }
     assert (ours.pipeline.model.effects.auto, CONFIG.pipeline.model.effects.auto) == (True, False)

@@ -43,6 +43,15 @@ def test_without_a_viewer_nothing_changes():
     assert control.chosen(outputs) is outputs
 
 
+def test_an_evaluation_has_the_models_near_plane_whatever_the_viewer_says():
+    control = LayerControl(5, 0.5)
+    assert control.near_plane_share() == 0.5
+    control.near_plane.value = 0.1
+    assert control.near_plane_share() == 0.1
+    with control.suspended():
+        assert control.near_plane_share() == 0.5
+
+
 @pytest.mark.parametrize("layer", [name for name in LAYERS if name != "static"])
 def test_a_layer_asks_for_the_distractors_of_the_chosen_view(layer: str):
     control = LayerControl(5)

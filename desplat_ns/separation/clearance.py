@@ -7,7 +7,6 @@ far from each camera the scene starts.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import torch
@@ -19,13 +18,8 @@ from torch.optim import Optimizer
 
 from desplat_ns.backend.constants import ALPHA_CUTOFF
 from desplat_ns.backend.protocol import View
+from desplat_ns.rendering.near_plane import sampled, scene_start
 from desplat_ns.rendering.views import image_points, view_of
-
-NEAREST_QUANTILE = 0.01
-"""Of the depths of the points in a view; a few points of every reconstruction are astray."""
-
-MAX_POINTS = 100_000
-"""Of a larger reconstruction every so many points are looked at."""
 
 EXTINGUISHED = -10.0
 """Logit of an opacity that is never drawn; the next refinement prunes it, or `Clearance.sweep`."""
@@ -38,12 +32,8 @@ def scene_starts(points: Float[Tensor, "P 3"], cameras: Cameras) -> list[float]:
         points: of the reconstruction.
         cameras: the training cameras, shape [V].
     """
-    starts, points = [], points[:: math.ceil(max(1, len(points)) / MAX_POINTS)]
-    for i in range(len(cameras)):
-        u, v, depth = image_points(points, view_of(cameras[i : i + 1]))
-        seen = (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
-        starts.append(float(depth[seen].quantile(NEAREST_QUANTILE)) if bool(seen.any()) else 0.0)
-    return starts
+    points = sampled(points)
+    return [scene_start(points, view_of(cameras[i : i + 1])) for i in range(len(cameras))]
 
 
 class Clearance:

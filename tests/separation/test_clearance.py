@@ -27,7 +27,7 @@ def test_the_scene_starts_at_the_nearest_points_but_for_some_that_are_astray():
 
 
 def test_a_large_reconstruction_is_sampled(monkeypatch):
-    monkeypatch.setattr("desplat_ns.separation.clearance.MAX_POINTS", 50)
+    monkeypatch.setattr("desplat_ns.rendering.near_plane.MAX_POINTS", 50)
     points = torch.cat([wall(2.0, 201), wall(5.0)])
     assert scene_starts(points, cameras()) == [pytest.approx(2.0)]
     assert scene_starts(points[:0], cameras()) == [0.0]
