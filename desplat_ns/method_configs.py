@@ -100,7 +100,7 @@ def desplat_model(effects: EffectsConfig) -> DeSplatModelConfig:
         distractors=separating_distractors(),
         gaussians_per_pixel=0.05,
         opacity_prior=0.2,
-        near_plane=0.5,
+        near_plane=0.2,
     )
 
 
