@@ -91,7 +91,7 @@ def measure_model(results: Results, quick: bool) -> None:
     small, numbers = tuple(QUICK_SIZES), thread_counts()
     for size in small if quick else PRICED:
         say(f"{size[0]:,} Gaussians, {size[1]} x {size[2]}: the price of distractors")
-        results.prices += time_price(size, 1 if quick else 3, numbers)
+        results.prices += time_price(size, 1 if quick else 5, numbers)
     for size in (small if quick else SERIAL) if len(numbers) > 1 else ():
         say(f"{size[0]:,} Gaussians, {size[1]} x {size[2]}: what is serial")
         results.serial += time_serial(size, 1 if quick else 15, numbers[-1])
