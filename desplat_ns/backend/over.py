@@ -56,33 +56,31 @@ def _are_compiled_for(*tensors: Tensor) -> bool:
     return is_cpu and _kernels() is not None
 
 
+def _launch(kernel: str, *values: Tensor) -> None:
+    """Call one of the kernels with flat arrays; those that it writes into are contiguous."""
+    from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter, num_workers
+
+    with launching():
+        getattr(_kernels(), kernel)(*map(flat, values), new_counter(), num_workers())
+
+
 class _Over(torch.autograd.Function):
     """See `numba_kernels/over.py`."""
 
     @staticmethod
     def forward(ctx, top, alpha, below):  # type: ignore[override]
-        from desplat_ns.backend.numba_kernels import over as kernels
-        from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter
-        from desplat_ns.backend.numba_kernels.runtime import num_workers as workers
-
-        out, values = torch.empty(top.shape), (flat(top), flat(alpha), flat(below))
-        with launching():
-            kernels.put_over(*values, out.view(-1).numpy(), new_counter(), workers())
-        ctx.values, ctx.shape = values[1:], top.shape
+        out = torch.empty(top.shape)
+        _launch("put_over", top, alpha, below, out)
+        ctx.save_for_backward(alpha, below)
         return out
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad):  # type: ignore[override]
-        from desplat_ns.backend.numba_kernels import over as kernels
-        from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter
-        from desplat_ns.backend.numba_kernels.runtime import num_workers as workers
-
-        by_alpha = torch.empty(*ctx.shape[:2], 1)
-        by_below = torch.empty(ctx.shape if ctx.needs_input_grad[2] else 0)
-        found = (by_alpha.view(-1).numpy(), by_below.view(-1).numpy())
-        with launching():
-            kernels.pull_under(flat(grad), *ctx.values, *found, new_counter(), workers())
+        alpha, below = ctx.saved_tensors
+        by_alpha = torch.empty(alpha.shape)
+        by_below = torch.empty(below.shape if ctx.needs_input_grad[2] else 0)
+        _launch("pull_under", grad, alpha, below, by_alpha, by_below)
         return grad, by_alpha, by_below if ctx.needs_input_grad[2] else None
 
 
@@ -97,12 +95,6 @@ class _InRange(torch.autograd.Function):
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad):  # type: ignore[override]
-        from desplat_ns.backend.numba_kernels import over as kernels
-        from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter
-        from desplat_ns.backend.numba_kernels.runtime import num_workers as workers
-
-        (image,), pulled = ctx.saved_tensors, torch.empty(grad.shape)
-        values = (flat(grad), flat(image), pulled.view(-1).numpy())
-        with launching():
-            kernels.pull_within(*values, new_counter(), workers())
-        return pulled
+        by_image = torch.empty(grad.shape)
+        _launch("pull_within", grad, *ctx.saved_tensors, by_image)
+        return by_image
