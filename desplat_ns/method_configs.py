@@ -28,9 +28,12 @@ FULL_RATE_VISITS = 75.0
 """Visits of each photo for which Splatfacto's learning rates are right. Chosen on generated scenes
 and one real one (docs/accuracy-and-time.md, "Learning rates of short runs")."""
 
-QUICK_VISITS, BEST_VISITS = 25.0, 150.0
-"""Visits of each photo in the presets: two points of the measured front
-(docs/accuracy-and-time.md, "Presets")."""
+VISITS = 150.0 if torch.cuda.is_available() else FULL_RATE_VISITS
+"""Visits of each photo where nobody says how long a run is to be: on a GPU so many that no more was
+gained by others, on a CPU half (docs/accuracy-and-time.md, "How long to train")."""
+
+QUICK_VISITS = 25.0
+"""The same of `desplat-quick`."""
 
 PHOTO_TOURISM_STEPS = 200_000
 """The same for Photo Tourism."""
@@ -126,7 +129,7 @@ def _method(
         config=DeSplatTrainerConfig(
             method_name=name,
             machine=MachineConfig(device_type="cuda" if torch.cuda.is_available() else "cpu"),
-            max_num_iterations=steps,
+            max_num_iterations=0 if visits > 0 else steps,
             nominal_num_iterations=steps,
             full_rate_visits=full_rate_visits,
             visits=visits,
@@ -147,31 +150,30 @@ def _method(
     )
 
 
-def _desplat(name: str, description: str, visits: float = 0.0) -> MethodSpecification:
-    """`desplat`, or a preset of it: they differ in their length alone."""
+def _desplat(
+    name: str, description: str, effects: EffectsConfig, visits: float = VISITS
+) -> MethodSpecification:
+    """A method that is as long as the photos ask for."""
     return _method(
         name,
         description,
-        desplat_model(EffectsConfig(auto=True)),
+        desplat_model(effects),
         full_rate_visits=FULL_RATE_VISITS,
         visits=visits,
     )
 
 
 desplat = _desplat(
-    "desplat", "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU."
+    "desplat",
+    "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU.",
+    EffectsConfig(auto=True),
 )
 
 desplat_quick = _desplat(
     "desplat-quick",
     "DeSplat for a first look: 25 visits of each photo, 1,000 steps for 40; minutes on a laptop.",
+    EffectsConfig(auto=True),
     QUICK_VISITS,
-)
-
-desplat_best = _desplat(
-    "desplat-best",
-    "DeSplat with 150 visits of each photo, 6,000 steps for 40; for 24 photos or more.",
-    BEST_VISITS,
 )
 
 desplat_paper = _method(
@@ -180,11 +182,10 @@ desplat_paper = _method(
     paper_model(EffectsConfig()),
 )
 
-desplat_phototourism = _method(
+desplat_phototourism = _desplat(
     "desplat-phototourism",
     "DeSplat for tourists' photos: `desplat` with light and sky of each photo's own.",
-    desplat_model(EffectsConfig(appearance="affine", background="image")),
-    full_rate_visits=FULL_RATE_VISITS,
+    EffectsConfig(appearance="affine", background="image"),
 )
 
 desplat_phototourism_paper = _method(

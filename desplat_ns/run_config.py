@@ -39,13 +39,15 @@ SavedRun = tuple[Path, dict[str, Any]]
 
 @dataclass
 class RunConfig(TrainerConfig):
-    """Settings of a training run. `max_num_iterations` is its total, resumed or not."""
+    """Settings of a training run."""
 
+    max_num_iterations: int = 0
+    """Steps in all, resumed or not. 0: as many as show each photo `visits` times."""
     nominal_num_iterations: int = 30000
     """The method's own number of steps (B.3); shorter runs shrink every schedule by their ratio."""
     visits: float = 0.0
-    """Without `max_num_iterations`, as many steps as show each photo so often, the method's own
-    number at most; 0: that number, however few photos there are."""
+    """How often each photo is shown where neither `max_num_iterations` nor a budget is given; the
+    method's own number of steps is the most. 0: that number, however few photos there are."""
     full_rate_visits: float = 0.0
     """Visits of each photo, steps over photos, for which the learning rates are meant. A run with
     fewer multiplies those of the static Gaussians, by 4 at most; 0: they are as they are given."""
@@ -59,7 +61,8 @@ class RunConfig(TrainerConfig):
     kernels take that are compiled first, once for each machine, does not count."""
 
     def resolve_schedule_scale(self) -> float:
-        """Settle the model's `schedule_scale`, from the numbers of steps where it is None.
+        """Settle the model's `schedule_scale`, from the numbers of steps where it is None; not yet
+        where the photos decide how many there are.
 
         Once settled it stays, whatever becomes of the numbers of steps.
         Raises ConfigError where it is not a positive number.
@@ -67,8 +70,10 @@ class RunConfig(TrainerConfig):
         model = cast(StaticModelConfig, self.pipeline.model)
         scale = model.schedule_scale
         if scale is None:
-            scale = schedule_scale(self.max_num_iterations, self.nominal_num_iterations)
-            model.schedule_scale = scale
+            steps = self.max_num_iterations or self.nominal_num_iterations
+            scale = schedule_scale(steps, self.nominal_num_iterations)
+            if self.max_num_iterations != 0:
+                model.schedule_scale = scale
         if not (math.isfinite(scale) and scale > 0):
             raise ConfigError(
                 f"--pipeline.model.schedule-scale is {scale}; it has to be above 0, for example "
@@ -158,22 +163,22 @@ class RunConfig(TrainerConfig):
         return None
 
     def settle_length(self) -> None:
-        """With `visits`, and the method's own number of steps, as many as the photos ask for;
-        config.yml then has them."""
-        manager = self.pipeline.datamanager
-        nominal = self.nominal_num_iterations
-        if self.visits <= 0 or self.max_num_iterations != nominal:
+        """Where no number of steps is given, as many as the photos ask for; config.yml then has
+        them."""
+        if self.max_num_iterations != 0:
             return
-        assert isinstance(manager, DeSplatDataManagerConfig)
-        photos = len(training_split(manager).cameras)
-        self.max_num_iterations = steps_for_visits(self.visits, photos, nominal)
-        model = cast(StaticModelConfig, self.pipeline.model)
-        if model.schedule_scale == 1.0:  # as it was settled for `nominal` steps
-            model.schedule_scale = schedule_scale(self.max_num_iterations, nominal)
-        announce(
-            f"{self.max_num_iterations} steps: {photos} photos, {self.visits:g} visits of "
-            "each. --max-num-iterations gives another number."
-        )
+        self.max_num_iterations = self.nominal_num_iterations
+        if self.visits > 0 and not self.budget:
+            manager = self.pipeline.datamanager
+            assert isinstance(manager, DeSplatDataManagerConfig)
+            photos = len(training_split(manager).cameras)
+            steps = steps_for_visits(self.visits, photos, self.nominal_num_iterations)
+            self.max_num_iterations = steps
+            announce(
+                f"{steps} steps: {photos} photos, {steps / photos:.3g} visits of each. "
+                "--max-num-iterations gives another number."
+            )
+        self.resolve_schedule_scale()
 
     def plan_budget(self, saved: SavedRun | None, started: float) -> BudgetedRun | None:
         """With a budget, settle the number of steps; config.yml then has it.

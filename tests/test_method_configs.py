@@ -105,7 +105,7 @@ def test_the_methods_differ_in_the_survey_distractors_refinement_and_prior_alone
     }
     assert (ours.pipeline.model.effects.auto, CONFIG.pipeline.model.effects.auto) == (True, False)
     assert ours.optimizers == CONFIG.optimizers
-    assert ours.max_num_iterations == CONFIG.max_num_iterations
+    assert ours.nominal_num_iterations == CONFIG.max_num_iterations
     assert (ours.method_name, CONFIG.method_name) == ("desplat", "desplat-paper")
 
 

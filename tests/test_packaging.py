@@ -182,7 +182,7 @@ PARSE = "from desplat_ns.studies.methods import parse"
 
 def test_studies_are_in_the_wheel_and_need_no_checkout(clean_python: Path) -> None:
     found = subprocess.run(
-        [clean_python, "-c", f"{PARSE}; print(parse('desplat', []).max_num_iterations)"],
+        [clean_python, "-c", f"{PARSE}; print(parse('desplat', []).nominal_num_iterations)"],
         cwd=clean_python.parent,
         env=clean_environment(),
         capture_output=True,

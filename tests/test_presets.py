@@ -28,7 +28,7 @@ def preset(name: str, scene: Scene, output: Path, **changes: Any) -> Any:
     return config
 
 
-@pytest.mark.parametrize(("name", "visits"), [("desplat-quick", 25), ("desplat-best", 150)])
+@pytest.mark.parametrize(("name", "visits"), [("desplat-quick", 25), ("desplat", 75)])
 def test_a_preset_is_as_long_as_the_photos_ask_for(name, visits, tiny_scene, tmp_path, capsys):
     config = preset(name, tiny_scene, tmp_path)
     trainer = set_up(config)
@@ -44,14 +44,20 @@ def test_a_preset_is_as_long_as_the_photos_ask_for(name, visits, tiny_scene, tmp
     assert rate == pytest.approx(5e-3 * (3 if name == "desplat-quick" else 1))
 
 
-def test_a_number_of_steps_that_is_given_is_kept(tiny_scene, tmp_path):
-    config = preset("desplat-quick", tiny_scene, tmp_path, max_num_iterations=40)
-    assert set_up(config).config.max_num_iterations == 40
+@pytest.mark.parametrize("steps", [40, 30_000])
+def test_a_number_of_steps_that_is_given_is_kept(steps, tiny_scene, tmp_path):
+    config = preset("desplat-quick", tiny_scene, tmp_path, max_num_iterations=steps)
+    assert set_up(config).config.max_num_iterations == steps
 
 
-def test_presets_differ_from_desplat_in_their_length_alone():
-    plain = vars(copy.deepcopy(all_methods["desplat"]))
-    for name in ("desplat-quick", "desplat-best"):
-        other = vars(all_methods[name])
-        apart = {field for field in plain if repr(plain[field]) != repr(other[field])}
-        assert apart == {"method_name", "visits"}
+def test_many_photos_take_the_methods_own_number_of_steps_at_most(tiny_scene, tmp_path):
+    config = preset("desplat", tiny_scene, tmp_path, visits=1e6)
+    trained = set_up(config).config
+    assert trained.max_num_iterations == 30_000
+    assert trained.pipeline.model.schedule_scale == 1.0
+
+
+def test_the_preset_differs_from_desplat_in_its_length_alone():
+    plain, other = vars(copy.deepcopy(all_methods["desplat"])), vars(all_methods["desplat-quick"])
+    apart = {field for field in plain if repr(plain[field]) != repr(other[field])}
+    assert apart == {"method_name", "visits"}

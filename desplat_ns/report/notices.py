@@ -13,8 +13,8 @@ from desplat_ns.report.effect_reasons import EffectReason
 from desplat_ns.report.pictures import TrainingPhoto
 from desplat_ns.separation.placement import FEW_VIEWS, about_few_views
 
-BEST_VISITS = 150
-"""Of each photo, by `desplat-best`; after these nothing more was gained where it was measured."""
+ENOUGH_VISITS = 150
+"""Of each photo; after these nothing more was gained where it was measured."""
 
 LONG = 30_000
 """Steps; a run of as many is long, however many photos there are."""
@@ -72,12 +72,12 @@ def notices(
     if judges_by_others and cost.num_photos < FEW_VIEWS:
         found.append(Notice(about_few_views(cost.num_photos)))
     found += [*_of_distractors(photos), *_of_scores(results, photos), *_unsure(reasons)]
-    if cost.visits < BEST_VISITS and cost.steps < LONG:
+    if cost.visits < ENOUGH_VISITS and cost.steps < LONG:
         found.append(
             Notice(
                 f"Each photo was seen {cost.visits:.0f} times.",
-                "More steps may still help: desplat-best, or a larger --max-num-iterations. After "
-                f"{BEST_VISITS * cost.num_photos:,} nothing more was gained on the captures that "
+                "More steps may still help: a larger --max-num-iterations. After "
+                f"{ENOUGH_VISITS * cost.num_photos:,} nothing more was gained on the captures that "
                 "it was measured on.",
             )
         )

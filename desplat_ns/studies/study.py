@@ -98,7 +98,7 @@ class Session:
         pace = first_pace(results.capture, config.machine.device_type)
         if results.plan is None:
             names = tuple(name for name in compared(results.capture.effects) if name != BACKEND)
-            most = config.max_num_iterations
+            most = config.nominal_num_iterations
             results.plan = plan_for(
                 self.clock.left, results.jobs, pace, results.capture, names, most
             )

@@ -75,7 +75,6 @@ same curve whatever class draws it."""
 NEUTRAL: Mapping[str, Any] = {
     "budget": "",
     "full_rate_visits": 0.0,
-    "visits": 0.0,
     f"{DISTRACTORS}means_lr": 1.6e-4,
     f"{DISTRACTORS}means_lr_final": 1.6e-6,
     f"{DISTRACTORS}means_lr_steps": 30_000,
@@ -162,7 +161,8 @@ def changes(found: Settings, wanted: Settings) -> list[str]:
 def of_active_effects(settings: Settings) -> Settings:
     """Settings without those that no figure depends on: of effects that are off, of regions where
     distractors start everywhere, of the warm-up's bounds where these start at once as well, of what
-    opacity costs where photos have a light of their own, and options that are none any more."""
+    opacity costs where photos have a light of their own, visits where steps are given, and options
+    that are none any more."""
     idle = NO_OPTION_ANY_MORE + tuple(
         prefix
         for effect, prefixes in OF_EFFECTS.items()
@@ -172,6 +172,8 @@ def of_active_effects(settings: Settings) -> Settings:
     if settings.get(f"{DISTRACTORS}start") == "everywhere":
         idle += OF_RESIDUAL
         idle += () if settings.get(f"{DISTRACTORS}static_warmup") else OF_WARMUP
+    if settings.get("max_num_iterations") != 0:
+        idle += ("visits",)
     if settings.get(f"{EFFECTS}appearance") not in (None, "off"):
         idle += ("pipeline.model.opacity_prior",)
     return {
