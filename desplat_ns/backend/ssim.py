@@ -56,18 +56,20 @@ def photometric_losses(
     owned: Float[Tensor, "H W 1"] | None,
     ssim_weight: float,
     *images: Float[Tensor, "H W C"],
+    leak: float = 0.0,
 ) -> tuple[Tensor, ...] | None:
     """The compiled kernels' `training.losses.photometric_loss` of an image, or of two that are
     equal in all pixels of which nothing is owned; None where they cannot work it out.
 
     Args:
         owned: by distractors, in the first image; None for nothing. In the second nothing is.
+        leak: weight in L1 of what they own wholly.
         images: one or two. Blocks in which they are equal are worked out once, and the second has
             no gradient there.
     """
     if not all(_is_fast(image, photo) for image in images):
         return None
-    return _Photometric.apply(photo, owned, ssim_weight, *images)  # type: ignore[no-any-return]
+    return _Photometric.apply(photo, owned, leak, ssim_weight, *images)  # type: ignore[no-any-return]
 
 
 def _is_fast(pred: Tensor, target: Tensor) -> bool:
@@ -86,8 +88,8 @@ class _Photometric(torch.autograd.Function):
     """The gradient is worked out with the value: the two share most of the work."""
 
     @staticmethod
-    def forward(ctx, photo, owned, ssim_weight, first, second=None):  # type: ignore[override]
-        sums = _Sums(first, ssim_weight)
+    def forward(ctx, photo, owned, leak, ssim_weight, first, second=None):  # type: ignore[override]
+        sums = _Sums(first, ssim_weight, leak)
         gradients = [sums.differentiate(first, photo, owned)]
         losses = [sums.loss()]
         if second is not None:
@@ -101,13 +103,13 @@ class _Photometric(torch.autograd.Function):
     @torch.autograd.function.once_differentiable
     def backward(ctx, *grads):  # type: ignore[override]
         by_image = zip(grads, ctx.saved_tensors, strict=True)
-        return None, None, None, *(one if grad == 1 else grad * one for grad, one in by_image)
+        return None, None, None, None, *(one if grad == 1 else grad * one for grad, one in by_image)
 
 
 class _Sums:
     """SSIM and L1 of an image, summed over the kernels' blocks."""
 
-    def __init__(self, image: Float[Tensor, "H W 3"], ssim_weight: float):
+    def __init__(self, image: Float[Tensor, "H W 3"], ssim_weight: float, leak: float):
         kernels = _kernels()
         assert kernels is not None
         height, length = image.shape[0], image.shape[1] * kernels.CHANNELS
@@ -117,7 +119,7 @@ class _Sums:
         self.difference = np.empty(self._count(height, length))
         self.per_window = ssim_weight / (windows[0] * windows[1])
         self.per_number = (1 - ssim_weight) / (height * length)
-        self.constant = ssim_weight
+        self.constant, self.kept = ssim_weight, np.float32(1 - leak)
 
     def _count(self, rows: int, length: int) -> tuple[int, int]:
         return -(-rows // self.kernels.ROWS), -(-length // self.kernels.COLUMNS)
@@ -147,7 +149,7 @@ class _Sums:
         x, y = flat(image), flat(photo)
         weights = np.empty(0, np.float32) if owned is None else flat(owned)
         gradient = torch.empty(image.shape)
-        scales = (np.float32(-self.per_window), np.float32(self.per_number))
+        scales = (self.kept, np.float32(-self.per_window), np.float32(self.per_number))
         with launching():
             slopes = scratch(3 * (height + kernels.MARGIN) * (length + kernels.SIDE))
             shared = (x, y, weights, wanted, height, length, slopes)

@@ -41,6 +41,12 @@ from desplat_ns.training.losses import (
     static_transparency_loss,
 )
 
+LEAK = 0.03
+"""Weight in L1, of the static scene's own loss, of a pixel that distractors own, as long as the
+scene grows (`stop_split_at`). Where most photos leave a place out, nothing else moves it, and
+Adam learns it at full speed: what most of the photos of a place show is not in the way. Where an
+occluder hides what others show, they outvote it thirty to one."""
+
 
 @dataclass(repr=False)
 class TrainStep:
@@ -177,11 +183,16 @@ class DistractorLayer:
         if config.static_alone and train_step.distractors is not None:
             ignored = regions if train_step.number >= config.leave_out_at else None
             owned = distractor_weight(alpha_d, ignored)
-            losses |= self._photometric_losses(train_step, owned, mask)
+            learns = train_step.number < self.static.stop_split_at
+            losses |= self._photometric_losses(train_step, owned, LEAK if learns else 0.0, mask)
         return losses
 
     def _photometric_losses(
-        self, train_step: TrainStep, owned: Float[Tensor, "H W 1"], mask: Tensor | None
+        self,
+        train_step: TrainStep,
+        owned: Float[Tensor, "H W 1"],
+        leak: float,
+        mask: Tensor | None,
     ) -> dict[str, Tensor]:
         """L_GS of the composite, and of the static scene on what is not owned; in masked pixels the
         composite shows the static scene, as the photo does."""
@@ -190,10 +201,10 @@ class DistractorLayer:
         if mask is not None:
             composite = torch.where(mask, composite, static.detach())
         if self.static.use_bilateral_grid:  # the composite moves the grids everywhere
-            own = photometric_loss(static, photo, weight, owned)
+            own = photometric_loss(static, photo, weight, owned, leak)
             main = photometric_loss(composite, photo, weight)
         else:
-            own, main = layered_photometric_losses(static, composite, photo, weight, owned)
+            own, main = layered_photometric_losses(static, composite, photo, weight, owned, leak)
         return {"main_loss": main, "static_photometric": own}
 
     @torch.no_grad()

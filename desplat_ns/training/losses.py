@@ -18,21 +18,22 @@ def photometric_loss(
     photo: Float[Tensor, "H W 3"],
     ssim_weight: float,
     owned: Float[Tensor, "H W 1"] | None = None,
+    leak: float = 0.0,
 ) -> Float[Tensor, ""]:
     """(1 - w) L1 + w D-SSIM of two images in [0, 1]; w is `ssim_weight`.
 
-    With `owned` on the pixels alone that distractors do not own: in L1 a pixel counts by 1 - owned.
-    For D-SSIM, whose windows reach across the border, the photo is blended with the rendering
-    itself, as a constant: there is nothing to see where it is owned.
+    With `owned` on the pixels that distractors do not own: in L1 a pixel counts by
+    1 - (1 - leak) owned. For D-SSIM, whose windows reach across the border, the photo is blended
+    with the rendering itself, as a constant: there is nothing to see where it is owned.
 
     Source: L_GS, the photometric term of Eq. 5 and 12; `owned` is ours (docs/separation.md).
     """
-    compiled = photometric_losses(photo, owned, ssim_weight, image)
+    compiled = photometric_losses(photo, owned, ssim_weight, image, leak=leak)
     if compiled is not None:
         return compiled[0]
     difference, target = (image - photo).abs(), photo
     if owned is not None:
-        difference = (1 - owned) * difference
+        difference = (1 - (1 - leak) * owned) * difference
         target = torch.lerp(photo, image.detach(), owned)
     return (1 - ssim_weight) * difference.mean() + ssim_weight * (1 - ssim(image, target))
 
@@ -43,6 +44,7 @@ def layered_photometric_losses(
     photo: Float[Tensor, "H W 3"],
     ssim_weight: float,
     owned: Float[Tensor, "H W 1"],
+    leak: float = 0.0,
 ) -> tuple[Float[Tensor, ""], Float[Tensor, ""]]:
     """`photometric_loss` of the static scene on what distractors do not own, and of the composite.
 
@@ -50,11 +52,11 @@ def layered_photometric_losses(
         composite: equals `static` where nothing is owned. For what it is made of has no gradient
             there either, most of the second term is the first one's: on a CPU it is taken from it.
     """
-    compiled = photometric_losses(photo, owned, ssim_weight, static, composite)
+    compiled = photometric_losses(photo, owned, ssim_weight, static, composite, leak=leak)
     if compiled is not None:
         return compiled[0], compiled[1]
     return (
-        photometric_loss(static, photo, ssim_weight, owned),
+        photometric_loss(static, photo, ssim_weight, owned, leak),
         photometric_loss(composite, photo, ssim_weight),
     )
 

@@ -53,20 +53,22 @@ def test_the_static_loss_of_a_photo_without_distractors_is_splatfactos():
     )
 
 
-def test_owned_pixels_have_no_gradient_by_l1_and_their_colour_does_not_matter():
+@pytest.mark.parametrize("leak", [0.0, 0.1])
+def test_owned_pixels_count_by_the_leak_in_l1_and_not_at_all_for_ssim(leak):
     static = torch.rand(30, 40, 3, dtype=torch.float64, requires_grad=True)
     photo = torch.rand(30, 40, 3, dtype=torch.float64)
     owned = torch.zeros(30, 40, 1, dtype=torch.float64)
     owned[5:20, 5:20] = 1.0
     owned[:, 35:] = 0.25
-    loss = photometric_loss(static, photo, 0.0, owned)
+    loss = photometric_loss(static, photo, 0.0, owned, leak)
     loss.backward()
     assert static.grad is not None
-    assert torch.allclose(static.grad.abs(), ((1 - owned) / 3600).expand(-1, -1, 3), rtol=1e-12)
-    assert loss.item() == pytest.approx((((static - photo).abs() * (1 - owned)).mean()).item())
+    counts = 1 - owned * (1 - leak)
+    assert torch.allclose(static.grad.abs(), (counts / 3600).expand(-1, -1, 3), rtol=1e-12)
+    assert loss.item() == pytest.approx(((static - photo).abs() * counts).mean().item())
     painted = torch.where(owned == 1, torch.tensor(1.0).double(), photo)
-    again = photometric_loss(static, painted, 0.2, owned)
-    assert again.item() == photometric_loss(static, photo, 0.2, owned).item()
+    again = photometric_loss(static, painted, 1.0, owned, leak)
+    assert again.item() == photometric_loss(static, photo, 1.0, owned, leak).item()
 
 
 def occluded(height: int, width: int) -> dict[str, torch.Tensor]:
@@ -80,8 +82,9 @@ def occluded(height: int, width: int) -> dict[str, torch.Tensor]:
     return {"static": static, "composite": composite, "photo": photo, "owned": owned}
 
 
+@pytest.mark.parametrize("leak", [0.0, 0.03])
 @pytest.mark.parametrize("size", [(11, 11), (27, 40), (60, 500), (35, 161)])
-def test_two_losses_at_once_are_the_two_by_themselves(size):
+def test_two_losses_at_once_are_the_two_by_themselves(size, leak):
     """Compiled against the torch statements in float64; blocks are of 16 x 160 pixels."""
     images = occluded(*size)
     owned = images["owned"]
@@ -89,7 +92,8 @@ def test_two_losses_at_once_are_the_two_by_themselves(size):
     for dtype in (torch.float32, torch.float64):
         given = {name: image.to(dtype) for name, image in images.items()}
         static, composite = (given[n].requires_grad_() for n in ("static", "composite"))
-        pair = layered_photometric_losses(static, composite, given["photo"], 0.2, given["owned"])
+        photo, owned = given["photo"], given["owned"]
+        pair = layered_photometric_losses(static, composite, photo, 0.2, owned, leak)
         losses.append(torch.stack(pair).double())
         slopes.append(torch.autograd.grad(3 * pair[0] + 2 * pair[1], (static, composite)))
     torch.testing.assert_close(losses[0], losses[1], atol=FLAT, rtol=0)

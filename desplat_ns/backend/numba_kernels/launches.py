@@ -61,7 +61,7 @@ def launches() -> tuple[Launch, ...]:
         (projection._project, four, four, ints, floats, *turn),
         (projection._backward, four, four, four, ints, floats, *turn),
         (ssim.score_image, *images, floats, sums, *turn),
-        (ssim.backward_image, *images, floats, scale, scale, sums, floats, *turn),
+        (ssim.backward_image, *images, floats, scale, scale, scale, sums, floats, *turn),
         (over.put_over, *four, *turn),
         (over.pull_under, *four, floats, *turn),
         (over.pull_within, *four[:3], *turn),

@@ -11,9 +11,9 @@ my = G y, vx = G x^2 - mx^2, vy = G y^2 - my^2, c = G xy - mx my,
     d sum SSIM / dx = G'P + 2 x G'Q + y G'R,
 
 where G' is G over a border of zeros. The first pass sums SSIM and keeps P, Q, R with that border;
-the second blurs them, and adds L1. What distractors own counts by 1 - owned in L1; for SSIM y is
-blended with x there, as a constant. Both passes work on blocks of ROWS x COLUMNS numbers, copied
-with their margins into scratch rows of one fixed length: only then can the compiler see that
+the second blurs them, and adds L1. In L1 a pixel counts by 1 - kept * owned; for SSIM y is blended
+with x where it is owned, as a constant. Both work on blocks of ROWS x COLUMNS numbers, copied with
+their margins into scratch rows of one fixed length: only then can the compiler see that
 nothing overlaps, and use vectors. Images are read as they lie in memory, [H, W, 3]: a row is 3 W
 numbers, neighbours of one
 channel 3 apart.
@@ -217,17 +217,17 @@ def score_image(x, y, owned, wanted, height, length, slopes, sums, counter, work
 
 
 @kernel(fastmath=_LOOSE)
-def _mix(v, x, y, o, gradient, at, columns, scale, scale_l1):
+def _mix(v, x, y, o, kept, gradient, at, columns, scale, scale_l1):
     """One row of the gradient of a block, from P, Q, R blurred down the window; gives its L1."""
     first, total = np.uint64(at), np.float32(0)
     for j in range(np.uint64(columns)):
         p, q = _blur(v, j, _ALONG), _blur(v, _P1 + j, _ALONG)
         r = _blur(v, _P2 + j, _ALONG)
-        here, there, counted = x[first + j], y[first + j], _ONE - o[j]
+        here, there, counted = x[first + j], y[first + j], _ONE - kept * o[j]
         off = here - there
         total += counted * abs(off)
         sign = np.float32(off > 0) - np.float32(off < 0)
-        blended = o[j] * here + counted * there
+        blended = o[j] * here + (_ONE - o[j]) * there
         slope = p + _TWO * here * q + blended * r
         gradient[first + j] = scale * slope + scale_l1 * (counted * sign)
     return total
@@ -245,7 +245,20 @@ def _blur_slopes(s, v, row, columns):
 
 @kernel(parallel=True)
 def backward_image(
-    x, y, owned, wanted, height, length, slopes, scale, scale_l1, sums_l1, out, counter, workers
+    x,
+    y,
+    owned,
+    wanted,
+    height,
+    length,
+    slopes,
+    kept,
+    scale,
+    scale_l1,
+    sums_l1,
+    out,
+    counter,
+    workers,
 ):
     """Second pass. L1 per block of pixels into `sums_l1`; into `out` the gradient, by x, of `scale`
     times the sum of SSIM and `scale_l1` times L1 (0 in blocks that are not wanted)."""
@@ -273,5 +286,5 @@ def backward_image(
                 _blur_slopes(s, v, r, columns + SIDE)
                 _spread(owned, length, row + r, column, columns, o)
                 at = (row + r) * length + column
-                total += _mix(v, x, y, o, out, at, columns, scale, scale_l1)
+                total += _mix(v, x, y, o, kept, out, at, columns, scale, scale_l1)
             sums_l1[i, j] = total
