@@ -29,8 +29,8 @@ FULL_RATE_VISITS = 75.0
 and one real one (docs/accuracy-and-time.md, "Learning rates of short runs")."""
 
 VISITS = 150.0 if torch.cuda.is_available() else FULL_RATE_VISITS
-"""Visits of each photo where nobody says how long a run is to be: on a GPU so many that no more was
-gained by others, on a CPU half (docs/accuracy-and-time.md, "How long to train")."""
+"""Visits of each photo where nobody says how long a run is to be: on a GPU as many as ever gained
+anything, on a CPU half (docs/accuracy-and-time.md, "How long to train")."""
 
 QUICK_VISITS = 25.0
 """The same of `desplat-quick`."""

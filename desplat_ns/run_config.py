@@ -46,8 +46,9 @@ class RunConfig(TrainerConfig):
     nominal_num_iterations: int = 30000
     """The method's own number of steps (B.3); shorter runs shrink every schedule by their ratio."""
     visits: float = 0.0
-    """How often each photo is shown where neither `max_num_iterations` nor a budget is given; the
-    method's own number of steps is the most. 0: that number, however few photos there are."""
+    """How often each photo is shown where neither `max_num_iterations` nor a budget is given, more
+    often where there are few (`steps_for_visits`); the method's own number of steps is the most.
+    0: that number, however few photos there are."""
     full_rate_visits: float = 0.0
     """Visits of each photo, steps over photos, for which the learning rates are meant. A run with
     fewer multiplies those of the static Gaussians, by 4 at most; 0: they are as they are given."""

@@ -33,7 +33,8 @@ def test_a_preset_is_as_long_as_the_photos_ask_for(name, visits, tiny_scene, tmp
     config = preset(name, tiny_scene, tmp_path)
     trainer = set_up(config)
     photos = len(trainer.pipeline.datamanager.train_image_names)
-    steps = visits * photos
+    assert photos < 40
+    steps = visits * 40
     assert trainer.config.max_num_iterations == steps
     assert trainer.config.pipeline.model.schedule_scale == steps / 30_000
     assert f"{steps} steps: {photos} photos" in " ".join(capsys.readouterr().out.split())
@@ -41,7 +42,7 @@ def test_a_preset_is_as_long_as_the_photos_ask_for(name, visits, tiny_scene, tmp
     assert saved.max_num_iterations == steps
     assert saved.pipeline.model.schedule_scale == steps / 30_000
     rate = trainer.optimizers.optimizers["scales"].param_groups[0]["lr"]
-    assert rate == pytest.approx(5e-3 * (3 if name == "desplat-quick" else 1))
+    assert rate == 5e-3  # each photo is seen often enough
 
 
 @pytest.mark.parametrize("steps", [40, 30_000])

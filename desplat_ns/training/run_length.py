@@ -29,9 +29,15 @@ def schedule_scale(max_num_iterations: int, nominal: int) -> float:
     return min(1.0, max_num_iterations / nominal)
 
 
+LEAST_VIEWS = 40
+"""A run for fewer views is as long as for so many: a scene takes shape in steps, as one of Adam is
+as long as its rate, however often the views are drawn meanwhile."""
+
+
 def steps_for_visits(visits: float, num_views: int, at_most: int) -> int:
-    """Steps in which each of the views is drawn `visits` times, `at_most` of them."""
-    return max(1, min(at_most, math.ceil(visits * num_views)))
+    """Steps in which each of the views is drawn `visits` times, or more often where they are fewer
+    than `LEAST_VIEWS`; `at_most` of them."""
+    return max(1, min(at_most, math.ceil(visits * max(num_views, LEAST_VIEWS))))
 
 
 MOST_RATE_FACTOR = 4.0

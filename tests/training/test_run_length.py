@@ -57,6 +57,7 @@ def test_a_longer_run_never_has_higher_rates(views, steps, more):
 
 def test_visits_make_steps_up_to_the_methods_own_number():
     assert steps_for_visits(25.0, 40, 30_000) == 1_000
-    assert steps_for_visits(0.5, 3, 30_000) == 2
+    assert steps_for_visits(0.51, 50, 30_000) == 26
     assert steps_for_visits(150.0, 1_700, 30_000) == 30_000
-    assert steps_for_visits(25.0, 0, 30_000) == 1
+    assert steps_for_visits(25.0, 8, 30_000) == steps_for_visits(25.0, 0, 30_000) == 1_000
+    assert steps_for_visits(0.001, 8, 30_000) == 1
