@@ -28,6 +28,8 @@ from desplat_ns.nerfstudio_quirks import (
 )
 from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from desplat_ns.rendering.near_plane import is_beyond, sampled, scene_start
+from desplat_ns.rendering.photo_angle import PhotoAngle
+from desplat_ns.rendering.views import views_of
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.training.budget import Clock
 from desplat_ns.training.losses import mean_shown_opacity, photometric_loss
@@ -254,6 +256,13 @@ class StaticModel(LitModel):
     def has_points(self) -> bool:
         """Whether the scene started from a reconstruction's points."""
         return self.seed_points is not None and not self.config.random_init
+
+    @cached_property
+    def photo_angle(self) -> PhotoAngle:
+        """How far views are from the training photos. Ask for it only if `has_points`."""
+        assert self.points is not None
+        cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
+        return PhotoAngle(self.points, views_of(cameras.to(self.device)))
 
     def render_static(self, view: View, embedding: Tensor | None) -> Rendering:
         depth = self.config.output_depth_during_training or not self.training

@@ -16,7 +16,7 @@ from torch import Tensor
 from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.rendering.in_view import in_view
 from desplat_ns.rendering.near_plane import is_beyond, scene_start
-from desplat_ns.rendering.views import view_of
+from desplat_ns.rendering.views import view_of, views_of
 
 NEIGHBOURS = 3
 """Of each camera. Along a path a camera has two; of cameras spread over a surface three are enough
@@ -54,8 +54,7 @@ def allowed_views(cameras: Cameras) -> Iterator[View]:
     Args:
         cameras: the training cameras, shape [V].
     """
-    for i in range(len(cameras)):
-        yield view_of(cameras[i : i + 1])
+    yield from views_of(cameras)
     poses = cameras.camera_to_worlds
     for i, j in neighbours(poses):
         yield view_of(cameras[i : i + 1], halfway(poses[i], poses[j]))
