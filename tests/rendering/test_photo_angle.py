@@ -63,6 +63,12 @@ def test_half_of_the_points_in_view_decide():
     assert found == 90
 
 
+def test_what_is_behind_a_camera_is_not_in_its_view():
+    behind = torch.tensor([[0.0, 0.0, 8.0], [0.0, 0.0, 9.0]])
+    found = angle([30, -30], around(0), torch.cat([POINT, behind]))
+    assert found == pytest.approx(30, abs=0.01)
+
+
 def test_a_view_without_points_and_a_capture_of_one_photo_have_none():
     assert angle([10, 20], around(0, turned=90)) is None
     assert angle([10], around(0)) is None
