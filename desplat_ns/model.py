@@ -74,12 +74,14 @@ class DeSplatModel(StaticModel):
             self.layer = self._make_layer()
             self.distractors = self.layer.gaussians
         num_views = 0 if self.layer is None else self.num_train_data
-        self.layer_control = LayerControl(num_views, self.config.near_plane)
+        angle = (lambda view: self.photo_angle.degrees(view)) if self.has_points else None
+        self.layer_control = LayerControl(num_views, self.config.near_plane, angle)
 
     def _make_layer(self) -> DistractorLayer:
         cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
         config, points = self.config.distractors, None
-        if self.seed_points is not None and not self.config.random_init:
+        if self.has_points:
+            assert self.seed_points is not None
             points = self.seed_points[0].to(cameras.device)
         gaussians = DistractorGaussians(config, cameras)
         return DistractorLayer(gaussians, config, self.config, cameras, points)
@@ -102,6 +104,7 @@ class DeSplatModel(StaticModel):
         view = self.view_of_camera(camera, index)
         if index is None:
             index = self.layer_control.train_idx()
+        self.layer_control.tell_photo_angle(view)
         embedding = self.embedding_of(index)
         static = self.render_static(view, embedding)
         background = self.background_of(view, embedding)

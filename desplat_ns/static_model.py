@@ -28,6 +28,8 @@ from desplat_ns.nerfstudio_quirks import (
 )
 from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from desplat_ns.rendering.near_plane import is_beyond, sampled, scene_start
+from desplat_ns.rendering.photo_angle import PhotoAngle
+from desplat_ns.rendering.views import views_of
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.training.budget import Clock
 from desplat_ns.training.losses import mean_shown_opacity, photometric_loss
@@ -229,10 +231,9 @@ class StaticModel(LitModel):
         keep = []
         if self.crop_box is not None:
             keep.append(self.crop_box.within(self.means).reshape(-1))
-        share, config = self.near_plane_share(), self.config
-        if share > 0 and self.seed_points is not None and not config.random_init:
-            near_plane = share * scene_start(self._points, view)
-            keep.append(is_beyond(self.means, view, near_plane))
+        share, points = self.near_plane_share(), self.points
+        if share > 0 and points is not None:
+            keep.append(is_beyond(self.means, view, share * scene_start(points, view)))
         if not keep:
             return self.gauss_params
         shown = torch.stack(keep).all(dim=0)
@@ -243,10 +244,25 @@ class StaticModel(LitModel):
         return self.config.near_plane
 
     @cached_property
-    def _points(self) -> Tensor:
-        """Of the reconstruction, as many as say where the scene starts in a view."""
+    def points(self) -> Tensor | None:
+        """Of the reconstruction [P, 3], as many as say where the scene starts in a view; None if
+        the scene did not start from them."""
+        if not self.has_points:
+            return None
         assert self.seed_points is not None
         return sampled(self.seed_points[0]).to(self.device)
+
+    @property
+    def has_points(self) -> bool:
+        """Whether the scene started from a reconstruction's points."""
+        return self.seed_points is not None and not self.config.random_init
+
+    @cached_property
+    def photo_angle(self) -> PhotoAngle:
+        """How far views are from the training photos. Ask for it only if `has_points`."""
+        assert self.points is not None
+        cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
+        return PhotoAngle(self.points, views_of(cameras.to(self.device)))
 
     def render_static(self, view: View, embedding: Tensor | None) -> Rendering:
         depth = self.config.output_depth_during_training or not self.training

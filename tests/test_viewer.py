@@ -16,8 +16,10 @@ from nerfstudio.viewer.utils import parse_object
 from nerfstudio.viewer.viewer import Viewer
 from nerfstudio.viewer.viewer_elements import ViewerControl, ViewerElement
 from torch import nn
+from viser import ViserServer
 from viser._viser import CameraHandle, ClientHandle, _CameraHandleState
 
+from desplat_ns.backend.protocol import View
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.viewer import LAYERS, FirstPhotoView, LayerControl
@@ -50,6 +52,40 @@ def test_an_evaluation_has_the_models_near_plane_whatever_the_viewer_says():
     assert control.near_plane_share() == 0.1
     with control.suspended():
         assert control.near_plane_share() == 0.5
+
+
+class _Line:
+    """viser's line of Markdown, and how often it was sent to browsers."""
+
+    def __init__(self) -> None:
+        self.sent: list[str] = []
+
+    def add_markdown(self, content: str) -> _Line:
+        return self
+
+    @property
+    def content(self) -> str:
+        return self.sent[-1] if self.sent else ""
+
+    @content.setter
+    def content(self, content: str) -> None:
+        self.sent.append(content)
+
+
+def test_a_line_says_how_far_the_view_is_from_the_photos():
+    angles = iter([7.3, 7.4, 31.0, None, 5.0])
+    control, line = LayerControl(5, photo_angle=lambda view: next(angles)), _Line()
+    server: Any = ViserServer.__new__(ViserServer)
+    server.gui = line
+    view = View(torch.eye(4), torch.eye(3), 2, 2)
+    control.tell_photo_angle(view)  # there is no viewer: nothing is asked for
+    control.angle.install(server)
+    for _ in range(4):
+        control.tell_photo_angle(view)
+    with control.suspended():
+        control.tell_photo_angle(view)
+    assert [text[:4] for text in line.sent] == ["**7°", "**31", "No p"]
+    assert next(angles) == 5.0
 
 
 @pytest.mark.parametrize("layer", [name for name in LAYERS if name != "static"])
@@ -115,6 +151,13 @@ def test_nerfstudios_viewer_finds_both_controls_on_the_pipeline():
     assert {path for path, _ in found} == {
         f"{CONTROLS}/layer_control/{name}" for name in ("layer", "view")
     }
+
+
+def test_nerfstudios_viewer_finds_the_line():
+    pipeline = _pipeline(0)
+    pipeline.model.layer_control = LayerControl(0, photo_angle=lambda view: 7.0)
+    found = parse_object(pipeline, ViewerElement, "Custom Elements")
+    assert [path for path, _ in found] == [f"{CONTROLS}/layer_control/angle"]
 
 
 def test_an_appearance_model_adds_three_controls():

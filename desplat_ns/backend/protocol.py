@@ -7,7 +7,7 @@ Conventions are gsplat's: EWA splatting, pixel centres at +0.5, OpenCV camera ax
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 from jaxtyping import Bool, Float, Int
@@ -29,6 +29,11 @@ class Splats:
     """Final colours, or spherical-harmonics coefficients where `sh_degree` is set."""
     sh_degree: int | None = None
     """Degree to evaluate, (sh_degree + 1)^2 <= K; the evaluated colour is max(SH + 1/2, 0)."""
+
+    def rows(self, chosen: Bool[Tensor, " N"] | Int[Tensor, " M"]) -> Splats:
+        """Some of them."""
+        names = ("means", "quats", "scales", "opacities", "colors")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from desplat_ns.console import announce, progress_over
 from desplat_ns.data.images import write_image
@@ -23,6 +24,7 @@ from desplat_ns.files.whole import plain_errors, whole_folder, write_whole
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import parse_light
 from desplat_ns.pipeline import DeSplatPipeline
+from desplat_ns.rendering.allowed_views import allowed_views, seen_by_any
 from desplat_ns.rendering.views import view_of
 from desplat_ns.runs.files import RunFiles
 from desplat_ns.runs.loading import even_subset, load_run
@@ -50,8 +52,13 @@ def export_splats(
     pipeline = load_run(files).pipeline
     model = cast(DeSplatModel, pipeline.model)
     with _shown_in(model, light):
-        cloud = baked(model.shown_splats(), model.render_settings(depth=False).antialiased)
-        announce(f"{len(cloud)} of {model.num_points} static Gaussians can be seen.")
+        seen = _seen(pipeline)
+        splats, settings = model.shown_splats(), model.render_settings(depth=False)
+        cloud, unseen = baked(splats.rows(seen), settings.antialiased), int((~seen).sum())
+        announce(
+            f"{len(cloud)} of {model.num_points} static Gaussians can be seen; {unseen} are left "
+            "out that no training camera shows, nor a view half-way between two."
+        )
         if crop is not None:
             cloud = _cropped(cloud, _surroundings(pipeline), crop)
     outputs = pipeline.datamanager.train_dataparser_outputs
@@ -126,6 +133,15 @@ def _shown_in(model: DeSplatModel, light: str | None) -> Any:
     if not mix:
         raise ConfigError("--light is empty. Name a training photo.")
     return model.shown_in(torch.stack([share * effects.of(i) for i, share in mix]).sum(dim=0))
+
+
+@torch.no_grad()
+def _seen(pipeline: DeSplatPipeline) -> Tensor:
+    """Which static Gaussians [N] an allowed view shows: other viewers have no near plane, so that
+    what hangs before a camera would be in their way."""
+    model = cast(DeSplatModel, pipeline.model)
+    views = allowed_views(pipeline.datamanager.train_dataset.cameras.to(pipeline.device))
+    return seen_by_any(model.shown_splats(), views, model.points, model.config.near_plane)
 
 
 @torch.no_grad()

@@ -22,9 +22,9 @@ MAX_POINTS = 100_000
 """Of a larger reconstruction every so many points are looked at."""
 
 
-def sampled(points: Float[Tensor, "P 3"]) -> Float[Tensor, "Q 3"]:
-    """At most `MAX_POINTS` of the points, in even steps."""
-    return points[:: math.ceil(max(1, len(points)) / MAX_POINTS)]
+def sampled(points: Float[Tensor, "P 3"], most: int | None = None) -> Float[Tensor, "Q 3"]:
+    """At most `most` of the points (`MAX_POINTS`), in even steps."""
+    return points[:: math.ceil(max(1, len(points)) / (most or MAX_POINTS))]
 
 
 def scene_start(points: Float[Tensor, "P 3"], view: View) -> float:

@@ -5,5 +5,5 @@
 needs them; `page` writes. `report.write_report` is the one function.
 
 May import `runs`, `run_config`, `pipeline`, `model`, `separation`, `evaluation`, `gaussians`,
-`rendering`, `backend`, `settings`, `files`, `console` and `errors`.
+`rendering`, `backend`, `data`, `settings`, `files`, `console` and `errors`.
 """

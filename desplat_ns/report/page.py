@@ -29,7 +29,12 @@ BESIDE = 0.6
 OPTION = re.compile(r"--[a-z][\w.-]*\w")
 """An option in a text."""
 
-SCORES = {"psnr": "PSNR {:.2f} dB", "ssim": "SSIM {:.3f}", "lpips": "LPIPS {:.3f}"}
+SCORES = {
+    "psnr": "PSNR {:.2f} dB",
+    "ssim": "SSIM {:.3f}",
+    "lpips": "LPIPS {:.3f}",
+    "angle": "{:.0f}° from the photos",
+}
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,8 @@ class Contents:
     held_out: Sequence[HeldOutPhoto]
     results: Mapping[str, Any]
     """Of the evaluation; empty without one."""
+    trusted: str
+    """Which views can be trusted, in words; may be empty."""
     history: History
     reasons: Sequence[EffectReason]
     machine: Mapping[str, str]
@@ -98,5 +105,5 @@ def typed(text: str) -> str:
 
 
 def scores(figures: Mapping[str, float]) -> str:
-    """PSNR, SSIM and LPIPS in a line, as far as they were measured."""
+    """PSNR, SSIM, LPIPS and angle in a line, as far as they were measured."""
     return ", ".join(form.format(figures[key]) for key, form in SCORES.items() if key in figures)

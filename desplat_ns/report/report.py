@@ -9,6 +9,7 @@ from typing import cast
 from desplat_ns.evaluation.records import gaussian_counts
 from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.model import DeSplatModel
+from desplat_ns.report.angles import angles_of, in_words
 from desplat_ns.report.cost import cost_of
 from desplat_ns.report.effect_reasons import effect_reasons, read_survey
 from desplat_ns.report.failure_case import failure_case
@@ -41,6 +42,8 @@ def gather(
     pairs = list(training_photos(pipeline, even_subset(num_photos, most_training)))
     photos = [photo for photo, _ in pairs]
     results, held_out = held_out_photos(pipeline, most_held_out)
+    angles = angles_of(pipeline)
+    held_out = [angles.added_to(one) for one in held_out]
     counts = gaussian_counts(model.gauss_params, model.distractors)
     cost = cost_of(run, history.seconds, num_photos, counts)
     reasons = effect_reasons(model.effects, read_survey(files.survey))
@@ -50,8 +53,18 @@ def gather(
         failure = failure_case(config, model.means, coverages)
         by_others = config.start == "residual"
     said = notices(cost, reasons, photos, results, failure, by_others)
-    config_file = str(files.config)
-    return Contents(cost, said, photos, held_out, results, history, reasons, machine, config_file)
+    return Contents(
+        cost,
+        said,
+        photos,
+        held_out,
+        results,
+        in_words(angles),
+        history,
+        reasons,
+        machine,
+        str(files.config),
+    )
 
 
 def write_report(

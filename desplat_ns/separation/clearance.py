@@ -19,7 +19,7 @@ from torch.optim import Optimizer
 from desplat_ns.backend.constants import ALPHA_CUTOFF
 from desplat_ns.backend.protocol import View
 from desplat_ns.rendering.near_plane import sampled, scene_start
-from desplat_ns.rendering.views import image_points, view_of
+from desplat_ns.rendering.views import image_points, views_of
 
 EXTINGUISHED = -10.0
 """Logit of an opacity that is never drawn; the next refinement prunes it, or `Clearance.sweep`."""
@@ -33,7 +33,7 @@ def scene_starts(points: Float[Tensor, "P 3"], cameras: Cameras) -> list[float]:
         cameras: the training cameras, shape [V].
     """
     points = sampled(points)
-    return [scene_start(points, view_of(cameras[i : i + 1])) for i in range(len(cameras))]
+    return [scene_start(points, view) for view in views_of(cameras)]
 
 
 class Clearance:

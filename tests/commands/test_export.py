@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from desplat_ns.errors import ConfigError
@@ -65,6 +67,30 @@ def test_a_crop_leaves_out_what_is_far_and_says_so(trained: Path, tmp_path: Path
     with pytest.raises(ConfigError, match=r"--crop 1e-06 leaves none of"):
         Splats(trained, tmp_path / "none.glb", crop=1e-6).main()
     assert not (tmp_path / "none.glb").exists()
+
+
+@pytest.mark.slow
+def test_what_no_allowed_view_shows_is_left_out_and_told(
+    trained: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+):
+    from desplat_ns.commands.export import Splats
+    from desplat_ns.model import DeSplatModel
+
+    def with_one_overhead(model: DeSplatModel) -> Any:
+        splats = shown_splats(model)
+        overhead = torch.tensor([[0.0, 0.0, 1000.0]])
+        return replace(splats, means=torch.cat([overhead, splats.means[1:]]))
+
+    shown_splats = DeSplatModel.shown_splats
+    counts = []
+    for _ in range(2):
+        Splats(trained, tmp_path / f"{len(counts)}.glb", "training").main()
+        places = read_glb((tmp_path / f"{len(counts)}.glb").read_bytes())[1]["POSITION"]
+        counts.append(len(places))
+        assert places.max() < 100
+        monkeypatch.setattr(DeSplatModel, "shown_splats", with_one_overhead)
+    assert counts[1] == counts[0] - 1
+    assert "1 are left out that no training camera shows" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -67,6 +67,7 @@ def contents(**changes: Any) -> Contents:
         training=[training_photo(f"photo_{number}.png") for number in range(3)],
         held_out=[held_out_photo("extra.png")],
         results={"psnr": 25.0, "ssim": 0.9, "num_images": 1, "protocol": "full image"},
+        trusted="extra.png is 7° from the photos.",
         history=History((Chart("Loss", (loss,), True),), 200.0),
         reasons=[
             EffectReason(

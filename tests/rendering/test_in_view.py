@@ -53,10 +53,6 @@ def cloud(seed: int, count: int = 120) -> Splats:
     )
 
 
-def rows_of(splats: Splats, rows: torch.Tensor) -> Splats:
-    return replace(splats, **{name: getattr(splats, name)[rows] for name in PARAMETERS})
-
-
 def drawn(name: BackendName, splats: Splats, view: View, settings: RenderSettings) -> Any:
     """Rendering and gradients by all parameters, for fixed gradients of the images."""
     leaves = {n: getattr(splats, n).clone().requires_grad_() for n in PARAMETERS}
@@ -77,7 +73,7 @@ def assert_nothing_is_missed(
         fewer, found = drawn(name, clear, view, settings)
         found = [gradient[shown] for gradient in found]
     else:
-        fewer, found = drawn(name, rows_of(splats, shown), view, settings)
+        fewer, found = drawn(name, splats.rows(shown), view, settings)
     for image in ("rgb", "alpha", "depth"):
         assert torch.equal(getattr(whole, image), getattr(fewer, image)), image
     for parameter, ours, theirs in zip(PARAMETERS, found, gradients, strict=True):

@@ -51,6 +51,15 @@ def test_every_training_photo_has_a_slider_with_a_label_and_its_pictures():
     assert all(image["alt"] for image in images)
 
 
+def test_it_says_which_views_can_be_trusted_if_that_is_known():
+    figures = {"psnr": 25.0, "angle": 6.6}
+    held_out = [held_out_photo("extra.png", figures=figures)]
+    html = html_of(contents(held_out=held_out))
+    assert "<p>extra.png is 7° from the photos.</p>" in html
+    assert "PSNR 25.00 dB, 7° from the photos" in html
+    assert "from the photos" not in html_of(contents(trusted=""))
+
+
 def test_a_page_asks_for_nothing():
     html = html_of(contents())
     for tag, attrs in tags_of(html):

@@ -1,0 +1,84 @@
+"""From where a scene may be looked at: the training cameras, and half-way between neighbours.
+
+What no such view shows, no photo has contradicted, and nothing is known of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import torch
+from jaxtyping import Bool, Float
+from nerfstudio.cameras.camera_utils import get_interpolated_poses
+from nerfstudio.cameras.cameras import Cameras
+from torch import Tensor
+
+from desplat_ns.backend.protocol import Splats, View
+from desplat_ns.rendering.in_view import in_view
+from desplat_ns.rendering.near_plane import is_beyond, scene_start
+from desplat_ns.rendering.views import view_of, views_of
+
+NEIGHBOURS = 3
+"""Of each camera. Along a path a camera has two; of cameras spread over a surface three are enough
+to go on from any to all around it."""
+
+
+def neighbours(poses: Float[Tensor, "V 3 4"]) -> list[tuple[int, int]]:
+    """Pairs (i, j), i < j, of cameras of which one is among the other's nearest `NEIGHBOURS`.
+
+    Only those count whose optical axes are less than a right angle apart: between two that look
+    elsewhere nobody looked.
+
+    Args:
+        poses: camera to world.
+    """
+    places, axes = poses[:, :, 3].double(), poses[:, :, 2].double()
+    apart = torch.cdist(places, places).masked_fill(axes @ axes.T <= 0, torch.inf)
+    apart.fill_diagonal_(torch.inf)
+    nearest, chosen = apart.topk(min(NEIGHBOURS, len(poses)), largest=False)
+    first, which = (nearest < torch.inf).nonzero().unbind(1)
+    second = chosen[first, which]
+    pairs = torch.stack([torch.minimum(first, second), torch.maximum(first, second)], dim=1)
+    return [(i, j) for i, j in pairs.unique(dim=0).tolist()]
+
+
+def halfway(one: Float[Tensor, "3 4"], other: Float[Tensor, "3 4"]) -> Float[Tensor, "3 4"]:
+    """The pose in the middle of two: of their places, and of the turn from one to the other."""
+    ends = (pose.cpu().double().numpy() for pose in (one, other))
+    return torch.as_tensor(get_interpolated_poses(*ends, steps=3)[1]).to(one)
+
+
+def allowed_views(cameras: Cameras) -> Iterator[View]:
+    """The views of all cameras, then those half-way between neighbours, with the lens of one.
+
+    Args:
+        cameras: the training cameras, shape [V].
+    """
+    yield from views_of(cameras)
+    poses = cameras.camera_to_worlds
+    for i, j in neighbours(poses):
+        yield view_of(cameras[i : i + 1], halfway(poses[i], poses[j]))
+
+
+@torch.no_grad()
+def seen_by_any(
+    splats: Splats, views: Iterable[View], points: Float[Tensor, "P 3"] | None, near_plane: float
+) -> Bool[Tensor, " N"]:
+    """Which Gaussians some view shows: they reach into its image and lie beyond its near plane.
+
+    What stands before them does not count: it may be gone in a view beside.
+
+    Args:
+        points: of the reconstruction; without them nothing is too near.
+        near_plane: of each view, as a share of the depth at which the scene starts there.
+    """
+    unseen = torch.arange(len(splats.means), device=splats.means.device)
+    for view in views:
+        rest = splats.rows(unseen)
+        shown = in_view(rest, view)
+        if points is not None and near_plane > 0:
+            shown &= is_beyond(rest.means, view, near_plane * scene_start(points, view))
+        unseen = unseen[~shown]
+    seen = torch.ones(len(splats.means), dtype=torch.bool, device=splats.means.device)
+    seen[unseen] = False
+    return seen
