@@ -71,7 +71,8 @@ def corners(image: UInt8[np.ndarray, "H W 3"]) -> Float[np.ndarray, "H W"]:
 def _mean_around(values: Float[np.ndarray, "H W"]) -> Float[np.ndarray, "H W"]:
     padded = np.pad(values, 1, mode="edge")
     height, width = values.shape
-    return sum(padded[i : i + height, j : j + width] for i in range(3) for j in range(3)) / 9
+    shifted = [padded[i : i + height, j : j + width] for i in range(3) for j in range(3)]
+    return np.sum(shifted, axis=0) / 9
 
 
 def sample_pixels(
