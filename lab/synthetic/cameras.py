@@ -67,10 +67,31 @@ def look_at(
     return viewmat
 
 
+@dataclass(frozen=True)
+class Stand:
+    """Where somebody stands who takes the photos, and looks; metres."""
+
+    distance: float = 5.0
+    """From the middle of the place, level."""
+    sway: float = 0.4
+    """How much nearer or farther at most."""
+    height: tuple[float, float] = (1.25, 2.1)
+    target: tuple[float, float, float] = (0.0, 0.3, 0.95)
+    """What the camera looks at."""
+    aim: float = 0.15
+    """How far it looks past the target at most, along each axis."""
+
+
+IN_THE_YARD = Stand()
+
+
 def arc(
-    azimuths: Float[np.ndarray, " V"], size: tuple[int, int], rng: np.random.Generator
+    azimuths: Float[np.ndarray, " V"],
+    size: tuple[int, int],
+    rng: np.random.Generator,
+    stand: Stand = IN_THE_YARD,
 ) -> list[PinholeCamera]:
-    """Cameras around the middle of the yard at `azimuths` (radians, 0 faces the back wall).
+    """Cameras around the middle of a place at `azimuths` (radians, 0 faces along y).
 
     Height, distance and target vary a little from camera to camera, as in a hand-held capture.
     """
@@ -78,9 +99,9 @@ def arc(
     K = np.array([[0.95 * width, 0, width / 2], [0, 0.95 * width, height / 2], [0, 0, 1.0]])
     cameras = []
     for azimuth in azimuths:
-        distance = 5.0 + rng.uniform(-0.4, 0.4)
+        distance = stand.distance + rng.uniform(-stand.sway, stand.sway)
         position = np.array([np.sin(azimuth) * distance, -np.cos(azimuth) * distance, 0.0])
-        position[2] = rng.uniform(1.25, 2.1)
-        target = np.array([0.0, 0.3, 0.95]) + rng.uniform(-0.15, 0.15, 3)
+        position[2] = rng.uniform(*stand.height)
+        target = np.array(stand.target) + rng.uniform(-stand.aim, stand.aim, 3)
         cameras.append(PinholeCamera(K, look_at(position, target), width, height))
     return cameras

@@ -21,6 +21,9 @@ BARE, BARE_INDOORS = 2.0, 0.02
 """What a place without structure counts as where points are sought; on bare walls none are found.
 """
 
+FAINT = 1.5
+"""Of 255 per pixel: corners fainter than this are not found again in other photos."""
+
 
 View: TypeAlias = tuple[PinholeCamera, UInt8[np.ndarray, "_ _ 3"], Float[np.ndarray, "_ _"]]
 """Camera, picture without occluders, and its depth in metres."""
@@ -48,17 +51,43 @@ class PointCloud:
         return PointCloud(*(array[:, which] for array in vars(self).values()))
 
 
+def slopes(image: UInt8[np.ndarray, "H W 3"], bare: float) -> Float[np.ndarray, "H W"]:
+    """How steep the grey values are, of 255 per pixel; `bare` is added everywhere."""
+    down, across = np.gradient(image.astype(np.float64).mean(axis=2))
+    return np.hypot(down, across) + bare
+
+
+def corners(image: UInt8[np.ndarray, "H W 3"]) -> Float[np.ndarray, "H W"]:
+    """The same in the direction in which the grey values around a pixel change least.
+
+    The root of the smaller eigenvalue of the mean of g g^T, with g the slope, over 3 x 3 pixels:
+    what tells a place that can be found again from a bare surface and from a straight edge.
+    """
+    down, across = np.gradient(image.astype(np.float64).mean(axis=2))
+    xx, yy, xy = (_mean_around(p) for p in (across * across, down * down, across * down))
+    return np.sqrt(np.maximum((xx + yy) / 2 - np.hypot((xx - yy) / 2, xy), 0.0))
+
+
+def _mean_around(values: Float[np.ndarray, "H W"]) -> Float[np.ndarray, "H W"]:
+    padded = np.pad(values, 1, mode="edge")
+    height, width = values.shape
+    shifted = [padded[i : i + height, j : j + width] for i in range(3) for j in range(3)]
+    return np.sum(shifted, axis=0) / 9
+
+
 def sample_pixels(
-    image: UInt8[np.ndarray, "H W 3"], count: int, rng: np.random.Generator, bare: float = BARE
+    image: UInt8[np.ndarray, "H W 3"],
+    count: int,
+    rng: np.random.Generator,
+    bare: float | None = BARE,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns of `count` pixels, likelier where the picture has structure.
 
     Args:
-        bare: the slope (of 255 per pixel) that a place without structure counts as.
+        bare: the slope (of 255 per pixel) that a place without structure counts as; None: only
+            `corners` count, less those below `FAINT`.
     """
-    grey = image.astype(np.float64).mean(axis=2)
-    down, across = np.gradient(grey)
-    weight = np.hypot(down, across) + bare
+    weight = slopes(image, bare) if bare is not None else np.maximum(corners(image) - FAINT, 0.0)
     chosen = rng.choice(weight.size, size=count, p=(weight / weight.sum()).ravel())
     rows, columns = np.unravel_index(chosen, weight.shape)
     return rows, columns
@@ -85,7 +114,7 @@ def sees(
 
 
 def sample_points(
-    views: Sequence[View], count: int, rng: np.random.Generator, bare: float = BARE
+    views: Sequence[View], count: int, rng: np.random.Generator, bare: float | None = BARE
 ) -> PointCloud:
     """`count` points, or as many as can be had, each seen by three of `views` or more.
 

@@ -11,21 +11,12 @@ from jaxtyping import Bool, Float, UInt8
 from desplat_ns.errors import ConfigError
 from lab.synthetic.cameras import PinholeCamera, arc
 from lab.synthetic.daylight import Daylight, develop, draw_daylights
-from lab.synthetic.grove import ground, trees
 from lab.synthetic.occluders import Effect, occluders_for_view
-from lab.synthetic.points import (
-    BARE,
-    BARE_INDOORS,
-    FEW_VIEWS,
-    PointCloud,
-    mean_colors,
-    sample_points,
-)
+from lab.synthetic.places import PLACES
+from lab.synthetic.points import FEW_VIEWS, PointCloud, mean_colors, sample_points
 from lab.synthetic.primitives import Primitive
 from lab.synthetic.render import Samples, draw, sky, to_pixels
-from lab.synthetic.room import glossy_things, walls_and_floor
 from lab.synthetic.spec import SceneSpec
-from lab.synthetic.yard import furniture, walls_and_ground
 
 LEAST_SKY = 0.01
 """A sky that fills less than this fraction of the photos is a mistake in the spec."""
@@ -76,12 +67,13 @@ class Scene:
 def make_cameras(spec: SceneSpec) -> tuple[list[PinholeCamera], list[PinholeCamera]]:
     """Training cameras and extras; the extras stand between training cameras."""
     half, size = np.radians(spec.arc_degrees) / 2, (spec.width, spec.height)
+    stand = PLACES[spec.place].stand
     train = np.linspace(-half, half, spec.num_views)
     gaps = np.linspace(1, spec.num_views - 3, spec.num_extras).round().astype(int)
     extra = (train[gaps] + train[gaps + 1]) / 2
     return (
-        _vary_sizes(spec, arc(train, size, spec.rng(0)), spec.rng(6)),
-        _vary_sizes(spec, arc(extra, size, spec.rng(1)), spec.rng(7)),
+        _vary_sizes(spec, arc(train, size, spec.rng(0), stand), spec.rng(6)),
+        _vary_sizes(spec, arc(extra, size, spec.rng(1), stand), spec.rng(7)),
     )
 
 
@@ -119,20 +111,12 @@ class _Drawing:
         return Frame(name, self.camera, image, depth, np.zeros_like(depth), daylight)
 
 
-def _static_scene(spec: SceneSpec) -> tuple[list[Primitive], list[Primitive]]:
-    """What casts shadows, and what is around it."""
-    if spec.place == "room":
-        return glossy_things(), walls_and_floor(spec.wall_height)
-    if spec.place == "grove":
-        return trees(), ground()
-    return furniture(), walls_and_ground(spec.wall_height)
-
-
 def _draw_static(
     spec: SceneSpec, cameras: list[PinholeCamera], rng: np.random.Generator
 ) -> list[_Drawing]:
-    things, around = _static_scene(spec)
-    world = around + things
+    place = PLACES[spec.place]
+    things = place.things()
+    world = place.around(spec.wall_height) + things
     daylights: list[Daylight | None] = [None] * len(cameras)
     if spec.daylight is not None:
         daylights = [*draw_daylights(spec.daylight, len(cameras), rng)]
@@ -215,8 +199,7 @@ def make_scene(spec: SceneSpec) -> Scene:
     names += [_name(spec, "extra", i) for i in range(len(extra))]
     plain = [d.frame(n, spec.supersample, None) for n, d in zip(names, drawings, strict=True)]
     views = [(frame.camera, frame.image, frame.depth) for frame in plain]
-    bare = BARE_INDOORS if spec.place == "room" else BARE
-    points = sample_points(views, spec.num_points, spec.rng(3), bare)
+    points = sample_points(views, spec.num_points, spec.rng(3), PLACES[spec.place].bare)
     crowd = _Crowd(spec, points)
     clutter = [
         crowd.join(i, _name(spec, "clutter", i), d) for i, d in enumerate(drawings[: len(train)])

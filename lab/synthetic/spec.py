@@ -10,9 +10,9 @@ import numpy as np
 from desplat_ns.errors import ConfigError
 from lab.synthetic.daylight import DaylightSpec
 from lab.synthetic.occluders import OccluderSpec
+from lab.synthetic.places import PLACES
 
 LAYOUTS = ("robustnerf", "phototourism")
-PLACES = ("yard", "room", "grove")
 
 _OFF_BY_DEFAULT = ("daylight", "other_sizes", "layout", "place")
 
@@ -51,8 +51,9 @@ class SceneSpec:
     layout: str = "robustnerf"
     """How the files are arranged and named: `robustnerf` or `phototourism`, see `write_scene`."""
     place: str = "yard"
-    """`yard`, where everything has texture, `room`: bare walls around glossy things, or `grove`:
-    trees whose bark and leaves are as fine as a pixel, with the sky around."""
+    """`yard`, where everything has texture; `room`: bare walls around glossy things; `grove`:
+    trees whose bark and leaves are as fine as a pixel, with the sky around; `facade`: a house
+    behind a lawn; `table`: things on a table, with a room far behind."""
 
     def __post_init__(self) -> None:
         if self.num_views < 3 or self.num_extras < 1:
@@ -115,6 +116,34 @@ class SceneSpec:
         """All around a tree, outdoors."""
         room = cls.bare_room(num_views, seed)
         return replace(room, place="grove", occluders=OccluderSpec())
+
+    @classmethod
+    def facade(cls, num_views: int, seed: int = 0) -> SceneSpec:
+        """A walk past a house behind a lawn, with trees that only photos from its ends show."""
+        return cls(
+            num_views=num_views,
+            width=192,
+            height=128,
+            arc_degrees=36.0,
+            num_points=2500,
+            point_noise=0.02,
+            seed=seed,
+            place="facade",
+        )
+
+    @classmethod
+    def table_top(cls, num_views: int, seed: int = 0) -> SceneSpec:
+        """More than half around a table; each part of the room behind is in a few photos."""
+        return cls(
+            num_views=num_views,
+            num_extras=8,
+            width=192,
+            height=128,
+            arc_degrees=200.0,
+            num_points=3000,
+            seed=seed,
+            place="table",
+        )
 
     @property
     def sizes(self) -> list[tuple[int, int]]:

@@ -44,6 +44,11 @@ def test_what_is_off_leaves_no_trace_in_the_record():
     assert (room["occluders"]["faint"], room["occluders"]["lingering"]) == (0.25, 0.2)
 
 
+def test_new_places_have_specs_of_their_own():
+    assert SceneSpec.facade(8).to_dict()["place"] == "facade"
+    assert SceneSpec.table_top(20).to_dict()["place"] == "table"
+
+
 def test_each_purpose_has_random_numbers_of_its_own():
     spec = SceneSpec(seed=3)
     assert spec.rng(2, 1).random() == spec.rng(2, 1).random()
