@@ -86,6 +86,7 @@ def separating_distractors() -> DistractorConfig:
         static_warmup=6_000,
         lambda_d=0.1,
         initial_opacity=0.5,
+        leak=0.03,
         clearance=0.5,
         refine_when_next_seen=True,
         refine_visits=5,

@@ -9,6 +9,7 @@ from desplat_ns.backend.ssim import ssim
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.views import image_points, view_of
+from desplat_ns.separation.placement import distractor_weight
 from tests.helpers.guarded_trainer import GuardedTrainer, everywhere
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
@@ -113,6 +114,25 @@ def test_a_region_is_left_out_of_the_static_loss_from_twice_the_warm_up_on(step_
     distractors_of(model, 0)["opacities"].data.fill_(-20.0)  # but cover nothing yet
     loss = trainer.visit(step_seen, 0)["losses"]["static_photometric"]
     assert (loss < 0.05) == (step_seen == 90)
+
+
+@pytest.mark.parametrize(("step", "share"), [(0, 0.2), (15_000, 0.0)])
+def test_what_distractors_own_leaks_into_l1_as_long_as_the_static_set_grows(step, share):
+    model = a_dense_model(start="everywhere", static_warmup=0)
+    Trainer(model).step(0)
+    assert model.layer is not None
+    model.step = step
+    outputs = model(camera(0))
+    static, photo = outputs["rgb_static"], 1 - outputs["rgb_static"].detach()
+    loss = {}
+    for leak in (0.0, 0.25):
+        model.layer.config.leak = leak
+        losses = model.get_loss_dict(outputs, {"image": photo})
+        loss[leak] = losses["static_photometric"].item()
+    owned = distractor_weight(outputs["alpha_distractor"])
+    leaked = share * (owned * (static - photo).abs()).mean().item()
+    assert loss[0.25] - loss[0.0] == pytest.approx(leaked, rel=1e-4, abs=1e-6)
+    assert (leaked > 0.01) == (step == 0)
 
 
 def test_without_distractors_in_the_view_splatfactos_loss_and_the_transparency_are_left():

@@ -45,6 +45,11 @@ class DistractorConfig:
     static_alone: bool = False
     """Train the static scene by a photometric loss of its own, on the pixels that no distractor
     covers; the composite's loss then trains distractors only. The paper has one loss for both."""
+    leak: float = ranged(0.0, "[0, 1]")
+    """With static_alone: weight in L1, of the static scene's own loss, of a pixel that distractors
+    own, as long as the static set grows. Where most photos leave a place out nothing else moves it,
+    and Adam learns it at full speed: what most photos of a place show is not in the way. Where an
+    occluder hides what others show, they outvote it. The paper has one loss for both."""
     clearance: float = ranged(0.0, "[0, 1)")
     """Static Gaussians nearer to a training camera than this share of the depth at which the scene
     starts there, by the seed points, are removed: they show what stands in that photo alone. The

@@ -41,12 +41,6 @@ from desplat_ns.training.losses import (
     static_transparency_loss,
 )
 
-LEAK = 0.03
-"""Weight in L1, of the static scene's own loss, of a pixel that distractors own, as long as the
-scene grows (`stop_split_at`). Where most photos leave a place out, nothing else moves it, and
-Adam learns it at full speed: what most of the photos of a place show is not in the way. Where an
-occluder hides what others show, they outvote it thirty to one."""
-
 
 @dataclass(repr=False)
 class TrainStep:
@@ -184,7 +178,8 @@ class DistractorLayer:
             ignored = regions if train_step.number >= config.leave_out_at else None
             owned = distractor_weight(alpha_d, ignored)
             learns = train_step.number < self.static.stop_split_at
-            losses |= self._photometric_losses(train_step, owned, LEAK if learns else 0.0, mask)
+            leak = config.leak if learns else 0.0
+            losses |= self._photometric_losses(train_step, owned, leak, mask)
         return losses
 
     def _photometric_losses(
