@@ -56,9 +56,12 @@ PLACES = {
     "other15": SceneSpec.bare_room(15, seed=8),
     "other40": SceneSpec.bare_room(40, seed=8),
     "other18": SceneSpec.fine_grove(18, seed=8),
+    "facade8": SceneSpec.facade(8, seed=8),
+    "facade16": SceneSpec.facade(16, seed=8),
+    "table20": SceneSpec.table_top(20, seed=8),
 }
-"""Generated rooms of bare walls and gloss, and groves as fine as a pixel, seen from all around.
-Thresholds were chosen on those of seed 7; the others are kept out."""
+"""Generated rooms of bare walls and gloss, groves as fine as a pixel, houses behind a lawn and
+tables before a far room. Thresholds were chosen on those of seed 7; the others are kept out."""
 
 FEW = {"few12": 12, "few20": 20}
 """So many of `fox_cluttered`'s views. Thresholds were chosen on `few12`; `few20` is kept out."""
@@ -77,7 +80,7 @@ CLEAN = "-clean"
 CLUTTERED = ("robustnerf-data",)
 TWINS = (*CLUTTERED, "--train-split-clean-clutter-ratio", "0")
 
-HALVED = ("clutter", "around", *FEW, *HARD)
+HALVED = ("clutter", "around", "castle", *FEW, *HARD)
 """Scenes whose photos are used at half their size."""
 
 YARDS = (8, 16, 24, 40, 60)
@@ -85,6 +88,7 @@ YARDS = (8, 16, 24, 40, 60)
 
 
 FOX, AROUND = RealCapture("fox_cluttered"), RealCapture("monstree_cluttered")
+CASTLE = RealCapture("sceaux_cluttered")
 YARD = GeneratedCapture("yard", SceneSpec())
 
 
@@ -115,6 +119,8 @@ SCENES = {
     "clean": Scene(FOX, TWINS),
     "around": Scene(AROUND, CLUTTERED),
     "around-clean": Scene(AROUND, TWINS),
+    "castle": Scene(CASTLE, CLUTTERED),
+    "castle-clean": Scene(CASTLE, TWINS),
     "still": Scene(RealCapture("fox"), ("colmap",)),
     "still-tree": Scene(RealCapture("monstree"), ("colmap",)),
     "yard": Scene(YARD, CLUTTERED),
@@ -166,7 +172,7 @@ def _of_others(steps: int, seeds: int) -> Iterator[Run]:
 def _of_unfamiliar(seeds: int) -> Iterator[Run]:
     """Captures of the kinds that users bring, 3,000 steps: few views, bare walls, gloss, fine
     detail outdoors."""
-    for scene in (*PLACES, *LIT, *FEW):
+    for scene in (*PLACES, *LIT, *FEW, "castle"):
         downscale = downscale_of(scene)
         yield from _runs("off desplat", scene, downscale, 3000, seeds)
         yield from _runs("off", scene + CLEAN, downscale, 3000, seeds)
