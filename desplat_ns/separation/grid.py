@@ -53,11 +53,16 @@ def _shares(
     pixels: int, cells: int, dtype: torch.dtype, device: torch.device
 ) -> Float[Tensor, "cells pixels"]:
     """Weight of each pixel of a line in the mean of each cell."""
+    return line_shares(pixels, cells).to(device, dtype)
+
+
+def line_shares(pixels: int, cells: int) -> Float[Tensor, "cells pixels"]:
+    """The same, in float64 and on the host."""
     ends = torch.arange(cells + 1, dtype=torch.float64) * (pixels / cells)
     first = torch.arange(pixels, dtype=torch.float64)
     least = torch.maximum(ends[:-1, None], first)
     most = torch.minimum(ends[1:, None], first + 1)
-    return ((most - least).clamp(min=0) * (cells / pixels)).to(device, dtype)
+    return (most - least).clamp(min=0) * (cells / pixels)
 
 
 def counted_cells(mask: Bool[Tensor, "H W 1"]) -> Bool[Tensor, "rows columns"]:
