@@ -75,6 +75,11 @@ def region_pixels(
     regions: Bool[Tensor, "rows columns"], height: int, width: int
 ) -> Bool[Tensor, "H W 1"]:
     """The pixels whose cell is in a region."""
+    if regions.is_cpu:  # a fifth of the time
+        for dim, pixels in ((1, width), (0, height)):
+            cells = torch.arange(regions.shape[dim], dtype=torch.float32)[None, None]
+            regions = regions.index_select(dim, F.interpolate(cells, size=pixels)[0, 0].int())
+        return regions[..., None]
     cells = regions[None, None].to(torch.float32)
     return F.interpolate(cells, size=(height, width))[0, 0, :, :, None] > 0
 

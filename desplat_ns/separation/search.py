@@ -134,7 +134,7 @@ def find_regions(comparison: Comparison, config: DistractorConfig) -> Bool[Tenso
     return found if counted is None else found & counted
 
 
-def _floats(*numbers: float) -> tuple[np.float32, ...]:
+def _floats(*numbers: float | int) -> tuple[np.float32, ...]:
     return tuple(map(np.float32, numbers))
 
 
