@@ -200,7 +200,7 @@ MUTATIONS = (
     Mutation("sums over windows depend on where a band of rows begins",
              "backend/numba_kernels/windows.py",
              "if r % sums.restart == 0 or sums.last[0] != first:", "if sums.last[0] != first:",
-             SEARCH),
+             "tests/backend/numba_kernels/test_windows.py"),
     # Photos in bounded memory
     Mutation("photos are held beyond the bound", "data/photo_cache.py",
              "used + self._sizes[photo] > self._most", "used > self._most", PHOTOS),
