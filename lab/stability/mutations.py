@@ -46,6 +46,7 @@ RESPONSE = "tests/photo_tourism/test_camera_response.py"
 PLAN = "tests/calibration/test_run_plan.py -k too_large"
 MATCHES = "tests/process/test_matches.py"
 SURVEY = "tests/survey/test_survey.py"
+SEARCH, PHOTOS = "tests/separation/test_search.py", "tests/data/test_photo_cache.py"
 
 
 @dataclass(frozen=True)
@@ -192,6 +193,18 @@ MUTATIONS = (
     Mutation("poses learn nothing", "lit_model.py",
              "pose = self.camera_optimizer.apply_to_camera(camera)",
              "pose = self.camera_optimizer.apply_to_camera(camera).detach()", GRADIENTS),
+    Mutation("the compiled search finds weak regions without a strong cell",
+             "backend/numba_kernels/search.py",
+             "kinds[r * columns + j] == 2 and", "kinds[r * columns + j] >= 1 and", SEARCH),
+    Mutation("sums over windows depend on where a band of rows begins",
+             "backend/numba_kernels/windows.py",
+             "if r % sums.restart == 0 or sums.last[0] != first:", "if sums.last[0] != first:",
+             "tests/backend/numba_kernels/test_windows.py"),
+    # Photos in bounded memory
+    Mutation("photos are held beyond the bound", "data/photo_cache.py",
+             "used + self._sizes[photo] > self._most", "used > self._most", PHOTOS),
+    Mutation("the photo goes whose turn comes first", "data/photo_cache.py",
+             "last = max(self._held", "last = min(self._held", PHOTOS),
     # What a budget buys
     Mutation("Gaussians beyond those that are measured cost nothing", _PLAN,
              "measured.fixed * max(1.0, expected / count) * placed", "measured.fixed * placed",

@@ -85,6 +85,15 @@ def test_the_pixels_of_a_region_are_those_of_its_cells(size):
     assert torch.equal(region_pixels(regions, *size)[..., 0], regions[rows][:, columns])
 
 
+@pytest.mark.parametrize("size", [(40, 60), (97, 131), (805, 1203), (1, 2000)])
+def test_a_gpu_takes_the_same_pixels_by_other_ways(size, monkeypatch):
+    columns, rows = grid_of(size[1], size[0])
+    regions = torch.rand(rows, columns, generator=torch.Generator().manual_seed(0)) < 0.5
+    found = region_pixels(regions, *size)
+    monkeypatch.setattr(torch.Tensor, "is_cpu", False)
+    assert torch.equal(region_pixels(regions, *size), found)
+
+
 def test_masks_of_all_shapes_arrive_together_as_they_were():
     generator = torch.Generator().manual_seed(0)
     masks = [torch.rand(shape, generator=generator) > 0.5 for shape in ((7,), (3, 4), (0,), ())]

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from desplat_ns.backend.numba_kernels import binning, over, passes, projection, sh, ssim
+from desplat_ns.backend.numba_kernels import binning, over, passes, projection, search, sh, ssim
 from desplat_ns.backend.numba_kernels.pixels import Limits
+from desplat_ns.backend.numba_kernels.windows import Grid
 
 
 class Launch(NamedTuple):
@@ -54,6 +55,10 @@ def launches() -> tuple[Launch, ...]:
     colors = (floats, floats, ints, floats, terms, floats, sizes)
     drawn = (number, limits)
     images = (floats, floats, floats, wanted, *size)
+    both, flags, weights = (floats,) * 2, np.empty(0, np.bool_), np.empty((0, 0), np.float32)
+    cells, three, pair = Grid(keys, weights, keys, weights), (floats,) * 3, (scale,) * 2
+    memory = (*three, sums)
+    rules, edges = (scale,) * 5, (number, cutoff)
     found = (
         (passes.draw_frame, lists, number, grid, frame, *drawn, *turn),
         (passes.backward_frame, lists, number, grid, frame, frame, *drawn, floats, *turn),
@@ -65,6 +70,12 @@ def launches() -> tuple[Launch, ...]:
         (over.put_over, *four, *turn),
         (over.pull_under, *four, floats, *turn),
         (over.pull_within, *four[:3], *turn),
+        (search.find_cells, both, size, floats, cells, size, edges, rules, cutoff, flags, number),
+        (search.compare_images, both, cells, cells, number, scale, both, floats, number),
+        (
+            *(search.remember, floats, flags, pair, three, (scale,) * 4, floats, flags, number),
+            *(size, memory, ints, floats, *turn),
+        ),
         (binning._visible_keys, gaussians, places, ints, cutoff, keys),
         (binning._sorted, keys, keys),
         (binning._measure, gaussians, ints, *records, *turn),

@@ -23,7 +23,9 @@ from desplat_ns.backend.numba_kernels.runtime import (
 )
 from desplat_ns.backend.over import in_range, over
 from desplat_ns.backend.ssim import ssim
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from tests.backend.scenes import random_scene
+from tests.helpers.well_known_scene import WellKnownScene
 
 
 def test_every_kernel_that_a_step_launches_is_compiled_beforehand_with_its_types():
@@ -37,6 +39,7 @@ def test_every_kernel_that_a_step_launches_is_compiled_beforehand_with_its_types
         image = in_range(over(drawn.rgb, drawn.alpha, torch.zeros(3)))
         photo = torch.zeros(16, 16, 3, requires_grad=True)
         (ssim(photo, torch.zeros(16, 16, 3)) + image.sum()).backward()
+    WellKnownScene().find(torch.rand(40, 60, 3), 40, DistractorConfig(start="residual"))
     known = {launch.kernel: launch.types for launch in launches()}
     assert compiling.have_compiled in before_first_launch
     assert {one for one in kernels if one.targetoptions.get("parallel")} <= set(known)

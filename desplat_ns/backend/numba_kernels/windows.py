@@ -1,0 +1,173 @@
+"""Parts of `search`: means over cells, sums over windows, and cells that are connected."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from desplat_ns.backend.numba_kernels.runtime import kernel
+
+
+class Grid(NamedTuple):
+    """Which pixels cells are the means of: the first row of pixels of each row of cells, weights of
+    this one and of those that follow, [pixels, cells]; and the same of columns."""
+
+    top: np.ndarray
+    down: np.ndarray
+    left: np.ndarray
+    along: np.ndarray
+
+
+@kernel()
+def rows_of(grid, first, end):
+    """From the first to behind the last row of an image that make up rows of cells."""
+    return int(grid.top[first]), int(grid.top[end - 1]) + grid.down.shape[0]
+
+
+@kernel()
+def add_rows(image, length, grid, r, line):
+    """A row of cells that is as long as a row of the image, `length` numbers."""
+    line[:length] = 0
+    for k in range(grid.down.shape[0]):
+        weight, row = grid.down[k, r], image[(int(grid.top[r]) + k) * length :]
+        if weight > 0:
+            for j in range(length):
+                line[j] += weight * row[j]
+
+
+@kernel()
+def add_columns(line, grid, out):
+    """Cells of a row of one channel."""
+    out[:] = 0
+    for k in range(grid.along.shape[0]):
+        for c in range(np.uint64(out.size)):
+            out[c] += grid.along[k, c] * line[grid.left[c] + np.uint64(k)]
+
+
+@kernel()
+def add_colors(line, grid, out, at, plane):
+    """Cells of a row of three channels that lie side by side, as a row of each of three planes."""
+    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
+    for c in range(np.uint64(grid.left.size)):
+        i, to = three * grid.left[c], np.uint64(at) + c
+        r = g = b = np.float32(0)
+        for k in range(grid.along.shape[0]):
+            weight = grid.along[k, c]
+            r, g, b = r + weight * line[i], g + weight * line[i + one], b + weight * line[i + two]
+            i += three
+        out[to], out[to + np.uint64(plane)], out[to + np.uint64(2 * plane)] = r, g, b
+
+
+class Sums(NamedTuple):
+    """What is kept from row to row of the sums over windows of 2 half + 1 cells a side.
+
+    Cells are in rows of several planes, one behind the other, each between `half` zeros.
+    """
+
+    half: int
+    restart: int
+    """Rows after which sums of columns are taken anew, not from those of the row above."""
+    below: np.ndarray
+    """Sums of columns of cells, as long as a row."""
+    last: np.ndarray
+    """Number of their row, [1]."""
+    found: np.ndarray
+    """Sums over the windows of a row, as far as they are in the image; that around a cell lies
+    `half` before it."""
+    across: np.ndarray
+    """Columns in the windows of a row of one plane."""
+
+
+@kernel()
+def sums_of(cells, columns, half, restart):
+    """None so far; `columns` are those of a plane."""
+    length, across = cells.shape[1], np.empty(columns, np.float32)
+    for j in range(columns):
+        across[j] = min(j + half, columns - 1) - max(j - half, 0) + 1
+    return Sums(half, restart, np.empty(length), np.full(1, -2), np.empty(length), across)
+
+
+@kernel()
+def _add(row, sign, below):
+    for j in range(below.size):
+        below[j] += sign * row[j]
+
+
+@kernel()
+def add_windows(cells, r, sums):
+    """Find the sums of a row, in float64; how many rows its windows have."""
+    rows, half, below, total = cells.shape[0], sums.half, sums.below, sums.found
+    first = r - 1
+    if r % sums.restart == 0 or sums.last[0] != first:
+        first = r - r % sums.restart
+        below[:] = 0
+        for i in range(max(first - half, 0), min(first + half + 1, rows)):
+            _add(cells[i], 1.0, below)
+    for i in range(first + 1, r + 1):
+        if i + half < rows:
+            _add(cells[i + half], 1.0, below)
+        if i > half:
+            _add(cells[i - half - 1], -1.0, below)
+    sums.last[0], end = r, below.size - 2 * half
+    total[:end] = below[half : half + end]
+    for k in range(1, half + 1):
+        a, b = below[half - k :], below[half + k :]
+        for j in range(end):
+            total[j] += a[j] + b[j]
+    return min(r + half + 1, rows) - max(r - half, 0)
+
+
+@kernel()
+def clear_between(row, columns, half):
+    """Zeros before and behind each plane of a row of cells."""
+    for first in range(0, row.size, columns + 2 * half):
+        for j in range(first, first + half):
+            row[j] = row[j + half + columns] = 0
+
+
+@kernel()
+def flood(cells, start, new, around, stack):
+    """Change a cell and all that hold the same and are connected with it; how many.
+
+    Args:
+        around: how far off a cell's neighbours are.
+        stack: as long as `cells`.
+    """
+    old, waiting, count = cells[start], 1, 0
+    cells[start], stack[0] = new, start
+    while waiting > 0:
+        waiting, count = waiting - 1, count + 1
+        here = stack[waiting]
+        for step in around:
+            if cells[here + step] == old:
+                cells[here + step], stack[waiting] = new, here + step
+                waiting += 1
+    return count
+
+
+@kernel()
+def close(cells, spread, shape):
+    """Cells that hold 2 become 1, and so do gaps of up to two cells between them; all others 0, and
+    beyond a border of 0 a wall of 1. What is at the image's border goes on beyond it."""
+    rows, columns = shape
+    w, one, size = np.uint64(columns + 4), np.uint64(1), np.uint64(cells.size)
+    grid = cells.reshape(rows + 4, columns + 4)
+    for k in range(size):
+        cells[k] = cells[k] >> np.uint8(1)
+    for k in range(1, -1, -1):
+        for j in range(columns + 4):
+            grid[k, j], grid[rows + 3 - k, j] = grid[2, j], grid[rows + 1, j]
+        for r in range(rows + 4):
+            grid[r, k], grid[r, columns + 3 - k] = grid[r, 2], grid[r, columns + 1]
+    for k in range(w + one, size - w - one):
+        a = cells[k - w - one] | cells[k - w] | cells[k - w + one] | cells[k - one] | cells[k]
+        spread[k] = a | cells[k + one] | cells[k + w - one] | cells[k + w] | cells[k + w + one]
+    for k in range(w + one, size - w - one):
+        a = spread[k - w - one] & spread[k - w] & spread[k - w + one] & spread[k - one] & spread[k]
+        cells[k] = a & spread[k + one] & spread[k + w - one] & spread[k + w] & spread[k + w + one]
+    for k in range(2):
+        for j in range(k, columns + 4 - k):
+            grid[k, j] = grid[rows + 3 - k, j] = 1 - k
+        for r in range(k, rows + 4 - k):
+            grid[r, k] = grid[r, columns + 3 - k] = 1 - k
