@@ -118,13 +118,6 @@ class DistractorConfig:
     opacities_lr: float = ranged(0.05, "[0, inf)")
     """Of the logits of their opacities; Splatfacto's."""
 
-    @property
-    def leave_out_at(self) -> int:
-        """With start residual and static_alone: step from which the static scene's own loss leaves
-        out whole regions, twice the warm-up. Until then only what distractors cover, so that the
-        scene gets a chance to learn what several photos show."""
-        return 2 * self.static_warmup
-
     def rates_at(self, step: int) -> dict[str, float]:
         """Learning rates at a step, by the names of parameters."""
         t = min(step / self.means_lr_steps, 1.0) if self.means_lr_steps > 0 else 1.0

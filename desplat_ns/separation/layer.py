@@ -176,10 +176,8 @@ class DistractorLayer:
             "static_transparency": config.lambda_s * static_transparency_loss(alpha_s),
         }
         if config.static_alone and train_step.distractors is not None:
-            ignored = regions if train_step.number >= config.leave_out_at else None
-            owned = distractor_weight(alpha_d, ignored)
-            learns = train_step.number < self.static.stop_split_at
-            leak = config.leak if learns else 0.0
+            owned = distractor_weight(alpha_d, regions)
+            leak = config.leak if train_step.number < self.static.stop_split_at else 0.0
             losses |= self._photometric_losses(train_step, owned, leak, mask)
         return losses
 

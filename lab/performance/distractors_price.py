@@ -3,11 +3,10 @@
     python -m lab.performance.distractors_price       (minutes)
 
 Both have the same static Gaussians, and a step is the trainer's with its bookkeeping (`WholeStep`,
-which says what is left out; that new distractors are placed is left out, too). A run goes through
-three phases: in the warm-up only statistics are added; then regions are looked for and distractors
-drawn; from `leave_out_at` on the static loss leaves out whole regions. Photos have nothing in the
-way; or something that covers a share of their middle, with distractors as they have just been
-placed; or 300 distractors over the whole of them.
+which says what is left out; that new distractors are placed is left out, too). In a run's warm-up
+only statistics are added; then regions are looked for, distractors drawn, and the static loss
+leaves regions out. Photos have nothing in the way; or something that covers a share of their
+middle, with distractors as they have just been placed; or 300 distractors over the whole of them.
 """
 
 from __future__ import annotations

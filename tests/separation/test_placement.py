@@ -153,7 +153,7 @@ def test_with_two_photos_nothing_is_placed_and_all_of_them_train():
     trained = Trained(num_views=2)
     for _ in range(5):
         trained.step(0, trained.scene.photo)
-    step = trained.step(WARMED_UP.leave_out_at, trained.scene.with_an_occluder())
+    step = trained.step(100, trained.scene.with_an_occluder())
     assert step.regions is None
     assert trained.count == 0
 
