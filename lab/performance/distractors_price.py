@@ -38,8 +38,8 @@ PHOTOS, COUNTS = ((180, 240), (270, 480), (800, 1200)), (10_000, 50_000, 200_000
 SIZES = tuple((count, *photo) for photo in PHOTOS for count in COUNTS)
 """Static Gaussians, width, height."""
 
-WARM_UP, BEFORE, AFTER = "warm-up", "before", "after"
-WARM_UPS = {WARM_UP: SETTLED + 1, BEFORE: SETTLED, AFTER: 0}
+WARM_UP, AFTER = "warm-up", "after"
+WARM_UPS = {WARM_UP: SETTLED + 1, AFTER: 0}
 """Length of the warm-up with which `SETTLED` lies in a phase."""
 
 COVERED = 0.15
@@ -50,10 +50,9 @@ NONE, SOME, ALL = "none", f"{COVERED:.0%} covered", f"{PLACED} everywhere"
 OFF = "off"
 CASES: dict[str, tuple[str, str]] = {
     "warm-up": (NONE, WARM_UP),
-    "none, after": (NONE, AFTER),
-    f"{SOME}, before": (SOME, BEFORE),
-    f"{SOME}, after": (SOME, AFTER),
-    f"{ALL}, after": (ALL, AFTER),
+    NONE: (NONE, AFTER),
+    SOME: (SOME, AFTER),
+    ALL: (ALL, AFTER),
 }
 """What is in the way, and the phase."""
 

@@ -9,7 +9,6 @@ from desplat_ns.separation import layer
 from lab.front.whole_step import SETTLED, Size, WholeStep
 from lab.performance.distractors_price import (
     AFTER,
-    BEFORE,
     CASES,
     OFF,
     SIZES,
@@ -35,10 +34,10 @@ def test_a_phase_draws_and_leaves_out_what_a_run_does_in_it(monkeypatch):
         commit(self, train_step, *args)
 
     monkeypatch.setattr(layer.DistractorLayer, "commit", watched)
-    for phase in (WARM_UP, BEFORE, AFTER):
+    for phase in (WARM_UP, AFTER):
         in_phase(step, phase)
-    assert drawn == [False, True, True]
-    assert ignored[0] is None and ignored[1] is not None
+    assert drawn == [False, True]
+    assert len(ignored) == 1 and ignored[0] is not None
     assert step.model.distractors is not None and step.model.distractors.total == 5 * 3
 
 
@@ -47,7 +46,7 @@ def test_every_case_takes_steps_of_the_same_static_scene():
     assert list(cases) == [OFF, *CASES]
     for step in cases.values():
         step()
-    assert {phase for _, phase in CASES.values()} == {WARM_UP, BEFORE, AFTER}
+    assert {phase for _, phase in CASES.values()} == {WARM_UP, AFTER}
 
 
 def test_what_is_in_the_way_covers_its_share_of_the_photo():
