@@ -65,8 +65,8 @@ def test_what_was_pasted_over_photos_after_their_reconstruction_is_no_light(
 ):
     pasted = replace(make_capture(), photos=make_capture(cluttered=True).photos)
     found, evidence = survey_with_evidence(pasted)
-    nothing = np.zeros_like(evidence.seen.is_shown)
-    as_light = appearance_finding(evidence.seen, evidence.light, nothing)
+    everywhere = np.ones_like(evidence.seen.is_shown)
+    as_light = appearance_finding(evidence.seen, evidence.light, everywhere)
     assert share_of_places(as_light) > 1.5 * share_of_places(found.appearance)
     assert found.appearance.decision == "off"
 
@@ -80,10 +80,10 @@ def share_of_places(found: Finding) -> float:
 def test_what_is_in_the_way_is_no_light(make_capture: Callable[..., Capture]):
     _, evidence = survey_with_evidence(make_capture(cluttered=True))
     seen, light = evidence.seen, evidence.light
-    in_the_way = np.zeros_like(seen.is_shown)
-    in_the_way[2] = True
-    every = local_steps(seen, light, np.zeros_like(in_the_way))
-    some_steps = local_steps(seen, light, in_the_way)
+    is_confirmed = np.ones_like(seen.is_shown)
+    every = local_steps(seen, light, is_confirmed)
+    is_confirmed[2] = False
+    some_steps = local_steps(seen, light, is_confirmed)
     of_the_photo = light.photo == 2
     assert np.isfinite(every[of_the_photo]).any()
     assert np.isnan(some_steps[of_the_photo]).all()
