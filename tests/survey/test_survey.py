@@ -104,6 +104,15 @@ def test_skies_are_told_apart(make_capture: Callable[..., Capture], daylight, de
     assert found.decisions() == {**OFF, "background": decision}
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("cluttered", [False, True])
+def test_the_walls_behind_a_table_that_one_looks_down_on_are_no_sky(
+    make_capture: Callable[..., Capture], cluttered: bool
+):
+    found = survey(make_capture(cluttered, place="table", arc_degrees=150.0))
+    assert found.decisions() == {**OFF, "distractors": cluttered}
+
+
 @pytest.fixture(scope="module")
 def sky_masks(small_spec: SceneSpec) -> list[np.ndarray]:
     """Where each photo of the small scene with low walls shows the sky."""
