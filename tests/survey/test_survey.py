@@ -53,7 +53,9 @@ def test_a_sun_that_moves_is_a_matter_of_places(
 @pytest.mark.slow
 @pytest.mark.parametrize("place", ["room", "grove"])
 def test_gloss_and_fine_detail_are_no_light(make_capture: Callable[..., Capture], place: str):
-    found = survey(make_capture(place=place, arc_degrees=324.0, wall_height=5.0)).appearance
+    found = survey(
+        make_capture(num_views=18, place=place, arc_degrees=324.0, wall_height=5.0)
+    ).appearance
     figures = {figure.name: figure for figure in found.figures}
     assert figures["local"].is_above
     assert found.decision == "off"
