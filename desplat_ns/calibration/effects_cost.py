@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
@@ -10,13 +11,16 @@ import torch
 
 from desplat_ns.calibration.model_step import ModelStep
 from desplat_ns.calibration.scenes import make_scene
-from desplat_ns.calibration.timing import time_in_turns
+from desplat_ns.calibration.timing import Timing, time_in_turns
 from desplat_ns.settings.effects import Effects
 
 MOST_PIXELS, MOST_GAUSSIANS = 200_000, 50_000
 """Larger photos and scenes are measured smaller, which takes seconds: ratios are what is asked."""
 
-ROUNDS = 3
+ROUNDS = 5
+
+WIDE = 1.25
+"""The middle half of the rounds' ratios spans a larger factor: something else disturbed them."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +46,11 @@ class EffectsCost:
 
     effects: Effects
     milliseconds: float
-    """Of a training step, wall time, the least of all turns: other programs only add to it."""
+    """Of a training step, median of the rounds: CPU time of all threads, on a GPU wall time."""
     ratio: float
-    """Of that to a step with nothing on."""
+    """Of that to a step with nothing on in the same round, median of the rounds."""
+    ratio_range: tuple[float, float]
+    """The quarter and three quarters of the rounds' ratios."""
     extra_bytes: int
     """Parameters and optimizer state beyond those of the static scene, no distractor placed."""
 
@@ -53,10 +59,17 @@ class EffectsCost:
         on = {k: v for k, v in asdict(self.effects).items() if v not in (False, "off")}
         what = ", ".join(k if v is True else f"{k} {v}" for k, v in on.items()) or "nothing on"
         megabytes = self.extra_bytes / 1e6
+        low, high = self.ratio_range
+        doubt = f"; measured between {low:.2f} and {high:.2f}: not steady" if self.is_wide else ""
         return (
             f"{what}: {self.milliseconds:.0f} ms a step ({self.ratio:.2f} times as long as with "
-            f"nothing on), {megabytes:.1f} MB more"
+            f"nothing on{doubt}), {megabytes:.1f} MB more"
         )
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether the rounds do not agree, for instance because other programs ran beside."""
+        return self.ratio_range[1] > WIDE * self.ratio_range[0]
 
 
 def measure(
@@ -75,14 +88,31 @@ def measure(
     steps = {effects: ModelStep(scene, effects, num_photos, device, "auto") for effects in every}
     timings = time_in_turns({str(e): step for e, step in steps.items()}, rounds)
     first = next(iter(every))
-    least = {effects: min(timings[str(effects)].wall) for effects in every}
+    each = {effects: _by_round(timings[str(effects)], device, rounds) for effects in every}
+    ratios = {e: [one / base for one, base in zip(each[e], each[first], strict=True)] for e in each}
     base_bytes = steps[first].trained_bytes()
     return [
         EffectsCost(
             effects,
-            least[effects],
-            least[effects] / least[first],
+            statistics.median(each[effects]),
+            statistics.median(ratios[effects]),
+            _middle_half(ratios[effects]),
             steps[effects].trained_bytes() - base_bytes,
         )
         for effects in every
     ]
+
+
+def _by_round(timing: Timing, device: str, rounds: int) -> list[float]:
+    """Milliseconds of each round, the median of its calls.
+
+    CPU time does not count what other programs take; a GPU's work is in the wall time alone.
+    """
+    spent = timing.wall if device == "cuda" else timing.cpu
+    calls = len(spent) // rounds
+    return [statistics.median(spent[i * calls : (i + 1) * calls]) for i in range(rounds)]
+
+
+def _middle_half(values: Sequence[float]) -> tuple[float, float]:
+    low, high = torch.tensor(values).quantile(torch.tensor([0.25, 0.75])).tolist()
+    return low, high

@@ -53,6 +53,11 @@ class Disagreement:
     judged: Float[np.ndarray, " V"]
     """Share of each photo's area that has expected points; NaN for photos that say nothing."""
 
+    @property
+    def is_confirmed(self) -> Bool[np.ndarray, "V P"]:
+        """Expected, and a neighbour shows the same."""
+        return self.is_expected & ~self.disagrees
+
 
 def compare_photos(seen: Observations, light: PhotoLight) -> Disagreement:
     """Compare every photo with its neighbours at the points that it should show."""
@@ -109,7 +114,10 @@ def distractor_finding(seen: Observations, found: Disagreement) -> Finding:
         sure = confidence_of([covered])
         return Finding("distractors", True, sure, reason, figures, unknown)
     if not judged.value >= JUDGED_SHARE:
-        reason = "Too little of the photos can be compared; with distractors nothing is lost."
+        reason = (
+            f"Not judged: only {judged.value:.0%} of the photos' area can be compared. Distractors "
+            "stay on; nothing is lost by that."
+        )
         return Finding("distractors", True, "none", reason, figures, unknown)
     reason = "Photos show what their neighbours see, wherever they can be compared."
     return Finding("distractors", False, confidence_of([covered, judged]), reason, figures, unknown)

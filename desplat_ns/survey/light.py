@@ -67,7 +67,7 @@ def change_of_photos(light: PhotoLight) -> Float[np.ndarray, " V"]:
 
 
 def local_steps(
-    seen: Observations, light: PhotoLight, in_the_way: Bool[np.ndarray, "V P"]
+    seen: Observations, light: PhotoLight, is_confirmed: Bool[np.ndarray, "V P"]
 ) -> Float[np.ndarray, " M"]:
     """What a photo's light leaves at each observation and near it, in log; the lesser of both.
 
@@ -75,11 +75,12 @@ def local_steps(
     median; it is enlarged by what the point's colour took of it: n photos leave (n - 1) / n.
 
     Args:
-        in_the_way: where a photo shows something else than the point: that is no light, and NaN.
+        is_confirmed: where a photo and a neighbour show the same of the point. Elsewhere something
+            may be in the way, which is no light: NaN.
     """
     photos = np.bincount(light.point, minlength=len(seen.xyz))[light.point]
     own = np.median(light.residual, axis=1) * photos / np.maximum(photos - 1, 1)
-    steps, counts = np.full(len(own), np.nan), ~in_the_way[light.photo, light.point]
+    steps, counts = np.full(len(own), np.nan), is_confirmed[light.photo, light.point]
     for row, view in enumerate(seen.views):
         part = np.flatnonzero((light.photo == row) & counts)
         places = seen.places[row, light.point[part]]
@@ -91,12 +92,12 @@ def local_steps(
 
 
 def appearance_finding(
-    seen: Observations, light: PhotoLight, in_the_way: Bool[np.ndarray, "V P"]
+    seen: Observations, light: PhotoLight, is_confirmed: Bool[np.ndarray, "V P"]
 ) -> Finding:
     """Decide how photos' light is to be explained.
 
     Args:
-        in_the_way: see `local_steps`.
+        is_confirmed: see `local_steps`.
     """
     changes = change_of_photos(light)
     known = changes[np.isfinite(changes)]
@@ -109,7 +110,7 @@ def appearance_finding(
     explained = Figure(
         "explained", share, "share of the variance between photos that their light explains"
     )
-    steps = local_steps(seen, light, in_the_way)
+    steps = local_steps(seen, light, is_confirmed)
     local = Figure(
         "local",
         mean_of(np.abs(steps[np.isfinite(steps)]) > LOCAL_STEP),

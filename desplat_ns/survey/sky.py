@@ -1,8 +1,8 @@
 """Cells of a photo that have nothing behind them: a sky, as far as that can be told.
 
 No point of the whole reconstruction lies in such a cell's direction or near it, it is smooth, it
-lies above the horizon, and nothing lies above it. A bare wall or ceiling above everything else
-looks the same.
+lies clearly above the horizon, and nothing lies above it. A bare wall or ceiling that high above
+everything else looks the same.
 Letters in shapes: V photos, R x C cells, K sky cells.
 """
 
@@ -26,6 +26,10 @@ clouds are, leaves against the sky are not."""
 
 UPRIGHT = 0.05
 """Weight of the cameras' own up against their horizontals, which tell the vertical better."""
+
+LEAST_RISE = float(np.sin(np.radians(6.0)))
+"""Of a direction above the horizon. Photos that look down on something show the walls of a room up
+to there; nine tenths of a sky's area were more than 8 degrees above it."""
 
 STEEP = 0.3
 """Length of the vertical in the image plane below which a photo looks up or down too steeply."""
@@ -73,7 +77,7 @@ def find_sky(seen: Observations, row: int, up: Float[np.ndarray, "3"]) -> Sky:
     centers = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1)
     directions = view.directions(centers * view.cell)
     behind = _something_behind(seen, view)
-    cells = ~behind & (_roughness(photo, columns, rows) < SMOOTH) & (directions @ up > 0)
+    cells = ~behind & (_roughness(photo, columns, rows) < SMOOTH) & (directions @ up > LEAST_RISE)
     cells &= _nothing_above(behind, view.rotation @ up)
     small = cv2.resize(photo, (columns, rows), interpolation=cv2.INTER_AREA) / 255.0
     allowed = seen.allowed[row].astype(np.float32)

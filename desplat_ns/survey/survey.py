@@ -49,7 +49,7 @@ def survey(capture: Capture) -> tuple[Survey, Evidence]:
         seen.is_tracked = matched_points(seen)
     light = fit_light(seen)
     disagreement = compare_photos(seen, light)
-    appearance = appearance_finding(seen, light, disagreement.disagrees)
+    appearance = appearance_finding(seen, light, disagreement.is_confirmed)
     distractors = distractor_finding(seen, disagreement)
     skies = skies_of(seen)
     background = background_finding(seen, light, skies, appearance.decision == "affine")

@@ -45,6 +45,7 @@ def _right(
 
 _INDOORS = _right(("off",), ("off",), False)
 _TREE = _right(("off", "camera"), ("off",), False)
+_CASTLE = _right(("camera",), ("sh", "image"), False)
 
 REAL = (
     RealScene("fox", DeSplatColmapDataParserConfig, _INDOORS, "a room; a few photos are darker"),
@@ -71,6 +72,19 @@ REAL = (
         "monstree_cluttered",
         RobustNerfDataParserConfig,
         {**_TREE, "distractors": (True,)},
+        "the same with pasted things",
+    ),
+    RealScene(
+        "sceaux_castle",
+        DeSplatColmapDataParserConfig,
+        {**_CASTLE, "distractors": (False, True)},
+        "a castle behind a lawn, one photo in evening light; a tree stands before one photo, where "
+        "nothing tells it from what passes by",
+    ),
+    RealScene(
+        "sceaux_cluttered",
+        RobustNerfDataParserConfig,
+        {**_CASTLE, "distractors": (True,)},
         "the same with pasted things",
     ),
     RealScene(

@@ -6,7 +6,14 @@ from dataclasses import replace
 
 import pytest
 
-from desplat_ns.calibration.effects_cost import MOST_GAUSSIANS, MOST_PIXELS, StepSize, measure
+from desplat_ns.calibration import effects_cost
+from desplat_ns.calibration.effects_cost import (
+    MOST_GAUSSIANS,
+    MOST_PIXELS,
+    StepSize,
+    measure,
+)
+from desplat_ns.calibration.timing import Timing
 from desplat_ns.settings.effects import Effects
 
 NOTHING = Effects(distractors=False)
@@ -18,6 +25,27 @@ def test_small_captures_are_measured_as_they_are_and_large_ones_in_their_shape()
     assert large.num_gaussians == MOST_GAUSSIANS
     assert large.width * large.height == pytest.approx(MOST_PIXELS, rel=0.01)
     assert large.width / large.height == pytest.approx(4 / 3, rel=0.01)
+
+
+def test_a_disturbed_round_does_not_move_the_ratio_and_wide_spreads_are_told(monkeypatch):
+    """What else runs slows all cases of a round; wall times alone see it."""
+    base, other = [10.0, 10.0, 30.0, 10.0, 20.0], [15.0, 15.0, 45.0, 15.0, 90.0]
+    camera = replace(NOTHING, appearance="camera")
+    timings = {str(NOTHING): Timing(base, [1.0] * 5), str(camera): Timing(other, [9.0] * 5)}
+    monkeypatch.setattr(effects_cost, "time_in_turns", lambda *_: timings)
+    monkeypatch.setattr(effects_cost, "ModelStep", lambda *_: Weightless())
+    found = measure(StepSize(16, 16, 1000), [camera], num_photos=3, rounds=5)
+    assert found[1].ratio == pytest.approx(1.5)
+    assert not found[1].is_wide and "not steady" not in found[1].line()
+    shaken = replace(found[1], ratio_range=(1.2, 2.0))
+    assert "between 1.20 and 2.00: not steady" in shaken.line()
+
+
+class Weightless:
+    """Stands for a step that is not run."""
+
+    def trained_bytes(self) -> int:
+        return 0
 
 
 @pytest.mark.slow
