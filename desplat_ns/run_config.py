@@ -70,11 +70,11 @@ class RunConfig(TrainerConfig):
         """
         model = cast(StaticModelConfig, self.pipeline.model)
         scale = model.schedule_scale
+        if scale is None and self.max_num_iterations == 0:
+            return 1.0
         if scale is None:
-            steps = self.max_num_iterations or self.nominal_num_iterations
-            scale = schedule_scale(steps, self.nominal_num_iterations)
-            if self.max_num_iterations != 0:
-                model.schedule_scale = scale
+            scale = schedule_scale(self.max_num_iterations, self.nominal_num_iterations)
+            model.schedule_scale = scale
         if not (math.isfinite(scale) and scale > 0):
             raise ConfigError(
                 f"--pipeline.model.schedule-scale is {scale}; it has to be above 0, for example "
@@ -114,6 +114,11 @@ class RunConfig(TrainerConfig):
         check_finite_options(self)
         if self.budget:
             seconds_of(self.budget)
+        if self.visits < 0:
+            raise ConfigError(
+                f"--visits is {self.visits:g}; it has to be 0 or more: how often each photo is "
+                "shown, or 0 for the method's own number of steps."
+            )
         manager = self.pipeline.datamanager
         if isinstance(manager, DeSplatDataManagerConfig):
             manager.settle_dataparser()

@@ -27,7 +27,7 @@ from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_downloads,
 )
 from desplat_ns.rendering.metrics import LazyLpips, image_metrics
-from desplat_ns.rendering.near_plane import is_beyond, sampled, scene_start
+from desplat_ns.rendering.near_plane import sampled, scene_start, stands_clear
 from desplat_ns.rendering.photo_angle import PhotoAngle
 from desplat_ns.rendering.views import views_of
 from desplat_ns.settings.options import check_ranges, ranged
@@ -80,8 +80,9 @@ class StaticModelConfig(LitModelConfig):
     each photo has a light of its own (`effects.appearance`): there the scene fades."""
     near_plane: float = ranged(0.0, "[0, 1)")
     """Renderings leave out static Gaussians that are nearer than this share of the depth at which
-    the seed points in the view start: what hangs there contradicts no photo, and hides the scene.
-    Training draws them. 0 in the paper."""
+    the seed points in the view start, and those before that start that reach the camera
+    (`stands_clear`): what hangs there contradicts no photo, and hides the scene. Training draws
+    them. 0 in the paper: nothing is left out."""
     cull_to_the_end: bool = False
     """Prune faint static Gaussians after `stop_split_at` as well. Splatfacto did so when the paper
     was written (nerfstudio 1.1.4: `continue_cull_post_densification`)."""
@@ -225,7 +226,7 @@ class StaticModel(LitModel):
         return GaussianMemory(self.strategy_state)
 
     def params_in(self, view: View) -> RawParameters:
-        """All in training; else those within the crop box and beyond the view's near plane."""
+        """All in training; else those in the crop box that do not stand before the camera."""
         if self.training:
             return self.gauss_params
         keep = []
@@ -233,7 +234,8 @@ class StaticModel(LitModel):
             keep.append(self.crop_box.within(self.means).reshape(-1))
         share, points = self.near_plane_share(), self.points
         if share > 0 and points is not None:
-            keep.append(is_beyond(self.means, view, share * scene_start(points, view)))
+            start, shape = scene_start(points, view), (self.means, self.quats, self.scales.exp())
+            keep.append(stands_clear(*shape, view, start, share))
         if not keep:
             return self.gauss_params
         shown = torch.stack(keep).all(dim=0)

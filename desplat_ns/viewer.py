@@ -129,7 +129,9 @@ class LayerControl(nn.Module):
             return
         degrees = self._photo_angle(view)
         if degrees is None:
-            self.angle.show("No photo shows anything of this view.")
+            self.angle.show("No point of the reconstruction is in view: nothing is known of it.")
+        elif degrees >= 90:
+            self.angle.show("Two photos do not see half of what is in view: it is a guess.")
         else:
             self.angle.show(
                 f"**{degrees:.0f}° from the photos**: within this angle two photos see half of "

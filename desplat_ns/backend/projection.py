@@ -141,7 +141,7 @@ def _with_culled_replaced(splats: Splats, view: View, usable: Tensor) -> Splats:
     )
 
 
-def _rotation_columns(quats: Tensor) -> list[list[Tensor]]:
+def rotation_columns(quats: Tensor) -> list[list[Tensor]]:
     """The rotation matrix of quaternions wxyz of any length, as nine vectors [N]: [row][column]."""
     w, x, y, z = torch.nn.functional.normalize(quats, dim=-1, eps=0.0).T.contiguous().unbind(0)
     return [
@@ -163,7 +163,7 @@ def _cov2d(
     x_over_z = _clamped_slope(x / z, focal_x, center_x, view.width)
     y_over_z = _clamped_slope(y / z, focal_y, center_y, view.height)
     world = view.viewmat[:3, :3]
-    rotation = _rotation_columns(splats.quats)
+    rotation = rotation_columns(splats.quats)
     scales = splats.scales.T.contiguous().unbind(0)
     rows = []
     for axis, slope, focal in ((0, x_over_z, focal_x), (1, y_over_z, focal_y)):

@@ -54,6 +54,11 @@ def export_splats(
     with _shown_in(model, light):
         seen = _seen(pipeline)
         splats, settings = model.shown_splats(), model.render_settings(depth=False)
+        if not bool(seen.any()):
+            raise ConfigError(
+                f"Of {model.num_points} static Gaussians no training camera shows any: there is "
+                "nothing to export. Train longer, or take an earlier checkpoint."
+            )
         cloud, unseen = baked(splats.rows(seen), settings.antialiased), int((~seen).sum())
         announce(
             f"{len(cloud)} of {model.num_points} static Gaussians can be seen; {unseen} are left "

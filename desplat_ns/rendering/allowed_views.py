@@ -15,7 +15,7 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.rendering.in_view import in_view
-from desplat_ns.rendering.near_plane import is_beyond, scene_start
+from desplat_ns.rendering.near_plane import scene_start, stands_clear
 from desplat_ns.rendering.views import view_of, views_of
 
 NEIGHBOURS = 3
@@ -74,10 +74,14 @@ def seen_by_any(
     """
     unseen = torch.arange(len(splats.means), device=splats.means.device)
     for view in views:
+        if len(unseen) == 0:
+            break
         rest = splats.rows(unseen)
         shown = in_view(rest, view)
-        if points is not None and near_plane > 0:
-            shown &= is_beyond(rest.means, view, near_plane * scene_start(points, view))
+        if points is not None and near_plane > 0 and bool(shown.any()):
+            start = scene_start(points, view)
+            shape = rest.means, rest.quats, rest.scales
+            shown &= stands_clear(*shape, view, start, near_plane)
         unseen = unseen[~shown]
     seen = torch.ones(len(splats.means), dtype=torch.bool, device=splats.means.device)
     seen[unseen] = False

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 
+import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from desplat_ns.backend.projection import rotation_columns
 from desplat_ns.backend.protocol import View
 from desplat_ns.rendering.views import image_points
 
@@ -22,9 +24,9 @@ MAX_POINTS = 100_000
 """Of a larger reconstruction every so many points are looked at."""
 
 
-def sampled(points: Float[Tensor, "P 3"], most: int | None = None) -> Float[Tensor, "Q 3"]:
-    """At most `most` of the points (`MAX_POINTS`), in even steps."""
-    return points[:: math.ceil(max(1, len(points)) / (most or MAX_POINTS))]
+def sampled(points: Float[Tensor, "P 3"], most: int = MAX_POINTS) -> Float[Tensor, "Q 3"]:
+    """At most so many of the points, in even steps."""
+    return points[:: math.ceil(max(1, len(points)) / most)]
 
 
 def scene_start(points: Float[Tensor, "P 3"], view: View) -> float:
@@ -34,6 +36,36 @@ def scene_start(points: Float[Tensor, "P 3"], view: View) -> float:
     return float(depth[seen].quantile(NEAREST_QUANTILE)) if bool(seen.any()) else 0.0
 
 
-def is_beyond(means: Float[Tensor, "N 3"], view: View, near_plane: float) -> Bool[Tensor, " N"]:
-    """Which Gaussians have their centre beyond a depth, in world units."""
-    return image_points(means.detach(), view)[2] >= near_plane
+@torch.no_grad()
+def stands_clear(
+    means: Float[Tensor, "N 3"],
+    quats: Float[Tensor, "N 4"],
+    scales: Float[Tensor, "N 3"],
+    view: View,
+    start: float,
+    share: float,
+) -> Bool[Tensor, " N"]:
+    """Which Gaussians do not stand before the camera.
+
+    One does whose centre is nearer than a share of where the scene starts. So does one before that
+    start if the camera's plane lies within a standard deviation of its centre: there the
+    linearization of EWA has no meaning, and smears what is beside the image over all of it.
+
+    Args:
+        scales: standard deviations.
+        start: `scene_start` of the view.
+    """
+    depth = image_points(means, view)[2]
+    clear = depth >= share * start
+    near = (clear & (depth < start)).nonzero()[:, 0]
+    deviation = _deviation_along_axis(quats[near], scales[near], view)
+    return clear.index_put((near,), deviation < depth[near])
+
+
+def _deviation_along_axis(
+    quats: Float[Tensor, "N 4"], scales: Float[Tensor, "N 3"], view: View
+) -> Float[Tensor, " N"]:
+    """Standard deviations along the optical axis."""
+    axis = view.viewmat[2, :3]
+    turned = [torch.stack(column, dim=-1) @ axis for column in rotation_columns(quats)]
+    return (torch.stack(turned, dim=-1) * scales).norm(dim=-1)

@@ -12,8 +12,9 @@ from desplat_ns.report.cost import Cost
 from desplat_ns.report.effect_reasons import EffectReason
 from desplat_ns.report.pictures import TrainingPhoto
 from desplat_ns.separation.placement import FEW_VIEWS, about_few_views
+from desplat_ns.training.run_length import steps_for_visits
 
-ENOUGH_VISITS = 150
+ENOUGH_VISITS = 150.0
 """Of each photo; after these nothing more was gained where it was measured."""
 
 LONG = 30_000
@@ -72,13 +73,13 @@ def notices(
     if judges_by_others and cost.num_photos < FEW_VIEWS:
         found.append(Notice(about_few_views(cost.num_photos)))
     found += [*_of_distractors(photos), *_of_scores(results, photos), *_unsure(reasons)]
-    if cost.visits < ENOUGH_VISITS and cost.steps < LONG:
+    enough = steps_for_visits(ENOUGH_VISITS, cost.num_photos, LONG)
+    if cost.steps < enough:
         found.append(
             Notice(
                 f"Each photo was seen {cost.visits:.0f} times.",
                 "More steps may still help: a larger --max-num-iterations. After "
-                f"{ENOUGH_VISITS * cost.num_photos:,} nothing more was gained on the captures that "
-                "it was measured on.",
+                f"{enough:,} nothing more was gained on the captures that it was measured on.",
             )
         )
     return found

@@ -1,7 +1,7 @@
 """The grid of cells on which residuals and regions are computed, whatever the size of a photo.
 
 Here and in `residuals` and `regions` are the readable statements: on a CPU OpenCV takes the means,
-on a GPU torch does. A training step on a CPU takes them compiled (`search`). Of a GPU's, regions
+on a GPU torch does. A training step on a CPU takes them compiled (`search`). On a GPU regions
 are found on the host. A copy to it waits until a GPU has done all that it was given, so a step has
 as few of them as can be.
 """

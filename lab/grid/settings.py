@@ -66,7 +66,7 @@ NO_OPTION_ANY_MORE = (
     *("optimizers.distractor_", f"{DISTRACTORS}leave_out_at"),
 )
 """How names begin that records have and today's settings have not: all records have the value that
-is fixed now, or that another setting gives."""
+is fixed now, or that another setting gives, or go with a leak of 0."""
 
 CURVE_BY_NAME = ".scheduler._target"
 """How names end whose value says no more than the settings beside it: an exponential decay is the

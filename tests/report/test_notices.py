@@ -35,6 +35,7 @@ def scores(*psnrs: float) -> dict[str, Any]:
         ({"cost": replace(LONG, steps=12_000)}, ["12,000 of 30,000 steps", "--load-dir"]),
         ({"cost": replace(LONG, num_photos=4), "judges_by_others": True}, ["4 training photos"]),
         ({"cost": replace(COST, num_photos=40)}, ["seen 50 times", "After 6,000"]),
+        ({"cost": replace(COST, num_photos=8)}, ["seen 250 times", "After 6,000"]),
         ({"photos": [training_photo("a.jpg", covered=0.7)]}, ["half of a.jpg", "strong-excess"]),
         ({"photos": [training_photo("a.jpg", covered=0.0)]}, ["next to nothing", "False"]),
         ({"results": scores(30.0, 29.0, 20.0)}, ["(29.0 dB): extra_2.png.", "error maps"]),
