@@ -4,6 +4,6 @@
 `notices` says what stands out and what to try; `encoding` makes the pictures as small as the page
 needs them; `page` writes. `report.write_report` is the one function.
 
-May import `runs`, `run_config`, `pipeline`, `model`, `separation`, `evaluation`, `gaussians`,
-`rendering`, `backend`, `data`, `settings`, `files`, `console` and `errors`.
+May import `runs`, `run_config`, `pipeline`, `model`, `separation`, `training`, `evaluation`,
+`gaussians`, `rendering`, `backend`, `data`, `settings`, `files`, `console` and `errors`.
 """

@@ -97,7 +97,7 @@ def test_a_draft_that_fails_leaves_what_was_there(tmp_path: Path):
 
 
 WRITING = """
-import signal, sys, time
+import select, signal, sys
 from pathlib import Path
 from desplat_ns.files.whole import draft_of, whole_folder
 ignored, place = sys.argv[1] == "ignored", Path(sys.argv[2])
@@ -108,7 +108,8 @@ with whole_folder(place / "masks") as folder:
     with draft_of(place / "a.ply") as draft:
         draft.write_bytes(b"half")
         print("writing", flush=True)
-        line = sys.stdin.readline()
+        while not select.select([sys.stdin], [], [], 0.05)[0]:
+            pass  # a signal just before a call that waits would be answered after it only
     print("written", flush=True)
 """
 

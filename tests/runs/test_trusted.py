@@ -94,7 +94,7 @@ def test_every_method_and_every_data_parser_is_read(tmp_path: Path):
 
     ours = [name for name in all_methods if name.startswith("desplat")]
     parsers = list(dataparsers.values())
-    assert len(parsers) > 10 and len(ours) >= 7
+    assert len(parsers) > 10 and len(ours) >= 6
     for number in range(max(len(ours), len(parsers))):
         config: Any = copy.deepcopy(all_methods[ours[number % len(ours)]])
         parser = parsers[number % len(parsers)]
