@@ -179,10 +179,10 @@ def outlier_regions(
 
     Source: hysteresis of Canny 1986. OpenCV takes a quarter of the time of SciPy here.
     """
-    return to_device(_regions_of(*masks_to_host(weak, strong)), weak.device)
+    return to_device(connected(*masks_to_host(weak, strong)), weak.device)
 
 
-def _regions_of(
+def connected(
     weak: Bool[np.ndarray, "rows columns"], strong: Bool[np.ndarray, "rows columns"]
 ) -> Bool[np.ndarray, "rows columns"]:
     """`outlier_regions`, on the host."""

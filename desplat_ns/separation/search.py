@@ -23,14 +23,17 @@ from desplat_ns.separation.residuals import Excess, ResidualStats
 
 
 @cache
-def _kernels() -> Any:
-    """The compiled kernels, imported by the first search: numba is large. None where it is
+def _kernels() -> dict[str, Any] | None:
+    """The compiled kernels by name, imported by the first search: numba is large. None where it is
     missing."""
     try:
-        from desplat_ns.backend.numba_kernels import search as kernels
+        from desplat_ns.backend.numba_kernels.detail_cells import judge_cells
+        from desplat_ns.backend.numba_kernels.expected_cells import remember
+        from desplat_ns.backend.numba_kernels.outline_cells import outline
+        from desplat_ns.backend.numba_kernels.residual_cells import compare_images
     except ImportError:
         return None
-    return kernels
+    return {kernel.__name__: kernel for kernel in (compare_images, remember, judge_cells, outline)}
 
 
 def _are_compiled_for(*tensors: Tensor) -> bool:
@@ -47,8 +50,10 @@ def _launch(kernel: str, *arguments: Any) -> None:
             return tuple(map(as_array, value))
         return flat(value) if isinstance(value, Tensor) else value
 
+    kernels = _kernels()
+    assert kernels is not None
     with launching():
-        getattr(_kernels(), kernel)(*map(as_array, arguments), num_workers())
+        kernels[kernel](*map(as_array, arguments), num_workers())
 
 
 def compare(
@@ -78,10 +83,12 @@ def _excess(
     counted: Bool[Tensor, "rows columns"] | None,
 ) -> tuple[Excess, ResidualStats]:
     """See `residuals.excess_residual`; `size` is that of the photo, width and height."""
+    from desplat_ns.backend.numba_kernels.expected_cells import GAUSSIANS
+
     (rows, columns), visits, number = residual.shape, stats.visits + 1, len(stats.usual)
     level, expected = _level(residual, counted), torch.empty(rows, columns)
     usual, times_seen, weights = (torch.empty(number) for _ in range(3))
-    totals = np.empty((-(-number // _kernels().GAUSSIANS), 2))
+    totals = np.empty((-(-number // GAUSSIANS), 2))
     rule = (stats.num_views / visits, residuals.LEAST_VIEWS)
     rule += (residuals.MEDIAN_STEP, residuals.TYPICAL_WEIGHT)
     _launch(
@@ -118,18 +125,28 @@ def find_regions(comparison: Comparison, config: DistractorConfig) -> Bool[Tenso
     excess, counted, photo = comparison.excess, comparison.counted, comparison.photo
     if not _are_compiled_for(comparison.static, photo, excess.values):
         return statement.find_regions(comparison, config)
-    rows, columns = excess.values.shape
-    found, most = torch.empty(rows, columns, dtype=torch.bool), config.strong_excess
+    (rows, columns), most = excess.values.shape, config.strong_excess
+    kinds, colors = np.empty(rows * columns, np.uint8), np.empty(3 * rows * columns)
     strong = excess.needed(config.strong_levels, config.settled_share * most, most).item()
     rules = (config.weak_excess, strong, config.shared_detail)
     _launch(
-        "find_cells",
+        "judge_cells",
         *((comparison.static, photo), tuple(photo.shape[1:]), excess.values),
         _grid(photo.shape[2], photo.shape[1], columns, rows),
         (residuals.SMOOTHING // 2, statement.DETAIL_WINDOW // 2),
-        (statement.OUTLINE_WINDOW // 2, statement.OUTLINE_NOISE),
         _floats(*rules, statement.DETAIL_NOISE, statement.MOST_CONTRAST),
-        *(statement.MIN_AREA * found.numel(), found),
+        *(kinds, colors),
+    )
+    kinds, found = kinds.reshape(rows, columns), torch.zeros(rows, columns, dtype=torch.bool)
+    inside = statement.connected(kinds > 0, kinds == 2)
+    filled = inside.any(axis=1).nonzero()[0]
+    if len(filled) == 0:
+        return found
+    _launch(
+        "outline",
+        *(colors, inside.ravel().astype(np.float64), (rows, columns)),
+        *(statement.OUTLINE_WINDOW // 2, statement.OUTLINE_NOISE),
+        *((int(filled[0]), int(filled[-1]) + 1), found),
     )
     return found if counted is None else found & counted
 

@@ -17,13 +17,10 @@ import numpy as np
 import pytest
 import torch
 import torch.nn.functional as F
-from hypothesis import given
-from hypothesis import strategies as st
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.numba_kernels import runtime
-from desplat_ns.backend.numba_kernels.search import grow
 from desplat_ns.calibration.timing import all_cores, threads
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.separation import regions, residuals, search
@@ -219,32 +216,6 @@ def test_more_bands_than_threads_give_the_same_bits(bands, monkeypatch):
     found = search.find_regions(parts, CONFIG)
     monkeypatch.undo()
     assert torch.equal(found, search.find_regions(whole, CONFIG))
-
-
-@given(
-    shape=st.tuples(st.integers(1, 9), st.integers(1, 12)),
-    share=st.floats(0.1, 0.9),
-    seed=st.integers(0, 2**31),
-)
-def test_any_cells_grow_to_the_regions_that_opencv_finds(shape, share, seed):
-    rng = np.random.default_rng(seed)
-    weak, strong = rng.random(shape) < share, rng.random(shape) < 0.1
-    kinds = np.where(weak, np.where(strong, 2, 1), 0).astype(np.uint8).ravel()
-    inside = np.empty(weak.size)
-    top, end = grow(kinds, shape, regions.MIN_AREA * weak.size, inside)
-    expected = regions._regions_of(weak, strong)
-    assert np.array_equal(inside.reshape(shape) > 0, expected)
-    rows = np.flatnonzero(expected.any(axis=1))
-    assert (top, end) == ((rows[0], rows[-1] + 1) if len(rows) else (shape[0], 0))
-
-
-def test_small_regions_are_dropped_as_by_opencv():
-    weak = np.random.default_rng(0).random((67, 119)) < 0.06
-    inside = np.empty(weak.size)
-    grow(2 * weak.ravel().astype(np.uint8), weak.shape, regions.MIN_AREA * weak.size, inside)
-    expected = regions._regions_of(weak, weak)
-    assert np.array_equal(inside.reshape(weak.shape) > 0, expected)
-    assert 0 < expected.sum() < 0.9 * weak.sum()
 
 
 def test_a_view_without_gaussians_or_with_nothing_counted_is_searched():

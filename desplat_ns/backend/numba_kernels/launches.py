@@ -12,7 +12,18 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from desplat_ns.backend.numba_kernels import binning, over, passes, projection, search, sh, ssim
+from desplat_ns.backend.numba_kernels import (
+    binning,
+    detail_cells,
+    expected_cells,
+    outline_cells,
+    over,
+    passes,
+    projection,
+    residual_cells,
+    sh,
+    ssim,
+)
 from desplat_ns.backend.numba_kernels.pixels import Limits
 from desplat_ns.backend.numba_kernels.windows import Grid
 
@@ -57,7 +68,7 @@ def launches() -> tuple[Launch, ...]:
     images = (floats, floats, floats, wanted, *size)
     both, flags, weights = (floats,) * 2, np.empty(0, np.bool_), np.empty((0, 0), np.float32)
     cells, three, pair = Grid(keys, weights, keys, weights), (floats,) * 3, (scale,) * 2
-    memory = (*three, sums)
+    memory, doubles = (*three, sums), np.empty(0)
     rules, edges = (scale,) * 5, (number, cutoff)
     found = (
         (passes.draw_frame, lists, number, grid, frame, *drawn, *turn),
@@ -70,10 +81,21 @@ def launches() -> tuple[Launch, ...]:
         (over.put_over, *four, *turn),
         (over.pull_under, *four, floats, *turn),
         (over.pull_within, *four[:3], *turn),
-        (search.find_cells, both, size, floats, cells, size, edges, rules, cutoff, flags, number),
-        (search.compare_images, both, cells, cells, number, scale, both, floats, number),
+        (detail_cells.judge_cells, both, size, floats, cells, size, rules, spans, doubles, number),
+        (outline_cells.outline, doubles, doubles, size, *edges, size, flags, number),
+        (residual_cells.compare_images, both, cells, cells, number, scale, both, floats, number),
         (
-            *(search.remember, floats, flags, pair, three, (scale,) * 4, floats, flags, number),
+            *(
+                expected_cells.remember,
+                floats,
+                flags,
+                pair,
+                three,
+                (scale,) * 4,
+                floats,
+                flags,
+                number,
+            ),
             *(size, memory, ints, floats, *turn),
         ),
         (binning._visible_keys, gaussians, places, ints, cutoff, keys),

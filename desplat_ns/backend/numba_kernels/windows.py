@@ -1,4 +1,9 @@
-"""Parts of `search`: means over cells, sums over windows, and cells that are connected."""
+"""Parts of the compiled search (`separation/search.py`): bands of rows, means over cells, and sums
+over windows.
+
+A parallel part costs some thirty microseconds, as much as a thousand cells: so a kernel has one,
+over bands of rows, one for each worker. Planes and images are flat.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +22,12 @@ class Grid(NamedTuple):
     down: np.ndarray
     left: np.ndarray
     along: np.ndarray
+
+
+@kernel()
+def band_of(band, bands, rows):
+    """The first row of a band and the one behind its last."""
+    return np.int64(band * rows // bands), np.int64((band + 1) * rows // bands)
 
 
 @kernel()
@@ -124,50 +135,3 @@ def clear_between(row, columns, half):
     for first in range(0, row.size, columns + 2 * half):
         for j in range(first, first + half):
             row[j] = row[j + half + columns] = 0
-
-
-@kernel()
-def flood(cells, start, new, around, stack):
-    """Change a cell and all that hold the same and are connected with it; how many.
-
-    Args:
-        around: how far off a cell's neighbours are.
-        stack: as long as `cells`.
-    """
-    old, waiting, count = cells[start], 1, 0
-    cells[start], stack[0] = new, start
-    while waiting > 0:
-        waiting, count = waiting - 1, count + 1
-        here = stack[waiting]
-        for step in around:
-            if cells[here + step] == old:
-                cells[here + step], stack[waiting] = new, here + step
-                waiting += 1
-    return count
-
-
-@kernel()
-def close(cells, spread, shape):
-    """Cells that hold 2 become 1, and so do gaps of up to two cells between them; all others 0, and
-    beyond a border of 0 a wall of 1. What is at the image's border goes on beyond it."""
-    rows, columns = shape
-    w, one, size = np.uint64(columns + 4), np.uint64(1), np.uint64(cells.size)
-    grid = cells.reshape(rows + 4, columns + 4)
-    for k in range(size):
-        cells[k] = cells[k] >> np.uint8(1)
-    for k in range(1, -1, -1):
-        for j in range(columns + 4):
-            grid[k, j], grid[rows + 3 - k, j] = grid[2, j], grid[rows + 1, j]
-        for r in range(rows + 4):
-            grid[r, k], grid[r, columns + 3 - k] = grid[r, 2], grid[r, columns + 1]
-    for k in range(w + one, size - w - one):
-        a = cells[k - w - one] | cells[k - w] | cells[k - w + one] | cells[k - one] | cells[k]
-        spread[k] = a | cells[k + one] | cells[k + w - one] | cells[k + w] | cells[k + w + one]
-    for k in range(w + one, size - w - one):
-        a = spread[k - w - one] & spread[k - w] & spread[k - w + one] & spread[k - one] & spread[k]
-        cells[k] = a & spread[k + one] & spread[k + w - one] & spread[k + w] & spread[k + w + one]
-    for k in range(2):
-        for j in range(k, columns + 4 - k):
-            grid[k, j] = grid[rows + 3 - k, j] = 1 - k
-        for r in range(k, rows + 4 - k):
-            grid[r, k] = grid[r, columns + 3 - k] = 1 - k
