@@ -28,12 +28,9 @@ FULL_RATE_VISITS = 75.0
 """Visits of each photo for which Splatfacto's learning rates are right. Chosen on generated scenes
 and one real one (docs/accuracy-and-time.md, "Learning rates of short runs")."""
 
-VISITS = 150.0 if torch.cuda.is_available() else FULL_RATE_VISITS
-"""Visits of each photo where nobody says how long a run is to be: on a GPU as many as ever gained
-anything, on a CPU half (docs/accuracy-and-time.md, "How long to train")."""
-
 QUICK_VISITS = 25.0
-"""The same of `desplat-quick`."""
+"""Visits of each photo by `desplat-quick`; `desplat` has those of the full rates
+(docs/accuracy-and-time.md, "How long to train")."""
 
 PHOTO_TOURISM_STEPS = 200_000
 """The same for Photo Tourism."""
@@ -152,7 +149,7 @@ def _method(
 
 
 def _desplat(
-    name: str, description: str, effects: EffectsConfig, visits: float = VISITS
+    name: str, description: str, effects: EffectsConfig, visits: float = FULL_RATE_VISITS
 ) -> MethodSpecification:
     """A method that is as long as the photos ask for."""
     return _method(

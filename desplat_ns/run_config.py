@@ -31,7 +31,12 @@ from desplat_ns.training.checkpoint_files import (
     load_newest,
 )
 from desplat_ns.training.checkpoint_record import SceneRecord
-from desplat_ns.training.run_length import rate_factor, schedule_scale, steps_for_visits
+from desplat_ns.training.run_length import (
+    GPU_VISITS,
+    rate_factor,
+    schedule_scale,
+    steps_for_visits,
+)
 
 SavedRun = tuple[Path, dict[str, Any]]
 """A checkpoint's file and what it holds."""
@@ -46,9 +51,9 @@ class RunConfig(TrainerConfig):
     nominal_num_iterations: int = 30000
     """The method's own number of steps (B.3); shorter runs shrink every schedule by their ratio."""
     visits: float = 0.0
-    """How often each photo is shown where neither `max_num_iterations` nor a budget is given, more
-    often where there are few (`steps_for_visits`); the method's own number of steps is the most.
-    0: that number, however few photos there are."""
+    """How often each photo is shown on a CPU, and twice as often on a GPU, where neither
+    `max_num_iterations` nor a budget is given; more often where there are few photos
+    (`steps_for_visits`). 0: the method's own number of steps, which is the most in any case."""
     full_rate_visits: float = 0.0
     """Visits of each photo, steps over photos, for which the learning rates are meant. A run with
     fewer multiplies those of the static Gaussians, by 4 at most; 0: they are as they are given."""
@@ -178,7 +183,8 @@ class RunConfig(TrainerConfig):
             manager = self.pipeline.datamanager
             assert isinstance(manager, DeSplatDataManagerConfig)
             photos = len(training_split(manager).cameras)
-            steps = steps_for_visits(self.visits, photos, self.nominal_num_iterations)
+            visits = self.visits * (1 if self.machine.device_type == "cpu" else GPU_VISITS)
+            steps = steps_for_visits(visits, photos, self.nominal_num_iterations)
             self.max_num_iterations = steps
             announce(
                 f"{steps} steps: {photos} photos, {steps / photos:.3g} visits of each. "

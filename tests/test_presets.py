@@ -45,6 +45,15 @@ def test_a_preset_is_as_long_as_the_photos_ask_for(name, visits, tiny_scene, tmp
     assert rate == 5e-3  # each photo is seen often enough
 
 
+def test_on_a_gpu_photos_are_shown_twice_as_often(tiny_scene, tmp_path):
+    """The length is settled before anything is put on the device."""
+    config = preset("desplat", tiny_scene, tmp_path)
+    config.machine.device_type = "cuda"
+    config.pipeline.datamanager.settle_dataparser()
+    config.settle_length()
+    assert config.max_num_iterations == 150 * 40
+
+
 @pytest.mark.parametrize("steps", [40, 30_000])
 def test_a_number_of_steps_that_is_given_is_kept(steps, tiny_scene, tmp_path):
     config = preset("desplat-quick", tiny_scene, tmp_path, max_num_iterations=steps)

@@ -34,6 +34,11 @@ LEAST_VIEWS = 40
 as long as its rate, however often the views are drawn meanwhile."""
 
 
+GPU_VISITS = 2
+"""A GPU shows photos so many times as often as a CPU, whose hours are dearer: from there on nothing
+more was gained (docs/accuracy-and-time.md, "How long to train")."""
+
+
 def steps_for_visits(visits: float, num_views: int, at_most: int) -> int:
     """Steps in which each of the views is drawn `visits` times, or more often where they are fewer
     than `LEAST_VIEWS`; `at_most` of them."""
