@@ -37,9 +37,10 @@ SHOWN = {
 """Settings that a table of one scene compares, by the word in the template."""
 
 CAPTURES = {
-    "chosen": "clutter few12 room15 room40 grove18 lit18 yard8 yard24 yard60",
-    "kept": "around castle few20 other15 other40 other18 facade8 facade16 table20 lit40"
-    " yard16 yard40",
+    "chosen": "clutter few12 room15 room40 grove18 facade8 facade16 table20 lit18 yard8 yard24"
+    " yard60",
+    "kept": "around castle few20 other15 other40 other18 other-facade8 other-facade16"
+    " other-table20 lit40 yard16 yard40",
     "hard": " ".join(HARD),
 }
 """Captures that a table compares, by the word in the template: those on which a threshold was

@@ -12,20 +12,7 @@ from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.methods import parse
 from desplat_ns.survey.findings import Decision
 from desplat_ns.survey.observations import Capture, capture_of
-from lab.grid.captures import GeneratedCapture
-from lab.grid.runs import Scene
-from lab.separation.runs import CLEAN, CLUTTERED, FEW, HARD, PLACES, SCENES, TWINS, downscale_of
-from lab.synthetic import SceneSpec
-
-BEFORE = {
-    "facade8": SceneSpec.facade(8, seed=7),
-    "facade16": SceneSpec.facade(16, seed=7),
-    "table20": SceneSpec.table_top(20, seed=7),
-    "other-facade8": SceneSpec.facade(8, seed=8),
-    "other-facade16": SceneSpec.facade(16, seed=8),
-    "other-table20": SceneSpec.table_top(20, seed=8),
-}
-"""Places with much that has no points: lawn and sky before and over a house, a room far behind."""
+from lab.separation.runs import CLEAN, FEW, HARD, PLACES, SCENES, downscale_of
 
 CHOSEN_ON = ("room15", "room40", "grove18", "few12", "small", "facade8", "facade16", "table20")
 """And their clean twins: here it was seen that gloss, fine detail and what is in the way are taken
@@ -38,7 +25,7 @@ JUDGED = ("appearance", "distractors")
 
 def names() -> Iterator[tuple[str, bool]]:
     """Every scene of the separation study that counts here, and whether something is in the way."""
-    for name in (*PLACES, *FEW, *BEFORE):
+    for name in (*PLACES, *FEW):
         yield name, True
         yield name + CLEAN, False
     yield from ((name, True) for name in HARD)
@@ -52,7 +39,7 @@ def was_chosen_on(name: str) -> bool:
 def right_of(name: str, is_cluttered: bool) -> dict[str, tuple[Decision, ...]]:
     """Which decisions are right. The photos of the fox drift in exposure, which `camera` explains;
     nothing else has any light of its own."""
-    is_fox = name.removesuffix(CLEAN) not in {**PLACES, **BEFORE}
+    is_fox = name.removesuffix(CLEAN) not in PLACES
     return {
         "appearance": ("off", "camera") if is_fox else ("off",),
         "distractors": (is_cluttered,),
@@ -65,20 +52,12 @@ def open_capture(name: str, folder: Path) -> Capture:
     Raises:
         DeSplatError: it is made of a real capture that is not there.
     """
-    scene = _scene_of(name)
+    scene = SCENES[name]
     smaller = ("--downscale-factor", str(downscale_of(name)))
     options = ("--data", str(scene.capture.locate(folder)), *scene.parser, *smaller)
     config = parse("desplat", list(options))
     config.pipeline.datamanager.data = config.data
     return capture_of(training_split(config.pipeline.datamanager))
-
-
-def _scene_of(name: str) -> Scene:
-    spec = BEFORE.get(name.removesuffix(CLEAN))
-    if spec is None:
-        return SCENES[name]
-    written = GeneratedCapture(f"{spec.place}{spec.num_views}-{spec.seed}", spec)
-    return Scene(written, TWINS if name.endswith(CLEAN) else CLUTTERED)
 
 
 def available(folder: Path) -> Iterator[tuple[str, bool, Capture]]:

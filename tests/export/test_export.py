@@ -60,10 +60,12 @@ def test_a_file_in_the_captures_frame_shows_the_scene_to_the_captures_cameras(
     from nerfstudio.utils.eval_utils import eval_setup
 
     from desplat_ns.commands.export import Splats
+    from desplat_ns.viewer import LayerControl
 
     Splats(run, tmp_path / f"a{ending}", "capture").main()
     cloud = read_splats((tmp_path / f"a{ending}").read_bytes(), ending[1:])
     pipeline: Any = eval_setup(run)[1]
+    pipeline.model.layer_control = LayerControl(0)  # without a near plane, as other viewers
     photos = pipeline.datamanager.eval_dataset
     camera, _ = pipeline.datamanager.fixed_indices_eval_dataloader[0]
     with torch.no_grad():
