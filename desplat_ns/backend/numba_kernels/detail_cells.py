@@ -83,9 +83,11 @@ def _judge_rows(colors, fine, excess, grid, halves, rules, c0, c1, kinds, guide)
             add_rows(colors[1][k * plane : (k + 1) * plane], width, grid, r, line)
             add_columns(line, grid, cells)
             at = (k * rows + r) * columns
-            guide[at : at + columns] = cells
+            for j in range(columns):
+                guide[at + j] = cells[j]
         row, kind = excess[r * columns : (r + 1) * columns], kinds[r * columns : (r + 1) * columns]
-        kind[:] = 0
+        for j in range(columns):
+            kind[j] = 0
         if not _is_any_above(row, weak):
             continue
         first, end = rows_of(grid, r, r + 1)

@@ -28,7 +28,9 @@ def _prepare(colors, inside, shape, half, first, end, products):
         r, row = colors[i * columns :], products[i, half:]
         g, b, m = r[planes:], r[2 * planes :], inside[i * columns :]
         for k, one in enumerate((r, g, b, m)):
-            row[k * width : k * width + columns] = one[:columns]
+            copy = row[k * width :]
+            for j in range(columns):
+                copy[j] = one[j]
         pairs = ((r, m), (g, m), (b, m), (r, r), (g, g), (b, b), (g, b), (r, b), (r, g))
         for k, (one, other) in enumerate(pairs):
             product = row[(k + 4) * width :]
@@ -95,8 +97,8 @@ def outline(colors, inside, shape, half, noise, rows, regions, workers):
         inside: 1 in a region, else 0.
         half: of the window; `noise` is the variance that is no edge.
         rows: the first row with a cell in a region, and the one behind the last.
+        regions: False everywhere before.
     """
-    regions[:] = False
     top, end = max(rows[0] - 2 * half, 0), min(rows[1] + 2 * half, shape[0])
     for band in numba.prange(workers):
         c0, c1 = band_of(band, workers, end - top)

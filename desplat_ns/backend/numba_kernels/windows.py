@@ -37,9 +37,16 @@ def rows_of(grid, first, end):
 
 
 @kernel()
+def _clear(out, count):
+    """As `out[:count] = 0`, which takes a second to compile."""
+    for j in range(count):
+        out[j] = 0
+
+
+@kernel()
 def add_rows(image, length, grid, r, line):
     """A row of cells that is as long as a row of the image, `length` numbers."""
-    line[:length] = 0
+    _clear(line, length)
     for k in range(grid.down.shape[0]):
         weight, row = grid.down[k, r], image[(int(grid.top[r]) + k) * length :]
         if weight > 0:
@@ -50,7 +57,7 @@ def add_rows(image, length, grid, r, line):
 @kernel()
 def add_columns(line, grid, out):
     """Cells of a row of one channel."""
-    out[:] = 0
+    _clear(out, out.size)
     for k in range(grid.along.shape[0]):
         for c in range(np.uint64(out.size)):
             out[c] += grid.along[k, c] * line[grid.left[c] + np.uint64(k)]
@@ -112,7 +119,7 @@ def add_windows(cells, r, sums):
     first = r - 1
     if r % sums.restart == 0 or sums.last[0] != first:
         first = r - r % sums.restart
-        below[:] = 0
+        _clear(below, below.size)
         for i in range(max(first - half, 0), min(first + half + 1, rows)):
             _add(cells[i], 1.0, below)
     for i in range(first + 1, r + 1):
@@ -121,7 +128,8 @@ def add_windows(cells, r, sums):
         if i > half:
             _add(cells[i - half - 1], -1.0, below)
     sums.last[0], end = r, below.size - 2 * half
-    total[:end] = below[half : half + end]
+    for j in range(end):
+        total[j] = below[half + j]
     for k in range(1, half + 1):
         a, b = below[half - k :], below[half + k :]
         for j in range(end):
