@@ -112,17 +112,14 @@ class _Sums:
     def __init__(self, image: Float[Tensor, "H W 3"], ssim_weight: float, leak: float):
         kernels = _kernels()
         assert kernels is not None
-        height, length = image.shape[0], image.shape[1] * kernels.CHANNELS
-        self.size, self.kernels = (height, length), kernels
-        windows = (height - kernels.MARGIN, length - kernels.SIDE)
-        self.similarity = np.empty(self._count(*windows))
-        self.difference = np.empty(self._count(height, length))
-        self.per_window = ssim_weight / (windows[0] * windows[1])
+        self.shape = height, length = image.shape[0], image.shape[1] * kernels.CHANNELS
+        self.kernels = kernels
+        down, across = -(-height // kernels.ROWS), -(-length // kernels.COLUMNS)
+        self.similarity, self.difference = np.empty((down, across)), np.empty((down, across))
+        windows = (height - kernels.MARGIN) * (length - kernels.SIDE)
+        self.per_window = ssim_weight / windows
         self.per_number = (1 - ssim_weight) / (height * length)
         self.constant, self.kept = ssim_weight, np.float32(1 - leak)
-
-    def _count(self, rows: int, length: int) -> tuple[int, int]:
-        return -(-rows // self.kernels.ROWS), -(-length // self.kernels.COLUMNS)
 
     def blocks_of(self, owned: Float[Tensor, "H W 1"]) -> np.ndarray:
         """Blocks of pixels [down, across] in which anything is owned."""
@@ -140,22 +137,19 @@ class _Sums:
             launching,
             new_counter,
             num_workers,
-            scratch,
         )
 
-        kernels, (height, length), workers = self.kernels, self.size, num_workers()
         if wanted is None:
             wanted = np.empty((0, 0), np.uint8)
-        x, y = flat(image), flat(photo)
         weights = np.empty(0, np.float32) if owned is None else flat(owned)
+        rates = self.kept, np.float32(-self.per_window), np.float32(self.per_number)
+        images, sums = (flat(image), flat(photo), weights), (self.similarity, self.difference)
         gradient = torch.empty(image.shape)
-        scales = (self.kept, np.float32(-self.per_window), np.float32(self.per_number))
         with launching():
-            slopes = scratch(3 * (height + kernels.MARGIN) * (length + kernels.SIDE))
-            shared = (x, y, weights, wanted, height, length, slopes)
-            kernels.score_image(*shared, self.similarity, new_counter(), workers)
-            out = gradient.view(-1).numpy()
-            kernels.backward_image(*shared, *scales, self.difference, out, new_counter(), workers)
+            self.kernels.score_image(
+                *(images, self.shape, wanted, rates, sums, flat(gradient)),
+                *(new_counter(), num_workers()),
+            )
         return gradient
 
     def loss(self) -> Float[Tensor, ""]:

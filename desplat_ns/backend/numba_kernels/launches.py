@@ -65,7 +65,6 @@ def launches() -> tuple[Launch, ...]:
     records = (floats, number, cutoff, grid, ints)
     colors = (floats, floats, ints, floats, terms, floats, sizes)
     drawn = (number, limits)
-    images = (floats, floats, floats, wanted, *size)
     both, flags, weights = (floats,) * 2, np.empty(0, np.bool_), np.empty((0, 0), np.float32)
     cells, three, pair = Grid(keys, weights, keys, weights), (floats,) * 3, (scale,) * 2
     memory, doubles = (*three, sums), np.empty(0)
@@ -76,8 +75,7 @@ def launches() -> tuple[Launch, ...]:
         (passes.sum_rows, lists, floats, number, floats, *turn),
         (projection._project, four, four, ints, floats, *turn),
         (projection._backward, four, four, four, ints, floats, *turn),
-        (ssim.score_image, *images, floats, sums, *turn),
-        (ssim.backward_image, *images, floats, scale, scale, scale, sums, floats, *turn),
+        (ssim.score_image, three, size, wanted, (scale,) * 3, (sums, sums), floats, *turn),
         (over.put_over, *four, *turn),
         (over.pull_under, *four, floats, *turn),
         (over.pull_within, *four[:3], *turn),

@@ -1,5 +1,4 @@
-"""The compiled part of `backend/ssim.py`: L1 and mean SSIM of two images, and the gradient of both,
-in two passes.
+"""The compiled part of `backend/ssim.py`: L1 and mean SSIM of two images, and the gradient of both.
 
 With G the 11-tap Gaussian window (along y, then x, wherever it lies within the image), mx = G x,
 my = G y, vx = G x^2 - mx^2, vy = G y^2 - my^2, c = G xy - mx my,
@@ -10,13 +9,15 @@ my = G y, vx = G x^2 - mx^2, vy = G y^2 - my^2, c = G xy - mx my,
 
     d sum SSIM / dx = G'P + 2 x G'Q + y G'R,
 
-where G' is G over a border of zeros. The first pass sums SSIM and keeps P, Q, R with that border;
-the second blurs them, and adds L1. In L1 a pixel counts by 1 - kept * owned; for SSIM y is blended
-with x where it is owned, as a constant. Both work on blocks of ROWS x COLUMNS numbers, copied with
-their margins into scratch rows of one fixed length: only then can the compiler see that
-nothing overlaps, and use vectors. Images are read as they lie in memory, [H, W, 3]: a row is 3 W
-numbers, neighbours of one
-channel 3 apart.
+where G' is G over a border of zeros. In L1 a pixel counts by 1 - kept * owned; for SSIM y is
+blended with x where it is owned, as a constant.
+
+A worker goes down a strip of COLUMNS numbers, ROWS rows at a time: it sums SSIM over their windows,
+whose P, Q, R stay in the processor's caches, and blurs these, with those of the windows above, to
+the gradient of the rows. Written to memory and read again they took a third of the time. Images are
+read as they lie in memory, [H, W, 3]: a row is 3 W numbers, neighbours of one channel 3 apart. They
+are copied into scratch rows of one fixed length: only then can the compiler see that nothing
+overlaps, and use vectors.
 """
 
 from __future__ import annotations
@@ -42,11 +43,18 @@ SIDE = MARGIN * CHANNELS
 ROWS, COLUMNS = 16, 480
 """Size of the block that comes out."""
 
-STRIDE = 528
-"""Length of a scratch row: COLUMNS + SIDE, and not near a power of two (see `pixels.PLANE`)."""
+BAND = 4
+"""Blocks that a worker goes down at a time. Above the first it scores MARGIN rows that another one
+scores as well."""
 
-_IMAGE = (ROWS + MARGIN) * STRIDE
+STRIDE = 544
+"""Length of a scratch row: COLUMNS + 2 SIDE, and not near a power of two (see `pixels.PLANE`)."""
+
+_IMAGE = (ROWS + 2 * MARGIN) * STRIDE
 """Length of the scratch rows of one image."""
+
+_SLOPES = (ROWS + MARGIN) * STRIDE
+"""The same of P, of Q and of R."""
 
 _TAPS = [math.exp(-((k - 5) ** 2) / (2 * 1.5**2)) for k in range(WINDOW)]
 _W0, _W1, _W2, _W3, _W4, _W5 = (np.float32(t / math.fsum(_TAPS)) for t in _TAPS[:6])
@@ -54,14 +62,14 @@ _W0, _W1, _W2, _W3, _W4, _W5 = (np.float32(t / math.fsum(_TAPS)) for t in _TAPS[
 _C1, _C2 = np.float32(0.01**2), np.float32(0.03**2)
 """Stabilizers for images in [0, 1] (Wang et al.)."""
 
-_ONE, _TWO = np.float32(1), np.float32(2)
+_ZERO, _ONE, _TWO = np.float32(0), np.float32(1), np.float32(2)
 
 _LOOSE = {"reassoc", "contract", "nsz"}
 
 _DOWN, _ALONG = np.uint64(STRIDE), np.uint64(CHANNELS)
-_N3, _N4, _N5 = np.uint64(3), np.uint64(4), np.uint64(5)
-_P1, _P2, _P3, _P4 = (np.uint64(k * STRIDE) for k in range(1, 5))
-_NEXT, _LAST = np.uint64(_IMAGE), np.uint64(2 * _IMAGE)
+_N2, _N3, _N4, _N5 = (np.uint64(k) for k in range(2, 6))
+_P1, _P2, _P3 = (np.uint64(k * STRIDE) for k in range(1, 4))
+_NEXT, _OF_Q, _OF_R = np.uint64(_IMAGE), np.uint64(_SLOPES), np.uint64(2 * _SLOPES)
 
 
 @kernel(fastmath=_LOOSE)
@@ -75,23 +83,43 @@ def _blur(a, i, step):
 
 
 @kernel(fastmath=_LOOSE)
-def _blur_product(a, i, other, step):
-    """As `_blur`, of a[...] times what lies `other` further on."""
-    s1, s2, s3, s4, s5 = step, step + step, step * _N3, step * _N4, step * _N5
-    i = i + s5
-    k = i + other
-    near = _W5 * (a[i] * a[k]) + _W4 * (a[i - s1] * a[k - s1] + a[i + s1] * a[k + s1])
-    near += _W3 * (a[i - s2] * a[k - s2] + a[i + s2] * a[k + s2])
-    far = _W2 * (a[i - s3] * a[k - s3] + a[i + s3] * a[k + s3])
-    far += _W1 * (a[i - s4] * a[k - s4] + a[i + s4] * a[k + s4])
-    return near + far + _W0 * (a[i - s5] * a[k - s5] + a[i + s5] * a[k + s5])
+def _squares(a, i):
+    x, y = a[i], a[_NEXT + i]
+    return x * x + y * y
+
+
+@kernel(fastmath=_LOOSE)
+def _product(a, i):
+    return a[i] * a[_NEXT + i]
+
+
+@kernel(fastmath=_LOOSE)
+def _blur_squares(a, i):
+    """As `_blur`, down x^2 + y^2."""
+    i, s = i + _DOWN * _N5, _DOWN
+    near = _W5 * _squares(a, i) + _W4 * (_squares(a, i - s) + _squares(a, i + s))
+    near += _W3 * (_squares(a, i - s * _N2) + _squares(a, i + s * _N2))
+    far = _W2 * (_squares(a, i - s * _N3) + _squares(a, i + s * _N3))
+    far += _W1 * (_squares(a, i - s * _N4) + _squares(a, i + s * _N4))
+    return near + far + _W0 * (_squares(a, i - s * _N5) + _squares(a, i + s * _N5))
+
+
+@kernel(fastmath=_LOOSE)
+def _blur_product(a, i):
+    """As `_blur`, down x y."""
+    i, s = i + _DOWN * _N5, _DOWN
+    near = _W5 * _product(a, i) + _W4 * (_product(a, i - s) + _product(a, i + s))
+    near += _W3 * (_product(a, i - s * _N2) + _product(a, i + s * _N2))
+    far = _W2 * (_product(a, i - s * _N3) + _product(a, i + s * _N3))
+    far += _W1 * (_product(a, i - s * _N4) + _product(a, i + s * _N4))
+    return near + far + _W0 * (_product(a, i - s * _N5) + _product(a, i + s * _N5))
 
 
 @kernel()
-def _copy_in(source, length, row, column, rows, columns, s, at):
-    """Copy a block of an image whose rows are `length` long into the scratch rows from `at` on."""
+def _copy_in(source, length, row, column, rows, columns, s):
+    """Copy a part of an image whose rows are `length` long into scratch rows."""
     for r in range(rows):
-        first, to = np.uint64((row + r) * length + column), np.uint64(at + r * STRIDE)
+        first, to = np.uint64((row + r) * length + column), np.uint64(r * STRIDE)
         for j in range(np.uint64(columns)):
             s[to + j] = source[first + j]
 
@@ -101,7 +129,8 @@ def _spread(owned, length, row, column, columns, o):
     """A part of a row of `owned`, which has a number for each pixel, for each number of an image;
     0 where `owned` is empty."""
     if owned.size == 0:
-        o[:columns] = 0
+        for j in range(columns):
+            o[j] = 0
         return
     first = np.uint64((row * length + column) // CHANNELS)
     for p in range(np.uint64(columns // CHANNELS)):
@@ -111,9 +140,9 @@ def _spread(owned, length, row, column, columns, o):
 
 @kernel()
 def _blend_in(y, owned, length, row, column, rows, columns, s, o):
-    """As `_copy_in`, of y behind x, whose block is in the scratch rows; x where it is owned."""
+    """As `_copy_in`, of y behind x, which is in the scratch rows; x where it is owned."""
     if owned.size == 0:
-        _copy_in(y, length, row, column, rows, columns, s, _IMAGE)
+        _copy_in(y, length, row, column, rows, columns, s[_IMAGE:])
         return
     for r in range(rows):
         _spread(owned, length, row + r, column, columns, o)
@@ -136,84 +165,76 @@ def _is_asked_for(wanted, down, across, row, column):
 
 @kernel(fastmath=_LOOSE)
 def _moments(s, v, row, columns):
-    """Means of x, y, x^2, y^2, x y down the window from a scratch row on, into the rows of v."""
-    first, zero = np.uint64(row * STRIDE), np.uint64(0)
+    """Means of x, y, x^2 + y^2, x y down the window from a scratch row on, into the rows of v."""
+    first = np.uint64(row * STRIDE)
     for j in range(np.uint64(columns)):
         i = first + j
         v[j] = _blur(s, i, _DOWN)
         v[_P1 + j] = _blur(s, i + _NEXT, _DOWN)
-        v[_P2 + j] = _blur_product(s, i, zero, _DOWN)
-        v[_P3 + j] = _blur_product(s, i + _NEXT, zero, _DOWN)
-        v[_P4 + j] = _blur_product(s, i, _NEXT, _DOWN)
+        v[_P2 + j] = _blur_squares(s, i)
+        v[_P3 + j] = _blur_product(s, i)
 
 
 @kernel(fastmath=_LOOSE)
-def _scores(v, s, columns):
-    """Sum of SSIM over one row of a block; its P, Q, R replace three rows of the scratch `s`."""
+def _scores(v, s, at, first, end):
+    """Sum of SSIM over windows of a row; their P, Q, R go into the three rows of s."""
     total = np.float32(0)
-    for j in range(np.uint64(columns)):
+    for j in range(np.uint64(first), np.uint64(end)):
         mx, my = _blur(v, j, _ALONG), _blur(v, _P1 + j, _ALONG)
-        xx, yy = _blur(v, _P2 + j, _ALONG), _blur(v, _P3 + j, _ALONG)
-        xy = _blur(v, _P4 + j, _ALONG)
-        per_means = _ONE / (mx * mx + my * my + _C1)
-        per_variances = _ONE / (xx - mx * mx + (yy - my * my) + _C2)
+        squares, xy = _blur(v, _P2 + j, _ALONG), _blur(v, _P3 + j, _ALONG)
+        means = mx * mx + my * my
+        per_means, per_variances = _ONE / (means + _C1), _ONE / (squares - means + _C2)
         luminance = (_TWO * mx * my + _C1) * per_means
         structure = (_TWO * (xy - mx * my) + _C2) * per_variances
         score = luminance * structure
         total += score
         q, r = -score * per_variances, _TWO * luminance * per_variances
-        s[j] = _TWO * structure * (my - mx * luminance) * per_means - _TWO * mx * q - my * r
-        s[_P1 + j] = q
-        s[_P2 + j] = r
+        s[at + j] = _TWO * structure * (my - mx * luminance) * per_means - _TWO * mx * q - my * r
+        s[at + _OF_Q + j] = q
+        s[at + _OF_R + j] = r
     return total
 
 
 @kernel()
-def _clear_border(slopes, plane, height, length):
-    """Zero the margins of the three planes of P, Q, R, each (height + MARGIN) x (length + SIDE)."""
-    width = length + SIDE
-    for k in range(3):
-        for row in range(height + MARGIN):
-            at = k * plane + row * width
-            if MARGIN <= row < height:
-                slopes[at : at + SIDE] = 0
-                slopes[at + length : at + width] = 0
-            else:
-                slopes[at : at + width] = 0
+def _clear(values, first, end):
+    for i in range(np.uint64(first), np.uint64(end)):
+        values[i] = _ZERO
 
 
-@kernel(parallel=True)
-def score_image(x, y, owned, wanted, height, length, slopes, sums, counter, workers):
-    """First pass. Sum of SSIM per block into `sums`; P, Q, R into `slopes` unless that is empty.
+@kernel()
+def _score(images, length, windows, block, first, scratch):
+    """Sum of SSIM over a block's windows; P, Q, R of these, and of those from row `first` on.
 
-    With `wanted` (one number for each block of pixels) only blocks whose windows reach a wanted one
-    are written.
+    In the scratch rows of P, Q, R the block's first row has number MARGIN, its first number SIDE.
     """
-    across, out_rows, out_columns = sums.shape[1], height - MARGIN, length - SIDE
-    width, plane = length + SIDE, (length + SIDE) * (height + MARGIN)
-    for _ in numba.prange(workers):
-        s, v = np.empty(2 * _IMAGE, np.float32), np.empty(5 * STRIDE, np.float32)
-        slope, o = np.empty(3 * STRIDE, np.float32), np.empty(STRIDE, np.float32)
-        block = take(counter)
-        while block < sums.size:
-            i, j = block // across, block % across
-            block = take(counter)
-            if not _is_asked_for(wanted, 2, 2, i, j):
-                continue
-            row, column = i * ROWS, j * COLUMNS
-            rows, columns = min(ROWS, out_rows - row), min(COLUMNS, out_columns - column)
-            _copy_in(x, length, row, column, rows + MARGIN, columns + SIDE, s, 0)
-            _blend_in(y, owned, length, row, column, rows + MARGIN, columns + SIDE, s, o)
-            total = 0.0
-            for r in range(rows):
-                _moments(s, v, r, columns + SIDE)
-                total += _scores(v, slope, columns)
-                if slopes.size > 0:
-                    at = (row + r + MARGIN) * width + column + SIDE
-                    for k in range(3):
-                        for c in range(columns):
-                            slopes[k * plane + at + c] = slope[k * STRIDE + c]
-            sums[i, j] = total
+    (x, y, owned), (row, rows, column, columns), (s, v, slopes, o) = images, block, scratch
+    left, end = min(column, SIDE), min(row + rows, windows)
+    count, total = min(column + columns, length - SIDE) - column + left, 0.0
+    if end > first and count > 0:
+        part = length, first, column - left, end - first + MARGIN, count + SIDE
+        _copy_in(x, *part, s)
+        _blend_in(y, owned, *part, s, o)
+    for r in range(first, row + rows):
+        number = count if r < end and count > 0 else 0
+        if number > 0:
+            _moments(s, v, r - first, number + SIDE)
+            to = np.uint64((r - row + MARGIN) * STRIDE + SIDE - left)
+            _scores(v, slopes, to, 0, min(left, count))
+            own = _scores(v, slopes, to, left, count)
+            total += own if r >= row else _ZERO
+        for k in range(3):
+            at = k * _SLOPES + (r - row + MARGIN) * STRIDE + SIDE - left
+            _clear(slopes, at - SIDE + left, at)
+            _clear(slopes, at + number, at + left + columns)
+    return total
+
+
+@kernel()
+def _go_on(slopes):
+    """P, Q, R of the last windows of a block become those above the next one."""
+    for k in range(0, 3 * _SLOPES, _SLOPES):
+        for i in range(np.uint64(k), np.uint64(k + MARGIN * STRIDE)):
+            slopes[i] = slopes[i + np.uint64(ROWS * STRIDE)]
 
 
 @kernel(fastmath=_LOOSE)
@@ -234,57 +255,75 @@ def _mix(v, x, y, o, kept, gradient, at, columns, scale, scale_l1):
 
 
 @kernel(fastmath=_LOOSE)
-def _blur_slopes(s, v, row, columns):
+def _blur_slopes(slopes, v, row, columns):
     """P, Q, R down the window from a scratch row on, into the rows of v."""
     first = np.uint64(row * STRIDE)
     for j in range(np.uint64(columns)):
-        v[j] = _blur(s, first + j, _DOWN)
-        v[_P1 + j] = _blur(s, first + _NEXT + j, _DOWN)
-        v[_P2 + j] = _blur(s, first + _LAST + j, _DOWN)
+        v[j] = _blur(slopes, first + j, _DOWN)
+        v[_P1 + j] = _blur(slopes, _OF_Q + first + j, _DOWN)
+        v[_P2 + j] = _blur(slopes, _OF_R + first + j, _DOWN)
+
+
+@kernel()
+def _differentiate(images, length, block, rates, scratch, gradient):
+    """The gradient of a block, and its L1."""
+    (x, y, owned), (row, rows, column, columns), (_, v, slopes, o) = images, block, scratch
+    kept, scale, scale_l1 = rates
+    total = 0.0
+    for r in range(rows):
+        _blur_slopes(slopes, v, r, columns + SIDE)
+        _spread(owned, length, row + r, column, columns, o)
+        at = (row + r) * length + column
+        total += _mix(v, x, y, o, kept, gradient, at, columns, scale, scale_l1)
+    return total
+
+
+@kernel()
+def _go_down(images, shape, wanted, rates, blocks, strip, scratch, sums, gradient):
+    """Work on the blocks of a strip from one to before another."""
+    (height, length), (similarity, difference) = shape, sums
+    column, slopes, above = strip * COLUMNS, scratch[2], False
+    for i in range(*blocks):
+        row = i * ROWS
+        block = row, min(ROWS, height - row), column, min(COLUMNS, length - column)
+        is_scored = _is_asked_for(wanted, 2, 2, i, strip)
+        if is_scored:
+            if above:
+                _go_on(slopes)
+            elif row == 0:
+                _clear(slopes, 0, slopes.size)
+            first = row if above or row == 0 else row - MARGIN
+            similarity[i, strip] = _score(images, length, height - MARGIN, block, first, scratch)
+        if is_scored and _is_asked_for(wanted, 1, 1, i, strip):
+            difference[i, strip] = _differentiate(images, length, block, rates, scratch, gradient)
+        else:
+            for r in range(row, row + block[1]):
+                _clear(gradient, r * length + column, r * length + column + block[3])
+        above = is_scored
 
 
 @kernel(parallel=True)
-def backward_image(
-    x,
-    y,
-    owned,
-    wanted,
-    height,
-    length,
-    slopes,
-    kept,
-    scale,
-    scale_l1,
-    sums_l1,
-    out,
-    counter,
-    workers,
-):
-    """Second pass. L1 per block of pixels into `sums_l1`; into `out` the gradient, by x, of `scale`
-    times the sum of SSIM and `scale_l1` times L1 (0 in blocks that are not wanted)."""
-    down, across = sums_l1.shape
-    width, plane = length + SIDE, (length + SIDE) * (height + MARGIN)
-    _clear_border(slopes, plane, height, length)
+def score_image(images, shape, wanted, rates, sums, gradient, counter, workers):
+    """Sums of SSIM and of L1 of x and y over blocks, and the gradient by x.
+
+    Args:
+        images: x and y; and what is owned, or nothing.
+        shape: rows of an image, and numbers in one.
+        wanted: whether a block is, [down, across]; with none named all are. Of others, those whose
+            windows reach one that is have their SSIM summed, and all have no gradient.
+        rates: what L1 loses where a pixel is owned; the result's gradient by the sum of SSIM, and
+            by that of L1.
+        sums: of SSIM over a block's windows and of L1 over its pixels, [down, across].
+        gradient: like x.
+    """
+    down, strips = sums[0].shape
+    bands = (down + BAND - 1) // BAND
     for _ in numba.prange(workers):
-        s, v = np.empty(3 * _IMAGE, np.float32), np.empty(3 * STRIDE, np.float32)
-        o = np.empty(STRIDE, np.float32)
-        block = take(counter)
-        while block < across * down:
-            i, j = block // across, block % across
-            block = take(counter)
-            row, column = i * ROWS, j * COLUMNS
-            rows, columns = min(ROWS, height - row), min(COLUMNS, length - column)
-            if not _is_asked_for(wanted, 1, 1, i, j):
-                for r in range(row, row + rows):
-                    out[r * length + column : r * length + column + columns] = 0
-                continue
-            for k in range(3):
-                part = slopes[k * plane : (k + 1) * plane]
-                _copy_in(part, width, row, column, rows + MARGIN, columns + SIDE, s, k * _IMAGE)
-            total = 0.0
-            for r in range(rows):
-                _blur_slopes(s, v, r, columns + SIDE)
-                _spread(owned, length, row + r, column, columns, o)
-                at = (row + r) * length + column
-                total += _mix(v, x, y, o, kept, out, at, columns, scale, scale_l1)
-            sums_l1[i, j] = total
+        s, slopes = np.empty(2 * _IMAGE, np.float32), np.empty(3 * _SLOPES, np.float32)
+        scratch = s, np.empty(4 * STRIDE, np.float32), slopes, np.empty(STRIDE, np.float32)
+        piece = take(counter)
+        while piece < bands * strips:
+            first = piece // strips * BAND
+            blocks = first, min(first + BAND, down)
+            _go_down(images, shape, wanted, rates, blocks, piece % strips, scratch, sums, gradient)
+            piece = take(counter)
