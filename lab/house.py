@@ -23,7 +23,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("", "errors"),
     ("backend", "settings", "console", "", "files"),
     ("rendering", "", "data"),
-    ("gaussians", "process", "survey", ""),
+    ("gaussians", "process", "survey", "fetch"),
     ("training",),
     ("", "photo_tourism"),
     ("separation", "viewer", "nerfstudio_quirks", "lit_model", "layouts"),

@@ -1,0 +1,65 @@
+"""`desplat-fetch-data`: the published data sets, downloaded and unpacked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from desplat_ns.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.fetch.sources import SOURCES
+
+
+@dataclass
+class Arguments:
+    """Download a published data set and unpack it; without a name, list what there is.
+
+    A download that was broken off goes on when the same is typed again. None of these data sets is
+    part of this package: the page of each says who made it, and what may be done with it.
+    """
+
+    name: Annotated[str, tyro.conf.Positional] = ""
+    """Of a data set, or of a scene of Photo Tourism."""
+    folder: Path = Path("data")
+    """Where the data set's own folder is made."""
+    keep_archive: bool = False
+    """Keep archives once they are unpacked."""
+
+    def run(self) -> None:
+        """List, or fetch.
+
+        Raises:
+            CaptureError: it cannot be downloaded or unpacked.
+            ConfigError: there is no data set of that name.
+        """
+        if not self.name:
+            _list()
+            return
+        if self.name not in SOURCES:
+            raise ConfigError(
+                f"There is no data set '{self.name}'. There are: {', '.join(SOURCES)}."
+            )
+        from desplat_ns.console import announce  # a second
+        from desplat_ns.fetch.fetch import fetch, room_for
+
+        source = SOURCES[self.name]
+        announce(f"{source.title}. Whose it is, and what may be done with it: {source.page}")
+        announce(f"{room_for(self.folder):.0f} GB are free in '{self.folder}'.")
+        scenes = fetch(source, self.folder, self.keep_archive)
+        announce(f"{len(scenes)} in '{scenes[0].parent}': {', '.join(s.name for s in scenes)}.")
+        announce(f"    {source.train.format(scene=scenes[0])}")
+
+
+def _list() -> None:
+    for name, source in SOURCES.items():
+        print(f"{name}\n    {source.title}\n    {source.page}")
+        for file in source.files:
+            print(f"    {file.address}")
+
+
+def main() -> None:
+    """Entry point of the command."""
+    print_user_errors_plainly()
+    tyro.cli(Arguments, prog="desplat-fetch-data").run()
