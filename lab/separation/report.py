@@ -6,7 +6,7 @@ import re
 from itertools import compress
 from pathlib import Path
 
-from lab.documents import DOCS
+from lab.documents import CHECKOUT, DOCS
 from lab.grid.figures import Figures, Key, spread
 from lab.grid.records import Records, load
 from lab.grid.sources import Cell, Reference
@@ -24,6 +24,17 @@ from lab.separation.runs import (
 
 REPORT, TRIED, FIGURE = "separation.md", "separation_tried.md", "separation.png"
 """What is so today; what was so once, or was not kept; the model of one pixel."""
+
+README = CHECKOUT / "README.md"
+README_ROWS = {
+    "clutter": "`fox_cluttered`, indoors, 40 photos",
+    "few20": "20 photos of it",
+    "around": "`monstree_cluttered`, outdoors, 18 photos",
+    "castle": "`sceaux_cluttered`, a castle behind a lawn, 8 photos",
+    "other-facade8": "generated house behind a lawn, 8 photos",
+    "other-table20": "generated table, far background, 20 photos",
+}
+"""Captures in README's table, and what they are there."""
 
 NUMBERS_S, NUMBERS_D = 59, 14
 """Numbers in which a static Gaussian (degree 3) and a distractor are stored."""
@@ -126,6 +137,24 @@ def captures_table(figures: Figures, group: str, steps: int) -> str:
     return figures.table(*_without_empty_columns(head, rows))
 
 
+def readme_table(figures: Figures) -> str:
+    """The captures that stand for all, after 3,000 steps."""
+    rows: list[list[str | Cell]] = []
+    for scene, what in README_ROWS.items():
+        off, ours, _, clean, closed, _, iou, *_ = _of_capture(figures, scene, 3000)
+        rows.append([what, off, ours, clean, closed, iou])
+    head = ["capture", "off, dB", "`desplat`, dB", "clean twins, dB", "gap closed", "mask IoU"]
+    return figures.table(head, rows)
+
+
+def with_results(text: str, results: str) -> str:
+    """A page with the table between its two marks."""
+    begins, ends = "<!-- results -->\n", "<!-- /results -->"
+    head, _, rest = text.partition(begins)
+    _, _, tail = rest.partition(ends)
+    return f"{head}{begins}{results}\n{ends}{tail}"
+
+
 def _without_empty_columns(
     head: list[str], rows: list[list[str | Cell]]
 ) -> tuple[list[str], list[list[str | Cell]]]:
@@ -170,7 +199,10 @@ def _of_capture(figures: Figures, scene: str, steps: int) -> list[Cell]:
 
 
 def write_committed_report() -> Path:
-    """Write both documents from the files in docs/; returns where the first is."""
+    """Write both documents from the files in docs/, and README's table; returns where the first
+    is."""
+    figures = Figures(load(FILE), STUDY.settings_of, SEEDS)
+    README.write_text(with_results(README.read_text(), readme_table(figures)))
     return write_report(load(FILE), load(BEFORE))
 
 

@@ -147,6 +147,9 @@ def test_the_committed_documents_are_those_of_the_committed_records(tmp_path, mo
     report.write_report(load(FILE), load(BEFORE), tmp_path)
     for name in (report.REPORT, report.TRIED):
         assert (tmp_path / name).read_text() == (DOCS / name).read_text()
+    figures = Figures(load(FILE), report.STUDY.settings_of, report.SEEDS)
+    page = report.README.read_text()
+    assert report.with_results(page, report.readme_table(figures)) == page
 
 
 def test_one_pixel_shows_haze_with_one_loss_and_none_with_placed_distractors():
