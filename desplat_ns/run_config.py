@@ -5,6 +5,7 @@ schedules, its effects, its steps. config.yml then has them.
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -55,8 +56,9 @@ class RunConfig(TrainerConfig):
     `max_num_iterations` nor a budget is given; more often where there are few photos
     (`steps_for_visits`). 0: the method's own number of steps, which is the most in any case."""
     full_rate_visits: float = 0.0
-    """Visits of each photo, steps over photos, for which the learning rates are meant. A run with
-    fewer multiplies those of the static Gaussians, by 4 at most; 0: they are as they are given."""
+    """Visits of each photo, steps over photos, for which the learning rates are meant; fewer than
+    40 photos count as 40. A run with fewer visits multiplies the rates of the static Gaussians, by
+    4 at most; 0: they are as they are given."""
     max_skipped_steps: int = 10
     """A step whose loss or gradient is not finite is skipped; after so many, in all, the run is
     saved and stops."""
@@ -230,9 +232,10 @@ class RunConfig(TrainerConfig):
         """By how much learning rates are raised in a run; said where they are."""
         factor = rate_factor(photos, steps, self.full_rate_visits)
         if factor != 1.0:
+            full = steps_for_visits(self.full_rate_visits, photos, sys.maxsize)
             CONSOLE.print(
-                f"Learning rates are {factor:.3g} times as high: each photo is seen "
-                f"{steps / photos:.3g} times, and they are meant for {self.full_rate_visits:g}."
+                f"Learning rates are {factor:.3g} times as high: the run has {steps} steps, and "
+                f"with {photos} photos they are meant for {full}."
             )
         return factor
 

@@ -15,7 +15,7 @@ from desplat_ns.separation.placement import FEW_VIEWS, about_few_views
 from desplat_ns.training.run_length import steps_for_visits
 
 ENOUGH_VISITS = 150.0
-"""Of each photo; after these nothing more was gained where it was measured."""
+"""Of each photo; after these at most a decibel was gained where it was measured."""
 
 LONG = 30_000
 """Steps; a run of as many is long, however many photos there are."""
@@ -79,7 +79,7 @@ def notices(
             Notice(
                 f"Each photo was seen {cost.visits:.0f} times.",
                 "More steps may still help: a larger --max-num-iterations. After "
-                f"{enough:,} nothing more was gained on the captures that it was measured on.",
+                f"{enough:,} at most a decibel was gained on the captures that it was measured on.",
             )
         )
     return found

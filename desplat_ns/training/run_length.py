@@ -30,8 +30,9 @@ def schedule_scale(max_num_iterations: int, nominal: int) -> float:
 
 
 LEAST_VIEWS = 40
-"""A run for fewer views is as long as for so many: a scene takes shape in steps, as one of Adam is
-as long as its rate, however often the views are drawn meanwhile."""
+"""A run for fewer views is as long as for so many, and a shorter one has higher rates: a scene
+takes shape in steps, as one of Adam is as long as its rate, however often the views are drawn
+meanwhile."""
 
 
 GPU_VISITS = 2
@@ -58,12 +59,13 @@ def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
 
     Args:
         steps: of the run.
-        full_visits: of each photo, for which the rates are meant; 0 for a factor of 1.
+        full_visits: of each photo, for which the rates are meant; 0 for a factor of 1. As in
+            `steps_for_visits`, fewer than `LEAST_VIEWS` photos count as so many.
     """
     if full_visits <= 0:
         return 1.0
-    visits = steps / max(1, num_views)
-    return min(MOST_RATE_FACTOR, max(1.0, full_visits / visits))
+    full = full_visits * max(num_views, LEAST_VIEWS)
+    return min(MOST_RATE_FACTOR, max(1.0, full / steps))
 
 
 def steps_between_refinements(

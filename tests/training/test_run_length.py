@@ -47,6 +47,8 @@ def test_rates_are_raised_where_photos_are_seen_seldom_and_nowhere_else():
     assert rate_factor(40, 4_000, 100.0) == rate_factor(40, 30_000, 100.0) == 1.0
     assert rate_factor(40, 10, 100.0) == MOST_RATE_FACTOR
     assert rate_factor(40, 10, 0.0) == 1.0
+    assert rate_factor(8, 1_000, 100.0) == 4.0  # few photos take as many steps as 40
+    assert rate_factor(80, 4_000, 100.0) == 2.0
 
 
 @given(views=st.integers(0, 5_000), steps=st.integers(1, 10**6), more=st.integers(0, 10**6))
