@@ -76,8 +76,8 @@ class StaticModelConfig(LitModelConfig):
     opacity_prior: float = ranged(0.0, "[0, inf)")
     """Weight of the mean opacity of the static Gaussians that a photo shows, divided by the number
     of training photos: the fewer there are, the more it says beside them. What no photo needs fades
-    and is pruned (docs/separation.md, "Areas that few photos see"). 0 in the paper. It counts as 0 where
-    each photo has a light of its own (`effects.appearance`): there the scene fades."""
+    and is pruned (docs/separation.md, "Areas that few photos see"). 0 in the paper. It counts as 0
+    where each photo has a light of its own (`effects.appearance`): there the scene fades."""
     near_plane: float = ranged(0.0, "[0, 1)")
     """Renderings leave out static Gaussians that are nearer than this share of the depth at which
     the seed points in the view start, and those before that start that reach the camera

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import OpenImageIO as oiio
+
+from desplat_ns.data.heic import heic_tags, is_heic
+from desplat_ns.errors import CaptureError
 
 
 @dataclass(frozen=True)
@@ -21,15 +25,26 @@ class Lens:
 
 def lens_of(path: Path) -> Lens:
     """What the file says about camera and lens; nothing where it is missing or is no photo."""
+    find = _tags_of(path)
+    tags = ("Make", "Model", "Exif:LensModel", "Exif:FocalLength")
+    values = [str(value).strip() for tag in tags if (value := find(tag))]
+    return Lens(" ".join(values), _number(find("Exif:FocalLengthIn35mmFilm")) or 0.0)
+
+
+def _tags_of(path: Path) -> Callable[[str], object]:
+    """Gives a tag of a file by OpenImageIO's name for it; None for what is not there."""
+    if is_heic(path):
+        try:
+            return heic_tags(path).get
+        except CaptureError:
+            return lambda tag: None
     file = oiio.ImageInput.open(str(path))
     if file is None:
         oiio.geterror()
-        return Lens("", 0.0)
+        return lambda tag: None
     spec = file.spec()
     file.close()
-    tags = ("Make", "Model", "Exif:LensModel", "Exif:FocalLength")
-    values = [str(value).strip() for tag in tags if (value := spec.getattribute(tag))]
-    return Lens(" ".join(values), _number(spec.getattribute("Exif:FocalLengthIn35mmFilm")) or 0.0)
+    return spec.getattribute  # type: ignore[no-any-return]
 
 
 def _number(value: object) -> float | None:

@@ -1,4 +1,4 @@
-"""Photos in, pictures out, through OpenImageIO: upright, 8 bit, RGB or RGBA.
+"""Photos in, pictures out, through OpenImageIO (HEIC by `heic`): upright, 8 bit, RGB or RGBA.
 
 Letters in shapes: H x W pixels, C channels.
 """
@@ -13,6 +13,7 @@ import numpy as np
 import OpenImageIO as oiio
 from jaxtyping import Bool, Float, UInt8
 
+from desplat_ns.data.heic import heic_size, is_heic, read_heic
 from desplat_ns.errors import CaptureError, DeSplatError
 
 Array = np.ndarray
@@ -41,6 +42,8 @@ def read_image(path: Path) -> UInt8[np.ndarray, "H W C"]:
     Raises:
         CaptureError: the file is missing, is not an image, or ends too early.
     """
+    if is_heic(path):
+        return read_heic(path)
     file = _open(path)
     spec = file.spec()
     wants_float = _is_linear(spec)
@@ -62,6 +65,8 @@ def image_size(path: Path) -> tuple[int, int]:
     Raises:
         CaptureError: the file is missing or is not an image.
     """
+    if is_heic(path):
+        return heic_size(path)
     file = _open(path)
     spec = file.spec()
     file.close()
