@@ -84,7 +84,8 @@ class DeSplatModel(StaticModel):
             assert self.seed_points is not None
             points = self.seed_points[0].to(cameras.device)
         gaussians = DistractorGaussians(config, cameras)
-        return DistractorLayer(gaussians, config, self.config, cameras, points)
+        own_skies = self.effects.background == "image"
+        return DistractorLayer(gaussians, config, self.config, cameras, points, own_skies)
 
     # --- drawing -----------------------------------------------------------------------------
 

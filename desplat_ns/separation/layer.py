@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 from jaxtyping import Bool, Float
@@ -26,6 +26,7 @@ from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.layers import layered_outputs
 from desplat_ns.separation.clearance import Clearance
 from desplat_ns.separation.grid import region_pixels
+from desplat_ns.separation.own_sky import own_sky
 from desplat_ns.separation.placement import (
     FEW_VIEWS,
     about_few_views,
@@ -86,6 +87,7 @@ class DistractorLayer:
         static: SplatfactoModelConfig,
         cameras: Cameras,
         points: Float[Tensor, "P 3"] | None,
+        own_skies: bool = False,
     ):
         """Says so where there are too few views to judge by.
 
@@ -95,11 +97,13 @@ class DistractorLayer:
             static: of the static scene; both sets share thresholds.
             cameras: the training cameras, shape [V].
             points: of the reconstruction, if the scene starts from them.
+            own_skies: whether each photo has a background of its own.
         """
         self.gaussians = gaussians
         self.config = config
         self.static = static
         self.num_views = len(cameras)
+        self.own_skies = own_skies
         self.densifier = DistractorDensifier(config, static)
         self.clearance = Clearance(config.clearance, points, cameras)
         if config.start == "residual" and self.num_views < FEW_VIEWS:
@@ -224,9 +228,13 @@ class DistractorLayer:
             torch.sigmoid(opacities.detach()[:, 0]),
         )
         stats = ResidualStats.of(memory, len(opacities), self.num_views, photo.device)
-        comparison, train_step.residual_stats = compare(photo, static, stats, counted)
-        if train_step.number >= self.config.static_warmup:
-            train_step.regions = find_regions(comparison, self.config)
+        judged = counted
+        if self.own_skies:
+            scene = ~own_sky(photo, train_step.static.alpha)
+            judged = scene if counted is None else scene & counted
+        comparison, train_step.residual_stats = compare(photo, static, stats, judged)
+        if train_step.number >= self.config.static_warmup:  # skies within a thing's outline are it
+            train_step.regions = find_regions(replace(comparison, counted=counted), self.config)
 
     def commit(
         self,

@@ -15,6 +15,7 @@ TEMPLATE = Path(__file__).with_name("photo_tourism.md.template")
 
 FORMS = {
     "psnr": ".2f",
+    "ssim": ".3f",
     "psnr_before": ".2f",
     "mask_iou": ".2f",
     "alpha_outside_masks": ".3f",
@@ -23,7 +24,7 @@ FORMS = {
 }
 """How the figures are written, in the order of the columns."""
 
-HEAD = ["effects that are on", "PSNR, dB", "average light", "mask IoU", "alpha outside"]
+HEAD = ["effects that are on", "PSNR, dB", "SSIM", "average light", "mask IoU", "alpha outside"]
 HEAD += ["static", "distractors", "training, s"]
 
 

@@ -64,7 +64,7 @@ SCENES = {
     "sacre": Scene(RealCapture("sacre_coeur"), PARSER),
 }
 
-FIGURES = ("psnr", "psnr_before", "mask_iou", "alpha_outside_masks", "embedding_seconds")
+FIGURES = ("psnr", "ssim", "psnr_before", "mask_iou", "alpha_outside_masks", "embedding_seconds")
 FIGURES += ("num_static_gaussians", "num_distractor_gaussians", "train_cpu_seconds")
 """Absent where an effect is off or no masks are known."""
 

@@ -47,7 +47,7 @@ def test_settings_without_appearance_are_scored_on_right_halves_too():
 
 def record(**more: float) -> Record:
     counts = {"num_static_gaussians": 1234, "num_distractor_gaussians": 0}
-    return Record({"psnr": 12.346, "psnr_before": 11.0, **counts, **more}, None, None)
+    return Record({"psnr": 12.346, "ssim": 0.5, "psnr_before": 11.0, **counts, **more}, None, None)
 
 
 def test_tables_hold_what_was_measured_at_todays_length():
@@ -55,7 +55,7 @@ def test_tables_hold_what_was_measured_at_todays_length():
     other = f"sh-yard-1-{STEPS['yard'] + 1}-42"
     records = {yard.name: record(train_cpu_seconds=9.6), other: record()}
     text = scene_table(records, "yard", lambda run: {})
-    assert "| 12.35 | 11.00 |" in text
+    assert "| 12.35 | 0.500 | 11.00 |" in text
     assert "1,234" in text and "| 10 CPU |" in text
     assert "sh" not in text.split("\n", 2)[2].replace("desplat", "")
     assert scene_table(records, "sacre", lambda run: {}) == "Not measured."

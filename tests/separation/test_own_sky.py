@@ -1,0 +1,94 @@
+"""Where photos have skies of their own, another sky is nothing in the way; things before it are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+from nerfstudio.models.splatfacto import SplatfactoModelConfig
+
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorGaussians
+from desplat_ns.separation.layer import DistractorLayer
+from desplat_ns.separation.own_sky import own_sky
+from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene, cameras
+
+SKY = (slice(0, HEIGHT // 2), slice(0, WIDTH))
+"""The upper half, in which the scene has no Gaussians."""
+CONFIG = DistractorConfig(start="residual", static_warmup=5)
+
+
+def smooth(blue: float) -> torch.Tensor:
+    """A sky that gets brighter downwards."""
+    sky = torch.tensor([0.5, 0.6, blue]).expand(HEIGHT, WIDTH, 3).clone()
+    return sky + torch.linspace(0, 0.2, HEIGHT)[:, None, None]
+
+
+def with_branches(photo: torch.Tensor) -> torch.Tensor:
+    """Dark stripes, four pixels wide, before the sky on the right."""
+    photo = photo.clone()
+    photo[: HEIGHT // 2, 40:].view(HEIGHT // 2, -1, 2, 5, 3)[:, :, 0] = 0.05
+    return photo
+
+
+class SceneBelowASky(WellKnownScene):
+    """Blocks in the lower half; the other photos' sky above them is blue."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.photo[SKY] = smooth(0.8)[SKY]
+        alpha = torch.ones(HEIGHT, WIDTH, 1)
+        alpha[SKY] = 0.0
+        self.drawn = replace(self.drawn, alpha=alpha)
+        self.opacities.view(HEIGHT, WIDTH)[SKY] = -20.0
+
+    def regions(self, photo: torch.Tensor, own_skies: bool) -> torch.Tensor:
+        """Of a photo, once ten like the scene were seen."""
+        cams = cameras()[torch.zeros(40, dtype=torch.long)]
+        gaussians = DistractorGaussians(CONFIG, cams)
+        layer = DistractorLayer(gaussians, CONFIG, SplatfactoModelConfig(), cams, None, own_skies)
+        for _ in range(10):
+            step = self.train_step(0, self.photo)
+            layer.update_regions(step, self.opacities, self.memory, None)
+            assert step.residual_stats is not None
+            step.residual_stats.keep_in(self.memory)
+        step = self.train_step(100, photo)
+        layer.update_regions(step, self.opacities, self.memory, None)
+        assert step.regions is not None
+        return step.regions
+
+
+@pytest.fixture
+def grey_sky() -> torch.Tensor:
+    photo = SceneBelowASky().photo
+    photo[SKY] = smooth(0.4)[SKY]
+    return photo
+
+
+def test_another_sky_is_in_the_way_only_where_photos_share_theirs(grey_sky):
+    assert SceneBelowASky().regions(grey_sky, own_skies=False)[: HEIGHT // 2 - 4].all()
+    assert not SceneBelowASky().regions(grey_sky, own_skies=True).any()
+
+
+def test_what_stands_before_the_sky_is_found(grey_sky):
+    found = SceneBelowASky().regions(with_branches(grey_sky), own_skies=True)
+    assert found[4 : HEIGHT // 2 - 4, 44 : WIDTH - 4].all()
+    assert not found[:, :30].any()
+
+
+def test_what_stands_before_the_scene_is_found_under_another_sky(grey_sky):
+    grey_sky[24:36, 10:30] = torch.tensor([0.9, 0.1, 0.9])
+    found = SceneBelowASky().regions(grey_sky, own_skies=True)
+    assert found[26:34, 12:28].all()
+    assert not found[: HEIGHT // 2 - 4].any()
+
+
+def test_a_smooth_photo_is_its_own_sky_where_the_scene_is_transparent():
+    alpha = torch.zeros(HEIGHT, WIDTH, 1)
+    alpha[:, WIDTH // 2 :] = 1.0
+    found = own_sky(smooth(0.4), alpha)
+    assert found[:, : WIDTH // 2].all()
+    assert not found[:, WIDTH // 2 :].any()
+    noise = torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(0))
+    assert not own_sky(noise, alpha).any()
