@@ -13,7 +13,7 @@ from desplat_ns.files.pages import template
 from desplat_ns.report.charts import svg
 from desplat_ns.report.cost import Cost
 from desplat_ns.report.effect_reasons import EffectReason
-from desplat_ns.report.encoding import Picture, fitted_into
+from desplat_ns.files.encoding import Picture, fitted_into
 from desplat_ns.report.history import History
 from desplat_ns.report.notices import Notice
 from desplat_ns.report.pictures import ERROR_COLORS, ERROR_TOP, HeldOutPhoto, TrainingPhoto

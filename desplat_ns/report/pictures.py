@@ -20,7 +20,7 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.metrics import psnr
 from desplat_ns.rendering.views import is_distorted, view_of
-from desplat_ns.report.encoding import LARGEST_SIDE
+from desplat_ns.files.encoding import LARGEST_SIDE
 from desplat_ns.report.failure_case import Coverage, coverage_of
 from desplat_ns.runs.loading import even_subset
 
