@@ -1,6 +1,7 @@
 """The page in a real browser that draws on the CPU: it shows what we render, and moves."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,28 +10,24 @@ import pytest
 
 from desplat_ns.scene.page import html_of
 from tests.helpers.browser import Page, headless_page
-from tests.helpers.scene import HEIGHT, PHOTO, WIDTH, camera, cloud, contents, drawn, psnr
+from tests.helpers.scene import (
+    HEIGHT,
+    PHOTO,
+    WIDTH,
+    camera,
+    cloud,
+    contents,
+    drawn,
+    psnr,
+    red_disc,
+)
+from tests.helpers.scene_in_browser import bare, bare_scene, opened, settle, shown
 
 pytestmark = pytest.mark.slow
 
 MOST = 4_000_000
 LEAST_PSNR = 30.0
 """dB, of the page's picture against ours."""
-
-BARE = "<style id=bare>header, footer { display: none !important }</style>"
-"""The stage alone, so that it is as large as the window."""
-
-
-def opened(page: Page, path: Path, text: str) -> None:
-    path.write_text(text)
-    page.open(path.as_uri())
-    page.wait_for("!!globalThis.scenePage || document.body.classList.contains('failed')")
-
-
-def settle(page: Page, action: str = "") -> None:
-    """Do something on the page, and wait until what follows is drawn."""
-    page.value(f"{action}; scenePage.redraw()")
-    page.wait_for("scenePage.settled()")
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +39,8 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def page(address: Path) -> Iterator[Page]:
     with headless_page(webgl=True) as one:
         one.resize(WIDTH, HEIGHT)
-        opened(one, address, html_of(contents(), MOST)[0])
+        address.write_text(html_of(contents(), MOST)[0])
+        opened(one, address)
         yield one
 
 
@@ -50,17 +48,13 @@ def page(address: Path) -> Iterator[Page]:
 def stage(page: Page) -> Iterator[Page]:
     """The page at the first photo's camera, without its controls, as large as a photo."""
     page.resize(WIDTH, HEIGHT)
-    page.value(f"document.head.insertAdjacentHTML('beforeend', '{BARE}')")
+    bare(page)
     settle(page, "scenePage.setMode(false), scenePage.goTo(0)")
     yield page
     page.value("document.getElementById('bare').remove()")
     for name in ("distractors", "frusta"):
         page.value(f"if ({name}.checked) {name}.click()")
     page.value("share.value = 0, share.oninput()")
-
-
-def shown(page: Page) -> np.ndarray:
-    return np.asarray(page.picture()) / 255
 
 
 @pytest.mark.parametrize("index", range(3))
@@ -71,13 +65,8 @@ def test_at_a_photos_camera_it_shows_what_we_render(stage: Page, index: int):
 
 
 def test_antialiased_scenes_are_drawn_as_such(tmp_path: Path):
-    from dataclasses import replace
-
     one = contents(cloud=replace(cloud(), antialiased=True))
-    with headless_page(webgl=True) as page:
-        page.resize(WIDTH, HEIGHT)
-        opened(page, tmp_path / "a.html", html_of(one, MOST)[0])
-        page.value(f"document.head.insertAdjacentHTML('beforeend', '{BARE}')")
+    with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:
         settle(page, "scenePage.goTo(1)")
         assert psnr(shown(page), drawn(one.cloud, one.cameras[1].view)) > LEAST_PSNR
 
@@ -148,19 +137,12 @@ def test_cameras_are_drawn_on_request(stage: Page):
 
 def test_what_is_nearer_than_the_near_plane_is_not_shown_there(tmp_path: Path):
     """The disc hangs 0.8 units before the first camera; the plane lies at 1."""
-    from dataclasses import replace
-
-    from tests.helpers.scene import red_disc
-
     scene, disc = cloud(degree=0), red_disc()
     names = ("means", "quats", "scales", "opacities", "harmonics")
     joined = {n: np.concatenate([getattr(scene, n), getattr(disc, n)]) for n in names}
     both: Any = replace(scene, **joined)
     one = contents(cloud=both, cameras=[camera("a.png", 0, near=1.0), camera("b.png", 40)])
-    with headless_page(webgl=True) as page:
-        page.resize(WIDTH, HEIGHT)
-        opened(page, tmp_path / "a.html", html_of(one, MOST)[0])
-        page.value(f"document.head.insertAdjacentHTML('beforeend', '{BARE}')")
+    with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:
         settle(page, "scenePage.goTo(0)")
         hidden = shown(page)
         assert psnr(hidden, drawn(scene, one.cameras[0].view)) > LEAST_PSNR
@@ -185,8 +167,10 @@ def test_no_request_leaves_the_page_and_nothing_goes_wrong(page: Page, address: 
 
 
 def test_without_webgl_it_says_so_and_shows_pictures(tmp_path: Path):
+    path = tmp_path / "a.html"
+    path.write_text(html_of(contents(), MOST)[0])
     with headless_page() as page:
-        opened(page, tmp_path / "a.html", html_of(contents(), MOST)[0])
+        opened(page, path)
         assert "has no WebGL 2" in page.value("document.getElementById('status').textContent")
         box = page.value("document.querySelector('#pictures img').getBoundingClientRect().toJSON()")
         assert box["width"] > 100 and box["height"] > 50
