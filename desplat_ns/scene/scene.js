@@ -9,15 +9,23 @@
 const FAR = 1e4, NEAREST = 0.01;
 /** Standard deviations at which a Gaussian of full opacity falls below 1/255. */
 const REACH_SIGMAS = Math.sqrt(2 * Math.log(255));
-/** A Gaussian beside the image is drawn as long as its centre is within so many times its half. */
-const BESIDE = 1.4;
+/** A Gaussian beside the image is drawn as long as its centre is within so many times its half... */
+const BESIDE = 10;
+/** ... and its projection linearized at a place within so many times it, as in training: beyond, the
+ * linearization would smear it over the image. Spark takes the centre itself. */
+const LINEARIZED_WITHIN = 1.3;
+const SPARKS_JACOBIAN = "vec2 J2 = -(J1 * viewCenter.xy) * invZ;";
+const CLAMPED_JACOBIAN = `vec2 J2 = J1 * (
+  clamp(clipCenter.xy / clipCenter.w, -${LINEARIZED_WITHIN}, ${LINEARIZED_WITHIN})
+  + vec2(projectionMatrix[2][0], projectionMatrix[2][1]))
+  / vec2(projectionMatrix[0][0], projectionMatrix[1][1]);`;
 /** Away from a photo's camera, in shares of its reach or of 45 degrees: what belongs to it alone is
  * whole up to the first and gone from the second. */
 const WHOLE = 0.02, GONE = 0.2;
 /** The near plane of a photo's camera holds up to the first, and none is left from the second. */
 const NEAR_WHOLE = 0.1, NEAR_GONE = 0.5;
-const WHY_FADING = "What was taken out of this photo was made for its camera alone: no other photo "
-  + "says how it looks from elsewhere, so it fades as you leave.";
+const WHY_FADING = "What was taken out was made for this view alone: nobody knows how it looks from "
+  + "elsewhere, so it fades as you leave.";
 
 /** @param {string} id @returns {any} */
 const $ = id => document.getElementById(id);
@@ -90,6 +98,9 @@ class ScenePage {
       preBlurAmount: this.antialiased ? 0 : 0.3, blurAmount: this.antialiased ? 0.3 : 0,
       sortRadial: false, enableLod: false, accumExtSplats: true,
     });
+    const { material } = spark, shader = material.vertexShader;
+    material.vertexShader = shader.replace(SPARKS_JACOBIAN, CLAMPED_JACOBIAN);
+    if (material.vertexShader === shader) throw new Error("Spark's shader is another one");
     scene.add(spark);
     return { scene, spark };
   }
@@ -228,9 +239,9 @@ class ScenePage {
   }
 
   tell(whole) {
-    const one = this.cameras[this.current], kind = one.heldOut ? "held-out" : "training";
-    const place = this.away(this.current) < WHOLE ? `At the camera of ${one.name}, a ${kind} photo.`
-      : `Away from the camera of ${one.name}.`;
+    const one = this.cameras[this.current], kind = one.heldOut ? "held-out" : "training photo";
+    const place = this.away(this.current) < WHOLE ? `At ${one.name} (${kind}).`
+      : `Away from ${one.name}.`;
     const fading = $("distractors").checked && one.distractors ? ` ${WHY_FADING}` : "";
     const text = place + fading;
     if ($("note").textContent !== text) $("note").textContent = text;

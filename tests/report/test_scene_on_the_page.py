@@ -1,0 +1,39 @@
+"""The scene on top of a report, in a real browser: it is drawn there, and asks for nothing."""
+
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.report.page import html_of
+from desplat_ns.scene.page import html_of as scene_page
+from tests.helpers.browser import headless_page
+from tests.helpers.report import contents
+from tests.helpers.scene import contents as scene_contents
+
+pytestmark = pytest.mark.slow
+
+FRAME = "document.querySelector('iframe.scene')"
+
+
+def test_the_scene_is_drawn_in_the_report_and_no_request_leaves_it(tmp_path: Path):
+    path = tmp_path / "report.html"
+    path.write_text(html_of(contents(), scene=scene_page(scene_contents(), 4_000_000)[0]))
+    with headless_page(webgl=True) as page:
+        page.open(path.as_uri())
+        page.wait_for(f"!!{FRAME}.contentWindow.scenePage")
+        page.value(f"{FRAME}.scrollIntoView({{block: 'center', behavior: 'instant'}})")
+        page.wait_for(f"{FRAME}.contentWindow.scenePage.settled()")
+        box = page.value(f"{FRAME}.getBoundingClientRect().toJSON()")
+        middle = page.picture().crop(
+            (
+                int(box["left"] + 0.3 * box["width"]),
+                int(box["top"] + 0.3 * box["height"]),
+                int(box["left"] + 0.7 * box["width"]),
+                int(box["top"] + 0.7 * box["height"]),
+            )
+        )
+        assert len(middle.getcolors(100_000) or []) > 1000, "a scene of many colours"
+        own = [one for one in page.requests() if not one.startswith(("data:", "blob:"))]
+        assert set(own) <= {path.as_uri(), "about:srcdoc"}
+        wrong = ("Log.entryAdded", "Runtime.exceptionThrown", "Runtime.consoleAPICalled")
+        assert [e for e in page.events if e["method"] in wrong] == []
