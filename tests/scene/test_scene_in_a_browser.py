@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
+from desplat_ns.export.splat_cloud import SplatCloud
 from desplat_ns.scene.page import html_of
 from tests.helpers.browser import Page, headless_page
 from tests.helpers.scene import (
@@ -138,15 +138,35 @@ def test_cameras_are_drawn_on_request(stage: Page):
 def test_what_is_nearer_than_the_near_plane_is_not_shown_there(tmp_path: Path):
     """The disc hangs 0.8 units before the first camera; the plane lies at 1."""
     scene, disc = cloud(degree=0), red_disc()
-    names = ("means", "quats", "scales", "opacities", "harmonics")
-    joined = {n: np.concatenate([getattr(scene, n), getattr(disc, n)]) for n in names}
-    both: Any = replace(scene, **joined)
+    both = joined(scene, disc)
     one = contents(cloud=both, cameras=[camera("a.png", 0, near=1.0), camera("b.png", 40)])
     with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:
         settle(page, "scenePage.goTo(0)")
         hidden = shown(page)
         assert psnr(hidden, drawn(scene, one.cameras[0].view)) > LEAST_PSNR
         assert psnr(hidden, drawn(both, one.cameras[0].view)) < LEAST_PSNR
+
+
+def joined(*clouds: SplatCloud) -> SplatCloud:
+    """All Gaussians of several, which have the same harmonics' degree."""
+    names = ("means", "quats", "scales", "opacities", "harmonics")
+    return replace(
+        clouds[0], **{name: np.concatenate([getattr(c, name) for c in clouds]) for name in names}
+    )
+
+
+def test_a_large_gaussian_beside_the_image_reaches_into_it_as_in_training(tmp_path: Path):
+    """Its centre is seen at twice the image's half, and it reaches into the image; were
+    it projected by the slope of its centre, it would reach too far."""
+    scene, disc = cloud(degree=0), red_disc()
+    place, shape = np.array([3, 2.4, 0]), np.array([12, 12, 6], np.float32)
+    large = replace(disc, means=disc.means + place, scales=disc.scales * shape)
+    one = contents(cloud=joined(scene, large), cameras=[camera("a.png", 0)])
+    with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:
+        settle(page, "scenePage.goTo(0)")
+        ours = drawn(one.cloud, one.cameras[0].view)
+        assert psnr(ours, drawn(scene, one.cameras[0].view)) < LEAST_PSNR, "it is seen"
+        assert psnr(shown(page), ours) > LEAST_PSNR
 
 
 @pytest.mark.parametrize("width", [360, 390, 768, 1600])
