@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from datetime import date
 from typing import Any, cast
@@ -26,6 +27,7 @@ from desplat_ns.files.encoding import LARGEST_SIDE
 from desplat_ns.files.pages import shrunk
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.model import DeSplatModel
+from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.near_plane import scene_start
 from desplat_ns.rendering.views import is_distorted
@@ -180,7 +182,8 @@ def _light_in_words(model: DeSplatModel, light: str | None) -> str:
     effects = model.image_effects
     if effects is None or effects.appearance is None:
         return ""
-    return f"in the light of {light}" if light else "in the average light of the photos"
+    chosen = light or os.environ.get(VARIABLE)
+    return f"in the light of {chosen}" if chosen else "in the average light of the photos"
 
 
 def _not_shown(pipeline: DeSplatPipeline, training: int, held_out: int) -> str:

@@ -327,6 +327,12 @@ class ScenePage {
     this.turningKeys = this.fly.fpsMovement.keycodeRotateMapping;
     this.aim(new this.V.Vector3(0, 0, -1));
     this.setMode(false);
+    // In a report, which is scrolled, the wheel and fingers are the scene's once it was clicked.
+    if (parent !== globalThis) document.body.classList.add("framed");
+    canvas.addEventListener("click", () => document.body.classList.remove("framed"));
+    $("stage").addEventListener("wheel", event => {
+      if (document.body.matches(".framed")) event.stopImmediatePropagation();
+    }, { capture: true, passive: true });
     const awake = () => { this.activeUntil = performance.now() + 600; this.redraw(); };
     for (const kind of ["pointerdown", "pointermove", "pointerup", "wheel"])
       canvas.addEventListener(kind, awake, { passive: true });

@@ -1,4 +1,5 @@
-"""The scene on top of a report, in a real browser: it is drawn there, and asks for nothing."""
+"""The scene on top of a report, in a real browser: it is drawn there, asks for nothing, and
+lets the report scroll."""
 
 from pathlib import Path
 
@@ -15,7 +16,7 @@ pytestmark = pytest.mark.slow
 FRAME = "document.querySelector('iframe.scene')"
 
 
-def test_the_scene_is_drawn_in_the_report_and_no_request_leaves_it(tmp_path: Path):
+def test_the_scene_is_drawn_in_the_report_which_scrolls_on_until_it_is_clicked(tmp_path: Path):
     path = tmp_path / "report.html"
     path.write_text(html_of(contents(), scene=scene_page(scene_contents(), 4_000_000)[0]))
     with headless_page(webgl=True) as page:
@@ -35,5 +36,17 @@ def test_the_scene_is_drawn_in_the_report_and_no_request_leaves_it(tmp_path: Pat
         assert len(middle.getcolors(100_000) or []) > 1000, "a scene of many colours"
         own = [one for one in page.requests() if not one.startswith(("data:", "blob:"))]
         assert set(own) <= {path.as_uri(), "about:srcdoc"}
+        where = {"x": box["left"] + 200, "y": box["top"] + 200}
+        place = f"JSON.stringify({FRAME}.contentWindow.scenePage.camera.position)"
+        before, scrolled = page.value(place), page.value("scrollY")
+        wheel = {"type": "mouseWheel", "deltaX": 0, "deltaY": -100, **where}
+        page.call("Input.dispatchMouseEvent", **wheel)
+        page.wait_for(f"scrollY < {scrolled}")
+        assert page.value(place) == before, "the report is scrolled past the scene"
+        page.drag((where["x"], where["y"]), (where["x"], where["y"]))
+        page.wait_for(f"!{FRAME}.contentDocument.body.matches('.framed')")
+        before = page.value(place)
+        page.call("Input.dispatchMouseEvent", **wheel)
+        page.wait_for(f"{place} !== {before!r}")
         wrong = ("Log.entryAdded", "Runtime.exceptionThrown", "Runtime.consoleAPICalled")
         assert [e for e in page.events if e["method"] in wrong] == []
