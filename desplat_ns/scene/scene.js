@@ -70,12 +70,14 @@ class ScenePage {
     /** @type {PhotoCamera[]} */
     this.cameras = data.cameras;
     this.antialiased = data.antialiased;
+    V.ColorManagement.workingColorSpace = "srgb";  // Gaussians are blended as they were trained
     this.renderer = new V.WebGLRenderer({ canvas: $("canvas"), antialias: false });
     this.renderer.autoClear = false;
     this.renderer.setClearColor(new V.Color().setRGB(...data.background, "srgb"));
     this.camera = new V.PerspectiveCamera();
     this.camera.matrixAutoUpdate = true;
     // Two scenes, so that what was taken out lies in front, whatever its depth, as in training.
+    this.canvas = this.newTarget();
     this.still = this.newLayer();
     this.front = this.newLayer();
     this.frusta = null;
@@ -87,6 +89,22 @@ class ScenePage {
     this.ready = new Promise(done => { this.isReady = done; });
     this.setUpControls();
     new ResizeObserver(() => this.resize()).observe($("stage"));
+  }
+
+  /** What is drawn on, and how it comes to the screen. Hundreds of faint Gaussians over one another
+   * would be rounded to 8 bits one after the other; where the graphics can, it is done in 16. */
+  newTarget() {
+    const { V, renderer: { extensions } } = this;
+    const fine = ["EXT_color_buffer_float", "EXT_color_buffer_half_float"];
+    if (!fine.some(name => extensions.has(name))) return null;
+    const target = new V.WebGLRenderTarget(1, 1, { type: V.HalfFloatType });
+    const quad = new V.FullScreenQuad(new V.ShaderMaterial({
+      uniforms: { drawn: { value: target.texture } }, depthTest: false, depthWrite: false,
+      vertexShader: "varying vec2 at; void main() { at = uv; gl_Position = vec4(position, 1.0); }",
+      fragmentShader: "uniform sampler2D drawn; varying vec2 at;"
+        + " void main() { gl_FragColor = vec4(texture2D(drawn, at).rgb, 1.0); }",
+    }));
+    return { target, quad };
   }
 
   newLayer() {
@@ -203,6 +221,7 @@ class ScenePage {
     if (!stage.clientWidth || !stage.clientHeight) return;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.setSize(stage.clientWidth, stage.clientHeight, false);
+    this.canvas?.target.setSize($("canvas").width, $("canvas").height);
     Object.assign($("photo").style, {
       left: `${at.left}px`, top: `${at.top}px`, width: `${at.width}px`, height: `${at.height}px` });
     this.redraw();
@@ -221,6 +240,7 @@ class ScenePage {
     const moved = this.move(), { camera, renderer, still, front } = this;
     this.lastDraw = performance.now();
     camera.updateMatrixWorld();
+    renderer.setRenderTarget(this.canvas?.target ?? null);
     renderer.clear();
     this.setLens(this.near());
     renderer.render(still.scene, camera);
@@ -231,6 +251,8 @@ class ScenePage {
       this.setLens(NEAREST);
       renderer.render(front.scene, camera);
     }
+    renderer.setRenderTarget(null);
+    this.canvas?.quad.render(renderer);
     $("photo").style.opacity = falling(away, 0.005, WHOLE);
     $("photo").hidden = $("share").value === "0";
     this.tell(whole);
