@@ -11,6 +11,7 @@
 #   make stability  hard cases measured, docs/stability.md; wrong signs, kills, a long run (2 hours)
 #   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/gpu.md (10 minutes beside compiling)
 #   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
+#   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
 #   make study   the runs behind docs/separation.md that are missing or stale, and the documents (hours; resumes)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
@@ -34,6 +35,7 @@ GUISES_ARGS ?=
 PYTHONS_TESTED ?= 3.10 3.11 3.12
 GPU_ARGS ?=
 GPU_BUILD_ARGS ?=
+VIEWER_ARGS ?=
 WHEELS ?=
 GPU_VENV ?= outputs/gpu-venv
 
@@ -49,12 +51,12 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 # Python keeps what it compiled: else each process that a test starts compiles nerfstudio anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo bench fuzz gpu gpu-build stability study test test-quick test-lab test-guises test-pythons check
+.PHONY: demo bench fuzz gpu gpu-build stability study viewer test test-quick test-lab test-guises test-pythons check
 .PHONY: lint clean distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,22s/^# \{0,1\}//p' Makefile
+	@sed -n '3,23s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -87,6 +89,10 @@ gpu-build: $(STAMP)
 
 study: $(STAMP)
 	$(PY) -m lab.separation $(STUDY_ARGS)
+
+# Needs node and npm; what comes has to be what lab/viewer/pins.json says.
+viewer: $(STAMP)
+	$(PY) -m lab.viewer $(VIEWER_ARGS)
 
 test: $(STAMP)
 	$(PYTEST) $(PYTEST_ARGS)

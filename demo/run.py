@@ -165,8 +165,8 @@ def report(lines: list[str], run: Run) -> str:
             "# DeSplat demo\n",
             *(f"- {line}" for line in lines),
             "\n![training views](sheet.png)\n",
-            f"Every photo, with sliders: [{PAGE}]({PAGE}). All figures: `metrics.json`. "
-            "To go on:\n",
+            f"The scene to walk around in, and every photo: [{PAGE}]({PAGE}). "
+            "All figures: `metrics.json`. To go on:\n",
             f"    ns-viewer --load-config {config}",
             f"    ns-render dataset --load-config {config} --output-path renders "
             "--rendered-output-names rgb distractor_mask",

@@ -34,7 +34,9 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("", "run_config"),
     ("trainer", "", "runs"),
     ("method_configs",),
-    ("report", "export", "studies"),
+    ("", "export", "studies"),
+    ("", "scene"),
+    ("report",),
     ("", "", "", "commands"),
 )
 """Rooms from the ground up, in columns; "" for an empty place. A room imports rooms of lower floors

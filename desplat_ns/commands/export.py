@@ -8,8 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from desplat_ns.errors import print_user_errors_plainly
-from desplat_ns.export.formats import Frame, Naming, format_of
+from desplat_ns.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.export.formats import PAGE_ENDING, Frame, Naming, format_of
 from desplat_ns.files.whole import check_new_file, check_new_folder
 from desplat_ns.runs.files import find_run
 from desplat_ns.settings.options import check_ranges, ranged
@@ -83,8 +83,56 @@ class Masks:
         export_masks(files, self.output, self.invert, self.dilate, self.names)
 
 
+@dataclass
+class Page:
+    """Write the scene itself as one HTML page: to walk around in, without a server or a network.
+
+    It begins at the first training photo's camera. Photos can be laid over the scene, and what was
+    taken out of each can be put back.
+    """
+
+    load_config: Path
+    """config.yml of the run."""
+    output: Path
+    """The page, FILE.html."""
+    training_photos: int = ranged(200, "[0, inf)")
+    """Training photos to go to; of more, as many evenly spread over the capture."""
+    held_out_photos: int = ranged(100, "[0, inf)")
+    """Held-out photos to go to, likewise."""
+    megabytes: float = ranged(50.0, "(0, inf)")
+    """Size of the page at most. Photos are made smaller, and Gaussians that show least are left out
+    until it fits; the page says how many."""
+    crop: float | None = ranged(None, "(0, inf)")
+    """As of `splats`."""
+    light: str | None = None
+    """As of `splats`."""
+    overwrite: bool = False
+    """Replace the file if it is there."""
+
+    def main(self) -> None:
+        """As `Splats.main`."""
+        check_ranges(self)
+        if self.output.suffix.lower() != PAGE_ENDING:
+            raise ConfigError(f"--output is '{self.output}'; give it the ending {PAGE_ENDING}.")
+        files = find_run(self.load_config)
+        check_new_file(self.output, self.overwrite)
+
+        from desplat_ns.scene.scene import write_scene  # seconds
+
+        write_scene(
+            files,
+            self.output,
+            self.training_photos,
+            self.held_out_photos,
+            self.megabytes,
+            self.crop,
+            self.light,
+        )
+
+
 Command = (
     Annotated[Splats, tyro.conf.subcommand("splats")]
+    | Annotated[Page, tyro.conf.subcommand("page")]
     | Annotated[Masks, tyro.conf.subcommand("masks")]
 )
 

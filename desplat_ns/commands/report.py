@@ -18,8 +18,9 @@ from desplat_ns.settings.options import check_ranges, ranged
 class Report:
     """Write a trained run on one HTML page that needs no other file.
 
-    Each training photo beside the static scene, its distractors and their mask; held-out photos
-    with error maps and scores; curves, effects and why they were chosen, cost, warnings.
+    The scene itself, to walk around in; each training photo beside the static scene, its
+    distractors and their mask; held-out photos with error maps and scores; curves, effects and why
+    they were chosen, cost, warnings.
     """
 
     load_config: Path
@@ -30,6 +31,9 @@ class Report:
     """Training photos to show; of more, as many evenly spread over the capture."""
     held_out_photos: int = ranged(12, "[0, inf)")
     """Held-out photos to show, likewise. All are scored; 0: none is, which saves that time."""
+
+    scene: bool = True
+    """The scene itself on top, to walk around in; the page is 25 MB at most then, else 10."""
 
     def main(self) -> None:
         """Check what can be checked at once, then load, render, write, say where.
@@ -48,7 +52,12 @@ class Report:
         from desplat_ns.studies.machine import describe_machine
 
         size = write_report(
-            files, output, self.training_photos, self.held_out_photos, describe_machine()
+            files,
+            output,
+            self.training_photos,
+            self.held_out_photos,
+            describe_machine(),
+            self.scene,
         )
         announce(f"Saved the page to: {output} ({size / 1e6:.1f} MB)")
 

@@ -51,21 +51,7 @@ def export_splats(
     kind = format_of(output)
     pipeline = load_run(files).pipeline
     model = cast(DeSplatModel, pipeline.model)
-    with _shown_in(model, light):
-        seen = _seen(pipeline)
-        splats, settings = model.shown_splats(), model.render_settings(depth=False)
-        if not bool(seen.any()):
-            raise ConfigError(
-                f"Of {model.num_points} static Gaussians no training camera shows any: there is "
-                "nothing to export. Train longer, or take an earlier checkpoint."
-            )
-        cloud, unseen = baked(splats.rows(seen), settings.antialiased), int((~seen).sum())
-        announce(
-            f"{len(cloud)} of {model.num_points} static Gaussians can be seen; {unseen} are left "
-            "out that no training camera shows, nor a view half-way between two."
-        )
-        if crop is not None:
-            cloud = _cropped(cloud, _surroundings(pipeline), crop)
+    cloud = static_cloud(pipeline, crop, light)
     outputs = pipeline.datamanager.train_dataparser_outputs
     transform = outputs.dataparser_transform.numpy()
     to_file = similarity_to(frame, transform, outputs.dataparser_scale, kind.upright_axes)
@@ -80,6 +66,34 @@ def export_splats(
     for what in (*left_out, *_left_out(model, cloud, kind.keeps_antialiasing)):
         announce(what, warning=True)
     return cloud
+
+
+def static_cloud(
+    pipeline: DeSplatPipeline, crop: float | None = None, light: str | None = None
+) -> SplatCloud:
+    """The static Gaussians that a file is to hold, in the coordinates of training; says what was
+    left out.
+
+    Args: see `desplat-export splats --help`.
+
+    Raises:
+        ConfigError: an unknown light, or nothing left.
+    """
+    model = cast(DeSplatModel, pipeline.model)
+    with shown_in(model, light):
+        seen = _seen(pipeline)
+        splats, settings = model.shown_splats(), model.render_settings(depth=False)
+        if not bool(seen.any()):
+            raise ConfigError(
+                f"Of {model.num_points} static Gaussians no training camera shows any: there is "
+                "nothing to export. Train longer, or take an earlier checkpoint."
+            )
+        cloud, unseen = baked(splats.rows(seen), settings.antialiased), int((~seen).sum())
+        announce(
+            f"{len(cloud)} of {model.num_points} static Gaussians can be seen; {unseen} are left "
+            "out that no training camera shows, nor a view half-way between two."
+        )
+        return cloud if crop is None else _cropped(cloud, _surroundings(pipeline), crop)
 
 
 def export_masks(
@@ -124,7 +138,7 @@ def export_masks(
     return shares
 
 
-def _shown_in(model: DeSplatModel, light: str | None) -> Any:
+def shown_in(model: DeSplatModel, light: str | None) -> Any:
     """Within, the light that was asked for is shown; None: the one that is shown anyway."""
     if light is None:
         return nullcontext()

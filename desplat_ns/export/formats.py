@@ -64,6 +64,9 @@ FORMATS = {
     ".glb": Format("glTF with KHR_gaussian_splatting", "gltf", "glb_bytes", Y_UP),
 }
 
+PAGE_ENDING = ".html"
+"""Of a page with the scene in it, which another command writes."""
+
 
 def format_of(path: Path) -> Format:
     """The format that a file's name asks for.
@@ -72,6 +75,8 @@ def format_of(path: Path) -> Format:
         ConfigError: none has this ending.
     """
     found = FORMATS.get(path.suffix.lower())
+    if path.suffix.lower() == PAGE_ENDING:
+        raise ConfigError(f"'{path}' is a page: write it with `desplat-export page`.")
     if found is None:
         known = ", ".join(f"{suffix} ({one.name})" for suffix, one in FORMATS.items())
         ending = f"the ending '{path.suffix}'" if path.suffix else "no ending"

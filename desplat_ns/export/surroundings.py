@@ -49,20 +49,29 @@ def surroundings_of(views: Iterable[View], rasterize: Callable[[View], Rendering
     """
     places, reaches = [], []
     for view in views:
-        small = _reduced(view)
-        rendering = rasterize(small)
-        assert rendering.depth is not None
-        depths = rendering.depth[rendering.alpha > COVERED]
-        if len(depths) > 0:
+        reach = reach_of(view, rasterize)
+        if reach is not None:
             rotation, translation = view.viewmat[:3, :3], view.viewmat[:3, 3]
             places.append((-rotation.T @ translation).double().cpu().numpy())
-            reaches.append(float(depths.median()))
+            reaches.append(reach)
     if not places:
         raise ConfigError(
             "No training view shows anything solid, so how far the cameras look is not known. "
             "Train longer, or leave out --crop."
         )
     return Surroundings(np.stack(places), np.array(reaches))
+
+
+def reach_of(view: View, rasterize: Callable[[View], Rendering]) -> float | None:
+    """Median depth of what a small version of a view shows, world units; None if that is nothing.
+
+    Args:
+        rasterize: the static scene with its depth.
+    """
+    rendering = rasterize(_reduced(view))
+    assert rendering.depth is not None
+    depths = rendering.depth[rendering.alpha > COVERED]
+    return float(depths.median()) if len(depths) > 0 else None
 
 
 def _reduced(view: View) -> View:

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from desplat_ns.files.encoding import Picture, fitted_into
 from desplat_ns.files.pages import template
 from desplat_ns.report.charts import svg
 from desplat_ns.report.cost import Cost
 from desplat_ns.report.effect_reasons import EffectReason
-from desplat_ns.report.encoding import Picture, fitted_into
 from desplat_ns.report.history import History
 from desplat_ns.report.notices import Notice
 from desplat_ns.report.pictures import ERROR_COLORS, ERROR_TOP, HeldOutPhoto, TrainingPhoto
@@ -57,11 +57,12 @@ class Contents:
     """Path of config.yml, to be typed."""
 
 
-def html_of(contents: Contents, budget: int = PICTURE_BYTES) -> str:
+def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") -> str:
     """The page.
 
     Args:
         budget: bytes of all pictures together.
+        scene: the page of the scene itself, to be framed on top; empty for none.
 
     Raises:
         ConfigError: there are too many pictures for it.
@@ -76,6 +77,7 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES) -> str:
     ]
     return template(TEMPLATE, scores=scores, typed=typed).render(
         page=contents,
+        scene=scene,
         cost=contents.cost,
         training=shown[: len(contents.training)],
         held_out=shown[len(contents.training) :],

@@ -15,12 +15,12 @@ from torch import Tensor
 
 from desplat_ns.console import progress_over
 from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
+from desplat_ns.files.encoding import LARGEST_SIDE
 from desplat_ns.files.pages import shrunk
 from desplat_ns.model import DeSplatModel
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.metrics import psnr
 from desplat_ns.rendering.views import is_distorted, view_of
-from desplat_ns.report.encoding import LARGEST_SIDE
 from desplat_ns.report.failure_case import Coverage, coverage_of
 from desplat_ns.runs.loading import even_subset
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import cast
 
+from desplat_ns.console import announce
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.evaluation.records import gaussian_counts
 from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.model import DeSplatModel
@@ -19,6 +21,12 @@ from desplat_ns.report.page import Contents, html_of
 from desplat_ns.report.pictures import held_out_photos, training_photos
 from desplat_ns.runs.files import RunFiles
 from desplat_ns.runs.loading import LoadedRun, even_subset, load_run
+from desplat_ns.scene.gather import gather as scene_contents
+from desplat_ns.scene.page import html_of as scene_page
+
+SCENE_BYTES = 14_500_000
+"""Of the scene: with a report of 10 MB at most, and the quotes in it written out, the page stays
+below 25 MB."""
 
 
 def gather(
@@ -67,22 +75,40 @@ def gather(
     )
 
 
+def scene_of(run: LoadedRun, most_training: int, most_held_out: int) -> str:
+    """The page of the scene itself; empty, and said why, where there is none to show."""
+    try:
+        contents = scene_contents(run, most_training, most_held_out)
+        text, left_out = scene_page(contents, SCENE_BYTES)
+    except (CaptureError, ConfigError) as error:
+        announce(f"The report is without the scene itself. {error}", warning=True)
+        return ""
+    for line in left_out:
+        announce(f"The scene on the page: {line}", warning=True)
+    return text
+
+
 def write_report(
     files: RunFiles,
     output: Path,
     most_training: int,
     most_held_out: int,
     machine: Mapping[str, str],
+    with_scene: bool,
 ) -> int:
     """Write the page of a run; its size in bytes.
 
     Args:
         machine: what the page is made on.
+        with_scene: whether the scene itself is on top.
 
     Raises:
         DeSplatError: the run cannot be loaded or shown, or the page cannot be written.
     """
-    text = html_of(gather(load_run(files), most_training, most_held_out, machine)).encode()
+    run = load_run(files)
+    contents = gather(run, most_training, most_held_out, machine)
+    scene = scene_of(run, most_training, most_held_out) if with_scene else ""
+    text = html_of(contents, scene=scene).encode()
     with plain_errors(output):
         write_whole(output, text)
     return len(text)

@@ -172,7 +172,22 @@ def test_a_light_is_refused_where_photos_have_none(trained: Path, tmp_path: Path
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
+def test_a_page_is_whole_and_not_replaced_unasked(trained: Path, tmp_path: Path, capsys):
+    from desplat_ns.commands.export import Page
+
+    Page(trained, tmp_path / "a.html", training_photos=2).main()
+    said = " ".join(capsys.readouterr().out.split())
+    size = (tmp_path / "a.html").stat().st_size
+    assert f"a page with the scene in it, {size / 1e6:.1f} MB" in said
+    assert "2 of 6 training photos" in said
+    assert [path.name for path in tmp_path.iterdir()] == ["a.html"]
+    with pytest.raises(ConfigError, match="--overwrite"):
+        Page(trained, tmp_path / "a.html").main()
+
+
 SPLATS = ["splats", "--load-config", "absent.yml", "--output"]
+PAGE = ["page", "--load-config", "absent.yml", "--output"]
 MASKS = ["masks", "--load-config", "absent.yml", "--output", "masks"]
 
 
@@ -189,6 +204,11 @@ MASKS = ["masks", "--load-config", "absent.yml", "--output", "masks"]
         ([*SPLATS, "a.ply", "--crop", "nan"], 1, "`--crop` is nan"),
         ([*MASKS, "--dilate", "-1"], 1, "`--dilate` is -1.0; it has to be 0 or more"),
         (MASKS, 1, "Error: There is no 'absent.yml'"),
+        (["page", "--help"], 0, "--megabytes"),
+        ([*PAGE, "a.html"], 1, "Error: There is no 'absent.yml'"),
+        ([*PAGE, "a.htm"], 1, "give it the ending .html"),
+        ([*PAGE, "a.html", "--megabytes", "0"], 1, "`--megabytes` is 0.0"),
+        ([*SPLATS, "a.html"], 1, "desplat-export page"),
     ],
 )
 def test_help_and_mistakes_import_nothing_heavy(

@@ -40,6 +40,33 @@ def test_the_page_of_a_run_has_every_photo_with_its_layers(page: str):
 
 
 @pytest.mark.slow
+def test_the_scene_itself_is_on_top_unless_it_is_not_wanted(
+    page: str, trained: Path, tmp_path: Path
+):
+    from desplat_ns.commands.report import Report
+
+    (scene,) = re.findall(r'<iframe class="scene"[^>]* srcdoc="([^"]*)"', page)
+    assert "class ScenePage" in scene and scene.count("extra_") >= NUM_TEST
+    assert len(page.encode()) < 25_000_000
+    Report(trained, tmp_path / "p.html", 1, 0, scene=False).main()
+    without = (tmp_path / "p.html").read_text("utf8")
+    assert "<iframe" not in without and "wasm-unsafe-eval" not in without
+
+
+@pytest.mark.slow
+def test_a_run_whose_scene_cannot_be_shown_has_a_report_without_it(
+    trained: Path, tmp_path: Path, capsys
+):
+    """Without photos there is no camera to start from."""
+    from desplat_ns.commands.report import Report
+
+    Report(trained, tmp_path / "p.html", training_photos=0, held_out_photos=0).main()
+    assert "<iframe" not in (tmp_path / "p.html").read_text("utf8")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "The report is without the scene itself. There is no camera to start from" in said
+
+
+@pytest.mark.slow
 def test_the_page_has_the_scores_of_ns_eval_and_what_the_run_logged(
     page: str, trained: Path, tmp_path: Path
 ):

@@ -15,6 +15,7 @@ import torch
 
 from desplat_ns.backend.protocol import View
 from tests.helpers.clouds import drawn
+from tests.helpers.scene_in_browser import bare_scene, settle, shown
 from tests.helpers.splat_readers import read_splats
 
 pytestmark = [pytest.mark.slow, pytest.mark.real_data]
@@ -94,6 +95,34 @@ def test_masks_cover_what_was_pasted_into_the_photos(run: Path, capture: Path, t
         assert mask.shape == truth.shape, "of the photo's full size"
         both, either = both + (mask & truth).sum(), either + (mask | truth).sum()
     assert both / either > 0.7
+
+
+def test_a_page_shows_what_we_render_to_training_and_held_out_cameras(run: Path, tmp_path: Path):
+    """Against ours at least 30 dB; against the photos at most 0.3 dB below ours."""
+    from desplat_ns.runs.files import find_run
+    from desplat_ns.runs.loading import load_run
+    from desplat_ns.scene.gather import gather
+    from desplat_ns.scene.page import html_of
+
+    loaded = load_run(find_run(run))
+    model: Any = loaded.pipeline.model
+    contents = gather(loaded, most_training=5, most_held_out=1000)
+    text, _ = html_of(contents, 50_000_000)
+    assert len(contents.cameras) == 5 + len(loaded.pipeline.datamanager.eval_dataset)
+    against = []
+    with bare_scene(tmp_path / "a.html", text, 100, 100) as page:
+        for index, camera in enumerate(contents.cameras):
+            page.resize(camera.view.width, camera.view.height)
+            settle(page, f"scenePage.goTo({index})")
+            with torch.no_grad():
+                static = model.render_static(camera.view, None)
+                background = model.background_of(camera.view, None)
+                ours = model.image_of(static, background, camera.view, None).clamp(0, 1).numpy()
+            pictures = shown(page), ours, camera.photo / 255
+            against.append([psnr(pictures[i], pictures[j]) for i, j in ((0, 1), (0, 2), (1, 2))])
+    ours, photo, ours_photo = np.transpose(against)
+    assert ours.min() > 30, against
+    assert (ours_photo - photo).max() < 0.3, against
 
 
 def view_by_colmap(model: Path, name: str) -> View:

@@ -24,12 +24,16 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 ARGUMENTS = (
     "--headless=new",
     "--no-sandbox",
-    "--disable-gpu",
     "--disable-dev-shm-usage",
     "--no-first-run",
     "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-quic",
     "--remote-debugging-port=0",
 )
+WITHOUT_WEBGL = ("--disable-gpu", "--disable-3d-apis")
+SOFTWARE_WEBGL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 BLANK = "about:blank"
 PATIENCE = 60.0
 """Seconds for the browser to start, or to answer."""
@@ -81,6 +85,18 @@ class Page:
         assert "exceptionDetails" not in found, found
         return found["result"].get("value")
 
+    def wait_for(self, expression: str) -> None:
+        """Wait until a JavaScript expression is true."""
+        until = time.monotonic() + PATIENCE
+        while not self.value(expression):
+            assert time.monotonic() < until, f"{expression} does not become true"
+            time.sleep(0.05)
+
+    def resize(self, width: int, height: int, **options: Any) -> None:
+        """Give the window a size in CSS's pixels, one on the screen for each."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.call("Emulation.setDeviceMetricsOverride", **{**size, **options})
+
     def press(self, key: str, code: int) -> None:
         """Press a key, as a user does."""
         options = {"key": key, "code": key, "windowsVirtualKeyCode": code}
@@ -122,8 +138,12 @@ class Page:
 
 
 @contextmanager
-def headless_page(width: int = 1000, height: int = 800) -> Iterator[Page]:
-    """An empty page in a browser of its own, which is ended afterwards."""
+def headless_page(width: int = 1000, height: int = 800, webgl: bool = False) -> Iterator[Page]:
+    """An empty page in a browser of its own, which is ended afterwards.
+
+    Args:
+        webgl: drawn on the CPU, whatever the machine has.
+    """
     program = find_browser()
     client = pytest.importorskip("websockets.sync.client")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
@@ -131,6 +151,7 @@ def headless_page(width: int = 1000, height: int = 800) -> Iterator[Page]:
             [
                 program,
                 *ARGUMENTS,
+                *(SOFTWARE_WEBGL if webgl else WITHOUT_WEBGL),
                 f"--user-data-dir={profile}",
                 f"--window-size={width},{height}",
                 BLANK,

@@ -8,8 +8,8 @@ import pytest
 from PIL import Image
 
 from desplat_ns.errors import ConfigError
+from desplat_ns.files.encoding import LADDER, Picture, fitted_into
 from desplat_ns.files.pages import shrunk
-from desplat_ns.report.encoding import LADDER, Picture, fitted_into
 from tests.helpers.report import flat, noise
 
 DATA = "data:image/webp;base64,"

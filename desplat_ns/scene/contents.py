@@ -1,0 +1,79 @@
+"""What a page of a scene shows, before it is written.
+
+Letters in shapes: N Gaussians, H x W pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from desplat_ns.backend.protocol import View
+from desplat_ns.export.coordinates import Similarity
+from desplat_ns.export.formats import Y_UP
+from desplat_ns.export.splat_cloud import SplatCloud
+
+Rgb = UInt8[np.ndarray, "_ _ 3"]
+
+TO_PAGE = Similarity(np.asarray(Y_UP, np.float64), 1.0, np.zeros(3))
+"""From nerfstudio's coordinates to the page's, where y is up. The scale stays that of training, in
+which cameras are at most about one unit from the origin."""
+
+
+@dataclass(frozen=True)
+class PageCamera:
+    """A photo's camera, and what belongs to it."""
+
+    name: str
+    held_out: bool
+    view: View
+    """In the coordinates of training."""
+    near: float
+    """What is nearer is not shown there; world units."""
+    reach: float
+    """Median depth of what is shown there, world units."""
+    photo: Rgb
+    distractors: SplatCloud | None = None
+    """What was taken out of the photo, in the coordinates of training; None if nothing was."""
+
+    def as_json(self) -> dict[str, Any]:
+        """As `scene.js` reads it: the pose is camera to world, in OpenGL's axes, by columns."""
+        pose = np.linalg.inv(self.view.viewmat.double().cpu().numpy())
+        pose = pose @ np.diag([1.0, -1.0, -1.0, 1.0])
+        pose[:3] = TO_PAGE.turn @ pose[:3]
+        intrinsics = self.view.K.double().cpu().numpy()
+        return {
+            "name": self.name,
+            "heldOut": self.held_out,
+            "size": [self.view.width, self.view.height],
+            "lens": [float(intrinsics[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))],
+            "pose": pose.T.ravel().tolist(),
+            "near": self.near,
+            "reach": self.reach,
+        }
+
+
+@dataclass(frozen=True)
+class Contents:
+    """All that is on a page."""
+
+    title: str
+    date: str
+    """When the run was trained, in ISO's form."""
+    cloud: SplatCloud
+    """The static scene, in the coordinates of training."""
+    weigh: Callable[[SplatCloud], Float[np.ndarray, " N"]]
+    """How much each of its Gaussians makes up of the photos; asked for if not all fit."""
+    background: tuple[float, float, float]
+    """Colour behind everything, in [0, 1]."""
+    light: str
+    """Whose light is shown, in words; empty where all photos have the same."""
+    cameras: Sequence[PageCamera]
+    pictures: Sequence[tuple[str, Rgb]]
+    """Renderings with their names, for browsers that cannot draw the scene."""
+    not_shown: str = ""
+    """In words, which photos are not on the page."""

@@ -1,0 +1,104 @@
+"""A made-up scene, as its page shows it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+
+from desplat_ns.backend.protocol import RenderSettings, View
+from desplat_ns.backend.torch_tiles import TorchRasterizer
+from desplat_ns.export.splat_cloud import SplatCloud
+from desplat_ns.scene.contents import Contents, PageCamera
+from desplat_ns.scene.gather import splats_of
+
+WIDTH, HEIGHT = 200, 150
+BACKGROUND = (0.2, 0.4, 0.1)
+PHOTO = (250, 240, 20)
+"""The colour of all photos, which nothing in the scene has."""
+
+
+def cloud(seed: int = 0, count: int = 300, degree: int = 2) -> SplatCloud:
+    """Gaussians of all shapes within about one unit of the origin, a little view-dependent."""
+    rng = np.random.default_rng(seed)
+    quats = rng.normal(size=(count, 4))
+    harmonics = rng.normal(size=(count, (degree + 1) ** 2, 3)) * 0.08
+    harmonics[:, 0] = rng.uniform(-1.5, 1.5, (count, 3))
+    return SplatCloud(
+        means=rng.normal(size=(count, 3)) * 0.5,
+        quats=(quats / np.linalg.norm(quats, axis=1, keepdims=True)).astype(np.float32),
+        scales=np.exp(rng.uniform(-4, -1.5, (count, 3))).astype(np.float32),
+        opacities=rng.uniform(0.2, 1, count).astype(np.float32),
+        harmonics=harmonics.astype(np.float32),
+    )
+
+
+def red_disc() -> SplatCloud:
+    """What was taken out of a photo: a red disc near the camera that looks from `view(0)`."""
+    count = 4
+    red = (np.array([1.0, 0.0, 0.0]) - 0.5) / 0.28209479177387814
+    return SplatCloud(
+        means=np.tile([0.0, -2.4, 0.5], (count, 1)),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
+        scales=np.full((count, 3), 0.06, np.float32),
+        opacities=np.full(count, 0.9, np.float32),
+        harmonics=np.tile(red.astype(np.float32), (count, 1, 1)),
+    )
+
+
+def view(degrees: float) -> View:
+    """A camera 3 units from the origin, so many degrees around the vertical from -y, that looks at
+    it from a little above; its lens is neither centred nor square."""
+    angle = np.radians(degrees)
+    place = np.array([3 * np.sin(angle), -3 * np.cos(angle), 0.6])
+    forward = -place / np.linalg.norm(place)
+    right = np.cross(forward, [0, 0, 1])
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, -np.cross(right, forward), forward])
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, -rotation @ place
+    intrinsics = torch.tensor([[210.0, 0, 95], [0, 190, 82], [0, 0, 1]], dtype=torch.float64)
+    return View(torch.from_numpy(pose), intrinsics, WIDTH, HEIGHT)
+
+
+def camera(name: str, degrees: float, **changes: Any) -> PageCamera:
+    """A photo's camera; the photo has one colour."""
+    photo = np.full((HEIGHT, WIDTH, 3), PHOTO, np.uint8)
+    made_up = PageCamera(name, False, view(degrees), near=0.01, reach=3.0, photo=photo)
+    return replace(made_up, **changes)
+
+
+def contents(**changes: Any) -> Contents:
+    """A page's contents: two training photos, one with a distractor, and one held out."""
+    grey = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
+    made_up = Contents(
+        title="yard",
+        date="2026-01-31",
+        cloud=cloud(),
+        weigh=lambda one: np.arange(len(one), dtype=np.float64),
+        background=BACKGROUND,
+        light="",
+        cameras=[
+            camera("a.png", 0, distractors=red_disc()),
+            camera("b.png", 40),
+            camera("extra.png", -70, held_out=True),
+        ],
+        pictures=[("a.png", grey)],
+    )
+    return replace(made_up, **changes)
+
+
+def drawn(cloud: SplatCloud, seen: View) -> np.ndarray:
+    """Our own picture of it [H, W, 3], over `BACKGROUND`, in [0, 1]."""
+    seen = replace(seen, viewmat=seen.viewmat.float(), K=seen.K.float())
+    settings = RenderSettings(antialiased=cloud.antialiased)
+    found = TorchRasterizer()(splats_of(cloud, "cpu"), seen, settings)
+    image = found.rgb + (1 - found.alpha) * torch.tensor(BACKGROUND)
+    return image.clamp(0, 1).numpy()
+
+
+def psnr(one: np.ndarray, other: np.ndarray) -> float:
+    """dB, of images in [0, 1]."""
+    return float(-10 * np.log10(np.mean((one - other) ** 2)))

@@ -1,0 +1,112 @@
+"""The page of a scene as a file: what is in it, that it is closed, escaped, and not too large."""
+
+import base64
+import gzip
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from desplat_ns.errors import ConfigError
+from desplat_ns.scene.page import html_of
+from tests.helpers.scene import camera, cloud, contents, red_disc
+from tests.helpers.splat_readers import read_splats
+
+MOST = 4_000_000
+NASTY = "</script><script>alert(1)</script><!--<script>\"'&\u2028.png"
+
+
+class Parts(HTMLParser):
+    """Elements with their attributes and texts, as a browser's parser cuts the page."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None], list[str]]] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs), []))
+
+    def handle_data(self, data: str) -> None:
+        if self.elements:
+            self.elements[-1][2].append(data)
+
+    def text_of(self, name: str) -> str:
+        """Of the element with this id."""
+        (found,) = (texts for _, attrs, texts in self.elements if attrs.get("id") == name)
+        return "".join(found)
+
+    def tags(self, name: str) -> list[tuple[dict[str, str | None], str]]:
+        return [(attrs, "".join(texts)) for tag, attrs, texts in self.elements if tag == name]
+
+
+def test_the_scene_its_cameras_and_what_was_taken_out_are_in_the_page():
+    text, said = html_of(contents(), MOST)
+    parts, one = Parts(text), contents()
+    found = read_splats(base64.b64decode(parts.text_of("scene")))
+    turned = np.stack([one.cloud.means[:, 0], one.cloud.means[:, 2], -one.cloud.means[:, 1]], 1)
+    assert np.allclose(found.means, turned, atol=1e-5), "y is up in the page"
+    data = json.loads(parts.text_of("data"))
+    assert [camera["name"] for camera in data["cameras"]] == ["a.png", "b.png", "extra.png"]
+    assert [camera["heldOut"] for camera in data["cameras"]] == [False, False, True]
+    taken = [bool(camera["distractors"]) for camera in data["cameras"]]
+    assert taken == [True, False, False]
+    disc = gzip.decompress(base64.b64decode(data["cameras"][0]["distractors"]))
+    assert int.from_bytes(disc[8:12], "little") == len(red_disc()), "SPZ's number of points"
+    assert "2026-01-31, 300 Gaussians" in text
+    assert said == []
+
+
+def test_nothing_is_asked_from_elsewhere():
+    text, _ = html_of(contents(), MOST)
+    parts = Parts(text)
+    policy = next(a["content"] for a, _ in parts.tags("meta") if "http-equiv" in a)
+    assert policy is not None and "default-src 'none'" in policy and "connect-src" not in policy
+    addresses = [a.get("src") or a.get("href") for _, a, _ in parts.elements]
+    assert all(one.startswith("data:") for one in addresses if one)
+    assert re.findall(r"https?://[^\s\"'<]+", text) == []
+
+
+def test_names_with_markup_in_them_do_no_harm():
+    plain = contents()
+    nasty = contents(
+        title=NASTY,
+        light=NASTY,
+        not_shown=NASTY,
+        cameras=[camera(NASTY, 0), *plain.cameras[1:]],
+        pictures=[(NASTY, plain.pictures[0][1])],
+    )
+    before, after = (Parts(html_of(one, MOST)[0]) for one in (plain, nasty))
+    tags = [[tag for tag, _, _ in parts.elements] for parts in (before, after)]
+    assert tags[0] == tags[1], "the same elements"
+    assert json.loads(after.text_of("data"))["cameras"][0]["name"] == NASTY
+    assert NASTY in [text.strip() for _, text in after.tags("title")]
+    assert NASTY in "".join(text for _, text in after.tags("option"))
+
+
+def test_a_page_is_as_large_as_it_may_be_and_says_what_is_left_out():
+    large = contents(cloud=cloud(count=60_000))
+    whole, said = html_of(large, 8_000_000)
+    assert said == [] and "60,000 Gaussians" in whole
+    most = 2_000_000
+    reduced, (line,) = html_of(large, most)
+    assert 0.9 * most < len(reduced.encode()) <= most
+    kept = re.search(r"Reduced to fit: ([\d,]+) of 60,000 Gaussians, which make up [\d.]+%", line)
+    assert kept is not None and line in reduced
+    assert len(read_splats(base64.b64decode(Parts(reduced).text_of("scene")))) == int(
+        kept[1].replace(",", "")
+    )
+
+
+def test_a_page_too_small_for_its_own_viewer_is_an_error():
+    with pytest.raises(ConfigError, match="--megabytes"):
+        html_of(contents(), 1_000_000)
+
+
+def test_without_a_browser_that_can_draw_there_are_pictures():
+    text, _ = html_of(contents(), MOST)
+    alternatives = [a.get("alt") for a, _ in Parts(text).tags("img")]
+    assert "The scene from the camera of a.png" in alternatives
+    assert "<noscript>" in text
