@@ -35,6 +35,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("trainer", "", "runs"),
     ("method_configs",),
     ("report", "export", "studies"),
+    ("", "", "reproduce"),
     ("", "", "", "commands"),
 )
 """Rooms from the ground up, in columns; "" for an empty place. A room imports rooms of lower floors
