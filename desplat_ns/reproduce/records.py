@@ -21,7 +21,7 @@ from desplat_ns.studies.runs import RESULTS, Record, Run
 FILE, RUNS = "records.json", "runs"
 FORMAT = 1
 
-TEXTS = ("lpips_net", "lpips_reason", "protocol", "versions", "device")
+TEXTS = ("lpips_net", "lpips_reason", "protocol", "versions")
 """What an evaluation says beside figures."""
 
 
@@ -46,8 +46,9 @@ def texts_of(run: Run, folder: Path) -> dict[str, Any]:
     path = folder / run.name / RESULTS
     if not path.is_file():
         return {}
-    figures = json.loads(path.read_text())["figures"]
-    return {name: figures[name] for name in TEXTS if name in figures}
+    results = json.loads(path.read_text())
+    said = {name: results["figures"][name] for name in TEXTS if name in results["figures"]}
+    return said | {"device": results.get("device_name", "unknown")}
 
 
 @dataclass

@@ -68,16 +68,15 @@ def find_scenes(table: Table, data: Path) -> tuple[list[FoundScene], list[tuple[
 
 def any_scenes(table: Table, data: Path) -> list[FoundScene]:
     """Captures of other names in the same places, for a smoke run."""
-    found: dict[Path, FoundScene] = {}
+    found = []
     for protocol in table.protocols:
-        for home in (*_homes(protocol, data), data.parent):
-            places = [data] if home == data.parent else sorted(home.glob("*/"))
-            for place in places:
-                if _is_capture(place) and place.resolve() not in found:
-                    name = place.resolve().name
-                    one = Scene(name, name, None, "")
-                    found[place.resolve()] = FoundScene(protocol, one, place.resolve())
-    return list(found.values())
+        homes = (home for home in _homes(protocol, data) if home.is_dir())
+        places = [data, *(place for home in homes for place in sorted(home.iterdir()))]
+        for place in dict.fromkeys(place.resolve() for place in places):
+            if _is_capture(place):
+                scene = Scene(place.name, place.name, None, "")
+                found.append(FoundScene(protocol, scene, place))
+    return found
 
 
 def what_is_missing(table: Table, missing: list[tuple[Protocol, Scene]], data: Path) -> str:
@@ -162,8 +161,11 @@ def checked(scenes: list[FoundScene], is_smoke: bool) -> dict[FoundScene, Conten
     Raises:
         CaptureError: a scene cannot be read; of a smoke run none can.
     """
-    found, wrong = {}, []
+    found: dict[FoundScene, Content] = {}
+    wrong: list[str] = []
     for scene in scenes:
+        if any(f.folder == scene.folder and f.protocol != scene.protocol for f in found):
+            continue  # of a smoke run: another data set's way of reading it came first
         try:
             scene = smaller(scene) if is_smoke else scene
             found[scene] = read_scene(scene)

@@ -73,10 +73,10 @@ def conditions_of(results: Results) -> dict[str, Any]:
     records = [done.record for done in results.done]
     protocols = {found.protocol.name: found.protocol for found in results.contents}
     return {
-        "protocols": {name: protocol.said for name, protocol in protocols.items()},
-        "lpips net of the paper": sorted({one.lpips_net for one in protocols.values()}),
-        "lpips net": said("lpips_net"),
-        "no lpips because": said("lpips_reason"),
+        "the paper's protocol": {name: protocol.said for name, protocol in protocols.items()},
+        "the paper's LPIPS net": sorted({one.lpips_net for one in protocols.values()}),
+        "LPIPS net": said("lpips_net"),
+        "no LPIPS because": said("lpips_reason"),
         "scored": said("protocol"),
         "scenes": {
             found.scene.name: {
@@ -92,7 +92,7 @@ def conditions_of(results: Results) -> dict[str, Any]:
         "steps": sorted(
             {done.asked[done.asked.index("--max-num-iterations") + 1] for done in results.done}
         ),
-        "devices": sorted({str(record.device) for record in records}),
+        "devices": said("device") or sorted({str(record.device) for record in records}),
         "backends": sorted({str(record.backend) for record in records}),
         "versions": said("versions"),
         "commit": sorted({short(record.commit) for record in records}),
