@@ -40,14 +40,14 @@ class Metric:
             return None
         return 1 / found if self.is_rate else float(found)
 
-    def text(self, value: float) -> str:
+    def text(self, value: float | int) -> str:
         """As tables write it."""
         if not self.is_time:
             return f"{value:.{self.digits}f}"
         minutes, seconds = divmod(round(abs(value)), 60)
         return f"{'-' * (value < 0)}{minutes}:{seconds:02d}"
 
-    def difference(self, value: float) -> str:
+    def difference(self, value: float | int) -> str:
         """The same with its sign."""
         text = self.text(value)
         return text if text.startswith("-") else f"+{text}"

@@ -83,7 +83,7 @@ def conditions_of(results: Results) -> dict[str, Any]:
                 "data parser": " ".join(found.parser),
                 "training photos": content.photos,
                 "test photos": content.held_out,
-                "median size": [content.width, content.height],
+                "median size": f"{content.width} x {content.height}",
             }
             for found, content in results.contents.items()
         },
@@ -209,8 +209,7 @@ def _words(value: Any) -> str:
     if isinstance(value, dict):
         return "; ".join(f"{name}: {_words(one)}" for name, one in value.items())
     if isinstance(value, (list, tuple)):
-        sizes = len(value) == 2 and all(isinstance(one, int) for one in value)
-        return (" x " if sizes else ", ").join(map(_words, value))
+        return ", ".join(map(_words, value))
     return str(value)
 
 

@@ -21,7 +21,9 @@ def write_data_sets(folder: Path, spec: SceneSpec = TINY) -> None:
     for seed, name in enumerate(("crab2", "yoda")):
         write_scene(replace(spec, seed=seed), folder / "robustnerf" / name)
     write_on_the_go(folder / "on-the-go" / "patio_high", spec)
-    light = replace(spec, layout="phototourism", daylight=SceneSpec.tourism().daylight)
+    tourism = SceneSpec.tourism()
+    light = replace(spec, daylight=tourism.daylight, wall_height=tourism.wall_height)
+    light = replace(light, layout="phototourism")
     write_scene(light, folder / "phototourism" / "sacre_coeur")
     write_scene(spec, folder / "mipnerf360" / "garden")
 

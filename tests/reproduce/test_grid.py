@@ -70,7 +70,7 @@ def test_what_fails_is_named_and_tried_again(tmp_path: Path, unread):
     request = request_of(
         "A5", tmp_path / "out", MadeUpExecutor(failing="sacre_coeur.splatfacto-w-a")
     )
-    with pytest.raises(DeSplatError, match="1 of 18 runs failed: .*splatfacto-w-a"):
+    with pytest.raises(DeSplatError, match=r"1 of 18 runs failed: .*splatfacto-w-a"):
         reproduce(request)
     assert "too dark" in (request.folder / "table.md").read_text()
     again = MadeUpExecutor()
@@ -138,7 +138,7 @@ def test_records_of_other_code_or_options_are_refused(tmp_path: Path):
     content = json.loads(path.read_text())
     next(iter(content["done"].values()))["asked"][1] = "/elsewhere"
     path.write_text(json.dumps(content))
-    with pytest.raises(ConfigError, match="that was another: .*/elsewhere"):
+    with pytest.raises(ConfigError, match=r"that was another: .*/elsewhere"):
         grid_of(grid.request).left()
     path.write_text(json.dumps(content | {"code": "c0ffee"}))
     with pytest.raises(ConfigError, match="holds runs by c0ffee"):

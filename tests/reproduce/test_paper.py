@@ -21,10 +21,13 @@ def test_every_row_has_a_figure_for_every_column(table):
 
 @pytest.mark.parametrize("table", ROUNDING)
 def test_the_last_column_is_the_mean_of_the_others(table):
-    """Of WildGaussians, with its dashes, as well."""
+    """Of WildGaussians, with its dashes, as well; one is not, in the paper itself."""
     for part in PUBLISHED[table]:
-        for *figures, mean in part.rows.values():
+        for name, (*figures, mean) in part.rows.items():
             known = [figure for figure in figures if figure is not None]
+            if (table, name) == ("A9", "Splatfacto"):
+                assert mean == 94.01 and round(sum(known) / len(known), 2) == 94.10
+                continue
             assert sum(known) / len(known) == pytest.approx(mean, abs=ROUNDING[table])
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from desplat_ns.errors import ConfigError
+from desplat_ns.reproduce.tables import TABLES
 from desplat_ns.reproduce.writing import (
     Results,
     as_json,
@@ -58,9 +60,12 @@ def test_csv_and_json_have_every_figure(tmp_path: Path):
 
 
 def test_latex_is_escaped(tmp_path: Path):
-    text = latex(results(tmp_path))
+    found = results(tmp_path)
+    text = latex(found)
     assert r"\begin{tabular}{lrrrrrrrrrrrr}" in text
-    assert "10^6" not in text and text.count(r"\\") >= 8
+    assert r"SLS-mlp (+UBP), the paper's &" in text
+    memory = replace(found, table=TABLES["A7"])
+    assert r"10\textasciicircum{}6" in latex(memory) and "10^6" not in latex(memory)
 
 
 def test_files_appear_together_or_not_at_all(tmp_path: Path):
