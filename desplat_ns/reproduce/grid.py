@@ -217,10 +217,10 @@ def prepare(grid: Grid) -> None:
     if not left:
         return
     _check_disk(grid)
-    if request.is_smoke:
+    if request.is_smoke or not request.is_here:
         return
     said = _say_time(grid, left)
-    if request.device == "cpu" and request.is_here:
+    if request.device == "cpu":
         raise ConfigError(
             f"This machine has no GPU, on which the {len(left)} runs are meant to be done{said}. "
             "Add --smoke to try the same with few steps and small photos."
