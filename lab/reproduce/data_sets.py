@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,24 +17,25 @@ def write_data_sets(folder: Path, spec: SceneSpec = TINY) -> None:
     """Crab (2), Yoda, Patio-High, Sacre Coeur and garden, each in its data set's folder.
 
     Args:
-        spec: of the scenes; Sacre Coeur has changing light besides.
+        spec: of the scenes; Sacre Coeur has changing light besides, the others are the same.
     """
-    for seed, name in enumerate(("crab2", "yoda")):
-        write_scene(replace(spec, seed=seed), folder / "robustnerf" / name)
-    write_on_the_go(folder / "on-the-go" / "patio_high", spec)
+    scene = folder / "robustnerf" / "crab2"
+    write_scene(spec, scene)
+    for copy in ("robustnerf/yoda", "mipnerf360/garden", "on-the-go/patio_high"):
+        shutil.copytree(scene, folder / copy)
+    write_split(folder / "on-the-go" / "patio_high")
     tourism = SceneSpec.tourism()
     light = replace(spec, daylight=tourism.daylight, wall_height=tourism.wall_height)
     light = replace(light, layout="phototourism")
     write_scene(light, folder / "phototourism" / "sacre_coeur")
-    write_scene(spec, folder / "mipnerf360" / "garden")
 
 
-def write_on_the_go(folder: Path, spec: SceneSpec = TINY) -> None:
-    """A scene with split.json: positions among the sorted file names."""
-    write_scene(spec, folder)
-    names = sorted(photo_names(folder / "images"))
+def write_split(scene: Path) -> None:
+    """On-the-go's split.json for a scene that `write_scene` made: positions among the sorted file
+    names."""
+    names = sorted(photo_names(scene / "images"))
     lists = {
         kind: [i for i, name in enumerate(names) if kind in name]
         for kind in ("clutter", "clean", "extra")
     }
-    (folder / "split.json").write_text(json.dumps(lists))
+    (scene / "split.json").write_text(json.dumps(lists))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -20,14 +21,16 @@ from desplat_ns.reproduce.scenes import (
     any_scenes,
     checked,
     find_scenes,
+    outputs_of,
     read_scene,
+    smaller,
 )
 from desplat_ns.reproduce.tables import TABLES, TableName
 from desplat_ns.studies import runs
 from desplat_ns.studies.executors import Keep, outcome
 from desplat_ns.studies.runs import Run
 from desplat_ns.studies.train_and_score import train_and_score
-from lab.reproduce.data_sets import TINY, write_data_sets, write_on_the_go
+from lab.reproduce.data_sets import write_data_sets
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
 
@@ -53,6 +56,13 @@ def data_sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture
+def spot(data_sets: Path, tmp_path: Path) -> Path:
+    """A scene of On-the-go that a test may spoil."""
+    home = tmp_path / "on-the-go" / "spot"
+    return shutil.copytree(data_sets / "on-the-go" / "patio_high", home)
+
+
 def found_in(table: TableName, data: Path) -> dict[str, FoundScene]:
     return {one.scene.name: one for one in find_scenes(TABLES[table], data)[0]}
 
@@ -75,8 +85,6 @@ def test_each_layout_is_read_with_its_split(data_sets, table, scene, trained, te
 
 @pytest.mark.slow
 def test_the_ratios_of_fig_9_take_as_many_cluttered_photos(data_sets):
-    from desplat_ns.reproduce.scenes import outputs_of, smaller
-
     scenes = found_in("fig9", data_sets)
     for percent, number in ((25, 2), (75, 4)):  # round(6 / 4), to even; round(18 / 4)
         found = smaller(scenes[f"Crab (2), {percent}% cluttered"])
@@ -133,11 +141,9 @@ def test_a_smoke_run_takes_captures_of_any_name_and_passes_over_others(data_sets
 
 
 @pytest.mark.slow
-def test_a_data_set_half_downloaded_is_refused_by_name(tmp_path):
-    home = tmp_path / "on-the-go" / "spot"
-    write_on_the_go(home, TINY)
+def test_a_data_set_half_downloaded_is_refused_by_name(spot, tmp_path):
     scene = found_in("on-the-go", tmp_path)["Spot"]
-    photos = sorted((home / "images").iterdir())
+    photos = sorted((spot / "images").iterdir())
     for photo in photos[::2]:
         photo.unlink()
     with pytest.raises(CaptureError, match=r"NeRF On-the-go, Spot: .*fetch it again"):
@@ -145,18 +151,14 @@ def test_a_data_set_half_downloaded_is_refused_by_name(tmp_path):
 
 
 @pytest.mark.slow
-def test_photos_and_their_smaller_copies_both_missing_are_an_error(tmp_path):
-    home = tmp_path / "on-the-go" / "spot"
-    write_on_the_go(home, TINY)
-    (home / "images").rename(home / "pictures")
+def test_photos_and_their_smaller_copies_both_missing_are_an_error(spot, tmp_path):
+    (spot / "images").rename(spot / "pictures")
     with pytest.raises(CaptureError, match="Spot: "):
         read_scene(found_in("on-the-go", tmp_path)["Spot"])
 
 
 @pytest.mark.slow
-def test_a_split_of_another_scene_is_an_error(tmp_path):
-    home = tmp_path / "on-the-go" / "spot"
-    write_on_the_go(home, TINY)
-    (home / "split.json").write_text('{"clutter": [0, 900], "extra": [1]}')
+def test_a_split_of_another_scene_is_an_error(spot, tmp_path):
+    (spot / "split.json").write_text('{"clutter": [0, 900], "extra": [1]}')
     with pytest.raises(CaptureError, match=r"Take the split\.json that belongs to this scene"):
         read_scene(found_in("on-the-go", tmp_path)["Spot"])
