@@ -206,8 +206,8 @@ def prepare(grid: Grid) -> None:
     went_on = f", {len(grid.runs) - len(left)} of which are done" * (len(left) < len(grid.runs))
     steps = list_names(dict.fromkeys(f"{run.steps:,}" for run in grid.runs.values()))
     announce(
-        f"{request.table.title}: {len(grid.contents)} scenes, {len(request.methods)} methods, "
-        f"{request.seeds} seeds: {len(grid.runs)} runs of {steps} steps{went_on}."
+        f"{request.table.title}. Scenes: {len(grid.contents)}, methods: {len(request.methods)}, "
+        f"seeds: {request.seeds}. Runs: {len(grid.runs)}, of {steps} steps{went_on}."
     )
     for found, content in grid.contents.items():
         announce(
@@ -222,10 +222,10 @@ def prepare(grid: Grid) -> None:
     said = _say_time(grid, left)
     if request.device == "cpu":
         raise ConfigError(
-            f"This machine has no GPU, on which the {len(left)} runs are meant to be done{said}. "
+            f"This machine has no GPU, on which the runs ({len(left)}) are meant to be done{said}. "
             "Add --smoke to try the same with few steps and small photos."
         )
-    announce(f"The steps of {len(left)} runs{said}.")
+    announce(f"Runs to do: {len(left)}{said}.")
 
 
 def _say_time(grid: Grid, left: list[Run]) -> str:
@@ -247,5 +247,5 @@ def _check_disk(grid: Grid) -> None:
     contents: list[tuple[Content, int]] = [(one, runs) for one in grid.contents.values()]
     largest = max(grid.contents, key=pixels)
     needed = expected_bytes(contents, largest, request.jobs, request.device)
-    announce(f"Disk: {needed / 1e9:.2f} GB at most while it runs, for pictures and checkpoints.")
+    announce(f"Disk: {needed / 1e6:,.0f} MB at most while it runs, for pictures and checkpoints.")
     check_room(request.output, needed)
