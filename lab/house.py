@@ -35,7 +35,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("trainer", "", "runs"),
     ("method_configs",),
     ("", "export", "studies"),
-    ("", "scene"),
+    ("", "scene", "reproduce"),
     ("report",),
     ("", "", "", "commands"),
 )

@@ -4,6 +4,7 @@
 options of a data parser behind a command's own.
 
 May import `scene`, `method_configs`, `calibration`, `pipeline`, `static_model`, `evaluation`,
-`survey`, `photo_tourism`, `layouts`, `datamanager`, `runs`, `studies`, `report`, `export`,
-`process`, `fetch`, `training`, `data`, `backend`, `settings`, `files`, `console` and `errors`.
+`survey`, `photo_tourism`, `layouts`, `datamanager`, `runs`, `studies`, `reproduce`, `report`,
+`export`, `process`, `fetch`, `training`, `data`, `backend`, `settings`, `files`, `console` and
+`errors`.
 """

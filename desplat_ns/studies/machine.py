@@ -71,6 +71,19 @@ def describe_machine() -> dict[str, str]:
     }
 
 
+def device_name(device: str) -> str:
+    """Of the GPU, or of the processor for `cpu`.
+
+    Args:
+        device: as torch calls it.
+    """
+    if device.startswith("cuda"):
+        import torch
+
+        return torch.cuda.get_device_name(device)
+    return _processor()
+
+
 def _line_of(path: str, key: str) -> str | None:
     """The value of the first line `key : value` of a file, if there is one."""
     try:

@@ -20,7 +20,7 @@ from nerfstudio.scripts.train import _set_random_seed
 
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.curve import Curve, TrainingClock, scored_steps
-from desplat_ns.studies.machine import code_version
+from desplat_ns.studies.machine import code_version, device_name
 from desplat_ns.studies.methods import parse
 
 PICTURES = "pictures"
@@ -41,7 +41,7 @@ def train_and_score(
         `figures` as `ns-eval` writes them, with `train_cpu_seconds` and `train_wall_seconds`, those
         of the training steps without reading photos, the last checkpoint and evaluation; `curve`,
         the same figures on the way and in the end, if there are several evaluations; `commit`,
-        `device` and `backend`, see `runs.Record`.
+        `device` and `backend`, see `runs.Record`; `device_name`.
 
     Raises:
         DeSplatError: training was stopped before its last step; such a model is not scored.
@@ -70,6 +70,7 @@ def train_and_score(
         "figures": figures,
         "curve": points,
         "commit": version,
+        "device_name": device_name(str(trainer.device)),
         **where_of(figures),
     }
 

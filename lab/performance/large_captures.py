@@ -88,7 +88,7 @@ def report_of(config: Any, _: int) -> Figures:
 
     files = find_run(config.get_base_dir() / "config.yml")
     before = since_start()
-    write_report(files, files.folder / "report.html", 12, 12, {})
+    write_report(files, files.folder / "report.html", 12, 12, {}, with_scene=True)
     return {"report": since_start() - before}
 
 

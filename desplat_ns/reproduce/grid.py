@@ -1,0 +1,251 @@
+"""The runs of a table: every method on every scene with every seed."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from threading import Lock
+
+from desplat_ns.console import announce, list_names
+from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
+from desplat_ns.files.lock import only_process_in
+from desplat_ns.files.pages import time_in_words
+from desplat_ns.reproduce.cells import cells_of
+from desplat_ns.reproduce.estimate import check_room, expected_bytes, expected_seconds
+from desplat_ns.reproduce.methods import Method
+from desplat_ns.reproduce.records import RUNS, Done, Records, asked_of, texts_of
+from desplat_ns.reproduce.scenes import (
+    Content,
+    FoundScene,
+    any_scenes,
+    checked,
+    find_scenes,
+    what_is_missing,
+)
+from desplat_ns.reproduce.tables import Table
+from desplat_ns.reproduce.writing import Results, write_table
+from desplat_ns.studies.executors import Executor
+from desplat_ns.studies.methods import method_config
+from desplat_ns.studies.runs import Figures, Record, Run, Variant
+
+FIRST_SEED = 42
+SMOKE_STEPS = 100
+SMOKE_OPTIONS = ("--pipeline.model.num-downscales", "0")
+"""Photos of a smoke run are small enough."""
+
+MODELS = "nerfstudio_models"
+"""nerfstudio's folder of checkpoints in a run."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a user asks for."""
+
+    table: Table
+    data: Path
+    """Folder with the data sets."""
+    output: Path
+    methods: tuple[Method, ...]
+    seeds: int
+    executor: Executor
+    jobs: int
+    """Runs beside each other."""
+    is_smoke: bool
+    device: str
+    """Type of the device on which this machine trains."""
+    is_here: bool = True
+    """Whether runs are done on this machine."""
+
+    @property
+    def folder(self) -> Path:
+        """Of the table's files."""
+        return self.output / (self.table.name + "-smoke" * self.is_smoke)
+
+
+Key = tuple[str, str, int]
+"""Scene, method and seed."""
+
+
+def run_of(found: FoundScene, method: Method, seed: int, is_smoke: bool) -> Run:
+    """A cell of the grid as it is trained."""
+    protocol = found.protocol
+    options = method.options + SMOKE_OPTIONS * is_smoke
+    if hasattr(method_config(method.method).pipeline, "evaluation"):
+        options += ("--pipeline.evaluation.protocol", method.scoring(protocol))
+    name = f"{protocol.name}.{found.scene.label}.{method.name}"
+    steps = SMOKE_STEPS if is_smoke else protocol.steps
+    return Run(
+        Variant(name, method.what, options, method.method), steps, seed, found.folder, found.parser
+    )
+
+
+@dataclass
+class Grid:
+    """The work on a table from one start of the command to its end."""
+
+    request: Request
+    contents: dict[FoundScene, Content]
+    records: Records
+    missing: list[str] = field(default_factory=list)
+    """Names of scenes that are not there."""
+    failed: dict[str, str] = field(default_factory=dict)
+    """Why a run gave no figure, by its name."""
+
+    def __post_init__(self) -> None:
+        request = self.request
+        seeds = range(FIRST_SEED, FIRST_SEED + request.seeds)
+        self.seeds = tuple(seeds)
+        self.runs: dict[Key, Run] = {
+            (found.scene.name, method.name, seed): run_of(found, method, seed, request.is_smoke)
+            for seed in seeds
+            for found in self.contents
+            for method in request.methods
+        }
+        self._keeping, self._seconds = Lock(), list[float]()
+
+    def left(self) -> list[Run]:
+        """Runs that are not done. Raises ConfigError, see `Records.of`."""
+        return [run for run in self.runs.values() if self.records.of(run) is None]
+
+    def do(self) -> None:
+        """Do what is left. Raises ConfigError where nothing can be written."""
+        folder, left = (self.request.output / RUNS).resolve(), self.left()
+        self.records.save(self.request.output)
+        folder.mkdir(parents=True, exist_ok=True)
+        if left:
+            self.request.executor.do(left, folder, partial(self._keep, folder))
+
+    def _keep(self, folder: Path, run: Run, found: Record | Exception) -> bool:
+        """Record a run and remove its checkpoints; False if it failed, which is said."""
+        if isinstance(found, Exception):
+            kind = "" if isinstance(found, DeSplatError) else f"{type(found).__name__}: "
+            self.failed[run.name] = f"{kind}{found}"
+            announce(f"{run.name}: {self.failed[run.name]}", warning=True)
+            return False
+        with self._keeping:  # runs beside each other share the records
+            self.records.done[run.name] = Done(found, asked_of(run), texts_of(run, folder))
+            self.records.save(self.request.output)
+            self._seconds.append(found.figures["run_wall_seconds"])
+        left = len(self.left()) - len(self.failed)
+        rest = left * sum(self._seconds) / len(self._seconds) / self.request.jobs
+        more = f"; {left} left, about {time_in_words(rest)}" if left > 0 else ""
+        announce(f"{run.name}: {found.figures['psnr']:.2f} dB{more}")
+        for models in (folder / run.name).glob(f"*/*/*/{MODELS}"):
+            shutil.rmtree(models, ignore_errors=True)
+        return True
+
+    def results(self) -> Results:
+        """What the runs that are done say."""
+        request = self.request
+
+        def lookup(scene: str, method: str, seed: int) -> Figures | None:
+            done = self.records.of(self.runs[scene, method, seed])
+            return None if done is None else done.record.figures
+
+        names = [found.scene.name for found in self.contents]
+        cells = cells_of(
+            *(request.table, names, request.methods, self.seeds, lookup, request.is_smoke)
+        )
+        done = [one for run in self.runs.values() if (one := self.records.of(run)) is not None]
+        return Results(
+            *(request.table, request.is_smoke, self.contents, request.methods, self.seeds),
+            *(cells, done, self.missing, self.failed),
+        )
+
+
+def reproduce(request: Request) -> Path:
+    """Run what a table needs and write it; the folder that holds it.
+
+    Raises:
+        CaptureError: scenes cannot be read, or none is there.
+        ConfigError: the output folder will not do, the disk will not hold the runs, or this machine
+            has no GPU; then it says how long they would take.
+        DeSplatError: runs failed; the table is written without them.
+    """
+    with only_process_in(request.output):
+        grid = open_grid(request)
+        prepare(grid)
+        grid.do()
+        write_table(request.folder, grid.results())
+    if grid.failed:
+        raise DeSplatError(
+            f"{len(grid.failed)} of {len(grid.runs)} runs failed: {list_names(grid.failed)}. "
+            f"'{request.folder}' has the table without them; the same command tries them again."
+        )
+    return request.folder
+
+
+def open_grid(request: Request) -> Grid:
+    """The grid over the scenes that are there, with what is done of it; says what is missing.
+
+    Raises:
+        CaptureError, ConfigError: as `reproduce`.
+    """
+    records = Records.load(request.output)
+    found, missing = find_scenes(request.table, request.data)
+    said = what_is_missing(request.table, missing, request.data) if missing else ""
+    if request.is_smoke and not found:
+        found = any_scenes(request.table, request.data)
+    if not found:
+        raise CaptureError(said)
+    if said:
+        announce(said, warning=True)
+    contents = checked(found, request.is_smoke)
+    return Grid(request, contents, records, [scene.name for _, scene in missing])
+
+
+def prepare(grid: Grid) -> None:
+    """Say what will be run, how long it takes and what it leaves on the disk, and whether it can.
+
+    Raises:
+        ConfigError: as `reproduce`.
+    """
+    request, left = grid.request, grid.left()
+    went_on = f", {len(grid.runs) - len(left)} of which are done" * (len(left) < len(grid.runs))
+    steps = list_names(dict.fromkeys(f"{run.steps:,}" for run in grid.runs.values()))
+    announce(
+        f"{request.table.title}. Scenes: {len(grid.contents)}, methods: {len(request.methods)}, "
+        f"seeds: {request.seeds}. Runs: {len(grid.runs)}, of {steps} steps{went_on}."
+    )
+    for found, content in grid.contents.items():
+        announce(
+            f"    {found.scene.name}: {content.photos} photos train, {content.held_out} test, "
+            f"{content.width} x {content.height}; {found.folder}"
+        )
+    if not left:
+        return
+    _check_disk(grid)
+    if request.is_smoke or not request.is_here:
+        return
+    said = _say_time(grid, left)
+    if request.device == "cpu":
+        raise ConfigError(
+            f"This machine has no GPU, on which the runs ({len(left)}) are meant to be done{said}. "
+            "Add --smoke to try the same with few steps and small photos."
+        )
+    announce(f"Runs to do: {len(left)}{said}.")
+
+
+def _say_time(grid: Grid, left: list[Run]) -> str:
+    scene = next(iter(grid.contents))
+    seconds = expected_seconds(scene, left, grid.request.device)
+    if seconds is None:
+        return ": how long they take is not known of methods that are none of this package's"
+    words = time_in_words(seconds / grid.request.jobs)
+    return f": they would take about {words} here, by steps timed at the size of {scene.scene.name}"
+
+
+def _check_disk(grid: Grid) -> None:
+    def pixels(found: FoundScene) -> int:
+        one = grid.contents[found]
+        return one.photos * one.width * one.height
+
+    request = grid.request
+    runs = len(request.methods) * request.seeds
+    contents: list[tuple[Content, int]] = [(one, runs) for one in grid.contents.values()]
+    largest = max(grid.contents, key=pixels)
+    needed = expected_bytes(contents, largest, request.jobs, request.device)
+    announce(f"Disk: {needed / 1e6:,.0f} MB at most while it runs, for pictures and checkpoints.")
+    check_room(request.output, needed)

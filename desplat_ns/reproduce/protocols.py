@@ -1,0 +1,185 @@
+"""How each data set is trained on and scored: scenes, resolutions, splits, lengths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from desplat_ns.evaluation.config import ProtocolName
+
+STEPS, PHOTO_TOURISM_STEPS = 30_000, 200_000
+"""Of every method on a data set; B.3 gives them for DeSplat."""
+
+RATIOS = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Shares of cluttered photos. Ours: the supplement says that they are varied, not to what."""
+
+LPIPS_NET = "alex"
+"""The supplement names none. nerfstudio 1.1.4, on which the paper is built (B.3), calls LPIPS
+without naming one, which gives AlexNet."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene of a data set."""
+
+    name: str
+    """As the paper calls it."""
+    folder: str
+    """In the published data set."""
+    downscale: int | None
+    """Photos at 1/N of their size; None: what the data parser takes by itself."""
+    fetch: str
+    """What `desplat-fetch-data` calls the download that holds it."""
+    options: tuple[str, ...] = ()
+    """Of the data parser, for this scene."""
+    key: str = ""
+    """Of its runs, where scenes share a folder."""
+    is_scored: bool = True
+    """Whether tables have it; the paper shows others in pictures only."""
+
+    @property
+    def label(self) -> str:
+        """In the names of runs."""
+        return self.key or self.folder
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A data set as the paper uses it."""
+
+    name: str
+    title: str
+    folder: str
+    """That `desplat-fetch-data` makes for the data set."""
+    parser: tuple[str, ...]
+    """Name and options of the data parser, as `ns-train` takes them, but for the resolution."""
+    scoring: ProtocolName
+    """Which pixels, and in which light; `half` becomes `right` for models without light."""
+    steps: int
+    methods: tuple[str, ...]
+    """That a table compares, if no others are asked for."""
+    said: str
+    """What the supplement says of it, and where."""
+    scenes: tuple[Scene, ...]
+    lpips_net: str = LPIPS_NET
+
+    @property
+    def scored(self) -> tuple[Scene, ...]:
+        """Scenes of tables."""
+        return tuple(scene for scene in self.scenes if scene.is_scored)
+
+
+def _scenes(fetch: str, downscale: int, **folders: str) -> tuple[Scene, ...]:
+    return tuple(
+        Scene(name.replace("_", " "), folder, downscale, fetch) for name, folder in folders.items()
+    )
+
+
+def _crab(number: int) -> Scene:
+    return Scene(f"Crab ({number})", f"crab{number}", 8, "robustnerf")
+
+
+def _at_ratio(scene: Scene, ratio: float) -> Scene:
+    percent = f"{100 * ratio:.0f}"
+    return Scene(
+        f"{scene.name}, {percent}% cluttered",
+        scene.folder,
+        scene.downscale,
+        scene.fetch,
+        ("--train-split-clean-clutter-ratio", str(ratio)),
+        f"{scene.folder}-{percent}",
+    )
+
+
+_YODA = Scene("Yoda", "yoda", 8, "robustnerf")
+
+ROBUSTNERF = Protocol(
+    "robustnerf",
+    "RobustNeRF",
+    "robustnerf",
+    ("robustnerf-data",),
+    "full",
+    STEPS,
+    ("desplat", "desplat-paper", "splatfacto"),
+    "Five scenes, photos 8 times smaller (B.1); 30,000 steps (B.3). Trained on the cluttered "
+    "photos, scored on the `extra` ones.",
+    (
+        *_scenes("robustnerf", 8, Statue="statue", Android="android"),
+        *(_crab(1), _crab(2)),
+        _YODA,
+    ),
+)
+
+ROBUSTNERF_RATIOS = Protocol(
+    "robustnerf-ratios",
+    "RobustNeRF, by the share of cluttered training photos",
+    ROBUSTNERF.folder,
+    ROBUSTNERF.parser,
+    ROBUSTNERF.scoring,
+    STEPS,
+    ROBUSTNERF.methods,
+    "Crab (2) and Yoda have clean and cluttered photos of the same viewpoints, whose ratio is "
+    "varied (B.1, Fig. 9 left); 30,000 steps (B.3).",
+    tuple(_at_ratio(scene, ratio) for scene in (_crab(2), _YODA) for ratio in RATIOS),
+)
+
+ON_THE_GO = Protocol(
+    "on-the-go",
+    "NeRF On-the-go",
+    "on-the-go",
+    ("on-the-go-data",),
+    "full",
+    STEPS,
+    ("desplat", "desplat-paper", "splatfacto"),
+    "Six scenes, photos 8 times smaller, those of Patio 4 times (B.1); 30,000 steps (B.3). Arc de "
+    "Triomphe is shown in pictures only, and is 4 times smaller here. Trained on `clutter` of "
+    "split.json, scored on `extra`.",
+    (
+        *_scenes("on-the-go", 8, Mountain="mountain", Fountain="fountain", Corner="corner"),
+        Scene("Patio", "patio", 4, "on-the-go"),
+        Scene("Spot", "spot", 8, "on-the-go"),
+        Scene("Patio-High", "patio_high", 8, "on-the-go"),
+        Scene("Arc de Triomphe", "arcdetriomphe", 4, "on-the-go", is_scored=False),
+    ),
+)
+
+PHOTO_TOURISM = Protocol(
+    "photo-tourism",
+    "Photo Tourism",
+    "phototourism",
+    ("photo-tourism-data",),
+    "half",
+    PHOTO_TOURISM_STEPS,
+    (
+        *("desplat-phototourism", "desplat-phototourism-paper", "desplat-phototourism-a-paper"),
+        *("splatfacto", "splatfacto-w", "splatfacto-w-a"),
+    ),
+    "NeRF-W's split. An embedding is found on the left half of a test photo, in 128 steps of Adam "
+    "at 0.01, and the right half is scored (B.1, B.3). 200,000 steps (B.3).",
+    (
+        Scene("Brandenburg Gate", "brandenburg_gate", None, "brandenburg-gate"),
+        Scene("Sacre Coeur", "sacre_coeur", None, "sacre-coeur"),
+        Scene("Trevi Fountain", "trevi_fountain", None, "trevi-fountain"),
+    ),
+)
+
+MIPNERF360 = Protocol(
+    "mipnerf360",
+    "Mip-NeRF 360",
+    "mipnerf360",
+    ("colmap", "--eval-mode", "interval", "--eval-interval", "8"),
+    "full",
+    STEPS,
+    ("desplat", "desplat-paper", "splatfacto"),
+    "Seven scenes without distractors, photos of rooms 2 times smaller and those of outdoors 4 "
+    "times (B.1); 30,000 steps (B.3). Every eighth photo tests, as is usual on this data set.",
+    (
+        *_scenes("mipnerf360", 4, bicycle="bicycle", garden="garden", stump="stump"),
+        *_scenes("mipnerf360", 2, room="room", counter="counter"),
+        *_scenes("mipnerf360", 2, kitchen="kitchen", bonsai="bonsai"),
+    ),
+)
+
+PROTOCOLS = {
+    one.name: one for one in (ROBUSTNERF, ROBUSTNERF_RATIOS, ON_THE_GO, PHOTO_TOURISM, MIPNERF360)
+}
+"""By the name that stands in table.json."""

@@ -1,0 +1,176 @@
+"""Where the scenes of a table lie, and what is in them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from desplat_ns.console import list_names
+from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
+from desplat_ns.reproduce.protocols import Protocol, Scene
+from desplat_ns.reproduce.tables import Table
+
+SMOKE_SIDE = 160
+"""Pixels of the longer side that photos have at most in a smoke run."""
+
+
+@dataclass(frozen=True)
+class FoundScene:
+    """A scene whose folder is there."""
+
+    protocol: Protocol
+    scene: Scene
+    folder: Path
+
+    @property
+    def parser(self) -> tuple[str, ...]:
+        """Name and options of the data parser, as `ns-train` takes them."""
+        size = self.scene.downscale
+        smaller = () if size is None else ("--downscale-factor", str(size))
+        return (*self.protocol.parser, *smaller, *self.scene.options)
+
+
+@dataclass(frozen=True)
+class Content:
+    """What the data parser finds in a scene."""
+
+    photos: int
+    """Of the training split."""
+    held_out: int
+    width: int
+    height: int
+    """Pixels of the median training photo."""
+
+
+def find_scenes(table: Table, data: Path) -> tuple[list[FoundScene], list[tuple[Protocol, Scene]]]:
+    """Scenes of a table whose folders are there, and those that are missing.
+
+    They are looked for in the folder that `desplat-fetch-data` makes for their data set, in `data`
+    or being `data`.
+
+    Raises:
+        CaptureError: there is no such folder.
+    """
+    if not data.is_dir():
+        raise CaptureError(f"There is no folder '{data}'. Name that with the data sets by --data.")
+    found, missing = [], []
+    for protocol in table.protocols:
+        for scene in protocol.scored:
+            places = (home / scene.folder for home in _homes(protocol, data))
+            folder = next((place for place in places if place.is_dir()), None)
+            if folder is None:
+                missing.append((protocol, scene))
+            else:
+                found.append(FoundScene(protocol, scene, folder.resolve()))
+    return found, missing
+
+
+def any_scenes(table: Table, data: Path) -> list[FoundScene]:
+    """Captures of other names in the same places, for a smoke run."""
+    found = []
+    for protocol in table.protocols:
+        homes = (home for home in _homes(protocol, data) if home.is_dir())
+        places = [data, *(place for home in homes for place in sorted(home.iterdir()))]
+        for place in dict.fromkeys(place.resolve() for place in places):
+            if _is_capture(place):
+                scene = Scene(place.name, place.name, None, "")
+                found.append(FoundScene(protocol, scene, place))
+    return found
+
+
+def what_is_missing(table: Table, missing: list[tuple[Protocol, Scene]], data: Path) -> str:
+    """Which scenes, where they were looked for, and what to type."""
+    folders = dict.fromkeys(f"{protocol.folder}/{scene.folder}" for protocol, scene in missing)
+    fetches = dict.fromkeys(scene.fetch for _, scene in missing)
+    typed = ", ".join(f"`desplat-fetch-data {name} --folder {data}`" for name in fetches)
+    text = f"Not in '{data}': {list_names(folders, 12)}. Fetch what is missing: {typed}."
+    return text + _hint(table, data)
+
+
+def _hint(table: Table, data: Path) -> str:
+    """Where the scenes lie instead, if the folder is of a wrong level."""
+    if _is_capture(data):
+        above = data.resolve().parent
+        return f" '{data}' is a single capture: name the folder of all, --data {above}."
+    for protocol in table.protocols:
+        names = {scene.folder for scene in protocol.scored}
+        deeper = [path for path in sorted(data.glob("*/*/*/")) if path.name in names]
+        if deeper:
+            return f" There is a '{deeper[0]}': perhaps --data {deeper[0].parent} is meant."
+    return ""
+
+
+def _homes(protocol: Protocol, data: Path) -> tuple[Path, ...]:
+    """Folders in which a data set's scenes may be; some archives have one of their own name."""
+    return data / protocol.folder, data / protocol.folder / protocol.folder, data
+
+
+def _is_capture(folder: Path) -> bool:
+    return any((folder / name).is_dir() for name in ("images", "dense", "sparse"))
+
+
+def read_scene(found: FoundScene) -> Content:
+    """What a scene's data parser finds, which makes sure that all photos are there.
+
+    Raises:
+        CaptureError: it cannot be read, or no photo is held out; the message names the scene.
+    """
+    outputs = outputs_of(found, "train")
+    tested = outputs_of(found, "test")
+    cameras = outputs.cameras
+    return Content(
+        len(cameras),
+        len(tested.cameras),
+        int(cameras.width.median()),
+        int(cameras.height.median()),
+    )
+
+
+def outputs_of(found: FoundScene, split: str):
+    """Cameras, photos and points of a split. Raises CaptureError as `read_scene`."""
+    from desplat_ns.studies.methods import parse
+
+    try:
+        config = parse("desplat-paper", ["--data", str(found.folder), *found.parser])
+        manager = config.pipeline.datamanager
+        manager.data = found.folder
+        outputs = manager.settle_dataparser().setup().get_dataparser_outputs(split)
+    except (DeSplatError, ValueError, IndexError, OSError) as error:
+        raise CaptureError(
+            f"{found.protocol.title}, {found.scene.name}: {error} Where the data set is not whole, "
+            f"remove '{found.folder}' and fetch it again."
+        ) from error
+    if len(outputs.cameras) == 0:
+        raise CaptureError(f"'{found.folder}' has no photo of the {split} split.")
+    return outputs
+
+
+def smaller(found: FoundScene) -> FoundScene:
+    """The same with photos of at most `SMOKE_SIDE` pixels a side. Raises as `read_scene`."""
+    whole = replace(found, scene=replace(found.scene, downscale=1))
+    cameras = outputs_of(whole, "train").cameras
+    longest = int(max(cameras.width.max(), cameras.height.max()))
+    factor = 2 ** max(0, math.ceil(math.log2(longest / SMOKE_SIDE)))
+    return replace(found, scene=replace(found.scene, downscale=factor))
+
+
+def checked(scenes: list[FoundScene], is_smoke: bool) -> dict[FoundScene, Content]:
+    """Scenes with their content; of a smoke run those that can be read.
+
+    Raises:
+        CaptureError: a scene cannot be read; of a smoke run none can.
+    """
+    found: dict[FoundScene, Content] = {}
+    wrong: list[str] = []
+    for scene in scenes:
+        if any(f.folder == scene.folder and f.protocol != scene.protocol for f in found):
+            continue  # of a smoke run: another data set's way of reading it came first
+        try:
+            scene = smaller(scene) if is_smoke else scene
+            found[scene] = read_scene(scene)
+        except (CaptureError, ConfigError) as error:
+            wrong.append(str(error))
+    if wrong and not (is_smoke and found):
+        raise CaptureError("\n".join(wrong))
+    return found
