@@ -81,9 +81,10 @@ def rendering(count: int = N) -> Rendering:
     return Rendering(cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 1), None, cuda(1, count, 2), radii)
 
 
-def a_layer() -> DistractorLayer:
+def a_layer(own_skies: bool = False) -> DistractorLayer:
     """What looks for regions, without what asks cameras where they stand."""
     layer = DistractorLayer.__new__(DistractorLayer)
+    layer.own_skies = own_skies
     layer.config, layer.num_views, layer.static = CONFIG, 8, SplatfactoModelConfig()
     return layer
 

@@ -5,9 +5,11 @@ Nothing of it is seen before all of it is there.
 
 from __future__ import annotations
 
+import lzma
 import shutil
 import tarfile
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -21,6 +23,15 @@ MOST_RATIO = 20
 
 CHUNK = 1 << 20
 """Bytes."""
+
+MAC = "__MACOSX"
+"""What macOS puts beside the files of an archive."""
+
+DAMAGE = (
+    *(tarfile.TarError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError),
+    *(RuntimeError, NotImplementedError),  # a password, or a way to pack that is not known
+)
+"""What reading an archive may raise."""
 
 
 class Member(NamedTuple):
@@ -62,9 +73,10 @@ def unpack(archive: Path, folder: Path) -> None:
         with _members(archive) as members:
             _check(archive, members, folder)
             for member in members:
-                _write(member, unpacked / member.name)
+                if PurePosixPath(member.name).parts[:1] != (MAC,):
+                    _write(member, unpacked / member.name)
         _move_in(unpacked, folder)
-    except (tarfile.TarError, zipfile.BadZipFile, EOFError, OSError) as error:
+    except DAMAGE as error:
         raise CaptureError(
             f"'{archive}' could not be unpacked ({error}). Remove it and fetch it again."
         ) from error
@@ -80,6 +92,8 @@ def _members(archive: Path) -> Iterator[list[Member]]:
     else:
         with tarfile.open(archive) as opened:
             yield [_in_tar(opened, info) for info in opened.getmembers()]
+            while opened.fileobj and opened.fileobj.read(CHUNK):
+                pass  # only behind its end are checksums compared
 
 
 def _check(archive: Path, members: list[Member], folder: Path) -> None:

@@ -16,7 +16,7 @@ import requests
 from desplat_ns.errors import CaptureError
 
 ATTEMPTS = 5
-"""Times that a broken connection is taken up again, if each brought something."""
+"""Connections in a row that may bring nothing before it is given up."""
 
 PATIENCE = 60
 """Seconds without a byte after which a connection counts as broken."""
@@ -44,16 +44,17 @@ def download(
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     part = Part(target)
-    for attempt in range(ATTEMPTS):
+    failed = 0
+    while True:
         before = part.size
         try:
             part.go_on(address, progress or (lambda done, total: None))
             break
         except (requests.RequestException, OSError) as error:
-            is_last = attempt == ATTEMPTS - 1 or part.size == before
-            if not isinstance(error, requests.RequestException) or is_last:
+            failed = 1 if part.size > before else failed + 1
+            if not isinstance(error, requests.RequestException) or failed >= ATTEMPTS:
                 raise CaptureError(_broken_off(address, part, error)) from error
-            time.sleep(2.0**attempt / 4)
+            time.sleep(2.0**failed / 4)
     if sha256 and part.sha256() != sha256:
         part.remove()
         raise CaptureError(
@@ -98,15 +99,36 @@ class Part:
         if self.size > 0:
             headers |= {"Range": f"bytes={self.size}-", "If-Range": known["version"]}
         with requests.get(address, headers=headers, stream=True, timeout=PATIENCE) as answer:
-            if answer.status_code == 416 and self.size == known.get("bytes"):
-                return
+            self._check_encrypted(address, answer)
+            if answer.status_code == 416:
+                if self.size == known.get("bytes"):
+                    return
+                self.remove()
+                raise requests.ConnectionError("what was there is not a part of this file")
+            if answer.status_code == 429 or answer.status_code >= 500:
+                raise requests.ConnectionError(f"{answer.status_code} {answer.reason}")
             if answer.status_code >= 400:
                 raise CaptureError(
                     f"{address} answers {answer.status_code} {answer.reason}. The data set may "
                     "have moved: look at its page, which desplat-fetch-data names."
                 )
-            start = self.size if answer.status_code == 206 else 0
+            start = 0
+            if answer.status_code == 206:
+                start = self.size
+                if not answer.headers.get("Content-Range", "").startswith(f"bytes {start}-"):
+                    self.remove()
+                    raise requests.ConnectionError("another part came than was asked for")
             self._write(address, answer, start, progress)
+
+    @staticmethod
+    def _check_encrypted(address: str, answer: Any) -> None:
+        """Refuse to be led from an encrypted address to one that is not."""
+        plain = [one.url for one in (*answer.history, answer) if not one.url.startswith("https:")]
+        if address.startswith("https:") and plain:
+            raise CaptureError(
+                f"{address} leads to {plain[0]}, which is not encrypted: anybody on the way could "
+                "change the file. Look at the data set's page for another address."
+            )
 
     def _write(
         self, address: str, answer: requests.Response, start: int, progress: Progress

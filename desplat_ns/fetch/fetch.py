@@ -51,7 +51,8 @@ def _fetch_file(file: File, home: Path, keep_archive: bool) -> None:
     target = home / Path(urlsplit(file.address).path).name
     mark = home / f".{target.name}.unpacked"
     if mark.exists() or (target.exists() and not file.is_archive):
-        announce(f"{target.name} is there already.")
+        again = f" To have it unpacked anew: remove '{home}'." if mark.exists() else ""
+        announce(f"{target.name} is there already.{again}")
         return
     if not target.exists():
         announce(f"Fetching {file.address}")

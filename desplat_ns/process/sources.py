@@ -15,7 +15,7 @@ RAW_SUFFIXES = frozenset(
     (".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".pef", ".raf", ".rw2", ".srw")
 )
 """Endings of camera raw files; OpenImageIO reads them where it was built with LibRaw."""
-OTHER_SUFFIXES = frozenset((".heif", ".hif", ".avif", ".jpe", ".jp2", ".ppm", ".pgm", ".tga"))
+OTHER_SUFFIXES = frozenset((".avif", ".jpe", ".jp2", ".ppm", ".pgm", ".tga"))
 VIDEO_SUFFIXES = frozenset(
     (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".3gp", ".insv")
 )

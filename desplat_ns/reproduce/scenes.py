@@ -74,7 +74,8 @@ def any_scenes(table: Table, data: Path) -> list[FoundScene]:
         places = [data, *(place for home in homes for place in sorted(home.iterdir()))]
         for place in dict.fromkeys(place.resolve() for place in places):
             if _is_capture(place):
-                scene = Scene(place.name, place.name, None, "")
+                name = f"{protocol.folder}/{place.name}" if len(table.protocols) > 1 else place.name
+                scene = Scene(name, place.name, None, "")
                 found.append(FoundScene(protocol, scene, place))
     return found
 
@@ -139,7 +140,7 @@ def outputs_of(found: FoundScene, split: str):
     except (DeSplatError, ValueError, IndexError, OSError) as error:
         raise CaptureError(
             f"{found.protocol.title}, {found.scene.name}: {error} Where the data set is not whole, "
-            f"remove '{found.folder}' and fetch it again."
+            f"move '{found.folder.parent}' away and fetch the data set again."
         ) from error
     if len(outputs.cameras) == 0:
         raise CaptureError(f"'{found.folder}' has no photo of the {split} split.")

@@ -193,8 +193,8 @@ def markdown(results: Results) -> str:
         lines += [*map(_line, rows(results, metric)), ""]
     if results.missing:
         lines += [f"Scenes that were not there: {', '.join(results.missing)}.", ""]
-    lines += [f"Failed: {name}: {why}" for name, why in results.failed.items()]
-    lines += ["## Conditions", ""]
+    lines += [f"- Failed: {name}: {' '.join(why.split())}" for name, why in results.failed.items()]
+    lines += ["", "## Conditions", ""]
     lines += [
         f"- {name}: {_words(value)}" for name, value in conditions_of(results).items() if value
     ]

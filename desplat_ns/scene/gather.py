@@ -125,7 +125,7 @@ def _page_camera(
     splats, settings = model.shown_splats(), model.render_settings(depth=True)
     reach = reach_of(view, lambda small: model.rasterizer(splats, small, settings))
     return PageCamera(
-        name,
+        os.fsencode(name).decode(errors="backslashreplace"),  # bytes that are no text
         index is None,
         view,
         near=max(NEAR_PLANE, model.config.near_plane * start),

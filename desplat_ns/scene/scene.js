@@ -82,6 +82,7 @@ class ScenePage {
     this.front = this.newLayer();
     this.frusta = null;
     this.taken = new Map();
+    this.loading = new Set();
     this.current = 0;
     this.queued = false;
     this.activeUntil = 0;
@@ -272,14 +273,18 @@ class ScenePage {
   /** Put what was taken out of the current photo back, or away. */
   async showTaken() {
     const index = this.current, wanted = $("distractors").checked;
-    for (const [other, mesh] of this.taken) mesh.visible = wanted && other === index;
+    const show = () => {
+      for (const [other, mesh] of this.taken)
+        mesh.visible = $("distractors").checked && other === this.current;
+      this.redraw();
+    };
+    show();
     const text = this.cameras[index].distractors;
-    if (wanted && text && !this.taken.has(index)) {
-      const mesh = await this.addSplats(this.front, bytesOf(text));
-      this.taken.set(index, mesh);
-      mesh.visible = $("distractors").checked && index === this.current;
+    if (wanted && text && !this.loading.has(index)) {
+      this.loading.add(index);
+      this.taken.set(index, await this.addSplats(this.front, bytesOf(text)));
+      show();
     }
-    this.redraw();
   }
 
   /** The cameras of all photos as pyramids. */
@@ -371,10 +376,11 @@ class ScenePage {
     $("mode").onclick = () => this.setMode(this.orbit.enabled);
     addEventListener("keydown", event => {
       if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("select")) return;
-      if (event.key === "n") this.step(1);
-      if (event.key === "p") this.step(-1);
-      if (event.key === "f") this.setMode(this.orbit.enabled);
-      if (event.key === "c") { toggle("frusta"); this.showFrusta($("frusta").checked); }
+      const key = event.key.toLowerCase();
+      if (key === "n") this.step(1);
+      if (key === "p") this.step(-1);
+      if (key === "f") this.setMode(this.orbit.enabled);
+      if (key === "c") { toggle("frusta"); this.showFrusta($("frusta").checked); }
     });
     canvas.addEventListener("webglcontextlost", () =>
       fail("The browser took the graphics away from this page. Load it again."));

@@ -13,8 +13,6 @@ from desplat_ns.data.exif import lens_of
 from desplat_ns.data.images import image_size, read_image
 from desplat_ns.errors import CaptureError
 
-pillow_heif = pytest.importorskip("pillow_heif")
-
 MAKE, ORIENTATION, EXIF, FOCAL, FOCAL_35 = 0x010F, 0x0112, 0x8769, 0x920A, 0xA405
 
 
@@ -26,6 +24,7 @@ def photo() -> np.ndarray:
 
 
 def write(path: Path, orientation: int = 1) -> Path:
+    pillow_heif = pytest.importorskip("pillow_heif")
     image, exif = Image.fromarray(photo()), Image.Exif()
     exif[MAKE], exif[ORIENTATION] = "Apple", orientation
     exif.get_ifd(EXIF).update({FOCAL: 4.25, FOCAL_35: 26})
@@ -65,9 +64,19 @@ def test_what_is_damaged_is_named(tmp_path, read, content):
     assert lens_of(path).focal_35mm == 0
 
 
-def test_where_it_cannot_be_read_the_extra_is_named(tmp_path, monkeypatch):
-    path = write(tmp_path / "a.heic")
+def test_what_a_file_is_decides_and_not_its_name(tmp_path):
+    Image.fromarray(photo()).save(tmp_path / "a.jpg")
+    (tmp_path / "a.jpg").rename(tmp_path / "jpeg.heic")
+    write(tmp_path / "a.heic").rename(tmp_path / "heic.jpg")
+    for name in ("jpeg.heic", "heic.jpg"):
+        assert image_size(tmp_path / name) == (64, 40)
+        assert abs(read_image(tmp_path / name).astype(int) - photo()).mean() < 5
+
+
+def test_where_it_cannot_be_read_the_library_is_named(tmp_path, monkeypatch):
+    path = tmp_path / "a.heic"
+    path.write_bytes(b"\0\0\0\x18ftypheic")
     monkeypatch.setitem(sys.modules, "pillow_heif", None)
-    with pytest.raises(CaptureError, match=r"pip install 'desplat-ns\[heic\]'"):
+    with pytest.raises(CaptureError, match=r"pip install pillow-heif"):
         read_image(path)
     assert lens_of(path).name == ""

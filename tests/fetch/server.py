@@ -20,6 +20,8 @@ class Site:
     claims_more: int = 0
     """Bytes that answers promise beyond what they bring."""
     ranges: bool = True
+    is_busy: int = 0
+    """Answers that it has no time for."""
     asked: list[str | None] = field(default_factory=list)
     """The ranges that were asked for."""
     address: str = ""
@@ -33,6 +35,10 @@ def serving(site: Site) -> Iterator[Site]:
         def do_GET(self) -> None:
             asked = self.headers.get("Range")
             site.asked.append(asked)
+            if site.is_busy:
+                site.is_busy -= 1
+                self.send_error(503)
+                return
             if not self.path.startswith("/data."):
                 self.send_error(404)
                 return
@@ -46,6 +52,8 @@ def serving(site: Site) -> Iterator[Site]:
             rest = site.content[start:]
             self.send_response(206 if start else 200)
             self.send_header("ETag", site.version)
+            if start:
+                self.send_header("Content-Range", f"bytes {start}-{len(site.content) - 1}/*")
             self.send_header("Content-Length", str(len(rest) + site.claims_more))
             self.end_headers()
             self.wfile.write(rest[: site.breaks_after.pop(0)] if site.breaks_after else rest)

@@ -6,6 +6,7 @@ import tarfile
 import zipfile
 from collections import namedtuple
 
+import numpy as np
 import pytest
 
 from desplat_ns.errors import CaptureError
@@ -94,6 +95,26 @@ def test_what_is_damaged_leaves_nothing(tmp_path, kind):
     with pytest.raises(CaptureError, match="fetch it again"):
         unpack(archive, tmp_path / "set")
     assert not (tmp_path / "set").exists() or files_in(tmp_path / "set") == {}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_byte_that_is_another_is_noticed(tmp_path, kind):
+    archive = tmp_path / f"x.{kind}"
+    photo = np.random.default_rng(0).integers(0, 256, 200_000, np.uint8).tobytes()
+    KINDS[kind](archive, {"a.jpg": photo, "b.jpg": photo[::-1]})
+    content = bytearray(archive.read_bytes())
+    content[len(content) // 3] ^= 1
+    archive.write_bytes(bytes(content))
+    with pytest.raises(CaptureError, match="fetch it again"):
+        unpack(archive, tmp_path / "set")
+    assert files_in(tmp_path / "set") == {}
+
+
+def test_what_macos_adds_is_left_out(tmp_path):
+    archive = tmp_path / "x.zip"
+    make_zip(archive, {**FILES, "__MACOSX/set/._a": b"x"})
+    unpack(archive, tmp_path / "set")
+    assert sorted(path.name for path in (tmp_path / "set").iterdir()) == ["a", "b"]
 
 
 def test_what_is_there_is_not_replaced(tmp_path):

@@ -89,6 +89,34 @@ def test_another_file_than_the_published_one_is_removed(tmp_path):
     assert names(tmp_path) == ["right.zip"]
 
 
+def test_a_server_that_is_busy_is_asked_again(tmp_path):
+    with serving(Site(CONTENT, is_busy=2)) as site:
+        download(site.address, tmp_path / "data.zip")
+    assert (tmp_path / "data.zip").read_bytes() == CONTENT
+
+
+def test_what_is_no_part_of_the_file_is_thrown_away(tmp_path, monkeypatch):
+    with serving(Site(CONTENT)) as site:
+        monkeypatch.setattr(downloads.Part, "finish", lambda part: None)
+        download(site.address, tmp_path / "data.zip")
+        monkeypatch.undo()
+        monkeypatch.setattr("time.sleep", lambda seconds: None)
+        with (tmp_path / "data.zip.part").open("ab") as part:
+            part.write(b"more")
+        download(site.address, tmp_path / "data.zip")
+    assert (tmp_path / "data.zip").read_bytes() == CONTENT
+
+
+def test_from_an_encrypted_address_nobody_is_led_to_one_that_is_not():
+    answer = namedtuple("answer", "url history")
+    plain, secret = (answer(f"{kind}://example.org/x", []) for kind in ("http", "https"))
+    downloads.Part._check_encrypted("https://example.org", secret)
+    downloads.Part._check_encrypted("http://example.org", plain)
+    for led in (plain, answer(secret.url, [plain])):
+        with pytest.raises(CaptureError, match="not encrypted"):
+            downloads.Part._check_encrypted("https://example.org", led)
+
+
 def test_an_address_that_has_moved_is_named(tmp_path):
     with serving(Site(CONTENT)) as site:
         address = site.address.replace("data.zip", "gone.zip")
