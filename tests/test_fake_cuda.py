@@ -118,7 +118,7 @@ def test_a_tensor_made_on_the_cpu_is_noticed():
 @pytest.mark.parametrize("number", [0, EARLY, LATE])
 def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number, masked):
     """Residual, expected residual, statistics, excess, detail, outlines, weights, losses."""
-    layer, memory = a_layer(), GaussianMemory({})
+    layer, memory = a_layer(own_skies=masked), GaussianMemory({})
     mask = cuda(HEIGHT, WIDTH, 1) > 0.5 if masked else None
     for _ in range(2):
         step = a_step(number)

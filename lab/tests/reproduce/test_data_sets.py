@@ -146,7 +146,7 @@ def test_a_data_set_half_downloaded_is_refused_by_name(spot, tmp_path):
     photos = sorted((spot / "images").iterdir())
     for photo in photos[::2]:
         photo.unlink()
-    with pytest.raises(CaptureError, match=r"NeRF On-the-go, Spot: .*fetch it again"):
+    with pytest.raises(CaptureError, match=r"NeRF On-the-go, Spot: .*fetch the data set again"):
         read_scene(scene)
 
 
