@@ -79,7 +79,7 @@ def _is_fast(pred: Tensor, target: Tensor) -> bool:
     return (
         kernels is not None
         and pred.shape[2] == kernels.CHANNELS
-        and min(pred.shape[:2]) >= kernels.WINDOW
+        and min(pred.shape[:2]) > kernels.MARGIN
         and not (target.requires_grad and torch.is_grad_enabled())
     )
 

@@ -6,6 +6,7 @@ step launches one with other types.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -26,6 +27,15 @@ from desplat_ns.backend.numba_kernels import (
 )
 from desplat_ns.backend.numba_kernels.pixels import Limits
 from desplat_ns.backend.numba_kernels.windows import Grid
+
+_FLOATS, _INTS, _COUNTS = (np.empty(0, kind) for kind in (np.float32, np.int32, np.int64))
+_DOUBLES, _FLAGS, _KEYS = (np.empty(0, kind) for kind in (np.float64, np.bool_, np.uint64))
+_PLACES, _BYTES = np.empty(0, np.uint32), np.empty(0, np.uint8)
+_NUMBER, _CUTOFF, _SCALE = 1, 1.0, np.float32(1)
+_TURN = (_COUNTS, _NUMBER)
+"""The shared counter, and how many workers there are."""
+_SIZE = (_NUMBER,) * 2
+_TWO, _THREE, _FOUR = ((_FLOATS,) * count for count in (2, 3, 4))
 
 
 class Launch(NamedTuple):
@@ -49,62 +59,69 @@ class Launch(NamedTuple):
 def launches() -> tuple[Launch, ...]:
     """All of them, those of a module in the order in which a step launches them. The modules that
     take longest to compile come first, so that the processes that compile them end together."""
-    floats, ints, counts = (np.empty(0, kind) for kind in (np.float32, np.int32, np.int64))
-    table, sums, terms = (np.empty((0, 0), kind) for kind in (np.int32, np.float64, np.int64))
-    places, keys, spans = (np.empty(0, kind) for kind in (np.uint32, np.uint64, np.uint8))
-    wanted, number, cutoff, scale = np.empty((0, 0), np.uint8), 1, 1.0, np.float32(1)
-    turn = (counts, number)  # the shared counter, and how many workers there are
-    gaussians = binning.Gaussians(floats, floats, floats, floats, floats, number)
-    lists = binning.Lists(ints, floats, ints, ints, ints, ints, spans)
-    grid, frame, limits = (
-        binning.Grid(*[number] * 4),
-        passes.Frame(*[floats] * 5),
-        Limits(scale, scale, scale),
-    )
-    four, size, sizes = (floats,) * 4, (number,) * 2, (number,) * 3
-    records = (floats, number, cutoff, grid, ints)
-    colors = (floats, floats, ints, floats, terms, floats, sizes)
-    drawn = (number, limits)
-    both, flags, weights = (floats,) * 2, np.empty(0, np.bool_), np.empty((0, 0), np.float32)
-    cells, three, pair = Grid(keys, weights, keys, weights), (floats,) * 3, (scale,) * 2
-    memory, doubles = (*three, sums), np.empty(0)
-    rules, edges = (scale,) * 5, (number, cutoff)
-    found = (
-        (passes.draw_frame, lists, number, grid, frame, *drawn, *turn),
-        (passes.backward_frame, lists, number, grid, frame, frame, *drawn, floats, *turn),
-        (passes.sum_rows, lists, floats, number, floats, *turn),
-        (projection._project, four, four, ints, floats, *turn),
-        (projection._backward, four, four, four, ints, floats, *turn),
-        (ssim.score_image, three, size, wanted, (scale,) * 3, (sums, sums), floats, *turn),
-        (over.put_over, *four, *turn),
-        (over.pull_under, *four, floats, *turn),
-        (over.pull_within, *four[:3], *turn),
-        (detail_cells.judge_cells, both, size, floats, cells, size, rules, spans, doubles, number),
-        (outline_cells.outline, doubles, doubles, size, *edges, size, flags, number),
-        (residual_cells.compare_images, both, cells, cells, number, scale, both, floats, number),
-        (
-            *(
-                expected_cells.remember,
-                floats,
-                flags,
-                pair,
-                three,
-                (scale,) * 4,
-                floats,
-                flags,
-                number,
-            ),
-            *(size, memory, ints, floats, *turn),
-        ),
-        (binning._visible_keys, gaussians, places, ints, cutoff, keys),
-        (binning._sorted, keys, keys),
-        (binning._measure, gaussians, ints, *records, *turn),
-        (binning._running_sum, ints),
-        (binning._count, *records, ints, table, ints, floats, *turn),
-        (binning._sum_up, table, ints),
-        (binning._fill, lists, grid, ints, ints, floats, table, *turn),
-        (binning._write_spans, lists, grid, floats, *turn),
-        (sh._evaluate, *colors, floats, *turn),
-        (sh._backward, *colors, *four, *turn),
-    )
+    found = (*_of_drawing(), *_of_images(), *_of_search(), *_of_lists(), *_of_harmonics())
     return tuple(Launch(kernel, arguments) for kernel, *arguments in found)
+
+
+def _table(kind: Any) -> np.ndarray:
+    return np.empty((0, 0), kind)
+
+
+def _lists() -> binning.Lists:
+    return binning.Lists(_INTS, _FLOATS, _INTS, _INTS, _INTS, _INTS, _BYTES)
+
+
+def _grid() -> binning.Grid:
+    return binning.Grid(*[_NUMBER] * 4)
+
+
+def _of_drawing() -> Iterator[tuple[Any, ...]]:
+    lists, grid, frame = _lists(), _grid(), passes.Frame(*[_FLOATS] * 5)
+    drawn = (_NUMBER, Limits(_SCALE, _SCALE, _SCALE))
+    yield (passes.draw_frame, lists, _NUMBER, grid, frame, *drawn, *_TURN)
+    yield (passes.backward_frame, lists, _NUMBER, grid, frame, frame, *drawn, _FLOATS, *_TURN)
+    yield (passes.sum_rows, lists, _FLOATS, _NUMBER, _FLOATS, *_TURN)
+    yield (projection._project, _FOUR, _FOUR, _INTS, _FLOATS, *_TURN)
+    yield (projection._backward, _FOUR, _FOUR, _FOUR, _INTS, _FLOATS, *_TURN)
+
+
+def _of_images() -> Iterator[tuple[Any, ...]]:
+    rates, sums = (_SCALE,) * 3, (_table(np.float64),) * 2
+    yield (ssim.score_image, _THREE, _SIZE, _table(np.uint8), rates, sums, _FLOATS, *_TURN)
+    yield (over.put_over, *_FOUR, *_TURN)
+    yield (over.pull_under, *_FOUR, _FLOATS, *_TURN)
+    yield (over.pull_within, *_THREE, *_TURN)
+
+
+def _of_search() -> Iterator[tuple[Any, ...]]:
+    cells = Grid(_KEYS, _table(np.float32), _KEYS, _table(np.float32))
+    rules, memory = (_SCALE,) * 5, (*_THREE, _table(np.float64))
+    judged = (_TWO, _SIZE, _FLOATS, cells, _SIZE, rules, _BYTES, _DOUBLES)
+    seen = (_FLOATS, _FLAGS, (_SCALE,) * 2, _THREE, (_SCALE,) * 4, _FLOATS, _FLAGS)
+    outlined = (_DOUBLES, _DOUBLES, _SIZE, _NUMBER, _CUTOFF, _SIZE, _FLAGS)
+    compared = (_TWO, cells, cells, _NUMBER, _SCALE, _TWO, _FLOATS)
+    yield (detail_cells.judge_cells, *judged, _NUMBER)
+    yield (outline_cells.outline, *outlined, _NUMBER)
+    yield (residual_cells.compare_images, *compared, _NUMBER)
+    yield (expected_cells.remember, *seen, _NUMBER, _SIZE, memory, _INTS, _FLOATS, *_TURN)
+
+
+def _of_lists() -> Iterator[tuple[Any, ...]]:
+    lists, grid, table = _lists(), _grid(), _table(np.int32)
+    gaussians = binning.Gaussians(_FLOATS, _FLOATS, _FLOATS, _FLOATS, _FLOATS, _NUMBER)
+    records = (_FLOATS, _NUMBER, _CUTOFF, grid, _INTS)
+    yield (binning._visible_keys, gaussians, _PLACES, _INTS, _CUTOFF, _KEYS)
+    yield (binning._sorted, _KEYS, _KEYS)
+    yield (binning._measure, gaussians, _INTS, *records, *_TURN)
+    yield (binning._running_sum, _INTS)
+    yield (binning._count, *records, _INTS, table, _INTS, _FLOATS, *_TURN)
+    yield (binning._sum_up, table, _INTS)
+    yield (binning._fill, lists, grid, _INTS, _INTS, _FLOATS, table, *_TURN)
+    yield (binning._write_spans, lists, grid, _FLOATS, *_TURN)
+
+
+def _of_harmonics() -> Iterator[tuple[Any, ...]]:
+    sizes, terms = (_NUMBER,) * 3, _table(np.int64)
+    colors = (_FLOATS, _FLOATS, _INTS, _FLOATS, terms, _FLOATS, sizes)
+    yield (sh._evaluate, *colors, _FLOATS, *_TURN)
+    yield (sh._backward, *colors, *_FOUR, *_TURN)

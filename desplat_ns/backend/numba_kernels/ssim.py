@@ -16,103 +16,45 @@ A worker goes down a strip of COLUMNS numbers, ROWS rows at a time: it sums SSIM
 whose P, Q, R stay in the processor's caches, and blurs these, with those of the windows above, to
 the gradient of the rows. Written to memory and read again they took a third of the time. Images are
 read as they lie in memory, [H, W, 3]: a row is 3 W numbers, neighbours of one channel 3 apart. They
-are copied into scratch rows of one fixed length: only then can the compiler see that nothing
-overlaps, and use vectors.
+are copied into scratch rows, over which `gaussian_window` has the window.
 """
 
 from __future__ import annotations
 
-import math
-
 import numba
 import numpy as np
 
+from desplat_ns.backend.numba_kernels.gaussian_window import (
+    ALONG,
+    CHANNELS,
+    COLUMNS,
+    IMAGE,
+    LOOSE,
+    MARGIN,
+    NEXT,
+    OF_Q,
+    OF_R,
+    P1,
+    P2,
+    P3,
+    ROWS,
+    SIDE,
+    SLOPES,
+    STRIDE,
+    blur,
+    blur_slopes,
+    moments,
+)
 from desplat_ns.backend.numba_kernels.runtime import kernel, take
-
-WINDOW = 11
-"""Pixels across the window; its standard deviation is 1.5 (Wang et al., and pytorch_msssim)."""
-
-CHANNELS = 3
-
-MARGIN = WINDOW - 1
-"""Rows that the window needs beyond those it yields."""
-
-SIDE = MARGIN * CHANNELS
-"""The same along a row."""
-
-ROWS, COLUMNS = 16, 480
-"""Size of the block that comes out."""
 
 BAND = 4
 """Blocks that a worker goes down at a time. Above the first it scores MARGIN rows that another one
 scores as well."""
 
-STRIDE = 544
-"""Length of a scratch row: COLUMNS + 2 SIDE, and not near a power of two (see `pixels.PLANE`)."""
-
-_IMAGE = (ROWS + 2 * MARGIN) * STRIDE
-"""Length of the scratch rows of one image."""
-
-_SLOPES = (ROWS + MARGIN) * STRIDE
-"""The same of P, of Q and of R."""
-
-_TAPS = [math.exp(-((k - 5) ** 2) / (2 * 1.5**2)) for k in range(WINDOW)]
-_W0, _W1, _W2, _W3, _W4, _W5 = (np.float32(t / math.fsum(_TAPS)) for t in _TAPS[:6])
-
 _C1, _C2 = np.float32(0.01**2), np.float32(0.03**2)
 """Stabilizers for images in [0, 1] (Wang et al.)."""
 
 _ZERO, _ONE, _TWO = np.float32(0), np.float32(1), np.float32(2)
-
-_LOOSE = {"reassoc", "contract", "nsz"}
-
-_DOWN, _ALONG = np.uint64(STRIDE), np.uint64(CHANNELS)
-_N2, _N3, _N4, _N5 = (np.uint64(k) for k in range(2, 6))
-_P1, _P2, _P3 = (np.uint64(k * STRIDE) for k in range(1, 4))
-_NEXT, _OF_Q, _OF_R = np.uint64(_IMAGE), np.uint64(_SLOPES), np.uint64(2 * _SLOPES)
-
-
-@kernel(fastmath=_LOOSE)
-def _blur(a, i, step):
-    """The symmetric window over a[i], a[i + step], ... a[i + 10 step]."""
-    s1, s2, s3, s4, s5 = step, step + step, step * _N3, step * _N4, step * _N5
-    i = i + s5
-    near = _W5 * a[i] + _W4 * (a[i - s1] + a[i + s1]) + _W3 * (a[i - s2] + a[i + s2])
-    far = _W2 * (a[i - s3] + a[i + s3]) + _W1 * (a[i - s4] + a[i + s4])
-    return near + far + _W0 * (a[i - s5] + a[i + s5])
-
-
-@kernel(fastmath=_LOOSE)
-def _squares(a, i):
-    x, y = a[i], a[_NEXT + i]
-    return x * x + y * y
-
-
-@kernel(fastmath=_LOOSE)
-def _product(a, i):
-    return a[i] * a[_NEXT + i]
-
-
-@kernel(fastmath=_LOOSE)
-def _blur_squares(a, i):
-    """As `_blur`, down x^2 + y^2."""
-    i, s = i + _DOWN * _N5, _DOWN
-    near = _W5 * _squares(a, i) + _W4 * (_squares(a, i - s) + _squares(a, i + s))
-    near += _W3 * (_squares(a, i - s * _N2) + _squares(a, i + s * _N2))
-    far = _W2 * (_squares(a, i - s * _N3) + _squares(a, i + s * _N3))
-    far += _W1 * (_squares(a, i - s * _N4) + _squares(a, i + s * _N4))
-    return near + far + _W0 * (_squares(a, i - s * _N5) + _squares(a, i + s * _N5))
-
-
-@kernel(fastmath=_LOOSE)
-def _blur_product(a, i):
-    """As `_blur`, down x y."""
-    i, s = i + _DOWN * _N5, _DOWN
-    near = _W5 * _product(a, i) + _W4 * (_product(a, i - s) + _product(a, i + s))
-    near += _W3 * (_product(a, i - s * _N2) + _product(a, i + s * _N2))
-    far = _W2 * (_product(a, i - s * _N3) + _product(a, i + s * _N3))
-    far += _W1 * (_product(a, i - s * _N4) + _product(a, i + s * _N4))
-    return near + far + _W0 * (_product(a, i - s * _N5) + _product(a, i + s * _N5))
 
 
 @kernel()
@@ -142,13 +84,13 @@ def _spread(owned, length, row, column, columns, o):
 def _blend_in(y, owned, length, row, column, rows, columns, s, o):
     """As `_copy_in`, of y behind x, which is in the scratch rows; x where it is owned."""
     if owned.size == 0:
-        _copy_in(y, length, row, column, rows, columns, s[_IMAGE:])
+        _copy_in(y, length, row, column, rows, columns, s[IMAGE:])
         return
     for r in range(rows):
         _spread(owned, length, row + r, column, columns, o)
         first, to = np.uint64((row + r) * length + column), np.uint64(r * STRIDE)
         for j in range(np.uint64(columns)):
-            s[_NEXT + to + j] = o[j] * s[to + j] + (_ONE - o[j]) * y[first + j]
+            s[NEXT + to + j] = o[j] * s[to + j] + (_ONE - o[j]) * y[first + j]
 
 
 @kernel()
@@ -163,25 +105,13 @@ def _is_asked_for(wanted, down, across, row, column):
     return False
 
 
-@kernel(fastmath=_LOOSE)
-def _moments(s, v, row, columns):
-    """Means of x, y, x^2 + y^2, x y down the window from a scratch row on, into the rows of v."""
-    first = np.uint64(row * STRIDE)
-    for j in range(np.uint64(columns)):
-        i = first + j
-        v[j] = _blur(s, i, _DOWN)
-        v[_P1 + j] = _blur(s, i + _NEXT, _DOWN)
-        v[_P2 + j] = _blur_squares(s, i)
-        v[_P3 + j] = _blur_product(s, i)
-
-
-@kernel(fastmath=_LOOSE)
+@kernel(fastmath=LOOSE)
 def _scores(v, s, at, first, end):
     """Sum of SSIM over windows of a row; their P, Q, R go into the three rows of s."""
     total = np.float32(0)
     for j in range(np.uint64(first), np.uint64(end)):
-        mx, my = _blur(v, j, _ALONG), _blur(v, _P1 + j, _ALONG)
-        squares, xy = _blur(v, _P2 + j, _ALONG), _blur(v, _P3 + j, _ALONG)
+        mx, my = blur(v, j, ALONG), blur(v, P1 + j, ALONG)
+        squares, xy = blur(v, P2 + j, ALONG), blur(v, P3 + j, ALONG)
         means = mx * mx + my * my
         per_means, per_variances = _ONE / (means + _C1), _ONE / (squares - means + _C2)
         luminance = (_TWO * mx * my + _C1) * per_means
@@ -190,8 +120,8 @@ def _scores(v, s, at, first, end):
         total += score
         q, r = -score * per_variances, _TWO * luminance * per_variances
         s[at + j] = _TWO * structure * (my - mx * luminance) * per_means - _TWO * mx * q - my * r
-        s[at + _OF_Q + j] = q
-        s[at + _OF_R + j] = r
+        s[at + OF_Q + j] = q
+        s[at + OF_R + j] = r
     return total
 
 
@@ -217,13 +147,13 @@ def _score(images, length, windows, block, first, scratch):
     for r in range(first, row + rows):
         number = count if r < end and count > 0 else 0
         if number > 0:
-            _moments(s, v, r - first, number + SIDE)
+            moments(s, v, r - first, number + SIDE)
             to = np.uint64((r - row + MARGIN) * STRIDE + SIDE - left)
             _scores(v, slopes, to, 0, min(left, count))
             own = _scores(v, slopes, to, left, count)
             total += own if r >= row else _ZERO
         for k in range(3):
-            at = k * _SLOPES + (r - row + MARGIN) * STRIDE + SIDE - left
+            at = k * SLOPES + (r - row + MARGIN) * STRIDE + SIDE - left
             _clear(slopes, at - SIDE + left, at)
             _clear(slopes, at + number, at + left + columns)
     return total
@@ -232,18 +162,18 @@ def _score(images, length, windows, block, first, scratch):
 @kernel()
 def _go_on(slopes):
     """P, Q, R of the last windows of a block become those above the next one."""
-    for k in range(0, 3 * _SLOPES, _SLOPES):
+    for k in range(0, 3 * SLOPES, SLOPES):
         for i in range(np.uint64(k), np.uint64(k + MARGIN * STRIDE)):
             slopes[i] = slopes[i + np.uint64(ROWS * STRIDE)]
 
 
-@kernel(fastmath=_LOOSE)
+@kernel(fastmath=LOOSE)
 def _mix(v, x, y, o, kept, gradient, at, columns, scale, scale_l1):
     """One row of the gradient of a block, from P, Q, R blurred down the window; gives its L1."""
     first, total = np.uint64(at), np.float32(0)
     for j in range(np.uint64(columns)):
-        p, q = _blur(v, j, _ALONG), _blur(v, _P1 + j, _ALONG)
-        r = _blur(v, _P2 + j, _ALONG)
+        p, q = blur(v, j, ALONG), blur(v, P1 + j, ALONG)
+        r = blur(v, P2 + j, ALONG)
         here, there, counted = x[first + j], y[first + j], _ONE - kept * o[j]
         off = here - there
         total += counted * abs(off)
@@ -254,16 +184,6 @@ def _mix(v, x, y, o, kept, gradient, at, columns, scale, scale_l1):
     return total
 
 
-@kernel(fastmath=_LOOSE)
-def _blur_slopes(slopes, v, row, columns):
-    """P, Q, R down the window from a scratch row on, into the rows of v."""
-    first = np.uint64(row * STRIDE)
-    for j in range(np.uint64(columns)):
-        v[j] = _blur(slopes, first + j, _DOWN)
-        v[_P1 + j] = _blur(slopes, _OF_Q + first + j, _DOWN)
-        v[_P2 + j] = _blur(slopes, _OF_R + first + j, _DOWN)
-
-
 @kernel()
 def _differentiate(images, length, block, rates, scratch, gradient):
     """The gradient of a block, and its L1."""
@@ -271,7 +191,7 @@ def _differentiate(images, length, block, rates, scratch, gradient):
     kept, scale, scale_l1 = rates
     total = 0.0
     for r in range(rows):
-        _blur_slopes(slopes, v, r, columns + SIDE)
+        blur_slopes(slopes, v, r, columns + SIDE)
         _spread(owned, length, row + r, column, columns, o)
         at = (row + r) * length + column
         total += _mix(v, x, y, o, kept, gradient, at, columns, scale, scale_l1)
@@ -319,7 +239,7 @@ def score_image(images, shape, wanted, rates, sums, gradient, counter, workers):
     down, strips = sums[0].shape
     bands = (down + BAND - 1) // BAND
     for _ in numba.prange(workers):
-        s, slopes = np.empty(2 * _IMAGE, np.float32), np.empty(3 * _SLOPES, np.float32)
+        s, slopes = np.empty(2 * IMAGE, np.float32), np.empty(3 * SLOPES, np.float32)
         scratch = s, np.empty(4 * STRIDE, np.float32), slopes, np.empty(STRIDE, np.float32)
         piece = take(counter)
         while piece < bands * strips:
