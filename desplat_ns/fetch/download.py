@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 import time
@@ -28,15 +27,12 @@ Progress = Callable[[int, int], None]
 """Takes bytes that are there, and bytes in all."""
 
 
-def download(
-    address: str, target: Path, sha256: str = "", progress: Progress | None = None
-) -> Path:
+def download(address: str, target: Path, progress: Progress | None = None) -> Path:
     """Fetch a file. What is there of it from an earlier call is kept, unless the server has another
     one by now.
 
     Args:
         target: is not there yet; until the file is whole it is called `NAME.part`.
-        sha256: what it has to be; empty if that is not known.
 
     Raises:
         CaptureError: the server cannot be reached, has no such file or breaks off; the disk will
@@ -55,12 +51,6 @@ def download(
             if not isinstance(error, requests.RequestException) or failed >= ATTEMPTS:
                 raise CaptureError(_broken_off(address, part, error)) from error
             time.sleep(2.0**failed / 4)
-    if sha256 and part.sha256() != sha256:
-        part.remove()
-        raise CaptureError(
-            f"What {address} gave is not the file that was published: its SHA-256 is another one. "
-            "It was removed. Fetch it again; if that happens twice, look at the data set's page."
-        )
     part.finish()
     return target
 
@@ -162,14 +152,6 @@ class Part:
                 f"{needed / 1e9:.1f} GB are to come. Make room, or give another folder with "
                 "--folder."
             )
-
-    def sha256(self) -> str:
-        """Of what is there."""
-        digest = hashlib.sha256()
-        with self._path.open("rb") as file:
-            while chunk := file.read(CHUNK):
-                digest.update(chunk)
-        return digest.hexdigest()
 
     def remove(self) -> None:
         """Forget what is there."""

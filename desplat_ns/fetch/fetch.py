@@ -58,7 +58,7 @@ def _fetch_file(file: File, home: Path, keep_archive: bool) -> None:
         announce(f"Fetching {file.address}")
         with progress_with_time_left(f"{target.name}, MB") as bar:
             download(
-                *(file.address, target, file.sha256),
+                *(file.address, target),
                 lambda done, total: bar(done // 10**6, max(done, total) // 10**6),
             )
     if file.is_archive:

@@ -14,8 +14,6 @@ class File(NamedTuple):
 
     address: str
     is_archive: bool = True
-    sha256: str = ""
-    """Empty where nobody has published it."""
 
 
 @dataclass(frozen=True)

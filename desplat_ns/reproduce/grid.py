@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections import Counter
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -28,7 +29,7 @@ from desplat_ns.reproduce.tables import Table
 from desplat_ns.reproduce.writing import Results, write_table
 from desplat_ns.studies.executors import Executor
 from desplat_ns.studies.methods import method_config
-from desplat_ns.studies.runs import Figures, Record, Run, Variant
+from desplat_ns.studies.runs import Figures, Record, Run, Variant, log_of
 
 FIRST_SEED = 42
 SMOKE_STEPS = 100
@@ -119,6 +120,7 @@ class Grid:
 
     def _keep(self, folder: Path, run: Run, found: Record | Exception) -> bool:
         """Record a run and remove its checkpoints; False if it failed, which is said."""
+        _remove_checkpoints(folder, run)
         if isinstance(found, Exception):
             kind = "" if isinstance(found, DeSplatError) else f"{type(found).__name__}: "
             self.failed[run.name] = f"{kind}{found}"
@@ -132,8 +134,6 @@ class Grid:
         rest = left * sum(self._seconds) / len(self._seconds) / self.request.jobs
         more = f"; {left} left, about {time_in_words(rest)}" if left > 0 else ""
         announce(f"{run.name}: {found.figures['psnr']:.2f} dB{more}")
-        for models in (folder / run.name).glob(f"*/*/*/{MODELS}"):
-            shutil.rmtree(models, ignore_errors=True)
         return True
 
     def results(self) -> Results:
@@ -153,6 +153,13 @@ class Grid:
             *(request.table, request.is_smoke, self.contents, request.methods, self.seeds),
             *(cells, done, self.missing, self.failed),
         )
+
+
+def _remove_checkpoints(folder: Path, run: Run) -> None:
+    """Of a run that is done, or that failed; it is begun anew then."""
+    for home in (folder / run.name, log_of(run.name, folder).parent):
+        for models in home.glob(f"*/*/*/{MODELS}"):
+            shutil.rmtree(models, ignore_errors=True)
 
 
 def reproduce(request: Request) -> Path:
@@ -242,9 +249,9 @@ def _check_disk(grid: Grid) -> None:
         one = grid.contents[found]
         return one.photos * one.width * one.height
 
-    request = grid.request
-    runs = len(request.methods) * request.seeds
-    contents: list[tuple[Content, int]] = [(one, runs) for one in grid.contents.values()]
+    request, to_do = grid.request, grid.left()
+    left = Counter(scene for (scene, _, _), run in grid.runs.items() if run in to_do)
+    contents = [(one, left[found.scene.name]) for found, one in grid.contents.items()]
     largest = max(grid.contents, key=pixels)
     needed = expected_bytes(contents, largest, request.jobs, request.device)
     announce(f"Disk: {needed / 1e6:,.0f} MB at most while it runs, for pictures and checkpoints.")

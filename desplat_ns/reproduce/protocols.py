@@ -33,8 +33,6 @@ class Scene:
     """Of the data parser, for this scene."""
     key: str = ""
     """Of its runs, where scenes share a folder."""
-    is_scored: bool = True
-    """Whether tables have it; the paper shows others in pictures only."""
 
     @property
     def label(self) -> str:
@@ -60,12 +58,6 @@ class Protocol:
     said: str
     """What the supplement says of it, and where."""
     scenes: tuple[Scene, ...]
-    lpips_net: str = LPIPS_NET
-
-    @property
-    def scored(self) -> tuple[Scene, ...]:
-        """Scenes of tables."""
-        return tuple(scene for scene in self.scenes if scene.is_scored)
 
 
 def _scenes(fetch: str, downscale: int, **folders: str) -> tuple[Scene, ...]:
@@ -130,15 +122,14 @@ ON_THE_GO = Protocol(
     "full",
     STEPS,
     ("desplat", "desplat-paper", "splatfacto"),
-    "Six scenes, photos 8 times smaller, those of Patio 4 times (B.1); 30,000 steps (B.3). Arc de "
-    "Triomphe is shown in pictures only, and is 4 times smaller here. Trained on `clutter` of "
+    "Six scenes, photos 8 times smaller, those of Patio 4 times (B.1); 30,000 steps (B.3). "
+    "Trained on `clutter` of "
     "split.json, scored on `extra`.",
     (
         *_scenes("on-the-go", 8, Mountain="mountain", Fountain="fountain", Corner="corner"),
         Scene("Patio", "patio", 4, "on-the-go"),
         Scene("Spot", "spot", 8, "on-the-go"),
         Scene("Patio-High", "patio_high", 8, "on-the-go"),
-        Scene("Arc de Triomphe", "arcdetriomphe", 4, "on-the-go", is_scored=False),
     ),
 )
 
@@ -178,8 +169,3 @@ MIPNERF360 = Protocol(
         *_scenes("mipnerf360", 2, kitchen="kitchen", bonsai="bonsai"),
     ),
 )
-
-PROTOCOLS = {
-    one.name: one for one in (ROBUSTNERF, ROBUSTNERF_RATIOS, ON_THE_GO, PHOTO_TOURISM, MIPNERF360)
-}
-"""By the name that stands in table.json."""

@@ -56,7 +56,7 @@ def find_scenes(table: Table, data: Path) -> tuple[list[FoundScene], list[tuple[
         raise CaptureError(f"There is no folder '{data}'. Name that with the data sets by --data.")
     found, missing = [], []
     for protocol in table.protocols:
-        for scene in protocol.scored:
+        for scene in protocol.scenes:
             places = (home / scene.folder for home in _homes(protocol, data))
             folder = next((place for place in places if place.is_dir()), None)
             if folder is None:
@@ -95,7 +95,7 @@ def _hint(table: Table, data: Path) -> str:
         above = data.resolve().parent
         return f" '{data}' is a single capture: name the folder of all, --data {above}."
     for protocol in table.protocols:
-        names = {scene.folder for scene in protocol.scored}
+        names = {scene.folder for scene in protocol.scenes}
         deeper = [path for path in sorted(data.glob("*/*/*/")) if path.name in names]
         if deeper:
             return f" There is a '{deeper[0]}': perhaps --data {deeper[0].parent} is meant."

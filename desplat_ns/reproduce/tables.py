@@ -98,7 +98,7 @@ class Table:
     @property
     def scenes(self) -> tuple[Scene, ...]:
         """All of them, in the order of the columns."""
-        return tuple(scene for protocol in self.protocols for scene in protocol.scored)
+        return tuple(scene for protocol in self.protocols for scene in protocol.scenes)
 
     @property
     def methods(self) -> tuple[str, ...]:

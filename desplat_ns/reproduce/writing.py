@@ -14,6 +14,7 @@ from desplat_ns.files.whole import plain_errors, whole_folder
 from desplat_ns.reproduce.cells import Cell
 from desplat_ns.reproduce.methods import Method
 from desplat_ns.reproduce.paper import MEAN, published, rows_of
+from desplat_ns.reproduce.protocols import LPIPS_NET
 from desplat_ns.reproduce.records import Done
 from desplat_ns.reproduce.scenes import Content, FoundScene
 from desplat_ns.reproduce.tables import Metric, Table
@@ -47,9 +48,8 @@ class Results:
 
     def cell(self, method: str, metric: Metric, scene: str) -> Cell | None:
         """None where nothing was measured."""
-        places = ((c.method, c.metric, c.scene) for c in self.cells)
-        found = dict(zip(places, self.cells, strict=True))
-        return found.get((method, metric, scene))
+        place = (method, metric, scene)
+        return next((c for c in self.cells if (c.method, c.metric, c.scene) == place), None)
 
     @property
     def columns(self) -> list[str]:
@@ -74,7 +74,7 @@ def conditions_of(results: Results) -> dict[str, Any]:
     protocols = {found.protocol.name: found.protocol for found in results.contents}
     return {
         "the paper's protocol": {name: protocol.said for name, protocol in protocols.items()},
-        "the paper's LPIPS net": sorted({one.lpips_net for one in protocols.values()}),
+        "the paper's LPIPS net": LPIPS_NET,
         "LPIPS net": said("lpips_net"),
         "no LPIPS because": said("lpips_reason"),
         "scored": said("protocol"),

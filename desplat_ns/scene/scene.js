@@ -24,6 +24,7 @@ const CLAMPED_JACOBIAN = `vec2 J2 = J1 * (
 const WHOLE = 0.02, GONE = 0.2;
 /** The near plane of a photo's camera holds up to the first, and none is left from the second. */
 const NEAR_WHOLE = 0.1, NEAR_GONE = 0.5;
+const PATIENCE = 60_000; // milliseconds until the first picture
 const WHY_FADING = "What was taken out was made for this view alone: nobody knows how it looks from "
   + "elsewhere, so it fades as you leave.";
 
@@ -401,7 +402,8 @@ async function start() {
     const page = new ScenePage(await loadViewer(), data);
     await page.addSplats(page.still, embedded("scene"));
     page.goTo(0);
-    await page.ready;
+    const patience = new Promise(done => setTimeout(done, PATIENCE));
+    await Promise.race([page.ready, patience]); // the first photo's view may show nothing
     page.firstPicture = performance.now();
     document.body.classList.add("ready");
     globalThis.scenePage = page;

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import hashlib
 from collections import namedtuple
 
 import pytest
@@ -77,16 +76,6 @@ def test_a_file_that_is_shorter_than_it_should_be_is_not_taken(tmp_path):
     with serving(Site(CONTENT, claims_more=10)) as site, pytest.raises(CaptureError, match="go on"):
         download(site.address, tmp_path / "data.zip")
     assert not (tmp_path / "data.zip").exists()
-
-
-def test_another_file_than_the_published_one_is_removed(tmp_path):
-    right = hashlib.sha256(CONTENT).hexdigest()
-    with serving(Site(CONTENT)) as site:
-        download(site.address, tmp_path / "right.zip", right)
-        site.content = CONTENT[:-1] + b"!"
-        with pytest.raises(CaptureError, match="SHA-256"):
-            download(site.address, tmp_path / "data.zip", right)
-    assert names(tmp_path) == ["right.zip"]
 
 
 def test_a_server_that_is_busy_is_asked_again(tmp_path):

@@ -77,6 +77,6 @@ def grid_of(request: Request, records: Records | None = None) -> Grid:
     contents = {
         FoundScene(protocol, scene, Path("/data") / protocol.folder / scene.folder): CONTENT
         for protocol in request.table.protocols
-        for scene in protocol.scored
+        for scene in protocol.scenes
     }
     return Grid(request, contents, records or Records.load(request.output))
