@@ -26,7 +26,8 @@ def photometric_loss(
     1 - (1 - leak) owned. For D-SSIM, whose windows reach across the border, the photo is blended
     with the rendering itself, as a constant: there is nothing to see where it is owned.
 
-    Source: L_GS, the photometric term of Eq. 5 and 12; `owned` is ours (docs/separation.md).
+    Source: L_GS, the photometric term of Eq. 5 and 12; `owned` is ours
+    (docs/results/separation.md).
     """
     compiled = photometric_losses(photo, owned, ssim_weight, image, leak=leak)
     if compiled is not None:
@@ -67,7 +68,7 @@ def distractor_opacity_loss(
     """Mean opacity of the distractors, in [0, 1]: a price on what they explain.
 
     Source: Eq. 5, the term weighted by lambda_d; that opacity costs nothing in the pixels of `free`
-    is ours (docs/separation.md).
+    is ours (docs/results/separation.md).
     """
     return (alpha_d if free is None else alpha_d.masked_fill(free, 0)).mean()
 
