@@ -40,7 +40,7 @@ def groups(index: str) -> list[tuple[str, list[str]]]:
 
 
 def with_contents(app, docname, source) -> None:
-    """Give the index its hidden tables of contents; what lies beside docs/ is named without link."""
+    """Give the index its hidden tables of contents; name without a link what lies beside docs/."""
     source[0] = BESIDE.sub(r"\1 (in the repository)", source[0])
     if docname == root_doc:
         for title, pages in groups(source[0]):
