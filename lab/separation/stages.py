@@ -1,6 +1,6 @@
 """One training photo as separation sees it, from the photo to the mask.
 
-python -m lab.separation.stages CONFIG [--view 4]     (config.yml of a run of desplat)
+python -m lab.separation.stages CONFIG [--view 12]     (config.yml of a run of desplat)
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def parse_arguments() -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("config", type=Path)
-    parser.add_argument("--view", type=int, default=4, help="training view (%(default)s)")
+    parser.add_argument("--view", type=int, default=12, help="training view (%(default)s)")
     parser.add_argument("--output", type=Path, default=DOCS / "explain" / "stages.jpg")
     return parser.parse_args()
 
@@ -51,7 +51,7 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Pictu
     """
     model.eval()
     outputs = model.get_outputs(camera)
-    model.config.near_plane = 0.0  # so that all Gaussians are projected
+    model.near_plane_share = lambda: 0.0  # so that all Gaussians are projected
     drawn = model.render_static(model.view_of_camera(camera, train_index(camera)), None)
     opacities = model.gauss_params["opacities"]
     static = StaticView(
