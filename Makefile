@@ -7,12 +7,13 @@
 #   make fuzz    the properties again and again, with new examples each time (10 minutes; FUZZ_MINUTES=60)
 #   make test-guises   the tests on this machine in the guise of others (hours; GUISES_ARGS='--only avx2')
 #   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
-#   make bench   every backend is timed and the figures written to docs/performance.md (15 minutes)
-#   make stability  hard cases measured, docs/stability.md; wrong signs, kills, a long run (2 hours)
-#   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/gpu.md (10 minutes beside compiling)
+#   make bench   every backend is timed and the figures written to docs/results/performance.md (15 minutes)
+#   make stability  hard cases measured, docs/dev/stability.md; wrong signs, kills, a long run (2 hours)
+#   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/results/gpu.md (10 minutes beside compiling)
 #   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
+#   make docs    the site of docs/ into outputs/site; a broken link or a missing picture is an error
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
-#   make study   the runs behind docs/separation.md that are missing or stale, and the documents (hours; resumes)
+#   make study   the runs behind docs/results/separation.md that are missing or stale, and the documents (hours; resumes)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
 #
@@ -43,6 +44,7 @@ PY := $(VENV)/bin/python
 # One process for each core, four at most, and torch on one thread in each.
 PYTEST := OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --maxprocesses 4 --dist worksteal
 STAMP := $(VENV)/.installed
+DOCS_STAMP := $(VENV)/.installed-docs
 
 # Waiting OpenMP threads sleep instead of spinning: spinning makes a busy machine several times slower.
 export OMP_WAIT_POLICY ?= passive
@@ -51,12 +53,12 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 # Python keeps what it compiled: else each process that a test starts compiles nerfstudio anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo bench fuzz gpu gpu-build stability study viewer test test-quick test-lab test-guises test-pythons check
+.PHONY: demo bench docs fuzz gpu gpu-build stability study viewer test test-quick test-lab test-guises test-pythons check
 .PHONY: lint clean distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,23s/^# \{0,1\}//p' Makefile
+	@sed -n '3,24s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -89,6 +91,10 @@ gpu-build: $(STAMP)
 
 study: $(STAMP)
 	$(PY) -m lab.separation $(STUDY_ARGS)
+
+docs: $(DOCS_STAMP)
+	$(PY) -m sphinx -W --keep-going -q -b html docs outputs/site
+	@echo "==> outputs/site/index.html"
 
 # Needs node and npm; what comes has to be what lab/viewer/pins.json says.
 viewer: $(STAMP)
@@ -132,6 +138,16 @@ clean:
 
 distclean: clean
 	rm -rf $(VENV) .venv-3.*
+
+# Sphinx needs Python 3.11; nothing else of this package does.
+$(DOCS_STAMP): $(STAMP)
+	@$(PY) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "make docs needs Python 3.11 or later"; exit 1; }
+ifneq ($(UV),)
+	"$(UV)" pip install --python $(PY) -c constraints.txt -e '.[docs]'
+else
+	$(PY) -m pip install --disable-pip-version-check -c constraints.txt -e '.[docs]'
+endif
+	@touch $@
 
 # Written last, so that an interrupted installation is taken up again.
 $(STAMP): pyproject.toml constraints.txt

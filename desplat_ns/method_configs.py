@@ -26,11 +26,11 @@ STEPS = 30_000
 
 FULL_RATE_VISITS = 75.0
 """Visits of each photo for which Splatfacto's learning rates are right. Chosen on generated scenes
-and one real one (docs/accuracy-and-time.md, "Learning rates of short runs")."""
+and one real one (docs/results/accuracy-and-time.md, "Learning rates of short runs")."""
 
 QUICK_VISITS = 25.0
 """Visits of each photo by `desplat-quick`; `desplat` has those of the full rates
-(docs/accuracy-and-time.md, "How long to train")."""
+(docs/results/accuracy-and-time.md, "How long to train")."""
 
 PHOTO_TOURISM_STEPS = 200_000
 """The same for Photo Tourism."""
@@ -76,7 +76,8 @@ def image_effect_optimizers() -> dict:
 
 
 def separating_distractors() -> DistractorConfig:
-    """What separates in short runs as in long ones: docs/separation.md says why and how well."""
+    """What separates in short runs as in long ones: docs/results/separation.md says why and how
+    well."""
     return DistractorConfig(
         start="residual",
         static_alone=True,

@@ -2,8 +2,8 @@
 
     python -m lab.house
 
-writes docs/house.svg. A room is a sub-package or a single module directly under `desplat_ns/`; a
-test holds the order below against the code's own imports.
+writes docs/dev/house.svg. A room is a sub-package or a single module directly under `desplat_ns/`;
+a test holds the order below against the code's own imports.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGE = CHECKOUT / "desplat_ns"
-PICTURE = CHECKOUT / "docs" / "house.svg"
+PICTURE = CHECKOUT / "docs" / "dev" / "house.svg"
 
 FLOORS: tuple[tuple[str, ...], ...] = (
     ("", "errors"),

@@ -119,7 +119,7 @@ def required_names(metadata: Message) -> set[str]:
 
 
 def test_every_requirement_has_its_reason(checkout: Path, metadata: Message) -> None:
-    text = (checkout / "docs" / "dependencies.md").read_text()
+    text = (checkout / "docs" / "dev" / "dependencies.md").read_text()
     explained = {name.lower() for name in re.findall(r"^\| `([\w.-]+)", text, flags=re.MULTILINE)}
     assert required_names(metadata) == explained
 

@@ -141,3 +141,7 @@ def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
     tyro.cli(Command, description=__doc__).main()
+
+
+if __name__ == "__main__":
+    main()

@@ -63,3 +63,7 @@ def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
     tyro.cli(Arguments, prog="desplat-fetch-data").run()
+
+
+if __name__ == "__main__":
+    main()

@@ -27,3 +27,7 @@ def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
     run(tyro.cli(Request, description=__doc__))
+
+
+if __name__ == "__main__":
+    main()

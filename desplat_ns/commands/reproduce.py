@@ -86,3 +86,7 @@ def main() -> None:
 
     folder = reproduce(request)
     announce(f"Written: {folder / 'table.md'}, and .csv, .tex and .json beside it.")
+
+
+if __name__ == "__main__":
+    main()

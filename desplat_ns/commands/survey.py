@@ -67,3 +67,7 @@ def main() -> None:
     print_user_errors_plainly()
     arguments, parser = parse(Arguments, "desplat-survey", sys.argv[1:], data_may_follow=True)
     arguments.survey(parser)
+
+
+if __name__ == "__main__":
+    main()

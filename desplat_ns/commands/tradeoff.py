@@ -122,3 +122,7 @@ def main() -> None:
     arguments, parser = parse(Arguments, "desplat-tradeoff", sys.argv[1:])
     report = study(arguments.request(parser))
     announce(f"Written: {report}")
+
+
+if __name__ == "__main__":
+    main()

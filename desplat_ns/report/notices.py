@@ -10,6 +10,7 @@ from typing import Any
 from desplat_ns.console import list_names
 from desplat_ns.report.cost import Cost
 from desplat_ns.report.effect_reasons import EffectReason
+from desplat_ns.report.next_photos import Alone, in_words
 from desplat_ns.report.pictures import TrainingPhoto
 from desplat_ns.separation.placement import FEW_VIEWS, about_few_views
 from desplat_ns.training.run_length import steps_for_visits
@@ -50,12 +51,14 @@ def notices(
     results: Mapping[str, Any],
     failure: str | None = None,
     judges_by_others: bool = False,
+    alone: Sequence[Alone] = (),
 ) -> list[Notice]:
     """Everything that stands out, what matters most first.
 
     Args:
         results: of the evaluation; empty without one.
         failure: what `failure_case` found.
+        alone: photos that show parts of the scene alone.
         judges_by_others: whether distractors start where a photo shows what the others do not.
     """
     found: list[Notice] = []
@@ -72,6 +75,8 @@ def notices(
         )
     if judges_by_others and cost.num_photos < FEW_VIEWS:
         found.append(Notice(about_few_views(cost.num_photos)))
+    what, advice = in_words(alone)
+    found += [Notice(what, advice)] if what else []
     found += [*_of_distractors(photos), *_of_scores(results, photos), *_unsure(reasons)]
     enough = steps_for_visits(ENOUGH_VISITS, cost.num_photos, LONG)
     if cost.steps < enough:

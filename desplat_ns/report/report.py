@@ -16,6 +16,7 @@ from desplat_ns.report.cost import cost_of
 from desplat_ns.report.effect_reasons import effect_reasons, read_survey
 from desplat_ns.report.failure_case import failure_case
 from desplat_ns.report.history import read_history
+from desplat_ns.report.next_photos import seen_alone
 from desplat_ns.report.notices import notices
 from desplat_ns.report.page import Contents, html_of
 from desplat_ns.report.pictures import held_out_photos, training_photos
@@ -60,7 +61,8 @@ def gather(
         config, coverages = model.layer.config, [one for _, one in pairs if one is not None]
         failure = failure_case(config, model.means, coverages)
         by_others = config.start == "residual"
-    said = notices(cost, reasons, photos, results, failure, by_others)
+    seen = seen_alone(pipeline)
+    said = notices(cost, reasons, photos, results, failure, by_others, seen)
     return Contents(
         cost,
         said,

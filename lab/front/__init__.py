@@ -1,1 +1,2 @@
-"""What accuracy costs in time, and what was tried to have more of it: docs/accuracy-and-time.md."""
+"""What accuracy costs in time, and what was tried to have more of it:
+docs/results/accuracy-and-time.md."""

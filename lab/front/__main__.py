@@ -1,4 +1,4 @@
-"""Do the runs that are to be done, then write docs/accuracy-and-time.md.
+"""Do the runs that are to be done, then write docs/results/accuracy-and-time.md.
 
 python -m lab.front --jobs 2        (it resumes where it was stopped)
 

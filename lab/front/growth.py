@@ -1,6 +1,6 @@
 """How the time and the memory of a training step grow, and what with.
 
-    python -m lab.front.growth        (half an hour: docs/growth.json, plots, page)
+    python -m lab.front.growth        (half an hour: docs/records/growth.json, plots, page)
 
 One thread, CPU time. One number is varied in each series, the others stay.
 """
@@ -15,11 +15,11 @@ from pathlib import Path
 
 from desplat_ns.calibration.timing import Timing, threads, time_in_turns
 from desplat_ns.studies.machine import code_version, describe_machine
-from lab.documents import DOCS
+from lab.documents import RECORDS
 from lab.front.growth_memory import measure_peak
 from lab.front.whole_step import Size, WholeStep
 
-FILE = DOCS / "growth.json"
+FILE = RECORDS / "growth.json"
 """The records."""
 
 SMALL = Size(views=8, static=5_000, width=160, height=120, distractors=200)

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from lab.documents import DOCS
+from lab.documents import RESULTS
 from lab.front.growth import SERIES, Growth, Point
 from lab.front.power_law import PowerLaw, fit, is_flat
 
-PLOTS = (DOCS / "growth.svg", DOCS / "growth.png")
+PLOTS = (RESULTS / "growth.svg", RESULTS / "growth.png")
 
 PANEL = (2.5, 2.3)
 """Inches."""

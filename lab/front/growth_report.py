@@ -27,8 +27,8 @@ PHOTOS, STEPS = 1_700, 200_000
 """Of the capture that is worked out, and of the paper's run of it."""
 WIDTH, HEIGHT = 1024, 768
 LEFT = 400
-"""Distractors that `desplat` leaves a photo: 220 to 450 in docs/separation.json and
-docs/photo_tourism.json."""
+"""Distractors that `desplat` leaves a photo: 220 to 450 in docs/records/separation.json and
+docs/records/photo_tourism.json."""
 SPREAD = 1_000
 """Distractors that a photo starts with in `desplat-paper`."""
 MILLION = 1_000_000

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from desplat_ns.training.budget import seconds_of
-from lab.documents import DOCS
+from lab.documents import RECORDS
 
-FILE = DOCS / "budgets.json"
+FILE = RECORDS / "budgets.json"
 """The records."""
 
 

@@ -1,4 +1,4 @@
-"""Write docs/accuracy-and-time.md from the records."""
+"""Write docs/results/accuracy-and-time.md from the records."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from string import Template
 
 from desplat_ns.training.budget import seconds_of
-from lab.documents import DOCS
+from lab.documents import RESULTS
 from lab.front.growth import FILE as GROWTH
 from lab.front.growth import Growth
 from lab.front.growth import load as load_growth
@@ -31,7 +31,7 @@ from lab.grid.sources import Cell, Reference
 from lab.separation.records import FILE as SEPARATION_RECORDS
 from lab.separation.runs import SEEDS
 
-REPORT = DOCS / "accuracy-and-time.md"
+REPORT = RESULTS / "accuracy-and-time.md"
 TEMPLATE = Path(__file__).with_name("accuracy-and-time.md.template")
 
 COLUMNS = (

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab.documents import DOCS
+from lab.documents import RECORDS
 from lab.grid.runs import Run, Setting, Study
 from lab.separation.runs import FIGURES, GIVEN, RATES, SCENES, SEEDS
 from lab.survey.runs import OWN_LIGHT
 from lab.survey.runs import SCENES as SURVEYED
 
-FILE = DOCS / "accuracy_and_time.json"
+FILE = RECORDS / "accuracy_and_time.json"
 """The records."""
 
 MODEL = "--pipeline.model"

@@ -16,10 +16,10 @@ from desplat_ns.studies.plan import BASE, compared
 from desplat_ns.studies.results import Results
 from desplat_ns.studies.runs import Run, Variant
 from desplat_ns.studies.summary import Measured, best_within, finals, measured
-from lab.documents import DOCS
+from lab.documents import RECORDS
 from lab.grid.tables import table
 
-FOLDER = DOCS / "tradeoff"
+FOLDER = RECORDS / "tradeoff"
 """results.json of each study, under the capture's name, and the plot of its trainings."""
 
 SECONDS = (5, 15, 30, 60, 120)

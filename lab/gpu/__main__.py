@@ -1,4 +1,4 @@
-"""Measure on a GPU what only a GPU can answer, and write docs/gpu.md.
+"""Measure on a GPU what only a GPU can answer, and write docs/results/gpu.md.
 
 make gpu                        in the environment of `make env`
 make gpu WHEELS=folder          on a machine without a network, from a folder of wheels
@@ -17,7 +17,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from lab.documents import DOCS
+from lab.documents import RESULTS
 from lab.gpu.plan import KERNELS, PARTS, PATIENCE, TOTAL, Job, Part, with_time_to_compile
 from lab.gpu.records import FILE, Run
 from lab.gpu.report import PICTURE, write_report
@@ -38,7 +38,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("--device", choices=("cuda", "cpu"), default="cuda", help="(%(default)s)")
     parser.add_argument("--quick", action="store_true", help="tiny sizes: a check only")
-    parser.add_argument("--output", type=Path, help="folder for gpu.md and gpu.json (docs)")
+    parser.add_argument("--output", type=Path, help="folder for gpu.md and gpu.json (docs/results)")
     names = [part.name for part in PARTS]
     parser.add_argument(
         "--again", action="store_true", help="measure what was measured before, too"
@@ -52,11 +52,11 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     chosen = parser.parse_args(arguments)
     stand_in = chosen.quick or chosen.device == "cpu"
-    output = DOCS if chosen.output is None else chosen.output.resolve()
-    if stand_in and output == DOCS:
+    output = RESULTS if chosen.output is None else chosen.output.resolve()
+    if stand_in and output == RESULTS:
         parser.error(
             "a rehearsal (--device cpu, --quick) measures nothing to keep: name a folder other "
-            "than docs with --output"
+            "than docs/results with --output"
         )
     chosen.output = output
     chosen.is_stand_in = stand_in

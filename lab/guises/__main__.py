@@ -5,7 +5,8 @@
     python -m lab.guises --only as-is           of this Python; `make test-pythons` does so
 
 Prints a line for each run, and the failures; exits with 1 where there was one. With `--record` each
-run is entered in docs/machines.json and the table of docs/machines.md written again from it.
+run is entered in docs/records/machines.json and the table of docs/dev/machines.md written again
+from it.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     names = [guise.name for guise in GUISES]
     parser.add_argument("--only", nargs="+", choices=names, default=names, metavar="GUISE")
     parser.add_argument("--part", choices=PARTS, default="all", help="of the suite (%(default)s)")
-    parser.add_argument("--record", action="store_true", help="write docs/machines.md")
+    parser.add_argument("--record", action="store_true", help="write docs/dev/machines.md")
     parser.add_argument("--pytest", default="", help="more for pytest: --pytest='-k name'")
     return parser.parse_args(arguments)
 

@@ -1,4 +1,5 @@
-"""docs/machines.md: on which machines the suite passed, from the records in docs/machines.json."""
+"""docs/dev/machines.md: on which machines the suite passed, from the records in
+docs/records/machines.json."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from lab.documents import DOCS
+from lab.documents import DEV, RECORDS
 from lab.gpu.records import write_json
 from lab.gpu.tables import table
 from lab.guises.guises import GUISES, Guise
@@ -22,7 +23,7 @@ Record = dict[str, Any]
 
 def enter(guise: Guise, found: Mapping[str, Any], machine: Mapping[str, str]) -> None:
     """Keep a run, in place of an earlier one of that guise and minor version of Python."""
-    path = DOCS / "machines.json"
+    path = RECORDS / "machines.json"
     records = json.loads(path.read_text("utf8")) if path.exists() else {}
     minor = machine["Python"].rpartition(".")[0]
     records[f"{guise.name} {minor}"] = {
@@ -30,7 +31,7 @@ def enter(guise: Guise, found: Mapping[str, Any], machine: Mapping[str, str]) ->
         **{name: machine[name] for name in OF_THE_MACHINE},
     }
     write_json(path, records)
-    (DOCS / "machines.md").write_text(page(records), "utf8")
+    (DEV / "machines.md").write_text(page(records), "utf8")
 
 
 def page(records: Mapping[str, Record]) -> str:

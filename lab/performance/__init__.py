@@ -1,3 +1,4 @@
-"""How fast, how exact and how frugal every backend is: docs/performance.md, `make bench`. It may
-import all of `desplat_ns`.
+"""How fast, how exact and how frugal every backend is: docs/results/performance.md, `make bench`.
+
+It may import all of `desplat_ns`.
 """

@@ -1,4 +1,4 @@
-"""Write docs/performance.md and its plot."""
+"""Write docs/results/performance.md and its plot."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from desplat_ns.calibration.scenes import Scene, make_scene
 from desplat_ns.calibration.timing import thread_counts
 from desplat_ns.studies.machine import describe_machine
-from lab.documents import DOCS
+from lab.documents import RESULTS
 from lab.performance.distractors_price import SIZES as PRICED
 from lab.performance.distractors_price import time_price
 from lab.performance.pairs import count_pairs
@@ -55,13 +55,15 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("--quick", action="store_true", help="tiny scenes, one round: a check only")
     parser.add_argument(
-        "--output", type=Path, help="folder for performance.md and its plot (docs; needed if quick)"
+        "--output",
+        type=Path,
+        help="folder for performance.md and its plot (docs/results; needed if quick)",
     )
     chosen = parser.parse_args(arguments)
     if chosen.output is None:
         if chosen.quick:
             parser.error("--quick measures nothing to keep: name a folder with --output")
-        chosen.output = DOCS
+        chosen.output = RESULTS
     return chosen
 
 

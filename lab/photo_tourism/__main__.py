@@ -1,4 +1,4 @@
-"""Each effect on and off, on photos of changing light; writes docs/photo_tourism.md.
+"""Each effect on and off, on photos of changing light; writes docs/results/photo_tourism.md.
 
     python -m lab.photo_tourism --jobs 2        (it resumes where it was stopped)
 

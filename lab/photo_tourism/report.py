@@ -1,16 +1,16 @@
-"""Write docs/photo_tourism.md from the records."""
+"""Write docs/results/photo_tourism.md from the records."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from string import Template
 
-from lab.documents import DOCS
+from lab.documents import RESULTS
 from lab.grid.records import Record, Records, load
 from lab.grid.sources import Cell, Reference, sourced_table
 from lab.photo_tourism.runs import FILE, SETTINGS, STEPS, STUDY, run_of
 
-REPORT = DOCS / "photo_tourism.md"
+REPORT = RESULTS / "photo_tourism.md"
 TEMPLATE = Path(__file__).with_name("photo_tourism.md.template")
 
 FORMS = {

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from lab.documents import DOCS
+from lab.documents import RECORDS
 from lab.grid.captures import GeneratedCapture, RealCapture
 from lab.grid.runs import Run, Scene, Setting, Study
 from lab.synthetic import SceneSpec
 
-FILE = DOCS / "photo_tourism.json"
+FILE = RECORDS / "photo_tourism.json"
 
 EFFECTS = "--pipeline.model.effects"
 RATES = ("--full-rate-visits", "0")

@@ -1,4 +1,4 @@
-"""Measure what exactness costs at a capture's size, and write docs/dials.md.
+"""Measure what exactness costs at a capture's size, and write docs/results/dials.md.
 
 python -m lab.pixels NAME --size GAUSSIANS WIDTH HEIGHT     every dial of every backend
 python -m lab.pixels NAME --run config.yml     steps for the embedding of a trained run's photos

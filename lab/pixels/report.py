@@ -1,4 +1,4 @@
-"""Write docs/dials.md from docs/dials.json."""
+"""Write docs/results/dials.md from docs/records/dials.json."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from string import Template
 from typing import Any
 
 from desplat_ns.files.whole import write_whole
-from lab.documents import DOCS
+from lab.documents import RECORDS, RESULTS
 from lab.grid.tables import table
 from lab.pixels.dial_points import ANTIALIASING, APPEARANCE, RASTERIZING
 
-FILE = DOCS / "dials.json"
+FILE = RECORDS / "dials.json"
 """By captures: `dials`, a `DialStudy` of its size, and `embedding`, `Score`s of its runs."""
-REPORT = DOCS / "dials.md"
+REPORT = RESULTS / "dials.md"
 TEMPLATE = Path(__file__).with_name("dials.md.template")
 
 GROUPS = (RASTERIZING, ANTIALIASING, APPEARANCE)

@@ -1,3 +1,4 @@
-"""How well static scene and distractors are told apart: docs/separation.md, `make study`. It may
-import all of `desplat_ns`.
+"""How well static scene and distractors are told apart: docs/results/separation.md, `make study`.
+
+It may import all of `desplat_ns`.
 """

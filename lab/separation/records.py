@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.studies.train_and_score import where_of
-from lab.documents import DOCS
+from lab.documents import RECORDS
 from lab.grid import records
 from lab.grid.records import Record
 from lab.grid.runs import Run
 from lab.grid.settings import Settings
 from lab.separation.runs import FIGURES
 
-FILE = DOCS / "separation.json"
+FILE = RECORDS / "separation.json"
 
-BEFORE = DOCS / "separation_before.json"
+BEFORE = RECORDS / "separation_before.json"
 """The same of code up to commit e944f25, whose refinements were as far apart as its schedules said:
 every 10 steps in short runs, every 100 in those of 30,000. Nothing writes to it any more."""
 

@@ -1,4 +1,5 @@
-"""Write docs/separation.md, docs/separation_tried.md and a figure from the records."""
+"""Write docs/results/separation.md, docs/research/separation_tried.md and a figure from the
+records."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ from lab.separation.runs import (
     twins_of,
 )
 
-REPORT, TRIED, FIGURE = "separation.md", "separation_tried.md", "separation.png"
+REPORT, TRIED = "results/separation.md", "research/separation_tried.md"
+FIGURE = "results/separation.png"
 """What is so today; what was so once, or was not kept; the model of one pixel."""
 
 README = CHECKOUT / "README.md"
@@ -219,7 +221,8 @@ def write_report(
         (REPORT, Figures(now, today, SEEDS)),
         (TRIED, Figures(before, None, SEEDS)),
     ):
-        (folder / name).write_text(_filled(name, figures))
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(_filled(Path(name).name, figures))
     one_pixel.draw(folder / FIGURE)
     return folder / REPORT
 

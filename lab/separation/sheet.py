@@ -18,7 +18,7 @@ from desplat_ns.errors import DeSplatError
 from desplat_ns.evaluation.pictures import Picture, over_checkerboard, to_rgb8
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
-from lab.documents import DOCS, OUTPUTS
+from lab.documents import OUTPUTS, RESEARCH
 from lab.grid.runs import Run
 from lab.separation.runs import HARD, PLAN, STUDY
 from lab.sheet import sheet
@@ -40,7 +40,7 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--view", type=int, default=VIEW, help="training view (%(default)s)")
     parser.add_argument("--trained", type=Path, default=OUTPUTS / "separation", help="of the study")
     parser.add_argument(
-        "--output", type=Path, default=DOCS / "separation_hard.jpg", help="the sheet"
+        "--output", type=Path, default=RESEARCH / "separation_hard.jpg", help="the sheet"
     )
     return parser.parse_args()
 

@@ -1,4 +1,4 @@
-"""What docs/stability.md says of docs/faults.json and docs/soak.json."""
+"""What docs/dev/stability.md says of docs/records/faults.json and docs/records/soak.json."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
-"""Kill a training run 20 times, and poison formulas, files and options; writes docs/faults.json.
+"""Kill a training run 20 times, and poison formulas, files and options; writes
+docs/records/faults.json.
 
     python -m lab.stability.faults            (--quick --output somewhere: a check only)
 
 The soak run beside it is `python -m lab.stability.soak`. `lab.stability` puts both
-into docs/stability.md.
+into docs/dev/stability.md.
 """
 
 # the tests' folders have to be on the path first
@@ -24,7 +25,7 @@ from typing import Any
 import torch
 
 from desplat_ns.studies.machine import describe_machine
-from lab.documents import CHECKOUT, DOCS
+from lab.documents import CHECKOUT, RECORDS
 
 RECORD = "faults.json"
 KILLS, INPUTS = 20, 200
@@ -89,14 +90,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--quick", action="store_true", help="few of everything: a check only")
-    parser.add_argument("--output", type=Path, help="folder (docs; needed if quick)")
+    parser.add_argument("--output", type=Path, help="folder (docs/records; needed if quick)")
     parser.add_argument("--only", choices=("fuzz", "killed"), help="keep the rest of the record")
     chosen = parser.parse_args(arguments)
     if chosen.quick and chosen.output is None:
         parser.error("--quick measures nothing to keep: name a folder with --output")
     torch.set_num_threads(1)
     kills, inputs = (2, 3) if chosen.quick else (KILLS, INPUTS)
-    folder = chosen.output or DOCS
+    folder = chosen.output or RECORDS
     path = folder / RECORD
     record = json.loads(path.read_text()) if chosen.only else {}
     record["machine"] = describe_machine()

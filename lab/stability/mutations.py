@@ -3,8 +3,8 @@
     python -m lab.stability.mutations            (--only NAME for some)
 
 Each change is made in a copy of the checkout, the tests named beside it run there, and the first
-one that fails is written down in docs/stability.json. A change that no test notices survives; the
-exit status says so.
+one that fails is written down in docs/records/stability.json. A change that no test notices
+survives; the exit status says so.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lab.documents import CHECKOUT, DOCS
+from lab.documents import CHECKOUT, RECORDS
 
-RECORD = DOCS / "stability.json"
+RECORD = RECORDS / "stability.json"
 
 TIMEOUT = 600
 """Seconds; what hangs is noticed, too."""

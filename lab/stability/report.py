@@ -1,9 +1,10 @@
-"""Measure the catalogue of hard cases, poison every backend, and write docs/stability.md.
+"""Measure the catalogue of hard cases, poison every backend, and write docs/dev/stability.md.
 
     python -m lab.stability            (--quick --output somewhere: a check only)
 
-What notices which wrong sign comes from docs/stability.json, which `mutations` writes; kills,
-damaged files and the long run from docs/faults.json and docs/soak.json (`faults`, `soak`).
+What notices which wrong sign comes from docs/records/stability.json, which `mutations` writes;
+kills, damaged files and the long run from docs/records/faults.json and docs/records/soak.json
+(`faults`, `soak`).
 """
 
 # the tests' folders have to be on the path first
@@ -21,7 +22,7 @@ from string import Template
 
 import torch
 
-from lab.documents import DOCS
+from lab.documents import DEV, RECORDS
 from lab.grid.tables import table
 from lab.stability import precise
 from lab.stability.fault_tables import fault_figures
@@ -151,7 +152,7 @@ def write_report(folder: Path, cases: Sequence[Case], inputs: int) -> Path:
         fuzz=fuzz,
         slowest=f"{slowest:.1f}",
         **mutation_figures(),
-        **fault_figures(DOCS),
+        **fault_figures(RECORDS),
     )
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / REPORT
@@ -167,10 +168,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--quick", action="store_true", help="a few cases: a check only")
-    parser.add_argument("--output", type=Path, help="folder (docs; needed if quick)")
+    parser.add_argument("--output", type=Path, help="folder (docs/dev; needed if quick)")
     chosen = parser.parse_args(arguments)
     if chosen.quick and chosen.output is None:
         parser.error("--quick measures nothing to keep: name a folder with --output")
     torch.set_num_threads(1)
     cases, inputs = (CASES[:3], 5) if chosen.quick else (CASES, INPUTS)
-    print(write_report(chosen.output or DOCS, cases, inputs))
+    print(write_report(chosen.output or DEV, cases, inputs))

@@ -4,7 +4,7 @@
 
 `ns-train desplat` on the generated scene of the tests, 30,000 steps on its own schedules:
 distractors, densification, resets, and far more checkpoints and evaluations than usual. Writes
-docs/soak.json.
+docs/records/soak.json.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from desplat_ns.studies.machine import describe_machine
-from lab.documents import DOCS
+from lab.documents import RECORDS
 from lab.pixels.memory import status_mib
 
 RECORD = "soak.json"
@@ -171,12 +171,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--quick", action="store_true", help="1,500 steps: a check only")
-    parser.add_argument("--output", type=Path, help="folder (docs; needed if quick)")
+    parser.add_argument("--output", type=Path, help="folder (docs/records; needed if quick)")
     chosen = parser.parse_args(arguments)
     if chosen.quick and chosen.output is None:
         parser.error("--quick measures nothing to keep: name a folder with --output")
     soak = soaked(3 * EVERY if chosen.quick else STEPS)
-    folder = chosen.output or DOCS
+    folder = chosen.output or RECORDS
     folder.mkdir(parents=True, exist_ok=True)
     (folder / RECORD).write_text(json.dumps(asdict(soak), indent=1) + "\n")
     print(describe(soak))

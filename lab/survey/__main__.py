@@ -1,4 +1,5 @@
-"""Survey generated scenes and the real ones; write docs/survey.json and docs/survey.md.
+"""Survey generated scenes and the real ones; write docs/records/survey.json and
+docs/results/survey.md.
 
 python -m lab.survey            (15 minutes the first time: scenes are generated and kept)
 python -m lab.survey --report   (the document only)

@@ -1,4 +1,4 @@
-"""Write docs/survey.md from docs/survey.json."""
+"""Write docs/results/survey.md from docs/records/survey.json."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from string import Template
 from typing import Any
 
 from desplat_ns.survey import background, distractors, findings, light
-from lab.documents import DOCS
+from lab.documents import RECORDS, RESULTS
 from lab.grid.figures import Figures
 from lab.grid.records import Records, load
 from lab.grid.sources import Cell, Reference
 from lab.survey.runs import SCENES, SEEDS, STEPS, STUDY, TRAINING, downscale_of, settings_on
 from lab.survey.unfamiliar import CHOSEN_ON, JUDGED
 
-FILE = DOCS / "survey.json"
-REPORT = DOCS / "survey.md"
+FILE = RECORDS / "survey.json"
+REPORT = RESULTS / "survey.md"
 TEMPLATE = Path(__file__).with_name("survey.md.template")
 
 EFFECTS: dict[str, tuple[Any, ...]] = {

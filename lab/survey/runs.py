@@ -6,11 +6,11 @@ have one, in the average light where it cannot.
 
 from __future__ import annotations
 
-from lab.documents import DOCS
+from lab.documents import RECORDS
 from lab.grid.captures import RealCapture
 from lab.grid.runs import Run, Scene, Setting, Study
 
-TRAINING = DOCS / "survey_training.json"
+TRAINING = RECORDS / "survey_training.json"
 """The records."""
 
 EFFECTS = "--pipeline.model.effects"

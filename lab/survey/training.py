@@ -1,4 +1,5 @@
-"""Train what the survey says, everything and nothing; docs/survey.md has the figures side by side.
+"""Train what the survey says, everything and nothing; docs/results/survey.md has the figures side
+by side.
 
     python -m lab.survey.training --jobs 2        (it resumes where it was stopped)
 

@@ -1,4 +1,5 @@
-"""How far rounding may move a rendering and its gradients; docs/stability.md derives the bounds.
+"""How far rounding may move a rendering and its gradients; docs/dev/stability.md derives the
+bounds.
 
 They are of first order in u, and count OPS roundings for every chain of operations.
 

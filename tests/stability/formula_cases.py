@@ -139,7 +139,7 @@ def log_scales_far_out(dtype: torch.dtype) -> tuple[Pair, Pair]:
 
 
 def ssim_error(dtype: torch.dtype) -> float:
-    """Bound on the SSIM of images whose variance is 0, from docs/stability.md.
+    """Bound on the SSIM of images whose variance is 0, from docs/dev/stability.md.
 
     Float64 goes through pytorch_msssim, whose window is rounded to float32.
     """
@@ -264,4 +264,4 @@ FORMULA_CASES = (
     ),
     FormulaCase("opacity free everywhere", "loss and gradient exactly 0", all_opacity_free),
 )
-"""In the order of docs/stability.md."""
+"""In the order of docs/dev/stability.md."""

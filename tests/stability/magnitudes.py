@@ -1,7 +1,7 @@
 """Sizes of everything that a Gaussian's projection is made of, and its rounding in units of u.
 
-u is half of the dtype's epsilon, the error of one rounding. docs/stability.md derives the formulas.
-Everything here is float64 arithmetic on magnitudes, so it needs no care of its own.
+u is half of the dtype's epsilon, the error of one rounding. docs/dev/stability.md derives the
+formulas. Everything here is float64 arithmetic on magnitudes, so it needs no care of its own.
 
 Letters in shapes: N Gaussians, P pixels.
 """

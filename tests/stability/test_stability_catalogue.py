@@ -1,4 +1,4 @@
-"""Every case of the catalogue on every backend; docs/stability.md derives the bounds."""
+"""Every case of the catalogue on every backend; docs/dev/stability.md derives the bounds."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """What must hold for any scene, on every backend, and for the formulas behind them.
 
-Two renderings of one truth may differ by both their bounds (docs/stability.md), and by nothing at
-all where no rounding differs.
+Two renderings of one truth may differ by both their bounds (docs/dev/stability.md), and by nothing
+at all where no rounding differs.
 """
 
 from __future__ import annotations

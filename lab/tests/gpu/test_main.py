@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from lab.documents import DOCS
+from lab.documents import RESULTS
 from lab.gpu import __main__ as command
 from lab.gpu.plan import Job
 from lab.gpu.records import MEASURED, WAITING, Run
@@ -22,7 +22,7 @@ def test_without_a_gpu_it_says_what_to_do_and_measures_nothing(tmp_path, monkeyp
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--device", "cpu"], ["--quick"], ["--device", "cpu", "--quick", "--output", str(DOCS)]],
+    [["--device", "cpu"], ["--quick"], ["--device", "cpu", "--quick", "--output", str(RESULTS)]],
 )
 def test_a_rehearsal_never_writes_into_docs(arguments, capsys):
     with pytest.raises(SystemExit):

@@ -16,7 +16,10 @@ from lab.gpu.records import LATE, MEASURED, Record, Run, without_places
         ("in /made/up/", "in a folder"),
         ("0.5 / 2, and/or, 3/4", "0.5 / 2, and/or, 3/4"),
         ("https://docs.nerf.studio/a/b", "https://docs.nerf.studio/a/b"),
-        ("see docs/gpu.md and tests/backend/x.py", "see docs/gpu.md and tests/backend/x.py"),
+        (
+            "see docs/results/gpu.md and tests/backend/x.py",
+            "see docs/results/gpu.md and tests/backend/x.py",
+        ),
     ],
 )
 def test_texts_name_no_folders_of_a_machine(text, left):

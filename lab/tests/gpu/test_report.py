@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from desplat_ns.calibration.scenes import PARAMETERS
-from lab.documents import DOCS
+from lab.documents import RESULTS
 from lab.gpu.plan import PARTS
 from lab.gpu.records import FAILED, FILE, LATE, MEASURED, NO_TIME, Record, Run
 from lab.gpu.report import REPORT, report
@@ -128,8 +128,8 @@ def test_the_aim_for_a_step_is_judged(ratio, verdict):
 
 def test_the_document_in_docs_is_what_its_records_say():
     """Where nothing was measured yet there is neither."""
-    assert (DOCS / REPORT).exists() == (DOCS / FILE).exists()
-    if (DOCS / FILE).exists():
-        run = Run.load(DOCS / FILE)
+    assert (RESULTS / REPORT).exists() == (RESULTS / FILE).exists()
+    if (RESULTS / FILE).exists():
+        run = Run.load(RESULTS / FILE)
         assert not run.is_stand_in
-        assert (DOCS / REPORT).read_text("utf8") == report(run)
+        assert (RESULTS / REPORT).read_text("utf8") == report(run)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import json
 
-from lab.documents import DOCS
+from lab.documents import DEV, RECORDS
 from lab.guises.report import page
 
 RECORD = {
@@ -21,5 +21,5 @@ def test_a_record_is_a_row_in_the_order_of_the_guises():
 
 def test_the_page_is_that_of_the_records():
     """Made anew by any run of `python -m lab.guises --record`."""
-    records = json.loads((DOCS / "machines.json").read_text("utf8"))
-    assert (DOCS / "machines.md").read_text("utf8") == page(records)
+    records = json.loads((RECORDS / "machines.json").read_text("utf8"))
+    assert (DEV / "machines.md").read_text("utf8") == page(records)

@@ -1,4 +1,4 @@
-"""The study of docs/photo_tourism.md: its settings, its right halves, its tables."""
+"""The study of docs/results/photo_tourism.md: its settings, its right halves, its tables."""
 
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ METHODS = {m.config.method_name: m.config for m in SPECIFICATIONS}
 
 @pytest.mark.usefixtures("tyro_may_build")
 def test_the_document_is_that_of_the_records(checkout: Path):
-    assert (checkout / "docs" / "photo_tourism.md").read_text() == report(load(FILE))
+    assert (checkout / "docs" / "results" / "photo_tourism.md").read_text() == report(load(FILE))
 
 
 @pytest.mark.parametrize("setting", SETTINGS.values(), ids=list(SETTINGS))

@@ -1,4 +1,5 @@
-"""The study of docs/separation.md: its plan, its memory, its tables, its one-pixel model."""
+"""The study of docs/results/separation.md: its plan, its memory, its tables, its one-pixel
+model."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,5 @@
-"""docs/faults.json and docs/soak.json: nothing was lost, nothing leaked, and the page says so."""
+"""docs/records/faults.json and docs/records/soak.json: nothing was lost, nothing leaked, and the
+page says so."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import json
 
 import pytest
 
-from lab.documents import DOCS
+from lab.documents import DEV, RECORDS
 from lab.stability import faults, soak
 from lab.stability.fault_tables import fault_figures, kill_figures, soak_figures
 from lab.stability.soak import Sample, Soak
@@ -14,12 +15,12 @@ from lab.stability.soak import Sample, Soak
 
 @pytest.fixture(scope="module")
 def record() -> dict:
-    return json.loads((DOCS / faults.RECORD).read_text())
+    return json.loads((RECORDS / faults.RECORD).read_text())
 
 
 def test_the_page_is_what_the_records_say():
-    page = (DOCS / "stability.md").read_text()
-    assert [name for name, text in fault_figures(DOCS).items() if text not in page] == []
+    page = (DEV / "stability.md").read_text()
+    assert [name for name, text in fault_figures(RECORDS).items() if text not in page] == []
 
 
 def test_no_kill_cost_more_than_the_steps_since_the_last_save(record: dict):
@@ -37,7 +38,7 @@ def test_no_poison_was_a_fault(record: dict):
 
 
 def test_the_long_run_was_long_and_flat():
-    found = soak.load(DOCS / soak.RECORD)
+    found = soak.load(RECORDS / soak.RECORD)
     assert found.samples[-1].step == soak.STEPS
     assert found.flat
 

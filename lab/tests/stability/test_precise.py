@@ -1,4 +1,4 @@
-"""60 digits against float64: the truth of docs/stability.md and that of the tests."""
+"""60 digits against float64: the truth of docs/dev/stability.md and that of the tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/stability.md: it names every case, and every wrong sign was noticed."""
+"""docs/dev/stability.md: it names every case, and every wrong sign was noticed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lab.stability.mutations import (
 from lab.stability.mutations import noticed_by as first_that_fails
 from lab.stability.report import CASES, FORMULA_CASES, main
 
-PAGE = CHECKOUT / "docs" / "stability.md"
+PAGE = CHECKOUT / "docs" / "dev" / "stability.md"
 
 
 def test_the_page_names_every_case_and_every_mutation():

@@ -1,0 +1,103 @@
+"""One training photo as separation sees it, from the photo to the mask.
+
+python -m lab.separation.stages CONFIG [--view 12]     (config.yml of a run of desplat)
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from PIL import Image
+from torch import Tensor
+
+from desplat_ns.data.training_views import train_index
+from desplat_ns.evaluation.pictures import Picture, over_checkerboard, to_rgb8
+from desplat_ns.runs.files import find_run
+from desplat_ns.runs.loading import load_run
+from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled
+from desplat_ns.separation.regions import StaticView, compare, find_regions
+from desplat_ns.separation.residuals import ResidualStats, local_residual
+from lab.documents import DOCS
+from lab.sheet import sheet
+
+TITLES = ("photo", "static scene", "residual", "excess", "region", "distractors", "mask")
+WHITE = 0.25
+"""Residual and excess that are drawn white, colours in [0, 1]."""
+
+
+def parse_arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m lab.separation.stages",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("config", type=Path)
+    parser.add_argument("--view", type=int, default=12, help="training view (%(default)s)")
+    parser.add_argument("--output", type=Path, default=DOCS / "explain" / "stages.jpg")
+    return parser.parse_args()
+
+
+def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Picture]:
+    """The pictures of one training view, in the order of `TITLES`.
+
+    Args:
+        camera: of the view, with its number.
+        photo: in [0, 1].
+    """
+    model.eval()
+    outputs = model.get_outputs(camera)
+    model.near_plane_share = lambda: 0.0  # so that all Gaussians are projected
+    drawn = model.render_static(model.view_of_camera(camera, train_index(camera)), None)
+    opacities = model.gauss_params["opacities"]
+    static = StaticView(
+        outputs["rgb_static"],
+        drawn.means2d.detach()[0],
+        drawn.visible,
+        torch.sigmoid(opacities.detach()[:, 0]),
+    )
+    stats = ResidualStats.of(model.memory, len(opacities), model.layer.num_views, photo.device)
+    comparison, _ = compare(photo, static, stats)
+    height, width = photo.shape[:2]
+    fine = fine_grid_of(width, height)
+    residual = local_residual(pooled(static.rgb, fine), pooled(photo, fine), grid_of(width, height))
+    regions = find_regions(comparison, model.layer.config)
+    shown = {key: value.cpu().numpy() for key, value in outputs.items()}
+    return [
+        photo.numpy(),
+        shown["rgb_static"],
+        *(_enlarged(cells, width, height) for cells in (residual, comparison.excess.values)),
+        _enlarged(regions.float() * WHITE, width, height),
+        over_checkerboard(shown["rgb_distractor"], shown["alpha_distractor"]),
+        shown["distractor_mask"],
+    ]
+
+
+def _enlarged(cells: Float[Tensor, "rows columns"], width: int, height: int) -> Picture:
+    """Cells as grey, as large as the photo."""
+    grey = np.asarray(to_rgb8((cells / WHITE).clamp(0, 1)[..., None].numpy()))
+    return np.asarray(Image.fromarray(grey).resize((width, height), Image.Resampling.NEAREST))
+
+
+def main() -> None:
+    """Entry point."""
+    chosen = parse_arguments()
+    pipeline: Any = load_run(find_run(chosen.config)).pipeline
+    dataset = pipeline.datamanager.train_dataset
+    camera = dataset.cameras[chosen.view : chosen.view + 1].to(pipeline.device)
+    image = dataset[chosen.view]["image"]
+    photo = image.float() / 255 if image.dtype == torch.uint8 else image
+    with torch.no_grad():
+        pictures = stages(pipeline.model, camera, photo)
+    name = pipeline.datamanager.train_image_names[chosen.view]
+    picture = Image.fromarray(np.asarray(to_rgb8(sheet([(name, pictures)], TITLES))))
+    picture.save(chosen.output, quality=88)
+    print(chosen.output)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,131 @@
+"""What the documents say can be done: commands are taken, and the shortest way is gone."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lab.synthetic import write_scene
+from tests.helpers.documented import Documented, commands, pages, parse, python_blocks
+from tests.helpers.registered import EIGHT_VIEWS
+
+
+def documented(checkout: Path) -> list[Documented]:
+    """Every command on every page."""
+    return [one for page in pages(checkout) for one in commands(page, page.read_text("utf8"))]
+
+
+def test_commands_are_found_with_their_continuations_and_without_comments():
+    text = "# T\n\n    ns-eval --load-config a \\\n        --output-path b   # c\n\nns-train x\n"
+    (found,) = commands(Path("p.md"), text)
+    assert (found.line, found.program) == (3, "ns-eval")
+    assert found.words == ("ns-eval", "--load-config", "a", "--output-path", "b")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("tyro_may_build")
+def test_every_command_in_the_documents_is_taken_by_its_program(checkout: Path):
+    found = {one.words: one for one in documented(checkout)}
+    assert len(found) > 40
+    for one in found.values():
+        parse(one, checkout)
+
+
+def test_a_command_with_an_option_that_is_not_there_is_noticed(checkout: Path):
+    for words in (("desplat-report", "--load-config", "a", "--no-such", "1"), ("make", "no-such")):
+        with pytest.raises(AssertionError, match="no-such"):
+            parse(Documented("p.md", 1, words), checkout)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("tyro_may_build")
+def test_readme_s_way_from_a_capture_to_a_scene_in_a_page_can_be_gone(
+    checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """As it stands there, but for the number of steps; what comes before, `desplat-process`, has
+    tests of its own."""
+    from nerfstudio.scripts import train
+    from nerfstudio.utils import writer
+
+    way = [one for one in documented(checkout) if one.page == "README.md"]
+    way = [one for one in way if one.program.startswith(("ns-", "desplat-"))]
+    assert [one.program for one in way[:2]] == ["desplat-process", "ns-train"]
+    write_scene(EIGHT_VIEWS, tmp_path / "capture")
+    monkeypatch.chdir(tmp_path)
+    for one in way[1:]:
+        short = ("--max-num-iterations", "24") if one.program == "ns-train" else ()
+        parsed: Any = parse(Documented(one.page, one.line, one.words + short), checkout)
+        train.main(parsed) if one.program == "ns-train" else parsed.main()
+    for one in writer.EVENT_WRITERS:  # before the folder is no longer where they are
+        one.tb_writer.close() if isinstance(one, writer.TensorboardWriter) else None
+    run = tmp_path / "outputs" / "capture" / "desplat" / "run"
+    for made in (run / "report.html", tmp_path / "scene.ply", tmp_path / "scene.html"):
+        assert made.stat().st_size > 1000, made
+
+
+def test_the_python_on_its_page_runs(
+    checkout: Path, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    text = (checkout / "docs" / "reference" / "python.md").read_text("utf8")
+    blocks = python_blocks(text)
+    assert len(blocks) > 5
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    for block in blocks:
+        exec(block.replace("outputs/capture/desplat/run/config.yml", str(trained)), names)
+    assert names["image"].shape == (120, 160, 3)
+    assert set(names["full"]) and all(one.dtype == bool for one in names["full"].values())
+    outputs = (checkout / "docs" / "reference" / "outputs.md").read_text("utf8")
+    figures = outputs.split("## The figures of an evaluation")[1]
+    keys = re.findall(r"`(\w+)`", figures.split("| --- |")[-1])
+    optional = {"lpips", "lpips_reason", "results", "_std"}
+    assert {key for key in keys if key not in names["results"]} <= optional
+
+
+def test_no_program_of_the_package_is_without_a_page(checkout: Path):
+    known = {one.program for one in documented(checkout)}
+    text = (checkout / "pyproject.toml").read_text("utf8")
+    assert (
+        set(re.findall(r"^(desplat-\w[\w-]*) = \"desplat_ns.commands", text, re.MULTILINE)) <= known
+    )
+
+
+def test_pages_of_the_site_are_all_in_its_index(checkout: Path):
+    """The site is built from these groups; `make docs` fails where a page is in none."""
+    docs = checkout / "docs"
+    linked = set(re.findall(r"\]\(([\w/-]+\.md)\)", (docs / "README.md").read_text("utf8")))
+    there = {path.relative_to(docs).as_posix() for path in docs.rglob("*.md")} - {"README.md"}
+    assert there == linked
+
+
+def slug(heading: str) -> str:
+    """A heading's anchor, as GitHub and the site write it."""
+    words = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).strip().lower()
+    return re.sub(r"[^\w\- ]", "", words).replace(" ", "-")
+
+
+def test_links_to_headings_lead_to_one(checkout: Path):
+    dead = []
+    for page in pages(checkout):
+        for target, anchor in re.findall(r"\]\(([^)#\s]*\.md)?#([\w-]+)\)", page.read_text("utf8")):
+            text = (page.parent / target if target else page).read_text("utf8")
+            if anchor not in map(slug, re.findall(r"^#+ (.*)$", text, re.MULTILINE)):
+                dead.append(f"{page.name}: {target}#{anchor}")
+    assert dead == []
+
+
+@pytest.mark.slow
+def test_a_command_runs_as_a_module(checkout: Path):
+    found = subprocess.run(
+        [sys.executable, "-m", "desplat_ns.commands.evaluate", "--help"],
+        cwd=checkout,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "--load-config" in found.stdout
