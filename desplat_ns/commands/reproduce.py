@@ -11,6 +11,7 @@ import tyro
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError, print_user_errors_plainly
 from desplat_ns.reproduce.methods import method_of
+from desplat_ns.reproduce.protocols import Smoke
 from desplat_ns.reproduce.tables import TABLES, TableName
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.studies.executors import ExecutorName, executor_of
@@ -71,8 +72,9 @@ class Arguments:
         from desplat_ns.studies.methods import method_config
 
         return Request(
-            *(table, self.data, self.output, methods, self.seeds, executor, self.jobs, self.smoke),
+            *(table, self.data, self.output, methods, self.seeds, executor, self.jobs),
             device=method_config("desplat").machine.device_type,
+            smoke=Smoke() if self.smoke else None,
             is_here=self.executor == "local" or self.ray_address is None,
         )
 

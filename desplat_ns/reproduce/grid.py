@@ -16,6 +16,7 @@ from desplat_ns.files.pages import time_in_words
 from desplat_ns.reproduce.cells import cells_of
 from desplat_ns.reproduce.estimate import check_room, expected_bytes, expected_seconds
 from desplat_ns.reproduce.methods import Method
+from desplat_ns.reproduce.protocols import Smoke
 from desplat_ns.reproduce.records import RUNS, Done, Records, asked_of, texts_of
 from desplat_ns.reproduce.scenes import (
     Content,
@@ -32,7 +33,6 @@ from desplat_ns.studies.methods import method_config
 from desplat_ns.studies.runs import Figures, Record, Run, Variant, log_of
 
 FIRST_SEED = 42
-SMOKE_STEPS = 100
 SMOKE_OPTIONS = ("--pipeline.model.num-downscales", "0")
 """Photos of a smoke run are small enough."""
 
@@ -53,11 +53,17 @@ class Request:
     executor: Executor
     jobs: int
     """Runs beside each other."""
-    is_smoke: bool
     device: str
     """Type of the device on which this machine trains."""
+    smoke: Smoke | None = None
+    """How it is cut short; None: it is not."""
     is_here: bool = True
     """Whether runs are done on this machine."""
+
+    @property
+    def is_smoke(self) -> bool:
+        """Whether it is cut short."""
+        return self.smoke is not None
 
     @property
     def folder(self) -> Path:
@@ -69,14 +75,14 @@ Key = tuple[str, str, int]
 """Scene, method and seed."""
 
 
-def run_of(found: FoundScene, method: Method, seed: int, is_smoke: bool) -> Run:
+def run_of(found: FoundScene, method: Method, seed: int, smoke: Smoke | None = None) -> Run:
     """A cell of the grid as it is trained."""
     protocol = found.protocol
-    options = method.options + SMOKE_OPTIONS * is_smoke
+    options = method.options if smoke is None else method.options + SMOKE_OPTIONS
     if hasattr(method_config(method.method).pipeline, "evaluation"):
         options += ("--pipeline.evaluation.protocol", method.scoring(protocol))
     name = f"{protocol.name}.{found.scene.label}.{method.name}"
-    steps = SMOKE_STEPS if is_smoke else protocol.steps
+    steps = protocol.steps if smoke is None else smoke.steps
     return Run(
         Variant(name, method.what, options, method.method), steps, seed, found.folder, found.parser
     )
@@ -99,7 +105,7 @@ class Grid:
         seeds = range(FIRST_SEED, FIRST_SEED + request.seeds)
         self.seeds = tuple(seeds)
         self.runs: dict[Key, Run] = {
-            (found.scene.name, method.name, seed): run_of(found, method, seed, request.is_smoke)
+            (found.scene.name, method.name, seed): run_of(found, method, seed, request.smoke)
             for seed in seeds
             for found in self.contents
             for method in request.methods
@@ -199,7 +205,7 @@ def open_grid(request: Request) -> Grid:
         raise CaptureError(said)
     if said:
         announce(said, warning=True)
-    contents = checked(found, request.is_smoke)
+    contents = checked(found, request.smoke)
     return Grid(request, contents, records, [scene.name for _, scene in missing])
 
 

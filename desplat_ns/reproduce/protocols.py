@@ -18,6 +18,15 @@ without naming one, which gives AlexNet."""
 
 
 @dataclass(frozen=True)
+class Smoke:
+    """How a run is cut short that tries everything and measures nothing."""
+
+    steps: int = 100
+    side: int = 160
+    """Pixels of the longer side that photos have at most."""
+
+
+@dataclass(frozen=True)
 class Scene:
     """A scene of a data set."""
 

@@ -84,6 +84,7 @@ def conditions_of(results: Results) -> dict[str, Any]:
                 "training photos": content.photos,
                 "test photos": content.held_out,
                 "median size": f"{content.width} x {content.height}",
+                "starts from": f"{content.points} points" if content.points else "random points",
             }
             for found, content in results.contents.items()
         },
