@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # seconds: not before the options are checked
 @dataclass
 class Arguments:
     """Train and score what a table of the paper needs, and write it with the paper's figures
-    beside: as Markdown, CSV, LaTeX and JSON.
+    beside: as Markdown, HTML, CSV, LaTeX and JSON.
 
     What is done already in the output folder is gone on with; tables of the same runs (A7, A8, A9)
     share them there. `desplat-fetch-data` downloads the data sets.
@@ -87,4 +87,4 @@ def main() -> None:
     from desplat_ns.reproduce.grid import reproduce
 
     folder = reproduce(request)
-    announce(f"Written: {folder / 'table.md'}, and .csv, .tex and .json beside it.")
+    announce(f"Written: {folder / 'table.md'}, and .html, .csv, .tex and .json beside it.")

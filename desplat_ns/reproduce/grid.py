@@ -18,6 +18,7 @@ from desplat_ns.reproduce.estimate import check_room, expected_bytes, expected_s
 from desplat_ns.reproduce.methods import Method
 from desplat_ns.reproduce.protocols import Smoke
 from desplat_ns.reproduce.records import RUNS, Done, Records, asked_of, texts_of
+from desplat_ns.reproduce.results import Results
 from desplat_ns.reproduce.scenes import (
     Content,
     FoundScene,
@@ -27,7 +28,7 @@ from desplat_ns.reproduce.scenes import (
     what_is_missing,
 )
 from desplat_ns.reproduce.tables import Table
-from desplat_ns.reproduce.writing import Results, write_table
+from desplat_ns.reproduce.writing import write_table
 from desplat_ns.studies.executors import Executor
 from desplat_ns.studies.methods import method_config
 from desplat_ns.studies.runs import Figures, Record, Run, Variant, log_of

@@ -171,7 +171,8 @@ MIPNERF360 = Protocol(
     STEPS,
     ("desplat", "desplat-paper", "splatfacto"),
     "Seven scenes without distractors, photos of rooms 2 times smaller and those of outdoors 4 "
-    "times (B.1); 30,000 steps (B.3). Every eighth photo tests, as is usual on this data set.",
+    "times (B.1); 30,000 steps (B.3). Every eighth photo tests, as is usual on this data set; "
+    "counted as nerfstudio counts, by COLMAP's numbers.",
     (
         *_scenes("mipnerf360", 4, bicycle="bicycle", garden="garden", stump="stump"),
         *_scenes("mipnerf360", 2, room="room", counter="counter"),

@@ -82,8 +82,8 @@ def write_robustnerf(scene: Scene, home: Path) -> None:
 
 
 def write_on_the_go(scene: Scene, home: Path) -> None:
-    """`images/IMG_NNNN.JPG`, `transforms.json` and `split.json`, as in the archive: no COLMAP model,
-    one photo that no list has, and one without a pose, which does not count in the lists."""
+    """`images/IMG_NNNN.JPG`, `transforms.json` and `split.json`, as in the archive: no COLMAP
+    model, one photo that no list has, and one without a pose, which does not count in the lists."""
     frames, names = _numbered(scene, home)
     posed = [{"file_path": f"./images/{names[f.name]}", **_pose(f)} for f in frames]
     k1, k2, p1, p2 = DISTORTION
@@ -99,7 +99,7 @@ def write_converted_on_the_go(scene: Scene, home: Path) -> None:
     `input`; the lists count the photos of `transforms.json` still."""
     write_on_the_go(scene, home)
     (home / "images").rename(home / "input")
-    frames, names = _numbered(scene, home)
+    _, names = _numbered(scene, home)
     (home / "images" / names["unposed"]).unlink()
     _write_model(scene, scene.clutter, names, home / "sparse" / "0")
 

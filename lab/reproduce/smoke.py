@@ -17,7 +17,6 @@ from pathlib import Path
 
 from desplat_ns.console import announce
 from desplat_ns.files.pages import time_in_words
-from desplat_ns.rendering.metrics import LazyLpips
 from desplat_ns.reproduce.protocols import Smoke
 from desplat_ns.reproduce.tables import TABLES, TableName
 from lab.reproduce.data_sets import write_data_sets
