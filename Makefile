@@ -13,6 +13,7 @@
 #   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
 #   make study   the runs behind docs/separation.md that are missing or stale, and the documents (hours; resumes)
+#   make smoke   every table of the paper end to end on generated scenes, on the CPU (4 minutes of one core)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
 #
@@ -30,6 +31,7 @@ PYTEST_ARGS ?=
 DEMO_ARGS ?=
 BENCH_ARGS ?=
 STUDY_ARGS ?=
+SMOKE_ARGS ?=
 FUZZ_MINUTES ?= 10
 GUISES_ARGS ?=
 PYTHONS_TESTED ?= 3.10 3.11 3.12
@@ -51,12 +53,12 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 # Python keeps what it compiled: else each process that a test starts compiles nerfstudio anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo bench fuzz gpu gpu-build stability study viewer test test-quick test-lab test-guises test-pythons check
+.PHONY: demo bench fuzz gpu gpu-build smoke stability study viewer test test-quick test-lab test-guises test-pythons check
 .PHONY: lint clean distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,23s/^# \{0,1\}//p' Makefile
+	@sed -n '3,24s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -89,6 +91,9 @@ gpu-build: $(STAMP)
 
 study: $(STAMP)
 	$(PY) -m lab.separation $(STUDY_ARGS)
+
+smoke: $(STAMP)
+	CUDA_VISIBLE_DEVICES= OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(PY) -m lab.reproduce.smoke $(SMOKE_ARGS)
 
 # Needs node and npm; what comes has to be what lab/viewer/pins.json says.
 viewer: $(STAMP)

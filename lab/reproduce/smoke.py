@@ -71,7 +71,7 @@ def missing_figures(name: TableName, folder: Path) -> list[str]:
 
 def main() -> int:
     """Entry point; 1 if a figure is missing."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(description="Every table, on generated scenes.")
     parser.add_argument("--folder", type=Path, default=FOLDER)
     parser.add_argument("--tables", nargs="+", choices=TABLES, default=list(TABLES))
     parser.add_argument("--processes", type=int, choices=(1, 2), default=2)
