@@ -4,5 +4,6 @@ where the scenes lie (`scenes`), what it takes (`estimate`), the runs (`grid`, o
 `studies`, kept by `records`), what they say (`cells`, `results`) and how it is written (`writing`).
 `grid.reproduce` is the one function.
 
-May import `studies`, `calibration`, `evaluation`, `settings`, `files`, `console` and `errors`.
+May import `studies`, `calibration`, `evaluation`, `rendering`, `settings`, `files`, `console` and
+`errors`.
 """

@@ -13,6 +13,7 @@ from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.files.lock import only_process_in
 from desplat_ns.files.pages import time_in_words
+from desplat_ns.rendering.metrics import lpips_weights
 from desplat_ns.reproduce.cells import cells_of
 from desplat_ns.reproduce.estimate import check_room, expected_bytes, expected_seconds
 from desplat_ns.reproduce.methods import Method
@@ -82,6 +83,7 @@ def run_of(found: FoundScene, method: Method, seed: int, smoke: Smoke | None = N
     options = method.options if smoke is None else method.options + SMOKE_OPTIONS
     if hasattr(method_config(method.method).pipeline, "evaluation"):
         options += ("--pipeline.evaluation.protocol", method.scoring(protocol))
+        options += ("--pipeline.evaluation.lpips-net", protocol.lpips_net)
     name = f"{protocol.name}.{found.scene.label}.{method.name}"
     steps = protocol.steps if smoke is None else smoke.steps
     return Run(
@@ -231,6 +233,7 @@ def prepare(grid: Grid) -> None:
     if not left:
         return
     _check_disk(grid)
+    _say_weights(grid)
     if request.is_smoke or not request.is_here:
         return
     said = _say_time(grid, left)
@@ -240,6 +243,19 @@ def prepare(grid: Grid) -> None:
             "Add --smoke to try the same with few steps and small photos."
         )
     announce(f"Runs to do: {len(left)}{said}.")
+
+
+def _say_weights(grid: Grid) -> None:
+    """Where LPIPS's weights belong, if they are not there yet: hours later is too late."""
+    if not any(metric.name == "lpips" for metric in grid.request.table.metrics):
+        return
+    for net in dict.fromkeys(found.protocol.lpips_net for found in grid.contents):
+        if not (path := lpips_weights(net)).is_file():
+            announce(
+                f"LPIPS's weights are not at {path}: they are fetched with the first score. Where "
+                "there is no network, copy them there first; else LPIPS is left out.",
+                warning=True,
+            )
 
 
 def _say_time(grid: Grid, left: list[Run]) -> str:

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from desplat_ns.reproduce.cells import Cell
 from desplat_ns.reproduce.methods import Method
 from desplat_ns.reproduce.paper import MEAN, published, rows_of
-from desplat_ns.reproduce.protocols import LPIPS_NET
 from desplat_ns.reproduce.records import Done
 from desplat_ns.reproduce.scenes import Content, FoundScene
 from desplat_ns.reproduce.tables import Metric, Table
@@ -68,7 +67,7 @@ def conditions_of(results: Results) -> dict[str, Any]:
     protocols = {found.protocol.name: found.protocol for found in results.contents}
     return {
         "the paper's protocol": {name: protocol.said for name, protocol in protocols.items()},
-        "the paper's LPIPS net": LPIPS_NET,
+        "the paper's LPIPS net": sorted({one.lpips_net for one in protocols.values()}),
         "LPIPS net": said("lpips_net"),
         "no LPIPS because": said("lpips_reason"),
         "scored": said("protocol"),

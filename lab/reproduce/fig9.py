@@ -49,8 +49,8 @@ def table_of(steps: int) -> Table:
         folder="",
         steps=steps,
         methods=tuple(method.name for method in METHODS_COMPARED),
-        said="None: these photos are not the paper's. 40 viewpoints of NVIDIA's fox with distractors "
-        "pasted in; the 10 clean photos `extra` are scored, whole.",
+        said="None: these photos are not the paper's. 40 viewpoints of NVIDIA's fox with "
+        "distractors pasted in; the 10 clean photos `extra` are scored, whole.",
         scenes=scenes,
     )
     note = "Fig. 9 left asks how much a method loses as more of its photos are cluttered."
