@@ -13,7 +13,7 @@ from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.files.lock import only_process_in
 from desplat_ns.files.pages import time_in_words
-from desplat_ns.rendering.metrics import lpips_weights
+from desplat_ns.rendering.metrics import LpipsNet, lpips_weights
 from desplat_ns.reproduce.cells import cells_of
 from desplat_ns.reproduce.estimate import check_room, expected_bytes, expected_seconds
 from desplat_ns.reproduce.methods import Method
@@ -249,7 +249,8 @@ def _say_weights(grid: Grid) -> None:
     """Where LPIPS's weights belong, if they are not there yet: hours later is too late."""
     if not any(metric.name == "lpips" for metric in grid.request.table.metrics):
         return
-    for net in dict.fromkeys(found.protocol.lpips_net for found in grid.contents):
+    nets: set[LpipsNet] = {found.protocol.lpips_net for found in grid.contents}
+    for net in sorted(nets):
         if not (path := lpips_weights(net)).is_file():
             announce(
                 f"LPIPS's weights are not at {path}: they are fetched with the first score. Where "
