@@ -39,7 +39,7 @@ def table_of(steps: int) -> Table:
     """The table: one column for each share."""
     options = "--train-split-clean-clutter-ratio"
     scenes = tuple(
-        Scene(f"{100 * ratio:.0f}%", "fox_cluttered", 1, "", (options, str(ratio)), f"fox-{ratio}")
+        Scene(f"{100 * ratio:.0f}%", "fox_cluttered", 2, "", (options, str(ratio)), f"fox-{ratio}")
         for ratio in RATIOS
     )
     protocol = replace(
