@@ -58,6 +58,18 @@ class PageCamera:
 
 
 @dataclass(frozen=True)
+class Light:
+    """A light in which the scene can be shown."""
+
+    name: str
+    """In words: "the light of a.jpg"."""
+    background: tuple[float, float, float]
+    """Colour behind everything, in [0, 1]."""
+    harmonics: Float[np.ndarray, "N K 3"]
+    """Of the scene's Gaussians, as `SplatCloud.harmonics`."""
+
+
+@dataclass(frozen=True)
 class Contents:
     """All that is on a page."""
 
@@ -71,9 +83,11 @@ class Contents:
     background: tuple[float, float, float]
     """Colour behind everything, in [0, 1]."""
     light: str
-    """Whose light is shown, in words; empty where all photos have the same."""
+    """Whose light is shown, as `Light.name`; empty where all photos have the same."""
     cameras: Sequence[PageCamera]
     pictures: Sequence[tuple[str, Rgb]]
     """Renderings with their names, for browsers that cannot draw the scene."""
+    other_lights: Sequence[Light] = ()
+    """To choose from beside it, the most telling one first."""
     not_shown: str = ""
     """In words, which photos are not on the page."""

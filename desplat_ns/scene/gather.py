@@ -33,6 +33,7 @@ from desplat_ns.rendering.near_plane import scene_start
 from desplat_ns.rendering.views import is_distorted
 from desplat_ns.runs.loading import LoadedRun, even_subset
 from desplat_ns.scene.contents import Contents, PageCamera, Rgb
+from desplat_ns.scene.lights import mean_background, other_lights
 
 PICTURES = 6
 """Renderings for browsers that cannot draw the scene."""
@@ -62,7 +63,7 @@ def gather(
     """
     pipeline = run.pipeline
     model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
-    cloud = static_cloud(pipeline, crop, light)
+    cloud, rows = static_cloud(pipeline, crop, light)
     training = even_subset(len(manager.train_image_names), most_training)
     held_out = even_subset(len(manager.eval_dataset), most_held_out)
     with (
@@ -80,16 +81,18 @@ def gather(
                 "--training-photos 50."
             )
         pictures = _pictures(model, cameras)
-        background = model.background_of(cameras[0].view, model.embedding_of(None))
+        background = mean_background(model, cameras[0].view, model.embedding_of(None))
+        lights = other_lights(model, rows, cameras[0].view)
     return Contents(
         title=str(run.config.experiment_name),
         date=date.fromtimestamp(run.checkpoint.stat().st_mtime).isoformat(),
         cloud=cloud,
         weigh=lambda one: _weights(pipeline, one),
-        background=tuple(background.reshape(-1, 3).mean(dim=0).clamp(0, 1).tolist()),
+        background=background,
         light=_light_in_words(model, light),
         cameras=cameras,
         pictures=pictures,
+        other_lights=lights,
         not_shown=_not_shown(pipeline, len(training), len(held_out)),
     )
 
@@ -183,7 +186,7 @@ def _light_in_words(model: DeSplatModel, light: str | None) -> str:
     if effects is None or effects.appearance is None:
         return ""
     chosen = light or os.environ.get(VARIABLE)
-    return f"in the light of {chosen}" if chosen else "in the average light of the photos"
+    return f"the light of {chosen}" if chosen else "the average light of the photos"
 
 
 def _not_shown(pipeline: DeSplatPipeline, training: int, held_out: int) -> str:
