@@ -17,6 +17,9 @@ from desplat_ns.export.coordinates import Similarity
 from desplat_ns.export.formats import Y_UP
 from desplat_ns.export.splat_cloud import SplatCloud
 
+AVERAGE = "the photos' average"
+"""Whose light is shown where none was chosen."""
+
 Rgb = UInt8[np.ndarray, "_ _ 3"]
 
 TO_PAGE = Similarity(np.asarray(Y_UP, np.float64), 1.0, np.zeros(3))
@@ -62,7 +65,7 @@ class Light:
     """A light in which the scene can be shown."""
 
     name: str
-    """In words: "the light of a.jpg"."""
+    """Whose: a photo's."""
     background: tuple[float, float, float]
     """Colour behind everything, in [0, 1]."""
     harmonics: Float[np.ndarray, "N K 3"]
@@ -83,7 +86,7 @@ class Contents:
     background: tuple[float, float, float]
     """Colour behind everything, in [0, 1]."""
     light: str
-    """Whose light is shown, as `Light.name`; empty where all photos have the same."""
+    """Whose light is shown: a photo, a mix, or `AVERAGE`; empty where all photos have the same."""
     cameras: Sequence[PageCamera]
     pictures: Sequence[tuple[str, Rgb]]
     """Renderings with their names, for browsers that cannot draw the scene."""

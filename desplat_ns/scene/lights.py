@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 
 import torch
@@ -13,8 +14,9 @@ from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.export.baked import harmonics_of
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.lit_splats import as_harmonics
+from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.runs.loading import even_subset
-from desplat_ns.scene.contents import Light
+from desplat_ns.scene.contents import AVERAGE, Light
 
 MORE = 3
 """Lights beside the one that is shown first."""
@@ -22,6 +24,18 @@ MORE = 3
 MOST_PHOTOS, MOST_GAUSSIANS = 300, 500
 """Photos among which lights are chosen, and Gaussians by whose colours they are compared; of more,
 as many evenly chosen."""
+
+
+def light_of(model: DeSplatModel, light: str | None) -> str:
+    """Whose light a page shows; empty where all photos have the same.
+
+    Of cameras' exposures (`camera`) it is always the average: they are no colours of Gaussians.
+    """
+    if not model.effects.image_light:
+        return ""
+    if model.effects.appearance == "camera":
+        return AVERAGE
+    return light or os.environ.get(VARIABLE) or AVERAGE
 
 
 def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
@@ -80,8 +94,7 @@ def _baked(model: DeSplatModel, rows: Tensor, view: View, photos: Sequence[int])
         embedding = model.image_effects.of(photo)
         with model.shown_in(embedding):
             harmonics = harmonics_of(model.shown_splats(rows))
-        name = f"the light of {model.names[photo]}"
-        yield Light(name, mean_background(model, view, embedding), harmonics)
+        yield Light(model.names[photo], mean_background(model, view, embedding), harmonics)
 
 
 def mean_background(

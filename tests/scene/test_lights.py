@@ -7,7 +7,8 @@ import torch
 from desplat_ns.backend.protocol import View
 from desplat_ns.export.baked import baked
 from desplat_ns.rendering.views import view_of
-from desplat_ns.scene.lights import other_lights, standing_for_all
+from desplat_ns.scene.contents import AVERAGE
+from desplat_ns.scene.lights import light_of, other_lights, standing_for_all
 from tests.helpers.lit_model import held_out, model_with, moved
 
 
@@ -46,7 +47,7 @@ def test_each_light_has_the_colours_that_are_baked_for_its_photo(appearance: str
     found = other_lights(model, rows, view)
     assert 1 <= len(found) <= 3 and len({one.name for one in found}) == len(found)
     for one in found:
-        photo = model.names.index(one.name.removeprefix("the light of "))
+        photo = model.names.index(one.name)
         assert model.image_effects is not None
         with model.shown_in(model.image_effects.of(photo)):
             whole = baked(model.shown_splats().rows(rows), antialiased=False)
@@ -59,3 +60,19 @@ def test_each_light_has_the_colours_that_are_baked_for_its_photo(appearance: str
 def test_there_is_nothing_to_choose_where_all_photos_have_the_same_light(view: View):
     model = model_with("off", "constant").eval()
     assert other_lights(model, torch.ones(model.num_points, dtype=torch.bool), view) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("appearance", "asked", "told"),
+    [
+        ("off", None, ""),
+        ("camera", None, AVERAGE),
+        ("affine", None, AVERAGE),
+        ("sh", "a.jpg", "a.jpg"),
+    ],
+)
+def test_a_page_tells_whose_light_it_shows_where_photos_differ(
+    appearance: str, asked: str | None, told: str
+):
+    assert light_of(model_with(appearance).eval(), asked) == told

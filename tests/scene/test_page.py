@@ -74,7 +74,7 @@ def test_nothing_is_asked_from_elsewhere():
 
 
 def test_names_with_markup_in_them_do_no_harm():
-    plain = contents(light="the light of a.png", other_lights=[light("the light of b.png")])
+    plain = contents(light="a.png", other_lights=[light("b.png")])
     nasty = contents(
         title=NASTY,
         light=NASTY,
@@ -93,11 +93,11 @@ def test_names_with_markup_in_them_do_no_harm():
 
 def test_other_lights_are_what_is_to_be_added_to_the_first_ones_colours():
     """All bytes of the file in that light, rounded as it would be, and no bytes beside."""
-    one = contents(light="the light of a.png", other_lights=[light("the light of b.png", 0.3)])
+    one = contents(light="a.png", other_lights=[light("b.png", 0.3)])
     data = json.loads(Parts(html_of(one, MOST)[0]).text_of("data"))
     first, other = data["lights"]
-    assert (first["name"], first["change"]) == ("the light of a.png", "")
-    assert (other["name"], other["background"]) == ("the light of b.png", [0.1, 0.2, 0.7])
+    assert (first["name"], first["change"]) == ("a.png", "")
+    assert (other["name"], other["background"]) == ("b.png", [0.1, 0.2, 0.7])
     lit = replace(one.cloud, harmonics=one.other_lights[0].harmonics)
     before, after = (color_bytes(moved(cloud, TO_PAGE)) for cloud in (one.cloud, lit))
     change = np.frombuffer(gzip.decompress(base64.b64decode(other["change"])), np.uint8)

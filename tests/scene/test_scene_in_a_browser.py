@@ -66,8 +66,8 @@ def test_at_a_photos_camera_it_shows_what_we_render(stage: Page, index: int):
 
 
 def test_another_light_is_shown_where_it_is_chosen_and_the_first_one_again(tmp_path: Path):
-    other = light("the light of b.png")
-    one = contents(light="the light of a.png", other_lights=[other])
+    other = light("b.png")
+    one = contents(light="a.png", other_lights=[other])
     view = one.cameras[1].view
     ours = drawn(one.cloud, view)
     lit = drawn(replace(one.cloud, harmonics=other.harmonics), view, other.background)

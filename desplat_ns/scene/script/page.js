@@ -148,7 +148,7 @@ export class ScenePage {
     this.lit = mesh;
     this.still.scene.add(mesh);
     this.renderer.setClearColor(new this.V.Color().setRGB(...background, "srgb"));
-    if ($("lit")) $("lit").textContent = `in ${name}`;
+    if ($("lit")) $("lit").textContent = `in the light of ${name}`;
     this.redraw();
   }
 
