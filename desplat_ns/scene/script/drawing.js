@@ -1,5 +1,6 @@
 // How Gaussians are drawn: as in training, by Spark.
 // @ts-check
+import { inflated, layoutOf } from "./files.js";
 
 /** Standard deviations at which a Gaussian of full opacity falls below 1/255. */
 const REACH_SIGMAS = Math.sqrt(2 * Math.log(255));
@@ -60,5 +61,26 @@ export function newLayer(V, renderer, antialiased, onDirty) {
 export async function newSplats(V, spz) {
   const mesh = new V.SplatMesh({ fileBytes: spz, fileType: "spz", extSplats: true });
   await mesh.initialized;
+  mendHarmonics(mesh.extSplats.extra, await inflated(spz));
   return mesh;
+}
+
+/** Write harmonics anew as Spark keeps them: in a word for each coefficient, three magnitudes in
+ * 255ths of a power of two, then three signs and the exponent (plus 15). Spark 2.2.0 takes the power
+ * below the largest of the three, where it cuts off: up to a half is lost. This takes the one above.
+ * @param {Record<string, Uint32Array>} words four for each Gaussian in each array
+ * @param {Uint8Array} spz unpacked, where a byte is 128 and 128ths of a coefficient */
+export function mendHarmonics(words, spz) {
+  const { count, harmonics } = layoutOf(spz), each = (spz.length - harmonics) / (3 * count);
+  const arrays = ["sh1", "sh2", "sh3a", "sh3b"].map(name => words[name]);
+  for (let i = 0, at = harmonics; i < count; i++)
+    for (let k = 0; k < each; k++, at += 3) {
+      const [r, g, b] = [spz[at] - 128, spz[at + 1] - 128, spz[at + 2] - 128];
+      const most = Math.max(Math.abs(r), Math.abs(g), Math.abs(b), 1);
+      const bits = 32 - Math.clz32(most - 1), scale = 255 / 2 ** bits; // most <= 2^bits
+      const size = value => Math.round(Math.abs(value) * scale);
+      const signs = (r < 0 ? 1 : 0) | (g < 0 ? 2 : 0) | (b < 0 ? 4 : 0);
+      arrays[k >> 2][4 * i + (k & 3)] = size(r) | size(g) << 8 | size(b) << 16
+        | signs << 24 | (bits - 7 + 15) << 27;
+    }
 }

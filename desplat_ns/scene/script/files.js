@@ -27,13 +27,20 @@ async function through(stream, bytes) {
 const HEADER = 16, COUNT_AT = 8;
 const BEFORE_COLOURS = 10, COLOURS = 3, BEFORE_HARMONICS = 7; // bytes of each Gaussian
 
+/** Where in an SPZ colours and harmonics begin, and of how many Gaussians.
+ * @param {Uint8Array} spz unpacked */
+export function layoutOf(spz) {
+  const count = new DataView(spz.buffer).getUint32(COUNT_AT, true);
+  const colours = HEADER + BEFORE_COLOURS * count;
+  return { count, colours, harmonics: colours + (COLOURS + BEFORE_HARMONICS) * count };
+}
+
 /** A scene in another light.
  * @param {Uint8Array} scene an SPZ, unpacked
  * @param {Uint8Array} change what is to be added to its colours, then its harmonics, modulo 256 */
 export function relit(scene, change) {
-  const lit = scene.slice(), count = new DataView(lit.buffer).getUint32(COUNT_AT, true);
-  const colours = HEADER + BEFORE_COLOURS * count, after = COLOURS * count;
-  const harmonics = colours + after + BEFORE_HARMONICS * count;
+  const lit = scene.slice(), { count, colours, harmonics } = layoutOf(scene);
+  const after = COLOURS * count;
   for (let i = 0; i < change.length; i++)
     lit[i < after ? colours + i : harmonics + i - after] += change[i]; // bytes wrap around
   return lit;
