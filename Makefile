@@ -14,6 +14,7 @@
 #   make docs    the site of docs/ into outputs/site; a broken link or a missing picture is an error
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
 #   make study   the runs behind docs/results/separation.md that are missing or stale, and the documents (hours; resumes)
+#   make smoke   every table of the paper end to end on generated scenes, on the CPU (4 minutes of one core)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
 #
@@ -31,6 +32,7 @@ PYTEST_ARGS ?=
 DEMO_ARGS ?=
 BENCH_ARGS ?=
 STUDY_ARGS ?=
+SMOKE_ARGS ?=
 FUZZ_MINUTES ?= 10
 GUISES_ARGS ?=
 PYTHONS_TESTED ?= 3.10 3.11 3.12
@@ -53,7 +55,7 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 # Python keeps what it compiled: else each process that a test starts compiles nerfstudio anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo bench docs fuzz gpu gpu-build stability study viewer test test-quick test-lab test-guises test-pythons check
+.PHONY: demo bench docs fuzz gpu gpu-build smoke stability study viewer test test-quick test-lab test-guises test-pythons check
 .PHONY: lint clean distclean env help
 .DEFAULT_GOAL := help
 
@@ -95,6 +97,9 @@ study: $(STAMP)
 docs: $(DOCS_STAMP)
 	$(PY) -m sphinx -W --keep-going -q -b html docs outputs/site
 	@echo "==> outputs/site/index.html"
+
+smoke: $(STAMP)
+	CUDA_VISIBLE_DEVICES= OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(PY) -m lab.reproduce.smoke $(SMOKE_ARGS)
 
 # Needs node and npm; what comes has to be what lab/viewer/pins.json says.
 viewer: $(STAMP)

@@ -240,9 +240,13 @@ class LitModel(SplatfactoModel):
         return self.image_effects.apply_appearance(splats, params[FEATURES], embedding)
 
     @torch.no_grad()
-    def shown_splats(self) -> Splats:
-        """The static Gaussians in the light that is shown: what a file can hold of them."""
-        return self._splats(self.gauss_params, self.embedding_of(None))
+    def shown_splats(self, rows: Tensor | None = None) -> Splats:
+        """The static Gaussians in the light that is shown: what a file can hold of them; those of
+        the given rows only, by number or mask, where there are some."""
+        params: RawParameters = self.gauss_params
+        if rows is not None:
+            params = {name: value[rows] for name, value in params.items()}
+        return self._splats(params, self.embedding_of(None))
 
     def baked_coefficients(self) -> Tensor:
         """SH coefficients [N, K, 3] in the light that is shown."""

@@ -110,7 +110,7 @@ def regions_by_cell(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_tensor_made_on_the_cpu_is_noticed():
     with pytest.raises(FakeTensorDeviceMismatchError):
-        distractor_weight(cuda(HEIGHT, WIDTH, 1), torch.zeros(HEIGHT, WIDTH, dtype=torch.bool))
+        distractor_weight(cuda(HEIGHT, WIDTH, 1), torch.zeros(HEIGHT, WIDTH, 1))
 
 
 @pytest.mark.usefixtures("regions_by_cell")
@@ -232,7 +232,7 @@ def test_layers_and_losses_stay_on_the_gpu():
     owned = distractor_weight(alpha_d)
     losses = [
         distractor_opacity_loss(alpha_d),
-        distractor_opacity_loss(alpha_d, owned > 0.5),
+        distractor_opacity_loss(alpha_d, owned),
         static_transparency_loss(alpha_s),
         mean_shown_opacity(cuda(N, 1), static.visible),
         photometric_loss(outputs["rgb"], photo, 0.2, owned),

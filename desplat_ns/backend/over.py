@@ -23,7 +23,10 @@ def _kernels() -> ModuleType | None:
 
 
 def over(
-    top: Float[Tensor, "H W C"], alpha: Float[Tensor, "H W 1"], below: Float[Tensor, "*below C"]
+    top: Float[Tensor, "H W C"],
+    alpha: Float[Tensor, "H W 1"],
+    below: Float[Tensor, "*below C"],
+    cut: bool = False,
 ) -> Float[Tensor, "H W C"]:
     """top + (1 - alpha) below: a layer that is weighted by its alpha already, over one colour [C]
     or an image [H, W, C].
@@ -31,11 +34,15 @@ def over(
     Float32 RGB on the CPU takes the compiled kernels, to the same bits; of gradients only the sum
     over the colours may be rounded otherwise.
 
+    Args:
+        cut: whether the colours are `in_range`.
+
     Source: alpha blending.
     """
     if _is_fast(top, alpha, below):
-        return _Over.apply(top, alpha, below)  # type: ignore[no-any-return]
-    return top + (1 - alpha) * below
+        return _Over.apply(top, alpha, below, cut)  # type: ignore[no-any-return]
+    image = top + (1 - alpha) * below
+    return in_range(image) if cut else image
 
 
 def in_range(image: Float[Tensor, "H W C"]) -> Float[Tensor, "H W C"]:
@@ -56,32 +63,35 @@ def _are_compiled_for(*tensors: Tensor) -> bool:
     return is_cpu and _kernels() is not None
 
 
-def _launch(kernel: str, *values: Tensor) -> None:
-    """Call one of the kernels with flat arrays; those that it writes into are contiguous."""
+def _launch(kernel: str, *values: Tensor | bool) -> None:
+    """Call one of the kernels, with flat arrays; those that it writes into are contiguous."""
     from desplat_ns.backend.numba_kernels.runtime import flat, launching, new_counter, num_workers
 
+    arrays = (flat(value) if isinstance(value, Tensor) else value for value in values)
     with launching():
-        getattr(_kernels(), kernel)(*map(flat, values), new_counter(), num_workers())
+        getattr(_kernels(), kernel)(*arrays, new_counter(), num_workers())
 
 
 class _Over(torch.autograd.Function):
     """See `numba_kernels/over.py`."""
 
     @staticmethod
-    def forward(ctx, top, alpha, below):  # type: ignore[override]
+    def forward(ctx, top, alpha, below, cut):  # type: ignore[override]
         out = torch.empty(top.shape)
-        _launch("put_over", top, alpha, below, out)
-        ctx.save_for_backward(alpha, below)
+        _launch("put_over", top, alpha, below, out, cut)
+        ctx.save_for_backward(top if cut else out.new_empty(0), alpha, below)
+        ctx.cut = cut
         return out
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad):  # type: ignore[override]
-        alpha, below = ctx.saved_tensors
-        by_alpha = torch.empty(alpha.shape)
+        top, alpha, below = ctx.saved_tensors
+        by_top, by_alpha = torch.empty(top.shape), torch.empty(alpha.shape)
         by_below = torch.empty(below.shape if ctx.needs_input_grad[2] else 0)
-        _launch("pull_under", grad, alpha, below, by_alpha, by_below)
-        return grad, by_alpha, by_below if ctx.needs_input_grad[2] else None
+        _launch("pull_under", grad, top, alpha, below, by_top, by_alpha, by_below)
+        by_below = by_below if ctx.needs_input_grad[2] else None
+        return by_top if ctx.cut else grad, by_alpha, by_below, None
 
 
 class _InRange(torch.autograd.Function):

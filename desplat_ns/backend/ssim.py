@@ -123,10 +123,12 @@ class _Sums:
 
     def blocks_of(self, owned: Float[Tensor, "H W 1"]) -> np.ndarray:
         """Blocks of pixels [down, across] in which anything is owned."""
-        down, across = (np.arange(count) for count in self.difference.shape)
-        pixels = self.kernels.COLUMNS // self.kernels.CHANNELS
-        rows = np.maximum.reduceat(owned[..., 0].numpy(), down * self.kernels.ROWS, axis=0)
-        return (np.maximum.reduceat(rows, across * pixels, axis=1) > 0).astype(np.uint8)
+        pixels, height = owned[..., 0].numpy(), self.kernels.ROWS
+        rows = [pixels[row : row + height].max(axis=0) for row in range(0, len(pixels), height)]
+        columns = np.arange(self.difference.shape[1]) * (
+            self.kernels.COLUMNS // self.kernels.CHANNELS
+        )
+        return (np.maximum.reduceat(np.stack(rows), columns, axis=1) > 0).astype(np.uint8)
 
     def differentiate(
         self, image: Tensor, photo: Tensor, owned: Tensor | None, wanted: np.ndarray | None = None

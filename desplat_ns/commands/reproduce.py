@@ -11,6 +11,7 @@ import tyro
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError, print_user_errors_plainly
 from desplat_ns.reproduce.methods import method_of
+from desplat_ns.reproduce.protocols import Smoke
 from desplat_ns.reproduce.tables import TABLES, TableName
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.studies.executors import ExecutorName, executor_of
@@ -22,7 +23,7 @@ if TYPE_CHECKING:  # seconds: not before the options are checked
 @dataclass
 class Arguments:
     """Train and score what a table of the paper needs, and write it with the paper's figures
-    beside: as Markdown, CSV, LaTeX and JSON.
+    beside: as Markdown, HTML, CSV, LaTeX and JSON.
 
     What is done already in the output folder is gone on with; tables of the same runs (A7, A8, A9)
     share them there. `desplat-fetch-data` downloads the data sets.
@@ -71,8 +72,9 @@ class Arguments:
         from desplat_ns.studies.methods import method_config
 
         return Request(
-            *(table, self.data, self.output, methods, self.seeds, executor, self.jobs, self.smoke),
+            *(table, self.data, self.output, methods, self.seeds, executor, self.jobs),
             device=method_config("desplat").machine.device_type,
+            smoke=Smoke() if self.smoke else None,
             is_here=self.executor == "local" or self.ray_address is None,
         )
 
@@ -85,7 +87,7 @@ def main() -> None:
     from desplat_ns.reproduce.grid import reproduce
 
     folder = reproduce(request)
-    announce(f"Written: {folder / 'table.md'}, and .csv, .tex and .json beside it.")
+    announce(f"Written: {folder / 'table.md'}, and .html, .csv, .tex and .json beside it.")
 
 
 if __name__ == "__main__":

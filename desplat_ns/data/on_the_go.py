@@ -3,6 +3,8 @@
 `split.json` has the lists `clutter` (photos with distractors), `extra` (held out) and, in some
 scenes, `clean`. Their entries are positions, from 0, among the photos of transforms.json in the
 order of their file names. Source: the published dataset of NeRF On-the-go, Ren et al., CVPR 2024.
+Its undistorted copy by the authors of WildGaussians has train_list.txt and test_list.txt instead,
+with file names.
 """
 
 from __future__ import annotations
@@ -27,6 +29,9 @@ from desplat_ns.errors import CaptureError
 
 SPLIT_FILE = "split.json"
 TRANSFORMS_FILE = "transforms.json"
+
+LISTS = {"clutter": "train_list.txt", "extra": "test_list.txt"}
+"""What stands in for the lists of split.json in the undistorted copy."""
 
 _BOTH_READ = (
     *("data", "scale_factor", "downscale_factor", "scene_scale", "orientation_method"),
@@ -56,44 +61,44 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
         Raises:
             CaptureError: a split.json that does not fit, or no photo for this split.
         """
-        wanted = self._wanted(split)
+        path, wanted = self._listed(split)
         picked = [i for i, name in enumerate(names) if PurePosixPath(name).name in wanted]
         missing = wanted - {PurePosixPath(names[i]).name for i in picked}
         if not picked:
             raise CaptureError(
-                f"None of the {len(wanted)} {split} photos that {self._split_file} lists has a "
+                f"None of the {len(wanted)} {split} photos that {path} lists has a "
                 f"pose: {list_names(sorted(wanted))}. The capture has {list_names(names)}."
             )
         if missing:
             announce(
-                f"{len(missing)} of {len(wanted)} {split} photos in {self._split_file} have no "
+                f"{len(missing)} of {len(wanted)} {split} photos in {path} have no "
                 f"pose and are left out: {list_names(sorted(missing))}.",
                 warning=True,
             )
         return picked
 
-    @property
-    def _split_file(self) -> Path:
-        return self.config.data / SPLIT_FILE
-
-    def _wanted(self, split: str) -> set[str]:
-        """File names of the photos in a split."""
+    def _listed(self, split: str) -> tuple[Path, set[str]]:
+        """The file that lists the photos of a split, and their file names."""
         data, kind = self.config.data, self.config.train_on if split == "train" else "extra"
+        path, listing = data / SPLIT_FILE, data / LISTS.get(kind, SPLIT_FILE)
+        if listing.is_file() and not path.is_file():
+            lines = (line.strip() for line in listing.read_text("utf8").splitlines())
+            return listing, {line for line in lines if line}
         ordered = ordered_names(data, self.config.images_path)
-        positions = read_split(self._split_file).get(kind, [])
+        positions = read_split(path).get(kind, [])
         beyond = [i for i in positions if not 0 <= i < len(ordered)]
         if beyond:
             raise CaptureError(
-                f"{self._split_file} lists photo {beyond[0]} as `{kind}`; positions go from 0 to "
+                f"{path} lists photo {beyond[0]} as `{kind}`; positions go from 0 to "
                 f"{len(ordered) - 1}, as there are {len(ordered)} photos. Take the split.json that "
                 "belongs to this scene."
             )
         if not positions:
             raise CaptureError(
-                f"{self._split_file} lists no photo as `{kind}`. It needs `clutter` or `clean` "
+                f"{path} lists no photo as `{kind}`. It needs `clutter` or `clean` "
                 "photos to train on (--train-on) and `extra` photos to hold out."
             )
-        return {ordered[i] for i in positions}
+        return path, {ordered[i] for i in positions}
 
     def _generate_dataparser_outputs(self, split: str = "train", **kwargs: Any):
         config = self.config

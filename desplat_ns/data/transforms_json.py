@@ -11,7 +11,12 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import Nerfstudio
 from torch import Tensor
 
 from desplat_ns.console import announce
-from desplat_ns.data.checks import check_cameras, how_to_get_poses, without_infinite_points
+from desplat_ns.data.checks import (
+    check_cameras,
+    check_files,
+    how_to_get_poses,
+    without_infinite_points,
+)
 from desplat_ns.data.colmap_model import find_models, read_reconstruction
 from desplat_ns.data.poses import points_metadata
 from desplat_ns.errors import CaptureError
@@ -38,6 +43,8 @@ class PromptFreeNerfstudio(Nerfstudio):
             outputs = super()._generate_dataparser_outputs(split)
         except _UPSTREAM_ERRORS as error:
             raise CaptureError(self._explain(error)) from error
+        where = f"`file_path` in {self._transforms()}"
+        check_files(outputs.image_filenames, self._folder(), "photos", where)
         names = [path.name for path in outputs.image_filenames]
         check_cameras(outputs.cameras, names, self._transforms())
         if self.config.load_3D_points:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from desplat_ns.errors import ConfigError
+from desplat_ns.rendering.metrics import LPIPS_NET, LpipsNet
 from desplat_ns.settings.options import check_ranges, ranged
 
 ProtocolName = Literal["auto", "half", "full", "right"]
@@ -25,6 +26,9 @@ class EvaluationConfig:
     closed form; there, steps and rate mean nothing."""
     learning_rate: float = ranged(0.01, "(0, inf)")
     """Of the embedding. B.3."""
+    lpips_net: LpipsNet = LPIPS_NET
+    """Network of LPIPS. alex (AlexNet): as nerfstudio and the paper; vgg (VGG16): as 3DGS and what
+    is built on it. Figures of one say nothing about those of the other."""
 
 
 def chosen_protocol(config: EvaluationConfig, image_light: bool) -> ProtocolName:

@@ -23,7 +23,6 @@ from desplat_ns.evaluation.records import (
 )
 from desplat_ns.evaluation.scorer import Scorer
 from desplat_ns.model import DeSplatModel
-from desplat_ns.rendering.metrics import LPIPS_NET
 
 Image = tuple[Cameras, dict[str, Any]]
 """A camera and its photo, as nerfstudio's datamanager gives them."""
@@ -66,6 +65,7 @@ def evaluate(
         DeSplatError: a figure of an image is not a finite number.
     """
     scorer = scorer_of(model, config)
+    model.lpips.use(config.lpips_net)
     if images:  # compilation and caches are no part of the time per image
         model.get_outputs_for_camera(images[0][0])
     scored = _score(scorer, images, names, show)
@@ -76,7 +76,7 @@ def evaluate(
         results |= score_masks(model.get_outputs_for_camera, masks)
     results["backend"], results["device"] = model.rasterizer.name, str(model.device)
     results["versions"], reason = versions(), model.lpips.reason
-    results |= {"lpips_net": LPIPS_NET} if reason is None else {"lpips_reason": reason}
+    results |= {"lpips_net": model.lpips.net} if reason is None else {"lpips_reason": reason}
     results["protocol"], results["images"] = scorer.describe(), per_image(scored)
     return results
 

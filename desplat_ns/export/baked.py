@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
 import torch
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.constants import ALPHA_CUTOFF
@@ -13,12 +15,14 @@ from desplat_ns.photo_tourism.lit_splats import as_harmonics
 from desplat_ns.training.culled import culled_always
 
 
-def baked(splats: Splats, antialiased: bool) -> SplatCloud:
-    """Gaussians of a model as a file holds them.
+def shown_anywhere(splats: Splats) -> Bool[Tensor, " N"]:
+    """Which Gaussians some view may show: none that a backend culls always, and none that is
+    fainter than a pixel's cut-off everywhere."""
+    return ~culled_always(splats) & (splats.opacities >= ALPHA_CUTOFF)
 
-    Left out is what no view shows: what a backend culls always, and what is fainter than a pixel's
-    cut-off everywhere. Coefficients that are not evaluated yet are left out, too, and those above
-    degree `MAX_DEGREE`.
+
+def baked(splats: Splats, antialiased: bool) -> SplatCloud:
+    """Gaussians of a model as a file holds them, those that are `shown_anywhere`.
 
     Args:
         splats: activated, with the colours of one light.
@@ -27,25 +31,32 @@ def baked(splats: Splats, antialiased: bool) -> SplatCloud:
     Raises:
         ConfigError: nothing is left.
     """
-    splats = as_harmonics(splats)
-    assert splats.sh_degree is not None
-    shown = ~culled_always(splats) & (splats.opacities >= ALPHA_CUTOFF)
+    shown = shown_anywhere(splats)
     if not shown.any():
         raise ConfigError(
             f"Of {len(shown)} static Gaussians no view shows any: there is nothing to export. "
             "Train longer, or take an earlier checkpoint."
         )
-    bases = (min(splats.sh_degree, MAX_DEGREE) + 1) ** 2
+    splats = splats.rows(shown)
     quats = torch.nn.functional.normalize(splats.quats, dim=-1)
 
     def array(values: Tensor):
-        return values[shown].detach().cpu().numpy()
+        return values.detach().cpu().numpy()
 
     return SplatCloud(
         means=array(splats.means.double()),
         quats=array(quats),
         scales=array(splats.scales),
         opacities=array(splats.opacities),
-        harmonics=array(splats.colors[:, :bases]),
+        harmonics=harmonics_of(splats),
         antialiased=antialiased,
     )
+
+
+def harmonics_of(splats: Splats) -> Float[np.ndarray, "N K 3"]:
+    """Coefficients as a file holds them: without those that are not evaluated yet, and those above
+    degree `MAX_DEGREE`."""
+    splats = as_harmonics(splats)
+    assert splats.sh_degree is not None
+    bases = (min(splats.sh_degree, MAX_DEGREE) + 1) ** 2
+    return splats.colors[:, :bases].detach().cpu().numpy()

@@ -8,12 +8,13 @@ from typing import Any, cast
 
 import numpy as np
 import torch
+from jaxtyping import Bool
 from torch import Tensor
 
 from desplat_ns.console import announce, progress_over
 from desplat_ns.data.images import write_image
 from desplat_ns.errors import ConfigError
-from desplat_ns.export.baked import baked
+from desplat_ns.export.baked import baked, shown_anywhere
 from desplat_ns.export.coordinates import moved, similarity_to
 from desplat_ns.export.formats import Frame, Naming, format_of
 from desplat_ns.export.masks import dilated, distractor_mask
@@ -51,7 +52,7 @@ def export_splats(
     kind = format_of(output)
     pipeline = load_run(files).pipeline
     model = cast(DeSplatModel, pipeline.model)
-    cloud = static_cloud(pipeline, crop, light)
+    cloud, _ = static_cloud(pipeline, crop, light)
     outputs = pipeline.datamanager.train_dataparser_outputs
     transform = outputs.dataparser_transform.numpy()
     to_file = similarity_to(frame, transform, outputs.dataparser_scale, kind.upright_axes)
@@ -70,9 +71,9 @@ def export_splats(
 
 def static_cloud(
     pipeline: DeSplatPipeline, crop: float | None = None, light: str | None = None
-) -> SplatCloud:
-    """The static Gaussians that a file is to hold, in the coordinates of training; says what was
-    left out.
+) -> tuple[SplatCloud, Bool[Tensor, " N"]]:
+    """The static Gaussians that a file is to hold, in the coordinates of training, and which of the
+    model's they are; says what was left out.
 
     Args: see `desplat-export splats --help`.
 
@@ -89,11 +90,16 @@ def static_cloud(
                 "nothing to export. Train longer, or take an earlier checkpoint."
             )
         cloud, unseen = baked(splats.rows(seen), settings.antialiased), int((~seen).sum())
+        rows = seen & shown_anywhere(splats)
         announce(
             f"{len(cloud)} of {model.num_points} static Gaussians can be seen; {unseen} are left "
             "out that no training camera shows, nor a view half-way between two."
         )
-        return cloud if crop is None else _cropped(cloud, _surroundings(pipeline), crop)
+        if crop is None:
+            return cloud, rows
+        kept = _near(cloud, _surroundings(pipeline), crop)
+        rows[rows.clone()] = torch.from_numpy(kept).to(rows.device)
+        return cloud.rows(kept), rows
 
 
 def export_masks(
@@ -174,7 +180,8 @@ def _surroundings(pipeline: DeSplatPipeline) -> Surroundings:
     return surroundings_of(views, lambda view: model.rasterizer(splats, view, settings))
 
 
-def _cropped(cloud: SplatCloud, surroundings: Surroundings, factor: float) -> SplatCloud:
+def _near(cloud: SplatCloud, surroundings: Surroundings, factor: float) -> Bool[np.ndarray, " N"]:
+    """Which Gaussians `--crop` keeps."""
     kept = surroundings.within(cloud.means, factor)
     if not kept.any():
         raise ConfigError(
@@ -182,7 +189,7 @@ def _cropped(cloud: SplatCloud, surroundings: Surroundings, factor: float) -> Sp
             "keeps what is up to twice as far away as the cameras look."
         )
     announce(f"--crop {factor:g} keeps {kept.sum()} of them and leaves out {(~kept).sum()}.")
-    return cloud.rows(kept)
+    return kept
 
 
 def _left_out(model: DeSplatModel, cloud: SplatCloud, keeps_antialiasing: bool) -> list[str]:

@@ -12,7 +12,7 @@ import math
 import struct
 
 import numpy as np
-from jaxtyping import Float, UInt8, UInt32
+from jaxtyping import Bool, Float, UInt8, UInt32
 
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.splat_cloud import SplatCloud, xyzw
@@ -71,17 +71,29 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
     attributes = (
         _fixed_point(cloud.means, bits),
         _bytes(cloud.opacities * 255),
-        _bytes(cloud.harmonics[:, 0] * (COLOR_SCALE * 255) + 127.5),
+        _zeroth(cloud),
         _bytes((np.log(cloud.scales) + 10) * 16),
         _smallest_three(xyzw(cloud.quats)),
-        _harmonics(cloud.harmonics[:, 1:]),
+        _others(cloud),
     )
     stream = header + b"".join(part.tobytes() for part in attributes)
     return gzip.compress(stream, mtime=0)
 
 
+def color_bytes(cloud: SplatCloud) -> UInt8[np.ndarray, " B"]:
+    """The bytes of a file, unpacked, that depend on the light: zeroth coefficients of all
+    Gaussians, then the others, as they follow one another there. B = 3 N K."""
+    return np.concatenate([_zeroth(cloud).ravel(), _others(cloud).ravel()])
+
+
 def fitting(cloud: SplatCloud) -> tuple[SplatCloud, list[str]]:
-    """The Gaussians for which a file has places that are precise enough, and what to tell a user.
+    """The Gaussians that are `placed` precisely enough, and what to tell a user."""
+    near, lines = placed(cloud)
+    return cloud.rows(near), lines
+
+
+def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], list[str]]:
+    """For which Gaussians a file has places that are precise enough, and what to tell a user.
 
     A place is rounded to a multiple of 2^-bits along each axis, so it is off by 2^-bits / 2 at
     most. That is `OFF_BY` of a scale s, or less, from bits = ceil(log2(1 / (2 OFF_BY s))) on, where
@@ -114,7 +126,7 @@ def fitting(cloud: SplatCloud) -> tuple[SplatCloud, list[str]]:
             f"{size:.2g}: the picture suffers. Leave out what is far away (--crop 2), or write "
             ".glb or .ply."
         )
-    return cloud.rows(near), lines
+    return near, lines
 
 
 def fractional_bits(means: Float[np.ndarray, "N 3"]) -> int:
@@ -160,6 +172,14 @@ def _smallest_three(quats: Float[np.ndarray, "N 4"]) -> UInt32[np.ndarray, " N"]
     for i in range(3):
         packed = packed << 10 | fields[:, i]
     return packed.astype("<u4")
+
+
+def _zeroth(cloud: SplatCloud) -> UInt8[np.ndarray, "N 3"]:
+    return _bytes(cloud.harmonics[:, 0] * (COLOR_SCALE * 255) + 127.5)
+
+
+def _others(cloud: SplatCloud) -> UInt8[np.ndarray, "N K 3"]:
+    return _harmonics(cloud.harmonics[:, 1:])
 
 
 def _harmonics(rest: Float[np.ndarray, "N K 3"]) -> UInt8[np.ndarray, "N K 3"]:

@@ -12,14 +12,15 @@ def composite_color(
     rgb_d: Float[Tensor, "H W 3"],
     alpha_d: Float[Tensor, "H W 1"],
     rgb_s: Float[Tensor, "H W 3"],
+    cut: bool = False,
 ) -> Float[Tensor, "H W 3"]:
-    """Colour of the distractors drawn over the static scene.
+    """Colour of the distractors drawn over the static scene, cut to [0, 1] if asked for.
 
     Both colours are weighted by their own alpha already; that of the static scene may include what
     lies behind it.
     Source: c = c_d + (1 - alpha_d) c_s, DeSplat, Sec. 3.
     """
-    return over(rgb_d, alpha_d, rgb_s)
+    return over(rgb_d, alpha_d, rgb_s, cut)
 
 
 def composite_alpha(

@@ -50,10 +50,11 @@ def layered_outputs(
         rgb: what that gave.
     """
     if distractor is None:
-        composite, rgb_d, alpha_d = rgb, torch.zeros_like(rgb), torch.zeros_like(rgb[..., :1])
+        nothing = rgb.new_zeros(()).expand_as(rgb)  # takes no memory
+        composite, rgb_d, alpha_d = rgb, nothing, nothing[..., :1]
     else:
         rgb_d, alpha_d = distractor.rgb, distractor.alpha
-        composite = in_range(composite_color(rgb_d, alpha_d, image))
+        composite = composite_color(rgb_d, alpha_d, image, cut=True)
     return {
         "rgb_composite": composite,
         "rgb_distractor": rgb_d,

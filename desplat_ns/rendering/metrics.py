@@ -1,7 +1,8 @@
 """Figures that say how good a rendering or a distractor mask is.
 
 PSNR, SSIM and LPIPS are Splatfacto's, so that figures compare: data range 1, SSIM by
-pytorch_msssim (11 x 11 Gaussian window), LPIPS on AlexNet by torchmetrics.
+pytorch_msssim (11 x 11 Gaussian window), LPIPS by torchmetrics on AlexNet, or on VGG16 if that is
+asked for.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ from __future__ import annotations
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import torch
 from jaxtyping import Bool, Float
@@ -21,11 +23,27 @@ PSNR_MAX = 100.0
 """dB. Reported for identical images instead of infinity, which JSON cannot hold. It stands for an
 RMS error of 1e-5, a two-hundredth of the rounding of an 8-bit photo (54 dB at most)."""
 
-LPIPS_NET = "alex"
-"""Network of torchmetrics' LPIPS as Splatfacto calls it."""
+LpipsNet = Literal["alex", "vgg"]
+"""Networks of torchmetrics' LPIPS, as it calls them."""
 
-LPIPS_MIN_SIDE = 31
-"""Pixels. On a shorter side AlexNet's second pooling has nothing left to pool."""
+LPIPS_NET: LpipsNet = "alex"
+"""As Splatfacto calls LPIPS."""
+
+
+class _Net(NamedTuple):
+    name: str
+    weights: str
+    """The file that torchvision fetches."""
+    min_side: int
+    """Pixels. On a shorter side its last pooling that counts has nothing left to pool."""
+
+
+_NETS: dict[LpipsNet, _Net] = {
+    "alex": _Net("AlexNet", "alexnet-owt-7be5be79.pth", 31),
+    "vgg": _Net("VGG16", "vgg16-397923af.pth", 16),
+}
+
+LPIPS_MIN_SIDE = _NETS[LPIPS_NET].min_side
 
 DOWNLOAD_TIMEOUT = 20.0
 """Seconds of silence after which fetching LPIPS's weights is given up; torch.hub waits for ever."""
@@ -78,6 +96,11 @@ def image_metrics(
     return figures
 
 
+def lpips_weights(net: LpipsNet = LPIPS_NET) -> Path:
+    """Where the weights of LPIPS's network are looked for, and put once they were fetched."""
+    return Path(torch.hub.get_dir()) / "checkpoints" / _NETS[net].weights
+
+
 class LazyLpips:
     """LPIPS that is built when first called, and lives outside the model's modules.
 
@@ -88,17 +111,24 @@ class LazyLpips:
 
     def __init__(self, normalize: bool = True) -> None:
         self.normalize = normalize
+        self.net: LpipsNet = LPIPS_NET
         self.reason: str | None = None
         """Why there is no LPIPS; None as long as nothing is in its way."""
         self._metric: Any = None
         """torchmetrics', imported when it is built, which takes half a second."""
 
+    def use(self, net: LpipsNet) -> None:
+        """Take a network from now on; what was in the way of another one does not count."""
+        if net != self.net:
+            self.net, self.reason, self._metric = net, None, None
+
     def __call__(
         self, truth: Float[Tensor, "B 3 H W"], pred: Float[Tensor, "B 3 H W"]
     ) -> Float[Tensor, ""] | None:
         """Mean perceptual distance of images in [0, 1], 0 for equal ones; None without weights."""
-        if self.reason is None and min(truth.shape[-2:]) < LPIPS_MIN_SIDE:
-            self._give_up(f"images are smaller than the {LPIPS_MIN_SIDE} pixels that it needs")
+        least = _NETS[self.net].min_side
+        if self.reason is None and min(truth.shape[-2:]) < least:
+            self._give_up(f"images are smaller than the {least} pixels that it needs")
         if self.reason is None and self._metric is None:
             self._build(truth.device)
         if self._metric is None or self.reason is not None:
@@ -112,14 +142,14 @@ class LazyLpips:
 
         try:
             with _socket_timeout(DOWNLOAD_TIMEOUT):
-                metric = LearnedPerceptualImagePatchSimilarity(LPIPS_NET, normalize=self.normalize)
+                metric = LearnedPerceptualImagePatchSimilarity(self.net, normalize=self.normalize)
         # A missing network shows as URLError, OSError, RuntimeError (bad hash) or others by proxy;
         # none of them is worth losing an evaluation.
         except Exception as error:
             self._give_up(
-                f"AlexNet's weights could not be had ({type(error).__name__}: {error}). They are "
-                "fetched once where there is a network, or put alexnet-owt-7be5be79.pth into "
-                "$TORCH_HOME/hub/checkpoints"
+                f"{_NETS[self.net].name}'s weights could not be had ({type(error).__name__}: "
+                f"{error}). They are fetched once where there is a network; elsewhere copy the "
+                f"file to {lpips_weights(self.net)}"
             )
             return
         self._metric = metric.to(device)

@@ -13,10 +13,13 @@ from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.files.lock import only_process_in
 from desplat_ns.files.pages import time_in_words
+from desplat_ns.rendering.metrics import LpipsNet, lpips_weights
 from desplat_ns.reproduce.cells import cells_of
 from desplat_ns.reproduce.estimate import check_room, expected_bytes, expected_seconds
 from desplat_ns.reproduce.methods import Method
+from desplat_ns.reproduce.protocols import Smoke
 from desplat_ns.reproduce.records import RUNS, Done, Records, asked_of, texts_of
+from desplat_ns.reproduce.results import Results
 from desplat_ns.reproduce.scenes import (
     Content,
     FoundScene,
@@ -26,13 +29,12 @@ from desplat_ns.reproduce.scenes import (
     what_is_missing,
 )
 from desplat_ns.reproduce.tables import Table
-from desplat_ns.reproduce.writing import Results, write_table
+from desplat_ns.reproduce.writing import write_table
 from desplat_ns.studies.executors import Executor
 from desplat_ns.studies.methods import method_config
 from desplat_ns.studies.runs import Figures, Record, Run, Variant, log_of
 
 FIRST_SEED = 42
-SMOKE_STEPS = 100
 SMOKE_OPTIONS = ("--pipeline.model.num-downscales", "0")
 """Photos of a smoke run are small enough."""
 
@@ -53,11 +55,17 @@ class Request:
     executor: Executor
     jobs: int
     """Runs beside each other."""
-    is_smoke: bool
     device: str
     """Type of the device on which this machine trains."""
+    smoke: Smoke | None = None
+    """How it is cut short; None: it is not."""
     is_here: bool = True
     """Whether runs are done on this machine."""
+
+    @property
+    def is_smoke(self) -> bool:
+        """Whether it is cut short."""
+        return self.smoke is not None
 
     @property
     def folder(self) -> Path:
@@ -69,14 +77,15 @@ Key = tuple[str, str, int]
 """Scene, method and seed."""
 
 
-def run_of(found: FoundScene, method: Method, seed: int, is_smoke: bool) -> Run:
+def run_of(found: FoundScene, method: Method, seed: int, smoke: Smoke | None = None) -> Run:
     """A cell of the grid as it is trained."""
     protocol = found.protocol
-    options = method.options + SMOKE_OPTIONS * is_smoke
+    options = method.options if smoke is None else method.options + SMOKE_OPTIONS
     if hasattr(method_config(method.method).pipeline, "evaluation"):
         options += ("--pipeline.evaluation.protocol", method.scoring(protocol))
+        options += ("--pipeline.evaluation.lpips-net", protocol.lpips_net)
     name = f"{protocol.name}.{found.scene.label}.{method.name}"
-    steps = SMOKE_STEPS if is_smoke else protocol.steps
+    steps = protocol.steps if smoke is None else smoke.steps
     return Run(
         Variant(name, method.what, options, method.method), steps, seed, found.folder, found.parser
     )
@@ -99,7 +108,7 @@ class Grid:
         seeds = range(FIRST_SEED, FIRST_SEED + request.seeds)
         self.seeds = tuple(seeds)
         self.runs: dict[Key, Run] = {
-            (found.scene.name, method.name, seed): run_of(found, method, seed, request.is_smoke)
+            (found.scene.name, method.name, seed): run_of(found, method, seed, request.smoke)
             for seed in seeds
             for found in self.contents
             for method in request.methods
@@ -199,7 +208,7 @@ def open_grid(request: Request) -> Grid:
         raise CaptureError(said)
     if said:
         announce(said, warning=True)
-    contents = checked(found, request.is_smoke)
+    contents = checked(found, request.smoke)
     return Grid(request, contents, records, [scene.name for _, scene in missing])
 
 
@@ -224,6 +233,7 @@ def prepare(grid: Grid) -> None:
     if not left:
         return
     _check_disk(grid)
+    _say_weights(grid)
     if request.is_smoke or not request.is_here:
         return
     said = _say_time(grid, left)
@@ -233,6 +243,20 @@ def prepare(grid: Grid) -> None:
             "Add --smoke to try the same with few steps and small photos."
         )
     announce(f"Runs to do: {len(left)}{said}.")
+
+
+def _say_weights(grid: Grid) -> None:
+    """Where LPIPS's weights belong, if they are not there yet: hours later is too late."""
+    if not any(metric.name == "lpips" for metric in grid.request.table.metrics):
+        return
+    nets: set[LpipsNet] = {found.protocol.lpips_net for found in grid.contents}
+    for net in sorted(nets):
+        if not (path := lpips_weights(net)).is_file():
+            announce(
+                f"LPIPS's weights are not at {path}: they are fetched with the first score. Where "
+                "there is no network, copy them there first; else LPIPS is left out.",
+                warning=True,
+            )
 
 
 def _say_time(grid: Grid, left: list[Run]) -> str:

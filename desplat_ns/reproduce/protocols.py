@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from desplat_ns.evaluation.config import ProtocolName
+from desplat_ns.rendering.metrics import LpipsNet
 
 STEPS, PHOTO_TOURISM_STEPS = 30_000, 200_000
 """Of every method on a data set; B.3 gives them for DeSplat."""
@@ -12,9 +13,18 @@ STEPS, PHOTO_TOURISM_STEPS = 30_000, 200_000
 RATIOS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Shares of cluttered photos. Ours: the supplement says that they are varied, not to what."""
 
-LPIPS_NET = "alex"
+LPIPS_NET: LpipsNet = "alex"
 """The supplement names none. nerfstudio 1.1.4, on which the paper is built (B.3), calls LPIPS
 without naming one, which gives AlexNet."""
+
+
+@dataclass(frozen=True)
+class Smoke:
+    """How a run is cut short that tries everything and measures nothing."""
+
+    steps: int = 100
+    side: int = 160
+    """Pixels of the longer side that photos have at most."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +68,8 @@ class Protocol:
     said: str
     """What the supplement says of it, and where."""
     scenes: tuple[Scene, ...]
+    lpips_net: LpipsNet = LPIPS_NET
+    """Of the figures that stand beside."""
 
 
 def _scenes(fetch: str, downscale: int, **folders: str) -> tuple[Scene, ...]:
@@ -162,7 +174,8 @@ MIPNERF360 = Protocol(
     STEPS,
     ("desplat", "desplat-paper", "splatfacto"),
     "Seven scenes without distractors, photos of rooms 2 times smaller and those of outdoors 4 "
-    "times (B.1); 30,000 steps (B.3). Every eighth photo tests, as is usual on this data set.",
+    "times (B.1); 30,000 steps (B.3). Every eighth photo tests, as is usual on this data set; "
+    "counted as nerfstudio counts, by COLMAP's numbers.",
     (
         *_scenes("mipnerf360", 4, bicycle="bicycle", garden="garden", stump="stump"),
         *_scenes("mipnerf360", 2, room="room", counter="counter"),

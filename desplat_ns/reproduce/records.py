@@ -2,7 +2,7 @@
 
 records.json    the record of every run, and what it was of
 runs/           what is trained, without checkpoints
-TABLE/          table.md, table.csv, table.tex, table.json
+TABLE/          table.md, table.html, table.csv, table.tex, table.json
 """
 
 from __future__ import annotations

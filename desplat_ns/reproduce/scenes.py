@@ -8,11 +8,8 @@ from pathlib import Path
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
-from desplat_ns.reproduce.protocols import Protocol, Scene
+from desplat_ns.reproduce.protocols import Protocol, Scene, Smoke
 from desplat_ns.reproduce.tables import Table
-
-SMOKE_SIDE = 160
-"""Pixels of the longer side that photos have at most in a smoke run."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +38,8 @@ class Content:
     width: int
     height: int
     """Pixels of the median training photo."""
+    points: int = 0
+    """To start from; with none, training starts at random."""
 
 
 def find_scenes(table: Table, data: Path) -> tuple[list[FoundScene], list[tuple[Protocol, Scene]]]:
@@ -57,7 +56,8 @@ def find_scenes(table: Table, data: Path) -> tuple[list[FoundScene], list[tuple[
     found, missing = [], []
     for protocol in table.protocols:
         for scene in protocol.scenes:
-            places = (home / scene.folder for home in _homes(protocol, data))
+            names = (scene.folder, scene.folder.replace("_", "-"))
+            places = (home / name for home in _homes(protocol, data) for name in names)
             folder = next((place for place in places if place.is_dir()), None)
             if folder is None:
                 missing.append((protocol, scene))
@@ -125,6 +125,7 @@ def read_scene(found: FoundScene) -> Content:
         len(tested.cameras),
         int(cameras.width.median()),
         int(cameras.height.median()),
+        len(outputs.metadata.get("points3D_xyz", ())),
     )
 
 
@@ -147,16 +148,16 @@ def outputs_of(found: FoundScene, split: str):
     return outputs
 
 
-def smaller(found: FoundScene) -> FoundScene:
-    """The same with photos of at most `SMOKE_SIDE` pixels a side. Raises as `read_scene`."""
+def smaller(found: FoundScene, side: int) -> FoundScene:
+    """The same with photos of at most so many pixels a side. Raises as `read_scene`."""
     whole = replace(found, scene=replace(found.scene, downscale=1))
     cameras = outputs_of(whole, "train").cameras
     longest = int(max(cameras.width.max(), cameras.height.max()))
-    factor = 2 ** max(0, math.ceil(math.log2(longest / SMOKE_SIDE)))
+    factor = 2 ** max(0, math.ceil(math.log2(longest / side)))
     return replace(found, scene=replace(found.scene, downscale=factor))
 
 
-def checked(scenes: list[FoundScene], is_smoke: bool) -> dict[FoundScene, Content]:
+def checked(scenes: list[FoundScene], smoke: Smoke | None = None) -> dict[FoundScene, Content]:
     """Scenes with their content; of a smoke run those that can be read.
 
     Raises:
@@ -168,10 +169,10 @@ def checked(scenes: list[FoundScene], is_smoke: bool) -> dict[FoundScene, Conten
         if any(f.folder == scene.folder and f.protocol != scene.protocol for f in found):
             continue  # of a smoke run: another data set's way of reading it came first
         try:
-            scene = smaller(scene) if is_smoke else scene
+            scene = scene if smoke is None else smaller(scene, smoke.side)
             found[scene] = read_scene(scene)
         except (CaptureError, ConfigError) as error:
             wrong.append(str(error))
-    if wrong and not (is_smoke and found):
+    if wrong and not (smoke is not None and found):
         raise CaptureError("\n".join(wrong))
     return found

@@ -1,108 +1,34 @@
-"""A table in files: Markdown, CSV, LaTeX and JSON."""
+"""A table in files: Markdown, HTML, CSV, LaTeX and JSON."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from desplat_ns.files.pages import template
 from desplat_ns.files.whole import plain_errors, whole_folder
-from desplat_ns.reproduce.cells import Cell
-from desplat_ns.reproduce.methods import Method
-from desplat_ns.reproduce.paper import MEAN, published, rows_of
-from desplat_ns.reproduce.protocols import LPIPS_NET
-from desplat_ns.reproduce.records import Done
-from desplat_ns.reproduce.scenes import Content, FoundScene
-from desplat_ns.reproduce.tables import Metric, Table
-from desplat_ns.studies.machine import short
-
-SMOKE = (
-    "A SMOKE RUN: few steps and small photos. It shows that everything works; the figures mean "
-    "nothing and are not to be compared with anybody's."
+from desplat_ns.reproduce.results import (
+    SMOKE,
+    Results,
+    conditions_of,
+    header,
+    number_of_seeds,
+    rows,
+    words,
 )
 
-
-NOTHING = "-"
-"""Stands for a figure that there is not."""
-
-
-@dataclass(frozen=True)
-class Results:
-    """What is written."""
-
-    table: Table
-    is_smoke: bool
-    contents: Mapping[FoundScene, Content]
-    methods: Sequence[Method]
-    seeds: Sequence[int]
-    cells: Sequence[Cell]
-    done: Sequence[Done]
-    missing: Sequence[str]
-    """Names of scenes that are not there."""
-    failed: Mapping[str, str]
-    """Why a run gave no figure, by its name."""
-
-    def cell(self, method: str, metric: Metric, scene: str) -> Cell | None:
-        """None where nothing was measured."""
-        place = (method, metric, scene)
-        return next((c for c in self.cells if (c.method, c.metric, c.scene) == place), None)
-
-    @property
-    def columns(self) -> list[str]:
-        """Names of scenes, and the mean if there is one."""
-        return list(dict.fromkeys(cell.scene for cell in self.cells))
-
-    @property
-    def only_in_paper(self) -> list[str]:
-        """Rows of the paper that no method stands beside."""
-        ours = {method.paper for method in self.methods}
-        return [] if self.is_smoke else [r for r in rows_of(self.table.name) if r not in ours]
-
-
-def conditions_of(results: Results) -> dict[str, Any]:
-    """All that the figures depend on."""
-
-    def said(name: str) -> list[Any]:
-        found = [done.texts[name] for done in results.done if name in done.texts]
-        return [one for number, one in enumerate(found) if one not in found[:number]]
-
-    records = [done.record for done in results.done]
-    protocols = {found.protocol.name: found.protocol for found in results.contents}
-    return {
-        "the paper's protocol": {name: protocol.said for name, protocol in protocols.items()},
-        "the paper's LPIPS net": LPIPS_NET,
-        "LPIPS net": said("lpips_net"),
-        "no LPIPS because": said("lpips_reason"),
-        "scored": said("protocol"),
-        "scenes": {
-            found.scene.name: {
-                "data parser": " ".join(found.parser),
-                "training photos": content.photos,
-                "test photos": content.held_out,
-                "median size": f"{content.width} x {content.height}",
-            }
-            for found, content in results.contents.items()
-        },
-        "methods": {method.name: method.what for method in results.methods},
-        "seeds": list(results.seeds),
-        "steps": sorted(
-            {done.asked[done.asked.index("--max-num-iterations") + 1] for done in results.done}
-        ),
-        "devices": said("device") or sorted({str(record.device) for record in records}),
-        "backends": sorted({str(record.backend) for record in records}),
-        "versions": said("versions"),
-        "commit": sorted({short(record.commit) for record in records}),
-    }
+TEMPLATE = Path(__file__).with_name("table.html.jinja")
 
 
 def write_table(folder: Path, results: Results) -> None:
-    """Write table.md, table.csv, table.tex and table.json. Raises ConfigError where it cannot."""
+    """Write table.md, .html, .csv, .tex and .json. Raises ConfigError where it cannot."""
     texts = {
         "table.md": markdown(results),
+        "table.html": html(results),
         "table.csv": comma_separated(results),
         "table.tex": latex(results),
         "table.json": json.dumps(as_json(results), indent=1) + "\n",
@@ -150,67 +76,28 @@ def comma_separated(results: Results) -> str:
     return file.getvalue()
 
 
-def rows(results: Results, metric: Metric) -> list[list[str]]:
-    """The rows of a figure's table: a name, and a text for each column."""
-    table, columns = results.table, results.columns
-    found = []
-    for method in results.methods:
-        cells = [results.cell(method.name, metric, scene) for scene in columns]
-        found.append([method.name, *(_text(cell) for cell in cells)])
-    for row in results.only_in_paper:
-        figures = [published(table.name, row, scene, metric.name) for scene in columns]
-        if any(figure is not None for figure in figures):
-            texts = (NOTHING if figure is None else metric.text(figure) for figure in figures)
-            found.append([f"{row}, the paper's", *texts])
-    return found
-
-
-def _text(cell: Cell | None) -> str:
-    """Ours (the paper's, the difference)."""
-    if cell is None:
-        return NOTHING
-    ours = cell.metric.text(cell.mean)
-    if cell.paper is None or cell.difference is None:
-        return ours
-    paper, difference = cell.metric.text(cell.paper), cell.metric.difference(cell.difference)
-    return f"{ours} (paper {paper}, {difference})"
-
-
-def _header(results: Results) -> list[str]:
-    return ["method", *("mean of scenes" if one == MEAN else one for one in results.columns)]
-
-
 def markdown(results: Results) -> str:
     """A table for each figure, then the conditions."""
     lines = [f"# {results.table.title}", ""]
     lines += [f"**{SMOKE}**", ""] if results.is_smoke else []
     lines += [results.table.note, ""] if results.table.note and not results.is_smoke else []
-    count = len(results.seeds)
-    lines += [f"Means of {count} seeds." if count > 1 else "One seed.", ""]
+    lines += [number_of_seeds(results), ""]
+    names = header(results)
     for metric in results.table.metrics:
-        header = _header(results)
-        lines += [f"## {metric.title}", "", _line(header), _line(["---"] * len(header))]
-        lines += [*map(_line, rows(results, metric)), ""]
+        lines += [f"## {metric.title}", "", _line(names), _line(["---"] * len(names))]
+        lines += [*(_line(row.texts) for row in rows(results, metric)), ""]
     if results.missing:
         lines += [f"Scenes that were not there: {', '.join(results.missing)}.", ""]
     lines += [f"- Failed: {name}: {' '.join(why.split())}" for name, why in results.failed.items()]
     lines += ["", "## Conditions", ""]
     lines += [
-        f"- {name}: {_words(value)}" for name, value in conditions_of(results).items() if value
+        f"- {name}: {words(value)}" for name, value in conditions_of(results).items() if value
     ]
     return "\n".join([*lines, ""])
 
 
 def _line(texts: Sequence[str]) -> str:
     return f"| {' | '.join(texts)} |"
-
-
-def _words(value: Any) -> str:
-    if isinstance(value, dict):
-        return "; ".join(f"{name}: {_words(one)}" for name, one in value.items())
-    if isinstance(value, (list, tuple)):
-        return ", ".join(map(_words, value))
-    return str(value)
 
 
 _LATEX = {
@@ -228,12 +115,31 @@ def latex(results: Results) -> str:
         return " & ".join("".join(_LATEX.get(c, c) for c in text) for text in texts) + r" \\"
 
     lines = [f"% {SMOKE}"] if results.is_smoke else []
+    names = header(results)
+    columns = "l" + "r" * (len(names) - 1)
     for metric in results.table.metrics:
-        header = _header(results)
-        columns = "l" + "r" * (len(header) - 1)
         title = f"{results.table.title}. {metric.title}." + f" {SMOKE}" * results.is_smoke
         lines += [r"\begin{table}", rf"\caption{{{line([title])[:-3]}}}"]
-        lines += [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", line(header), r"\midrule"]
-        lines += [*map(line, rows(results, metric)), r"\bottomrule", r"\end{tabular}"]
+        lines += [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", line(names), r"\midrule"]
+        lines += [
+            *(line(row.texts) for row in rows(results, metric)),
+            r"\bottomrule",
+            r"\end{tabular}",
+        ]
         lines += [r"\end{table}", ""]
     return "\n".join(lines)
+
+
+def html(results: Results) -> str:
+    """The Markdown page as one HTML file that needs no other."""
+    conditions = conditions_of(results)
+    return template(TEMPLATE, words=words).render(
+        table=results.table,
+        smoke=SMOKE if results.is_smoke else "",
+        seeds=number_of_seeds(results),
+        header=header(results),
+        parts=[(metric.title, rows(results, metric)) for metric in results.table.metrics],
+        missing=list(results.missing),
+        failed=dict(results.failed),
+        conditions={name: value for name, value in conditions.items() if value},
+    )

@@ -17,6 +17,9 @@ from desplat_ns.export.coordinates import Similarity
 from desplat_ns.export.formats import Y_UP
 from desplat_ns.export.splat_cloud import SplatCloud
 
+AVERAGE = "the photos' average"
+"""Whose light is shown where none was chosen."""
+
 Rgb = UInt8[np.ndarray, "_ _ 3"]
 
 TO_PAGE = Similarity(np.asarray(Y_UP, np.float64), 1.0, np.zeros(3))
@@ -58,6 +61,18 @@ class PageCamera:
 
 
 @dataclass(frozen=True)
+class Light:
+    """A light in which the scene can be shown."""
+
+    name: str
+    """Whose: a photo's."""
+    background: tuple[float, float, float]
+    """Colour behind everything, in [0, 1]."""
+    harmonics: Float[np.ndarray, "N K 3"]
+    """Of the scene's Gaussians, as `SplatCloud.harmonics`."""
+
+
+@dataclass(frozen=True)
 class Contents:
     """All that is on a page."""
 
@@ -71,9 +86,11 @@ class Contents:
     background: tuple[float, float, float]
     """Colour behind everything, in [0, 1]."""
     light: str
-    """Whose light is shown, in words; empty where all photos have the same."""
+    """Whose light is shown: a photo, a mix, or `AVERAGE`; empty where all photos have the same."""
     cameras: Sequence[PageCamera]
     pictures: Sequence[tuple[str, Rgb]]
     """Renderings with their names, for browsers that cannot draw the scene."""
+    other_lights: Sequence[Light] = ()
+    """To choose from beside it, the most telling one first."""
     not_shown: str = ""
     """In words, which photos are not on the page."""

@@ -27,12 +27,12 @@ from desplat_ns.files.encoding import LARGEST_SIDE
 from desplat_ns.files.pages import shrunk
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.model import DeSplatModel
-from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.near_plane import scene_start
 from desplat_ns.rendering.views import is_distorted
 from desplat_ns.runs.loading import LoadedRun, even_subset
 from desplat_ns.scene.contents import Contents, PageCamera, Rgb
+from desplat_ns.scene.lights import light_of, mean_background, other_lights
 
 PICTURES = 6
 """Renderings for browsers that cannot draw the scene."""
@@ -62,7 +62,7 @@ def gather(
     """
     pipeline = run.pipeline
     model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
-    cloud = static_cloud(pipeline, crop, light)
+    cloud, rows = static_cloud(pipeline, crop, light)
     training = even_subset(len(manager.train_image_names), most_training)
     held_out = even_subset(len(manager.eval_dataset), most_held_out)
     with (
@@ -80,16 +80,18 @@ def gather(
                 "--training-photos 50."
             )
         pictures = _pictures(model, cameras)
-        background = model.background_of(cameras[0].view, model.embedding_of(None))
+        background = mean_background(model, cameras[0].view, model.embedding_of(None))
+        lights = other_lights(model, rows, cameras[0].view)
     return Contents(
         title=str(run.config.experiment_name),
         date=date.fromtimestamp(run.checkpoint.stat().st_mtime).isoformat(),
         cloud=cloud,
         weigh=lambda one: _weights(pipeline, one),
-        background=tuple(background.reshape(-1, 3).mean(dim=0).clamp(0, 1).tolist()),
-        light=_light_in_words(model, light),
+        background=background,
+        light=light_of(model, light),
         cameras=cameras,
         pictures=pictures,
+        other_lights=lights,
         not_shown=_not_shown(pipeline, len(training), len(held_out)),
     )
 
@@ -176,14 +178,6 @@ def splats_of(cloud: SplatCloud, device: torch.device | str) -> Splats:
     values: Any = (cloud.means, cloud.quats, cloud.scales, cloud.opacities, cloud.harmonics)
     tensors = (torch.as_tensor(one, dtype=torch.float32, device=device) for one in values)
     return Splats(*tensors, sh_degree=cloud.degree)
-
-
-def _light_in_words(model: DeSplatModel, light: str | None) -> str:
-    effects = model.image_effects
-    if effects is None or effects.appearance is None:
-        return ""
-    chosen = light or os.environ.get(VARIABLE)
-    return f"in the light of {chosen}" if chosen else "in the average light of the photos"
 
 
 def _not_shown(pipeline: DeSplatPipeline, training: int, held_out: int) -> str:

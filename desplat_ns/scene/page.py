@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import base64
+import gzip
+import re
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from desplat_ns.export.coordinates import moved
-from desplat_ns.export.spz import fitting, spz_bytes
+import numpy as np
+from jaxtyping import Int
+
+from desplat_ns.export.coordinates import moved, turned_harmonics
+from desplat_ns.export.splat_cloud import SplatCloud
+from desplat_ns.export.spz import color_bytes, fitting, placed, spz_bytes
 from desplat_ns.files.encoding import Picture, fitted_into
 from desplat_ns.files.pages import template
 from desplat_ns.scene.contents import TO_PAGE, Contents
@@ -14,7 +23,8 @@ from desplat_ns.scene.reduction import Fitted, fitted
 
 HERE = Path(__file__).parent
 TEMPLATE = HERE / "page.html.jinja"
-SCRIPT = HERE / "scene.js"
+SCRIPTS = ("files.js", "cameras.js", "drawing.js", "frusta.js", "controls.js", "page.js")
+IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE | re.DOTALL)
 STYLE = HERE / "scene.css"
 VIEWER = HERE / "viewer" / "viewer.js.gz"
 WASM = HERE / "viewer" / "spark.wasm.gz"
@@ -24,6 +34,9 @@ PICTURES_SHARE, PICTURES_MOST = 0.4, 9_000_000
 
 BASE64 = 3 / 4
 """Bytes that a character of the page holds."""
+
+LIGHTS_FRAME = 500
+"""Bytes for a light beside its colours: a name, a background."""
 
 
 def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
@@ -47,28 +60,68 @@ def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
             near = fitting(moved(camera.distractors, TO_PAGE))[0]
             cameras[-1]["distractors"] = _text(spz_bytes(near))
     renderings = [(name, next(sources)) for name, _ in contents.pictures]
-    cloud, left_out = fitting(contents.cloud)
+    near, left_out = placed(contents.cloud)
+    cloud = contents.cloud.rows(near)
 
-    def page(scene: Fitted | None) -> str:
+    def page(scene: Fitted | None, others: Sequence[dict[str, Any]] = ()) -> str:
+        first = {"name": contents.light, "background": contents.background, "change": ""}
         return template(TEMPLATE).render(
             page=contents,
             scene="" if scene is None else _text(scene.content),
             kept=0 if scene is None else scene.kept,
             reduced="" if scene is None else _reduced(scene, len(cloud)),
             cameras=cameras,
-            data={"cameras": cameras, "background": contents.background}
+            lights=[first, *others],
+            data={"cameras": cameras, "lights": [first, *others]}
             | {"antialiased": cloud.antialiased},
             renderings=renderings,
-            script=SCRIPT.read_text("utf8"),
+            script=script(),
             style=STYLE.read_text("utf8"),
             viewer=_text(VIEWER.read_bytes()),
             wasm=_text(WASM.read_bytes()),
         )
 
     room = most - len(page(None).encode()) - 1_000
-    scene = fitted(moved(cloud, TO_PAGE), int(room * BASE64), lambda _: contents.weigh(cloud))
+    turned = moved(cloud, TO_PAGE)
+    scene = fitted(turned, int(room * BASE64), lambda _: contents.weigh(cloud))
+    rows = near.nonzero()[0][scene.rows]
+    one_light = len(page(scene).encode())
+    others = _other_lights(
+        contents, turned.rows(scene.rows), rows, min(one_light, most - one_light)
+    )
     lines = [*left_out, contents.not_shown, _reduced(scene, len(cloud))]
-    return page(scene), [line for line in lines if line]
+    return page(scene, others), [line for line in lines if line]
+
+
+def _other_lights(
+    contents: Contents, scene: SplatCloud, rows: Int[np.ndarray, " N"], room: int
+) -> list[dict[str, Any]]:
+    """Other lights as the page's script reads them, as many as there is room for.
+
+    Of each there is what has to be added to the bytes of the first one's colours, modulo 256:
+    most of it is 0, or nearly so, and packs well.
+
+    Args:
+        scene: as it is on the page.
+        rows: which of the contents' Gaussians these are.
+        room: bytes for all.
+    """
+    first, found = color_bytes(scene), []
+    for light in contents.other_lights:
+        harmonics = turned_harmonics(light.harmonics[rows], TO_PAGE.turn)
+        change = color_bytes(replace(scene, harmonics=harmonics)) - first
+        text = _text(gzip.compress(change.tobytes(), mtime=0))
+        room -= len(text) + LIGHTS_FRAME
+        if room < 0:
+            break
+        found.append({"name": light.name, "background": light.background, "change": text})
+    return found
+
+
+def script() -> str:
+    """The page's own script: its modules in one, in the order in which they need one another."""
+    texts = (path.read_text("utf8") for path in (HERE / "script" / name for name in SCRIPTS))
+    return "\n".join(IMPORT.sub("", text) for text in texts)
 
 
 def _reduced(scene: Fitted, count: int) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.splat_cloud import SplatCloud
@@ -25,9 +25,15 @@ class Fitted:
 
     content: bytes
     """SPZ."""
-    kept: int
+    rows: Bool[np.ndarray, " N"]
+    """Which of the cloud's Gaussians are kept."""
     share: float
     """Of the photos that what is kept makes up, in [0, 1]: blending weights over their sum."""
+
+    @property
+    def kept(self) -> int:
+        """How many."""
+        return int(self.rows.sum())
 
 
 def fitted(
@@ -43,9 +49,10 @@ def fitted(
     """
     content = spz_bytes(cloud)
     if len(content) <= most:
-        return Fitted(content, len(cloud), 1.0)
+        return Fitted(content, np.ones(len(cloud), bool), 1.0)
     weights = weigh(cloud)
     order, count = np.argsort(-weights, kind="stable"), len(cloud)
+    chosen = np.ones(count, bool)
     while len(content) > most:
         count = int(count * min(MARGIN * most / len(content), 0.99))
         if count < LEAST:
@@ -54,7 +61,7 @@ def fitted(
                 "MB, which is what the page has left for them. Give it more with --megabytes, or "
                 "fewer photos with --training-photos and --held-out-photos."
             )
-        chosen = np.zeros(len(cloud), bool)
+        chosen[:] = False
         chosen[order[:count]] = True
         content = spz_bytes(cloud.rows(chosen))
-    return Fitted(content, count, float(weights[order[:count]].sum() / weights.sum()))
+    return Fitted(content, chosen, float(weights[order[:count]].sum() / weights.sum()))

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Shaped
 from torch import Tensor
 
 CELLS = 8000
@@ -73,16 +73,16 @@ def counted_cells(mask: Bool[Tensor, "H W 1"]) -> Bool[Tensor, "rows columns"]:
 
 
 def region_pixels(
-    regions: Bool[Tensor, "rows columns"], height: int, width: int
-) -> Bool[Tensor, "H W 1"]:
-    """The pixels whose cell is in a region."""
+    regions: Shaped[Tensor, "rows columns"], height: int, width: int
+) -> Shaped[Tensor, "H W 1"]:
+    """The pixels whose cell is in a region, by numbers or by True as the cells have it."""
     if regions.is_cpu:  # a fifth of the time
         for dim, pixels in ((1, width), (0, height)):
             cells = torch.arange(regions.shape[dim], dtype=torch.float32)[None, None]
             regions = regions.index_select(dim, F.interpolate(cells, size=pixels)[0, 0].int())
         return regions[..., None]
     cells = regions[None, None].to(torch.float32)
-    return F.interpolate(cells, size=(height, width))[0, 0, :, :, None] > 0
+    return F.interpolate(cells, size=(height, width))[0, 0, :, :, None].to(regions.dtype)
 
 
 def window_means(

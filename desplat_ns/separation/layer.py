@@ -171,16 +171,16 @@ class DistractorLayer:
         if config.start == "residual" and self.num_views > LEAST_VIEWS:
             self.update_regions(train_step, opacities, memory, counted)
         regions, alpha_d = train_step.regions, train_step.alpha_d
-        no_opacity_penalty = None
+        losses = {"static_transparency": config.lambda_s * static_transparency_loss(alpha_s)}
+        if train_step.distractors is None:
+            return losses | {"distractor_opacity": alpha_d.new_zeros(())}
+        in_region = None
         if regions is not None:
-            no_opacity_penalty = region_pixels(regions, *alpha_d.shape[:2])
-        losses = {
-            "distractor_opacity": config.lambda_d
-            * distractor_opacity_loss(alpha_d, no_opacity_penalty),
-            "static_transparency": config.lambda_s * static_transparency_loss(alpha_s),
-        }
-        if config.static_alone and train_step.distractors is not None:
-            owned = distractor_weight(alpha_d, regions)
+            in_region = region_pixels(regions.to(alpha_d.dtype), *alpha_d.shape[:2])
+        opacity = distractor_opacity_loss(alpha_d, in_region)
+        losses["distractor_opacity"] = config.lambda_d * opacity
+        if config.static_alone:
+            owned = distractor_weight(alpha_d, in_region)
             leak = config.leak if train_step.number < self.static.stop_split_at else 0.0
             losses |= self._photometric_losses(train_step, owned, leak, mask)
         return losses

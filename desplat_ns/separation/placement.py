@@ -21,7 +21,6 @@ from desplat_ns.separation.grid import (
     grid_of,
     masks_to_host,
     pooled,
-    region_pixels,
     to_device,
     window_maxima,
 )
@@ -47,19 +46,19 @@ def about_few_views(num_views: int) -> str:
 
 
 def distractor_weight(
-    alpha_d: Float[Tensor, "H W 1"], regions: Bool[Tensor, "rows columns"] | None = None
+    alpha_d: Float[Tensor, "H W 1"], in_region: Float[Tensor, "H W 1"] | None = None
 ) -> Float[Tensor, "H W 1"]:
     """How far a pixel is the distractors', in [0, 1]: the largest of their opacities around it, as
     far as a cell of `grid_of`: an edge is half-transparent, and its leak would be learned.
 
-    A pixel in one of `regions` has weight 1 even if they cover nothing of it.
+    Args:
+        in_region: 1 in pixels of a region, whose weight is 1 even if distractors cover nothing of
+            them; 0 in others.
     """
     height, width = alpha_d.shape[:2]
     margin = round(width / grid_of(width, height)[0])
     weight = window_maxima(alpha_d[..., 0], 2 * margin + 1)[..., None]
-    if regions is None:
-        return weight
-    return weight.masked_fill(region_pixels(regions, height, width), 1.0)
+    return weight if in_region is None else torch.maximum(weight, in_region)
 
 
 def placement(

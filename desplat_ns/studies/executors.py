@@ -12,7 +12,7 @@ from threading import Event, Lock
 from typing import Any, Literal, Protocol, runtime_checkable
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.runs import Record, Run, execute, surroundings
+from desplat_ns.studies.runs import Command, Record, Run, execute, surroundings
 
 ExecutorName = Literal["local", "ray"]
 
@@ -141,10 +141,10 @@ def executor_of(name: ExecutorName, jobs: int, address: str | None) -> Executor:
     return LocalExecutor(jobs) if name == "local" else RayExecutor(address, jobs)
 
 
-def outcome(run: Run, folder: Path) -> Record | Exception:
-    """The record of a run, or why there is none."""
+def outcome(run: Run, folder: Path, command: Command | None = None) -> Record | Exception:
+    """The record of a run, or why there is none; see `execute`."""
     try:
-        return execute(run, folder)
+        return execute(run, folder, command)
     except Exception as error:
         return error
 

@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -118,10 +118,18 @@ class Record:
     """The figures on the way and in the end, each with its `step`; empty if it was scored once."""
 
 
-def execute(run: Run, folder: Path) -> Record:
+Command = Callable[[list[object], Path], None]
+"""Does a line of a program and its arguments, and writes what it says to a log; see `run_command`.
+"""
+
+
+def execute(run: Run, folder: Path, command: Command | None = None) -> Record:
     """The record of a run; what it trains stays in a folder of its name.
 
     An earlier one of that name is replaced once this one is whole.
+
+    Args:
+        command: what does the work; `run_command` unless another is given.
 
     Raises:
         DeSplatError: the capture is not there; or training or evaluation failed, and the message
@@ -139,7 +147,7 @@ def execute(run: Run, folder: Path) -> Record:
     places = ["--data", run.data, "--output-dir", draft, "--machine.seed", run.seed]
     line = ["python", "-m", PROGRAM, results, run.evaluations, run.variant.method, *places]
     began = time.monotonic()
-    run_command([*line, *run.options], log)
+    (command or run_command)([*line, *run.options], log)
     found = _read(results, time.monotonic() - began)
     _settle(draft, folder / run.name)
     return found

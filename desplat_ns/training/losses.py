@@ -63,14 +63,18 @@ def layered_photometric_losses(
 
 
 def distractor_opacity_loss(
-    alpha_d: Float[Tensor, "H W 1"], free: Bool[Tensor, "H W 1"] | None = None
+    alpha_d: Float[Tensor, "H W 1"], free: Float[Tensor, "H W 1"] | None = None
 ) -> Float[Tensor, ""]:
     """Mean opacity of the distractors, in [0, 1]: a price on what they explain.
 
-    Source: Eq. 5, the term weighted by lambda_d; that opacity costs nothing in the pixels of `free`
-    is ours (docs/results/separation.md).
+    Args:
+        free: 1 in pixels where opacity costs nothing, 0 in others.
+
+    Source: Eq. 5, the term weighted by lambda_d; `free` is ours (docs/results/separation.md).
     """
-    return (alpha_d if free is None else alpha_d.masked_fill(free, 0)).mean()
+    if free is None:
+        return alpha_d.mean()
+    return torch.dot(alpha_d.flatten(), (1 - free).flatten()) / alpha_d.numel()
 
 
 def static_transparency_loss(alpha_s: Float[Tensor, "H W 1"]) -> Float[Tensor, ""]:
@@ -78,7 +82,7 @@ def static_transparency_loss(alpha_s: Float[Tensor, "H W 1"]) -> Float[Tensor, "
 
     Source: Eq. 5, the term weighted by lambda_s.
     """
-    return (1 - alpha_s).mean()
+    return 1 - alpha_s.sum() / alpha_s.numel()  # its gradient takes no pass over the pixels
 
 
 def mean_shown_opacity(

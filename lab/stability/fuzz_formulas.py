@@ -100,7 +100,7 @@ def _placed(means: Tensor) -> Tensor:
 
 
 def _weighted(alpha: Tensor, cells: Tensor) -> Tensor:
-    return separation.distractor_weight(alpha, cells.detach() > 0.5)
+    return separation.distractor_weight(alpha, cells.detach())
 
 
 def _activated(means: Tensor, scales: Tensor, quats: Tensor, rgbs: Tensor, logits: Tensor) -> Any:
@@ -118,7 +118,7 @@ def _new_distractors(pixels: Tensor, rgbs: Tensor) -> dict[str, Tensor]:
 
 
 def _free(alpha: Tensor, cells: Tensor) -> Tensor:
-    return losses.distractor_opacity_loss(alpha, cells > 0.5)
+    return losses.distractor_opacity_loss(alpha, (cells > 0.5).to(alpha))
 
 
 def _background_opacity(alpha_d: Tensor, alpha_s: Tensor, sky: Tensor, photo: Tensor) -> Tensor:
@@ -161,7 +161,7 @@ FORMULAS = (
     Formula("local_residual", partial(excess.local_residual, grid=(5, 4)), (COLORS, COLORS)),
     Formula("ExpectedResidual", _excess, ((UNIT, GRID), (POISON, (9, 2)), (UNIT, (9,)))),
     Formula("outlier_regions", _regions, ((POISON, GRID),)),
-    Formula("distractor_weight", _weighted, (PLANE, (UNIT, GRID))),
+    Formula("distractor_weight", _weighted, (PLANE, PLANE)),
     Formula("lie_in", _placed, ((POISON, (9, 3)),)),
     Formula("distractors_at", _new_distractors, ((MODERATE, (9, 2)), (UNIT, (9, 3)))),
     Formula(

@@ -66,10 +66,10 @@ def _write_capture(scene: Scene, training: Sequence[Frame], images: Path, sparse
     _write_images([*training, *scene.extra], images)
     spec, points = scene.spec, scene.points
     noise = spec.rng(5).normal(scale=spec.point_noise, size=points.xyz.shape)
-    write_reconstruction(sparse, _register(scene, training), points.xyz + noise, points.rgb)
+    write_reconstruction(sparse, register(scene, training), points.xyz + noise, points.rgb)
 
 
-def _register(scene: Scene, training: Sequence[Frame]) -> list[RegisteredPhoto]:
+def register(scene: Scene, training: Sequence[Frame]) -> list[RegisteredPhoto]:
     """Photos with their noisy observations; points hidden by occluders are not observed."""
     rng, points, views = scene.spec.rng(4), scene.points, scene.spec.num_views
     numbered = [(index % views, frame) for index, frame in enumerate(training)]

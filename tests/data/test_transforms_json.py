@@ -69,6 +69,12 @@ def test_a_capture_without_transforms_says_what_to_type(tmp_path: Path, capture)
         outputs_of(capture())
 
 
+def test_photos_that_are_not_there_are_named(processed: Path):
+    (processed / "images" / "2.png").unlink()
+    with pytest.raises(CaptureError, match=r"1 of 4 photos .*: images/2\.png.*`file_path` in"):
+        outputs_of(processed)
+
+
 def test_damaged_transforms_are_named(processed: Path):
     (processed / "transforms.json").write_text("{")
     with pytest.raises(CaptureError, match="cannot be used: JSONDecodeError"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,8 @@ import torch
 
 from desplat_ns.backend.protocol import View
 from tests.helpers.clouds import drawn
-from tests.helpers.scene_in_browser import bare_scene, settle, shown
+from tests.helpers.page_beside_photos import LEAST_PSNR as LEAST_PAGE
+from tests.helpers.page_beside_photos import MOST_BELOW, page_beside_photos, short_run
 from tests.helpers.splat_readers import read_splats
 
 pytestmark = [pytest.mark.slow, pytest.mark.real_data]
@@ -35,23 +35,7 @@ def capture(data_folder: Callable[[str], Path]) -> Path:
 @pytest.fixture(scope="module")
 def run(capture: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """config.yml of a short run, with distractors."""
-    from nerfstudio.configs.method_configs import all_methods
-    from nerfstudio.scripts import train
-
-    from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-    from desplat_ns.settings.effects import EffectsConfig
-
-    config: Any = copy.deepcopy(all_methods["desplat"])
-    config.pipeline.datamanager.dataparser = RobustNerfDataParserConfig(
-        data=capture, downscale_factor=DOWNSCALE
-    )
-    config.pipeline.model.effects = EffectsConfig()
-    config.pipeline.model.backend = "numba"
-    config.max_num_iterations, config.vis, config.timestamp = STEPS, "tensorboard", "run"
-    config.steps_per_eval_image = config.steps_per_eval_all_images = STEPS * 10
-    config.output_dir = tmp_path_factory.mktemp("runs")
-    train.main(config)
-    return config.get_base_dir() / "config.yml"
+    return short_run(capture, DOWNSCALE, STEPS, tmp_path_factory.mktemp("runs"))
 
 
 @pytest.mark.parametrize("ending", list(LEAST_PSNR))
@@ -98,31 +82,12 @@ def test_masks_cover_what_was_pasted_into_the_photos(run: Path, capture: Path, t
 
 
 def test_a_page_shows_what_we_render_to_training_and_held_out_cameras(run: Path, tmp_path: Path):
-    """Against ours at least 30 dB; against the photos at most 0.3 dB below ours."""
     from desplat_ns.runs.files import find_run
     from desplat_ns.runs.loading import load_run
-    from desplat_ns.scene.gather import gather
-    from desplat_ns.scene.page import html_of
 
-    loaded = load_run(find_run(run))
-    model: Any = loaded.pipeline.model
-    contents = gather(loaded, most_training=5, most_held_out=1000)
-    text, _ = html_of(contents, 50_000_000)
-    assert len(contents.cameras) == 5 + len(loaded.pipeline.datamanager.eval_dataset)
-    against = []
-    with bare_scene(tmp_path / "a.html", text, 100, 100) as page:
-        for index, camera in enumerate(contents.cameras):
-            page.resize(camera.view.width, camera.view.height)
-            settle(page, f"scenePage.goTo({index})")
-            with torch.no_grad():
-                static = model.render_static(camera.view, None)
-                background = model.background_of(camera.view, None)
-                ours = model.image_of(static, background, camera.view, None).clamp(0, 1).numpy()
-            pictures = shown(page), ours, camera.photo / 255
-            against.append([psnr(pictures[i], pictures[j]) for i, j in ((0, 1), (0, 2), (1, 2))])
-    ours, photo, ours_photo = np.transpose(against)
-    assert ours.min() > 30, against
-    assert (ours_photo - photo).max() < 0.3, against
+    found = page_beside_photos(load_run(find_run(run)), tmp_path)
+    assert found.of_ours.min() > LEAST_PAGE, found
+    assert found.below_ours.max() < MOST_BELOW, found
 
 
 def view_by_colmap(model: Path, name: str) -> View:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from desplat_ns.reproduce.grid import Grid, Request
 from desplat_ns.reproduce.methods import METHODS
+from desplat_ns.reproduce.protocols import Smoke
 from desplat_ns.reproduce.records import Records
 from desplat_ns.reproduce.scenes import Content, FoundScene
 from desplat_ns.reproduce.tables import TABLES, TableName
@@ -68,7 +69,8 @@ def request_of(
     table = TABLES[name]
     taken = tuple(METHODS[one] for one in methods or table.methods)
     return Request(
-        table, output.parent / "data", output, taken, seeds, executor, 1, is_smoke, device
+        *(table, output.parent / "data", output, taken, seeds, executor, 1, device),
+        smoke=Smoke() if is_smoke else None,
     )
 
 

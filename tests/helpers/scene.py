@@ -9,9 +9,10 @@ import numpy as np
 import torch
 
 from desplat_ns.backend.protocol import RenderSettings, View
+from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.backend.torch_tiles import TorchRasterizer
 from desplat_ns.export.splat_cloud import SplatCloud
-from desplat_ns.scene.contents import Contents, PageCamera
+from desplat_ns.scene.contents import Contents, Light, PageCamera
 from desplat_ns.scene.gather import splats_of
 
 WIDTH, HEIGHT = 200, 150
@@ -70,6 +71,13 @@ def camera(name: str, degrees: float, **changes: Any) -> PageCamera:
     return replace(made_up, **changes)
 
 
+def light(name: str, brighter: float = 0.2, of: SplatCloud | None = None) -> Light:
+    """A light in which a scene is brighter by so much, and the more so the more it was."""
+    harmonics = (cloud() if of is None else of).harmonics * (1 + brighter)
+    harmonics[:, 0] += brighter / C0
+    return Light(name, (0.1, 0.2, 0.7), harmonics.astype(np.float32))
+
+
 def contents(**changes: Any) -> Contents:
     """A page's contents: two training photos, one with a distractor, and one held out."""
     grey = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
@@ -90,12 +98,14 @@ def contents(**changes: Any) -> Contents:
     return replace(made_up, **changes)
 
 
-def drawn(cloud: SplatCloud, seen: View) -> np.ndarray:
-    """Our own picture of it [H, W, 3], over `BACKGROUND`, in [0, 1]."""
+def drawn(
+    cloud: SplatCloud, seen: View, background: tuple[float, float, float] = BACKGROUND
+) -> np.ndarray:
+    """Our own picture of it [H, W, 3], over a colour, in [0, 1]."""
     seen = replace(seen, viewmat=seen.viewmat.float(), K=seen.K.float())
     settings = RenderSettings(antialiased=cloud.antialiased)
     found = TorchRasterizer()(splats_of(cloud, "cpu"), seen, settings)
-    image = found.rgb + (1 - found.alpha) * torch.tensor(BACKGROUND)
+    image = found.rgb + (1 - found.alpha) * torch.tensor(background)
     return image.clamp(0, 1).numpy()
 
 

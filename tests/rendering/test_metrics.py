@@ -251,6 +251,41 @@ def test_the_smallest_side_is_alexnets():
             features(torch.zeros((1, 3, side - 1, side - 1)))
 
 
+def test_the_smallest_side_of_vgg_is_16_pixels():
+    """As above, up to the last layer that LPIPS taps."""
+    from torchvision.models import vgg16
+
+    features, side = vgg16(weights=None).features[:30], metrics._NETS["vgg"].min_side
+    with torch.no_grad():
+        assert features(torch.zeros((1, 3, side, side))).numel() > 0
+        with pytest.raises(RuntimeError):
+            features(torch.zeros((1, 3, side - 1, side - 1)))
+
+
+def test_another_network_is_built_when_it_is_asked_for(online: type[_Distance]):
+    lpips = LazyLpips()
+    lpips(*_planes(20))
+    assert lpips.reason is not None
+    lpips.use("vgg")
+    assert lpips(*_planes(20)) is not None and online.built[0] == "vgg"
+    built = lpips._metric
+    lpips.use("vgg")
+    assert lpips._metric is built
+
+
+@pytest.mark.parametrize(("net", "file"), [("alex", "alexnet-owt"), ("vgg", "vgg16")])
+def test_where_weights_belong_is_said_by_the_networks_file(
+    offline, tmp_path, monkeypatch, net, file
+):
+    monkeypatch.setenv("TORCH_HOME", str(tmp_path))
+    lpips = LazyLpips()
+    lpips.use(net)
+    assert lpips(*_planes()) is None
+    path = metrics.lpips_weights(net)
+    assert path.parent == tmp_path / "hub" / "checkpoints" and path.name.startswith(file)
+    assert lpips.reason is not None and str(path) in lpips.reason
+
+
 def test_lpips_adds_nothing_to_a_checkpoint(online: type[_Distance]):
     model: Any = nn.Module()
     model.lpips = LazyLpips()

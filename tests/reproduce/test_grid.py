@@ -38,6 +38,7 @@ def test_runs_are_those_of_the_protocol():
     options = " ".join(run.options)
     assert "--pipeline.model.effects.distractors False" in options
     assert "--pipeline.evaluation.protocol full" in options, "whatever a survey finds"
+    assert "--pipeline.evaluation.lpips-net alex" in options
 
 
 def test_a_smoke_run_has_other_names_and_folders_than_the_real_one():
@@ -85,6 +86,17 @@ def test_without_a_gpu_it_says_how_long_it_would_take(tmp_path: Path, unread):
     assert executor.done == []
     reproduce(request_of("A6", tmp_path / "out", executor, device="cpu", is_smoke=True))
     assert len(executor.done) == 21
+
+
+def test_weights_of_lpips_that_are_missing_are_said_before_anything_is_run(
+    tmp_path: Path, unread, monkeypatch, capsys
+):
+    monkeypatch.setenv("TORCH_HOME", str(tmp_path / "torch"))
+    reproduce(request_of("A6", tmp_path / "out", MadeUpExecutor(), is_smoke=True))
+    said = " ".join(capsys.readouterr().out.split())
+    assert "LPIPS's weights are not at" in said and "alexnet-owt-7be5be79.pth" in said
+    reproduce(request_of("A8", tmp_path / "out", MadeUpExecutor(), is_smoke=True))
+    assert "LPIPS" not in capsys.readouterr().out, "no figure of that table"
 
 
 def test_a_disk_that_will_not_hold_it_is_said_first(tmp_path: Path, monkeypatch):

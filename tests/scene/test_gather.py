@@ -1,19 +1,29 @@
 """What a tiny run's page shows is what the run holds; what cannot be is told."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 import torch
 
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.runs.loading import LoadedRun
+from desplat_ns.export.export import static_cloud
+from desplat_ns.runs.files import find_run
+from desplat_ns.runs.loading import LoadedRun, load_run
+from desplat_ns.scene.contents import AVERAGE
 from desplat_ns.scene.gather import gather
 from desplat_ns.scene.page import html_of
+from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.browser import find_browser
 from tests.helpers.scene import psnr
 from tests.helpers.scene_in_browser import bare_scene, settle, shown
+
+if TYPE_CHECKING:
+    from nerfstudio.engine.trainer import TrainerConfig
 
 pytestmark = pytest.mark.slow
 
@@ -22,9 +32,6 @@ MOST = 5_000_000
 
 @pytest.fixture(scope="module")
 def run(trained: Path) -> LoadedRun:
-    from desplat_ns.runs.files import find_run
-    from desplat_ns.runs.loading import load_run
-
     return load_run(find_run(trained))
 
 
@@ -65,6 +72,26 @@ def test_a_crop_that_leaves_nothing_and_a_light_that_is_not_there_are_errors(run
         gather(run, 1, 0, crop=1e-6)
     with pytest.raises(ConfigError, match="same colours"):
         gather(run, 1, 0, light="a.jpg")
+
+
+def test_other_lights_are_those_of_the_same_gaussians(
+    tiny_run: Callable[[Path], TrainerConfig], tmp_path: Path
+):
+    """Also where a crop leaves some out."""
+    from nerfstudio.scripts import train
+
+    config: Any = tiny_run(tmp_path)
+    config.pipeline.model.effects = EffectsConfig(distractors=False, appearance="affine")
+    train.main(config)
+    one = load_run(find_run(config.get_base_dir() / "config.yml"))
+    whole, cropped = (gather(one, 2, 1, crop) for crop in (None, 1.0))
+    assert whole.light == AVERAGE and len(cropped.cloud) < len(whole.cloud)
+    for contents, crop in ((whole, None), (cropped, 1.0)):
+        assert contents.other_lights
+        for light in contents.other_lights:
+            baked, _ = static_cloud(one.pipeline, crop, light.name)
+            assert np.abs(light.harmonics - baked.harmonics).max() < 1e-5
+            assert np.abs(light.harmonics - contents.cloud.harmonics).max() > 1e-4
 
 
 def test_in_a_browser_it_looks_as_the_model_renders_it(run: LoadedRun, tmp_path: Path):

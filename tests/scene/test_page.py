@@ -4,14 +4,18 @@ import base64
 import gzip
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
 from desplat_ns.errors import ConfigError
+from desplat_ns.export.coordinates import moved
+from desplat_ns.export.spz import color_bytes
+from desplat_ns.scene.contents import TO_PAGE
 from desplat_ns.scene.page import html_of
-from tests.helpers.scene import camera, cloud, contents, red_disc
+from tests.helpers.scene import camera, cloud, contents, light, red_disc
 from tests.helpers.splat_readers import read_splats
 
 MOST = 4_000_000
@@ -70,10 +74,11 @@ def test_nothing_is_asked_from_elsewhere():
 
 
 def test_names_with_markup_in_them_do_no_harm():
-    plain = contents()
+    plain = contents(light="a.png", other_lights=[light("b.png")])
     nasty = contents(
         title=NASTY,
         light=NASTY,
+        other_lights=[light(NASTY)],
         not_shown=NASTY,
         cameras=[camera(NASTY, 0), *plain.cameras[1:]],
         pictures=[(NASTY, plain.pictures[0][1])],
@@ -83,7 +88,39 @@ def test_names_with_markup_in_them_do_no_harm():
     assert tags[0] == tags[1], "the same elements"
     assert json.loads(after.text_of("data"))["cameras"][0]["name"] == NASTY
     assert NASTY in [text.strip() for _, text in after.tags("title")]
-    assert NASTY in "".join(text for _, text in after.tags("option"))
+    assert "".join(text for _, text in after.tags("option")).count(NASTY) == 3
+
+
+def test_other_lights_are_what_is_to_be_added_to_the_first_ones_colours():
+    """All bytes of the file in that light, rounded as it would be, and no bytes beside."""
+    one = contents(light="a.png", other_lights=[light("b.png", 0.3)])
+    data = json.loads(Parts(html_of(one, MOST)[0]).text_of("data"))
+    first, other = data["lights"]
+    assert (first["name"], first["change"]) == ("a.png", "")
+    assert (other["name"], other["background"]) == ("b.png", [0.1, 0.2, 0.7])
+    lit = replace(one.cloud, harmonics=one.other_lights[0].harmonics)
+    before, after = (color_bytes(moved(cloud, TO_PAGE)) for cloud in (one.cloud, lit))
+    change = np.frombuffer(gzip.decompress(base64.b64decode(other["change"])), np.uint8)
+    assert (before + change == after).all() and (change != 0).any()
+
+
+@pytest.mark.slow
+def test_other_lights_at_most_double_a_page():
+    large = cloud(count=10_000)
+    several = [light(f"light {i}", 0.1 * i, large) for i in range(1, 40)]
+    alone, with_all = (
+        html_of(contents(cloud=large, other_lights=lights), 1_000_000_000)[0]
+        for lights in ((), several)
+    )
+    assert 3 < len(json.loads(Parts(with_all).text_of("data"))["lights"]) < 40
+    assert 1.8 * len(alone) < len(with_all) <= 2 * len(alone)
+
+
+def test_where_gaussians_have_no_room_there_is_none_for_lights():
+    large, most = cloud(count=60_000), 2_000_000
+    text, _ = html_of(contents(cloud=large, other_lights=[light("b", 0.1, large)]), most)
+    assert len(json.loads(Parts(text).text_of("data"))["lights"]) == 1
+    assert len(text.encode()) <= most
 
 
 def test_a_page_is_as_large_as_it_may_be_and_says_what_is_left_out():

@@ -18,6 +18,7 @@ from tests.helpers.scene import (
     cloud,
     contents,
     drawn,
+    light,
     psnr,
     red_disc,
 )
@@ -64,6 +65,25 @@ def test_at_a_photos_camera_it_shows_what_we_render(stage: Page, index: int):
     assert psnr(shown(stage), ours) > LEAST_PSNR
 
 
+def test_another_light_is_shown_where_it_is_chosen_and_the_first_one_again(tmp_path: Path):
+    other = light("b.png")
+    one = contents(light="a.png", other_lights=[other])
+    view = one.cameras[1].view
+    ours = drawn(one.cloud, view)
+    lit = drawn(replace(one.cloud, harmonics=other.harmonics), view, other.background)
+    assert psnr(ours, lit) < 20
+    with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:
+        settle(page, "scenePage.goTo(1)")
+        first = shown(page)
+        assert psnr(first, ours) > LEAST_PSNR
+        select = "(at => { const it = document.getElementById('light'); it.value = at; "
+        settle(page, select + "it.onchange() })(1)")
+        assert psnr(shown(page), lit) > LEAST_PSNR
+        assert page.value("document.getElementById('lit').textContent") == "in the light of b.png"
+        settle(page, select + "it.onchange() })(0)")
+        assert (shown(page) == first).all(), "to the bit"
+
+
 def test_antialiased_scenes_are_drawn_as_such(tmp_path: Path):
     one = contents(cloud=replace(cloud(), antialiased=True))
     with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:
@@ -87,6 +107,13 @@ def test_what_was_taken_out_can_be_put_back_and_fades_away_from_its_camera(stage
     assert np.abs(away - shown(stage)).max() < 0.01, "nothing of it is left"
     settle(stage, "scenePage.goTo(1)")
     assert stage.value("distractors.disabled") is True, "nothing was taken out of this one"
+
+
+def test_to_end_flying_moves_nothing(stage: Page):
+    settle(stage, "scenePage.camera.rotateY(0.4), scenePage.setMode(true)")
+    turned = stage.value("[...scenePage.camera.quaternion]")
+    settle(stage, "scenePage.setMode(false)")
+    assert stage.value("[...scenePage.camera.quaternion]") == turned
 
 
 @pytest.mark.parametrize("flying", [False, True])

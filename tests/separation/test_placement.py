@@ -198,6 +198,7 @@ def test_a_region_has_weight_1_whatever_covers_it():
     columns, rows = grid_of(width, height)
     regions = torch.zeros(rows, columns, dtype=torch.bool)
     regions[:, : columns // 2] = True
-    weight = distractor_weight(torch.full((height, width, 1), 0.25), regions)
-    assert torch.equal(weight == 1, region_pixels(regions, height, width))
+    in_region = region_pixels(regions, height, width)
+    weight = distractor_weight(torch.full((height, width, 1), 0.25), in_region.float())
+    assert torch.equal(weight == 1, in_region)
     assert (weight[weight != 1] == 0.25).all()

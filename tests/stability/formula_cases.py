@@ -183,7 +183,7 @@ def all_pixels_masked(dtype: torch.dtype) -> tuple[Pair, Pair]:
 
 def all_opacity_free(dtype: torch.dtype) -> tuple[Pair, Pair]:
     alpha = torch.full((3, 4, 1), 0.999, dtype=dtype, requires_grad=True)
-    got = distractor_opacity_loss(alpha, torch.ones(3, 4, 1, dtype=torch.bool))
+    got = distractor_opacity_loss(alpha, torch.ones(3, 4, 1, dtype=dtype))
     zero = torch.zeros(3, 4, 1, dtype=torch.float64)
     return Pair(got, zero.sum(), 0.0), Pair(slope_of(got, alpha), zero, 0.0)
 

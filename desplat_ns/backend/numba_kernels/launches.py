@@ -88,8 +88,8 @@ def _of_drawing() -> Iterator[tuple[Any, ...]]:
 def _of_images() -> Iterator[tuple[Any, ...]]:
     rates, sums = (_SCALE,) * 3, (_table(np.float64),) * 2
     yield (ssim.score_image, _THREE, _SIZE, _table(np.uint8), rates, sums, _FLOATS, *_TURN)
-    yield (over.put_over, *_FOUR, *_TURN)
-    yield (over.pull_under, *_FOUR, _FLOATS, *_TURN)
+    yield (over.put_over, *_FOUR, True, *_TURN)
+    yield (over.pull_under, *_FOUR, *_THREE, *_TURN)
     yield (over.pull_within, *_THREE, *_TURN)
 
 

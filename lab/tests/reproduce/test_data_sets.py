@@ -1,21 +1,17 @@
-"""Tables end to end on generated scenes that are laid out as the published data sets."""
+"""Data sets are read as they lie on the disk: names, camera models, and what COLMAP left out."""
 
 from __future__ import annotations
 
-import csv
-import json
 import shutil
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import pytest
+from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
+from desplat_ns.data.images import read_image, write_image
 from desplat_ns.errors import CaptureError
-from desplat_ns.reproduce import grid as module
-from desplat_ns.reproduce.estimate import expected_seconds
-from desplat_ns.reproduce.grid import Request, reproduce, run_of
-from desplat_ns.reproduce.methods import METHODS
+from desplat_ns.fetch.sources import SOURCES
+from desplat_ns.reproduce.protocols import Smoke
 from desplat_ns.reproduce.scenes import (
     FoundScene,
     any_scenes,
@@ -26,27 +22,23 @@ from desplat_ns.reproduce.scenes import (
     smaller,
 )
 from desplat_ns.reproduce.tables import TABLES, TableName
-from desplat_ns.studies import runs
-from desplat_ns.studies.executors import Keep, outcome
-from desplat_ns.studies.runs import Run
-from desplat_ns.studies.train_and_score import train_and_score
-from lab.reproduce.data_sets import write_data_sets
+from lab.reproduce.data_sets import (
+    DISTORTION,
+    SPLITS,
+    TINY,
+    write_converted_on_the_go,
+    write_data_sets,
+    write_undistorted_on_the_go,
+)
+from lab.synthetic import Scene, make_scene
 
-pytestmark = pytest.mark.usefixtures("tyro_may_build")
+pytestmark = [pytest.mark.usefixtures("tyro_may_build"), pytest.mark.slow]
 
+SMOKE = Smoke(steps=4, side=48)
 
-class InThisProcess:
-    """An executor that starts no process."""
-
-    def do(self, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
-        return [keep(run, outcome(run, folder)) for run in runs]
-
-
-def train_here(line: list[Any], log: Path, **_: str) -> None:
-    """What `runs.run_command` lets another process do."""
-    results, evaluations, method, *options = map(str, line[3:])
-    found = train_and_score(method, options, log.with_name("pictures"), int(evaluations))
-    Path(results).write_text(json.dumps(found))
+CLUTTER = {f"IMG_{number:04d}.JPG" for number in (3, 4, 5, 6, 7)}
+EXTRA = {"IMG_0000.JPG", "IMG_0002.JPG"}
+"""Of On-the-go: number 1 has no pose, and 8 is in no list."""
 
 
 @pytest.fixture(scope="module")
@@ -56,109 +48,148 @@ def data_sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return make_scene(TINY)
+
+
 @pytest.fixture
 def spot(data_sets: Path, tmp_path: Path) -> Path:
     """A scene of On-the-go that a test may spoil."""
-    home = tmp_path / "on-the-go" / "spot"
-    return shutil.copytree(data_sets / "on-the-go" / "patio_high", home)
+    return shutil.copytree(data_sets / "on-the-go" / "spot", tmp_path / "on-the-go" / "spot")
+
+
+@pytest.fixture
+def statue(data_sets: Path, tmp_path: Path) -> Path:
+    """One of RobustNeRF."""
+    home = tmp_path / "robustnerf" / "statue"
+    return shutil.copytree(data_sets / "robustnerf" / "statue", home)
 
 
 def found_in(table: TableName, data: Path) -> dict[str, FoundScene]:
     return {one.scene.name: one for one in find_scenes(TABLES[table], data)[0]}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("table", "scene", "trained", "tested"),
-    [
-        ("robustnerf", "Crab (2)", 6, 2),
-        ("on-the-go", "Patio-High", 6, 2),
-        ("A5", "Sacre Coeur", 6, 2),
-        ("A6", "garden", 12, 2),  # photos 0 and 8 of 14
-    ],
-)
-def test_each_layout_is_read_with_its_split(data_sets, table, scene, trained, tested):
-    (content,) = checked([found_in(table, data_sets)[scene]], is_smoke=True).values()
-    assert (content.photos, content.held_out) == (trained, tested)
-    assert (content.width, content.height) == (48, 32), "smaller than a smoke run's photos already"
+def names(outputs: DataparserOutputs) -> set[str]:
+    return {path.name for path in outputs.image_filenames}
 
 
-@pytest.mark.slow
-def test_the_ratios_of_fig_9_take_as_many_cluttered_photos(data_sets):
+@pytest.mark.parametrize("table", ["robustnerf", "on-the-go", "A5", "A6", "fig9"])
+def test_every_scene_of_a_table_is_found_and_read(data_sets: Path, table: TableName):
+    scenes, missing = find_scenes(TABLES[table], data_sets)
+    contents = checked(scenes, SMOKE)
+    assert not missing and len(contents) == len(TABLES[table].scenes)
+    for content in contents.values():
+        assert (content.width, content.height) == (48, 32)
+
+
+def test_robustnerf_is_told_apart_by_prefixes_and_read_from_its_small_copies(data_sets: Path):
+    found = found_in("robustnerf", data_sets)["Crab (1)"]
+    outputs, tested = outputs_of(found, "train"), outputs_of(found, "test")
+    assert names(outputs) == {f"2clutter00{n}.png" for n in range(1, 7)}
+    assert names(tested) == {"1extra001.png", "1extra002.png"}
+    assert all(path.parent.name == "images_8" for path in outputs.image_filenames)
+    distortion = outputs.cameras.distortion_params
+    assert distortion is not None
+    k1, k2, _, _, p1, p2 = distortion[0].tolist()
+    assert (k1, k2, p1, p2) == pytest.approx(DISTORTION, rel=1e-6)
+
+
+def test_clean_and_cluttered_photos_of_a_number_are_twins(data_sets: Path):
     scenes = found_in("fig9", data_sets)
-    for percent, number in ((25, 2), (75, 4)):  # round(6 / 4), to even; round(18 / 4)
-        found = smaller(scenes[f"Crab (2), {percent}% cluttered"])
-        names = [path.name for path in outputs_of(found, "train").image_filenames]
-        assert sum("clutter" in name for name in names) == number and len(names) == 6
+    for percent, number in ((0, 0), (25, 2), (75, 4), (100, 6)):  # round(6 / 4), to even
+        found = outputs_of(smaller(scenes[f"Crab (2), {percent}% cluttered"], 48), "train")
+        kinds = [name.removesuffix(".png") for name in names(found)]
+        assert sum("clutter" in kind for kind in kinds) == number
+        assert {kind[-3:] for kind in kinds} == {f"00{n}" for n in range(1, 7)}, "each viewpoint"
 
 
-@pytest.mark.slow
-def test_a_smoke_table_of_two_data_sets_trains_scores_and_is_written(
-    data_sets, tmp_path, monkeypatch
+def test_on_the_go_counts_the_photos_of_transforms_json_by_name(data_sets: Path):
+    found = found_in("on-the-go", data_sets)
+    outputs = outputs_of(found["Mountain"], "train")
+    assert names(outputs) == CLUTTER and names(outputs_of(found["Mountain"], "test")) == EXTRA
+    assert all(path.parent.name == "images" for path in outputs.image_filenames), "no copies"
+    assert read_scene(found["Mountain"]).points == 0, "the archive has none"
+    sizes = [read_scene(found[name]).width for name in ("Mountain", "Patio")]
+    assert sizes == [48, 96], "8 and 4 times smaller"
+
+
+@pytest.mark.parametrize("write", [write_converted_on_the_go, write_undistorted_on_the_go])
+@pytest.mark.parametrize("folder", ["patio_high", "patio-high"])
+def test_copies_of_on_the_go_with_a_colmap_model_have_the_same_split(
+    scene: Scene, tmp_path: Path, write, folder: str
 ):
-    monkeypatch.setattr(runs, "run_command", train_here)
-    monkeypatch.setattr(module, "SMOKE_STEPS", 4)
-    data = tmp_path / "data"
-    for name in ("robustnerf/yoda", "on-the-go/patio_high"):
-        (data / name).parent.mkdir(parents=True)
-        (data / name).symlink_to(data_sets / name)
-    methods = (METHODS["desplat-paper"],)
-    table, output = TABLES["A7"], tmp_path / "out"
-    request = Request(table, data, output, methods, 1, InThisProcess(), 1, True, "cpu")
-    folder = reproduce(request)
-    with (folder / "table.csv").open(newline="") as file:
-        rows = {(row["scene"], row["metric"]): row for row in csv.DictReader(file)}
-    assert {scene for scene, _ in rows} == {"Yoda", "Patio-High", "mean"}
-    assert {metric for _, metric in rows} == {"static_mb", "distractor_mb"}
-    assert all(row["paper"] == "" and row["smoke"] == "True" for row in rows.values())
-    conditions = json.loads((folder / "table.json").read_text())["conditions"]
-    assert conditions["steps"] == ["4"] and conditions["scored"] == [
-        "full image, static Gaussians only"
-    ]
-    assert conditions["versions"] and "SMOKE" in (folder / "table.md").read_text()
-    assert not list(output.rglob("nerfstudio_models")), "nobody needs them"
-    before = (folder / "table.md").read_bytes()
-    monkeypatch.setattr(runs, "run_command", None)
-    assert reproduce(request) == folder
-    assert (folder / "table.md").read_bytes() == before, "all of it was done"
+    write(scene, tmp_path / "on-the-go" / folder)
+    found = found_in("on-the-go", tmp_path)["Patio-High"]
+    assert names(outputs_of(found, "train")) == CLUTTER
+    assert names(outputs_of(found, "test")) == EXTRA
+    assert read_scene(found).points > 100
 
 
-@pytest.mark.slow
-def test_the_time_of_a_table_is_that_of_its_steps(data_sets):
-    found = next(iter(checked([found_in("robustnerf", data_sets)["Yoda"]], is_smoke=True)))
-    run = run_of(found, METHODS["splatfacto"], 42, is_smoke=False)
-    one = expected_seconds(found, [run], "cpu")
-    assert one is not None and 30_000 * 1e-3 < one < 30_000 * 10
+@pytest.mark.parametrize("folder", SPLITS)
+def test_photo_tourism_is_split_by_nerf_ws_file_whose_ids_have_points(data_sets, folder, capsys):
+    scenes = found_in("A5", data_sets).values()
+    (found,) = (one for one in scenes if one.scene.folder == folder)
+    content = read_scene(found)
+    assert (content.photos, content.held_out) == (6, 2)
+    assert "1 rows without an id: ignored" in " ".join(capsys.readouterr().out.split())
+    files = [file.address for file in SOURCES[found.scene.fetch].files]
+    assert any(one.endswith(f"/{SPLITS[folder]}.tsv") for one in files)
 
 
-@pytest.mark.slow
+def test_every_eighth_photo_of_mipnerf360_tests_by_colmaps_number(data_sets: Path):
+    """The generated model has the last name first."""
+    found = found_in("A6", data_sets)
+    held_out = outputs_of(found["garden"], "test").image_filenames
+    assert [f"{path.parent.name}/{path.name}" for path in held_out] == ["images_4/DSC07963.JPG"]
+    assert read_scene(found["kitchen"]).width == 192, "rooms are 2 times smaller"
+
+
 def test_a_smoke_run_takes_captures_of_any_name_and_passes_over_others(data_sets, tmp_path):
     (tmp_path / "mine").symlink_to(data_sets / "robustnerf" / "yoda")
     (tmp_path / "broken" / "images").mkdir(parents=True)
     scenes = any_scenes(TABLES["robustnerf"], tmp_path)
     assert {scene.scene.name for scene in scenes} == {"yoda", "broken"}
-    assert [scene.scene.name for scene in checked(scenes, is_smoke=True)] == ["yoda"]
+    assert [scene.scene.name for scene in checked(scenes, SMOKE)] == ["yoda"]
 
 
-@pytest.mark.slow
-def test_a_data_set_half_downloaded_is_refused_by_name(spot, tmp_path):
-    scene = found_in("on-the-go", tmp_path)["Spot"]
-    photos = sorted((spot / "images").iterdir())
-    for photo in photos[::2]:
+def test_a_data_set_half_downloaded_is_refused_by_name(spot: Path, tmp_path: Path):
+    for photo in sorted((spot / "images").iterdir())[::2]:
         photo.unlink()
     with pytest.raises(CaptureError, match=r"NeRF On-the-go, Spot: .*fetch the data set again"):
-        read_scene(scene)
-
-
-@pytest.mark.slow
-def test_photos_and_their_smaller_copies_both_missing_are_an_error(spot, tmp_path):
-    (spot / "images").rename(spot / "pictures")
-    with pytest.raises(CaptureError, match="Spot: "):
         read_scene(found_in("on-the-go", tmp_path)["Spot"])
 
 
-@pytest.mark.slow
-def test_a_split_of_another_scene_is_an_error(spot, tmp_path):
+@pytest.mark.parametrize("absent", ["transforms.json", "split.json"])
+def test_a_scene_without_one_of_its_files_is_refused_by_name(spot, tmp_path, absent: str):
+    (spot / absent).unlink()
+    with pytest.raises(CaptureError, match=rf"Spot: .*{absent}"):
+        read_scene(found_in("on-the-go", tmp_path)["Spot"])
+
+
+def test_photos_are_needed_at_one_size_only(statue: Path, tmp_path: Path):
+    found = found_in("robustnerf", tmp_path)["Statue"]
+    (statue / "images_8").rename(tmp_path / "kept")
+    assert {path.parent.name for path in outputs_of(found, "train").image_filenames} == {"images"}
+    shutil.rmtree(statue / "images")
+    with pytest.raises(CaptureError, match=r"RobustNeRF, Statue: .*images"):
+        read_scene(found)
+    (tmp_path / "kept").rename(statue / "images_8")
+    assert read_scene(found).photos == 6
+
+
+def test_copies_of_an_unexpected_size_are_not_taken(statue: Path, tmp_path: Path, capsys):
+    found = found_in("robustnerf", tmp_path)["Statue"]
+    for path in (statue / "images_8").iterdir():
+        write_image(path, read_image(path)[::2, ::2])
+    assert read_scene(found).width == 48
+    assert "reduced to 1/8 of their size while reading" in " ".join(capsys.readouterr().out.split())
+    shutil.rmtree(statue / "images")
+    with pytest.raises(CaptureError, match=r"RobustNeRF, Statue: .*images"):
+        read_scene(found)
+
+
+def test_a_split_of_another_scene_is_an_error(spot: Path, tmp_path: Path):
     (spot / "split.json").write_text('{"clutter": [0, 900], "extra": [1]}')
     with pytest.raises(CaptureError, match=r"Take the split\.json that belongs to this scene"):
         read_scene(found_in("on-the-go", tmp_path)["Spot"])

@@ -1,0 +1,109 @@
+// Mouse, fingers and keys: what moves the camera, and what the page's elements do.
+// @ts-check
+import { $ } from "./files.js";
+import { ahead } from "./cameras.js";
+
+const AWAKE = 600; // milliseconds for which it is drawn on after a touch
+
+export class Controls {
+  /** @param {any} V @param {any} camera @param {() => void} redraw */
+  constructor(V, camera, redraw) {
+    Object.assign(this, { V, camera, redraw });
+    this.canvas = $("canvas");
+    this.reach = 1;
+    this.activeUntil = 0;
+    this.fly = new V.SparkControls({ canvas: this.canvas });
+    this.turningKeys = this.fly.fpsMovement.keycodeRotateMapping;
+    this.orbit = this.newOrbit(new V.Vector3(0, 0, -1));
+    this.setMode(false);
+    this.wakeOnTouch();
+  }
+
+  get flying() { return !this.orbit.enabled; }
+
+  /** Turn about a point from now on, which lies in so many units. */
+  aim(target, reach) {
+    const { V, fly } = this, enabled = this.orbit.enabled;
+    this.orbit.dispose();
+    this.orbit = this.newOrbit(target);
+    this.orbit.enabled = enabled;
+    this.reach = reach;
+    fly.fpsMovement.moveSpeed = reach / 3;
+    fly.pointerControls.slideSpeed = reach / 400;
+    fly.pointerControls.scrollSpeed = reach / 2000;
+  }
+
+  newOrbit(target) {
+    const turn = this.camera.quaternion.clone();
+    const orbit = new this.V.OrbitControls(this.camera, this.canvas); // turns it to the origin
+    this.camera.quaternion.copy(turn);
+    orbit.target.copy(target);
+    orbit.addEventListener("change", () => this.redraw());
+    return orbit;
+  }
+
+  /** Whether dragging turns the head, instead of the scene. */
+  setMode(flying) {
+    const { fly, V, camera } = this;
+    $("mode").setAttribute("aria-pressed", String(flying));
+    this.orbit.enabled = !flying;
+    fly.pointerControls.enable = flying;
+    fly.pointerControls.scroll.set(0, 0, 0);
+    fly.fpsMovement.keycodeRotateMapping = flying ? this.turningKeys : {};
+    if (!flying) this.aim(ahead(V, camera, this.reach), this.reach);
+    this.redraw();
+  }
+
+  /** Walk by the keys, and turn the head in the mode for that. Whether anything moved. */
+  move() {
+    const before = this.camera.position.clone();
+    const typing = document.activeElement?.matches("select, input");
+    this.fly.fpsMovement.enable = !typing;
+    const moved = this.fly.update(this.camera);
+    if (moved && this.orbit.enabled)
+      this.orbit.target.add(this.camera.position.clone().sub(before));
+    return moved;
+  }
+
+  /** Whether something may be moving without telling. */
+  get awake() { return performance.now() < this.activeUntil; }
+
+  wakeOnTouch() {
+    const awake = () => { this.activeUntil = performance.now() + AWAKE; this.redraw(); };
+    for (const kind of ["pointerdown", "pointermove", "pointerup", "wheel"])
+      this.canvas.addEventListener(kind, awake, { passive: true });
+    addEventListener("keydown", awake);
+    // In a report, which is scrolled, the wheel and fingers are the scene's once it was clicked.
+    if (parent !== globalThis) document.body.classList.add("framed");
+    this.canvas.addEventListener("click", () => document.body.classList.remove("framed"));
+    $("stage").addEventListener("wheel", event => {
+      if (document.body.matches(".framed")) event.stopImmediatePropagation();
+    }, { capture: true, passive: true });
+  }
+}
+
+/** What the page's elements and keys do. @param {import("./page.js").ScenePage} page */
+export function listen(page) {
+  const toggled = id => { $(id).checked = !$(id).checked; return $(id).checked; };
+  const keys = {
+    n: () => page.step(1), p: () => page.step(-1),
+    f: () => page.setMode(!page.controls.flying),
+    c: () => page.showFrusta(toggled("frusta")),
+  };
+  $("previous").onclick = keys.p;
+  $("next").onclick = keys.n;
+  $("mode").onclick = keys.f;
+  $("camera").onchange = () => page.goTo(Number($("camera").value));
+  $("share").oninput = () => {
+    $("photo").style.clipPath = `inset(0 calc(100% - ${$("share").value}%) 0 0)`;
+    page.redraw();
+  };
+  $("distractors").onchange = () => page.showTaken();
+  $("frusta").onchange = () => page.showFrusta($("frusta").checked);
+  if ($("light")) $("light").onchange = () => page.showLight(Number($("light").value));
+  addEventListener("keydown", event => {
+    const within = /** @type {Element} */ (event.target);
+    if (event.ctrlKey || event.metaKey || event.altKey || within.matches("select")) return;
+    keys[event.key.toLowerCase()]?.();
+  });
+}
