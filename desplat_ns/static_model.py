@@ -60,7 +60,7 @@ class StaticModelConfig(LitModelConfig):
     """Steps of the run between two refinements of the static set, at most; 0 for no bound.
     Splatfacto has 100, in runs of any length."""
     refinements: int = ranged(15, "[1, inf)")
-    """Refinements that a run has time for, however long it is: they are as many steps apart as
+    """Refinements of the static set in a run, whatever its length: they are as many steps apart as
     `stop_split_at` has by this number, and at least half a round of the views. See
     docs/results/separation.md, "How often, and how many"."""
     train_downscale: int = ranged(1, "[1, inf)")

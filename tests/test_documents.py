@@ -119,6 +119,19 @@ def test_links_to_headings_lead_to_one(checkout: Path):
     assert dead == []
 
 
+def test_sections_that_the_code_cites_are_there(checkout: Path):
+    missing, cited = [], 0
+    for path in [*(checkout / "desplat_ns").rglob("*.py"), *(checkout / "lab").rglob("*.py")]:
+        text = re.sub(r"\s+(# )?", " ", path.read_text("utf8"))
+        for page, section in re.findall(r"(docs/[\w/-]+\.md)(?:, \"([^\"]+)\")?", text):
+            there = checkout / page
+            headings = there.read_text("utf8") if there.exists() else ""
+            cited += 1
+            if page != "docs/results/gpu.md" and f"# {section}" not in headings:
+                missing.append(f"{path.name}: {page} {section}")
+    assert missing == [] and cited > 20
+
+
 @pytest.mark.slow
 def test_a_command_runs_as_a_module(checkout: Path):
     found = subprocess.run(

@@ -57,7 +57,7 @@ def cost_of(
     return Cost(
         str(config.experiment_name),
         str(config.method_name),
-        str(config.pipeline.datamanager.data or ""),
+        from_here(config.pipeline.datamanager.data),
         run.steps,
         config.max_num_iterations,
         num_photos,
@@ -79,3 +79,12 @@ def trained_on(device: str, events: list[Path], host: str) -> str:
         return f"{what}; which machine was not recorded"
     is_here = all(f".{host}." in path.name for path in events)
     return f"{what} of {'this machine' if is_here else 'another machine'}"
+
+
+def from_here(path: Path | None) -> str:
+    """A path as somebody types it in the folder at hand, if it lies below; a page that is sent to
+    somebody then says nothing of the machine."""
+    if path is None:
+        return ""
+    inside, here = path.absolute(), Path.cwd()
+    return str(inside.relative_to(here) if inside.is_relative_to(here) else path)

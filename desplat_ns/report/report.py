@@ -12,7 +12,7 @@ from desplat_ns.evaluation.records import gaussian_counts
 from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.model import DeSplatModel
 from desplat_ns.report.angles import angles_of, in_words
-from desplat_ns.report.cost import cost_of
+from desplat_ns.report.cost import cost_of, from_here
 from desplat_ns.report.effect_reasons import effect_reasons, read_survey
 from desplat_ns.report.failure_case import failure_case
 from desplat_ns.report.history import read_history
@@ -73,7 +73,7 @@ def gather(
         history,
         reasons,
         machine,
-        str(files.config),
+        from_here(files.config),
     )
 
 

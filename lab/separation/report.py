@@ -227,6 +227,19 @@ def write_report(
     return folder / REPORT
 
 
+FORMS = {"psnr": ".2f", "mask_iou": ".2f", "alpha_outside_masks": ".3f"}
+"""How figures that stand in a sentence are written."""
+
+
+def quoted(figures: Figures, figure: str, setting: str, scene: str, steps: int) -> str:
+    """One figure of a capture for a sentence; `gap` is the share that is closed of it."""
+    downscale = downscale_of(scene)
+    if figure == "gap":
+        return gap(figures, setting, scene, twins_of(scene), downscale, steps).text or "(not yet)"
+    cell = figures.cell((setting, scene, downscale, steps), figure, FORMS[figure])
+    return cell.text or "(not yet)"
+
+
 def _filled(name: str, figures: Figures) -> str:
     """The template of a document, its tables made of these figures."""
 
@@ -236,6 +249,8 @@ def _filled(name: str, figures: Figures) -> str:
             return still_table(figures)
         if kind == "captures":
             return captures_table(figures, rest[0], int(rest[1]))
+        if kind == "figure":
+            return quoted(figures, rest[0], rest[1], rest[2], int(rest[3]))
         scene, clean, downscale, steps = rest
         return scene_table(figures, SHOWN[kind], scene, clean, int(downscale), int(steps))
 
