@@ -13,7 +13,7 @@ import tyro
 
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
-from desplat_ns.evaluation.config import EvaluationConfig, ProtocolName
+from desplat_ns.evaluation.config import EvaluationConfig, LpipsNet, ProtocolName
 from desplat_ns.files.whole import (
     check_new_file,
     check_new_folder,
@@ -38,11 +38,14 @@ class Evaluate:
     """half: find each image's embedding on its left half, score its right half. full: score whole
     images in the training images' average light. right: score right halves in that light, to
     compare a model without appearance with others on the same pixels. auto: half if images have a
-    light of their own, else full. This and the next two: without them, as saved with the run."""
+    light of their own, else full. This and the next three: without them, as saved with the run."""
     steps: int | None = None
     """Steps of Adam for an embedding; `appearance camera` alone takes none."""
     learning_rate: float | None = None
     """Of the embedding."""
+    lpips_net: LpipsNet | None = None
+    """Network of LPIPS. alex (AlexNet): as nerfstudio and the paper; vgg (VGG16): as 3DGS and what
+    is built on it."""
     overwrite: bool = False
     """Replace the figures if they are there, and write into a folder that is not empty."""
 

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.rendering.metrics import LPIPS_NET, LpipsNet
 from desplat_ns.settings.options import check_ranges, ranged
 
 ProtocolName = Literal["auto", "half", "full", "right"]
+
+LpipsNet = Literal["alex", "vgg"]
+"""As `rendering/metrics.py` has them, which takes seconds to import."""
 
 
 @dataclass
@@ -26,7 +28,7 @@ class EvaluationConfig:
     closed form; there, steps and rate mean nothing."""
     learning_rate: float = ranged(0.01, "(0, inf)")
     """Of the embedding. B.3."""
-    lpips_net: LpipsNet = LPIPS_NET
+    lpips_net: LpipsNet = "alex"
     """Network of LPIPS. alex (AlexNet): as nerfstudio and the paper; vgg (VGG16): as 3DGS and what
     is built on it. Figures of one say nothing about those of the other."""
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from desplat_ns.evaluation.config import ProtocolName
-from desplat_ns.rendering.metrics import LpipsNet
+from desplat_ns.evaluation.config import LpipsNet, ProtocolName
 
 STEPS, PHOTO_TOURISM_STEPS = 30_000, 200_000
 """Of every method on a data set; B.3 gives them for DeSplat."""

@@ -1,6 +1,6 @@
 """Fig. 9 left on photos at hand: `fox_cluttered` with 0 to 100% of its viewpoints cluttered.
 
-    DESPLAT_NS_DATA=<folder> python -m lab.reproduce.fig9 [--steps 1000] [--seeds 1]
+    DESPLAT_NS_DATA=<folder> python -m lab.reproduce.fig9 [--steps 1000] [--seeds 1] [--methods desplat]
 
 Goes on where it was ended, and writes what is done to docs/results. Runs share this process and one
 thread; `outputs/fig9-fox` keeps them.
@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from desplat_ns.reproduce.grid import Request, open_grid
-from desplat_ns.reproduce.methods import METHODS, method_of
+from desplat_ns.reproduce.methods import METHODS, Method, method_of
 from desplat_ns.reproduce.protocols import RATIOS, ROBUSTNERF_RATIOS, Scene
 from desplat_ns.reproduce.tables import IMAGES, MEMORY, TIME, Table
 from desplat_ns.reproduce.writing import write_table
@@ -35,7 +35,7 @@ METHODS_COMPARED = (
 )
 
 
-def table_of(steps: int) -> Table:
+def table_of(steps: int, methods: tuple[Method, ...]) -> Table:
     """The table: one column for each share."""
     options = "--train-split-clean-clutter-ratio"
     scenes = tuple(
@@ -48,7 +48,7 @@ def table_of(steps: int) -> Table:
         title="fox_cluttered, by the share of cluttered viewpoints",
         folder="",
         steps=steps,
-        methods=tuple(method.name for method in METHODS_COMPARED),
+        methods=tuple(method.name for method in methods),
         said="None: these photos are not the paper's. 40 viewpoints of NVIDIA's fox with "
         "distractors pasted in; the 10 clean photos `extra` are scored, whole.",
         scenes=scenes,
@@ -65,9 +65,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Fig. 9 left on fox_cluttered.")
     parser.add_argument("--steps", type=int, default=1000)
     parser.add_argument("--seeds", type=int, default=1)
+    names = [method.name for method in METHODS_COMPARED]
+    parser.add_argument("--methods", nargs="+", choices=names, default=names)
     options = parser.parse_args()
+    methods = tuple(method for method in METHODS_COMPARED if method.name in options.methods)
     output, data = OUTPUTS / NAME, Path(os.environ["DESPLAT_NS_DATA"])
-    arguments = (table_of(options.steps), data, output, METHODS_COMPARED, options.seeds)
+    arguments = (table_of(options.steps, methods), data, output, methods, options.seeds)
     request = Request(*arguments, InThisProcess(), 1, "cpu")
     grid = open_grid(request)
     try:

@@ -34,12 +34,12 @@ HEAD += ("static, MB", "distractors, MB", "commits")
 
 TEXT = """# Captures at hand
 
-Written by `python -m lab.reproduce.results` from the records of `make study` \
-([separation.json](../records/separation.json)), which says of which settings each is; what they\
- mean is in [separation.md](separation.md). Medians of the seeds, on a CPU with one thread. \
-Training is the CPU time of the steps alone, on machines that did other work as well. Memory is \
-that of the Gaussians: {s} numbers of 4 bytes for a static one, {d} for a distractor. Photos \
-held out are scored whole, without distractors.
+Written by `python -m lab.reproduce.results` from the records of `make study`
+([separation.json](../records/separation.json)), which say of which settings each is; what they mean is in
+[separation.md](separation.md). Medians of the seeds, on a CPU with one thread. Training is the
+CPU time of the steps alone, on machines that did other work as well. Memory is that of the
+Gaussians: {s} numbers of 4 bytes for a static one, {d} for a distractor. Photos held out are scored
+whole, without distractors.
 
 {tables}
 """
@@ -49,12 +49,11 @@ def rows_of(records: Records) -> list[tuple[int, list[str]]]:
     """Steps and a row for runs that differ in nothing but their seed, in the order of scenes."""
     found: dict[tuple[str, str, int, int], list[Record]] = {}
     for scene, setting, steps in product(SCENES, COMPARED, LENGTHS):
+        downscale = downscale_of("clutter" if scene == "clean" else scene)
         for seed in SEEDS:
-            run = Run(setting, scene, downscale_of(scene), steps, seed)
+            run = Run(setting, scene, downscale, steps, seed)
             if run.name in records:
-                found.setdefault((setting, scene, run.downscale, steps), []).append(
-                    records[run.name]
-                )
+                found.setdefault((setting, scene, downscale, steps), []).append(records[run.name])
     return [
         (steps, [name_of(scene), method_of(setting, scene), str(len(runs)), *figures_of(runs)])
         for (setting, scene, _, steps), runs in found.items()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from desplat_ns.evaluation.config import EvaluationConfig
+from typing import get_args
+
+from desplat_ns.evaluation.config import EvaluationConfig, LpipsNet
 from desplat_ns.fetch.sources import SOURCES
 from desplat_ns.rendering import metrics
 from desplat_ns.reproduce.methods import METHODS
@@ -51,7 +53,8 @@ def test_photo_tourism_finds_light_on_the_left_half_in_128_steps_at_001():
 
 
 def test_protocols_name_methods_and_downloads_that_there_are():
-    assert LPIPS_NET == metrics.LPIPS_NET
+    assert LPIPS_NET == metrics.LPIPS_NET == EvaluationConfig().lpips_net
+    assert get_args(LpipsNet) == get_args(metrics.LpipsNet)
     for protocol in (ROBUSTNERF, ROBUSTNERF_RATIOS, ON_THE_GO, PHOTO_TOURISM, MIPNERF360):
         assert set(protocol.methods) <= set(METHODS)
         for scene in protocol.scenes:
