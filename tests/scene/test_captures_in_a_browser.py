@@ -18,7 +18,7 @@ from tests.helpers.page_beside_photos import LEAST_PSNR, MOST_BELOW, page_beside
 
 pytestmark = pytest.mark.slow
 
-STEPS = 120
+STEPS = 80
 
 
 def test_the_page_of_the_demos_scene_shows_what_we_render(tmp_path: Path):
