@@ -1,6 +1,7 @@
 """Scenes of captures, trained shortly: the page shows what we render, and is as like the photos.
 
-The page of `fox_cluttered` is tested with the files of the same run, in tests/export.
+The page of `fox_cluttered` is tested in the package's suite, with the files of the same run
+(tests/export).
 """
 
 from __future__ import annotations
