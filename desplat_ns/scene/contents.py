@@ -44,7 +44,7 @@ class PageCamera:
     """What was taken out of the photo, in the coordinates of training; None if nothing was."""
 
     def as_json(self) -> dict[str, Any]:
-        """As `scene.js` reads it: the pose is camera to world, in OpenGL's axes, by columns."""
+        """As the page's script reads it: the pose, camera to world in OpenGL's axes, by columns."""
         pose = np.linalg.inv(self.view.viewmat.double().cpu().numpy())
         pose = pose @ np.diag([1.0, -1.0, -1.0, 1.0])
         pose[:3] = TO_PAGE.turn @ pose[:3]

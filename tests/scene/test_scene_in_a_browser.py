@@ -84,6 +84,18 @@ def test_another_light_is_shown_where_it_is_chosen_and_the_first_one_again(tmp_p
         assert (shown(page) == first).all(), "to the bit"
 
 
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_strong_harmonics_are_drawn_whole(tmp_path: Path, degree: int):
+    """Spark cuts the largest of a coefficient's three channels off at a power of two. SPZ's
+    rounding of colours alone would leave 40 dB (tests/export)."""
+    plain = cloud(degree=degree)
+    strong = plain.harmonics * np.where(np.arange((degree + 1) ** 2) > 0, 4, 1)[:, None]
+    one = contents(cloud=replace(plain, harmonics=strong.astype(np.float32)))
+    with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:
+        settle(page, "scenePage.goTo(1)")
+        assert psnr(shown(page), drawn(one.cloud, one.cameras[1].view)) > 40
+
+
 def test_antialiased_scenes_are_drawn_as_such(tmp_path: Path):
     one = contents(cloud=replace(cloud(), antialiased=True))
     with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:

@@ -1,6 +1,7 @@
 """Scenes of captures, trained shortly: the page shows what we render, and is as like the photos.
 
-The page of `fox_cluttered` is tested with the files of the same run, in tests/export.
+The page of `fox_cluttered` is tested in the package's suite, with the files of the same run
+(tests/export).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from tests.helpers.page_beside_photos import LEAST_PSNR, MOST_BELOW, page_beside
 
 pytestmark = pytest.mark.slow
 
-STEPS = 120
+STEPS = 80
 
 
 def test_the_page_of_the_demos_scene_shows_what_we_render(tmp_path: Path):
