@@ -1,6 +1,7 @@
 """Fig. 9 left on photos at hand: `fox_cluttered` with 0 to 100% of its viewpoints cluttered.
 
-    DESPLAT_NS_DATA=<folder> python -m lab.reproduce.fig9 [--steps 1000] [--seeds 1] [--methods desplat]
+    DESPLAT_NS_DATA=<folder> python -m lab.reproduce.fig9 [--steps 1000] [--seeds 1]
+        [--methods desplat]
 
 Goes on where it was ended, and writes what is done to docs/results. Runs share this process and one
 thread; `outputs/fig9-fox` keeps them.

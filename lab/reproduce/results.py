@@ -35,9 +35,9 @@ HEAD += ("static, MB", "distractors, MB", "commits")
 TEXT = """# Captures at hand
 
 Written by `python -m lab.reproduce.results` from the records of `make study`
-([separation.json](../records/separation.json)), which say of which settings each is; what they mean is in
-[separation.md](separation.md). Medians of the seeds, on a CPU with one thread. Training is the
-CPU time of the steps alone, on machines that did other work as well. Memory is that of the
+([separation.json](../records/separation.json)), which say of which settings each is; what they
+mean is in [separation.md](separation.md). Medians of the seeds, on a CPU with one thread. Training
+is the CPU time of the steps alone, on machines that did other work as well. Memory is that of the
 Gaussians: {s} numbers of 4 bytes for a static one, {d} for a distractor. Photos held out are scored
 whole, without distractors.
 
