@@ -157,11 +157,11 @@ endif
 # Written last, so that an interrupted installation is taken up again.
 $(STAMP): pyproject.toml constraints.txt
 ifneq ($(UV),)
-	@echo "==> Environment in $(VENV), with uv (about 8 GB with torch's CUDA libraries; 1 to 3 minutes)"
+	@echo "==> Environment in $(VENV), with uv (about 9 GB with torch's CUDA libraries; 1 to 3 minutes)"
 	@test -x $(PY) || "$(UV)" venv --quiet --python "$(or $(PYTHON),>=3.10,<3.13)" $(VENV)
 	"$(UV)" pip install --python $(PY) -c constraints.txt -e '.[dev]'
 else
-	@echo "==> Environment in $(VENV), with pip (about 8 GB with torch's CUDA libraries; 5 to 10 minutes)"
+	@echo "==> Environment in $(VENV), with pip (about 9 GB with torch's CUDA libraries; 5 to 10 minutes)"
 	@test -x $(PY) || for python in $(PYTHONS); do \
 	    "$$python" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 13))' 2>/dev/null \
 	        && echo "==> $$("$$python" --version)" && exec "$$python" -m venv $(VENV); \
