@@ -255,13 +255,8 @@ def test_the_smallest_side_of_vgg_is_16_pixels():
     """As above, up to the last layer that LPIPS taps."""
     from torchvision.models import vgg16
 
-<<<<<<< HEAD
-    features = torch.nn.Sequential(*[*vgg16(weights=None).features.children()][:30])
-    side = metrics._NETS["vgg"].min_side
-=======
     features: Any = vgg16(weights=None).features
     features, side = features[:30], metrics._NETS["vgg"].min_side
->>>>>>> repro40
     with torch.no_grad():
         assert features(torch.zeros((1, 3, side, side))).numel() > 0
         with pytest.raises(RuntimeError):
