@@ -83,6 +83,7 @@ NEUTRAL: Mapping[str, Any] = {
     f"{DISTRACTORS}rgbs_lr": 0.025,
     f"{DISTRACTORS}opacities_lr": 0.05,
     f"{DISTRACTORS}leak": 0.0,
+    "pipeline.evaluation.lpips_net": "alex",
     "pipeline.model.distractors.refine_when_next_seen": True,
     "pipeline.model.near_plane": 0.0,
     "pipeline.model.opacity_prior": 0.0,

@@ -251,6 +251,7 @@ def test_the_scenes_page_is_in_the_chosen_light(run: Path, tmp_path: Path):
     from desplat_ns.export.export import shown_in
     from desplat_ns.runs.files import find_run
     from desplat_ns.runs.loading import load_run
+    from desplat_ns.scene.contents import AVERAGE
     from desplat_ns.scene.gather import gather
     from desplat_ns.scene.page import html_of
 
@@ -258,8 +259,8 @@ def test_the_scenes_page_is_in_the_chosen_light(run: Path, tmp_path: Path):
     model: Any = loaded.pipeline.model
     light = model.names[1]
     contents = gather(loaded, 1, 0, light=light)
-    assert contents.light == f"in the light of {light}"
-    assert gather(loaded, 1, 0).light == "in the average light of the photos"
+    assert contents.light == light
+    assert gather(loaded, 1, 0).light == AVERAGE
     view = contents.cameras[0].view
     with torch.no_grad(), shown_in(model, light):
         static = model.render_static(view, model.embedding_of(None))
