@@ -149,7 +149,7 @@ def in_words(value: Any) -> str:
         value = value.name
     if isinstance(value, (tuple, list)):
         return " ".join(map(str, value))
-    if isinstance(value, float) and value == int(value) and abs(value) < 1e6:
+    if isinstance(value, float) and value.is_integer() and abs(value) < 1e6:
         return f"{value:g}"
     return "" if value is None or value == "" else str(value)
 

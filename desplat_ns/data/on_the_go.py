@@ -82,8 +82,7 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
         data, kind = self.config.data, self.config.train_on if split == "train" else "extra"
         path, listing = data / SPLIT_FILE, data / LISTS.get(kind, SPLIT_FILE)
         if listing.is_file() and not path.is_file():
-            lines = (line.strip() for line in listing.read_text("utf8").splitlines())
-            return listing, {line for line in lines if line}
+            return listing, _names_in(listing)
         ordered = ordered_names(data, self.config.images_path)
         positions = read_split(path).get(kind, [])
         beyond = [i for i in positions if not 0 <= i < len(ordered)]
@@ -132,6 +131,15 @@ def read_split(path: Path) -> dict[str, list[int]]:
             "of photos' positions (0, 1, ...) in the order of their file names."
         )
     return lists
+
+
+def _names_in(listing: Path) -> set[str]:
+    """Names of photos, one in each line."""
+    try:
+        text = listing.read_text("utf-8-sig")
+    except (OSError, ValueError) as error:
+        raise CaptureError(f"{listing} cannot be read: {error}.") from error
+    return {line.strip() for line in text.splitlines() if line.strip()}
 
 
 def _are_positions(value: Any) -> bool:

@@ -43,8 +43,6 @@ _NETS: dict[LpipsNet, _Net] = {
     "vgg": _Net("VGG16", "vgg16-397923af.pth", 16),
 }
 
-LPIPS_MIN_SIDE = _NETS[LPIPS_NET].min_side
-
 DOWNLOAD_TIMEOUT = 20.0
 """Seconds of silence after which fetching LPIPS's weights is given up; torch.hub waits for ever."""
 

@@ -19,13 +19,13 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.near_plane import sampled
 from desplat_ns.rendering.views import image_points
-from desplat_ns.runs.loading import even_subset
 
 PLACES = 4_000
 """Opaque static Gaussians that are asked for, evenly chosen."""
 
 MOST_PHOTOS = 200
-"""Training photos that are looked at; of more, as many, evenly chosen."""
+"""Training photos; with more nothing is said: to look at all takes minutes, and of some of them no
+one can say what they show alone."""
 
 SAME_DEPTH = 0.1
 """Share of a depth by which a Gaussian may lie behind what is seen there, and be seen itself."""
@@ -50,13 +50,12 @@ class Alone:
 def seen_alone(pipeline: DeSplatPipeline) -> list[Alone]:
     """Training photos that show much of the scene alone; those that show most first."""
     model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
-    chosen = even_subset(len(manager.train_image_names), MOST_PHOTOS)
+    names = manager.train_image_names
     opaque = torch.sigmoid(model.opacities[:, 0]) > 0.5
     points = sampled(model.means[opaque], PLACES)
-    if len(points) == 0 or len(chosen) < 2:
+    if len(points) == 0 or not 2 <= len(names) <= MOST_PHOTOS:
         return []
-    shown, places = zip(*(_shown(pipeline, points, index) for index in chosen), strict=True)
-    names = [manager.train_image_names[index] for index in chosen]
+    shown, places = zip(*(_shown(pipeline, points, i) for i in range(len(names))), strict=True)
     return alone(names, torch.stack(shown), torch.stack(places))
 
 
@@ -71,8 +70,8 @@ def _shown(
     u, v, depth = image_points(points, model.view_of_camera(camera, index))
     inside = (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
     rows, columns = outputs["depth"].shape[:2]
-    row = (v.clamp(0, 1) * rows).long().clamp(max=rows - 1)
-    column = (u.clamp(0, 1) * columns).long().clamp(max=columns - 1)
+    row = (v.nan_to_num().clamp(0, 1) * rows).long().clamp(max=rows - 1)
+    column = (u.nan_to_num().clamp(0, 1) * columns).long().clamp(max=columns - 1)
     shown = inside & (depth <= (1 + SAME_DEPTH) * outputs["depth"][row, column, 0])
     if "distractor_mask" in outputs:
         shown &= ~outputs["distractor_mask"][row, column, 0]

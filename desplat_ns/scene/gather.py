@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from datetime import date
 from typing import Any, cast
@@ -31,7 +30,7 @@ from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.near_plane import scene_start
 from desplat_ns.rendering.views import is_distorted
 from desplat_ns.runs.loading import LoadedRun, even_subset
-from desplat_ns.scene.contents import Contents, PageCamera, Rgb
+from desplat_ns.scene.contents import Contents, PageCamera, Rgb, text_of
 from desplat_ns.scene.lights import light_of, mean_background, other_lights
 
 PICTURES = 6
@@ -127,7 +126,7 @@ def _page_camera(
     splats, settings = model.shown_splats(), model.render_settings(depth=True)
     reach = reach_of(view, lambda small: model.rasterizer(splats, small, settings))
     return PageCamera(
-        os.fsencode(name).decode(errors="backslashreplace"),  # bytes that are no text
+        text_of(name),
         index is None,
         view,
         near=max(NEAR_PLANE, model.config.near_plane * start),

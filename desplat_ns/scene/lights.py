@@ -16,7 +16,7 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.lit_splats import as_harmonics
 from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.runs.loading import even_subset
-from desplat_ns.scene.contents import AVERAGE, Light
+from desplat_ns.scene.contents import AVERAGE, Light, text_of
 
 MORE = 3
 """Lights beside the one that is shown first."""
@@ -24,6 +24,9 @@ MORE = 3
 MOST_PHOTOS, MOST_GAUSSIANS = 300, 500
 """Photos among which lights are chosen, and Gaussians by whose colours they are compared; of more,
 as many evenly chosen."""
+
+ROUNDING = 1e-5
+"""Share by which sums of a few hundred distances in float32 may differ though these are equal."""
 
 
 def light_of(model: DeSplatModel, light: str | None) -> str:
@@ -35,7 +38,7 @@ def light_of(model: DeSplatModel, light: str | None) -> str:
         return ""
     if model.effects.appearance == "camera":
         return AVERAGE
-    return light or os.environ.get(VARIABLE) or AVERAGE
+    return text_of(light or os.environ.get(VARIABLE) or AVERAGE)
 
 
 def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
@@ -69,12 +72,13 @@ def standing_for_all(
 
     Fewer than `count` if more would bring nothing nearer.
     """
-    among = torch.cdist(lights, lights)
+    exact = "donot_use_mm_for_euclid_dist"  # by products, lights that are equal are 0.01 apart
+    among = torch.cdist(lights, lights, compute_mode=exact)
     nearest, chosen = (lights - first).norm(dim=1), []
     while len(chosen) < count:
         left = torch.minimum(nearest, among).sum(dim=1)
         best = int(left.argmin())
-        if not left[best] < nearest.sum():
+        if not left[best] < (1 - ROUNDING) * nearest.sum():
             break
         chosen.append(best)
         nearest = torch.minimum(nearest, among[best])
@@ -94,7 +98,7 @@ def _baked(model: DeSplatModel, rows: Tensor, view: View, photos: Sequence[int])
         embedding = model.image_effects.of(photo)
         with model.shown_in(embedding):
             harmonics = harmonics_of(model.shown_splats(rows))
-        yield Light(model.names[photo], mean_background(model, view, embedding), harmonics)
+        yield Light(text_of(model.names[photo]), mean_background(model, view, embedding), harmonics)
 
 
 def mean_background(

@@ -36,7 +36,7 @@ BASE64 = 3 / 4
 """Bytes that a character of the page holds."""
 
 LIGHTS_FRAME = 500
-"""Bytes for a light beside its colours: a name, a background."""
+"""Bytes for a light beside its colours and its name, which is there twice and may be escaped."""
 
 
 def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
@@ -90,6 +90,8 @@ def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
         contents, turned.rows(scene.rows), rows, min(one_light, most - one_light)
     )
     lines = [*left_out, contents.not_shown, _reduced(scene, len(cloud))]
+    if scene.kept < len(cloud) and len(others) < len(contents.other_lights):
+        lines.append(f"Room for {len(others)} of {len(contents.other_lights)} other lights.")
     return page(scene, others), [line for line in lines if line]
 
 
@@ -111,7 +113,7 @@ def _other_lights(
         harmonics = turned_harmonics(light.harmonics[rows], TO_PAGE.turn)
         change = color_bytes(replace(scene, harmonics=harmonics)) - first
         text = _text(gzip.compress(change.tobytes(), mtime=0))
-        room -= len(text) + LIGHTS_FRAME
+        room -= len(text) + LIGHTS_FRAME + 10 * len(light.name.encode())
         if room < 0:
             break
         found.append({"name": light.name, "background": light.background, "change": text})

@@ -8,18 +8,18 @@ docs/results/separation.md; here is what they were bought with.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import product
 from statistics import median
 
 from desplat_ns.studies.machine import short
 from lab.documents import RESULTS
-from lab.grid.records import Record, Records, load
+from lab.grid.records import Record, Records, State, load, state_of
 from lab.grid.runs import Run
 from lab.grid.tables import table
 from lab.separation.records import FILE
 from lab.separation.report import NUMBERS_D, NUMBERS_S, README_ROWS
-from lab.separation.runs import CLEAN, SCENES, SEEDS, SETTINGS, downscale_of
+from lab.separation.runs import CLEAN, SCENES, SEEDS, SETTINGS, STUDY, downscale_of
 
 PAGE = RESULTS / "captures.md"
 
@@ -32,31 +32,44 @@ COMPARED = ("off", "paper", "trimmed", "desplat", "truth")
 HEAD = ("capture", "method", "seeds", "PSNR, dB", "SSIM", "training, CPU s")
 HEAD += ("static, MB", "distractors, MB", "commits")
 
-TEXT = """# Captures at hand
+TEXT = """# Results by capture
 
 Written by `python -m lab.reproduce.results` from the records of `make study`
-([separation.json](../records/separation.json)), which say of which settings each is; what they
-mean is in [separation.md](separation.md). Medians of the seeds, on a CPU with one thread. Training
-is the CPU time of the steps alone, on machines that did other work as well. Memory is that of the
-Gaussians: {s} numbers of 4 bytes for a static one, {d} for a distractor. Photos held out are scored
-whole, without distractors.
+([separation.json](../records/separation.json)), those of today's settings; what they mean is in
+[separation.md](separation.md). Runs have Splatfacto's rates (`--full-rate-visits 0`) and
+distractors on without a survey: what short runs give with the defaults is in
+[accuracy-and-time.md](accuracy-and-time.md). Medians of the seeds, on a CPU with one thread.
+Training is the CPU time of the steps alone, on machines that did other work as well. Memory is
+that of the Gaussians: {s} numbers of 4 bytes for a static one, {d} for a distractor. Photos held
+out are scored whole, without distractors.
 
 {tables}
 """
 
 
-def rows_of(records: Records) -> list[tuple[int, list[str]]]:
-    """Steps and a row for runs that differ in nothing but their seed, in the order of scenes."""
-    found: dict[tuple[str, str, int, int], list[Record]] = {}
+def runs() -> Iterator[Run]:
+    """All that may be on the page, in the order of scenes."""
     for scene, setting, steps in product(SCENES, COMPARED, LENGTHS):
         downscale = downscale_of("clutter" if scene == "clean" else scene)
         for seed in SEEDS:
-            run = Run(setting, scene, downscale, steps, seed)
-            if run.name in records:
-                found.setdefault((setting, scene, downscale, steps), []).append(records[run.name])
+            yield Run(setting, scene, downscale, steps, seed)
+
+
+def of_today(records: Records) -> Records:
+    """Those that are of today's settings."""
+    wanted = (run for run in runs() if state_of(STUDY, run, records)[0] is State.DONE)
+    return {run.name: records[run.name] for run in wanted}
+
+
+def rows_of(records: Records) -> list[tuple[int, list[str]]]:
+    """Steps and a row for runs that differ in nothing but their seed."""
+    found: dict[tuple[str, str, int], list[Record]] = {}
+    for run in runs():
+        if run.name in records:
+            found.setdefault((run.setting, run.scene, run.steps), []).append(records[run.name])
     return [
-        (steps, [name_of(scene), method_of(setting, scene), str(len(runs)), *figures_of(runs)])
-        for (setting, scene, _, steps), runs in found.items()
+        (steps, [name_of(scene), method_of(setting, scene), str(len(seeds)), *figures_of(seeds)])
+        for (setting, scene, steps), seeds in found.items()
     ]
 
 
@@ -89,8 +102,7 @@ def figures_of(runs: Sequence[Record]) -> list[str]:
 
 def write() -> None:
     """Write the page."""
-    records = load(FILE)
-    rows = rows_of(records)
+    rows = rows_of(of_today(load(FILE)))
     lengths = sorted({steps for steps, _ in rows}, reverse=True)
     parts = [
         f"## {steps:,} steps\n\n{table(HEAD, [row for one, row in rows if one == steps])}"

@@ -1,6 +1,6 @@
 """Every table of `desplat-reproduce` from end to end on generated scenes, in minutes on a CPU.
 
-    python -m lab.reproduce.smoke [--folder FOLDER] [--tables A5 A6] [--processes 1]
+    python -m lab.reproduce.smoke [--folder FOLDER] [--tables A5 A6] [--processes 2]
 
 Scenes lie as the published ones do (`data_sets`) and all methods are trained on all of them, a few
 steps at 48 pixels. A figure that a table lacks is an error.
@@ -77,7 +77,9 @@ def main() -> int:
     parser.add_argument("--processes", type=int, choices=(1, 2), default=2)
     options = parser.parse_args()
     began = time.monotonic()
-    shutil.rmtree(options.folder, ignore_errors=True)
+    if options.folder != FOLDER and options.folder.exists():
+        parser.error(f"--folder {options.folder} is there already: name a new one.")
+    shutil.rmtree(FOLDER, ignore_errors=True)
     write_data_sets(options.folder / "data")
     groups = [tuple(one for one in group if one in options.tables) for group in GROUPS]
     tasks = [(options.folder, group) for group in groups if group]

@@ -68,7 +68,7 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Pictu
     regions = find_regions(comparison, model.layer.config)
     shown = {key: value.cpu().numpy() for key, value in outputs.items()}
     return [
-        photo.numpy(),
+        photo.cpu().numpy(),
         shown["rgb_static"],
         *(_enlarged(cells, width, height) for cells in (residual, comparison.excess.values)),
         _enlarged(regions.float() * WHITE, width, height),
@@ -79,7 +79,7 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Pictu
 
 def _enlarged(cells: Float[Tensor, "rows columns"], width: int, height: int) -> Picture:
     """Cells as grey, as large as the photo."""
-    grey = np.asarray(to_rgb8((cells / WHITE).clamp(0, 1)[..., None].numpy()))
+    grey = np.asarray(to_rgb8((cells / WHITE).clamp(0, 1)[..., None].cpu().numpy()))
     return np.asarray(Image.fromarray(grey).resize((width, height), Image.Resampling.NEAREST))
 
 
@@ -92,7 +92,7 @@ def main() -> None:
     image = dataset[chosen.view]["image"]
     photo = image.float() / 255 if image.dtype == torch.uint8 else image
     with torch.no_grad():
-        pictures = stages(pipeline.model, camera, photo)
+        pictures = stages(pipeline.model, camera, photo.to(pipeline.device))
     name = pipeline.datamanager.train_image_names[chosen.view]
     picture = Image.fromarray(np.asarray(to_rgb8(sheet([(name, pictures)], TITLES))))
     picture.save(chosen.output, quality=88)

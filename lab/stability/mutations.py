@@ -163,6 +163,8 @@ MUTATIONS = (
              "(1 - free).flatten()", "(1 + 0 * free).flatten()", FORMULAS),
     Mutation("the scene shines through", "rendering/compositing.py",
              "over(rgb_d, alpha_d, rgb_s, cut)", "over(rgb_d, -alpha_d, rgb_s, cut)", FORMULAS),
+    Mutation("compiled: blue is never cut", "backend/numba_kernels/over.py",
+             "grad[i + _2] if is_blue else _ZERO", "grad[i + _2]", "tests/backend/test_over.py"),
     Mutation("opacities add up", "rendering/compositing.py",
              "return alpha_d + (1 - alpha_d) * alpha_s", "return alpha_d + alpha_s", FORMULAS),
     Mutation("the background shines through", "rendering/compositing.py",

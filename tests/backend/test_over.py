@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numba
 import pytest
 import torch
@@ -35,9 +37,14 @@ def pulled(function, inputs: list[torch.Tensor], wanted: list[bool]) -> list[tor
     return [out.detach(), *(leaf.grad for leaf in leaves if leaf.grad is not None)]
 
 
+def formula_in_range(*layers: torch.Tensor) -> torch.Tensor:
+    return formula(*layers).clamp(0, 1)
+
+
 @pytest.mark.parametrize("size", [(1, 1), (1, 7), (90, 91)])
 @pytest.mark.parametrize("below", [None, False, True])
-def test_colours_and_gradients_are_those_of_the_formula(size, below):
+@pytest.mark.parametrize("cut", [False, True])
+def test_colours_and_gradients_are_those_of_the_formula(size, below, cut):
     """`below`: whether an image behind wants a gradient; None for one colour.
 
     Colours, and gradients of images, are the same products and sums. That of alpha is a sum of
@@ -45,7 +52,8 @@ def test_colours_and_gradients_are_those_of_the_formula(size, below):
     """
     height, width = size
     inputs, wanted = of_size(height, width, below is None), [True, True, below is True]
-    fast, plain = pulled(over, inputs, wanted), pulled(formula, inputs, wanted)
+    fast = pulled(partial(over, cut=cut), inputs, wanted)
+    plain = pulled(formula_in_range if cut else formula, inputs, wanted)
     for place, (a, b) in enumerate(zip(fast, plain, strict=True)):
         if place == 2:
             largest = 6 * inputs[2].abs().max()  # |v| < 6 for a normal number of float32
@@ -69,6 +77,8 @@ def test_any_pixel_is_as_by_the_formula_and_nan_stays(values):
     numbers = torch.tensor(values).reshape(1, 1, 7)
     inputs = numbers[..., :3], numbers[..., 3:4], numbers[..., 4:]
     assert torch.equal(over(*inputs).nan_to_num(5), formula(*inputs).nan_to_num(5))
+    cut = over(*inputs, cut=True)
+    assert torch.equal(cut.nan_to_num(5), formula_in_range(*inputs).nan_to_num(5))
 
 
 @pytest.mark.parametrize("case", ["float64", "two channels", "a colour that is learned"])
@@ -82,6 +92,7 @@ def test_what_the_kernels_cannot_do_takes_the_formula(case, monkeypatch):
     else:
         below.requires_grad_()
     assert torch.equal(over(top, alpha, below), formula(top, alpha, below))
+    assert torch.equal(over(top, alpha, below, cut=True), formula_in_range(top, alpha, below))
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])

@@ -88,6 +88,15 @@ def test_a_listed_photo_without_a_pose_is_left_out_and_said(capture, capsys):
     assert "1 of 3 train photos" in capsys.readouterr().out
 
 
+def test_lists_of_names_may_begin_with_a_byte_order_mark_and_have_to_be_text(capture):
+    data = capture(NAMES)
+    (data / "test_list.txt").write_bytes(b"\xef\xbb\xbf1extra_a.png\r\n")
+    assert names_of(data, "test") == {"1extra_a.png"}
+    (data / "test_list.txt").write_bytes("grün.png".encode("latin-1"))
+    with pytest.raises(CaptureError, match=r"test_list\.txt cannot be read"):
+        names_of(data, "test")
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

@@ -18,7 +18,6 @@ from torch import nn
 
 from desplat_ns.rendering import metrics
 from desplat_ns.rendering.metrics import (
-    LPIPS_MIN_SIDE,
     PSNR_MAX,
     LazyLpips,
     image_metrics,
@@ -27,6 +26,8 @@ from desplat_ns.rendering.metrics import (
     psnr,
     ssim,
 )
+
+SMALLEST = metrics._NETS["alex"].min_side
 
 
 def _pair(seed: int = 0, height: int = 24, width: int = 31) -> tuple[torch.Tensor, torch.Tensor]:
@@ -234,9 +235,9 @@ def test_images_too_small_for_alexnet_get_no_lpips(
     online: type[_Distance], capsys: pytest.CaptureFixture[str]
 ):
     lpips = LazyLpips()
-    assert lpips(*_planes(LPIPS_MIN_SIDE - 1)) is None
+    assert lpips(*_planes(SMALLEST - 1)) is None
     assert lpips.reason is not None
-    assert str(LPIPS_MIN_SIDE) in lpips.reason
+    assert str(SMALLEST) in lpips.reason
 
 
 def test_the_smallest_side_is_alexnets():
@@ -245,7 +246,7 @@ def test_the_smallest_side_is_alexnets():
 
     features = alexnet(weights=None).features[:12]
     with torch.no_grad():
-        side = LPIPS_MIN_SIDE
+        side = SMALLEST
         assert features(torch.zeros((1, 3, side, side))).numel() > 0
         with pytest.raises(RuntimeError):
             features(torch.zeros((1, 3, side - 1, side - 1)))

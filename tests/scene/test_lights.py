@@ -7,7 +7,7 @@ import torch
 from desplat_ns.backend.protocol import View
 from desplat_ns.export.baked import baked
 from desplat_ns.rendering.views import view_of
-from desplat_ns.scene.contents import AVERAGE
+from desplat_ns.scene.contents import AVERAGE, text_of
 from desplat_ns.scene.lights import light_of, other_lights, standing_for_all
 from tests.helpers.lit_model import held_out, model_with, moved
 
@@ -31,6 +31,8 @@ def test_lights_are_taken_that_all_are_nearest_to():
 def test_lights_that_are_all_the_same_are_not_repeated():
     assert standing_for_all(on_a_line(3.0, 3.0, 3.0), torch.tensor([3.0]), 3) == []
     assert standing_for_all(on_a_line(3.0, 3.0, 5.0), torch.tensor([3.0]), 3) == [2]
+    many = torch.rand(1500, generator=torch.Generator().manual_seed(0)).expand(40, 1500)
+    assert len(standing_for_all(many, torch.zeros(1500), 3)) == 1
 
 
 def test_a_single_strange_light_is_not_taken_first():
@@ -43,11 +45,12 @@ def test_a_single_strange_light_is_not_taken_first():
 def test_each_light_has_the_colours_that_are_baked_for_its_photo(appearance: str, view: View):
     model = moved(model_with(appearance)).eval()
     model.names = [f"photo {i}.jpg" for i in range(model.num_train_data)]
+    model.names[0] += "\udcfc"  # a byte that is no text
     rows = torch.arange(model.num_points) % 3 != 0
     found = other_lights(model, rows, view)
     assert 1 <= len(found) <= 3 and len({one.name for one in found}) == len(found)
     for one in found:
-        photo = model.names.index(one.name)
+        photo = [text_of(name) for name in model.names].index(one.name)
         assert model.image_effects is not None
         with model.shown_in(model.image_effects.of(photo)):
             whole = baked(model.shown_splats().rows(rows), antialiased=False)
@@ -70,6 +73,7 @@ def test_there_is_nothing_to_choose_where_all_photos_have_the_same_light(view: V
         ("camera", None, AVERAGE),
         ("affine", None, AVERAGE),
         ("sh", "a.jpg", "a.jpg"),
+        ("sh", "gr\udcfcn.jpg", "gr\\xfcn.jpg"),
     ],
 )
 def test_a_page_tells_whose_light_it_shows_where_photos_differ(

@@ -1,6 +1,6 @@
 // How Gaussians are drawn: as in training, by Spark.
 // @ts-check
-import { inflated, layoutOf } from "./files.js";
+import { layoutOf } from "./files.js";
 
 /** Standard deviations at which a Gaussian of full opacity falls below 1/255. */
 const REACH_SIGMAS = Math.sqrt(2 * Math.log(255));
@@ -57,11 +57,11 @@ export function newLayer(V, renderer, antialiased, onDirty) {
   return { scene, spark };
 }
 
-/** @param {any} V @param {Uint8Array} spz */
-export async function newSplats(V, spz) {
+/** @param {any} V @param {Uint8Array} spz @param {Uint8Array} unpacked the same */
+export async function newSplats(V, spz, unpacked) {
   const mesh = new V.SplatMesh({ fileBytes: spz, fileType: "spz", extSplats: true });
   await mesh.initialized;
-  mendHarmonics(mesh.extSplats.extra, await inflated(spz));
+  mendHarmonics(mesh.extSplats.extra, unpacked);
   return mesh;
 }
 

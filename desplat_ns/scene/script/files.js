@@ -5,7 +5,11 @@
 export const $ = id => document.getElementById(id);
 
 /** @param {string} text of base64 */
-export const bytesOf = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
+export function bytesOf(text) {
+  const letters = atob(text), bytes = new Uint8Array(letters.length);
+  for (let i = 0; i < bytes.length; i++) bytes[i] = letters.charCodeAt(i);
+  return bytes;
+}
 
 /** @param {string} id of a script element with a file in it */
 export const embedded = id => bytesOf($(id).textContent);

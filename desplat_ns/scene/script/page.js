@@ -130,15 +130,32 @@ export class ScenePage {
     if ($("note").textContent !== text) $("note").textContent = text;
   }
 
+  /** Show the scene in another light, or go on in this one where there is no memory for it.
+   * @param {number} index */
+  async chooseLight(index) {
+    const before = this.light;
+    try {
+      await this.showLight(index);
+    } catch (error) {
+      console.error(error);
+      this.loading.delete("light");
+      this.light = before;
+      $("light").value = String(before);
+    }
+  }
+
   /** Show the scene in one of its lights. @param {number} index */
   async showLight(index) {
     const { name, background, change } = this.lights[index];
     this.light = index;
-    let scene = embedded("scene");
+    if ($("light")) $("light").value = String(index); // browsers keep a choice when they reload
+    let scene = embedded("scene"), unpacked = await inflated(scene);
     this.loading.add("light");
-    if (change)
-      scene = await deflated(relit(await inflated(scene), await inflated(bytesOf(change))));
-    const mesh = await newSplats(this.V, scene);
+    if (change) {
+      unpacked = relit(unpacked, await inflated(bytesOf(change)));
+      scene = await deflated(unpacked);
+    }
+    const mesh = await newSplats(this.V, scene, unpacked);
     if (this.light !== index) return mesh.dispose(); // another one was chosen meanwhile
     this.loading.delete("light");
     if (this.lit) {
@@ -164,7 +181,7 @@ export class ScenePage {
     const text = this.cameras[index].distractors;
     if (wanted && text && !this.loading.has(index)) {
       this.loading.add(index);
-      const mesh = await newSplats(this.V, bytesOf(text));
+      const spz = bytesOf(text), mesh = await newSplats(this.V, spz, await inflated(spz));
       this.front.scene.add(mesh);
       this.taken.set(index, mesh);
       show();
