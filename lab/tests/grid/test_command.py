@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -114,7 +115,7 @@ def test_a_report_alone_runs_nothing(command: Command, monkeypatch):
 
 
 def test_a_run_that_fails_is_said_and_leaves_the_others(command: Command, monkeypatch, capsys):
-    def fail(job: Job, folder: Path) -> Measured:
+    def fail(job: Job, folder: Path, *_: Any) -> Measured:
         if job.name == STALE.name:
             raise DeSplatError("no disk")
         return FOUND
@@ -126,7 +127,7 @@ def test_a_run_that_fails_is_said_and_leaves_the_others(command: Command, monkey
 
 
 def test_any_exception_is_a_failed_run_and_its_log_is_named(command: Command, monkeypatch, capsys):
-    def fail(job: Job, folder: Path) -> Measured:
+    def fail(job: Job, folder: Path, *_: Any) -> Measured:
         if job.name == STALE.name:
             raise OSError("disk full")
         return FOUND
