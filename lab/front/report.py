@@ -14,7 +14,6 @@ from lab.front.growth import load as load_growth
 from lab.front.growth_report import growth_texts
 from lab.front.kept import FILE as BUDGETS
 from lab.front.kept import Kept
-from lab.front.lengths import lengths_table
 from lab.front.runs import (
     CHOSEN_ON,
     FILE,
@@ -25,11 +24,12 @@ from lab.front.runs import (
     downscale_of,
 )
 from lab.front.studies import results, settings_table, time_table
-from lab.grid.figures import Figures
+from lab.grid.figures import Figures, Reference
 from lab.grid.records import Records, load
-from lab.grid.sources import Cell, Reference
+from lab.grid.sources import Cell
 from lab.separation.records import FILE as SEPARATION_RECORDS
 from lab.separation.runs import SEEDS
+from lab.separation.runs import STUDY as SEPARATION
 
 REPORT = RESULTS / "accuracy-and-time.md"
 TEMPLATE = Path(__file__).with_name("accuracy-and-time.md.template")
@@ -59,11 +59,11 @@ def front_table(records: Records, today: Reference, scenes: tuple[str, ...]) -> 
 def length_texts(records: Records) -> dict[str, str]:
     """What `desplat-quick` and `desplat` reach on `clutter`, 25 and 75 visits of 40 photos."""
     texts = {}
-    for name, found, setting, steps in (
-        ("quick", records, "raised", 1_000),
-        ("usual", load(SEPARATION_RECORDS), "desplat", 3_000),
+    for name, found, setting, steps, study in (
+        ("quick", records, "raised", 1_000, STUDY),
+        ("usual", load(SEPARATION_RECORDS), "desplat", 3_000, SEPARATION),
     ):
-        figures, key = Figures(found, None, SEEDS), (setting, "clutter", 2, steps)
+        figures, key = Figures(found, study.settings_of, SEEDS), (setting, "clutter", 2, steps)
         texts[f"{name}_clutter"] = figures.cell(key, "psnr", ".2f").text
         texts[f"{name}_seconds"] = figures.cell(key, "train_cpu_seconds", ".0f").text
     return texts
@@ -75,11 +75,10 @@ def report(
     growth: Growth,
     today: Reference = STUDY.settings_of,
 ) -> str:
-    """The document's text. `today`: see `sources`."""
+    """The document's text. `today` as `Figures` has it."""
     studies = results()
     return Template(TEMPLATE.read_text("utf8")).substitute(
         **length_texts(records),
-        lengths_table=lengths_table(),
         time_table=time_table(studies),
         settings_table=settings_table(studies),
         compared_steps=" and ".join(sorted({f"{s['plan']['steps']:,}" for s in studies.values()})),

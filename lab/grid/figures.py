@@ -2,36 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from statistics import median
 
-from lab.grid.records import Records
+from lab.grid.records import Records, is_current
 from lab.grid.runs import Run
-from lab.grid.sources import Cell, Measured, Reference, sourced_table
+from lab.grid.settings import Settings
+from lab.grid.sources import Cell, Measured, sourced_table
 
 NOT_YET = "not measured"
+
+Reference = Callable[[Run], Settings]
+"""What today's code resolves for a run: `Study.settings_of`."""
 
 Key = tuple[str, str, int, int]
 """Setting, scene, downscale and steps of runs that differ in nothing but their seed."""
 
 
 class Figures:
-    """Medians over the seeds that were measured, and the records that they are of."""
+    """Medians over the seeds that were measured with today's settings, and their records."""
 
-    def __init__(self, records: Records, today: Reference | None, seeds: Sequence[int]):
-        """Args:
-        today: None for the figures of older code, whose settings are not to be today's.
-        seeds: that the study has.
-        """
+    def __init__(self, records: Records, today: Reference, seeds: Sequence[int]):
+        """Records of other settings than today's are left out; `seeds` are the study's."""
         self.records, self.today, self.seeds = records, today, seeds
 
     def by_seed(self, key: Key) -> dict[int, Measured]:
-        """The seeds that were measured."""
+        """The seeds that were measured with today's settings."""
         runs = {seed: Run(*key, seed) for seed in self.seeds}
+        found = {seed: (run, self.records.get(run.name)) for seed, run in runs.items()}
         return {
-            seed: (run, self.records[run.name])
-            for seed, run in runs.items()
-            if run.name in self.records
+            seed: (run, record)
+            for seed, (run, record) in found.items()
+            if record is not None and is_current(record, self.today(run))
         }
 
     def together(self, figure: str, *keys: Key) -> tuple[list[tuple[float, ...]], list[Measured]]:
@@ -56,7 +58,7 @@ class Figures:
 
     def table(self, head: list[str], rows: list[list[str | Cell]]) -> str:
         """A table that says what its records are of."""
-        return sourced_table(head, rows, self.today) if rows else f"*{NOT_YET} yet*"
+        return sourced_table(head, rows) if rows else f"*{NOT_YET} yet*"
 
 
 def spread(values: list[float], form: str) -> str:

@@ -134,6 +134,11 @@ def enter(path: Path, run: Run, found: Record) -> None:
         save(path, load(path) | {run.name: found})
 
 
+def is_current(found: Record, wanted: Settings) -> bool:
+    """Whether a record's settings are known, and those that are wanted."""
+    return found.settings is not None and not changes(found.settings, wanted)
+
+
 def state_of(study: Study, run: Run, records: Records) -> tuple[State, list[str]]:
     """Whether a run has to be done, and what differs: settings, or the device and the backend."""
     found = records.get(run.name)

@@ -6,8 +6,9 @@ from pathlib import Path
 from string import Template
 
 from lab.documents import RESULTS
-from lab.grid.records import Record, Records, load
-from lab.grid.sources import Cell, Reference, sourced_table
+from lab.grid.figures import Reference
+from lab.grid.records import Record, Records, is_current, load
+from lab.grid.sources import Cell, sourced_table
 from lab.photo_tourism.runs import FILE, SETTINGS, STEPS, STUDY, run_of
 
 REPORT = RESULTS / "photo_tourism.md"
@@ -21,44 +22,34 @@ FORMS = {
     "alpha_outside_masks": ".3f",
     "num_static_gaussians": ",.0f",
     "num_distractor_gaussians": ",.0f",
+    "train_cpu_seconds": ",.0f",
 }
 """How the figures are written, in the order of the columns."""
 
 HEAD = ["effects that are on", "PSNR, dB", "SSIM", "average light", "mask IoU", "alpha outside"]
-HEAD += ["static", "distractors", "training, s"]
+HEAD += ["static", "distractors", "training, CPU s"]
 
 
 def scene_table(records: Records, scene: str, today: Reference) -> str:
-    """One row for each setting that was measured."""
+    """One row for each setting that was measured with today's settings."""
     rows: list[list[str | Cell]] = []
     for name, setting in SETTINGS.items():
         run = run_of(name, scene)
         record = records.get(run.name)
-        if record is None:
+        if record is None or not is_current(record, today(run)):
             continue
         texts = [_text(record, figure, form) for figure, form in FORMS.items()]
-        cells = [Cell(text, ((run, record),)) for text in (*texts, _seconds(record))]
+        cells = [Cell(text, ((run, record),)) for text in texts]
         rows.append([setting.what, *cells])
-    return sourced_table(HEAD, rows, today) if rows else "Not measured."
+    return sourced_table(HEAD, rows) if rows else "Not measured."
 
 
 def _text(record: Record, figure: str, form: str) -> str:
     return format(record.figures[figure], form) if figure in record.figures else ""
 
 
-def _seconds(record: Record) -> str:
-    """CPU seconds of the training steps; in older records, wall seconds of the whole command."""
-    if "train_cpu_seconds" in record.figures:
-        return f"{record.figures['train_cpu_seconds']:,.0f} CPU"
-    return _text(record, "train_seconds", ",.0f")
-
-
 def report(records: Records, today: Reference = STUDY.settings_of) -> str:
-    """The document's text.
-
-    Args:
-        today: see `sources`.
-    """
+    """The document's text; `today` as `Figures` has it."""
     values: dict[str, object] = {f"table_{s}": scene_table(records, s, today) for s in STEPS}
     return Template(TEMPLATE.read_text()).substitute(
         values, **{f"steps_{scene}": f"{steps:,}" for scene, steps in STEPS.items()}

@@ -16,10 +16,6 @@ from lab.separation.runs import FIGURES
 
 FILE = RECORDS / "separation.json"
 
-BEFORE = RECORDS / "separation_before.json"
-"""The same of code up to commit e944f25, whose refinements were as far apart as its schedules said:
-every 10 steps in short runs, every 100 in those of 30,000. Nothing writes to it any more."""
-
 
 def enter(
     run: Run,

@@ -1,21 +1,22 @@
-"""Write docs/results/separation.md, docs/research/separation_tried.md and a figure from the
-records."""
+"""Write docs/results/separation.md and a figure from the records."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from itertools import compress
 from pathlib import Path
 
 from lab.documents import CHECKOUT, DOCS
 from lab.grid.figures import Figures, Key, spread
-from lab.grid.records import Records, load
-from lab.grid.sources import Cell, Reference
+from lab.grid.records import load
+from lab.grid.sources import Cell
 from lab.separation import one_pixel
-from lab.separation.records import BEFORE, FILE
+from lab.separation.records import FILE
 from lab.separation.runs import (
-    ABLATIONS,
+    CHOSEN,
     HARD,
+    KEPT_OUT,
     SEEDS,
     SETTINGS,
     STUDY,
@@ -23,9 +24,9 @@ from lab.separation.runs import (
     twins_of,
 )
 
-REPORT, TRIED = "results/separation.md", "research/separation_tried.md"
+REPORT = "results/separation.md"
 FIGURE = "results/separation.png"
-"""What is so today; what was so once, or was not kept; the model of one pixel."""
+"""The document, and the model of one pixel."""
 
 README = CHECKOUT / "README.md"
 README_ROWS = {
@@ -42,20 +43,10 @@ NUMBERS_S, NUMBERS_D = 59, 14
 """Numbers in which a static Gaussian (degree 3) and a distractor are stored."""
 
 
-SHOWN = {
-    "main": "off trimmed paper desplat truth",
-    "ablations": f"desplat {ABLATIONS}",
-    "short": "off desplat",
-}
-"""Settings that a table of one scene compares, by the word in the template."""
+MAIN = ("off", "trimmed", "paper", "desplat", "truth")
+"""Settings that the table of one scene compares."""
 
-CAPTURES = {
-    "chosen": "clutter few12 room15 room40 grove18 facade8 facade16 table20 lit18 yard8 yard24"
-    " yard60",
-    "kept": "around castle few20 other15 other40 other18 other-facade8 other-facade16"
-    " other-table20 lit40 yard16 yard40",
-    "hard": " ".join(HARD),
-}
+CAPTURES = {"chosen": CHOSEN, "kept": KEPT_OUT, "hard": HARD}
 """Captures that a table compares, by the word in the template: those on which a threshold was
 chosen, those kept out of that, and one kind of difficult occluder each, pasted over the photos of
 `clean`."""
@@ -73,11 +64,11 @@ def gap(figures: Figures, setting: str, scene: str, clean: str, downscale: int, 
 
 
 def scene_table(
-    figures: Figures, settings: str, scene: str, clean: str, downscale: int, steps: int
+    figures: Figures, settings: Sequence[str], scene: str, clean: str, downscale: int, steps: int
 ) -> str:
     """One row for each setting that was measured."""
     rows: list[list[str | Cell]] = []
-    for name in settings.split():
+    for name in settings:
         run = (name, scene, downscale, steps)
         if not figures.has(run):
             continue
@@ -105,20 +96,14 @@ def scene_table(
 
 
 def still_table(figures: Figures) -> str:
-    """What the method costs where nothing moves: as users run it, and with distractors on."""
+    """What the method costs where nothing moves, as its survey says."""
     rows: list[list[str | Cell]] = []
     for scene in STILL:
-        for steps in (1000, 3000, 30000):
-            off: Key = ("off", scene, 2, steps)
-            differences = [
-                _difference(figures, off, (setting, scene, 2, steps))
-                for setting in ("asked", "desplat")
-            ]
-            if any(cell.text for cell in differences):
-                psnr = figures.cell(off, "psnr", ".2f")
-                rows.append([f"`{STILL[scene]}`", f"{steps:,}", psnr, *differences])
-    head = ["capture", "steps", "off", "`desplat`, as its survey says", "with distractors on"]
-    return figures.table(*_without_empty_columns(head, rows))
+        off: Key = ("off", scene, 2, 1000)
+        difference = _difference(figures, off, ("asked", scene, 2, 1000))
+        if difference.text:
+            rows.append([f"`{STILL[scene]}`", figures.cell(off, "psnr", ".2f"), difference])
+    return figures.table(["capture", "off", "`desplat`, as its survey says"], rows)
 
 
 def _difference(figures: Figures, off: Key, ours: Key) -> Cell:
@@ -130,7 +115,7 @@ def _difference(figures: Figures, off: Key, ours: Key) -> Cell:
 def captures_table(figures: Figures, group: str, steps: int) -> str:
     """One row for each capture of a group that was measured."""
     rows: list[list[str | Cell]] = []
-    for scene in CAPTURES[group].split():
+    for scene in CAPTURES[group]:
         row = _of_capture(figures, scene, steps)
         if row[0].text or row[1].text:
             rows.append([scene, *row])
@@ -201,43 +186,20 @@ def _of_capture(figures: Figures, scene: str, steps: int) -> list[Cell]:
 
 
 def write_committed_report() -> Path:
-    """Write both documents from the files in docs/, and README's table; returns where the first
+    """Write the document and README's table from the committed records; returns where the first
     is."""
     figures = Figures(load(FILE), STUDY.settings_of, SEEDS)
     README.write_text(with_results(README.read_text(), readme_table(figures)))
-    return write_report(load(FILE), load(BEFORE))
+    return write_report(figures)
 
 
-def write_report(
-    now: Records, before: Records, folder: Path = DOCS, today: Reference = STUDY.settings_of
-) -> Path:
-    """Fill in the templates; returns where the document of today is.
-
-    Args:
-        before: those of `records.BEFORE`.
-        today: see `sources`.
-    """
-    for name, figures in (
-        (REPORT, Figures(now, today, SEEDS)),
-        (TRIED, Figures(before, None, SEEDS)),
-    ):
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(_filled(Path(name).name, figures))
+def write_report(figures: Figures, folder: Path = DOCS) -> Path:
+    """Fill in the template; returns where the document is."""
+    target = folder / REPORT
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(_filled(target.name, figures))
     one_pixel.draw(folder / FIGURE)
-    return folder / REPORT
-
-
-FORMS = {"psnr": ".2f", "mask_iou": ".2f", "alpha_outside_masks": ".3f"}
-"""How figures that stand in a sentence are written."""
-
-
-def quoted(figures: Figures, figure: str, setting: str, scene: str, steps: int) -> str:
-    """One figure of a capture for a sentence; `gap` is the share that is closed of it."""
-    downscale = downscale_of(scene)
-    if figure == "gap":
-        return gap(figures, setting, scene, twins_of(scene), downscale, steps).text or "(not yet)"
-    cell = figures.cell((setting, scene, downscale, steps), figure, FORMS[figure])
-    return cell.text or "(not yet)"
+    return target
 
 
 def _filled(name: str, figures: Figures) -> str:
@@ -248,11 +210,8 @@ def _filled(name: str, figures: Figures) -> str:
         if kind == "still":
             return still_table(figures)
         if kind == "captures":
-            return captures_table(figures, rest[0], int(rest[1]))
-        if kind == "figure":
-            return quoted(figures, rest[0], rest[1], rest[2], int(rest[3]))
-        scene, clean, downscale, steps = rest
-        return scene_table(figures, SHOWN[kind], scene, clean, int(downscale), int(steps))
+            return captures_table(figures, rest[0], 3000)
+        return scene_table(figures, MAIN, "clutter", "clean", 2, int(rest[0]))
 
     template = Path(__file__).with_name(f"{name}.template")
     return re.sub(r"\{\{(.*?)\}\}", table, template.read_text())

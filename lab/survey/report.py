@@ -11,9 +11,9 @@ from typing import Any
 
 from desplat_ns.survey import background, distractors, findings, light
 from lab.documents import RECORDS, RESULTS
-from lab.grid.figures import Figures
+from lab.grid.figures import Figures, Reference
 from lab.grid.records import Records, load
-from lab.grid.sources import Cell, Reference
+from lab.grid.sources import Cell
 from lab.survey.runs import SCENES, SEEDS, STEPS, STUDY, TRAINING, downscale_of, settings_on
 from lab.survey.unfamiliar import CHOSEN_ON, JUDGED
 
@@ -116,7 +116,7 @@ def report(
     Args:
         records: of surveys.
         trained: of what was trained with their decisions and without.
-        today: see `sources`.
+        today: as `Figures` has it.
     """
     visible = [record for record in records["evaluation"] if record["is_visible"]]
     faint = [record for record in records["evaluation"] if not record["is_visible"]]

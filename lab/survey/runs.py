@@ -14,10 +14,8 @@ TRAINING = RECORDS / "survey_training.json"
 """The records."""
 
 EFFECTS = "--pipeline.model.effects"
-RATES = ("--full-rate-visits", "0")
-"""Splatfacto's learning rates whatever the length of a run."""
-OWN_LIGHT = (*RATES, "--pipeline.evaluation.protocol", "half")
-AVERAGE_LIGHT = (*RATES, "--pipeline.evaluation.protocol", "right")
+OWN_LIGHT = ("--pipeline.evaluation.protocol", "half")
+AVERAGE_LIGHT = ("--pipeline.evaluation.protocol", "right")
 
 
 def _given(distractors: bool, appearance: str, background: str) -> tuple[str, ...]:
