@@ -8,80 +8,84 @@ docs/results/separation.md; here is what they were bought with.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import product
+from collections.abc import Mapping, Sequence
 from statistics import median
 
 from desplat_ns.studies.machine import short
 from lab.documents import RESULTS
-from lab.grid.records import Record, Records, State, load, state_of
-from lab.grid.runs import Run
+from lab.grid.records import Record, Records, is_current, load
+from lab.grid.runs import Run, Study
 from lab.grid.tables import table
 from lab.separation.records import FILE
 from lab.separation.report import NUMBERS_D, NUMBERS_S, README_ROWS
-from lab.separation.runs import CLEAN, SCENES, SEEDS, SETTINGS, STUDY, downscale_of
+from lab.separation.runs import CLEAN
+from lab.separation.runs import STUDY as SEPARATION
+from lab.survey.runs import LIT, TRAINING
+from lab.survey.runs import STUDY as SURVEY
 
 PAGE = RESULTS / "captures.md"
 
-LENGTHS, BYTES = (1000, 3000, 30_000), 4
-"""Steps of the study's runs; bytes of a number."""
+BYTES = 4
+"""Of a number."""
 
-COMPARED = ("off", "paper", "trimmed", "desplat", "truth")
-"""Settings that are methods; the others of the study are changes to one."""
-
-HEAD = ("capture", "method", "seeds", "PSNR, dB", "SSIM", "training, CPU s")
+HEAD = ("capture", "method", "steps", "seeds", "PSNR, dB", "SSIM", "training, CPU s")
 HEAD += ("static, MB", "distractors, MB", "commits")
 
 TEXT = """# Results by capture
 
-Written by `python -m lab.reproduce.results` from the records of `make study`
-([separation.json](../records/separation.json)), those of today's settings; what they mean is in
+Written by `python -m lab.reproduce.results` from the records of today's settings; nothing else is
+here. Medians of the seeds, on a CPU with one thread. Training is the CPU time of the steps alone,
+on machines that did other work as well. Memory is that of the Gaussians: {s} numbers of 4 bytes
+for a static one, {d} for a distractor.
+
+## In one light
+
+From `make study` ([separation.json](../records/separation.json)); what the figures mean is in
 [separation.md](separation.md). Runs have Splatfacto's rates (`--full-rate-visits 0`) and
 distractors on without a survey: what short runs give with the defaults is in
-[accuracy-and-time.md](accuracy-and-time.md). Medians of the seeds, on a CPU with one thread.
-Training is the CPU time of the steps alone, on machines that did other work as well. Memory is
-that of the Gaussians: {s} numbers of 4 bytes for a static one, {d} for a distractor. Photos held
-out are scored whole, without distractors.
+[accuracy-and-time.md](accuracy-and-time.md). Photos held out are scored whole, without distractors.
 
-{tables}
+{separation}
+
+## Each photo in a light of its own
+
+From `python -m lab.survey.training` ([survey_training.json](../records/survey_training.json)), with
+the defaults; see [survey.md](survey.md). Right halves of the photos held out are scored, in a light
+found on the left half where the method has lights.
+
+{survey}
 """
 
 
-def runs() -> Iterator[Run]:
-    """All that may be on the page, in the order of scenes."""
-    for scene, setting, steps in product(SCENES, COMPARED, LENGTHS):
-        downscale = downscale_of("clutter" if scene == "clean" else scene)
-        for seed in SEEDS:
-            yield Run(setting, scene, downscale, steps, seed)
+def of_today(study: Study, records: Records) -> dict[Run, Record]:
+    """Those of the study's runs that are of today's settings."""
+    found = ((run, records.get(run.name)) for run in study.plan)
+    return {run: r for run, r in found if r is not None and is_current(r, study.settings_of(run))}
 
 
-def of_today(records: Records) -> Records:
-    """Those that are of today's settings."""
-    wanted = (run for run in runs() if state_of(STUDY, run, records)[0] is State.DONE)
-    return {run.name: records[run.name] for run in wanted}
-
-
-def rows_of(records: Records) -> list[tuple[int, list[str]]]:
-    """Steps and a row for runs that differ in nothing but their seed."""
+def rows_of(study: Study, records: Mapping[Run, Record]) -> list[list[str]]:
+    """A row for runs that differ in nothing but their seed."""
     found: dict[tuple[str, str, int], list[Record]] = {}
-    for run in runs():
-        if run.name in records:
-            found.setdefault((run.setting, run.scene, run.steps), []).append(records[run.name])
+    for run, record in records.items():
+        found.setdefault((run.scene, run.setting, run.steps), []).append(record)
     return [
-        (steps, [name_of(scene), method_of(setting, scene), str(len(seeds)), *figures_of(seeds)])
-        for (setting, scene, steps), seeds in found.items()
+        [
+            *(name_of(scene), study.settings[setting].what + ", clean twins" * is_twin(scene)),
+            *(f"{steps:,}", str(len(seeds)), *figures_of(seeds)),
+        ]
+        for (scene, setting, steps), seeds in found.items()
     ]
+
+
+def is_twin(scene: str) -> bool:
+    """Whether nothing was in the way."""
+    return scene.endswith(CLEAN.removeprefix("-"))
 
 
 def name_of(scene: str) -> str:
     """The capture, with what README calls it."""
     name = scene.removesuffix(CLEAN) if scene != "clean" else "clutter"
-    return README_ROWS.get(name, name)
-
-
-def method_of(setting: str, scene: str) -> str:
-    """The method, and whether nothing was in its way."""
-    return SETTINGS[setting].what + ", clean twins" * scene.endswith("clean")
+    return README_ROWS.get(name, f"`{name}`")
 
 
 def figures_of(runs: Sequence[Record]) -> list[str]:
@@ -102,14 +106,14 @@ def figures_of(runs: Sequence[Record]) -> list[str]:
 
 def write() -> None:
     """Write the page."""
-    rows = rows_of(of_today(load(FILE)))
-    lengths = sorted({steps for steps, _ in rows}, reverse=True)
-    parts = [
-        f"## {steps:,} steps\n\n{table(HEAD, [row for one, row in rows if one == steps])}"
-        for steps in lengths
-    ]
+    lit = of_today(SURVEY, load(TRAINING))
+    found = {
+        "separation": rows_of(SEPARATION, of_today(SEPARATION, load(FILE))),
+        "survey": rows_of(SURVEY, {run: r for run, r in lit.items() if run.scene in LIT}),
+    }
+    tables = {name: table(HEAD, rows) for name, rows in found.items()}
     PAGE.parent.mkdir(exist_ok=True)
-    PAGE.write_text(TEXT.format(s=NUMBERS_S, d=NUMBERS_D, tables="\n\n".join(parts)), "utf8")
+    PAGE.write_text(TEXT.format(s=NUMBERS_S, d=NUMBERS_D, **tables), "utf8")
 
 
 if __name__ == "__main__":
