@@ -1,9 +1,9 @@
-"""The rooms of the package from the ground up, and a picture of what imports what.
+"""The parts of the package from the lowest layer up, and a picture of what imports what.
 
-    python -m lab.house
+    python -m lab.package_map
 
-writes docs/dev/house.svg. A room is a sub-package or a single module directly under `desplat_ns/`;
-a test holds the order below against the code's own imports.
+writes docs/dev/package_map.svg. A part is a sub-package or a single module directly under
+`desplat_ns/`; a test holds the order below against the code's own imports.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGE = CHECKOUT / "desplat_ns"
-PICTURE = CHECKOUT / "docs" / "dev" / "house.svg"
+PICTURE = CHECKOUT / "docs" / "dev" / "package_map.svg"
 
-FLOORS: tuple[tuple[str, ...], ...] = (
+LAYERS: tuple[tuple[str, ...], ...] = (
     ("", "errors"),
     ("backend", "settings", "console", "", "files"),
     ("rendering", "", "data"),
@@ -39,17 +39,17 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("report",),
     ("", "", "", "commands"),
 )
-"""Rooms from the ground up, in columns; "" for an empty place. A room imports rooms of lower floors
-only."""
+"""Parts from the lowest layer up, in columns; "" for an empty place. A part imports parts of lower
+layers only."""
 
 BOX, GAP, ROW, MARGIN = (150, 34), 30, 70, 20
-"""Pixels: a room's width and height, between two of them, from floor to floor, around all."""
+"""Pixels: a part's width and height, between two of them, from layer to layer, around all."""
 
 PACKAGE_FILL, MODULE_FILL, LINE = "#d9e8f5", "#f3e9d2", "#8a97a5"
 
 
-def room_of(module: str) -> str:
-    """The room in which a module (`desplat_ns.data.colmap`) is; empty for the package itself."""
+def part_of(module: str) -> str:
+    """The part in which a module (`desplat_ns.data.colmap`) is; empty for the package itself."""
     return [*module.split("."), ""][1]
 
 
@@ -83,74 +83,74 @@ def module_imports() -> dict[str, set[str]]:
     }
 
 
-def room_imports() -> dict[str, set[str]]:
-    """For each room the rooms that it imports."""
-    rooms: dict[str, set[str]] = {}
+def part_imports() -> dict[str, set[str]]:
+    """For each part the parts that it imports."""
+    parts: dict[str, set[str]] = {}
     for module, imported in module_imports().items():
-        room = room_of(module)
-        rooms.setdefault(room, set()).update(room_of(one) for one in imported)
-    rooms.pop("", None)
-    return {room: imported - {room, ""} for room, imported in rooms.items()}
+        part = part_of(module)
+        parts.setdefault(part, set()).update(part_of(one) for one in imported)
+    parts.pop("", None)
+    return {part: imported - {part, ""} for part, imported in parts.items()}
 
 
-def may_import(room: str) -> set[str]:
-    """The rooms that a package's docstring says it may import."""
-    text = ast.get_docstring(ast.parse((PACKAGE / room / "__init__.py").read_text("utf8"))) or ""
+def may_import(part: str) -> set[str]:
+    """The parts that a package's docstring says it may import."""
+    text = ast.get_docstring(ast.parse((PACKAGE / part / "__init__.py").read_text("utf8"))) or ""
     _, _, names = text.partition("May import ")
     return set(re.findall(r"`(\w+)`", names.split(".")[0]))
 
 
-def floors() -> dict[str, int]:
-    """The floor of every room, from 0."""
-    return {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms if room}
+def layers() -> dict[str, int]:
+    """The layer of every part, from 0."""
+    return {part: layer for layer, parts in enumerate(LAYERS) for part in parts if part}
 
 
 def direct(imports: Mapping[str, set[str]]) -> Iterator[tuple[str, str]]:
     """The arrows of a picture: imports that do not follow from two others in a row."""
 
-    def reach(room: str) -> set[str]:
-        return imports[room].union(*(reach(one) for one in imports[room]))
+    def reach(part: str) -> set[str]:
+        return imports[part].union(*(reach(one) for one in imports[part]))
 
-    for room, imported in sorted(imports.items()):
+    for part, imported in sorted(imports.items()):
         by_others = set().union(*(reach(one) for one in imported))
-        yield from ((room, one) for one in sorted(imported - by_others))
+        yield from ((part, one) for one in sorted(imported - by_others))
 
 
 def places() -> dict[str, tuple[float, float]]:
-    """Left upper corners of the rooms; the ground floor is at the bottom."""
+    """Left upper corners of the parts; the lowest layer is at the bottom."""
     return {
-        room: (MARGIN + column * (BOX[0] + GAP), MARGIN + (len(FLOORS) - 1 - floor) * ROW)
-        for floor, rooms in enumerate(FLOORS)
-        for column, room in enumerate(rooms)
-        if room
+        part: (MARGIN + column * (BOX[0] + GAP), MARGIN + (len(LAYERS) - 1 - layer) * ROW)
+        for layer, parts in enumerate(LAYERS)
+        for column, part in enumerate(parts)
+        if part
     }
 
 
 def picture() -> str:
-    """The rooms and their direct imports, as SVG."""
+    """The parts and their direct imports, as SVG."""
     at = places()
-    width = 2 * MARGIN + max(map(len, FLOORS)) * (BOX[0] + GAP) - GAP
-    height = 2 * MARGIN + (len(FLOORS) - 1) * ROW + BOX[1]
+    width = 2 * MARGIN + max(map(len, LAYERS)) * (BOX[0] + GAP) - GAP
+    height = 2 * MARGIN + (len(LAYERS) - 1) * ROW + BOX[1]
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
         'font-family="sans-serif" font-size="13">',
         f'<rect width="{width}" height="{height}" fill="white"/>',
     ]
-    for room, imported in direct(room_imports()):
-        x, y, to_x, to_y = *at[room], *at[imported]
+    for part, imported in direct(part_imports()):
+        x, y, to_x, to_y = *at[part], *at[imported]
         start, end = (x + BOX[0] / 2, y + BOX[1]), (to_x + BOX[0] / 2, to_y)
         bend = (end[1] - start[1]) / 2
         lines.append(
             f'<path d="M{start[0]:g} {start[1]:g} C{start[0]:g} {start[1] + bend:g} '
             f'{end[0]:g} {end[1] - bend:g} {end[0]:g} {end[1]:g}" fill="none" stroke="{LINE}"/>'
         )
-    for room, (x, y) in at.items():
-        fill = PACKAGE_FILL if (PACKAGE / room).is_dir() else MODULE_FILL
+    for part, (x, y) in at.items():
+        fill = PACKAGE_FILL if (PACKAGE / part).is_dir() else MODULE_FILL
         lines += [
             f'<rect x="{x:g}" y="{y:g}" width="{BOX[0]}" height="{BOX[1]}" rx="6" fill="{fill}" '
             f'stroke="{LINE}"/>',
             f'<text x="{x + BOX[0] / 2:g}" y="{y + BOX[1] / 2 + 5:g}" text-anchor="middle">'
-            f"{escape(room)}</text>",
+            f"{escape(part)}</text>",
         ]
     return "\n".join([*lines, "</svg>", ""])
 

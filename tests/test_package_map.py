@@ -1,35 +1,35 @@
-"""Imports run one way: every room imports rooms of lower floors, and no modules form a circle."""
+"""Imports run one way: every part imports parts of lower layers, and no modules form a circle."""
 
 import ast
 from graphlib import TopologicalSorter
 
 import pytest
 
-from lab.house import (
-    FLOORS,
+from lab.package_map import (
+    LAYERS,
     PACKAGE,
     PICTURE,
     direct,
-    floors,
+    layers,
     may_import,
     module_imports,
+    part_imports,
     picture,
-    room_imports,
 )
 
 
 def test_every_room_has_a_floor_and_every_floor_is_of_the_house():
-    assert set(room_imports()) == set(floors())
-    assert sum(room != "" for rooms in FLOORS for room in rooms) == len(floors())
+    assert set(part_imports()) == set(layers())
+    assert sum(part != "" for parts in LAYERS for part in parts) == len(layers())
 
 
 def test_rooms_import_rooms_of_lower_floors_only():
-    floor = floors()
+    layer = layers()
     upwards = [
-        f"{room} (floor {floor[room]}) imports {one} (floor {floor[one]})"
-        for room, imported in room_imports().items()
+        f"{part} (layer {layer[part]}) imports {one} (layer {layer[one]})"
+        for part, imported in part_imports().items()
         for one in imported
-        if floor[one] >= floor[room]
+        if layer[one] >= layer[part]
     ]
     assert upwards == []
 
@@ -48,13 +48,13 @@ def test_no_modules_import_each_other_in_a_circle():
     assert len(tuple(TopologicalSorter(module_imports()).static_order())) > 100
 
 
-@pytest.mark.parametrize("room", sorted(r for r in floors() if (PACKAGE / r).is_dir()))
-def test_every_package_says_what_it_may_import(room):
-    if room == "studies":  # all of the house
+@pytest.mark.parametrize("part", sorted(r for r in layers() if (PACKAGE / r).is_dir()))
+def test_every_package_says_what_it_may_import(part):
+    if part == "studies":  # all of the package
         return
-    named = may_import(room)
-    assert room_imports()[room] <= named
-    assert all(floors()[one] < floors()[room] for one in named)
+    named = may_import(part)
+    assert part_imports()[part] <= named
+    assert all(layers()[one] < layers()[part] for one in named)
 
 
 def test_what_follows_from_two_arrows_is_not_drawn():
@@ -62,5 +62,5 @@ def test_what_follows_from_two_arrows_is_not_drawn():
 
 
 def test_the_picture_is_that_of_the_code():
-    """Made anew by `python -m lab.house`."""
+    """Made anew by `python -m lab.package_map`."""
     assert PICTURE.read_text("utf8") == picture()
