@@ -35,7 +35,6 @@ from desplat_ns.training.budget import Clock
 from desplat_ns.training.losses import mean_shown_opacity, photometric_loss
 from desplat_ns.training.run_length import (
     SPLATFACTOS_INTERVAL,
-    degree_for,
     pause_after_reset,
     photo_downscale,
     steps_between_refinements,
@@ -66,9 +65,6 @@ class StaticModelConfig(LitModelConfig):
     train_downscale: int = ranged(1, "[1, inf)")
     """Factor by which photos are smaller in training at least, to the end; a step then costs less.
     Renderings and evaluation have their full size."""
-    photos_per_coefficient: float = ranged(0.0, "[0, inf)")
-    """Training photos that each coefficient of the colours' harmonics has at least: where there are
-    fewer, their degree is lowered. 0: `sh_degree` as it is, as in the paper."""
     gaussians_per_pixel: float = ranged(0.0, "[0, inf)")
     """Static Gaussians at most, per pixel of all training photos together: more than the photos can
     hold in place become floaters. 0 for no such limit, as in the paper. In any case at most as many
@@ -100,7 +96,6 @@ class StaticModelConfig(LitModelConfig):
         run.refine_every = steps_between_refinements(
             num_views, densification, self.refinements, self.refine_every
         )
-        run.sh_degree = degree_for(num_views, self.photos_per_coefficient, self.sh_degree)
         if self.effects.settled().appearance != "off":
             run.opacity_prior = 0.0
         return run

@@ -130,8 +130,7 @@ def _of_scores(results: Mapping[str, Any], photos: Sequence[TrainingPhoto]) -> I
         yield Notice(
             f"Training photos are explained at {ours:.1f} dB, held-out photos at {held_out:.1f} "
             "dB: views between the photos are much worse than the photos.",
-            "More photos help most. With few of them, --pipeline.model.photos-per-coefficient 2 "
-            "may.",
+            "More photos help.",
         )
 
 

@@ -113,16 +113,3 @@ def photo_downscale(step: int, num_downscales: int, every: int, warmup: int = 0)
         return 2 ** (num_downscales - step // every)
     early = max(1, min(every, warmup // (2 * (num_downscales - 1))))
     return 2 ** max(1, num_downscales - step // early)
-
-
-def degree_for(num_views: int, photos_per_coefficient: float, at_most: int) -> int:
-    """Degree of the harmonics of which each coefficient has so many training photos at least.
-
-    A colour channel of degree d has (d + 1)^2 coefficients, and a photo gives it one value.
-
-    Args:
-        photos_per_coefficient: 0 for `at_most` whatever the number of photos.
-    """
-    if photos_per_coefficient <= 0:
-        return at_most
-    return min(at_most, max(0, math.isqrt(int(num_views / photos_per_coefficient)) - 1))

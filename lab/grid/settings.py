@@ -62,6 +62,7 @@ OF_WARMUP = tuple(f"{DISTRACTORS}{name}_" for name in ("shaping", "min_warmup", 
 
 NO_OPTION_ANY_MORE = (
     *("pipeline.model.density_control", "pipeline.model.relocation."),
+    "pipeline.model.photos_per_coefficient",
     *("pipeline.evaluation.load_embeddings", "pipeline.evaluation.save_embeddings"),
     *("optimizers.distractor_", f"{DISTRACTORS}leave_out_at"),
 )
@@ -87,7 +88,6 @@ NEUTRAL: Mapping[str, Any] = {
     "pipeline.model.distractors.refine_when_next_seen": True,
     "pipeline.model.near_plane": 0.2,
     "pipeline.model.opacity_prior": 0.0,
-    "pipeline.model.photos_per_coefficient": 0.0,
     "pipeline.model.train_downscale": 1,
     f"{SCENE}generated.occluders.faint": 0.0,
     f"{SCENE}generated.occluders.lingering": 0.0,

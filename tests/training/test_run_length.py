@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from desplat_ns.errors import ConfigError
 from desplat_ns.training.run_length import (
     MOST_RATE_FACTOR,
-    degree_for,
     rate_factor,
     schedule_scale,
     steps_for_visits,
@@ -27,18 +26,6 @@ def test_the_scale_is_the_ratio_of_steps_and_never_above_one():
 def test_a_run_without_steps_is_refused(steps, nominal):
     with pytest.raises(ConfigError, match="--max-num-iterations"):
         schedule_scale(steps, nominal)
-
-
-@pytest.mark.parametrize(
-    ("views", "degree"), [(1, 0), (7, 0), (8, 1), (17, 1), (18, 2), (31, 2), (32, 3), (1700, 3)]
-)
-def test_each_coefficient_has_two_photos(views, degree):
-    assert degree_for(views, 2.0, at_most=3) == degree
-
-
-def test_harmonics_are_of_the_degree_given_where_photos_are_not_counted():
-    assert degree_for(1, 0.0, at_most=3) == 3
-    assert degree_for(1000, 2.0, at_most=2) == 2
 
 
 def test_rates_are_raised_where_photos_are_seen_seldom_and_nowhere_else():
