@@ -158,8 +158,9 @@ def report_lines(folder: Workspace) -> Iterator[str]:
     """The report of a capture that is made."""
     findings = folder.stages["findings"]["result"]
     yield (
-        f"{findings['photos']} of {findings['of']} photos have a pose, {findings['points']} points, "
-        f"mean reprojection error {findings['error']:.2f} pixels ({findings['recipe']} features)."
+        f"{findings['photos']} of {findings['of']} photos have a pose, "
+        f"{findings['points']} points, mean reprojection error {findings['error']:.2f} pixels "
+        f"({findings['recipe']} features)."
     )
     if findings["others"]:
         sizes = " and ".join(str(size) for size in findings["others"])
