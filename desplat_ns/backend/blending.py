@@ -108,14 +108,14 @@ class Scene:
         x, y = self._offsets(blend.ids, batch)
         xx, xy, yy = self.conics[blend.ids].unbind(-1)
         moments = grad_log_alpha @ monomials(grad_log_alpha).T
-        one, u, v, uu, uv, vv = moments.unbind(-1)
-        du, dv = u - x * one, v - y * one
+        total, u, v, uu, uv, vv = moments.unbind(-1)
+        du, dv = u - x * total, v - y * total
         means = torch.stack([xx * du + xy * dv, xy * du + yy * dv], dim=-1)
         conics = torch.stack(
             [
-                -0.5 * (uu - 2 * x * u + x * x * one),
-                -(uv - x * v - y * u + x * y * one),
-                -0.5 * (vv - 2 * y * v + y * y * one),
+                -0.5 * (uu - 2 * x * u + x * x * total),
+                -(uv - x * v - y * u + x * y * total),
+                -0.5 * (vv - 2 * y * v + y * y * total),
             ],
             dim=-1,
         )
@@ -123,7 +123,7 @@ class Scene:
         grads.means.index_add_(0, rows, means.flatten(0, 1))
         grads.conics.index_add_(0, rows, conics.flatten(0, 1))
         floor = self.opacities[blend.ids].clamp(min=ALPHA_CUTOFF)
-        grads.opacities.index_add_(0, rows, (one / floor).flatten())
+        grads.opacities.index_add_(0, rows, (total / floor).flatten())
 
     def add_absgrad(
         self, absgrad: Tensor, blend: Blended, batch: Batch, grad_log_alpha: Tensor

@@ -103,7 +103,8 @@ class _Photometric(torch.autograd.Function):
     @torch.autograd.function.once_differentiable
     def backward(ctx, *grads):  # type: ignore[override]
         by_image = zip(grads, ctx.saved_tensors, strict=True)
-        return None, None, None, None, *(one if grad == 1 else grad * one for grad, one in by_image)
+        scaled = (saved if grad == 1 else grad * saved for grad, saved in by_image)
+        return None, None, None, None, *scaled
 
 
 class _Sums:

@@ -47,11 +47,11 @@ def tile_lists(projected: ProjectedSplats, width: int, height: int) -> TileLists
     """List, for each tile, the Gaussians whose alpha reaches ALPHA_CUTOFF somewhere in it."""
     columns, rows = tile_grid(width, height)
     # Front to back; the stable sort keeps the index order among equal depths.
-    seen = ((projected.radii > 0) & (projected.opacities >= ALPHA_CUTOFF)).nonzero()[:, 0]
-    seen = seen[torch.sort(projected.depths[seen], stable=True).indices]
-    means, conics = projected.means2d[0, seen], projected.conics[seen]
+    visible = ((projected.radii > 0) & (projected.opacities >= ALPHA_CUTOFF)).nonzero()[:, 0]
+    visible = visible[torch.sort(projected.depths[visible], stable=True).indices]
+    means, conics = projected.means2d[0, visible], projected.conics[visible]
     # sigma <= reach is alpha >= cutoff.
-    reach = torch.log(projected.opacities[seen] / ALPHA_CUTOFF) * (1 + SLACK) + SLACK
+    reach = torch.log(projected.opacities[visible] / ALPHA_CUTOFF) * (1 + SLACK) + SLACK
     low, high = _tile_bounds(means, conics, reach, columns, rows)
     tiles, ranks = [], []
     for chunk in _chunks((high - low).prod(dim=-1)):
@@ -60,22 +60,23 @@ def tile_lists(projected: ProjectedSplats, width: int, height: int) -> TileLists
         near = _least_sigma(means[rank], conics[rank], tile, columns) <= reach[rank]
         tiles.append(tile[near])
         ranks.append(rank[near])
-    return sorted_lists(torch.cat(tiles), torch.cat(ranks), seen, (columns, rows))
+    return sorted_lists(torch.cat(tiles), torch.cat(ranks), visible, (columns, rows))
 
 
 def sorted_lists(
     tile: Int[Tensor, " pairs"],
     rank: Int[Tensor, " pairs"],
-    seen: Int[Tensor, " ranks"],
+    visible: Int[Tensor, " ranks"],
     grid: tuple[int, int],
 ) -> TileLists:
-    """Lists of (tile, rank) pairs in any order. `seen` are the Gaussians by rank, front to back."""
+    """Lists of (tile, rank) pairs in any order. `visible` are the Gaussians by rank, front to
+    back."""
     columns, rows = grid
     # One key per pair, (tile, depth, index): what to sort is 64 bits wide once instead of twice.
-    key = torch.sort(tile * len(seen) + rank).values
+    key = torch.sort(tile * len(visible) + rank).values
     counts = torch.bincount(tile, minlength=columns * rows)
     return TileLists(
-        gaussians=seen[key % max(len(seen), 1)],
+        gaussians=visible[key % max(len(visible), 1)],
         starts=counts.cumsum(0) - counts,
         counts=counts,
         columns=columns,

@@ -37,5 +37,5 @@ def uncut_colors(
     away = torch.where(shown[:, None], means - center, 1.0)
     basis = sh_basis(splats.sh_degree, torch.nn.functional.normalize(away, dim=-1))
     used = coefficients[:, : basis.shape[1]].masked_fill(~shown[:, None, None], 0)
-    seen = torch.einsum("nk,nkc->nc", basis, used) + 0.5
-    return seen.masked_fill(~shown[:, None], 0), coefficients[:, 0]
+    colors = torch.einsum("nk,nkc->nc", basis, used) + 0.5
+    return colors.masked_fill(~shown[:, None], 0), coefficients[:, 0]

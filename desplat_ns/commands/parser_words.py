@@ -42,17 +42,17 @@ def parse(
     """
     if not HELP.isdisjoint(words):
         _help(options, command, [word for word in words if word not in HELP])
-    found, rest = tyro.cli(options, prog=command, args=words, return_unknown_args=True)
+    parsed, rest = tyro.cli(options, prog=command, args=words, return_unknown_args=True)
     if data_may_follow and any(word.partition("=")[0] == "--data" for word in rest):
-        told: Any = found
-        if told.data is not None and not told.data.exists():
-            rest, told.data = [str(told.data), *rest], None  # it is the data parser's name
+        untyped: Any = parsed
+        if untyped.data is not None and not untyped.data.exists():
+            rest, untyped.data = [str(untyped.data), *rest], None  # it is the data parser's name
     if rest and rest[0].startswith("-"):
         raise ConfigError(
             f"{rest[0]} is no option of {command}; see --help. Options of a data parser follow its "
             f"name, as in: {command} DATA colmap --downscale-factor 2."
         )
-    return found, tuple(rest)
+    return parsed, tuple(rest)
 
 
 def _help(options: type, command: str, words: Sequence[str]) -> None:

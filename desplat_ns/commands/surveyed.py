@@ -42,29 +42,29 @@ def survey_capture(
         ConfigError: nothing can be written to `output`.
     """
     capture = capture_of(_outputs(data, dataparser))
-    found, evidence = survey(capture)
-    for line in found.summary():
+    findings, evidence = survey(capture)
+    for line in findings.summary():
         announce(line)
-    told = json.loads(found.to_json())
-    _write(told, output)
+    record = json.loads(findings.to_json())
+    _write(record, output)
     with plain_errors(output), draft_of(output / "survey.png") as draft:
         write_image(draft, evidence_picture(evidence))
     if measure_costs:
         try:
-            _write(told | {"on_this_machine": costs_on_this_machine(found, capture)}, output)
+            _write(record | {"on_this_machine": costs_on_this_machine(findings, capture)}, output)
         except BackendUnavailableError as reason:
             announce(f"What steps cost here is not measured. {reason}", warning=True)
     announce(f"Saved {output / 'survey.json'} and {output / 'survey.png'}.")
-    return found
+    return findings
 
 
-def _write(told: dict[str, Any], output: Path) -> None:
+def _write(record: dict[str, Any], output: Path) -> None:
     """Write survey.json. Raises ConfigError where that cannot be done."""
     with plain_errors(output):
-        write_whole(output / "survey.json", (json.dumps(told, indent=2) + "\n").encode())
+        write_whole(output / "survey.json", (json.dumps(record, indent=2) + "\n").encode())
 
 
-def costs_on_this_machine(found: Survey, capture: Capture) -> dict[str, Any]:
+def costs_on_this_machine(findings: Survey, capture: Capture) -> dict[str, Any]:
     """Time steps with each effect that is called for, and with all of them; say so.
 
     Returns:
@@ -81,7 +81,7 @@ def costs_on_this_machine(found: Survey, capture: Capture) -> dict[str, Any]:
         f"On this machine, at {size.width} x {size.height} pixels and {size.num_gaussians} static "
         "Gaussians (before any distractor is placed):"
     )
-    nothing, every = Effects(distractors=False), effects_of(found)
+    nothing, every = Effects(distractors=False), effects_of(findings)
     called_for = {k: v for k, v in asdict(every).items() if v not in (False, "off")}
     alone = [replace(nothing, **{name: value}) for name, value in called_for.items()]
     costs = measure(size, [*alone, every], num_photos)

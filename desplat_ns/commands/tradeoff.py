@@ -78,9 +78,9 @@ def recognised_words(data: Path) -> tuple[str, ...]:
     """
     from desplat_ns.layouts.recognition import recognise
 
-    found = recognise(data)
-    announce(found.line())
-    return found.match.words
+    recognition = recognise(data)
+    announce(recognition.line())
+    return recognition.match.words
 
 
 def default_jobs(device: str) -> int:

@@ -95,18 +95,18 @@ class DeSplatColmapDataParser(ColmapDataParser):
             CaptureError: see `read_reconstruction`; or one photo only, or no points.
         """
         config = self.config
-        found = read_reconstruction(config.data, self.colmap_path)
-        if len(found.frames) < 2:
+        model = read_reconstruction(config.data, self.colmap_path)
+        if len(model.frames) < 2:
             raise CaptureError(
-                f"The reconstruction {found.folder} has one photo only ({found.frames[0].name}); "
+                f"The reconstruction {model.folder} has one photo only ({model.frames[0].name}); "
                 "two or more are needed, better 20. Take more and run COLMAP again."
             )
-        if config.load_3D_points and not np.isfinite(found.points.xyz).all(axis=1).any():
+        if config.load_3D_points and not np.isfinite(model.points.xyz).all(axis=1).any():
             raise CaptureError(
-                f"The reconstruction {found.folder} has no 3D points to start from. Run COLMAP's "
+                f"The reconstruction {model.folder} has no 3D points to start from. Run COLMAP's "
                 "point_triangulator, or add --load-3D-points False to start from random points."
             )
-        return found
+        return model
 
     @cached_property
     def oriented(self) -> OrientedPoses:
@@ -159,13 +159,13 @@ class DeSplatColmapDataParser(ColmapDataParser):
     def metadata_of(self, frames: Sequence[Frame]) -> dict[str, Any]:
         """What goes into the outputs' metadata for these photos, beside points."""
         config = self.config
-        found: dict[str, Any] = {
+        metadata: dict[str, Any] = {
             "depth_filenames": self._files_beside(frames, "depths_path", "depth maps"),
             "depth_unit_scale_factor": config.depth_unit_scale_factor,
         }
         if config.distractor_masks_path is not None:
-            found |= gt_masks(config.data / config.distractor_masks_path, frames)
-        return found
+            metadata |= gt_masks(config.data / config.distractor_masks_path, frames)
+        return metadata
 
     def _files_beside(self, frames: Sequence[Frame], option: str, what: str) -> list[Path] | None:
         """The .png of each photo in the folder that an option names, None where it is not given."""
@@ -206,8 +206,8 @@ class DeSplatColmapDataParser(ColmapDataParser):
             )
         oriented, points = self.oriented, self.reconstruction.points
         folder = self.reconstruction.folder
-        found: dict[str, Any] = points_metadata(points, oriented.transform, oriented.scale)
+        metadata: dict[str, Any] = points_metadata(points, oriented.transform, oriented.scale)
         photos = tuple(frame.image_id for frame in frames)
         sizes = tuple((frame.width, frame.height) for frame in frames)
-        found[TRACKS] = Tracks(folder, photos, sizes, points.ids)
-        return without_infinite_points(found, folder)
+        metadata[TRACKS] = Tracks(folder, photos, sizes, points.ids)
+        return without_infinite_points(metadata, folder)

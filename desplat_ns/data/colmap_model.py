@@ -106,8 +106,8 @@ def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
 
 def _state_of(folder: Path) -> tuple[tuple[str, int, int, int], ...]:
     """What changes with a file of a model: its time, size and place on the disk."""
-    found = [(path.name, path.stat()) for path in sorted(folder.iterdir()) if path.is_file()]
-    return tuple((name, s.st_mtime_ns, s.st_size, s.st_ino) for name, s in found)
+    files = [(path.name, path.stat()) for path in sorted(folder.iterdir()) if path.is_file()]
+    return tuple((name, s.st_mtime_ns, s.st_size, s.st_ino) for name, s in files)
 
 
 @lru_cache(maxsize=1)
@@ -133,11 +133,11 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
 def find_models(data: Path, colmap_path: Path) -> list[Path]:
     """Folders of COLMAP models as `read_reconstruction` finds them; empty if there are none."""
     for folder in (data / place for place in _places(colmap_path)):
-        found = [folder] if _is_model(folder) else []
-        if not found and folder.is_dir():
-            found = [child for child in sorted(folder.iterdir()) if _is_model(child)]
-        if found:
-            return found
+        models = [folder] if _is_model(folder) else []
+        if not models and folder.is_dir():
+            models = [child for child in sorted(folder.iterdir()) if _is_model(child)]
+        if models:
+            return models
     return []
 
 

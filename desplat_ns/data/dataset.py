@@ -111,18 +111,18 @@ class CaptureDataset(InputDataset):
         return torch.from_numpy(resize_mask(mask, *self.sizes[image_idx]))[..., None]
 
 
-def check_size(path: Path, found: Size, camera: Size) -> None:
+def check_size(path: Path, size: Size, camera: Size) -> None:
     """A photo must be as large as its camera, or larger and of the same shape.
 
     Raises:
         CaptureError: names the file and both sizes.
     """
-    if _fits(found, camera):
+    if _fits(size, camera):
         return
-    turned = _fits((found[1], found[0]), camera)
+    turned = _fits((size[1], size[0]), camera)
     cause = "turned by a quarter (its EXIF orientation says how it is shown)" if turned else "other"
     raise CaptureError(
-        f"Photo {path} is {found[0]}x{found[1]} pixels as it is shown, but its camera in the "
+        f"Photo {path} is {size[0]}x{size[1]} pixels as it is shown, but its camera in the "
         f"reconstruction is {camera[0]}x{camera[1]} (after downscaling): {cause}. The "
         "reconstruction must be made from the photos as they are shown: turn or resize the files "
         "(`mogrify -auto-orient` turns them) and run COLMAP again, or name the folder that it was "
@@ -130,10 +130,10 @@ def check_size(path: Path, found: Size, camera: Size) -> None:
     )
 
 
-def _fits(found: Size, camera: Size) -> bool:
-    if found[0] < camera[0] or found[1] < camera[1]:
+def _fits(size: Size, camera: Size) -> bool:
+    if size[0] < camera[0] or size[1] < camera[1]:
         return False
     # Of the longer side: the shorter one may have been rounded up to one pixel.
-    ratio = found[1] / camera[1] if camera[1] > camera[0] else found[0] / camera[0]
-    off = max(abs(found[0] / ratio - camera[0]), abs(found[1] / ratio - camera[1]))
+    ratio = size[1] / camera[1] if camera[1] > camera[0] else size[0] / camera[0]
+    off = max(abs(size[0] / ratio - camera[0]), abs(size[1] / ratio - camera[1]))
     return off <= SIZE_TOLERANCE + 1

@@ -70,8 +70,8 @@ def photo_sources(
     ready = [copy for copy in copies if copy is not None]
     if len(ready) == len(frames):
         return ready, f"Photos at 1/{factor:g} of their size are read from {folder}."
-    found = f" ({folder} has {len(ready)} of {len(frames)})" if folder.is_dir() else ""
-    return sources, f"Photos are reduced to 1/{factor:g} of their size while reading{found}."
+    note = f" ({folder} has {len(ready)} of {len(frames)})" if folder.is_dir() else ""
+    return sources, f"Photos are reduced to 1/{factor:g} of their size while reading{note}."
 
 
 def reduced_length(length: int, factor: int | float, rounding: Rounding) -> int:

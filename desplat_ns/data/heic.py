@@ -62,11 +62,11 @@ def heic_tags(path: Path) -> dict[str, object]:
     tags = Image.Exif()
     tags.load(_opened(path).info.get("exif") or b"")
     inner = tags.get_ifd(_EXIF)
-    found = {name: tags.get(number) for name, number in _TAGS.items()}
-    found |= {name: inner.get(number) for name, number in _EXIF_TAGS.items()}
+    values = {name: tags.get(number) for name, number in _TAGS.items()}
+    values |= {name: inner.get(number) for name, number in _EXIF_TAGS.items()}
     return {
         name: float(value) if isinstance(value, Rational) else value
-        for name, value in found.items()
+        for name, value in values.items()
         if value
     }
 

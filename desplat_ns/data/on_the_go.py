@@ -124,7 +124,7 @@ def read_split(path: Path) -> dict[str, list[int]]:
         raise CaptureError(f"The split file {path} cannot be read: {error}.") from error
     lists = content if isinstance(content, dict) else {}
     lists = {name: lists[name] for name in ("clutter", "clean", "extra") if name in lists}
-    is_valid = all(_are_positions(one) for one in lists.values())
+    is_valid = all(_are_positions(positions) for positions in lists.values())
     if not (is_valid and "extra" in lists and len(lists) > 1):
         raise CaptureError(
             f"{path} is no split file of NeRF On-the-go: it needs the lists `clutter` and `extra` "

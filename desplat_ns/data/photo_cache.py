@@ -49,9 +49,9 @@ class PhotoMemory:
             device: where photos are kept if they can be.
             gigabytes: that photos may take wherever they are; None for `SHARE` of what is free.
         """
-        one = next(iter(splits.values())).get_data(0, image_type)
-        values = sum(value.nbytes for value in one.values() if isinstance(value, Tensor))
-        each = values / math.prod(one["image"].shape[:2])
+        sample = next(iter(splits.values())).get_data(0, image_type)
+        values = sum(value.nbytes for value in sample.values() if isinstance(value, Tensor))
+        each = values / math.prod(sample["image"].shape[:2])
         self.sizes = {
             name: [math.ceil(width * height * each) for width, height in split.sizes]
             for name, split in splits.items()
@@ -112,9 +112,9 @@ class BoundedPhotos(Sequence[Photo]):
         """
         index = range(len(self))[index]
         with self._lock:
-            found = self._begin(index)
+            future = self._begin(index)
         try:
-            return found.result()
+            return future.result()
         except Exception:
             with self._lock:
                 self._held.pop(index, None)
@@ -132,10 +132,10 @@ class BoundedPhotos(Sequence[Photo]):
 
     def _make_room(self, photo: int, order: Sequence[int]) -> bool:
         """Drop photos that are needed later than this one; False if that is not enough."""
-        turns = {one: turn for turn, one in reversed(list(enumerate(order)))}
-        used = sum(self._sizes[one] for one in self._held)
+        turns = {other: turn for turn, other in reversed(list(enumerate(order)))}
+        used = sum(self._sizes[other] for other in self._held)
         while self._held and used + self._sizes[photo] > self._most:
-            last = max(self._held, key=lambda one: turns.get(one, math.inf))
+            last = max(self._held, key=lambda other: turns.get(other, math.inf))
             if turns.get(last, math.inf) <= turns[photo]:
                 return False
             del self._held[last]

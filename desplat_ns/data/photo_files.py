@@ -33,21 +33,21 @@ def is_photo(path: Path) -> bool:
 def photo_names(folder: Path) -> list[str]:
     """Photos in a folder and the folders inside it, sorted: paths below it with forward slashes.
     Empty if there is no such folder."""
-    found = (path for path in folder.rglob("*") if is_photo(path)) if folder.is_dir() else ()
-    return sorted(path.relative_to(folder).as_posix() for path in found)
+    paths = (path for path in folder.rglob("*") if is_photo(path)) if folder.is_dir() else ()
+    return sorted(path.relative_to(folder).as_posix() for path in paths)
 
 
 def photos_near(folder: Path) -> list[str]:
     """Photos in a folder and in those directly inside it, sorted, as paths below it."""
-    found = (path for pattern in ("*", "*/*") for path in folder.glob(pattern) if is_photo(path))
-    return sorted(path.relative_to(folder).as_posix() for path in found)
+    paths = (path for pattern in ("*", "*/*") for path in folder.glob(pattern) if is_photo(path))
+    return sorted(path.relative_to(folder).as_posix() for path in paths)
 
 
 def downscale_factors(images: Path) -> list[int]:
     """The N of folders such as `images_2`, `images_4` beside `images`, ascending."""
-    found = (
+    matches = (
         re.fullmatch(re.escape(images.name) + r"_([1-9]\d*)", path.name)
         for path in (images.parent.iterdir() if images.parent.is_dir() else ())
         if path.is_dir()
     )
-    return sorted(int(match[1]) for match in found if match is not None)
+    return sorted(int(match[1]) for match in matches if match is not None)

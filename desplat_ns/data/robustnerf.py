@@ -59,15 +59,15 @@ class RobustNerfDataParser(DeSplatColmapDataParser):
         picked = self._training_views(names) if split == "train" else evaluation_views(names)
         if picked:
             return picked
-        found = f"{self.config.data} has {describe(names)} photos"
+        given = f"{self.config.data} has {describe(names)} photos"
         if split == "train":
             raise CaptureError(
-                f"No photo is left to train on: {found}. Photos with `clean` or `clutter` in the "
+                f"No photo is left to train on: {given}. Photos with `clean` or `clutter` in the "
                 "file name are needed; --train-split-clean-clutter-ratio 0 takes the clean ones, "
                 "1 the cluttered ones."
             )
         raise CaptureError(
-            f"No photo is left to evaluate on: {found}, names such as {names[0]}. Put `extra` into "
+            f"No photo is left to evaluate on: {given}, names such as {names[0]}. Put `extra` into "
             "the file names of the photos to hold out (in the reconstruction, too), or use the "
             "`colmap` dataparser, which holds out every eighth photo."
         )

@@ -111,14 +111,14 @@ def views_by_file(names: Sequence[str], listing: Path) -> list[int]:
         )
     lines = [line.strip() for line in listing.read_text(encoding="utf8").splitlines()]
     wanted = [line for line in lines if line and not line.startswith("#")]
-    found = find_photos(names, wanted)
-    wrong = [line for line, where in zip(wanted, found, strict=True) if len(where) != 1]
+    matches = find_photos(names, wanted)
+    wrong = [line for line, where in zip(wanted, matches, strict=True) if len(where) != 1]
     if wrong:
         raise CaptureError(
             f"{len(wrong)} of {len(wanted)} lines of {listing} name no photo of the reconstruction,"
             f" or several: {list_names(wrong)}. It has {list_names(names)}."
         )
-    picked = sorted({where[0] for where in found})
+    picked = sorted({where[0] for where in matches})
     held_out = [names[i] for i in picked if kind_of(names[i]) == "extra"]
     if held_out:
         raise CaptureError(

@@ -55,22 +55,22 @@ class Tracks:
         """
         wanted = {self.image_ids[photo] for photo in photos}
         try:
-            found = dict(_observations(self.folder, wanted))
-            return [self._observed(photo, found[self.image_ids[photo]]) for photo in photos]
+            observations = dict(_observations(self.folder, wanted))
+            return [self._observed(photo, observations[self.image_ids[photo]]) for photo in photos]
         except (OSError, ValueError, LookupError, struct.error) as error:
             raise CaptureError(
                 f"The observations in {self.folder} cannot be read ({error}); they could when the "
                 "capture was opened. Put the reconstruction back, or start again."
             ) from error
 
-    def _observed(self, photo: int, seen: np.ndarray) -> Observed:
+    def _observed(self, photo: int, observations: np.ndarray) -> Observed:
         """Of what a photo observes, the points that the capture has."""
         if len(self.point_ids) == 0:
-            seen = seen[:0]
-        points = np.searchsorted(self.point_ids, seen["point"])
+            observations = observations[:0]
+        points = np.searchsorted(self.point_ids, observations["point"])
         points = np.minimum(points, len(self.point_ids) - 1)
-        known = self.point_ids[points] == seen["point"]
-        return Observed(points[known], seen["at"][known] / self.sizes[photo])
+        known = self.point_ids[points] == observations["point"]
+        return Observed(points[known], observations["at"][known] / self.sizes[photo])
 
 
 _OBSERVATION = np.dtype([("at", "<f8", 2), ("point", "<i8")])
@@ -103,8 +103,8 @@ def _of_binary(file: BinaryIO, wanted: set[int]) -> Iterator[tuple[int, np.ndarr
             pass
         (count,) = struct.unpack("<Q", file.read(8))
         if number in wanted:
-            found = file.read(count * _OBSERVATION.itemsize)
-            yield number, np.frombuffer(found, _OBSERVATION, count)
+            content = file.read(count * _OBSERVATION.itemsize)
+            yield number, np.frombuffer(content, _OBSERVATION, count)
         else:
             file.seek(count * _OBSERVATION.itemsize, 1)
 
@@ -115,7 +115,7 @@ def _of_text(lines: Iterator[str], wanted: set[int]) -> Iterator[tuple[int, np.n
             continue
         number, values = int(line.split(maxsplit=1)[0]), next(lines, "").split()
         if number in wanted:
-            found = np.empty(len(values) // 3, _OBSERVATION)
-            found["at"] = np.array([values[0::3], values[1::3]], dtype=np.float64).T
-            found["point"] = np.array(values[2::3], dtype=np.int64)
-            yield number, found
+            observations = np.empty(len(values) // 3, _OBSERVATION)
+            observations["at"] = np.array([values[0::3], values[1::3]], dtype=np.float64).T
+            observations["point"] = np.array(values[2::3], dtype=np.int64)
+            yield number, observations

@@ -82,15 +82,15 @@ def static_cloud(
     """
     model = cast(DeSplatModel, pipeline.model)
     with shown_in(model, light):
-        seen = _seen(pipeline)
+        visible = _visible(pipeline)
         splats, settings = model.shown_splats(), model.render_settings(depth=False)
-        if not bool(seen.any()):
+        if not bool(visible.any()):
             raise ConfigError(
                 f"Of {model.num_points} static Gaussians no training camera shows any: there is "
                 "nothing to export. Train longer, or take an earlier checkpoint."
             )
-        cloud, unseen = baked(splats.rows(seen), settings.antialiased), int((~seen).sum())
-        rows = seen & shown_anywhere(splats)
+        cloud, unseen = baked(splats.rows(visible), settings.antialiased), int((~visible).sum())
+        rows = visible & shown_anywhere(splats)
         announce(
             f"{len(cloud)} of {model.num_points} static Gaussians can be seen; {unseen} are left "
             "out that no training camera shows, nor a view half-way between two."
@@ -161,7 +161,7 @@ def shown_in(model: DeSplatModel, light: str | None) -> Any:
 
 
 @torch.no_grad()
-def _seen(pipeline: DeSplatPipeline) -> Tensor:
+def _visible(pipeline: DeSplatPipeline) -> Tensor:
     """Which static Gaussians [N] an allowed view shows: other viewers have no near plane, so that
     what hangs before a camera would be in their way."""
     model = cast(DeSplatModel, pipeline.model)

@@ -74,11 +74,11 @@ def format_of(path: Path) -> Format:
     Raises:
         ConfigError: none has this ending.
     """
-    found = FORMATS.get(path.suffix.lower())
+    chosen = FORMATS.get(path.suffix.lower())
     if path.suffix.lower() == PAGE_ENDING:
         raise ConfigError(f"'{path}' is a page: write it with `desplat-export page`.")
-    if found is None:
-        known = ", ".join(f"{suffix} ({one.name})" for suffix, one in FORMATS.items())
+    if chosen is None:
+        known = ", ".join(f"{suffix} ({kind.name})" for suffix, kind in FORMATS.items())
         ending = f"the ending '{path.suffix}'" if path.suffix else "no ending"
         raise ConfigError(f"--output is '{path}', which has {ending}. Known are: {known}.")
-    return found
+    return chosen

@@ -74,8 +74,8 @@ def _slopes(camera: Cameras) -> Float[np.ndarray, "H W 2"]:
     k1, k2, k3, k4, p1, p2 = camera.distortion_params[0].double().tolist()
     if int(camera.camera_type) == CameraType.FISHEYE.value:
         lens = np.array([k1, k2, k3, k4])
-        found = cv2.fisheye.undistortPoints(pixels, matrix, lens, criteria=CRITERIA)
+        slopes = cv2.fisheye.undistortPoints(pixels, matrix, lens, criteria=CRITERIA)
     else:
         lens = np.array([k1, k2, p1, p2, k3])
-        found = cv2.undistortPointsIter(pixels, matrix, lens, np.eye(3), np.eye(3), CRITERIA)
-    return found.reshape(height, width, 2)
+        slopes = cv2.undistortPointsIter(pixels, matrix, lens, np.eye(3), np.eye(3), CRITERIA)
+    return slopes.reshape(height, width, 2)

@@ -82,12 +82,12 @@ def _enter(database: Path, photos: Path, camera: Camera) -> None:
     with pycolmap.Database.open(database) as db:
         image = db.read_image_with_name(camera.copies[0])
         assert image is not None, "it was entered just now"
-        found = db.read_camera(image.camera_id)
-        params = np.array(found.params)
-        params[list(found.focal_length_idxs())] = camera.focal
-        found.params = params.tolist()
-        found.has_prior_focal_length = camera.focal_is_known
-        db.update_camera(found)
+        entered = db.read_camera(image.camera_id)
+        params = np.array(entered.params)
+        params[list(entered.focal_length_idxs())] = camera.focal
+        entered.params = params.tolist()
+        entered.has_prior_focal_length = camera.focal_is_known
+        db.update_camera(entered)
 
 
 def _options(recipe: Recipe, threads: int) -> pycolmap.FeatureExtractionOptions:

@@ -45,28 +45,28 @@ def run_job(folder: Workspace, label: str, job: str, arguments: Mapping[str, Any
         try:
             process.start()
             sender.close()
-            kind, told = _listen(receiver, show)
+            kind, content = _listen(receiver, show)
             process.join()
         finally:
             if process.pid is not None:
                 process.kill()
                 process.join()
     if process.exitcode == 0 and kind == "result":
-        return told
-    error = told if kind == "error" else ""
+        return content
+    error = content if kind == "error" else ""
     raise _failure(folder, label, error, process.exitcode or 0, begin)
 
 
 def _listen(receiver: Connection, show: Callable[[int, int], None]) -> tuple[str, Any]:
     """The last message: "result" or "error" with its content; "progress" after a crash."""
-    kind, told = "progress", None
+    kind, content = "progress", None
     while True:
         try:
-            kind, told = receiver.recv()
+            kind, content = receiver.recv()
         except (EOFError, OSError):
-            return kind, told
+            return kind, content
         if kind == "progress":
-            show(*told)
+            show(*content)
 
 
 def _work(sender: Connection, log: Path, job: str, arguments: Mapping[str, Any]) -> None:
@@ -78,9 +78,9 @@ def _work(sender: Connection, log: Path, job: str, arguments: Mapping[str, Any])
     _end_with_the_parent()
     lock = Lock()
 
-    def tell(kind: str, told: Any) -> None:
+    def tell(kind: str, content: Any) -> None:
         with lock:
-            sender.send((kind, told))
+            sender.send((kind, content))
 
     try:
         module, _, name = job.rpartition(".")

@@ -41,7 +41,7 @@ def map_photos(
         progress(min(placed, total), total)
 
     progress(0, total)
-    found = pycolmap.incremental_mapping(
+    mapped = pycolmap.incremental_mapping(
         database,
         photos,
         models,
@@ -49,8 +49,8 @@ def map_photos(
         initial_image_pair_callback=one_more,
         next_image_callback=one_more,
     )
-    told = [_finish(model, models / str(index), recipe) for index, model in found.items()]
-    return sorted(told, key=lambda model: (-len(model["photos"]), model["error"]))
+    records = [_finish(model, models / str(index), recipe) for index, model in mapped.items()]
+    return sorted(records, key=lambda model: (-len(model["photos"]), model["error"]))
 
 
 def _options(recipe: Recipe, threads: int) -> pycolmap.IncrementalPipelineOptions:

@@ -79,12 +79,12 @@ def match_photos(
         pairing = "exhaustive" if len(images) <= ALL_PAIRS_UP_TO else "similar"
     pairs = _chosen_pairs(database, images, pairing, recipe)
     _match(database, [(names[a], names[b]) for a, b in pairs], recipe, threads, progress)
-    found = _stationary(database)
-    left_out = found["share"] >= SUSPICIOUS
+    stationary = _stationary(database)
+    left_out = stationary["share"] >= SUSPICIOUS
     if left_out:
         _verify_without_stationary(database, threads)
     write_whole(pairs_file, json.dumps(verified_pairs(database)).encode())
-    return {"pairing": pairing, "stationary": found, "left_out": left_out}
+    return {"pairing": pairing, "stationary": stationary, "left_out": left_out}
 
 
 def verified_pairs(database: Path) -> list[tuple[str, str, int]]:
@@ -120,8 +120,8 @@ class _Descriptors(Sequence[np.ndarray]):
         return len(self._images)
 
     def __getitem__(self, index: Any) -> np.ndarray:
-        found = self._database.read_descriptors(self._images[index]).data
-        return np.asarray(found, dtype=np.float32).reshape(-1, 128)
+        descriptors = self._database.read_descriptors(self._images[index]).data
+        return np.asarray(descriptors, dtype=np.float32).reshape(-1, 128)
 
 
 def _match(

@@ -60,7 +60,7 @@ def similarities(
     """Cosines between photos, in [-1, 1]; 0 for photos without features. Asks for the descriptors
     of each photo twice, one after another: they need not be in memory together."""
     words = _learn_words(descriptors)
-    vectors = np.stack([_vlad(one, words) for one in descriptors])
+    vectors = np.stack([_vlad(photo, words) for photo in descriptors])
     return vectors @ vectors.T
 
 
@@ -68,7 +68,7 @@ def _learn_words(descriptors: Sequence[np.ndarray]) -> np.ndarray:
     rng = np.random.default_rng(0)
     each = max(1, SAMPLES // max(1, len(descriptors)))
     samples = np.concatenate(
-        [one[rng.permutation(len(one))[:each]] for one in descriptors], dtype=np.float32
+        [photo[rng.permutation(len(photo))[:each]] for photo in descriptors], dtype=np.float32
     )
     cv2.setRNGSeed(0)
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 1e-4)

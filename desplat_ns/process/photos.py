@@ -87,17 +87,17 @@ def prepare_photos(
         OSError: a copy cannot be written.
     """
     copies.mkdir(parents=True, exist_ok=True)
-    seen = copies / "seen.jsonl"
-    known = {photo.source: photo for photo in _read_seen(seen)}
+    journal = copies / "seen.jsonl"
+    known = {photo.source: photo for photo in _read_seen(journal)}
 
-    def one(photo: Photo) -> Photo:
+    def prepared(photo: Photo) -> Photo:
         if photo.source not in known:
             return _prepare(folder, photo, copies, longest_side)
         return known[photo.source]
 
     photos = []
-    with ThreadPoolExecutor(threads) as pool, seen.open("a", encoding="utf8") as file:
-        for photo in pool.map(one, numbered(sources)):
+    with ThreadPoolExecutor(threads) as pool, journal.open("a", encoding="utf8") as file:
+        for photo in pool.map(prepared, numbered(sources)):
             if photo.source not in known:
                 file.write("\n" + json.dumps(asdict(photo)))  # a line that was cut off ends here
                 file.flush()

@@ -33,8 +33,8 @@ def usable_photos(folder: Workspace, request: Request, sources: Sources) -> list
     source, names = sources.folder, list(sources.names)
     if sources.is_video:
         source, names = folder.work / "frames", _frames(folder, request, sources)
-    told = folder.stage("photos", lambda: _copy(folder, request, source, names))
-    photos = [Photo(**photo) for photo in told]
+    records = folder.stage("photos", lambda: _copy(folder, request, source, names))
+    photos = [Photo(**photo) for photo in records]
     good = [photo for photo in photos if not photo.problem]
     problems = [f"{photo.source} ({photo.problem})" for photo in photos if photo.problem]
     if len(good) < MIN_PHOTOS:
@@ -79,25 +79,25 @@ def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
     Raises:
         CaptureError: none has one, or one has another shape than its photo, or cannot be read.
     """
-    found = dict.fromkeys(photos, mask) if mask.is_file() else _masks_in(mask, photos)
-    if not found:
+    paths = dict.fromkeys(photos, mask) if mask.is_file() else _masks_in(mask, photos)
+    if not paths:
         raise CaptureError(
             f"No mask in {mask} belongs to a photo (it has {list_names(photo_names(mask), 5)}). "
             f"Needed are files named as the photos: {Path(photos[0].source).stem}.png for "
             f"{photos[0].source}; or name one picture that is the mask of all."
         )
     copies.mkdir(parents=True, exist_ok=True)
-    for photo, path in found.items():
+    for photo, path in paths.items():
         write_image(copies / f"{photo.copy}.png", _of_size(read_mask(path), photo, path))
-    return len(found)
+    return len(paths)
 
 
 def _masks_in(folder: Path, photos: Sequence[Photo]) -> dict[Photo, Path]:
     """The mask of each photo that has one: names are the same without endings, in lower case."""
     masks = {_stem(name): folder / name for name in photo_names(folder)}
     named = ((photo, masks.get(photo.source.lower())) for photo in photos)
-    found = ((photo, path or masks.get(_stem(photo.source))) for photo, path in named)
-    return {photo: path for photo, path in found if path is not None}
+    matched = ((photo, path or masks.get(_stem(photo.source))) for photo, path in named)
+    return {photo: path for photo, path in matched if path is not None}
 
 
 def _stem(name: str) -> str:

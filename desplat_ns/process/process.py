@@ -156,20 +156,21 @@ def _made_already(folder: Workspace) -> str:
 
 def report_lines(folder: Workspace) -> Iterator[str]:
     """The report of a capture that is made."""
-    told = folder.stages["findings"]["result"]
+    findings = folder.stages["findings"]["result"]
     yield (
-        f"{told['photos']} of {told['of']} photos have a pose, {told['points']} points, mean "
-        f"reprojection error {told['error']:.2f} pixels ({told['recipe']} features)."
+        f"{findings['photos']} of {findings['of']} photos have a pose, "
+        f"{findings['points']} points, mean reprojection error {findings['error']:.2f} pixels "
+        f"({findings['recipe']} features)."
     )
-    if told["others"]:
-        sizes = " and ".join(str(size) for size in told["others"])
+    if findings["others"]:
+        sizes = " and ".join(str(size) for size in findings["others"])
         yield (
-            f"The photos fell into {len(told['others']) + 1} models that could not be joined; the "
-            f"largest is taken, with {told['photos']} photos (the others have {sizes})."
+            f"The photos fell into {len(findings['others']) + 1} models that could not be joined; "
+            f"the largest is taken, with {findings['photos']} photos (the others have {sizes})."
         )
-    if told["left_out"]:
+    if findings["left_out"]:
         yield f"Left out, with the probable reason (all are in {folder.output / 'process.json'}):"
-    reasons = _by_reason(told["left_out"])
+    reasons = _by_reason(findings["left_out"])
     yield from (f"  {list_names(sources)}: {reason}" for reason, sources in reasons[:LISTED])
     if rest := reasons[LISTED:]:
         count = sum(len(sources) for _, sources in rest)

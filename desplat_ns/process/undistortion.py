@@ -63,13 +63,13 @@ def undistort(
             jpeg_quality=JPEG_QUALITY,
             num_threads=threads,
         )
-    found = pycolmap.Reconstruction(flat / "sparse")
-    copies = [found.image(i).name for i in found.reg_image_ids()]
+    flat_model = pycolmap.Reconstruction(flat / "sparse")
+    copies = [flat_model.image(i).name for i in flat_model.reg_image_ids()]
     broken = [copy for copy in copies if not _ends_as_jpeg(flat / "images" / copy)]
     if broken:
         raise OSError(f"{len(broken)} of {len(copies)} undistorted photos are not whole")
-    draw_from_above(found, output / "cameras.png")
-    _hand_over(found, flat, output, names)
+    draw_from_above(flat_model, output / "cameras.png")
+    _hand_over(flat_model, flat, output, names)
 
 
 def _hand_over(

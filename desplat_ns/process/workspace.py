@@ -106,20 +106,20 @@ def open_workspace(output: Path, asked: Mapping[str, str], files: Mapping[str, i
         folder.save()
         return folder
     try:
-        told = json.loads(record.read_text("utf8"))
-        found = Workspace(output, told["asked"], told["files"], told["stages"])
+        content = json.loads(record.read_text("utf8"))
+        earlier = Workspace(output, content["asked"], content["files"], content["stages"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ConfigError(
             f"{record} cannot be read ({error}). Remove {output} to begin anew, or name another "
             "folder."
         ) from error
-    changes = _changes(found, asked, files)
+    changes = _changes(earlier, asked, files)
     if changes:
         raise ConfigError(
             f"{output} was begun with other photos or options: {'; '.join(changes)}. Give the same "
             f"to go on with it, name another folder, or remove {output} to begin anew."
         )
-    return found
+    return earlier
 
 
 def _check_nothing_there(output: Path) -> None:
@@ -134,18 +134,18 @@ def _check_nothing_there(output: Path) -> None:
         )
 
 
-def _changes(found: Workspace, asked: Mapping[str, str], files: Mapping[str, int]) -> list[str]:
+def _changes(earlier: Workspace, asked: Mapping[str, str], files: Mapping[str, int]) -> list[str]:
     changes = [
-        f"--{name.replace('_', '-')} was {found.asked.get(name)} and is {value}"
+        f"--{name.replace('_', '-')} was {earlier.asked.get(name)} and is {value}"
         if name != "photos"
-        else f"the photos were those of {found.asked.get(name)} and are those of {value}"
+        else f"the photos were those of {earlier.asked.get(name)} and are those of {value}"
         for name, value in asked.items()
-        if found.asked.get(name) != value
+        if earlier.asked.get(name) != value
     ]
     for what, names in (
-        ("are new", files.keys() - found.files.keys()),
-        ("are gone", found.files.keys() - files.keys()),
-        ("have changed", {n for n in files.keys() & found.files if files[n] != found.files[n]}),
+        ("are new", files.keys() - earlier.files.keys()),
+        ("are gone", earlier.files.keys() - files.keys()),
+        ("have changed", {n for n in files.keys() & earlier.files if files[n] != earlier.files[n]}),
     ):
         if names:
             changes.append(f"{len(names)} files {what} ({list_names(sorted(names), 3)})")

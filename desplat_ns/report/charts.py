@@ -35,4 +35,4 @@ def svg(chart: Chart) -> str:
         axes.set_facecolor("none")
         drawn = inline_svg(svg_of(axes))
     drawn = re.sub(r' clip-path="[^"]*"', "", drawn)  # all curves lie within the axes
-    return re.sub("|".join(COLOURS), lambda found: COLOURS[found[0]], drawn)
+    return re.sub("|".join(COLOURS), lambda match: COLOURS[match[0]], drawn)

@@ -44,10 +44,10 @@ class EffectReason:
 def read_survey(path: Path) -> dict[str, Any] | None:
     """A survey's findings as they were written; None if there are none that can be read."""
     try:
-        found = json.loads(path.read_text("utf8"))
+        findings = json.loads(path.read_text("utf8"))
     except (OSError, ValueError):
         return None
-    return found if isinstance(found, dict) and set(TITLES) <= set(found) else None
+    return findings if isinstance(findings, dict) and set(TITLES) <= set(findings) else None
 
 
 def effect_reasons(effects: Effects, survey: Mapping[str, Any] | None) -> list[EffectReason]:

@@ -79,10 +79,10 @@ def seen_and_hidden(
     rows, columns = coverage.covered.shape
     u, v, depth = image_points(means, coverage.view)
     column, row = u * columns, v * rows
-    seen = depth > NEAR_PLANE
-    seen = seen & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    cell = torch.where(seen, row.floor() * columns + column.floor(), 0.0).long()
-    return seen, seen & coverage.covered.flatten()[cell]
+    visible = depth > NEAR_PLANE
+    visible = visible & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    cell = torch.where(visible, row.floor() * columns + column.floor(), 0.0).long()
+    return visible, visible & coverage.covered.flatten()[cell]
 
 
 @torch.no_grad()
@@ -96,8 +96,8 @@ def hidden_places(
         of them (0 where there are none), and for each view how many of those it has covered.
     """
     both = [seen_and_hidden(means, coverage) for coverage in coverages]
-    seen, hidden = (torch.stack(flags) for flags in zip(*both, strict=True))
-    times_seen = seen.sum(0)
+    visible, hidden = (torch.stack(flags) for flags in zip(*both, strict=True))
+    times_seen = visible.sum(0)
     judged = times_seen >= MIN_VIEWS
     mostly = judged & (hidden.sum(0) > MOSTLY * times_seen)
     share = float(mostly.sum() / judged.sum().clamp(min=1))
@@ -114,7 +114,7 @@ def failure_case(
     """
     if not coverages:
         return None
-    shares = torch.stack([one.share for one in coverages]).tolist()
+    shares = torch.stack([coverage.share for coverage in coverages]).tolist()
     covered = [i for i, share in enumerate(shares) if share > MAX_COVERED]
     if 2 * len(covered) > len(coverages):
         worst = sorted(covered, key=lambda i: -shares[i])

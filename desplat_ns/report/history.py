@@ -80,11 +80,11 @@ def read_history(files: Sequence[Path]) -> History:
     values: dict[str, dict[int, float]] = {tag: {} for tag in tags}
     seconds = []
     for path in files:
-        found = scalars(path, tags)
-        for tag, logged in found.items():
-            values[tag].update({one.step: one.value for one in logged})
-        if found:
-            seconds.append(_seconds_of(found))
+        by_tag = scalars(path, tags)
+        for tag, logged in by_tag.items():
+            values[tag].update({event.step: event.value for event in logged})
+        if by_tag:
+            seconds.append(_seconds_of(by_tag))
     charts = []
     for title, names, is_logarithmic in CHARTS:
         curves = [Curve(name, thinned(values[tag], is_logarithmic)) for tag, name in names.items()]
@@ -113,11 +113,11 @@ def scalars(path: Path, tags: Collection[str]) -> dict[str, Sequence[ScalarEvent
     return {tag: events.Scalars(tag) for tag in events.Tags()["scalars"] if tag in tags}
 
 
-def _seconds_of(found: Mapping[str, Sequence[ScalarEvent]]) -> float:
+def _seconds_of(by_tag: Mapping[str, Sequence[ScalarEvent]]) -> float:
     """Of one file's session: what its end logged, or from the first number to the last."""
-    if TOTAL_TIME in found:
-        return found[TOTAL_TIME][-1].value
-    times = [one.wall_time for logged in found.values() for one in logged]
+    if TOTAL_TIME in by_tag:
+        return by_tag[TOTAL_TIME][-1].value
+    times = [event.wall_time for logged in by_tag.values() for event in logged]
     return max(times) - min(times)
 
 

@@ -89,12 +89,12 @@ def alone(
         places: where in the photo, as shares of its width and height.
     """
     lonely = shown & (shown.sum(dim=0) == 1)
-    found = []
-    for name, of_photo, seen, where in zip(names, lonely, shown, places, strict=True):
-        share = float(of_photo.sum() / seen.sum().clamp(min=1))
+    photos = []
+    for name, of_photo, visible, where in zip(names, lonely, shown, places, strict=True):
+        share = float(of_photo.sum() / visible.sum().clamp(min=1))
         if share > MUCH:
-            found.append(Alone(name, share, side_of(where[of_photo])))
-    return sorted(found, key=lambda one: -one.share)
+            photos.append(Alone(name, share, side_of(where[of_photo])))
+    return sorted(photos, key=lambda photo: -photo.share)
 
 
 def side_of(places: Float[Tensor, "P 2"]) -> str:
@@ -105,11 +105,11 @@ def side_of(places: Float[Tensor, "P 2"]) -> str:
     return " ".join(filter(None, (along, across))) or "middle"
 
 
-def in_words(found: Sequence[Alone]) -> tuple[str, str]:
+def in_words(photos: Sequence[Alone]) -> tuple[str, str]:
     """What is seen by one photo alone, and what to do about it; empty where nothing is."""
-    if not found:
+    if not photos:
         return "", ""
-    said = [f"{one.name} ({100 * one.share:.0f}%, {one.side} part)" for one in found]
+    said = [f"{photo.name} ({100 * photo.share:.0f}%, {photo.side} part)" for photo in photos]
     return (
         f"Parts of the scene that one photo alone shows: {list_names(said, MAX_NAMES)}.",
         "The next photos are worth most there: step to the side of where these were taken, and "

@@ -61,12 +61,12 @@ def notices(
         alone: photos that show parts of the scene alone.
         judges_by_others: whether distractors start where a photo shows what the others do not.
     """
-    found: list[Notice] = []
+    all_notices: list[Notice] = []
     if failure is not None:
         what, _, advice = failure.partition(". ")
-        found.append(Notice(f"{what[0].upper()}{what[1:]}.", advice))
+        all_notices.append(Notice(f"{what[0].upper()}{what[1:]}.", advice))
     if cost.steps < cost.planned:
-        found.append(
+        all_notices.append(
             Notice(
                 f"The run has {cost.steps:,} of {cost.planned:,} steps: it was stopped, or this is "
                 "one of its earlier checkpoints.",
@@ -74,24 +74,24 @@ def notices(
             )
         )
     if judges_by_others and cost.num_photos < FEW_VIEWS:
-        found.append(Notice(about_few_views(cost.num_photos)))
+        all_notices.append(Notice(about_few_views(cost.num_photos)))
     what, advice = in_words(alone)
-    found += [Notice(what, advice)] if what else []
-    found += [*_of_distractors(photos), *_of_scores(results, photos), *_unsure(reasons)]
+    all_notices += [Notice(what, advice)] if what else []
+    all_notices += [*_of_distractors(photos), *_of_scores(results, photos), *_unsure(reasons)]
     enough = steps_for_visits(ENOUGH_VISITS, cost.num_photos, LONG)
     if cost.steps < enough:
-        found.append(
+        all_notices.append(
             Notice(
                 f"Each photo was seen {cost.visits:.0f} times.",
                 "More steps may still help: a larger --max-num-iterations. After "
                 f"{enough:,} at most a decibel was gained on the captures that it was measured on.",
             )
         )
-    return found
+    return all_notices
 
 
 def _of_distractors(photos: Sequence[TrainingPhoto]) -> Iterator[Notice]:
-    shares = {one.name: one.covered for one in photos if one.covered is not None}
+    shares = {photo.name: photo.covered for photo in photos if photo.covered is not None}
     names = [name for name, covered in shares.items() if covered > MUCH]
     if names:
         yield Notice(
@@ -110,7 +110,7 @@ def _of_distractors(photos: Sequence[TrainingPhoto]) -> Iterator[Notice]:
 
 
 def _of_scores(results: Mapping[str, Any], photos: Sequence[TrainingPhoto]) -> Iterator[Notice]:
-    scores = {one["name"]: one["psnr"] for one in results.get("images", ()) if "psnr" in one}
+    scores = {row["name"]: row["psnr"] for row in results.get("images", ()) if "psnr" in row}
     median = statistics.median(scores.values()) if scores else 0.0
     ranked = sorted(scores, key=scores.__getitem__)
     low = [name for name in ranked if scores[name] < median - FAR_BELOW]
@@ -125,7 +125,7 @@ def _of_scores(results: Mapping[str, Any], photos: Sequence[TrainingPhoto]) -> I
     held_out = results.get("psnr")
     if held_out is None or not photos:
         return
-    ours = statistics.fmean(one.psnr for one in photos)
+    ours = statistics.fmean(photo.psnr for photo in photos)
     if ours - held_out >= WIDE_GAP:
         yield Notice(
             f"Training photos are explained at {ours:.1f} dB, held-out photos at {held_out:.1f} "
@@ -135,9 +135,9 @@ def _of_scores(results: Mapping[str, Any], photos: Sequence[TrainingPhoto]) -> I
 
 
 def _unsure(reasons: Sequence[EffectReason]) -> Iterator[Notice]:
-    for one in reasons:
-        if one.is_unsure:
+    for reason in reasons:
+        if reason.is_unsure:
             yield Notice(
-                f"The survey was not sure about {one.effect} ({one.value}).",
-                f"Compare with a run that has another --pipeline.model.effects.{one.effect}.",
+                f"The survey was not sure about {reason.effect} ({reason.value}).",
+                f"Compare with a run that has another --pipeline.model.effects.{reason.effect}.",
             )

@@ -69,7 +69,7 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") ->
     """
     photos = [*contents.training, *contents.held_out]
     pictures = [_pictures(photo) for photo in photos]
-    encoded = fitted_into([one for shown in pictures for one in shown.values()], budget)
+    encoded = fitted_into([picture for shown in pictures for picture in shown.values()], budget)
     sources = iter(encoded.sources)
     shown = [
         (photo, {name: next(sources) for name in names})
@@ -81,7 +81,7 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") ->
         cost=contents.cost,
         training=shown[: len(contents.training)],
         held_out=shown[len(contents.training) :],
-        largest=max((max(one.size) for one in contents.training), default=0),
+        largest=max((max(photo.size) for photo in contents.training), default=0),
         encoded=encoded,
         charts=[(chart, svg(chart)) for chart in contents.history.charts],
         error_top=f"{ERROR_TOP:.0%}",
@@ -89,21 +89,21 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") ->
     )
 
 
-def _pictures(one: TrainingPhoto | HeldOutPhoto) -> dict[str, Picture]:
+def _pictures(photo: TrainingPhoto | HeldOutPhoto) -> dict[str, Picture]:
     """What is shown of a photo, by the template's names."""
-    if isinstance(one, HeldOutPhoto):
-        beside = {"photo": one.photo, "rendering": one.rendering, "error": one.error}
+    if isinstance(photo, HeldOutPhoto):
+        beside = {"photo": photo.photo, "rendering": photo.rendering, "error": photo.error}
         return {name: Picture(pixels, BESIDE) for name, pixels in beside.items()}
-    shown = {"photo": Picture(one.photo), "rendering": Picture(one.static)}
-    if one.distractors is not None and one.mask is not None:
-        shown |= {"distractors": Picture(one.distractors, BESIDE)}
-        shown |= {"mask": Picture(one.mask, BESIDE)}
+    shown = {"photo": Picture(photo.photo), "rendering": Picture(photo.static)}
+    if photo.distractors is not None and photo.mask is not None:
+        shown |= {"distractors": Picture(photo.distractors, BESIDE)}
+        shown |= {"mask": Picture(photo.mask, BESIDE)}
     return shown
 
 
 def typed(text: str) -> str:
     """A text as HTML; options in it are set as what is typed."""
-    return OPTION.sub(lambda found: f"<code>{found[0]}</code>", html.escape(text))
+    return OPTION.sub(lambda match: f"<code>{match[0]}</code>", html.escape(text))
 
 
 def scores(figures: Mapping[str, float]) -> str:

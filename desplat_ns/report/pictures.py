@@ -97,17 +97,17 @@ def _taken_apart(
     name: str, photo: Float[Tensor, "H W 3"], outputs: Mapping[str, Tensor]
 ) -> TrainingPhoto:
     size = photo.shape[1], photo.shape[0]
-    seen = small_rgb(photo)
+    small = small_rgb(photo)
     if "alpha_distractor" not in outputs:
         quality = psnr(outputs["rgb"], photo)
-        return TrainingPhoto(name, size, quality, seen, small_rgb(outputs["rgb"]))
+        return TrainingPhoto(name, size, quality, small, small_rgb(outputs["rgb"]))
     rgb_d, alpha_d = (outputs[key].cpu().numpy() for key in ("rgb_distractor", "alpha_distractor"))
     mask = outputs["distractor_mask"]
     return TrainingPhoto(
         name,
         size,
         psnr(outputs["rgb_composite"], photo),
-        seen,
+        small,
         small_rgb(outputs["rgb_static"]),
         shrunk(to_rgb8(over_checkerboard(rgb_d, alpha_d, max(8, max(size) // 48))), LARGEST_SIDE),
         small_rgb(mask.float()),

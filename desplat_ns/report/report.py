@@ -52,17 +52,18 @@ def gather(
     photos = [photo for photo, _ in pairs]
     results, held_out = held_out_photos(pipeline, most_held_out)
     angles = angles_of(pipeline)
-    held_out = [angles.added_to(one) for one in held_out]
+    held_out = [angles.added_to(photo) for photo in held_out]
     counts = gaussian_counts(model.gauss_params, model.distractors)
     cost = cost_of(run, history.seconds, num_photos, counts)
     reasons = effect_reasons(model.effects, read_survey(files.survey))
     failure, by_others = None, False
     if model.layer is not None:
-        config, coverages = model.layer.config, [one for _, one in pairs if one is not None]
+        config = model.layer.config
+        coverages = [coverage for _, coverage in pairs if coverage is not None]
         failure = failure_case(config, model.means, coverages)
         by_others = config.start == "residual"
-    seen = seen_alone(pipeline)
-    said = notices(cost, reasons, photos, results, failure, by_others, seen)
+    alone = seen_alone(pipeline)
+    said = notices(cost, reasons, photos, results, failure, by_others, alone)
     return Contents(
         cost,
         said,

@@ -85,7 +85,7 @@ def gather(
         title=str(run.config.experiment_name),
         date=date.fromtimestamp(run.checkpoint.stat().st_mtime).isoformat(),
         cloud=cloud,
-        weigh=lambda one: _weights(pipeline, one),
+        weigh=lambda splats: _weights(pipeline, splats),
         background=background,
         light=light_of(model, light),
         cameras=cameras,
@@ -150,13 +150,13 @@ def _distractors(model: DeSplatModel, index: int) -> SplatCloud | None:
 def _pictures(model: DeSplatModel, cameras: Sequence[PageCamera]) -> list[tuple[str, Rgb]]:
     """Renderings of the static scene, the first camera's first."""
     chosen = [cameras[i] for i in even_subset(len(cameras), PICTURES)]
-    embedding, found = model.embedding_of(None), []
+    embedding, pictures = model.embedding_of(None), []
     for camera in chosen:
         static = model.render_static(camera.view, embedding)
         background = model.background_of(camera.view, embedding)
         image = model.image_of(static, background, camera.view, embedding).clamp(0, 1)
-        found.append((camera.name, shrunk(to_rgb8(image.cpu().numpy()), LARGEST_SIDE)))
-    return found
+        pictures.append((camera.name, shrunk(to_rgb8(image.cpu().numpy()), LARGEST_SIDE)))
+    return pictures
 
 
 def _weights(pipeline: DeSplatPipeline, cloud: SplatCloud) -> np.ndarray:
@@ -164,18 +164,18 @@ def _weights(pipeline: DeSplatPipeline, cloud: SplatCloud) -> np.ndarray:
     model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
     splats = splats_of(cloud, model.device)
     cameras = manager.train_dataset.cameras.to(model.device)
-    found = torch.zeros(len(cloud), device=splats.means.device)
+    weights = torch.zeros(len(cloud), device=splats.means.device)
     for index in even_subset(len(cameras), WEIGHING_VIEWS):
         view: View = model.view_of_camera(cameras[index : index + 1], index)
         settings = RenderSettings(antialiased=cloud.antialiased)
-        found += accumulated_weights(model.rasterizer, splats, view, settings).detach()
-    return found.cpu().numpy()
+        weights += accumulated_weights(model.rasterizer, splats, view, settings).detach()
+    return weights.cpu().numpy()
 
 
 def splats_of(cloud: SplatCloud, device: torch.device | str) -> Splats:
     """A file's Gaussians as a rasterizer takes them, in float32."""
     values: Any = (cloud.means, cloud.quats, cloud.scales, cloud.opacities, cloud.harmonics)
-    tensors = (torch.as_tensor(one, dtype=torch.float32, device=device) for one in values)
+    tensors = (torch.as_tensor(value, dtype=torch.float32, device=device) for value in values)
     return Splats(*tensors, sh_degree=cloud.degree)
 
 

@@ -59,7 +59,7 @@ def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
     assert shown is not None
     among = rows.nonzero()[:, 0]
     some = among[even_subset(len(among), MOST_GAUSSIANS)]
-    first, *others = (_colors(model, some, one) for one in (shown, *embeddings))
+    first, *others = (_colors(model, some, embedding) for embedding in (shown, *embeddings))
     chosen = standing_for_all(torch.stack(others), first, MORE)
     return list(_baked(model, rows, view, [photos[i] for i in chosen]))
 

@@ -48,7 +48,7 @@ def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
     Raises:
         ConfigError: photos or Gaussians do not fit, however few or small.
     """
-    pictures = [Picture(one.photo) for one in contents.cameras]
+    pictures = [Picture(camera.photo) for camera in contents.cameras]
     pictures += [Picture(picture) for _, picture in contents.pictures]
     encoded = fitted_into(pictures, int(min(PICTURES_SHARE * most, PICTURES_MOST)))
     sources = iter(encoded.sources)
@@ -108,7 +108,7 @@ def _other_lights(
         rows: which of the contents' Gaussians these are.
         room: bytes for all.
     """
-    first, found = color_bytes(scene), []
+    first, others = color_bytes(scene), []
     for light in contents.other_lights:
         harmonics = turned_harmonics(light.harmonics[rows], TO_PAGE.turn)
         change = color_bytes(replace(scene, harmonics=harmonics)) - first
@@ -116,8 +116,8 @@ def _other_lights(
         room -= len(text) + LIGHTS_FRAME + 10 * len(light.name.encode())
         if room < 0:
             break
-        found.append({"name": light.name, "background": light.background, "change": text})
-    return found
+        others.append({"name": light.name, "background": light.background, "change": text})
+    return others
 
 
 def script() -> str:

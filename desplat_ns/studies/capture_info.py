@@ -68,8 +68,8 @@ def describe_capture(data: Path, parser: tuple[str, ...], folder: Path) -> Captu
     cameras = outputs.cameras
     held_out = _held_out(manager)
     points = outputs.metadata.get("points3D_xyz")
-    effects, found = decided_effects(model.effects, outputs)
-    write_findings(found, folder)
+    effects, findings = decided_effects(model.effects, outputs)
+    write_findings(findings, folder)
     return CaptureInfo(
         str(data),
         parser,

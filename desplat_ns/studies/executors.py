@@ -162,10 +162,10 @@ def import_ray() -> Any:
 
 def _outcome_on_worker(run: Run, folder: Path) -> Record | Exception:
     """As `outcome`; the error says on which machine."""
-    found = outcome(run, folder)
-    if isinstance(found, Exception):
-        return DeSplatError(f"On the Ray worker {socket.gethostname()}: {found}")
-    return found
+    result = outcome(run, folder)
+    if isinstance(result, Exception):
+        return DeSplatError(f"On the Ray worker {socket.gethostname()}: {result}")
+    return result
 
 
 def _fetched(ray: Any, reference: Any) -> Record | Exception:

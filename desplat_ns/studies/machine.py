@@ -99,21 +99,21 @@ def _processor() -> str:
 
 
 def _memory() -> str | None:
-    found = _line_of("/proc/meminfo", "MemTotal")
-    return f"{int(found.split()[0]) / 2**20:.0f} GiB" if found else None
+    total = _line_of("/proc/meminfo", "MemTotal")
+    return f"{int(total.split()[0]) / 2**20:.0f} GiB" if total else None
 
 
 def _caches() -> str:
     """For instance "L1 data 48K, L2 2048K, L3 32768K"."""
-    found = []
+    caches = []
     for index in sorted(Path("/sys/devices/system/cpu/cpu0/cache").glob("index*")):
         try:
             level, kind, size = ((index / n).read_text().strip() for n in ("level", "type", "size"))
         except OSError:
             continue
         if kind != "Instruction":
-            found.append(f"L{level} {'data ' * (kind == 'Data')}{size}")
-    return ", ".join(found)
+            caches.append(f"L{level} {'data ' * (kind == 'Data')}{size}")
+    return ", ".join(caches)
 
 
 def _distribution() -> str:

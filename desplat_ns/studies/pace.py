@@ -168,9 +168,9 @@ def plan_for(
         return pace.expected(BASE, plan.steps) <= SHARE_OF_ONE * seconds * jobs
 
     plans = list(_longer(plan))
-    whole = [one for one in plans if one.steps >= WANTED and fits(one, SEEDS)]
+    whole = [plan for plan in plans if plan.steps >= WANTED and fits(plan, SEEDS)]
     parts = [
-        one for one in plans if one.steps <= WANTED and (fits(one, SEEDS[:1]) or is_short(one))
+        plan for plan in plans if plan.steps <= WANTED and (fits(plan, SEEDS[:1]) or is_short(plan))
     ]
     return (whole or parts or [plan])[-1]
 
@@ -194,8 +194,8 @@ def fitting(runs: Sequence[Run], done: set[Run], pace: Pace, clock: Clock) -> It
     """
     waiting = [run for run in runs if run not in done]
     while True:
-        found = next((run for run in waiting if pace.seconds(run) <= clock.left), None)
-        if found is None:
+        run = next((run for run in waiting if pace.seconds(run) <= clock.left), None)
+        if run is None:
             return
-        waiting.remove(found)
-        yield found
+        waiting.remove(run)
+        yield run

@@ -54,7 +54,7 @@ def compared(base: Effects) -> dict[str, Variant]:
     Args:
         base: the effects that the capture calls for.
     """
-    found = [
+    variants = [
         _variant(BASE, "the defaults", base),
         _variant("half-size", "photos of half their size", base, f"{MODEL}.train-downscale", "2"),
         _variant(
@@ -67,7 +67,7 @@ def compared(base: Effects) -> dict[str, Variant]:
         *_switched(base),
         _variant(BACKEND, "backend torch", base, f"{MODEL}.backend", "torch"),
     ]
-    return {one.name: one for one in found}
+    return {variant.name: variant for variant in variants}
 
 
 def _switched(base: Effects) -> Iterator[Variant]:
@@ -107,11 +107,11 @@ class TrainingPlan:
             return Run(variants[name], steps, seed, data, capture.parser, EVALUATIONS)
 
         *short, longest = (length for length in LADDER if self.steps * length <= self.most)
-        found: dict[Run, None] = {}
+        runs: dict[Run, None] = {}
         for seed in SEEDS:
-            found |= dict.fromkeys(run(BASE, length, seed) for length in short)
-            found |= dict.fromkeys(run(name, 1.0, seed) for name in self.variants)
-            found[run(BASE, longest, seed)] = None
+            runs |= dict.fromkeys(run(BASE, length, seed) for length in short)
+            runs |= dict.fromkeys(run(name, 1.0, seed) for name in self.variants)
+            runs[run(BASE, longest, seed)] = None
         longer = (run(BASE, LONGER, seed) for seed in SEEDS)
-        found |= dict.fromkeys(one for one in longer if one.steps <= self.most)
-        return (*found, run(BACKEND, LADDER[0], SEEDS[0]))
+        runs |= dict.fromkeys(candidate for candidate in longer if candidate.steps <= self.most)
+        return (*runs, run(BACKEND, LADDER[0], SEEDS[0]))

@@ -31,19 +31,19 @@ def _figure(folder: Path, name: str, label: str) -> Iterator[Any]:
         axes.figure.savefig(folder / f"{name}.png", dpi=130, metadata={"Software": None})
 
 
-def draw_all(folder: Path, found: Sequence[Measured]) -> list[str]:
+def draw_all(folder: Path, points: Sequence[Measured]) -> list[str]:
     """Draw what there is; the names of the plots."""
-    return [draw_training(folder, found), *draw_other_figures(folder, found)] if found else []
+    return [draw_training(folder, points), *draw_other_figures(folder, points)] if points else []
 
 
-def draw_training(folder: Path, found: Sequence[Measured]) -> str:
+def draw_training(folder: Path, points: Sequence[Measured]) -> str:
     """PSNR against training time: every variant with its spread, the base's lengths as a line."""
     with _figure(folder, "training", "PSNR of right halves, dB") as axes:
-        for steps in dict.fromkeys(one.steps for one in found if one.variant == BASE):
-            way = [one for one in found if (one.variant, one.steps) == (BASE, steps)]
+        for steps in dict.fromkeys(point.steps for point in points if point.variant == BASE):
+            way = [point for point in points if (point.variant, point.steps) == (BASE, steps)]
             axes.plot(*_xy(way), "-", color=COLOURS[0], alpha=0.25, linewidth=1)
-        for index, variant in enumerate(dict.fromkeys(one.variant for one in found)):
-            ends = sorted(finals(o for o in found if o.variant == variant), key=lambda o: o.steps)
+        for index, variant in enumerate(dict.fromkeys(point.variant for point in points)):
+            ends = sorted(finals(p for p in points if p.variant == variant), key=lambda p: p.steps)
             label = "desplat, by length" if variant == BASE else variant
             _bars(axes, ends, index, label, "-" if variant == BASE else "")
         axes.legend(frameon=False, fontsize=8, ncols=2)
@@ -52,10 +52,10 @@ def draw_training(folder: Path, found: Sequence[Measured]) -> str:
 
 def _bars(axes: Any, ends: Sequence[Measured], index: int, label: str, line: str) -> None:
     x, y = _xy(ends)
-    below = [one.psnr.median - one.psnr.least for one in ends]
-    above = [one.psnr.most - one.psnr.median for one in ends]
-    left = [one.wall.median - one.wall.least for one in ends]
-    right = [one.wall.most - one.wall.median for one in ends]
+    below = [point.psnr.median - point.psnr.least for point in ends]
+    above = [point.psnr.most - point.psnr.median for point in ends]
+    left = [point.wall.median - point.wall.least for point in ends]
+    right = [point.wall.most - point.wall.median for point in ends]
     style = f"{MARKERS[index % len(MARKERS)]}{line}"
     color = COLOURS[index % len(COLOURS)]
     axes.errorbar(
@@ -64,22 +64,22 @@ def _bars(axes: Any, ends: Sequence[Measured], index: int, label: str, line: str
     )  # fmt: skip
 
 
-def _xy(found: Sequence[Measured]) -> tuple[list[float], list[float]]:
-    return [one.wall.median for one in found], [one.psnr.median for one in found]
+def _xy(points: Sequence[Measured]) -> tuple[list[float], list[float]]:
+    return [point.wall.median for point in points], [point.psnr.median for point in points]
 
 
-def draw_other_figures(folder: Path, found: Sequence[Measured]) -> list[str]:
+def draw_other_figures(folder: Path, points: Sequence[Measured]) -> list[str]:
     """SSIM, LPIPS and mask IoU of the base's lengths, each if it was measured."""
     names = []
-    ends = sorted(finals(o for o in found if o.variant == BASE), key=lambda o: o.steps)
+    ends = sorted(finals(p for p in points if p.variant == BASE), key=lambda p: p.steps)
     for name, label in MORE.items():
         label += " (less is better)" * (name == "lpips")
-        having = [one for one in ends if name in one.figures]
+        having = [point for point in ends if name in point.figures]
         if not having:
             continue
         with _figure(folder, name, label) as axes:
-            x = [one.wall.median for one in having]
-            spreads = [one.figures[name] for one in having]
+            x = [point.wall.median for point in having]
+            spreads = [point.figures[name] for point in having]
             axes.plot(x, [s.median for s in spreads], "o-", color=COLOURS[0])
             low, high = [s.least for s in spreads], [s.most for s in spreads]
             axes.fill_between(x, low, high, color=COLOURS[0], alpha=0.15)

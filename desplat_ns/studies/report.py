@@ -42,12 +42,12 @@ PICTURE_SIDE, PICTURE_QUALITY = 900, 85
 
 def write_report(folder: Path, results: Results) -> Path:
     """Draw the plots and write the report; where it is."""
-    found = measured_of(results)
-    plots = draw_all(folder, found)
-    defaults = [one for one in found if one.variant == BASE]
+    points = measured_of(results)
+    plots = draw_all(folder, points)
+    defaults = [point for point in points if point.variant == BASE]
     within = [(seconds, best_within(seconds, defaults)) for seconds in times_to_tell(defaults)]
     reached = [(db, soonest_at(db, defaults)) for db in decibels_to_tell(defaults)]
-    claims = [said for said in verdicts(finals(found)) if said and "no claim" not in said]
+    claims = [said for said in verdicts(finals(points)) if said and "no claim" not in said]
     text = template(TEMPLATE, spread=spread).render(
         capture=results.capture,
         effects=effects_in_words(results.capture.effects),
@@ -56,13 +56,13 @@ def write_report(folder: Path, results: Results) -> Path:
         significant=SIGNIFICANT,
         comparisons=len(claims),
         least_ratio=least_ratio(len(claims)),
-        rows=training_rows(found, results),
-        more=[MORE[name] for name in names_of(found)],
-        within=[(seconds, one) for seconds, one in within if one is not None],
-        reached=[(db, one) for db, one in reached if one is not None],
-        on_the_front=front_in_words(found),
+        rows=training_rows(points, results),
+        more=[MORE[name] for name in names_of(points)],
+        within=[(seconds, point) for seconds, point in within if point is not None],
+        reached=[(db, point) for db, point in reached if point is not None],
+        on_the_front=front_in_words(points),
         plots={name: inline_svg((folder / f"{name}.svg").read_text("utf8")) for name in plots},
-        pictures=pictures_of(folder, found),
+        pictures=pictures_of(folder, points),
         code=short(results.code),
     )
     (folder / FILE).write_text(text, "utf8")
@@ -76,32 +76,32 @@ def measured_of(results: Results) -> list[Measured]:
     return measured(results.plan.runs(results.capture), results.training)
 
 
-def training_rows(found: Sequence[Measured], results: Results) -> list[dict[str, Any]]:
+def training_rows(points: Sequence[Measured], results: Results) -> list[dict[str, Any]]:
     """Whole runs in words: the base's lengths first, then other variants at the comparison's."""
-    ends = sorted(finals(found), key=lambda one: (one.variant != BASE, one.steps))
+    ends = sorted(finals(points), key=lambda point: (point.variant != BASE, point.steps))
     variants, front, said = compared(results.capture.effects), on_front(ends), verdicts(ends)
     return [
         {
-            "what": variants[one.variant].what,
-            "steps": one.steps,
-            "psnr": spread(one.psnr, ".2f"),
-            "more": [_figure(one, name, ".3f") for name in names_of(ends)],
-            "wall": spread(one.wall, ".0f"),
-            "cpu": _figure(one, "train_cpu_seconds", ".0f"),
-            "static": _figure(one, "num_static_gaussians", ",.0f", alone=True),
-            "distractors": _figure(one, "num_distractor_gaussians", ",.0f", alone=True),
-            "seeds": len(one.seeds),
+            "what": variants[point.variant].what,
+            "steps": point.steps,
+            "psnr": spread(point.psnr, ".2f"),
+            "more": [_figure(point, name, ".3f") for name in names_of(ends)],
+            "wall": spread(point.wall, ".0f"),
+            "cpu": _figure(point, "train_cpu_seconds", ".0f"),
+            "static": _figure(point, "num_static_gaussians", ",.0f", alone=True),
+            "distractors": _figure(point, "num_distractor_gaussians", ",.0f", alone=True),
+            "seeds": len(point.seeds),
             "verdict": said[index],
             "is_on_front": index in front,
-            "is_base": one.variant == BASE,
+            "is_base": point.variant == BASE,
         }
-        for index, one in enumerate(ends)
+        for index, point in enumerate(ends)
     ]
 
 
-def names_of(found: Sequence[Measured]) -> list[str]:
+def names_of(points: Sequence[Measured]) -> list[str]:
     """Those of `MORE` that were measured of any run."""
-    return [name for name in MORE if any(name in one.figures for one in found)]
+    return [name for name in MORE if any(name in point.figures for point in points)]
 
 
 def spread(values: Spread, form: str) -> str:
@@ -112,16 +112,16 @@ def spread(values: Spread, form: str) -> str:
     return f"{text} ({values.least:{form}} to {values.most:{form}})"
 
 
-def _figure(one: Measured, name: str, form: str, alone: bool = False) -> str:
-    values = one.figures.get(name)
+def _figure(point: Measured, name: str, form: str, alone: bool = False) -> str:
+    values = point.figures.get(name)
     if values is None:
         return ""
     return format(values.median, form) if alone else spread(values, form)
 
 
-def front_in_words(found: Sequence[Measured]) -> str:
+def front_in_words(points: Sequence[Measured]) -> str:
     """Whether the defaults are worth their time, and what beats them if they are not."""
-    ends = finals(found)
+    ends = finals(points)
     if not ends:
         return ""
     front = on_front(ends)
@@ -129,7 +129,7 @@ def front_in_words(found: Sequence[Measured]) -> str:
     if not beaten:
         return "Every length of the defaults lies on the front."
     better = {ends[i].variant for i in front if ends[i].variant != BASE}
-    lengths = ", ".join(f"{one.steps:,}" for one in sorted(beaten, key=lambda one: one.steps))
+    lengths = ", ".join(f"{p.steps:,}" for p in sorted(beaten, key=lambda p: p.steps))
     return (
         f"The defaults at {lengths} steps lie behind the front, by medians. On it are also: "
         f"{', '.join(sorted(better)) or 'other lengths of the defaults alone'}. The table says "
@@ -143,19 +143,19 @@ def effects_in_words(effects: Effects) -> str:
     return ", ".join(k if v is True else f"{k} {v}" for k, v in on.items()) or "none"
 
 
-def pictures_of(folder: Path, found: Sequence[Measured]) -> list[dict[str, str]]:
+def pictures_of(folder: Path, points: Sequence[Measured]) -> list[dict[str, str]]:
     """The first held-out photo beside its rendering, by the shortest and by the best run."""
-    ends = [one for one in finals(found) if one.variant == BASE]
+    ends = [point for point in finals(points) if point.variant == BASE]
     if not ends:
         return []
-    shortest = min(ends, key=lambda one: one.steps)
-    best = max(ends, key=lambda one: one.psnr.median)
+    shortest = min(ends, key=lambda point: point.steps)
+    best = max(ends, key=lambda point: point.psnr.median)
     shown = []
-    for one in dict.fromkeys((shortest.steps, best.steps)):
-        name = f"{BASE}-{one}-{SEEDS[0]}"
+    for steps in dict.fromkeys((shortest.steps, best.steps)):
+        name = f"{BASE}-{steps}-{SEEDS[0]}"
         found_pictures = sorted((folder / RUNS / name / PICTURES).glob("eval_img_*.png"))
         if found_pictures:
             pixels = np.asarray(Image.open(found_pictures[0]).convert("RGB"))
             data = data_address(pixels, PICTURE_SIDE, PICTURE_QUALITY, "JPEG")
-            shown.append({"steps": f"{one:,}", "data": data})
+            shown.append({"steps": f"{steps:,}", "data": data})
     return shown

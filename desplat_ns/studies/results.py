@@ -76,17 +76,17 @@ class Results:
             content = json.loads(path.read_text("utf8"))
             if content.pop("format") != FORMAT:
                 raise ValueError("it is of another version")
-            found = cls.from_json(content)
+            results = cls.from_json(content)
         except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
             raise ConfigError(
                 f"{path} is not a study's, or is damaged ({error}). Name another --output."
             ) from error
-        if found.code != code_version():
+        if results.code != code_version():
             raise ConfigError(
-                f"{folder} holds a study by {short(found.code)}, and this is "
+                f"{folder} holds a study by {short(results.code)}, and this is "
                 f"{short(code_version())}: their trainings are not compared. Name another --output."
             )
-        return found
+        return results
 
     @classmethod
     def from_json(cls, content: dict[str, Any]) -> Results:

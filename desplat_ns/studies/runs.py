@@ -31,8 +31,8 @@ def surroundings(**variables: str) -> dict[str, str]:
 
     It imports what this process would, from a checkout as from an installed package.
     """
-    found = os.pathsep.join(dict.fromkeys(os.path.abspath(place) for place in sys.path))
-    return os.environ | {"PYTHONPATH": found} | variables
+    paths = os.pathsep.join(dict.fromkeys(os.path.abspath(place) for place in sys.path))
+    return os.environ | {"PYTHONPATH": paths} | variables
 
 
 def run_command(line: list[object], log: Path, **environment: str) -> None:
@@ -148,9 +148,9 @@ def execute(run: Run, folder: Path, command: Command | None = None) -> Record:
     line = ["python", "-m", PROGRAM, results, run.evaluations, run.variant.method, *places]
     began = time.monotonic()
     (command or run_command)([*line, *run.options], log)
-    found = _read(results, time.monotonic() - began)
+    record = _read(results, time.monotonic() - began)
     _settle(draft, folder / run.name)
-    return found
+    return record
 
 
 def log_of(name: str, folder: Path) -> Path:

@@ -52,20 +52,20 @@ def open_study(request: Request) -> Results:
         CaptureError: the capture cannot be read, or nothing of it is held out.
         ConfigError: the folder holds another study, or something else.
     """
-    found = Results.load(request.output)
-    if found is None:
+    results = Results.load(request.output)
+    if results is None:
         started = time.monotonic()
         capture = describe_capture(request.data, request.parser, request.output)
         return Results(capture, time.monotonic() - started, request.jobs)
-    capture = found.capture
+    capture = results.capture
     if (capture.data, capture.parser) != (str(request.data.resolve()), request.parser):
         options = " ".join((capture.data, *capture.parser))
         raise ConfigError(
             f"{request.output} holds the study of another capture or data parser: {options}. "
             "Name another --output, or that capture to go on with it."
         )
-    found.jobs = request.jobs
-    return found
+    results.jobs = request.jobs
+    return results
 
 
 class Session:
@@ -119,22 +119,22 @@ class Session:
             self._tell(f"training: {run.variant.name}, {run.steps:,} steps, seed {run.seed}")
             yield run
 
-    def _keep(self, pace: Pace, run: Run, found: Record | Exception) -> bool:
+    def _keep(self, pace: Pace, run: Run, outcome: Record | Exception) -> bool:
         """Record a run and make room; False if it failed, which is said.
 
         Raises:
             ConfigError: nothing can be written, for instance because the disk is full.
         """
         with self._keeping:  # runs beside each other share the results
-            if isinstance(found, Exception):
-                self._fail(run.name, found)
+            if isinstance(outcome, Exception):
+                self._fail(run.name, outcome)
                 self.save()
                 return False
-            pace.add(run, found.figures["run_wall_seconds"])
-            self.results.training[run.name] = found
+            pace.add(run, outcome.figures["run_wall_seconds"])
+            self.results.training[run.name] = outcome
             self.results.failed.pop(run.name, None)
             self.save()
-        psnr, seconds = found.figures["psnr"], found.figures["train_wall_seconds"]
+        psnr, seconds = outcome.figures["psnr"], outcome.figures["train_wall_seconds"]
         announce(f"{run.name}: {psnr:.2f} dB after {seconds:.0f} s of training")
         for models in (self._runs / run.name).glob(f"*/*/*/{CHECKPOINTS}"):
             shutil.rmtree(models, ignore_errors=True)

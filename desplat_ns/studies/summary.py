@@ -93,13 +93,13 @@ def measured(runs: Sequence[Run], records: Mapping[str, Record]) -> list[Measure
 
 
 def _spreads(figures: Sequence[Figures]) -> dict[str, Spread]:
-    names = [name for name in figures[0] if all(name in one for one in figures)]
-    return {name: Spread(tuple(float(one[name]) for one in figures)) for name in names}
+    names = [name for name in figures[0] if all(name in row for row in figures)]
+    return {name: Spread(tuple(float(row[name]) for row in figures)) for name in names}
 
 
-def finals(found: Iterable[Measured]) -> list[Measured]:
+def finals(points: Iterable[Measured]) -> list[Measured]:
     """Whole runs alone."""
-    return [one for one in found if one.is_final]
+    return [point for point in points if point.is_final]
 
 
 def front(points: Sequence[CostAndError]) -> set[int]:
@@ -109,45 +109,45 @@ def front(points: Sequence[CostAndError]) -> set[int]:
     their fate. NaN is no figure: such a point is on no front and dominates none.
     """
     known = [i for i, point in enumerate(points) if not any(map(math.isnan, point))]
-    found: set[int] = set()
+    indices: set[int] = set()
     least, last = math.inf, None
     for i in sorted(known, key=lambda i: points[i]):
         if points[i][1] < least or last is None or points[i] == last:
-            found.add(i)
+            indices.add(i)
             least, last = points[i][1], points[i]
-    return found
+    return indices
 
 
-def on_front(found: Sequence[Measured]) -> set[int]:
+def on_front(points: Sequence[Measured]) -> set[int]:
     """Indices of those that no other beats: less time for as many dB, by medians."""
-    return front([(one.wall.median, -one.psnr.median) for one in found])
+    return front([(point.wall.median, -point.psnr.median) for point in points])
 
 
-def best_within(seconds: float | int, found: Iterable[Measured]) -> Measured | None:
+def best_within(seconds: float | int, points: Iterable[Measured]) -> Measured | None:
     """The most dB that were reached in a training time; None if nothing was."""
-    in_time = [one for one in found if one.wall.median <= seconds]
-    return max(in_time, key=lambda one: one.psnr.median, default=None)
+    in_time = [point for point in points if point.wall.median <= seconds]
+    return max(in_time, key=lambda point: point.psnr.median, default=None)
 
 
-def soonest_at(decibels: float | int, found: Iterable[Measured]) -> Measured | None:
+def soonest_at(decibels: float | int, points: Iterable[Measured]) -> Measured | None:
     """What reached so many dB first; None if nothing did."""
-    enough = [one for one in found if one.psnr.median >= decibels]
-    return min(enough, key=lambda one: one.wall.median, default=None)
+    enough = [point for point in points if point.psnr.median >= decibels]
+    return min(enough, key=lambda point: point.wall.median, default=None)
 
 
-def times_to_tell(found: Sequence[Measured]) -> list[int]:
+def times_to_tell(points: Sequence[Measured]) -> list[int]:
     """Training times between the least and the largest that was measured, and one above."""
-    walls = [one.wall.median for one in found]
+    walls = [point.wall.median for point in points]
     if not walls:
         return []
-    told = [seconds for seconds in NICE_SECONDS if min(walls) <= seconds <= max(walls)]
+    times = [seconds for seconds in NICE_SECONDS if min(walls) <= seconds <= max(walls)]
     above = [seconds for seconds in NICE_SECONDS if seconds > max(walls)]
-    return told + above[:1]
+    return times + above[:1]
 
 
-def decibels_to_tell(found: Sequence[Measured]) -> list[int]:
+def decibels_to_tell(points: Sequence[Measured]) -> list[int]:
     """Whole dB that were reached, the upper six."""
-    values = [one.psnr.median for one in found]
+    values = [point.psnr.median for point in points]
     if not values:
         return []
     return list(range(int(min(values)) + 1, int(max(values)) + 1))[-6:]
@@ -156,22 +156,22 @@ def decibels_to_tell(found: Sequence[Measured]) -> list[int]:
 # --- what may be claimed -------------------------------------------------------------------------
 
 
-def differences(one: Measured, base: Measured) -> tuple[float, ...]:
+def differences(point: Measured, base: Measured) -> tuple[float, ...]:
     """PSNR less the base's with the same seed, dB, of the seeds that both have: a seed's noise that
     both share is in neither."""
-    ours, theirs = one.psnr_by_seed, base.psnr_by_seed
+    ours, theirs = point.psnr_by_seed, base.psnr_by_seed
     return tuple(ours[seed] - theirs[seed] for seed in ours if seed in theirs)
 
 
-def p_value(found: Sequence[float]) -> float:
+def p_value(gains: Sequence[float]) -> float:
     """Of a paired t-test, two-sided: how often three differences would be as far from 0 for their
     scatter if there was none, provided that they are normally distributed.
 
     With two degrees of freedom Student's distribution has a closed form,
     P(|T| >= t) = 1 - t / sqrt(t^2 + 2).
     """
-    assert len(found) == NEEDED
-    mean, error = fmean(found), stdev(found) / math.sqrt(len(found))
+    assert len(gains) == NEEDED
+    mean, error = fmean(gains), stdev(gains) / math.sqrt(len(gains))
     if error == 0:
         return float(mean == 0)
     t = abs(mean / error)
@@ -181,25 +181,25 @@ def p_value(found: Sequence[float]) -> float:
 def corrected(p_values: Sequence[float]) -> list[float]:
     """For their number (Holm 1979): if each that is at most q is claimed, there is a false claim
     among them in at most a share q of such studies, whatever depends on what."""
-    found, largest = [0.0] * len(p_values), 0.0
+    adjusted, largest = [0.0] * len(p_values), 0.0
     for rank, i in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
         largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[i]))
-        found[i] = largest
-    return found
+        adjusted[i] = largest
+    return adjusted
 
 
-def verdicts(found: Sequence[Measured]) -> list[str]:
+def verdicts(points: Sequence[Measured]) -> list[str]:
     """What may be said of each whole run against the base at as many steps, in their order; empty
     where there is nothing to compare it with."""
-    base = {one.steps: one for one in found if one.variant == BASE}
+    base = {point.steps: point for point in points if point.variant == BASE}
     pairs = {
-        i: differences(one, base[one.steps])
-        for i, one in enumerate(found)
-        if one.variant != BASE and one.steps in base
+        i: differences(point, base[point.steps])
+        for i, point in enumerate(points)
+        if point.variant != BASE and point.steps in base
     }
     tested = [i for i, pair in pairs.items() if len(pair) == NEEDED]
     p = dict(zip(tested, corrected([p_value(pairs[i]) for i in tested]), strict=True))
-    return [_verdict(pairs.get(i, ()), p.get(i)) for i in range(len(found))]
+    return [_verdict(pairs.get(i, ()), p.get(i)) for i in range(len(points))]
 
 
 def _verdict(pair: Sequence[float], p: float | None) -> str:

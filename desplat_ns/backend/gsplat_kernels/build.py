@@ -225,8 +225,8 @@ def _complaints(log: Path) -> str:
     bad = re.compile(
         r"\berror\b|Error:|\bfatal\b|cannot find|undefined reference|Killed|died due to"
     )
-    found = [line.strip() for line in lines if bad.search(line)] or [line for line in lines if line]
-    return "\n".join(f"    {line[:300]}" for line in found[-LAST_LINES:])
+    hints = [line.strip() for line in lines if bad.search(line)] or [line for line in lines if line]
+    return "\n".join(f"    {line[:300]}" for line in hints[-LAST_LINES:])
 
 
 def _say(line: str) -> None:

@@ -45,12 +45,12 @@ def architectures() -> str:
         return asked
     known = (name for name in torch.cuda.get_arch_list() if name.startswith("sm_"))
     newest = max((int(re.sub(r"\D", "", name)) for name in known), default=sys.maxsize)
-    found: set[str] = set()
+    versions: set[str] = set()
     for device in range(torch.cuda.device_count()):
         major, minor = torch.cuda.get_device_capability(device)
         is_known = 10 * major + minor <= newest
-        found.add(f"{major}.{minor}" if is_known else f"{newest // 10}.{newest % 10}+PTX")
-    return ";".join(sorted(found))
+        versions.add(f"{major}.{minor}" if is_known else f"{newest // 10}.{newest % 10}+PTX")
+    return ";".join(sorted(versions))
 
 
 def load(library: Path) -> ModuleType:

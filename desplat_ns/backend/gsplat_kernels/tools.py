@@ -51,15 +51,15 @@ class Tools:
         """
         before = os.environ
         path = [str(self.home / "bin"), str(self.ninja.parent), before.get("PATH", "")]
-        found = {"CUDA_HOME": str(self.home), "CXX": self.compiler}
+        variables = {"CUDA_HOME": str(self.home), "CXX": self.compiler}
         if "CXX" in before:  # for nvcc as well, which would take gcc from PATH
-            found["CC"] = before.get("CC", self.compiler)
-        found["PATH"] = os.pathsep.join(filter(None, path))
+            variables["CC"] = before.get("CC", self.compiler)
+        variables["PATH"] = os.pathsep.join(filter(None, path))
         folders = [*_link_to_runtime(self, links), before.get("LIBRARY_PATH", "")]
-        found["LIBRARY_PATH"] = os.pathsep.join(filter(None, folders))
+        variables["LIBRARY_PATH"] = os.pathsep.join(filter(None, folders))
         headers = [*map(str, _headers_beside(self)), before.get("CPATH", "")]
-        found["CPATH"] = os.pathsep.join(filter(None, headers))
-        return {name: value for name, value in found.items() if value}
+        variables["CPATH"] = os.pathsep.join(filter(None, headers))
+        return {name: value for name, value in variables.items() if value}
 
 
 def find_tools() -> Tools:
@@ -99,15 +99,15 @@ def _what_brings_nvcc() -> str:
 def _find_toolkit() -> tuple[Path, str]:
     """The first toolkit of torch's major version, and its own version; the same minor first."""
     wanted = torch.version.cuda or ""
-    found = [(home, release) for home in _toolkits() if (release := _release(home))]
-    for home, release in found:
+    toolkits = [(home, release) for home in _toolkits() if (release := _release(home))]
+    for home, release in toolkits:
         if release == wanted:
             return home, release
-    for home, release in found:
+    for home, release in toolkits:
         if release.partition(".")[0] == wanted.partition(".")[0]:
             return home, release
-    if found:
-        others = ", ".join(f"nvcc {release} in {home}" for home, release in found)
+    if toolkits:
+        others = ", ".join(f"nvcc {release} in {home}" for home, release in toolkits)
         raise NoKernels(
             f"has no CUDA kernels here, and what could compile them is for another CUDA than "
             f"torch's {wanted}: {others}. {_what_brings_nvcc()}"
@@ -139,8 +139,8 @@ def _in_wheels(pattern: str) -> list[Path]:
 
 def _release(home: Path) -> str | None:
     """Version of a toolkit, such as 13.2; None where its nvcc does not run."""
-    found = re.search(r"release (\d+\.\d+)", _answer(str(home / "bin" / "nvcc"), "--version"))
-    return found[1] if found else None
+    match = re.search(r"release (\d+\.\d+)", _answer(str(home / "bin" / "nvcc"), "--version"))
+    return match[1] if match else None
 
 
 def _answer(*command: str) -> str:
@@ -153,9 +153,9 @@ def _answer(*command: str) -> str:
 def _find_ninja() -> Path:
     # The wheel's first: another version than last time would begin an interrupted build anew.
     for path in (str(Path(sys.executable).parent), sysconfig.get_path("scripts"), None):
-        found = shutil.which("ninja", path=path)
-        if found:
-            return Path(found)
+        ninja = shutil.which("ninja", path=path)
+        if ninja:
+            return Path(ninja)
     raise NoKernels(
         "has no CUDA kernels here, and no ninja to compile them. `pip install ninja` brings it."
     )
