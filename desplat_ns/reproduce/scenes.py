@@ -141,7 +141,8 @@ def outputs_of(found_scene: FoundScene, split: str):
     except (DeSplatError, ValueError, IndexError, OSError) as error:
         raise CaptureError(
             f"{found_scene.protocol.title}, {found_scene.scene.name}: {error} Where the data "
-            f"set is not whole, move '{found_scene.folder.parent}' away and fetch the data set again."
+            f"set is not whole, move '{found_scene.folder.parent}' away and fetch the data set "
+            "again."
         ) from error
     if len(outputs.cameras) == 0:
         raise CaptureError(f"'{found_scene.folder}' has no photo of the {split} split.")
