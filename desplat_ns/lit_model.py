@@ -210,14 +210,14 @@ class LitModel(SplatfactoModel):
         return draw
 
     @torch.no_grad()
-    def embedding_in_closed_form(self, view: View, photo: Tensor, seen: Tensor) -> Tensor:
+    def embedding_in_closed_form(self, view: View, photo: Tensor, counts: Tensor) -> Tensor:
         """The numbers of the camera's response [5] that explain a photo [H, W, 3] best in the
-        pixels `seen` [H, W]. Call it only if `effects.closed_form`."""
+        pixels that `counts` [H, W] names. Call it only if `effects.closed_form`."""
         splats = self._splats(self.params_in(view), None)
         static = self.rasterizer(splats, view, self.render_settings(depth=False))
         background = self.background_of(view, self.average_embedding())
         image = self.image_of(static, background, view, None)
-        return fit_response(image[seen], photo[seen], squared_radius(view)[seen])
+        return fit_response(image[counts], photo[counts], squared_radius(view)[counts])
 
     def _lit(
         self,

@@ -169,8 +169,8 @@ class RunConfig(TrainerConfig):
             return None
         assert isinstance(manager, DeSplatDataManagerConfig)
         if saved is None:
-            model.effects, found = decided_effects(model.effects, training_split(manager))
-            return found
+            model.effects, findings = decided_effects(model.effects, training_split(manager))
+            return findings
         record = SceneRecord.from_state(saved[1]["pipeline"].get("_extra_state"))
         model.effects = model.effects.decided(Effects(**record.effects))
         return None

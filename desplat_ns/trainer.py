@@ -87,14 +87,14 @@ class DeSplatTrainer(Trainer):
         """
         self._started += self.config.compile_kernels()  # no part of a budget
         self._saved = self.config.saved_run()
-        found = self.config.decide_effects(self._saved)
+        findings = self.config.decide_effects(self._saved)
         self.config.settle_length()
         self._budgeted = self.config.plan_budget(self._saved, self._started)
         with run_folder(self.base_dir):
             super().setup(test_mode)
             self.config.write_config()
-        if found is not None:
-            write_findings(found, self.base_dir)
+        if findings is not None:
+            write_findings(findings, self.base_dir)
 
     def setup_optimizers(self) -> Optimizers:
         """Optimizers whose learning rates go by the clock of the run, as the model does."""
@@ -229,11 +229,11 @@ class DeSplatTrainer(Trainer):
 
     def _load_checkpoint(self) -> None:
         """Go on from --load-checkpoint or --load-dir, if given. Raises CheckpointError."""
-        found, self._saved = self._saved, None
-        if found is None:
+        saved, self._saved = self._saved, None
+        if saved is None:
             CONSOLE.print("No checkpoint given: training from scratch.")
             return
-        path, state = found
+        path, state = saved
         self.pipeline.load_pipeline(state["pipeline"], state["step"])
         resume.load_optimizers(self.optimizers, state["optimizers"], path)
         steps_done = state["step"] + 1

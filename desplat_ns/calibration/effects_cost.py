@@ -89,7 +89,10 @@ def measure(
     timings = time_in_turns({str(e): step for e, step in steps.items()}, rounds)
     first = next(iter(every))
     each = {effects: _by_round(timings[str(effects)], device, rounds) for effects in every}
-    ratios = {e: [one / base for one, base in zip(each[e], each[first], strict=True)] for e in each}
+    ratios = {
+        e: [seconds / base for seconds, base in zip(each[e], each[first], strict=True)]
+        for e in each
+    }
     base_bytes = steps[first].trained_bytes()
     return [
         EffectsCost(

@@ -101,8 +101,8 @@ def _score(
     with progress_over(len(images), "Evaluating all images...") as advance:
         for index, (camera, batch) in enumerate(images):
             name = names[int(batch.get("image_idx", index))]
-            one, pictures = scorer.score(camera, batch, name)
-            scored.append(one)
+            scores, pictures = scorer.score(camera, batch, name)
+            scored.append(scores)
             show(index, pictures)
             advance()
     return scored

@@ -92,10 +92,12 @@ def embedding_from_left_half(
         return model.embedding_in_closed_form(view, photo, counts)
     draw = model.as_function_of_embedding(view, view.width // 2)
     ssim_weight = model.config.ssim_lambda
-    seen = 1.0 if mask is None else left_half(mask.to(photo))
-    target = left_half(photo) * seen
+    weight = 1.0 if mask is None else left_half(mask.to(photo))
+    target = left_half(photo) * weight
     return fit_embedding(
-        lambda embedding: photometric_loss(left_half(draw(embedding)) * seen, target, ssim_weight),
+        lambda embedding: photometric_loss(
+            left_half(draw(embedding)) * weight, target, ssim_weight
+        ),
         model.average_embedding(),
         config.steps,
         config.learning_rate,

@@ -96,5 +96,5 @@ def memory_mb(parameters: Iterable[Tensor]) -> float:
 
 def versions() -> dict[str, str]:
     """Versions of Python, this package and those that a figure may depend on."""
-    found = {"python": platform.python_version(), "desplat_ns": desplat_ns.__version__}
-    return found | {package: version(package) for package in PACKAGES}
+    own = {"python": platform.python_version(), "desplat_ns": desplat_ns.__version__}
+    return own | {package: version(package) for package in PACKAGES}

@@ -113,7 +113,11 @@ class Part:
     @staticmethod
     def _check_encrypted(address: str, answer: Any) -> None:
         """Refuse to be led from an encrypted address to one that is not."""
-        plain = [one.url for one in (*answer.history, answer) if not one.url.startswith("https:")]
+        plain = [
+            response.url
+            for response in (*answer.history, answer)
+            if not response.url.startswith("https:")
+        ]
         if address.startswith("https:") and plain:
             raise CaptureError(
                 f"{address} leads to {plain[0]}, which is not encrypted: anybody on the way could "

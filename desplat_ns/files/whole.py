@@ -157,7 +157,7 @@ def disk_is_full(folder: Path) -> bool:
 
 def _nearest(folder: Path) -> Path:
     """A folder, or the nearest around it that is there."""
-    return next(one for one in (folder, *folder.absolute().parents) if one.exists())
+    return next(path for path in (folder, *folder.absolute().parents) if path.exists())
 
 
 def _check_writable(folder: Path, option: str) -> None:

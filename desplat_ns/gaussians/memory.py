@@ -23,11 +23,11 @@ class GaussianMemory:
 
     def values(self, name: str, count: int, device: torch.device) -> Float[Tensor, " N"]:
         """Read the values called `name` of `count` Gaussians, zeros if none are remembered yet."""
-        found = self._state.get(name)
-        if found is None:
+        values = self._state.get(name)
+        if values is None:
             return torch.zeros(count, device=device)
-        assert len(found) == count, f"{name} is remembered of {len(found)} Gaussians, not {count}"
-        return found
+        assert len(values) == count, f"{name} is remembered of {len(values)} Gaussians, not {count}"
+        return values
 
     def number(self, name: str) -> int:
         """Read a number that belongs to the set as a whole, 0 if nothing is remembered yet."""

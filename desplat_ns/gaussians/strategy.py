@@ -55,18 +55,18 @@ def sample(
     gradients = (means2d.absgrad if strategy.absgrad else means2d.grad)[0].clone()
     gradients[:, 0] *= info["width"] / 2.0 * info["n_cameras"]
     gradients[:, 1] *= info["height"] / 2.0 * info["n_cameras"]
-    seen = radii > 0
+    is_visible = radii > 0
     if radii.ndim == 2:
-        seen, radii = seen.all(dim=-1), radii.amax(dim=-1)
+        is_visible, radii = is_visible.all(dim=-1), radii.amax(dim=-1)
     names = ["grad2d", "count"] + (["radii"] if strategy.refine_scale2d_stop_iter > 0 else [])
     for name in names:
         if state[name] is None:
             state[name] = torch.zeros(len(params["means"]), device=gradients.device)
-    state["grad2d"] += torch.where(seen, gradients.norm(dim=-1), 0.0)
-    state["count"] += seen
+    state["grad2d"] += torch.where(is_visible, gradients.norm(dim=-1), 0.0)
+    state["count"] += is_visible
     if "radii" in names:
         widths = radii / float(max(info["width"], info["height"]))
-        state["radii"] = torch.maximum(state["radii"], torch.where(seen, widths, 0.0))
+        state["radii"] = torch.maximum(state["radii"], torch.where(is_visible, widths, 0.0))
 
 
 def refine(
@@ -116,7 +116,7 @@ class StaticStrategy(DefaultStrategy):
     @classmethod
     def in_place_of(cls, upstream: DefaultStrategy, **changes: Any) -> StaticStrategy:
         """The settings of `upstream`, and some others."""
-        settings = {one.name: getattr(upstream, one.name) for one in fields(upstream)}
+        settings = {field.name: getattr(upstream, field.name) for field in fields(upstream)}
         return cls(**settings | changes)
 
     def step_post_backward(

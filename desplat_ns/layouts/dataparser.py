@@ -49,9 +49,9 @@ class DeSplatDataParserConfig(DataParserConfig):
             CaptureError: no capture is found.
             ConfigError: options that the layout has no use for.
         """
-        found = recognise(self.data)
-        config = found.config(self._given())
-        announce(found.line())
+        match = recognise(self.data)
+        config = match.config(self._given())
+        announce(match.line())
         return config
 
     def setup(self, **kwargs: Any) -> Any:

@@ -111,8 +111,8 @@ def option_of(name: str) -> str:
 
 
 def _matches(data: Path) -> list[Match]:
-    found = ((layout, layout.find(data)) for layout in LAYOUTS)
-    return [Match(layout, evidence) for layout, evidence in found if evidence is not None]
+    candidates = ((layout, layout.find(data)) for layout in LAYOUTS)
+    return [Match(layout, evidence) for layout, evidence in candidates if evidence is not None]
 
 
 def _nothing_found(data: Path) -> str:

@@ -200,10 +200,10 @@ LAYOUTS = (
 
 def _model_of(data: Path) -> str:
     """Folder of the COLMAP model, relative to the data; empty if there is none."""
-    found = find_models(data, MODEL)
-    if not found:
+    models = find_models(data, MODEL)
+    if not models:
         return ""
-    folder = found[0] if len(found) == 1 else found[0].parent  # of several, the parser takes one
+    folder = models[0] if len(models) == 1 else models[0].parent  # of several, the parser takes one
     return folder.relative_to(data).as_posix()
 
 

@@ -100,8 +100,8 @@ def fit_response(
         Numbers of `camera_response`; what the pixels do not tell stays at 0.
     """
     rgb, photo, radius2 = rgb.double(), photo.double(), radius2.double()
-    told = ((photo > FLOOR) & (photo < 1 - FLOOR)).all(dim=-1)
-    rgb, photo, radius2 = rgb[told], photo[told], radius2[told]
+    in_range = ((photo > FLOOR) & (photo < 1 - FLOOR)).all(dim=-1)
+    rgb, photo, radius2 = rgb[in_range], photo[in_range], radius2[in_range]
     numbers = rgb.new_zeros(NUMBERS)
     ridge = 1e-4 * max(1, len(rgb)) * torch.eye(NUMBERS).to(numbers)
     for i in range(rounds):

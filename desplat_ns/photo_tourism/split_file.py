@@ -50,10 +50,10 @@ class PhotoSplit:
 def split_files(folders: Sequence[Path]) -> tuple[list[Path], list[str]]:
     """Files in these folders with the columns of a split file, and what is wrong with others that
     have its name."""
-    found = {p.resolve(): p for f in folders for name in PATTERNS for p in sorted(f.glob(name))}
+    paths = {p.resolve(): p for f in folders for name in PATTERNS for p in sorted(f.glob(name))}
     fitting: list[Path] = []
     problems: list[str] = []
-    for path in found.values():
+    for path in paths.values():
         try:
             read_rows(path)
             fitting.append(path)
@@ -160,15 +160,15 @@ def match_split(names: Sequence[str], listed: SplitFile) -> PhotoSplit:
         CaptureError: rows that name no photo of the reconstruction, several, or one once more.
     """
     rows = listed.train + listed.test
-    found = find_photos(names, rows)
-    wrong = [name for name, where in zip(rows, found, strict=True) if len(where) != 1]
+    matches = find_photos(names, rows)
+    wrong = [name for name, where in zip(rows, matches, strict=True) if len(where) != 1]
     if wrong:
         raise CaptureError(
             f"{len(wrong)} of {len(rows)} photos in the split file {listed.path} are not in the "
             f"reconstruction, or not unambiguously: {list_names(wrong)}. The reconstruction has "
             f"{list_names(names)}. Take the split file that belongs to it, or delete these rows."
         )
-    indices = [where[0] for where in found]
+    indices = [where[0] for where in matches]
     twice = [names[i] for i, count in Counter(indices).items() if count > 1]
     if twice:
         raise CaptureError(

@@ -59,17 +59,17 @@ def cells_of(
         known = tuple(value for value in values if value is not None)
         return Cell(scene, method.name, metric, known, paper)
 
-    found = []
+    cells = []
     for metric in table.metrics:
         for method in methods:
             by_seed = [
                 [_value(metric, lookup(s, method.name, seed)) for s in scenes] for seed in seeds
             ]
             for index, scene in enumerate(scenes):
-                found.append(cell(scene, method, metric, (one[index] for one in by_seed)))
+                cells.append(cell(scene, method, metric, (figures[index] for figures in by_seed)))
             if whole and len(scenes) > 1:
-                found.append(cell(MEAN, method, metric, map(_mean, by_seed)))
-    return [one for one in found if one.values]
+                cells.append(cell(MEAN, method, metric, map(_mean, by_seed)))
+    return [entry for entry in cells if entry.values]
 
 
 def _value(metric: Metric, figures: Figures | None) -> float | None:

@@ -77,17 +77,21 @@ Key = tuple[str, str, int]
 """Scene, method and seed."""
 
 
-def run_of(found: FoundScene, method: Method, seed: int, smoke: Smoke | None = None) -> Run:
+def run_of(found_scene: FoundScene, method: Method, seed: int, smoke: Smoke | None = None) -> Run:
     """A cell of the grid as it is trained."""
-    protocol = found.protocol
+    protocol = found_scene.protocol
     options = method.options if smoke is None else method.options + SMOKE_OPTIONS
     if hasattr(method_config(method.method).pipeline, "evaluation"):
         options += ("--pipeline.evaluation.protocol", method.scoring(protocol))
         options += ("--pipeline.evaluation.lpips-net", protocol.lpips_net)
-    name = f"{protocol.name}.{found.scene.label}.{method.name}"
+    name = f"{protocol.name}.{found_scene.scene.label}.{method.name}"
     steps = protocol.steps if smoke is None else smoke.steps
     return Run(
-        Variant(name, method.what, options, method.method), steps, seed, found.folder, found.parser
+        Variant(name, method.what, options, method.method),
+        steps,
+        seed,
+        found_scene.folder,
+        found_scene.parser,
     )
 
 
@@ -108,9 +112,11 @@ class Grid:
         seeds = range(FIRST_SEED, FIRST_SEED + request.seeds)
         self.seeds = tuple(seeds)
         self.runs: dict[Key, Run] = {
-            (found.scene.name, method.name, seed): run_of(found, method, seed, request.smoke)
+            (found_scene.scene.name, method.name, seed): run_of(
+                found_scene, method, seed, request.smoke
+            )
             for seed in seeds
-            for found in self.contents
+            for found_scene in self.contents
             for method in request.methods
         }
         self._keeping, self._seconds = Lock(), list[float]()
@@ -127,22 +133,22 @@ class Grid:
         if left:
             self.request.executor.do(left, folder, partial(self._keep, folder))
 
-    def _keep(self, folder: Path, run: Run, found: Record | Exception) -> bool:
+    def _keep(self, folder: Path, run: Run, outcome: Record | Exception) -> bool:
         """Record a run and remove its checkpoints; False if it failed, which is said."""
         _remove_checkpoints(folder, run)
-        if isinstance(found, Exception):
-            kind = "" if isinstance(found, DeSplatError) else f"{type(found).__name__}: "
-            self.failed[run.name] = f"{kind}{found}"
+        if isinstance(outcome, Exception):
+            kind = "" if isinstance(outcome, DeSplatError) else f"{type(outcome).__name__}: "
+            self.failed[run.name] = f"{kind}{outcome}"
             announce(f"{run.name}: {self.failed[run.name]}", warning=True)
             return False
         with self._keeping:  # runs beside each other share the records
-            self.records.done[run.name] = Done(found, asked_of(run), texts_of(run, folder))
+            self.records.done[run.name] = Done(outcome, asked_of(run), texts_of(run, folder))
             self.records.save(self.request.output)
-            self._seconds.append(found.figures["run_wall_seconds"])
+            self._seconds.append(outcome.figures["run_wall_seconds"])
         left = len(self.left()) - len(self.failed)
         rest = left * sum(self._seconds) / len(self._seconds) / self.request.jobs
         more = f"; {left} left, about {time_in_words(rest)}" if left > 0 else ""
-        announce(f"{run.name}: {found.figures['psnr']:.2f} dB{more}")
+        announce(f"{run.name}: {outcome.figures['psnr']:.2f} dB{more}")
         return True
 
     def results(self) -> Results:
@@ -153,11 +159,13 @@ class Grid:
             done = self.records.of(self.runs[scene, method, seed])
             return None if done is None else done.record.figures
 
-        names = [found.scene.name for found in self.contents]
+        names = [found_scene.scene.name for found_scene in self.contents]
         cells = cells_of(
             *(request.table, names, request.methods, self.seeds, lookup, request.is_smoke)
         )
-        done = [one for run in self.runs.values() if (one := self.records.of(run)) is not None]
+        done = [
+            record for run in self.runs.values() if (record := self.records.of(run)) is not None
+        ]
         return Results(
             *(request.table, request.is_smoke, self.contents, request.methods, self.seeds),
             *(cells, done, self.missing, self.failed),
@@ -200,15 +208,15 @@ def open_grid(request: Request) -> Grid:
         CaptureError, ConfigError: as `reproduce`.
     """
     records = Records.load(request.output)
-    found, missing = find_scenes(request.table, request.data)
+    found_scenes, missing = find_scenes(request.table, request.data)
     said = what_is_missing(request.table, missing, request.data) if missing else ""
-    if request.is_smoke and not found:
-        found = any_scenes(request.table, request.data)
-    if not found:
+    if request.is_smoke and not found_scenes:
+        found_scenes = any_scenes(request.table, request.data)
+    if not found_scenes:
         raise CaptureError(said)
     if said:
         announce(said, warning=True)
-    contents = checked(found, request.smoke)
+    contents = checked(found_scenes, request.smoke)
     return Grid(request, contents, records, [scene.name for _, scene in missing])
 
 
@@ -225,10 +233,10 @@ def prepare(grid: Grid) -> None:
         f"{request.table.title}. Scenes: {len(grid.contents)}, methods: {len(request.methods)}, "
         f"seeds: {request.seeds}. Runs: {len(grid.runs)}, of {steps} steps{went_on}."
     )
-    for found, content in grid.contents.items():
+    for found_scene, content in grid.contents.items():
         announce(
-            f"    {found.scene.name}: {content.photos} photos train, {content.held_out} test, "
-            f"{content.width} x {content.height}; {found.folder}"
+            f"    {found_scene.scene.name}: {content.photos} photos train, "
+            f"{content.held_out} test, {content.width} x {content.height}; {found_scene.folder}"
         )
     if not left:
         return
@@ -249,7 +257,7 @@ def _say_weights(grid: Grid) -> None:
     """Where LPIPS's weights belong, if they are not there yet: hours later is too late."""
     if not any(metric.name == "lpips" for metric in grid.request.table.metrics):
         return
-    nets: set[LpipsNet] = {found.protocol.lpips_net for found in grid.contents}
+    nets: set[LpipsNet] = {found_scene.protocol.lpips_net for found_scene in grid.contents}
     for net in sorted(nets):
         if not (path := lpips_weights(net)).is_file():
             announce(
@@ -269,13 +277,15 @@ def _say_time(grid: Grid, left: list[Run]) -> str:
 
 
 def _check_disk(grid: Grid) -> None:
-    def pixels(found: FoundScene) -> int:
-        one = grid.contents[found]
-        return one.photos * one.width * one.height
+    def pixels(found_scene: FoundScene) -> int:
+        content = grid.contents[found_scene]
+        return content.photos * content.width * content.height
 
     request, to_do = grid.request, grid.left()
     left = Counter(scene for (scene, _, _), run in grid.runs.items() if run in to_do)
-    contents = [(one, left[found.scene.name]) for found, one in grid.contents.items()]
+    contents = [
+        (content, left[found_scene.scene.name]) for found_scene, content in grid.contents.items()
+    ]
     largest = max(grid.contents, key=pixels)
     needed = expected_bytes(contents, largest, request.jobs, request.device)
     announce(f"Disk: {needed / 1e6:,.0f} MB at most while it runs, for pictures and checkpoints.")

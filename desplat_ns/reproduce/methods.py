@@ -37,8 +37,8 @@ _W = (*_STATIC, f"{EFFECTS}.appearance", "sh")
 _W_WHAT = "the appearance model {} of Splatfacto-W, in this package and without its masks"
 
 METHODS = {
-    one.name: one
-    for one in (
+    method.name: method
+    for method in (
         Method("desplat", "desplat", "this package's defaults", paper="DeSplat"),
         Method("desplat-paper", "desplat-paper", "the settings of App. B.3", paper="DeSplat"),
         Method(

@@ -39,10 +39,10 @@ class Published:
 
 def _seconds(time: str) -> float:
     """Of `minutes:seconds` or `hours:minutes:seconds`."""
-    found = 0
+    seconds = 0
     for part in time.split(":"):
-        found = 60 * found + int(part)
-    return float(found)
+        seconds = 60 * seconds + int(part)
+    return float(seconds)
 
 
 def _rows(text: str, is_time: bool = False) -> dict[str, tuple[float | None, ...]]:
@@ -122,10 +122,10 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
 
 def published(table: str, row: str, scene: str, metric: str) -> float | None:
     """A figure of the paper; None where there is none."""
-    found = (one.figure(row, scene, metric) for one in PUBLISHED.get(table, ()))
-    return next((figure for figure in found if figure is not None), None)
+    figures = (part.figure(row, scene, metric) for part in PUBLISHED.get(table, ()))
+    return next((figure for figure in figures if figure is not None), None)
 
 
 def rows_of(table: str) -> tuple[str, ...]:
     """All rows of a table of the paper."""
-    return tuple(dict.fromkeys(row for one in PUBLISHED.get(table, ()) for row in one.rows))
+    return tuple(dict.fromkeys(row for part in PUBLISHED.get(table, ()) for row in part.rows))

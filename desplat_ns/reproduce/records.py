@@ -65,17 +65,17 @@ class Records:
         Raises:
             ConfigError: one of its name was of another folder, or had other options.
         """
-        found = self.done.get(run.name)
-        if found is not None and found.asked != asked_of(run):
+        done = self.done.get(run.name)
+        if done is not None and done.asked != asked_of(run):
             raise ConfigError(
                 f"The output folder has a run {run.name} that was another: "
-                f"`{' '.join(found.asked)}`. Name another --output."
+                f"`{' '.join(done.asked)}`. Name another --output."
             )
-        return found
+        return done
 
     def save(self, folder: Path) -> None:
         """Write records.json, whole or not at all. Raises ConfigError where that cannot be done."""
-        rows = {name: asdict(one) for name, one in self.done.items()}
+        rows = {name: asdict(done) for name, done in self.done.items()}
         content = {"format": FORMAT, "code": self.code, "done": rows}
         with plain_errors(folder / FILE, "--output"):
             write_whole(folder / FILE, (json.dumps(content, indent=1) + "\n").encode())
@@ -90,7 +90,7 @@ class Records:
         path = folder / FILE
         if not path.exists():
             there = folder.iterdir() if folder.is_dir() else ()
-            if folder.is_file() or any(one.name not in (IN_USE, RUNS) for one in there):
+            if folder.is_file() or any(path.name not in (IN_USE, RUNS) for path in there):
                 raise ConfigError(
                     f"--output is '{folder}', which holds something that is no table's. Name a new "
                     "or empty folder."
@@ -101,15 +101,15 @@ class Records:
             if content["format"] != FORMAT:
                 raise ValueError("it is of another version")
             done = {name: _done(row) for name, row in content["done"].items()}
-            found = cls(done, content["code"])
+            records = cls(done, content["code"])
         except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
             raise ConfigError(f"{path} is damaged ({error}). Name another --output.") from error
-        if found.code != code_version():
+        if records.code != code_version():
             raise ConfigError(
-                f"{folder} holds runs by {short(found.code)}, and this is {short(code_version())}: "
-                "one table is not made of both. Name another --output."
+                f"{folder} holds runs by {short(records.code)}, and this is "
+                f"{short(code_version())}: one table is not made of both. Name another --output."
             )
-        return found
+        return records
 
 
 def _done(row: dict[str, Any]) -> Done:

@@ -60,26 +60,28 @@ def conditions_of(results: Results) -> dict[str, Any]:
     """All that the figures depend on."""
 
     def said(name: str) -> list[Any]:
-        found = [done.texts[name] for done in results.done if name in done.texts]
-        return [one for number, one in enumerate(found) if one not in found[:number]]
+        texts = [done.texts[name] for done in results.done if name in done.texts]
+        return [text for number, text in enumerate(texts) if text not in texts[:number]]
 
     records = [done.record for done in results.done]
-    protocols = {found.protocol.name: found.protocol for found in results.contents}
+    protocols = {
+        found_scene.protocol.name: found_scene.protocol for found_scene in results.contents
+    }
     return {
         "the paper's protocol": {name: protocol.said for name, protocol in protocols.items()},
-        "the paper's LPIPS net": sorted({one.lpips_net for one in protocols.values()}),
+        "the paper's LPIPS net": sorted({protocol.lpips_net for protocol in protocols.values()}),
         "LPIPS net": said("lpips_net"),
         "no LPIPS because": said("lpips_reason"),
         "scored": said("protocol"),
         "scenes": {
-            found.scene.name: {
-                "data parser": " ".join(found.parser),
+            found_scene.scene.name: {
+                "data parser": " ".join(found_scene.parser),
                 "training photos": content.photos,
                 "test photos": content.held_out,
                 "median size": f"{content.width} x {content.height}",
                 "starts from": f"{content.points} points" if content.points else "random points",
             }
-            for found, content in results.contents.items()
+            for found_scene, content in results.contents.items()
         },
         "methods": {method.name: method.what for method in results.methods},
         "seeds": list(results.seeds),
@@ -124,16 +126,16 @@ class Row(NamedTuple):
 def rows(results: Results, metric: Metric) -> list[Row]:
     """Ours, then those of the paper that no method stands beside."""
     table, columns = results.table, results.columns
-    found = []
+    table_rows = []
     for method in results.methods:
         cells = [results.cell(method.name, metric, scene) for scene in columns]
-        found.append(Row(method.name, [_entry(cell) for cell in cells]))
+        table_rows.append(Row(method.name, [_entry(cell) for cell in cells]))
     for row in results.only_in_paper:
         figures = [published(table.name, row, scene, metric.name) for scene in columns]
         if any(figure is not None for figure in figures):
             texts = ("" if figure is None else metric.text(figure) for figure in figures)
-            found.append(Row(f"{row}, the paper's", [Entry(paper=text) for text in texts]))
-    return found
+            table_rows.append(Row(f"{row}, the paper's", [Entry(paper=text) for text in texts]))
+    return table_rows
 
 
 def _entry(cell: Cell | None) -> Entry:
@@ -147,7 +149,10 @@ def _entry(cell: Cell | None) -> Entry:
 
 def header(results: Results) -> list[str]:
     """The columns' names."""
-    return ["method", *("mean of scenes" if one == MEAN else one for one in results.columns)]
+    return [
+        "method",
+        *("mean of scenes" if column == MEAN else column for column in results.columns),
+    ]
 
 
 def number_of_seeds(results: Results) -> str:
@@ -159,7 +164,7 @@ def number_of_seeds(results: Results) -> str:
 def words(value: Any) -> str:
     """A condition in words."""
     if isinstance(value, dict):
-        return "; ".join(f"{name}: {words(one)}" for name, one in value.items())
+        return "; ".join(f"{name}: {words(entry)}" for name, entry in value.items())
     if isinstance(value, (list, tuple)):
         return ", ".join(map(words, value))
     return str(value)

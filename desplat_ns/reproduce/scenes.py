@@ -53,7 +53,7 @@ def find_scenes(table: Table, data: Path) -> tuple[list[FoundScene], list[tuple[
     """
     if not data.is_dir():
         raise CaptureError(f"There is no folder '{data}'. Name that with the data sets by --data.")
-    found, missing = [], []
+    found_scenes, missing = [], []
     for protocol in table.protocols:
         for scene in protocol.scenes:
             names = (scene.folder, scene.folder.replace("_", "-"))
@@ -62,13 +62,13 @@ def find_scenes(table: Table, data: Path) -> tuple[list[FoundScene], list[tuple[
             if folder is None:
                 missing.append((protocol, scene))
             else:
-                found.append(FoundScene(protocol, scene, folder.resolve()))
-    return found, missing
+                found_scenes.append(FoundScene(protocol, scene, folder.resolve()))
+    return found_scenes, missing
 
 
 def any_scenes(table: Table, data: Path) -> list[FoundScene]:
     """Captures of other names in the same places, for a smoke run."""
-    found = []
+    found_scenes = []
     for protocol in table.protocols:
         homes = (home for home in _homes(protocol, data) if home.is_dir())
         places = [data, *(place for home in homes for place in sorted(home.iterdir()))]
@@ -76,8 +76,8 @@ def any_scenes(table: Table, data: Path) -> list[FoundScene]:
             if _is_capture(place):
                 name = f"{protocol.folder}/{place.name}" if len(table.protocols) > 1 else place.name
                 scene = Scene(name, place.name, None, "")
-                found.append(FoundScene(protocol, scene, place))
-    return found
+                found_scenes.append(FoundScene(protocol, scene, place))
+    return found_scenes
 
 
 def what_is_missing(table: Table, missing: list[tuple[Protocol, Scene]], data: Path) -> str:
@@ -111,14 +111,14 @@ def _is_capture(folder: Path) -> bool:
     return any((folder / name).is_dir() for name in ("images", "dense", "sparse"))
 
 
-def read_scene(found: FoundScene) -> Content:
+def read_scene(found_scene: FoundScene) -> Content:
     """What a scene's data parser finds, which makes sure that all photos are there.
 
     Raises:
         CaptureError: it cannot be read, or no photo is held out; the message names the scene.
     """
-    outputs = outputs_of(found, "train")
-    tested = outputs_of(found, "test")
+    outputs = outputs_of(found_scene, "train")
+    tested = outputs_of(found_scene, "test")
     cameras = outputs.cameras
     return Content(
         len(cameras),
@@ -129,32 +129,33 @@ def read_scene(found: FoundScene) -> Content:
     )
 
 
-def outputs_of(found: FoundScene, split: str):
+def outputs_of(found_scene: FoundScene, split: str):
     """Cameras, photos and points of a split. Raises CaptureError as `read_scene`."""
     from desplat_ns.studies.methods import parse
 
     try:
-        config = parse("desplat-paper", ["--data", str(found.folder), *found.parser])
+        config = parse("desplat-paper", ["--data", str(found_scene.folder), *found_scene.parser])
         manager = config.pipeline.datamanager
-        manager.data = found.folder
+        manager.data = found_scene.folder
         outputs = manager.settle_dataparser().setup().get_dataparser_outputs(split)
     except (DeSplatError, ValueError, IndexError, OSError) as error:
         raise CaptureError(
-            f"{found.protocol.title}, {found.scene.name}: {error} Where the data set is not whole, "
-            f"move '{found.folder.parent}' away and fetch the data set again."
+            f"{found_scene.protocol.title}, {found_scene.scene.name}: {error} Where the data "
+            f"set is not whole, move '{found_scene.folder.parent}' away and fetch the data set "
+            "again."
         ) from error
     if len(outputs.cameras) == 0:
-        raise CaptureError(f"'{found.folder}' has no photo of the {split} split.")
+        raise CaptureError(f"'{found_scene.folder}' has no photo of the {split} split.")
     return outputs
 
 
-def smaller(found: FoundScene, side: int) -> FoundScene:
+def smaller(found_scene: FoundScene, side: int) -> FoundScene:
     """The same with photos of at most so many pixels a side. Raises as `read_scene`."""
-    whole = replace(found, scene=replace(found.scene, downscale=1))
+    whole = replace(found_scene, scene=replace(found_scene.scene, downscale=1))
     cameras = outputs_of(whole, "train").cameras
     longest = int(max(cameras.width.max(), cameras.height.max()))
     factor = 2 ** max(0, math.ceil(math.log2(longest / side)))
-    return replace(found, scene=replace(found.scene, downscale=factor))
+    return replace(found_scene, scene=replace(found_scene.scene, downscale=factor))
 
 
 def checked(scenes: list[FoundScene], smoke: Smoke | None = None) -> dict[FoundScene, Content]:
@@ -163,16 +164,16 @@ def checked(scenes: list[FoundScene], smoke: Smoke | None = None) -> dict[FoundS
     Raises:
         CaptureError: a scene cannot be read; of a smoke run none can.
     """
-    found: dict[FoundScene, Content] = {}
+    contents: dict[FoundScene, Content] = {}
     wrong: list[str] = []
     for scene in scenes:
-        if any(f.folder == scene.folder and f.protocol != scene.protocol for f in found):
+        if any(f.folder == scene.folder and f.protocol != scene.protocol for f in contents):
             continue  # of a smoke run: another data set's way of reading it came first
         try:
             scene = scene if smoke is None else smaller(scene, smoke.side)
-            found[scene] = read_scene(scene)
+            contents[scene] = read_scene(scene)
         except (CaptureError, ConfigError) as error:
             wrong.append(str(error))
-    if wrong and not (smoke is not None and found):
+    if wrong and not (smoke is not None and contents):
         raise CaptureError("\n".join(wrong))
-    return found
+    return contents

@@ -35,10 +35,10 @@ class Metric:
 
     def of(self, figures: Mapping[str, float | int]) -> float | None:
         """Its value; None where the evaluation has no such figure."""
-        found = figures.get(self.figure)
-        if found is None or (self.is_rate and found <= 0):
+        value = figures.get(self.figure)
+        if value is None or (self.is_rate and value <= 0):
             return None
-        return 1 / found if self.is_rate else float(found)
+        return 1 / value if self.is_rate else float(value)
 
     def text(self, value: float | int) -> str:
         """As tables write it."""
@@ -112,8 +112,8 @@ _MAIN_TEXT = "The paper's figures are in its main text; this package has those o
 _V100 = "The paper's are of a Tesla V100 (B.3)."
 
 TABLES: dict[TableName, Table] = {
-    one.name: one
-    for one in (
+    table.name: table
+    for table in (
         Table("robustnerf", "RobustNeRF", (ROBUSTNERF,), IMAGES, _MAIN_TEXT),
         Table("on-the-go", "NeRF On-the-go", (ON_THE_GO,), IMAGES, _MAIN_TEXT),
         Table("fig9", "Fig. 9 left: shares of clutter", (ROBUSTNERF_RATIOS,), IMAGES, _MAIN_TEXT),

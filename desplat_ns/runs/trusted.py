@@ -63,19 +63,19 @@ def _is_trusted(config: Path, tag: str) -> bool:
         return tag.startswith(STANDARD) and kind in PLAIN
     if not _is_inside(path):
         return False
-    found = _named(config, path)
-    if not isinstance(found, type) or not _is_inside(f"{found.__module__}.{found.__name__}"):
+    named = _named(config, path)
+    if not isinstance(named, type) or not _is_inside(f"{named.__module__}.{named.__name__}"):
         return False
     if kind == "python/object":
-        return is_dataclass(found)
+        return is_dataclass(named)
     if kind == "python/object/apply":
-        return issubclass(found, (Enum, PurePath))
+        return issubclass(named, (Enum, PurePath))
     return kind == "python/name"
 
 
 def _is_inside(path: str) -> bool:
     """Whether a dotted path leads into a package that is trusted."""
-    more = (one.strip() for one in os.environ.get(VARIABLE, "").split(","))
+    more = (entry.strip() for entry in os.environ.get(VARIABLE, "").split(","))
 
     def one_of(packages: tuple[str, ...]) -> bool:
         return any(path.startswith(f"{package}.") for package in packages)

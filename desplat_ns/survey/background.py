@@ -56,17 +56,17 @@ class SkyColors:
     """Number of the bin of directions."""
 
 
-def skies_of(seen: Observations) -> dict[int, Sky]:
+def skies_of(observations: Observations) -> dict[int, Sky]:
     """The sky of every photo that shows anything of the scene; others say nothing of what is
     behind it."""
-    up = vertical(seen.views)
-    known = np.flatnonzero(seen.is_shown.sum(axis=1) >= FEWEST)
-    return {int(row): find_sky(seen, int(row), up) for row in known}
+    up = vertical(observations.views)
+    known = np.flatnonzero(observations.is_shown.sum(axis=1) >= FEWEST)
+    return {int(row): find_sky(observations, int(row), up) for row in known}
 
 
-def sky_colors(seen: Observations, light: PhotoLight, skies: dict[int, Sky]) -> SkyColors:
+def sky_colors(observations: Observations, light: PhotoLight, skies: dict[int, Sky]) -> SkyColors:
     """Colours of the skies without their photos' light, and their directions."""
-    up = vertical(seen.views)
+    up = vertical(observations.views)
     north = np.cross(up, [1.0, 0.0, 0.0] if abs(up[0]) < 0.9 else [0.0, 1.0, 0.0])
     north /= np.linalg.norm(north)
     east = np.cross(north, up)
@@ -90,34 +90,34 @@ def sky_colors(seen: Observations, light: PhotoLight, skies: dict[int, Sky]) -> 
     return SkyColors(np.concatenate(colors), photo, direction)
 
 
-def range_by_direction(found: SkyColors) -> float:
+def range_by_direction(cells: SkyColors) -> float:
     """How far directions differ within photos: 10% to 90% of the area, the widest channel.
 
     Every photo's own median is taken out, so neither light nor weather of a photo counts.
     """
-    if len(found.colors) == 0:
+    if len(cells.colors) == 0:
         return float("nan")
-    values = found.colors - _medians(found.colors, found.photo)[found.photo]
-    middles = _medians(values, found.direction)[found.direction]
+    values = cells.colors - _medians(cells.colors, cells.photo)[cells.photo]
+    middles = _medians(values, cells.direction)[cells.direction]
     low, high = np.quantile(middles, [0.1, 0.9], axis=0)
     return float((high - low).max())
 
 
-def spread_by_photo(found: SkyColors, values: Float[np.ndarray, "K 3"]) -> float:
+def spread_by_photo(cells: SkyColors, values: Float[np.ndarray, "K 3"]) -> float:
     """RMS of a photo's median difference from what all photos show in the same directions: what a
     quarter of the photos exceed.
 
     NaN where fewer than `FEWEST_PHOTOS` photos look in any direction.
     """
-    pairs = np.unique(np.stack([found.direction, found.photo]), axis=1)
-    shared = np.bincount(pairs[0])[found.direction] >= FEWEST_PHOTOS if pairs.size else pairs[0]
+    pairs = np.unique(np.stack([cells.direction, cells.photo]), axis=1)
+    shared = np.bincount(pairs[0])[cells.direction] >= FEWEST_PHOTOS if pairs.size else pairs[0]
     if not np.any(shared):
         return float("nan")
-    differences = values - _medians(values, found.direction)[found.direction]
+    differences = values - _medians(values, cells.direction)[cells.direction]
     own = [
         np.median(differences[mine], axis=0)
-        for row in range(found.photo.max() + 1)
-        if (mine := (found.photo == row) & shared).sum() >= FEWEST_CELLS
+        for row in range(cells.photo.max() + 1)
+        if (mine := (cells.photo == row) & shared).sum() >= FEWEST_CELLS
     ]
     if not own:
         return float("nan")
@@ -125,7 +125,7 @@ def spread_by_photo(found: SkyColors, values: Float[np.ndarray, "K 3"]) -> float
 
 
 def background_finding(
-    seen: Observations, light: PhotoLight, skies: dict[int, Sky], light_is_local: bool
+    observations: Observations, light: PhotoLight, skies: dict[int, Sky], light_is_local: bool
 ) -> Finding:
     """Decide what lies behind the scene.
 
@@ -140,23 +140,23 @@ def background_finding(
         VISIBLE_SHARE,
     )
     unknown = ("whether a bare wall or ceiling above everything else is a sky",)
-    if len(seen.all_xyz) < FEWEST_POINTS or not shares:
+    if len(observations.all_xyz) < FEWEST_POINTS or not shares:
         reason = f"Fewer than {FEWEST_POINTS} points say where the scene is."
         return Finding("background", "off", "none", reason, (share,), unknown)
-    found = sky_colors(seen, light, skies)
-    logs = np.log(np.maximum(found.colors, LOWEST))
+    cells = sky_colors(observations, light, skies)
+    logs = np.log(np.maximum(cells.colors, LOWEST))
     chroma = logs - logs.mean(axis=1, keepdims=True)
-    values, limit = (chroma, CHROMA_BY_PHOTO) if light_is_local else (found.colors, BY_PHOTO)
+    values, limit = (chroma, CHROMA_BY_PHOTO) if light_is_local else (cells.colors, BY_PHOTO)
     what = "tints" if light_is_local else "colours"
     by_photo = Figure(
         "by_photo",
-        spread_by_photo(found, values),
+        spread_by_photo(cells, values),
         f"difference of photos' sky {what} without their light, exceeded by a quarter of them",
         limit,
     )
     by_direction = Figure(
         "by_direction",
-        range_by_direction(found),
+        range_by_direction(cells),
         "range of the sky's values between directions in one photo",
         RANGE,
     )
@@ -182,4 +182,6 @@ def background_finding(
 
 def _medians(values: np.ndarray, number: np.ndarray) -> np.ndarray:
     """Medians of the rows with each number."""
-    return np.array([np.median(values[number == one], axis=0) for one in range(number.max() + 1)])
+    return np.array(
+        [np.median(values[number == group], axis=0) for group in range(number.max() + 1)]
+    )

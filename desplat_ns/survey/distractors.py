@@ -59,42 +59,49 @@ class Disagreement:
         return self.is_expected & ~self.disagrees
 
 
-def compare_photos(seen: Observations, light: PhotoLight) -> Disagreement:
+def compare_photos(observations: Observations, light: PhotoLight) -> Disagreement:
     """Compare every photo with its neighbours at the points that it should show."""
     rho2 = [
-        from_middle(view.size, places) for view, places in zip(seen.views, seen.places, strict=True)
+        from_middle(view.size, places)
+        for view, places in zip(observations.views, observations.places, strict=True)
     ]
     neutral = np.stack(
-        [light.neutral(row, seen.colors[row], np.nan_to_num(r)) for row, r in enumerate(rho2)]
+        [
+            light.neutral(row, observations.colors[row], np.nan_to_num(r))
+            for row, r in enumerate(rho2)
+        ]
     ).astype(np.float32)
-    toward, distance = directions(seen)
-    says, shape = says_something(seen), seen.is_shown.shape
-    tracked = seen.is_tracked & says[:, None]
-    found = Disagreement(*np.zeros((3, *shape), bool), judged=np.full(len(says), np.nan))
+    toward, distance = directions(observations)
+    says, shape = says_something(observations), observations.is_shown.shape
+    tracked = observations.is_tracked & says[:, None]
+    disagreement = Disagreement(*np.zeros((3, *shape), bool), judged=np.full(len(says), np.nan))
     for row in np.flatnonzero(says).tolist():
         others = neighbours(row, tracked, toward, distance)
         is_there = others >= 0
-        expected = seen.is_shown[row] & (is_there.sum(axis=0) >= FEWEST_NEIGHBOURS)
+        expected = observations.is_shown[row] & (is_there.sum(axis=0) >= FEWEST_NEIGHBOURS)
         same = np.zeros(shape[1], bool)
         for other, there in zip(others, is_there, strict=True):
             which = np.flatnonzero(expected & there)
             pair = other[which], which
             step = np.abs(neutral[row, which] - neutral[pair]).max(axis=-1)
-            same[which] |= (step < COLOR_STEP) | are_alike(seen, (row, which), pair)
+            same[which] |= (step < COLOR_STEP) | are_alike(observations, (row, which), pair)
         disagrees = expected & ~same
-        found.is_expected[row], found.disagrees[row] = expected, disagrees
-        view, places = seen.views[row], seen.places[row, expected].astype(np.float64)
+        disagreement.is_expected[row], disagreement.disagrees[row] = expected, disagrees
+        view, places = (
+            observations.views[row],
+            observations.places[row, expected].astype(np.float64),
+        )
         share, count = view.near_means(places, disagrees[expected].astype(float))
-        found.is_covered[row, expected] = (count >= FEWEST_NEAR) & (share >= VOTE)
-        found.is_covered[row] &= disagrees
-        found.judged[row] = _area(view, places)
-    return found
+        disagreement.is_covered[row, expected] = (count >= FEWEST_NEAR) & (share >= VOTE)
+        disagreement.is_covered[row] &= disagrees
+        disagreement.judged[row] = _area(view, places)
+    return disagreement
 
 
-def says_something(seen: Observations) -> Bool[np.ndarray, " V"]:
+def says_something(observations: Observations) -> Bool[np.ndarray, " V"]:
     """Photos that are not black or white nearly all over."""
-    clipped = (seen.is_clipped & seen.is_shown).sum(axis=1)
-    return clipped <= CLIPPED_PHOTO * seen.is_shown.sum(axis=1)
+    clipped = (observations.is_clipped & observations.is_shown).sum(axis=1)
+    return clipped <= CLIPPED_PHOTO * observations.is_shown.sum(axis=1)
 
 
 def _area(view: View, places: np.ndarray) -> float:
@@ -105,9 +112,9 @@ def _area(view: View, places: np.ndarray) -> float:
     return squares / float((last_row[0] // 3 + 1) * (last_column[0] // 3 + 1))
 
 
-def distractor_finding(seen: Observations, found: Disagreement) -> Finding:
+def distractor_finding(observations: Observations, disagreement: Disagreement) -> Finding:
     """Decide whether distractors are needed."""
-    figures, unknown = _figures(seen, found), _unknown(seen)
+    figures, unknown = _figures(observations, disagreement), _unknown(observations)
     covered, judged = figures[0], replace(figures[1], threshold=JUDGED_SHARE)
     if covered.is_above:
         reason = "Some photos do not show what their neighbours see at the same places."
@@ -123,11 +130,11 @@ def distractor_finding(seen: Observations, found: Disagreement) -> Finding:
     return Finding("distractors", False, confidence_of([covered, judged]), reason, figures, unknown)
 
 
-def _figures(seen: Observations, found: Disagreement) -> tuple[Figure, ...]:
+def _figures(observations: Observations, disagreement: Disagreement) -> tuple[Figure, ...]:
     """What the photos say, the deciding figure first, then the share of their area it is from."""
-    says = np.isfinite(found.judged)
-    expected = found.is_expected[says].sum(axis=1)
-    shares = (found.is_covered[says].sum(axis=1) / np.maximum(expected, 1))[expected > 0]
+    says = np.isfinite(disagreement.judged)
+    expected = disagreement.is_expected[says].sum(axis=1)
+    shares = (disagreement.is_covered[says].sum(axis=1) / np.maximum(expected, 1))[expected > 0]
     # One photo may be at fault itself (a wrong pose, a finger): the worst one does not count.
     rest = np.sort(shares)[:-1] if len(shares) > 2 else shares
     return (
@@ -139,7 +146,7 @@ def _figures(seen: Observations, found: Disagreement) -> tuple[Figure, ...]:
         ),
         Figure(
             "judged",
-            float(np.nanmean(found.judged)) if says.any() else 0.0,
+            float(np.nanmean(disagreement.judged)) if says.any() else 0.0,
             f"share of the photos' area that has expected points; needed is {JUDGED_SHARE:.2f}",
         ),
         Figure(
@@ -149,18 +156,22 @@ def _figures(seen: Observations, found: Disagreement) -> tuple[Figure, ...]:
         ),
         Figure(
             "lost_points",
-            mean_of(found.disagrees[found.is_expected & ~seen.is_tracked]),
+            mean_of(disagreement.disagrees[disagreement.is_expected & ~observations.is_tracked]),
             "share that disagrees of the expected points that a photo did not observe",
         ),
     )
 
 
-def _unknown(seen: Observations) -> tuple[str, ...]:
-    silent = [name for name, says in zip(seen.names, says_something(seen), strict=True) if not says]
+def _unknown(observations: Observations) -> tuple[str, ...]:
+    silent = [
+        name
+        for name, says in zip(observations.names, says_something(observations), strict=True)
+        if not says
+    ]
     lines = ["what stands where the reconstruction has no points, such as before the sky"]
     if silent:
         lines.append(
             f"anything about {len(silent)} photos that are black or white nearly all over: "
             f"{list_names(silent, 5)}"
         )
-    return tuple(lines) if seen.has_tracks else (*lines, NO_TRACKS)
+    return tuple(lines) if observations.has_tracks else (*lines, NO_TRACKS)

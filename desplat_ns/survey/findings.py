@@ -123,10 +123,10 @@ class Survey:
 
     def to_json(self) -> str:
         """Everything, as JSON; numbers that could not be measured are null."""
-        told = asdict(self)
+        content = asdict(self)
         for finding in self.findings:
-            told[finding.effect]["memory"] = finding.memory
-        return json.dumps(_plain(told), indent=2, allow_nan=False) + "\n"
+            content[finding.effect]["memory"] = finding.memory
+        return json.dumps(_plain(content), indent=2, allow_nan=False) + "\n"
 
     def summary(self) -> list[str]:
         """Lines for a console."""

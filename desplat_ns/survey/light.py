@@ -67,7 +67,7 @@ def change_of_photos(light: PhotoLight) -> Float[np.ndarray, " V"]:
 
 
 def local_steps(
-    seen: Observations, light: PhotoLight, is_confirmed: Bool[np.ndarray, "V P"]
+    observations: Observations, light: PhotoLight, is_confirmed: Bool[np.ndarray, "V P"]
 ) -> Float[np.ndarray, " M"]:
     """What a photo's light leaves at each observation and near it, in log; the lesser of both.
 
@@ -78,12 +78,12 @@ def local_steps(
         is_confirmed: where a photo and a neighbour show the same of the point. Elsewhere something
             may be in the way, which is no light: NaN.
     """
-    photos = np.bincount(light.point, minlength=len(seen.xyz))[light.point]
+    photos = np.bincount(light.point, minlength=len(observations.xyz))[light.point]
     own = np.median(light.residual, axis=1) * photos / np.maximum(photos - 1, 1)
     steps, counts = np.full(len(own), np.nan), is_confirmed[light.photo, light.point]
-    for row, view in enumerate(seen.views):
+    for row, view in enumerate(observations.views):
         part = np.flatnonzero((light.photo == row) & counts)
-        places = seen.places[row, light.point[part]]
+        places = observations.places[row, light.point[part]]
         near, count = view.near_means(places, np.clip(own[part], -0.5, 0.5))
         agree = np.sign(near) == np.sign(own[part])
         lesser = np.where(agree, np.minimum(np.abs(near), np.abs(own[part])), 0.0)
@@ -92,7 +92,7 @@ def local_steps(
 
 
 def appearance_finding(
-    seen: Observations, light: PhotoLight, is_confirmed: Bool[np.ndarray, "V P"]
+    observations: Observations, light: PhotoLight, is_confirmed: Bool[np.ndarray, "V P"]
 ) -> Finding:
     """Decide how photos' light is to be explained.
 
@@ -110,7 +110,7 @@ def appearance_finding(
     explained = Figure(
         "explained", share, "share of the variance between photos that their light explains"
     )
-    steps = local_steps(seen, light, is_confirmed)
+    steps = local_steps(observations, light, is_confirmed)
     local = Figure(
         "local",
         mean_of(np.abs(steps[np.isfinite(steps)]) > LOCAL_STEP),
@@ -118,7 +118,7 @@ def appearance_finding(
         LOCAL_SHARE,
     )
     figures = (median, largest, local, explained, *_beside(light))
-    unknown = _unknown(seen, changes)
+    unknown = _unknown(observations, changes)
     if len(known) < 2:
         reason = "Fewer than two photos show enough common points to compare their colours."
         return Finding("appearance", "off", "none", reason, figures, unknown)
@@ -163,12 +163,14 @@ def _beside(light: PhotoLight) -> list[Figure]:
     return [Figure(n, float(v.std()) if v.size else float("nan"), what) for n, v, what in values]
 
 
-def _unknown(seen: Observations, changes: np.ndarray) -> tuple[str, ...]:
+def _unknown(observations: Observations, changes: np.ndarray) -> tuple[str, ...]:
     lines = []
-    missing = [name for name, change in zip(seen.names, changes, strict=True) if np.isnan(change)]
+    missing = [
+        name for name, change in zip(observations.names, changes, strict=True) if np.isnan(change)
+    ]
     if missing:
         lines.append(
             f"the light of {len(missing)} photos that show fewer than {FEWEST} known points with "
             f"values that are not clipped: {list_names(missing, 5)}"
         )
-    return tuple(lines) if seen.has_tracks else (*lines, NO_TRACKS)
+    return tuple(lines) if observations.has_tracks else (*lines, NO_TRACKS)

@@ -31,18 +31,18 @@ FLAT = 0.012
 
 
 def directions(
-    seen: Observations,
+    observations: Observations,
 ) -> tuple[Float[np.ndarray, "V P 3"], Float[np.ndarray, "V P"]]:
     """Unit vectors from the cameras to the points, and distances."""
-    positions = np.array([view.position for view in seen.views])
-    toward = seen.xyz[None] - positions[:, None]
+    positions = np.array([view.position for view in observations.views])
+    toward = observations.xyz[None] - positions[:, None]
     distance = np.maximum(np.linalg.norm(toward, axis=-1), 1e-12)
     return (toward / distance[..., None]).astype(np.float32), distance.astype(np.float32)
 
 
 def neighbours(
     row: int,
-    found: Bool[np.ndarray, "V P"],
+    has_point: Bool[np.ndarray, "V P"],
     toward: Float[np.ndarray, "V P 3"],
     distance: Float[np.ndarray, "V P"],
 ) -> Int[np.ndarray, "_ P"]:
@@ -51,12 +51,12 @@ def neighbours(
     -1 where there are not so many.
 
     Args:
-        found: by which photos.
+        has_point: which photos found which points.
         toward, distance: see `directions`.
     """
     cosine = np.einsum("vpk,pk->vp", toward, toward[row])
     ratio = distance / distance[row]
-    fits = found & (cosine > np.cos(np.radians(NEAR_ANGLE)))
+    fits = has_point & (cosine > np.cos(np.radians(NEAR_ANGLE)))
     fits &= (ratio < NEAR_DISTANCE) & (ratio > 1 / NEAR_DISTANCE)
     fits[row] = False
     rank = np.where(fits, -cosine, 2.0)
@@ -70,28 +70,28 @@ Pair = tuple[int | Int[np.ndarray, " M"], Int[np.ndarray, " M"]]
 
 
 def are_alike(
-    seen: Observations, one: Pair, other: Pair, correlation: float = SAME_STRUCTURE
+    observations: Observations, pair: Pair, other: Pair, correlation: float = SAME_STRUCTURE
 ) -> Bool[np.ndarray, " M"]:
     """Whether patches have the same structure, whatever the light; False where one has none."""
-    first, second = seen.structures[one], seen.structures[other]
+    first, second = observations.structures[pair], observations.structures[other]
     norms = np.linalg.norm(first, axis=-1), np.linalg.norm(second, axis=-1)
     alike = (first * second).sum(axis=-1) > correlation * norms[0] * norms[1]
     return alike & (np.minimum(*norms) > FLAT * np.sqrt(first.shape[-1]))
 
 
-def matched_points(seen: Observations) -> Bool[np.ndarray, "V P"]:
+def matched_points(observations: Observations) -> Bool[np.ndarray, "V P"]:
     """Which photos show a point as their neighbours do, for captures without tracks.
 
     At least `FEWEST_NEIGHBOURS` of the nearest photos that have it in view must agree: one may have
     something before it, or look at its back.
     """
-    toward, distance = directions(seen)
-    matched = np.zeros_like(seen.is_shown)
+    toward, distance = directions(observations)
+    matched = np.zeros_like(observations.is_shown)
     for row in range(len(matched)):
         votes = np.zeros(matched.shape[1], int)
-        for other in neighbours(row, seen.is_shown, toward, distance):
-            which = np.flatnonzero(seen.is_shown[row] & (other >= 0))
+        for other in neighbours(row, observations.is_shown, toward, distance):
+            which = np.flatnonzero(observations.is_shown[row] & (other >= 0))
             pair = (row, which), (other[which], which)
-            votes[which] += are_alike(seen, *pair, MATCHED_STRUCTURE)
+            votes[which] += are_alike(observations, *pair, MATCHED_STRUCTURE)
         matched[row] = votes >= FEWEST_NEIGHBOURS
     return matched

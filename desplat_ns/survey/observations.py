@@ -130,7 +130,7 @@ def observe(capture: Capture) -> Observations:
     xyz, tracked = capture.xyz[chosen], tracked[:, chosen]
     grids = patch_grids(xyz, tracked, views)
     shape = len(views), len(xyz)
-    found = Observations(
+    observations = Observations(
         names=[str(capture.photos[i].name) for i in indices],
         views=views,
         photos=[photo for photo, _ in small],
@@ -147,9 +147,9 @@ def observe(capture: Capture) -> Observations:
         all_xyz=capture.xyz,
     )
     for row, view in enumerate(views):
-        _sample(found, row, grids, hidden_points(view, xyz, nearest[row]))
-    found.is_tracked &= found.is_shown
-    return found
+        _sample(observations, row, grids, hidden_points(view, xyz, nearest[row]))
+    observations.is_tracked &= observations.is_shown
+    return observations
 
 
 def _read_small(
@@ -175,8 +175,8 @@ def _tracked(
         tracked = np.stack(in_view)
     else:
         tracked = np.zeros((len(in_view), len(capture.xyz)), bool)
-        for row, seen in zip(tracked, capture.tracks.read(indices.tolist()), strict=True):
-            row[seen.points] = True
+        for row, observed in zip(tracked, capture.tracks.read(indices.tolist()), strict=True):
+            row[observed.points] = True
     return tracked & np.isfinite(capture.xyz).all(axis=1)
 
 
@@ -247,10 +247,14 @@ def hidden_points(
     return inside & (nearest[at[:, 1], at[:, 0]] < HIDING_GAP * depths)
 
 
-def _sample(found: Observations, row: int, grids: np.ndarray, hidden: np.ndarray) -> None:
+def _sample(observations: Observations, row: int, grids: np.ndarray, hidden: np.ndarray) -> None:
     """Fill in what one photo shows."""
-    view, photo, allowed = found.views[row], found.photos[row], found.allowed[row]
-    places, _ = view.project(found.xyz)
+    view, photo, allowed = (
+        observations.views[row],
+        observations.photos[row],
+        observations.allowed[row],
+    )
+    places, _ = view.project(observations.xyz)
     corners, corner_depths = view.project(grids)
     inside = view.shows(corners, corner_depths, 0.5).all(axis=-1)
     with np.errstate(invalid="ignore"):
@@ -258,14 +262,14 @@ def _sample(found: Observations, row: int, grids: np.ndarray, hidden: np.ndarray
         shown = inside & (reach > SCALES[0] * PATCH_RADIUS) & (reach < SCALES[1] * PATCH_RADIUS)
     at = np.where(inside[:, None], places, 0).astype(int)
     shown &= allowed[at[:, 1].clip(0, view.height - 1), at[:, 0].clip(0, view.width - 1)] & ~hidden
-    found.places[row], found.is_shown[row] = places, shown
+    observations.places[row], observations.is_shown[row] = places, shown
     if not shown.any():
         return
     x, y = np.moveaxis((corners[shown] - 0.5).astype(np.float32), -1, 0)
     values, border = photo.astype(np.float32), cv2.BORDER_REPLICATE
     patches = cv2.remap(values, x, y, cv2.INTER_LINEAR, borderMode=border) / 255
     mean, grey = patches.mean(axis=1), patches.mean(axis=2)
-    found.colors[row, shown] = mean
+    observations.colors[row, shown] = mean
     is_clipped = (mean < DARKEST) | (mean > 1 - DARKEST)
-    found.is_clipped[row, shown] = is_clipped.any(axis=1)
-    found.structures[row, shown] = grey - grey.mean(axis=1, keepdims=True)
+    observations.is_clipped[row, shown] = is_clipped.any(axis=1)
+    observations.structures[row, shown] = grey - grey.mean(axis=1, keepdims=True)

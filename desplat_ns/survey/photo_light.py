@@ -83,20 +83,20 @@ def from_middle(
     return ((places - half) ** 2).sum(axis=-1) / (half**2).sum(axis=-1)
 
 
-def fit_light(seen: Observations) -> PhotoLight:
+def fit_light(observations: Observations) -> PhotoLight:
     """Fit every photo's light; what few photos show otherwise (passers-by, glints) hardly counts.
 
     Reweighted least squares with Cauchy's weights, colours and lights in turn.
     """
-    use = seen.is_tracked & ~seen.is_clipped
+    use = observations.is_tracked & ~observations.is_clipped
     use &= use.sum(axis=0) >= 2
     photo, point = np.nonzero(use)
-    colors = seen.colors[photo, point].astype(np.float64)
+    colors = observations.colors[photo, point].astype(np.float64)
     logs = np.log(np.maximum(colors, LOWEST))
     weight = (colors / (colors + DARK)) ** 2
-    sizes = np.array([view.size for view in seen.views])
-    rho2 = from_middle(sizes[photo], seen.places[photo, point])
-    count = len(seen.views), len(seen.xyz)
+    sizes = np.array([view.size for view in observations.views])
+    rho2 = from_middle(sizes[photo], observations.places[photo, point])
+    count = len(observations.views), len(observations.xyz)
     before = _alternate(photo, point, logs, weight, rho2, count, fits_photos=False)
     after = _alternate(photo, point, logs, weight, rho2, count, fits_photos=True)
     gains, gammas, vignetting, true, residual = after
@@ -149,8 +149,8 @@ def _alternate(
         for row in range(count[0]):
             part = slice(ends[row], ends[row + 1])
             colors, sure = true[point[part]], weight[part] * trust[part]
-            found = _solve(colors, middle, rho2[part], logs[part], sure)
-            gains[row], gammas[row], vignetting[row] = found[:3], found[3], found[4]
+            solution = _solve(colors, middle, rho2[part], logs[part], sure)
+            gains[row], gammas[row], vignetting[row] = solution[:3], solution[3], solution[4]
         gammas /= gammas.mean()
         _, residual = explain()
         gains += _joint_gains(photo, point, residual, weight * trust, count)
@@ -192,9 +192,9 @@ def _solve(
     rows[:, :, 4] = rho2[:, None]
     flat, sure = rows.reshape(-1, 5), weight.reshape(-1, 1)
     left = flat.T @ (sure * flat) + np.diag(PRIOR)
-    found = np.linalg.solve(left, flat.T @ (sure[:, 0] * (logs - true).reshape(-1)))
-    steeper = np.clip(found[3], -0.8, 4.0)
-    return np.array([*(found[:3] - steeper * middle), 1 + steeper, found[4]])
+    solution = np.linalg.solve(left, flat.T @ (sure[:, 0] * (logs - true).reshape(-1)))
+    steeper = np.clip(solution[3], -0.8, 4.0)
+    return np.array([*(solution[:3] - steeper * middle), 1 + steeper, solution[4]])
 
 
 def _means(index: np.ndarray, values: np.ndarray, weight: np.ndarray, size: int) -> np.ndarray:

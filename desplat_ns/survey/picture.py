@@ -25,15 +25,15 @@ SKY = np.array([40, 110, 255])
 
 def evidence_picture(evidence: Evidence) -> UInt8[np.ndarray, "H W 3"]:
     """Rows as in `ROWS`; columns are photos evenly spread, with the one most covered among them."""
-    seen = evidence.seen
-    count = len(seen.views)
+    observations = evidence.seen
+    count = len(observations.views)
     chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_COLUMNS)).round().astype(int))
     worst = int(evidence.disagreement.is_covered.sum(axis=1).argmax())
     if worst not in chosen:
         chosen[np.abs(chosen - worst).argmin()] = worst
     columns = [
         [
-            seen.photos[row],
+            observations.photos[row],
             _without_light(evidence, row),
             _with_points(evidence, row),
             _with_sky(evidence, row),
@@ -69,13 +69,13 @@ def _without_light(evidence: Evidence, row: int) -> np.ndarray:
 
 
 def _with_points(evidence: Evidence, row: int) -> np.ndarray:
-    found, photo = evidence.disagreement, evidence.seen.photos[row]
+    disagreement, photo = evidence.disagreement, evidence.seen.photos[row]
     pale = (photo // 2 + 110).astype(np.uint8)
     radius = max(1, round(max(photo.shape[:2]) / 160))
     for which, color in (
-        (found.is_expected[row] & ~found.disagrees[row], AGREES),
-        (found.disagrees[row] & ~found.is_covered[row], DISAGREES),
-        (found.is_covered[row], COVERED),
+        (disagreement.is_expected[row] & ~disagreement.disagrees[row], AGREES),
+        (disagreement.disagrees[row] & ~disagreement.is_covered[row], DISAGREES),
+        (disagreement.is_covered[row], COVERED),
     ):
         for x, y in evidence.seen.places[row, which]:
             cv2.circle(pale, (int(x), int(y)), radius, color, -1, cv2.LINE_AA)

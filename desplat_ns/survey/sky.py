@@ -62,31 +62,31 @@ def vertical(views: list[View]) -> Float[np.ndarray, "3"]:
     right = np.array([view.rotation[0] for view in views])
     up = -np.mean([view.rotation[1] for view in views], axis=0)
     left = right.T @ right / len(right) + UPRIGHT * np.eye(3)
-    found = np.linalg.solve(left, UPRIGHT * up)
-    return found / max(float(np.linalg.norm(found)), 1e-12)
+    direction = np.linalg.solve(left, UPRIGHT * up)
+    return direction / max(float(np.linalg.norm(direction)), 1e-12)
 
 
-def find_sky(seen: Observations, row: int, up: Float[np.ndarray, "3"]) -> Sky:
+def find_sky(observations: Observations, row: int, up: Float[np.ndarray, "3"]) -> Sky:
     """The sky of photo `row`.
 
     Args:
         up: see `vertical`.
     """
-    view, photo = seen.views[row], seen.photos[row]
+    view, photo = observations.views[row], observations.photos[row]
     rows, columns = view.grid
     centers = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1)
     directions = view.directions(centers * view.cell)
-    behind = _something_behind(seen, view)
+    behind = _something_behind(observations, view)
     cells = ~behind & (_roughness(photo, columns, rows) < SMOOTH) & (directions @ up > LEAST_RISE)
     cells &= _nothing_above(behind, view.rotation @ up)
     small = cv2.resize(photo, (columns, rows), interpolation=cv2.INTER_AREA) / 255.0
-    allowed = seen.allowed[row].astype(np.float32)
+    allowed = observations.allowed[row].astype(np.float32)
     cells &= cv2.resize(allowed, (columns, rows), interpolation=cv2.INTER_AREA) > 0.99
     return Sky(cells, small, directions)
 
 
-def _something_behind(seen: Observations, view: View) -> np.ndarray:
-    places, depths = view.project(seen.all_xyz)
+def _something_behind(observations: Observations, view: View) -> np.ndarray:
+    places, depths = view.project(observations.all_xyz)
     hit = np.zeros(view.grid, np.uint8)
     hit[view.cells_of(places[view.shows(places, depths)])] = 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (AROUND, AROUND))

@@ -44,37 +44,37 @@ def survey(capture: Capture) -> tuple[Survey, Evidence]:
         raise CaptureError(
             "There is no training photo to survey. Check --data and the options of the split."
         )
-    seen = observe(capture)
-    if not seen.has_tracks:
-        seen.is_tracked = matched_points(seen)
-    light = fit_light(seen)
-    disagreement = compare_photos(seen, light)
-    appearance = appearance_finding(seen, light, disagreement.is_confirmed)
-    distractors = distractor_finding(seen, disagreement)
-    skies = skies_of(seen)
-    background = background_finding(seen, light, skies, appearance.decision == "affine")
-    found = Survey(
+    observations = observe(capture)
+    if not observations.has_tracks:
+        observations.is_tracked = matched_points(observations)
+    light = fit_light(observations)
+    disagreement = compare_photos(observations, light)
+    appearance = appearance_finding(observations, light, disagreement.is_confirmed)
+    distractors = distractor_finding(observations, disagreement)
+    skies = skies_of(observations)
+    background = background_finding(observations, light, skies, appearance.decision == "affine")
+    findings = Survey(
         appearance=appearance,
         background=background,
         distractors=distractors,
-        num_photos=seen.num_photos,
-        num_surveyed=len(seen.views),
-        num_points=len(seen.xyz),
-        notes=_notes(seen),
+        num_photos=observations.num_photos,
+        num_surveyed=len(observations.views),
+        num_points=len(observations.xyz),
+        notes=_notes(observations),
     )
-    return found, Evidence(seen, light, disagreement, skies)
+    return findings, Evidence(observations, light, disagreement, skies)
 
 
-def _notes(seen: Observations) -> tuple[str, ...]:
+def _notes(observations: Observations) -> tuple[str, ...]:
     notes = []
-    if len(seen.all_xyz) == 0:
+    if len(observations.all_xyz) == 0:
         notes.append("The capture has no points: nothing could be compared, safe sides are taken.")
-    elif not seen.has_tracks:
+    elif not observations.has_tracks:
         notes.append(
             "The capture has no tracks: points that neighbours show alike stand for observed ones."
         )
-    if len(seen.views) < seen.num_photos:
-        notes.append(f"{len(seen.views)} photos, evenly spread, stand for all.")
+    if len(observations.views) < observations.num_photos:
+        notes.append(f"{len(observations.views)} photos, evenly spread, stand for all.")
     return tuple(notes)
 
 
@@ -90,27 +90,27 @@ def decided_effects(
     Raises:
         CaptureError: no photo, or one that cannot be read or does not fit its camera.
     """
-    found, _ = survey(capture_of(outputs))
-    decided = effects.decided(effects_of(found))
-    for line in found.summary():
+    findings, _ = survey(capture_of(outputs))
+    decided = effects.decided(effects_of(findings))
+    for line in findings.summary():
         announce(line)
     given = {name: value for name, value in vars(effects).items() if value is not None}
-    for name, value in found.decisions().items():
+    for name, value in findings.decisions().items():
         if name in given and given[name] != value:
             announce(f"{name}: {given[name]}, as given; the survey would have said {value}.")
-    return decided, found
+    return decided, findings
 
 
-def write_findings(found: Survey, folder: Path) -> None:
+def write_findings(findings: Survey, folder: Path) -> None:
     """Write `FILE` into a folder, which is made; where that cannot be done, it is said."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / FILE).write_text(found.to_json(), "utf8")
+        (folder / FILE).write_text(findings.to_json(), "utf8")
     except OSError as error:
         announce(f"The survey's findings could not be written ({error}).", warning=True)
 
 
-def effects_of(found: Survey) -> Effects:
+def effects_of(findings: Survey) -> Effects:
     """What a survey decided."""
-    decisions: dict[str, Any] = found.decisions()
+    decisions: dict[str, Any] = findings.decisions()
     return Effects(**decisions)

@@ -28,9 +28,9 @@ def seconds_of(text: str, option: str = "--budget") -> float:
     Raises:
         ConfigError: it is not understood, or not above 0.
     """
-    found = re.fullmatch(r"(?:([\d.]+)\s*h)?\s*(?:([\d.]+)\s*m(?:in)?)?\s*(?:([\d.]+)\s*s?)?", text)
+    match = re.fullmatch(r"(?:([\d.]+)\s*h)?\s*(?:([\d.]+)\s*m(?:in)?)?\s*(?:([\d.]+)\s*s?)?", text)
     try:
-        parts = [float(part or 0) for part in found.groups()] if found else [0.0]
+        parts = [float(part or 0) for part in match.groups()] if match else [0.0]
     except ValueError:
         parts = [0.0]
     seconds = sum(part * unit for part, unit in zip(parts, (3600, 60, 1), strict=False))

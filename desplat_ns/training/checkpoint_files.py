@@ -55,8 +55,8 @@ def step_of(path: Path) -> int:
 
 def checkpoints_in(folder: Path) -> list[Path]:
     """Checkpoints of a folder, the newest (highest step) last."""
-    found = [path for path in folder.iterdir() if CHECKPOINT_NAME.fullmatch(path.name)]
-    return sorted(found, key=step_of)
+    checkpoints = [path for path in folder.iterdir() if CHECKPOINT_NAME.fullmatch(path.name)]
+    return sorted(checkpoints, key=step_of)
 
 
 def save_atomically(state: dict[str, Any], path: Path) -> None:

@@ -67,13 +67,13 @@ def _check_effects(saved: Mapping[str, Any], here: Mapping[str, Any]) -> None:
     differing = [name for name in sorted(here) if saved.get(name) != here[name]]
     if not differing:
         return
-    found = ", ".join(f"{name} {saved.get(name)}" for name in differing)
+    trained = ", ".join(f"{name} {saved.get(name)}" for name in differing)
     run = ", ".join(f"{name} {here[name]}" for name in differing)
     switches = " ".join(
         f"--pipeline.model.effects.{name.replace('_', '-')} {saved.get(name)}" for name in differing
     )
     raise CheckpointError(
-        f"The checkpoint was trained with other effects: {found}; this run has {run}. "
+        f"The checkpoint was trained with other effects: {trained}; this run has {run}. "
         f"Add `{switches}`, or load a checkpoint of a run like this one."
     )
 

@@ -99,10 +99,13 @@ def _check_groups(optimizers: Optimizers, saved: Mapping[str, Any], source: Path
     unknown = sorted(set(saved) - set(optimizers.optimizers))
     if not lacking and not unknown:
         return
-    found = [f"no optimizer state for {', '.join(lacking)}"] if lacking else []
-    found += [f"state for {', '.join(unknown)}, which this run does not train"] if unknown else []
+    differences = [f"no optimizer state for {', '.join(lacking)}"] if lacking else []
+    differences += (
+        [f"state for {', '.join(unknown)}, which this run does not train"] if unknown else []
+    )
     raise CheckpointError(
-        f"The checkpoint {source} was trained with other effects: it has {' and '.join(found)}. "
+        f"The checkpoint {source} was trained with other effects: it has "
+        f"{' and '.join(differences)}. "
         "Switch on the same --pipeline.model.effects as in that run's config.yml."
     )
 

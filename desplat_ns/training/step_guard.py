@@ -56,11 +56,16 @@ def sum_of_squares(tensors: list[Tensor]) -> Float[Tensor, ""]:
 
 def gradients_of(optimizers: Mapping[str, Optimizer]) -> dict[str, list[Tensor]]:
     """The gradients of a step, by parameter group; groups without any are left out."""
-    found = {
-        name: [p.grad for group in one.param_groups for p in group["params"] if p.grad is not None]
-        for name, one in optimizers.items()
+    by_group = {
+        name: [
+            p.grad
+            for group in optimizer.param_groups
+            for p in group["params"]
+            if p.grad is not None
+        ]
+        for name, optimizer in optimizers.items()
     }
-    return {name: gradients for name, gradients in found.items() if gradients}
+    return {name: gradients for name, gradients in by_group.items() if gradients}
 
 
 @torch.no_grad()
@@ -242,17 +247,17 @@ def check_parameters(
     """
     per_gaussian = set() if strict else model.gaussian_groups()
     groups: dict[str, Sequence[Tensor]] = {
-        name: list(_parameters(one))
-        for name, one in optimizers.optimizers.items()
+        name: list(_parameters(optimizer))
+        for name, optimizer in optimizers.optimizers.items()
         if name not in per_gaussian
     }
     if strict:
         groups = {**groups, **model.view_parameters()}
     bad = [n for n, group in groups.items() if not all(bool(p.isfinite().all()) for p in group)]
-    found = f"The parameters {', '.join(bad)} are not finite" if bad else None
-    if found is None:
-        found = too_many_culled(model.culled_static(), model.num_points)
-    if found is None:
+    fault = f"The parameters {', '.join(bad)} are not finite" if bad else None
+    if fault is None:
+        fault = too_many_culled(model.culled_static(), model.num_points)
+    if fault is None:
         return
     saved = checkpoints_in(folder) if folder.is_dir() else []
     newest = (
@@ -262,7 +267,7 @@ def check_parameters(
         else "There is no earlier checkpoint: start anew"
     )
     raise TrainingError(
-        f"{found} after step {step}, although every loss and gradient was. This state is not "
+        f"{fault} after step {step}, although every loss and gradient was. This state is not "
         f"saved. {newest}, and a lower --optimizers.GROUP.optimizer.lr."
     )
 

@@ -28,13 +28,13 @@ class RealCapture:
 
     def locate(self, folder: Path) -> Path:
         """See `Capture`; nothing is written."""
-        found = Path(os.environ.get(DATA_VARIABLE, "")) / self.name
-        if not found.is_dir():
+        data = Path(os.environ.get(DATA_VARIABLE, "")) / self.name
+        if not data.is_dir():
             raise DeSplatError(
-                f"The capture '{self.name}' is not at '{found}'. Set {DATA_VARIABLE} to the folder "
+                f"The capture '{self.name}' is not at '{data}'. Set {DATA_VARIABLE} to the folder "
                 "that holds it, or choose runs on generated captures: --only '*-yard*'."
             )
-        return found
+        return data
 
     def describe(self) -> Settings:
         """See `Capture`: the folder's name; what lies in it is not read."""

@@ -63,16 +63,16 @@ def named_runs(study: Study, patterns: Sequence[str]) -> list[Run]:
     Raises:
         DeSplatError: a pattern matches none; the message says what is named nearly so.
     """
-    return list(dict.fromkeys(run for one in patterns for run in _runs_of(study, one)))
+    return list(dict.fromkeys(run for pattern in patterns for run in _runs_of(study, pattern)))
 
 
 def _runs_of(study: Study, pattern: str) -> list[Run]:
-    found = [
+    runs = [
         run
         for run in study.plan
         if fnmatch.fnmatch(run.name, pattern) or fnmatch.fnmatch(run.name, f"{pattern}-*")
     ]
-    if not found:
+    if not runs:
         names = [name for run in study.plan for name in (run.name, run.cell)]
         names = list(dict.fromkeys((*names, *study.settings, *study.scenes)))
         near = difflib.get_close_matches(pattern.strip("*-"), names, cutoff=0.0)
@@ -80,7 +80,7 @@ def _runs_of(study: Study, pattern: str) -> list[Run]:
             f"No run of the study is named '{pattern}'. Named nearly so: {', '.join(near)}. A name "
             "is setting-scene-downscale-steps-seed; take '*' for any, as in '*-yard'."
         )
-    return found
+    return runs
 
 
 def wanted_runs(study: Study, patterns: Sequence[str], known: Records) -> dict[Run, str]:
@@ -143,37 +143,39 @@ class Command:
                     else:
                         yield self.study.job(run, data)
 
-            def keep(job: Job, found: Measured | Exception) -> bool:
-                return self._keep(output, runs[job.name], found)
+            def keep(job: Job, outcome: Measured | Exception) -> bool:
+                return self._keep(output, runs[job.name], outcome)
 
             return executor.do(coming(), output, keep) + lost
 
-    def recorded(self, run: Run, found: Measured) -> Record:
+    def recorded(self, run: Run, measured: Measured) -> Record:
         """A run's record: the study's figures, and the settings that today's code resolves."""
 
         def kept(figures: Figures, *more: str) -> Figures:
             names = (*more, *self.study.figures)
             return {name: figures[name] for name in names if name in figures}
 
-        curve = tuple(kept(point, "step") for point in found.curve)
-        where = (found.device, found.backend)
+        curve = tuple(kept(point, "step") for point in measured.curve)
+        where = (measured.device, measured.backend)
         settings = self.study.settings_of(run)
-        return Record(kept(found.figures), found.commit, settings, *where, curve)
+        return Record(kept(measured.figures), measured.commit, settings, *where, curve)
 
-    def _keep(self, output: Path, run: Run, found: Measured | Exception) -> bool:
+    def _keep(self, output: Path, run: Run, outcome: Measured | Exception) -> bool:
         """Record a run's figures and say the first; False if it failed, which is said as well."""
-        if isinstance(found, Measured):
+        if isinstance(outcome, Measured):
             try:
-                records.enter(self.file, run, self.recorded(run, found))
+                records.enter(self.file, run, self.recorded(run, outcome))
             except Exception as error:  # a full disk leaves the other runs
-                found = error
-        if isinstance(found, Exception):
-            log = f"{type(found).__name__}: {found}. Its log, as far as it came: "
-            said = found if isinstance(found, DeSplatError) else f"{log}{log_of(run.name, output)}"
+                outcome = error
+        if isinstance(outcome, Exception):
+            log = f"{type(outcome).__name__}: {outcome}. Its log, as far as it came: "
+            said = (
+                outcome if isinstance(outcome, DeSplatError) else f"{log}{log_of(run.name, output)}"
+            )
             print(f"{run.name}: {said}", file=sys.stderr, flush=True)
             return False
-        first, seconds = self.study.figures[0], found.figures.get("train_cpu_seconds", 0.0)
-        value = found.figures.get(first, float("nan"))
+        first, seconds = self.study.figures[0], outcome.figures.get("train_cpu_seconds", 0.0)
+        value = outcome.figures.get(first, float("nan"))
         print(f"{run.name}: {first} {value:.2f}, {seconds:.0f} s", flush=True)
         return True
 

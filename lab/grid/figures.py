@@ -29,23 +29,25 @@ class Figures:
     def by_seed(self, key: Key) -> dict[int, Measured]:
         """The seeds that were measured with today's settings."""
         runs = {seed: Run(*key, seed) for seed in self.seeds}
-        found = {seed: (run, self.records.get(run.name)) for seed, run in runs.items()}
+        records = {seed: (run, self.records.get(run.name)) for seed, run in runs.items()}
         return {
             seed: (run, record)
-            for seed, (run, record) in found.items()
+            for seed, (run, record) in records.items()
             if record is not None and is_current(record, self.today(run))
         }
 
     def together(self, figure: str, *keys: Key) -> tuple[list[tuple[float, ...]], list[Measured]]:
         """A figure of several runs, for each seed of which all have it; and their records."""
-        found = [self.by_seed(key) for key in keys]
+        by_key = [self.by_seed(key) for key in keys]
         seeds = [
             seed
             for seed in self.seeds
-            if all(seed in one and figure in one[seed][1].figures for one in found)
+            if all(seed in recorded and figure in recorded[seed][1].figures for recorded in by_key)
         ]
-        values = [tuple(float(one[seed][1].figures[figure]) for one in found) for seed in seeds]
-        return values, [one[seed] for seed in seeds for one in found]
+        values = [
+            tuple(float(recorded[seed][1].figures[figure]) for recorded in by_key) for seed in seeds
+        ]
+        return values, [recorded[seed] for seed in seeds for recorded in by_key]
 
     def cell(self, key: Key, figure: str, form: str) -> Cell:
         """Median and range of a figure."""

@@ -87,8 +87,8 @@ def save(path: Path, records: Records) -> None:
     settings = {digest(r.settings): r.settings for r in records.values() if r.settings is not None}
     common = _common(list(settings.values()))
     parts = {
-        key: {name: value for name, value in one.items() if name not in common}
-        for key, one in sorted(settings.items())
+        key: {name: value for name, value in values.items() if name not in common}
+        for key, values in sorted(settings.items())
     }
     entries = {
         name: {
@@ -118,7 +118,7 @@ def _common(settings: list[Settings]) -> Settings:
     return {
         name: value
         for name, value in first.items()
-        if all(name in one and one[name] == value for one in others)
+        if all(name in other and other[name] == value for other in others)
     }
 
 
@@ -128,30 +128,30 @@ def _lines(entries: Mapping[str, Any]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}"
 
 
-def enter(path: Path, run: Run, found: Record) -> None:
+def enter(path: Path, run: Run, record: Record) -> None:
     """Enter what was measured of a run, here or elsewhere; an older record of it is replaced."""
     with _writing:
-        save(path, load(path) | {run.name: found})
+        save(path, load(path) | {run.name: record})
 
 
-def is_current(found: Record, wanted: Settings) -> bool:
+def is_current(record: Record, wanted: Settings) -> bool:
     """Whether a record's settings are known, and those that are wanted."""
-    return found.settings is not None and not changes(found.settings, wanted)
+    return record.settings is not None and not changes(record.settings, wanted)
 
 
 def state_of(study: Study, run: Run, records: Records) -> tuple[State, list[str]]:
     """Whether a run has to be done, and what differs: settings, or the device and the backend."""
-    found = records.get(run.name)
-    if found is None:
+    record = records.get(run.name)
+    if record is None:
         return State.MISSING, []
-    if found.settings is None:
+    if record.settings is None:
         return State.UNKNOWN, []
-    changed = changes(found.settings, study.settings_of(run))
+    changed = changes(record.settings, study.settings_of(run))
     if changed:
         return State.STALE, changed
     wanted = {"device": study.device, "backend": study.backend}
-    elsewhere = [name for name, value in where(found).items() if wanted[name] not in (None, value)]
+    elsewhere = [name for name, value in where(record).items() if wanted[name] not in (None, value)]
     if elsewhere:
         return State.ELSEWHERE, elsewhere
-    is_dirty = found.commit is not None and found.commit.endswith(DIRTY)
+    is_dirty = record.commit is not None and record.commit.endswith(DIRTY)
     return (State.DIRTY if is_dirty else State.DONE), []

@@ -127,37 +127,37 @@ def digest(settings: Settings) -> str:
     return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:12]
 
 
-def differences(found: Settings, wanted: Settings) -> list[str]:
+def differences(recorded: Settings, wanted: Settings) -> list[str]:
     """Names that are not in both, or whose values differ."""
     return sorted(
         name
-        for name in found.keys() | wanted.keys()
-        if (name in found, found.get(name)) != (name in wanted, wanted.get(name))
+        for name in recorded.keys() | wanted.keys()
+        if (name in recorded, recorded.get(name)) != (name in wanted, wanted.get(name))
     )
 
 
-def changes(found: Settings, wanted: Settings) -> list[str]:
+def changes(recorded: Settings, wanted: Settings) -> list[str]:
     """Names of the settings in which a record's are not those that are wanted.
 
     Not counted: what belongs to an effect that is off, or that is switched itself; what the record
     lacks and `NEUTRAL` holds with the value that is wanted; and the scene, where one of the two
     does not say what it is, as records did not at first.
     """
-    found, wanted = of_active_effects(found), of_active_effects(wanted)
-    apart = differences(found, wanted)
+    recorded, wanted = of_active_effects(recorded), of_active_effects(wanted)
+    apart = differences(recorded, wanted)
     prefixes = [
         prefix
         for effect, names in OF_EFFECTS.items()
         if f"{EFFECTS}{effect}" in apart
         for prefix in names
     ]
-    if not all(any(name.startswith(SCENE) for name in one) for one in (found, wanted)):
+    if not all(any(name.startswith(SCENE) for name in settings) for settings in (recorded, wanted)):
         prefixes.append(SCENE)
     return [
         name
         for name in apart
         if not name.startswith(tuple(prefixes))
-        and (name in found or name not in NEUTRAL or wanted[name] != NEUTRAL[name])
+        and (name in recorded or name not in NEUTRAL or wanted[name] != NEUTRAL[name])
     ]
 
 

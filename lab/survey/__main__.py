@@ -28,31 +28,31 @@ SCENES = OUTPUTS / "survey"
 def measure(capture: Capture) -> tuple[Survey, dict[str, Any]]:
     """The survey, and its decisions, figures and CPU seconds."""
     start = time.process_time()
-    found, _ = survey(capture)
+    findings, _ = survey(capture)
     seconds = time.process_time() - start
-    figures = [figure for finding in found.findings for figure in finding.figures]
-    return found, {
-        "decisions": found.decisions(),
-        "confidence": {finding.effect: finding.confidence for finding in found.findings},
+    figures = [figure for finding in findings.findings for figure in finding.figures]
+    return findings, {
+        "decisions": findings.decisions(),
+        "confidence": {finding.effect: finding.confidence for finding in findings.findings},
         "figures": {f.name: round(f.value, 5) if f.is_known else None for f in figures},
         "cpu_seconds": round(seconds, 2),
-        "photos": found.num_surveyed,
+        "photos": findings.num_surveyed,
     }
 
 
 def measure_generated(scene: GeneratedScene, folder: Path) -> dict[str, Any]:
     """The record of one generated scene."""
-    found, record = measure(scene.make(folder))
+    findings, record = measure(scene.make(folder))
     truth = vars(scene.truth)
-    wrong = [effect for effect, value in found.decisions().items() if truth[effect] != value]
+    wrong = [effect for effect, value in findings.decisions().items() if truth[effect] != value]
     grade = {"grade": scene.label, "is_visible": scene.strengths.is_visible}
     return {"name": scene.name, **grade, "truth": truth, "wrong": wrong, **record}
 
 
 def measure_known(capture: Capture, right: Allowed) -> dict[str, Any]:
     """The record of a capture of which some decisions are known to be right."""
-    found, record = measure(capture)
-    decisions = found.decisions()
+    findings, record = measure(capture)
+    decisions = findings.decisions()
     wrong = [effect for effect, allowed in right.items() if decisions[effect] not in allowed]
     return {"wrong": wrong, **record}
 

@@ -152,10 +152,10 @@ def report(
         chosen_names=", ".join(CHOSEN_ON),
         unfamiliar_table=known_table(records["unfamiliar"]),
         right_kept_out=share_right(
-            [one for one in records["unfamiliar"] if not one["chosen_on"]], JUDGED
+            [record for record in records["unfamiliar"] if not record["chosen_on"]], JUDGED
         ),
         right_chosen_on=share_right(
-            [one for one in records["unfamiliar"] if one["chosen_on"]], JUDGED
+            [record for record in records["unfamiliar"] if record["chosen_on"]], JUDGED
         ),
         seen="\n".join(f"- {record['name']}: {record['seen']}." for record in records["real"]),
         seconds=f"{seconds[len(seconds) // 2]:.1f}",
