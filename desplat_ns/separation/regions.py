@@ -185,7 +185,8 @@ def connected(
     weak: Bool[np.ndarray, "rows columns"], strong: Bool[np.ndarray, "rows columns"]
 ) -> Bool[np.ndarray, "rows columns"]:
     """`outlier_regions`, on the host."""
-    count, labels = cv2.connectedComponents(weak.astype(np.uint8), connectivity=8)
+    count, components = cv2.connectedComponents(weak.astype(np.uint8), connectivity=8)
+    labels = np.asarray(components, np.intp)
     areas = np.bincount(labels.ravel(), minlength=count)
     keep = (areas >= MIN_AREA * labels.size) & (np.bincount(labels[strong], minlength=count) > 0)
     keep[0] = False

@@ -81,7 +81,8 @@ def main() -> None:
     grid.do()
     write_table(request.folder, grid.results())
     for name, kept in KEPT.items():
-        kept.write_text((request.folder / name).read_text("utf8"), "utf8")
+        text = (request.folder / name).read_text("utf8")
+        kept.write_text(text.replace(str(Path.home()), "~"), "utf8")
 
 
 if __name__ == "__main__":

@@ -78,8 +78,8 @@ MUTATIONS = (
     Mutation("blending never stops", _BLEND,
              "alpha.masked_fill_(transmittance[:, 1:] <= TRANSMITTANCE_MIN, 0)", "pass", TORCH),
     Mutation("a sign in a moment", _BLEND,
-             "-(uv - x * v - y * u + x * y * one)", "-(uv - x * v + y * u + x * y * one)", TORCH),
-    Mutation("gradient by opacity times opacity", _BLEND, "(one / floor)", "(one * floor)", TORCH),
+             "-(uv - x * v - y * u", "-(uv - x * v + y * u", TORCH),
+    Mutation("gradient by opacity times opacity", _BLEND, "total / floor", "total * floor", TORCH),
     Mutation("alpha not clamped", _BLEND, "opacity.clamp(max=ALPHA_MAX)", "opacity", TORCH),
     # Projection, in torch
     Mutation("low-pass in the determinant", _PROJECT,
