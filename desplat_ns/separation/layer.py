@@ -233,7 +233,7 @@ class DistractorLayer:
             scene = ~own_sky(photo, train_step.static.alpha)
             judged = scene if counted is None else scene & counted
         comparison, train_step.residual_stats = compare(photo, static, stats, judged)
-        if train_step.number >= self.config.static_warmup:  # an outline may run through sky
+        if train_step.number >= self.config.static_warmup:  # skies within a thing's outline are it
             train_step.regions = find_regions(replace(comparison, counted=counted), self.config)
 
     def commit(

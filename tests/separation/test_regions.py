@@ -1,4 +1,4 @@
-"""Regions: two thresholds, specks dropped."""
+"""Regions: two thresholds, gaps and holes closed, specks dropped."""
 
 import pytest
 import torch
@@ -32,10 +32,12 @@ def test_cells_that_touch_at_a_corner_belong_together():
     assert regions(excess)[13:19, 13:19].all()
 
 
-def test_what_does_not_stand_out_is_in_no_region_though_a_region_surrounds_it():
+def test_holes_are_filled_but_not_bays():
     excess = block((5, 25, 5, 25), value=0.9)
     excess[10:18, 10:18] = 0
-    assert torch.equal(regions(excess), excess > 0)
+    assert regions(excess)[5:25, 5:25].all()
+    excess[10:18, 10:] = 0  # now open to the right
+    assert not regions(excess)[12:16, 14:22].any()
 
 
 @pytest.mark.parametrize("edge", ["top", "bottom", "left", "right"])
@@ -48,6 +50,11 @@ def test_regions_at_the_border_stay_as_they_are(edge):
     }
     excess = block(boxes[edge], value=0.9)
     assert torch.equal(regions(excess), excess > 0)
+
+
+def test_a_gap_of_one_cell_is_closed():
+    excess = block((5, 15, 5, 12), (5, 15, 13, 20), value=0.9)
+    assert regions(excess)[6:14, 12].all()
 
 
 def test_specks_are_dropped():
