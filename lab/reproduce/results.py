@@ -17,7 +17,7 @@ from lab.grid.records import Record, Records, is_current, load
 from lab.grid.runs import Run, Study
 from lab.grid.tables import table
 from lab.separation.records import FILE
-from lab.separation.report import NUMBERS_D, NUMBERS_S, README_ROWS
+from lab.separation.report import NUMBERS_D, NUMBERS_S, README_ROWS, STILL
 from lab.separation.runs import CLEAN
 from lab.separation.runs import STUDY as SEPARATION
 from lab.survey.runs import LIT, TRAINING
@@ -85,7 +85,7 @@ def is_twin(scene: str) -> bool:
 def name_of(scene: str) -> str:
     """The capture, with what README calls it."""
     name = scene.removesuffix(CLEAN) if scene != "clean" else "clutter"
-    return README_ROWS.get(name, f"`{name}`")
+    return README_ROWS.get(name, f"`{STILL.get(name, name)}`")
 
 
 def figures_of(runs: Sequence[Record]) -> list[str]:

@@ -31,7 +31,7 @@ FIGURE = "results/separation.png"
 README = CHECKOUT / "README.md"
 README_ROWS = {
     "clutter": "`fox_cluttered`, indoors, 40 photos",
-    "few20": "20 photos of it",
+    "few20": "20 photos of `fox_cluttered`",
     "around": "`monstree_cluttered`, outdoors, 18 photos",
     "castle": "`sceaux_cluttered`, a castle behind a lawn, 8 photos",
     "other-facade8": "generated house behind a lawn, 8 photos",
