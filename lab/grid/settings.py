@@ -97,7 +97,7 @@ NEUTRAL: Mapping[str, Any] = {
 record that lacks such a name is not stale while today's value is this one. Enter a new setting here
 only if a test holds that its value changes nothing; `near_plane` was measured instead: on the
 study's captures it changes no mean PSNR by more than 0.003 dB (1,000 steps); of 18 longer runs one
-changed by 0.24 dB (`around`, docs/results/separation.md)."""
+changed by 0.24 dB (`around`, docs/research/separation_tried.md)."""
 
 
 def settings_of(config: Any) -> Settings:
