@@ -46,6 +46,13 @@ class DeSplatModelConfig(StaticModelConfig):
             run.distractors.lambda_s = 0.0
         return run
 
+    def warmup_of(self, num_views: int) -> tuple[int, int]:
+        """`DistractorConfig.warmup_of` a run; no steps without distractors."""
+        if not self.effects.settled().distractors:
+            return 0, 0
+        scale = self.schedule_scale or 1.0
+        return self.distractors.warmup_of(num_views, self.warmup_length, scale)
+
     def downscale_factor(self, step: int) -> int:
         """As `StaticModelConfig`'s; with a warm-up, small photos are over by the middle of it."""
         warmup = self.distractors.static_warmup if self.effects.settled().distractors else 0

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -24,7 +25,7 @@ from desplat_ns.settings.options import check_finite_options
 from desplat_ns.static_model import StaticModelConfig
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.survey import decided_effects
-from desplat_ns.training.budget import seconds_of
+from desplat_ns.training.budget import Clock, seconds_of
 from desplat_ns.training.checkpoint_files import (
     checkpoint_folder,
     checkpoint_path,
@@ -34,6 +35,7 @@ from desplat_ns.training.checkpoint_files import (
 from desplat_ns.training.checkpoint_record import SceneRecord
 from desplat_ns.training.run_length import (
     GPU_VISITS,
+    early_rate_factor,
     rate_factor,
     schedule_scale,
     steps_for_visits,
@@ -238,6 +240,24 @@ class RunConfig(TrainerConfig):
                 f"with {photos} photos they are meant for {full}."
             )
         return factor
+
+    def early_rates(
+        self, photos: int, raised_by: float, clock: Clock
+    ) -> Callable[[int], float] | None:
+        """What multiplies the rates, `raised_by` so much already, at a step (`early_rate_factor`);
+        None for 1 at all steps, and said where it is not."""
+        warmup, wanted = cast(DeSplatModelConfig, self.pipeline.model).warmup_of(photos)
+        highest = early_rate_factor(0, warmup, wanted)
+        if highest <= raised_by:
+            return None
+        CONSOLE.print(
+            f"Learning rates are {highest:.3g} times as high until step {warmup * clock.scale:.0f},"
+            f" where the warm-up ends with {photos} photos, and fall until step "
+            f"{wanted * clock.scale:.0f}."
+        )
+        return lambda step: max(
+            1.0, early_rate_factor(clock.nominal(step), warmup, wanted) / raised_by
+        )
 
     def saved_run(self) -> SavedRun | None:
         """What --load-checkpoint or --load-dir names. Raises CheckpointError."""

@@ -32,9 +32,9 @@ from desplat_ns.training.checkpoint_files import (
     remove_older,
     save_atomically,
 )
-from desplat_ns.training.optimizers import raised_rates
+from desplat_ns.training.optimizers import SHORT_RUN_GROUPS, raised_rates
 from desplat_ns.training.run_folder import run_folder
-from desplat_ns.training.schedules import checked_schedules, follow
+from desplat_ns.training.schedules import checked_schedules, follow, multiply_rates
 from desplat_ns.training.step_guard import (
     GuardedModel,
     GuardedOptimizers,
@@ -106,13 +106,17 @@ class DeSplatTrainer(Trainer):
             CONSOLE.print(f"Schedules are scaled by {model.clock.scale:g}, for this run's length.")
         steps = config.max_num_iterations if budget is None else budget.state.steps
         photos = len(cast(DeSplatPipeline, self.pipeline).datamanager.train_image_names)
-        raised = raised_rates(config.optimizers, config.rate_factor(photos, steps))
+        raise_by = config.rate_factor(photos, steps)
+        raised = raised_rates(config.optimizers, raise_by)
         groups = self.pipeline.get_param_groups()
         optimizers = GuardedOptimizers(
             checked_schedules(raised), groups, self._may_step, lambda: self._model.view_optimizers()
         )
         for scheduler in optimizers.schedulers.values():
             follow(scheduler, model.clock)
+        early = config.early_rates(photos, raise_by, model.clock)
+        if early is not None:
+            multiply_rates(optimizers, SHORT_RUN_GROUPS, early)
         return optimizers
 
     @property

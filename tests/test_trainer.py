@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 import yaml
@@ -17,6 +18,7 @@ from desplat_ns.method_configs import desplat
 from desplat_ns.trainer import DeSplatTrainerConfig
 from desplat_ns.training.checkpoint_files import checkpoints_in, load_checkpoint
 from tests.helpers.stub_run import (
+    StubModelConfig,
     StubPipeline,
     StubPipelineConfig,
     assert_same,
@@ -90,6 +92,30 @@ def test_rates_are_logged_with_the_other_figures_and_followed_in_every_step(conf
     trainer.train()
     assert logged["learning_rate/means"] == logged["Train Loss"] == [0, 5, 10]
     assert len(set(followed)) == len(followed) == 12
+
+
+def test_rates_are_higher_while_few_photos_warm_up_and_a_resumed_run_knows(config):
+    """Of 24 nominal steps, so of 12, the warm-up has 4 and would have 8: 2 and 4 of the run."""
+    rates: list[list[float]] = []
+
+    def watched(config: DeSplatTrainerConfig) -> None:
+        trainer = set_up(config)
+        groups = [o.param_groups[0] for o in trainer.optimizers.optimizers.values()]
+        trainer.pipeline.at_step = lambda step: rates.append([g["lr"] for g in groups])
+        trainer.train()
+
+    def higher() -> StubPipelineConfig:
+        return StubPipelineConfig(model=StubModelConfig(warmup=(4, 8)))
+
+    decay = [1e-2 * 10 ** (-step / 6) for step in range(12)]
+    factors = [2.0, 2.0, 2.0, 8 / 6] + 8 * [1.0]
+    wanted = [[d * f, 1e-2 * f] for d, f in zip(decay, factors, strict=True)]
+    watched(dataclasses.replace(config, timestamp="straight", pipeline=higher()))
+    assert np.array(rates) == pytest.approx(np.array(wanted), rel=1e-12)
+    rates.clear()
+    train(dataclasses.replace(config, max_num_iterations=3, pipeline=higher()))
+    watched(dataclasses.replace(resumed(config), pipeline=higher()))
+    assert np.array(rates) == pytest.approx(np.array(wanted[3:]), rel=1e-12)
 
 
 def test_the_options_of_a_resumed_run_set_its_rates(config):

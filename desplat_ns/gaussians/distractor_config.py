@@ -130,30 +130,32 @@ class DistractorConfig:
             "opacities": self.opacities_lr,
         }
 
+    def warmup_of(self, num_views: int, unrefined: int, scale: float = 1.0) -> tuple[int, int]:
+        """Length of the warm-up in a run, and what it would be if `max_warmup_visits` did not end
+        it; both in nominal steps, of which a step of the run makes 1 / `scale`.
+
+        It has at most `shaping_steps` after the static set's `unrefined` first steps, or
+        `min_warmup_visits` visits of each view if that is longer.
+        """
+        shaped = unrefined + self.shaping_steps / scale
+        longer = max(shaped, self.min_warmup_visits * num_views / scale)
+        wanted = min(self.static_warmup, round(longer))
+        return min(wanted, round(self.max_warmup_visits * num_views / scale)), wanted
+
     def for_views(
         self, num_views: int, refine_every: int, unrefined: int, scale: float = 1.0
     ) -> DistractorConfig:
-        """A copy whose warm-up and interval between refinements suit the number of training views;
-        both are in nominal steps, of which a step of the run makes 1 / `scale`.
+        """A copy whose warm-up (`warmup_of`) and interval between refinements suit the number of
+        training views; both are in nominal steps, of which a step of the run makes 1 / `scale`.
 
-        The warm-up has at most `shaping_steps` after the static set's `unrefined` first steps, or
-        `min_warmup_visits` visits of each view if that is longer, and never more than
-        `max_warmup_visits`. The interval is at least that of the static set, `refine_every`, and
-        what `refine_visits` and `max_refinements` ask.
+        The interval is at least that of the static set, `refine_every`, and what `refine_visits`
+        and `max_refinements` ask.
         """
-        shaped = max(
-            unrefined + self.shaping_steps / scale, self.min_warmup_visits * num_views / scale
-        )
-        most = round(min(self.max_warmup_visits * num_views / scale, shaped))
-        warmup = min(self.static_warmup, most)
+        warmup, _ = self.warmup_of(num_views, unrefined, scale)
         every = round(max(self.refine_every, refine_every, self.refine_visits * num_views) / scale)
         if self.max_refinements > 0:
             every = max(every, math.ceil((self.stop_densify_at - warmup) / self.max_refinements))
-        return replace(
-            self,
-            refine_every=every,
-            static_warmup=warmup,
-        )
+        return replace(self, refine_every=every, static_warmup=warmup)
 
 
 def check_options(config: DistractorConfig) -> None:

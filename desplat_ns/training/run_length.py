@@ -68,6 +68,20 @@ def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
     return min(MOST_RATE_FACTOR, max(1.0, full / steps))
 
 
+def early_rate_factor(step: int, warmup: int, wanted: int) -> float:
+    """Factor, 1 to `MOST_RATE_FACTOR`, on the learning rates at a step of a run whose warm-up ends
+    before it has as many steps as a scene needs to take shape.
+
+    Few photos have been seen often by then, and what is not learned yet is left out. So rates are
+    as much higher as the warm-up is shorter, and fall until the step at which it would have ended.
+
+    Args:
+        warmup: steps of the warm-up.
+        wanted: steps that it would have with more photos.
+    """
+    return min(MOST_RATE_FACTOR, max(1.0, wanted / max(step, warmup, 1)))
+
+
 def steps_between_refinements(
     num_views: int, densification: int, refinements: int, at_most: int
 ) -> int:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
 from nerfstudio.utils.rich_utils import CONSOLE
 from torch.optim.lr_scheduler import LambdaLR, LRScheduler
@@ -53,6 +54,29 @@ def follow(scheduler: LRScheduler, clock: Clock) -> None:
     curves: list[Any] = list(scheduler.lr_lambdas)
     scheduler.lr_lambdas = [_read_at(clock, curve) for curve in curves]
     set_position(scheduler, scheduler.last_epoch)
+
+
+def multiply_rates(
+    optimizers: Optimizers, groups: Iterable[str], factor: Callable[[int], float]
+) -> None:
+    """Multiply the rates of `groups` by a factor of the run's step, whatever else they follow."""
+    for name in groups:
+        optimizer = optimizers.optimizers.get(name)
+        if optimizer is None:
+            continue
+        if name not in optimizers.schedulers:
+            optimizers.schedulers[name] = LambdaLR(optimizer, lambda step: 1.0)
+        scheduler = optimizers.schedulers[name]
+        if isinstance(scheduler, LambdaLR):
+            curves: list[Any] = list(scheduler.lr_lambdas)
+            scheduler.lr_lambdas = [_product(curve, factor) for curve in curves]
+            set_position(scheduler, scheduler.last_epoch)
+
+
+def _product(
+    curve: Callable[[int], float], factor: Callable[[int], float]
+) -> Callable[[int], float]:
+    return lambda step: curve(step) * factor(step)
 
 
 def _read_at(clock: Clock, curve: Callable[[int], float]) -> Callable[[int], float]:

@@ -186,3 +186,11 @@ def test_a_long_run_does_not_warm_up_for_more_than_some_visits_of_each_view():
     assert short.static_warmup == 6000
     assert long.static_warmup == 600
     assert DistractorConfig().for_views(40, 100, 500).static_warmup == 0
+
+
+def test_a_warm_up_says_how_long_it_would_be_if_visits_did_not_end_it():
+    config = DistractorConfig(static_warmup=6000, max_warmup_visits=15, min_warmup_visits=8)
+    assert config.warmup_of(8, 500, 0.1) == (1200, 3000)  # of 120 steps and 50 + 250
+    assert config.warmup_of(20, 500, 0.1) == (3000, 3000)
+    assert config.warmup_of(8, 500, 0.02) == (6000, 6000)  # a run of 600 steps
+    assert DistractorConfig().warmup_of(8, 500, 0.1) == (0, 0)

@@ -130,6 +130,10 @@ class StubModelConfig:
 
     schedule_scale: float | None = None
     backend: str = "torch"
+    warmup: tuple[int, int] = (0, 0)
+
+    def warmup_of(self, num_views: int) -> tuple[int, int]:
+        return self.warmup
 
 
 @dataclass

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from desplat_ns.errors import ConfigError
 from desplat_ns.training.run_length import (
     MOST_RATE_FACTOR,
+    early_rate_factor,
     rate_factor,
     schedule_scale,
     steps_for_visits,
@@ -36,6 +37,13 @@ def test_rates_are_raised_where_photos_are_seen_seldom_and_nowhere_else():
     assert rate_factor(40, 10, 0.0) == 1.0
     assert rate_factor(8, 1_000, 100.0) == 4.0  # few photos take as many steps as 40
     assert rate_factor(80, 4_000, 100.0) == 2.0
+
+
+def test_rates_are_as_much_higher_as_the_warm_up_is_shorter_until_it_would_have_ended():
+    at = {0: 2.5, 120: 2.5, 150: 2.0, 299: 300 / 299, 300: 1.0, 3_000: 1.0}
+    assert {step: early_rate_factor(step, 120, 300) for step in at} == at
+    assert early_rate_factor(0, 10, 300) == MOST_RATE_FACTOR
+    assert early_rate_factor(0, 300, 300) == early_rate_factor(0, 0, 0) == 1.0
 
 
 @given(views=st.integers(0, 5_000), steps=st.integers(1, 10**6), more=st.integers(0, 10**6))
