@@ -11,7 +11,7 @@ from typing import Any
 
 from desplat_ns.survey import background, distractors, findings, light
 from lab.documents import RECORDS, RESULTS
-from lab.grid.figures import Figures, Reference
+from lab.grid.figures import Figures, Reference, spread
 from lab.grid.records import Records, load
 from lab.grid.sources import Cell
 from lab.survey.runs import SCENES, SEEDS, STEPS, STUDY, TRAINING, downscale_of, settings_on
@@ -90,7 +90,8 @@ SETTING_NAMES = ("`auto`", "nothing on", "everything on", "`camera` given")
 
 
 def training_table(trained: Records, today: Reference) -> str:
-    """One row for each scene: PSNR and seconds of each setting."""
+    """One row for each scene: PSNR and seconds of each setting, and by how much the survey's choice
+    is below the best of them."""
     figures = Figures(trained, today, SEEDS)
     rows: list[list[str | Cell]] = []
     for scene in SCENES:
@@ -101,8 +102,11 @@ def training_table(trained: Records, today: Reference) -> str:
         for key in keys:
             cells.append(figures.cell(key, "psnr", ".2f"))
             cells.append(figures.cell(key, "train_cpu_seconds", ".0f"))
-        rows.append(cells + ["", ""] * (len(SETTING_NAMES) - len(keys)))
-    head = [word for name in SETTING_NAMES for word in (name, "")]
+        values, measured = figures.together("psnr", *filter(figures.has, keys))
+        lost = spread([max(row) - row[0] for row in values], ".2f") if figures.has(keys[0]) else ""
+        blank = ["", ""] * (len(SETTING_NAMES) - len(keys))
+        rows.append([*cells, *blank, Cell(lost, tuple(measured))])
+    head = [*(word for name in SETTING_NAMES for word in (name, "")), "lost by the choice"]
     return figures.table(["right halves, dB and CPU s", *head], rows)
 
 

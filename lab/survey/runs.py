@@ -52,10 +52,11 @@ SCENES = {
         ("fox_relit", ("colmap",)),
         ("monstree", ("colmap",)),
         ("monstree_cluttered", CLUTTERED),
+        ("sceaux_cluttered", CLUTTERED),
         ("sacre_coeur", ("photo-tourism-data",)),
     )
 }
-LIT = ("fox_relit", "sacre_coeur")
+LIT = ("fox_relit", "sceaux_cluttered", "sacre_coeur")
 """Scenes whose photos have a light of their own."""
 
 STEPS, SEEDS = 1000, (42, 43, 44)
