@@ -153,7 +153,7 @@ def test_one_pixel_shows_haze_with_one_loss_and_none_with_placed_distractors():
     paper, *_, placed = (one_pixel.simulate(rules, 1500) for rules in one_pixel.RULES)
     assert paper.haze[-1] > 0.04
     assert placed.haze[-1] == 0
-    assert placed.found[-1] > 0.5 > paper.found[-1]
+    assert placed.cover[-1] > 0.5 > paper.cover[-1]
     assert placed.error[-1] < 0.02
 
 
