@@ -35,8 +35,8 @@ def read_results(path: Path) -> dict[str, Any]:
 
 def _outcome(case: ElementTree.Element) -> tuple[str, str]:
     for tag, kind in (("failure", "failed"), ("error", "error"), ("skipped", "skipped")):
-        found = case.find(tag)
-        if found is not None:
-            said = without_places(found.get("message") or "").strip().splitlines()
+        element = case.find(tag)
+        if element is not None:
+            said = without_places(element.get("message") or "").strip().splitlines()
             return kind, said[0][:300] if said else ""
     return "passed", ""

@@ -90,7 +90,7 @@ class Option:
 
 def meanings(owner: type) -> dict[str, str]:
     """What the docstrings below the fields of a dataclass say, those of its ancestors included."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for base in reversed(owner.__mro__):
         if not is_dataclass(base) or base.__module__.split(".")[0] != OURS:
             continue
@@ -100,8 +100,8 @@ def meanings(owner: type) -> dict[str, str]:
             if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
                 name, value = field.target, text.value
                 if isinstance(name, ast.Name) and isinstance(value, ast.Constant):
-                    found[name.id] = " ".join(str(value.value).split())
-    return found
+                    texts[name.id] = " ".join(str(value.value).split())
+    return texts
 
 
 def options(config: Any, prefix: str = "--") -> Iterator[Option]:
@@ -110,14 +110,14 @@ def options(config: Any, prefix: str = "--") -> Iterator[Option]:
     Args:
         config: a dataclass of `ns-train`'s, or a part of it.
     """
-    told = meanings(type(config))
+    docs = meanings(type(config))
     for field in fields(config):
         value = getattr(config, field.name)
         name = f"{prefix}{field.name.replace('_', '-')}"
         if is_dataclass(value) and field.name != "dataparser" and _holds_ours(value):
             yield from options(value, f"{name}.")
-        elif field.name in told and field.name != "dataparser" and told[field.name] != UNUSED:
-            yield Option(name, value, told[field.name])
+        elif field.name in docs and field.name != "dataparser" and docs[field.name] != UNUSED:
+            yield Option(name, value, docs[field.name])
 
 
 def _holds_ours(config: Any) -> bool:
@@ -127,14 +127,14 @@ def _holds_ours(config: Any) -> bool:
 
 def arguments(owner: type) -> Iterator[Option]:
     """The arguments of a command."""
-    told = meanings(owner)
+    docs = meanings(owner)
     for field in fields(owner):
         name = field.name.replace("_", "-")
         if is_dataclass(field.default_factory):
             continue
         positional = "Positional" in str(field.type)
         default = _default(field)
-        yield Option(name.upper() if positional else f"--{name}", default, told.get(field.name, ""))
+        yield Option(name.upper() if positional else f"--{name}", default, docs.get(field.name, ""))
 
 
 def _default(field: Field[Any]) -> Any:
@@ -162,12 +162,12 @@ def table(rows: list[Option], others: Mapping[str, Any] | None = None) -> str:
     """
     heads = ["option", "default", "meaning"] if others is None else list(HEADS)
     lines = [heads, ["---"] * len(heads)]
-    for one in rows:
-        meaning = one.meaning.replace("|", r"\|")
-        cells = [f"`{one.name}`", in_words(one.default)]
+    for option in rows:
+        meaning = option.meaning.replace("|", r"\|")
+        cells = [f"`{option.name}`", in_words(option.default)]
         if others is not None:
-            other = others.get(one.name, one.default)
-            cells.append("" if other == one.default else in_words(other))
+            other = others.get(option.name, option.default)
+            cells.append("" if other == option.default else in_words(other))
         lines.append([*cells, meaning])
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
@@ -175,15 +175,15 @@ def table(rows: list[Option], others: Mapping[str, Any] | None = None) -> str:
 def methods_table() -> str:
     """The registered methods in their own words."""
     lines = ["| method | what it is |", "| --- | --- |"]
-    lines += [f"| `{one.config.method_name}` | {one.description} |" for one in METHODS]
+    lines += [f"| `{method.config.method_name}` | {method.description} |" for method in METHODS]
     return "\n".join(lines)
 
 
 def training_table(part: str) -> str:
     """The options of `ns-train` whose names begin so, and those of the run itself for `--`."""
-    paper = {one.name: one.default for one in options(method_configs.desplat_paper.config)}
+    paper = {option.name: option.default for option in options(method_configs.desplat_paper.config)}
     ours = options(method_configs.desplat.config)
-    return table([one for one in ours if _part_of(one.name) == part], paper)
+    return table([option for option in ours if _part_of(option.name) == part], paper)
 
 
 def _part_of(name: str) -> str:

@@ -88,7 +88,7 @@ def part_imports() -> dict[str, set[str]]:
     parts: dict[str, set[str]] = {}
     for module, imported in module_imports().items():
         part = part_of(module)
-        parts.setdefault(part, set()).update(part_of(one) for one in imported)
+        parts.setdefault(part, set()).update(part_of(name) for name in imported)
     parts.pop("", None)
     return {part: imported - {part, ""} for part, imported in parts.items()}
 
@@ -109,11 +109,11 @@ def direct(imports: Mapping[str, set[str]]) -> Iterator[tuple[str, str]]:
     """The arrows of a picture: imports that do not follow from two others in a row."""
 
     def reach(part: str) -> set[str]:
-        return imports[part].union(*(reach(one) for one in imports[part]))
+        return imports[part].union(*(reach(other) for other in imports[part]))
 
     for part, imported in sorted(imports.items()):
-        by_others = set().union(*(reach(one) for one in imported))
-        yield from ((part, one) for one in sorted(imported - by_others))
+        by_others = set().union(*(reach(other) for other in imported))
+        yield from ((part, other) for other in sorted(imported - by_others))
 
 
 def places() -> dict[str, tuple[float, float]]:

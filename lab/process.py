@@ -56,12 +56,12 @@ def aligned(
 
 def compare(capture: Path, known: Path) -> Comparison:
     """How far the camera centres of a capture are from those of a known model."""
-    found, wanted = centres_of(capture / "sparse" / "0"), centres_of(known)
-    names = sorted(set(found) & set(wanted))
+    ours, wanted = centres_of(capture / "sparse" / "0"), centres_of(known)
+    names = sorted(set(ours) & set(wanted))
     there = np.stack([wanted[name] for name in names])
-    off = np.linalg.norm(aligned(np.stack([found[name] for name in names]), there) - there, axis=1)
+    off = np.linalg.norm(aligned(np.stack([ours[name] for name in names]), there) - there, axis=1)
     extent = np.linalg.norm(there[:, None] - there[None], axis=-1).max()
-    missing = tuple(sorted(set(wanted) - set(found)))
+    missing = tuple(sorted(set(wanted) - set(ours)))
     worst = int(off.argmax())
     shares = off / extent
     return Comparison(
@@ -80,11 +80,11 @@ def main() -> None:
     """Process, then compare."""
     photos, known, output, *options = sys.argv[1:]
     run(tyro.cli(Request, args=[photos, output, *options]))
-    told = compare(Path(output), Path(known))
+    fit = compare(Path(output), Path(known))
     print(
-        f"{told.num_known - len(told.missing)} of the {told.num_known} known photos have a pose"
-        f"{': missing ' + ', '.join(told.missing) if told.missing else ''}. Camera centres are "
-        f"{told.median:.2%} (median) and {told.largest:.2%} (largest, {told.worst}) of the extent "
+        f"{fit.num_known - len(fit.missing)} of the {fit.num_known} known photos have a pose"
+        f"{': missing ' + ', '.join(fit.missing) if fit.missing else ''}. Camera centres are "
+        f"{fit.median:.2%} (median) and {fit.largest:.2%} (largest, {fit.worst}) of the extent "
         "from the known ones."
     )
 

@@ -62,7 +62,7 @@ class Synchronisations:
 
     def __init__(self, left_out: tuple[str, ...] = ("desplat_ns.backend", "torch.optim")):
         """`left_out`: names of packages; whatever they call is left out."""
-        self.found: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()
         self._left_out = left_out
         self._muted = 0
         self._modes = ExitStack()
@@ -70,7 +70,7 @@ class Synchronisations:
     @property
     def total(self) -> int:
         """How many there were."""
-        return self.found.total()
+        return self.counts.total()
 
     def __enter__(self) -> Synchronisations:
         self._modes.enter_context(_Functions(self))
@@ -84,7 +84,7 @@ class Synchronisations:
         """Count one, unless a part that is left out has called it."""
         where = None if self._muted else _place(sys._getframe(1), self._left_out)
         if where is not None:
-            self.found[f"{what} in {where}"] += 1
+            self.counts[f"{what} in {where}"] += 1
 
     def muted(self, call: Callable[[], Any]) -> Any:
         """The result of a call in which nothing counts."""
@@ -96,7 +96,7 @@ class Synchronisations:
 
     def report(self) -> str:
         """A line for each place, the most frequent first."""
-        return "\n".join(f"{count} x {what}" for what, count in self.found.most_common())
+        return "\n".join(f"{count} x {what}" for what, count in self.counts.most_common())
 
 
 def synchronisations_of(trainer: Trainer, step: int) -> Synchronisations:
@@ -127,22 +127,22 @@ class Launches(TorchDispatchMode):
 
     def __init__(self, device: str = "cuda") -> None:
         super().__init__()
-        self.found: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()
         self._device = device
 
     @property
     def total(self) -> int:
         """How many there were."""
-        return self.found.total()
+        return self.counts.total()
 
     def __torch_dispatch__(self, func, types, args=(), kwargs=None):  # type: ignore[override]
         out = func(*args, **(kwargs or {}))
         name, returns = func.overloadpacket.__name__, func._schema.returns
-        is_view = any(one.alias_info is not None and not one.alias_info.is_write for one in returns)
+        is_view = any(ret.alias_info is not None and not ret.alias_info.is_write for ret in returns)
         made = [t.device.type for t in tree_leaves(out) if isinstance(t, Tensor)]
         is_work = not is_view and name not in NO_WORK
         if self._device in made and is_work:
-            self.found[name] += 1
+            self.counts[name] += 1
         return out
 
 
@@ -185,7 +185,7 @@ def _wait_of(func: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> str | 
         return READS[name]
     if name in ("index", "index_put", "index_put_", "_index_put_impl_"):
         masks = (torch.bool, torch.uint8)
-        if any(one is not None and one.dtype in masks for one in args[1]):
+        if any(index is not None and index.dtype in masks for index in args[1]):
             return "elements of a mask are counted"
     sized = "output_size" in kwargs and kwargs["output_size"] is not None
     return "elements are counted" if name == "repeat_interleave" and not sized else None
@@ -193,13 +193,13 @@ def _wait_of(func: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> str | 
 
 def _place(frame: FrameType | None, left_out: tuple[str, ...]) -> str | None:
     """Module, function and line that called, None where a package of `left_out` did."""
-    found = None
+    place = None
     while frame is not None:
         module = frame.f_globals.get("__name__", "")
         if module.startswith(left_out):
             return None
         own = module == __name__ or module.split(".")[0] in UPSTREAM
-        if found is None and not own:
-            found = f"{module}.{frame.f_code.co_name}, line {frame.f_lineno}"
+        if place is None and not own:
+            place = f"{module}.{frame.f_code.co_name}, line {frame.f_lineno}"
         frame = frame.f_back
-    return found or "torch"
+    return place or "torch"

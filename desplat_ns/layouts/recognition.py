@@ -50,13 +50,13 @@ class Recognition:
         """What was found, what reads it, and what to type for another reading."""
         layout = self.match.layout
         line = (
-            f"Capture {self.data} has the layout of {layout.name}: {self.match.evidence.found}. "
+            f"Capture {self.data} has the layout of {layout.name}: {self.match.evidence.summary}. "
             f"It is read by {layout.parser}."
         )
         for other in self.others:
             line += (
-                f" Also found: {other.evidence.found}; to read that instead, end the command with "
-                f"`{' '.join(other.words)}`."
+                f" Also found: {other.evidence.summary}; to read that instead, end the command "
+                f"with `{' '.join(other.words)}`."
             )
         return line
 

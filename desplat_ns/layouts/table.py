@@ -47,7 +47,7 @@ IMAGES = DeSplatColmapDataParserConfig().images_path
 class Evidence:
     """Why a folder is taken for a layout."""
 
-    found: str
+    summary: str
     """What lies there, as part of a sentence."""
     options: Mapping[str, Any] = field(default_factory=dict)
     """Options of the dataparser that it calls for."""

@@ -42,10 +42,10 @@ def neighbours(poses: Float[Tensor, "V 3 4"]) -> list[tuple[int, int]]:
     return [(i, j) for i, j in pairs.unique(dim=0).tolist()]
 
 
-def halfway(one: Float[Tensor, "3 4"], other: Float[Tensor, "3 4"]) -> Float[Tensor, "3 4"]:
+def halfway(start: Float[Tensor, "3 4"], end: Float[Tensor, "3 4"]) -> Float[Tensor, "3 4"]:
     """The pose in the middle of two: of their places, and of the turn from one to the other."""
-    ends = (pose.cpu().double().numpy() for pose in (one, other))
-    return torch.as_tensor(get_interpolated_poses(*ends, steps=3)[1]).to(one)
+    ends = (pose.cpu().double().numpy() for pose in (start, end))
+    return torch.as_tensor(get_interpolated_poses(*ends, steps=3)[1]).to(start)
 
 
 def allowed_views(cameras: Cameras) -> Iterator[View]:
@@ -83,6 +83,6 @@ def seen_by_any(
             shape = rest.means, rest.quats, rest.scales
             shown &= stands_clear(*shape, view, start, near_plane)
         unseen = unseen[~shown]
-    seen = torch.ones(len(splats.means), dtype=torch.bool, device=splats.means.device)
-    seen[unseen] = False
-    return seen
+    is_seen = torch.ones(len(splats.means), dtype=torch.bool, device=splats.means.device)
+    is_seen[unseen] = False
+    return is_seen

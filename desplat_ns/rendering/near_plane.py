@@ -32,8 +32,8 @@ def sampled(points: Float[Tensor, "P 3"], most: int = MAX_POINTS) -> Float[Tenso
 def scene_start(points: Float[Tensor, "P 3"], view: View) -> float:
     """Depth at which the points in a view start, world units; 0 where it shows none."""
     u, v, depth = image_points(points, view)
-    seen = (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
-    return float(depth[seen].quantile(NEAREST_QUANTILE)) if bool(seen.any()) else 0.0
+    visible = (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
+    return float(depth[visible].quantile(NEAREST_QUANTILE)) if bool(visible.any()) else 0.0
 
 
 @torch.no_grad()

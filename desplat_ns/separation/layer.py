@@ -131,7 +131,7 @@ class DistractorLayer:
         if train_step.distractors is None:
             return {}
         optimizers = self.gaussians.views[train_step.index].optimizers
-        return {f"distractor_{name}": one for name, one in optimizers.items()}
+        return {f"distractor_{name}": optimizer for name, optimizer in optimizers.items()}
 
     def training_outputs(
         self, train_step: TrainStep, image: Float[Tensor, "H W 3"], rgb: Float[Tensor, "H W 3"]

@@ -33,14 +33,14 @@ third."""
 
 def about_few_views(num_views: int) -> str:
     """What a user is told who trains on fewer than `FEW_VIEWS` photos."""
-    found = f"There are {num_views} training photos. What is in the way is told from the scene by "
+    start = f"There are {num_views} training photos. What is in the way is told from the scene by "
     if num_views <= LEAST_VIEWS:
         return (
-            f"{found}what most photos of a place show: {LEAST_VIEWS + 1} at least. So distractors "
+            f"{start}what most photos of a place show: {LEAST_VIEWS + 1} at least. So distractors "
             "cannot be judged, and none is placed. Add photos, or mask what is in the way."
         )
     return (
-        f"{found}what most photos of a place show, and with fewer than {FEW_VIEWS} that is easily "
+        f"{start}what most photos of a place show, and with fewer than {FEW_VIEWS} that is easily "
         "wrong. Look at the distractor masks before trusting them; more photos help."
     )
 

@@ -137,18 +137,18 @@ def find_regions(comparison: Comparison, config: DistractorConfig) -> Bool[Tenso
         _floats(*rules, statement.DETAIL_NOISE, statement.MOST_CONTRAST),
         *(kinds, colors),
     )
-    kinds, found = kinds.reshape(rows, columns), torch.zeros(rows, columns, dtype=torch.bool)
+    kinds, regions = kinds.reshape(rows, columns), torch.zeros(rows, columns, dtype=torch.bool)
     inside = statement.connected(kinds > 0, kinds == 2)
     filled = inside.any(axis=1).nonzero()[0]
     if len(filled) == 0:
-        return found
+        return regions
     _launch(
         "outline",
         *(colors, inside.ravel().astype(np.float64), (rows, columns)),
         *(statement.OUTLINE_WINDOW // 2, statement.OUTLINE_NOISE),
-        *((int(filled[0]), int(filled[-1]) + 1), found),
+        *((int(filled[0]), int(filled[-1]) + 1), regions),
     )
-    return found if counted is None else found & counted
+    return regions if counted is None else regions & counted
 
 
 def _floats(*numbers: float | int) -> tuple[np.float32, ...]:

@@ -74,12 +74,12 @@ class EffectsConfig:
             )
         return Effects(**{k: value for k, value in self._given().items() if value is not None})
 
-    def decided(self, found: Effects) -> EffectsConfig:
-        """A copy in which `found` stands for what is not given."""
+    def decided(self, surveyed: Effects) -> EffectsConfig:
+        """A copy in which `surveyed` stands for what is not given."""
         effects = replace(self, auto=False)
         for name, value in self._given().items():
             if value is None:
-                setattr(effects, name, getattr(found, name))
+                setattr(effects, name, getattr(surveyed, name))
         return effects
 
     def _given(self) -> dict[str, Any]:

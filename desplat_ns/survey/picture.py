@@ -25,7 +25,7 @@ SKY = np.array([40, 110, 255])
 
 def evidence_picture(evidence: Evidence) -> UInt8[np.ndarray, "H W 3"]:
     """Rows as in `ROWS`; columns are photos evenly spread, with the one most covered among them."""
-    observations = evidence.seen
+    observations = evidence.observations
     count = len(observations.views)
     chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_COLUMNS)).round().astype(int))
     worst = int(evidence.disagreement.is_covered.sum(axis=1).argmax())
@@ -61,7 +61,7 @@ def _row(title: str, pictures: list[np.ndarray]) -> np.ndarray:
 
 
 def _without_light(evidence: Evidence, row: int) -> np.ndarray:
-    photo = evidence.seen.photos[row]
+    photo = evidence.observations.photos[row]
     height, width = photo.shape[:2]
     places = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
     neutral = evidence.light.neutral(row, photo / 255.0, from_middle((width, height), places))
@@ -69,7 +69,7 @@ def _without_light(evidence: Evidence, row: int) -> np.ndarray:
 
 
 def _with_points(evidence: Evidence, row: int) -> np.ndarray:
-    disagreement, photo = evidence.disagreement, evidence.seen.photos[row]
+    disagreement, photo = evidence.disagreement, evidence.observations.photos[row]
     pale = (photo // 2 + 110).astype(np.uint8)
     radius = max(1, round(max(photo.shape[:2]) / 160))
     for which, color in (
@@ -77,13 +77,13 @@ def _with_points(evidence: Evidence, row: int) -> np.ndarray:
         (disagreement.disagrees[row] & ~disagreement.is_covered[row], DISAGREES),
         (disagreement.is_covered[row], COVERED),
     ):
-        for x, y in evidence.seen.places[row, which]:
+        for x, y in evidence.observations.places[row, which]:
             cv2.circle(pale, (int(x), int(y)), radius, color, -1, cv2.LINE_AA)
     return pale
 
 
 def _with_sky(evidence: Evidence, row: int) -> np.ndarray:
-    photo, sky = evidence.seen.photos[row], evidence.skies.get(row)
+    photo, sky = evidence.observations.photos[row], evidence.skies.get(row)
     if sky is None:
         return photo
     size = photo.shape[1], photo.shape[0]

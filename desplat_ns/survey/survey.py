@@ -28,7 +28,7 @@ FILE = "survey.json"
 class Evidence:
     """What the findings were made from, for pictures."""
 
-    seen: Observations
+    observations: Observations
     light: PhotoLight
     disagreement: Disagreement
     skies: dict[int, Sky]

@@ -57,10 +57,10 @@ def run(scene: str, budget: str, beside: str) -> Kept:
 
 def enter(kept: Kept) -> None:
     """Add a run to the file, in place of an earlier one of the same kind."""
-    found = [Kept(**one) for one in json.loads(FILE.read_text("utf8"))] if FILE.exists() else []
+    runs = [Kept(**run) for run in json.loads(FILE.read_text("utf8"))] if FILE.exists() else []
     same = (kept.scene, kept.budget, kept.beside)
-    others = [one for one in found if (one.scene, one.budget, one.beside) != same]
-    FILE.write_text(json.dumps([asdict(one) for one in (*others, kept)], indent=1) + "\n", "utf8")
+    others = [run for run in runs if (run.scene, run.budget, run.beside) != same]
+    FILE.write_text(json.dumps([asdict(run) for run in (*others, kept)], indent=1) + "\n", "utf8")
 
 
 def main() -> None:

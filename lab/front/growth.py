@@ -139,12 +139,12 @@ def save(growth: Growth, path: Path = FILE) -> None:
 
 def load(path: Path = FILE) -> Growth:
     """Read the records."""
-    found = json.loads(path.read_text("utf8"))
+    content = json.loads(path.read_text("utf8"))
     points = [
-        Point(**one | {"size": Size(**one["size"]), "cpu_ms": tuple(one["cpu_ms"])})
-        for one in found["points"]
+        Point(**point | {"size": Size(**point["size"]), "cpu_ms": tuple(point["cpu_ms"])})
+        for point in content["points"]
     ]
-    return Growth(found["machine"], found["commit"], tuple(points))
+    return Growth(content["machine"], content["commit"], tuple(points))
 
 
 def main() -> None:

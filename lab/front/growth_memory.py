@@ -27,7 +27,7 @@ def measure_peak(size: Size, like: Size | None) -> float | None:
     Args:
         like: see `WholeStep`.
     """
-    texts = [json.dumps(None if one is None else asdict(one)) for one in (size, like)]
+    texts = [json.dumps(None if scene is None else asdict(scene)) for scene in (size, like)]
     done = subprocess.run(
         [sys.executable, "-m", "lab.front.growth_memory", *texts],
         env=surroundings(**ONE_THREAD),
@@ -48,7 +48,7 @@ def train(size: Size, like: Size | None) -> None:
 
 def main(texts: list[str]) -> None:
     """Entry point."""
-    size, like = (None if one is None else Size(**one) for one in map(json.loads, texts))
+    size, like = (None if fields is None else Size(**fields) for fields in map(json.loads, texts))
     assert size is not None
     train(TINY, None)
     try:

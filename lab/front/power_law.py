@@ -84,9 +84,9 @@ def exponent_range(x: Sequence[float], samples: Sequence[Sequence[float]]) -> tu
         samples: measurements at each x; medians of as many, drawn anew from them, are fitted.
     """
     rng = np.random.default_rng(0)
-    found = []
+    exponents = []
     for _ in range(RESAMPLED):
-        drawn = [np.median(rng.choice(one, len(one))) for one in samples]
-        found.append(fit(x, [float(y) for y in drawn]).exponent)
-    low, high = np.percentile(found, MIDDLE)
+        drawn = [np.median(rng.choice(measured, len(measured))) for measured in samples]
+        exponents.append(fit(x, [float(y) for y in drawn]).exponent)
+    low, high = np.percentile(exponents, MIDDLE)
     return float(low), float(high)

@@ -47,7 +47,7 @@ def front_table(records: Records, today: Reference, scenes: tuple[str, ...]) -> 
     figures = Figures(records, today, SEEDS)
     planned = dict.fromkeys((run.scene, run.steps) for run in PLAN if run.scene in scenes)
     rows: list[list[str | Cell]] = []
-    for scene, steps in sorted(planned, key=lambda one: (scenes.index(one[0]), one[1])):
+    for scene, steps in sorted(planned, key=lambda row: (scenes.index(row[0]), row[1])):
         for setting, described in SETTINGS.items():
             key = (setting, scene, downscale_of(scene), steps)
             if figures.has(key):
@@ -59,11 +59,11 @@ def front_table(records: Records, today: Reference, scenes: tuple[str, ...]) -> 
 def length_texts(records: Records) -> dict[str, str]:
     """What `desplat-quick` and `desplat` reach on `clutter`, 25 and 75 visits of 40 photos."""
     texts = {}
-    for name, found, setting, steps, study in (
+    for name, measured, setting, steps, study in (
         ("quick", records, "raised", 1_000, STUDY),
         ("usual", load(SEPARATION_RECORDS), "desplat", 3_000, SEPARATION),
     ):
-        figures, key = Figures(found, study.settings_of, SEEDS), (setting, "clutter", 2, steps)
+        figures, key = Figures(measured, study.settings_of, SEEDS), (setting, "clutter", 2, steps)
         texts[f"{name}_clutter"] = figures.cell(key, "psnr", ".2f").text
         texts[f"{name}_seconds"] = figures.cell(key, "train_cpu_seconds", ".0f").text
     return texts
@@ -91,8 +91,8 @@ def report(
 
 def budget_rows() -> list[str]:
     """A row for each budget that was kept or not, by scene and length."""
-    found = [Kept(**one) for one in json.loads(BUDGETS.read_text("utf8"))]
-    return [kept.row() for kept in sorted(found, key=lambda k: (k.scene, seconds_of(k.budget)))]
+    runs = [Kept(**run) for run in json.loads(BUDGETS.read_text("utf8"))]
+    return [kept.row() for kept in sorted(runs, key=lambda k: (k.scene, seconds_of(k.budget)))]
 
 
 def write_report() -> Path:

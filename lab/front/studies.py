@@ -28,8 +28,8 @@ SECONDS = (5, 15, 30, 60, 120)
 
 def results() -> dict[str, dict[str, Any]]:
     """By the names of the captures."""
-    found = sorted(FOLDER.glob("*.json"))
-    return {path.stem: json.loads(path.read_text("utf8")) for path in found}
+    paths = sorted(FOLDER.glob("*.json"))
+    return {path.stem: json.loads(path.read_text("utf8")) for path in paths}
 
 
 def keep(output: Path, name: str) -> Path:
@@ -65,9 +65,9 @@ def time_table(studies: dict[str, dict[str, Any]]) -> str:
     """The most dB of the defaults within some training times, for each capture."""
     rows = []
     for name, content in studies.items():
-        ours = [one for one in _measured(content) if one.variant == BASE]
-        found = [best_within(seconds, ours) for seconds in SECONDS]
-        cells = ["" if one is None else f"{one.psnr.median:.2f}" for one in found]
+        ours = [measured for measured in _measured(content) if measured.variant == BASE]
+        bests = [best_within(seconds, ours) for seconds in SECONDS]
+        cells = ["" if best is None else f"{best.psnr.median:.2f}" for best in bests]
         rows.append([f"`{name}`", str(content["capture"]["photos"]), *cells])
     return table(["capture", "photos", *(f"{seconds} s" for seconds in SECONDS)], rows)
 
@@ -88,19 +88,19 @@ WERE = {"relocation": "relocation instead of cloning and splitting (3DGS as MCMC
 
 def _against_base(content: dict[str, Any]) -> dict[str, str]:
     steps = content["plan"]["steps"]
-    ends = {one.variant: one for one in finals(_measured(content)) if one.steps == steps}
+    ends = {end.variant: end for end in finals(_measured(content)) if end.steps == steps}
     now = compared(CaptureInfo.from_json(content["capture"]).effects)
-    what = WERE | {name: one.what for name, one in now.items()}
+    what = WERE | {name: variant.what for name, variant in now.items()}
     if BASE not in ends:
         return {}
     base = ends.pop(BASE)
-    return {what[setting]: _cell(one, base) for setting, one in ends.items() if setting in what}
+    return {what[setting]: _cell(end, base) for setting, end in ends.items() if setting in what}
 
 
-def _cell(one: Measured, base: Measured) -> str:
-    decibels = one.psnr.median - base.psnr.median
-    longer = one.wall.median / base.wall.median
-    seeds = f", {len(one.seeds)} seeds" if len(one.seeds) > 1 else ""
+def _cell(measured: Measured, base: Measured) -> str:
+    decibels = measured.psnr.median - base.psnr.median
+    longer = measured.wall.median / base.wall.median
+    seeds = f", {len(measured.seeds)} seeds" if len(measured.seeds) > 1 else ""
     return f"{decibels:+.2f} dB, {longer:.2f} x{seeds}"
 
 

@@ -69,10 +69,10 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 def chosen_parts(names: Sequence[str], job: Job) -> list[Part]:
     """The parts of these names; on a GPU the kernels as well where one of them draws with them."""
-    found = [part for part in PARTS if part.name in names]
-    if not job.is_stand_in and any(part.needs_kernels for part in found):
-        found = [part for part in PARTS if part in found or part == KERNELS]
-    return found
+    parts = [part for part in PARTS if part.name in names]
+    if not job.is_stand_in and any(part.needs_kernels for part in parts):
+        parts = [part for part in PARTS if part in parts or part == KERNELS]
+    return parts
 
 
 def gone_on_with(output: Path, job: Job) -> Run:

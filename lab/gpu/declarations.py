@@ -79,9 +79,9 @@ class Parameter:
         if not value.is_contiguous():
             return "is not contiguous"
         for shape in self.shapes:
-            found = _bind(shape, value.shape, sizes)
-            if found is not None:
-                sizes |= found
+            bound = _bind(shape, value.shape, sizes)
+            if bound is not None:
+                sizes |= bound
                 return None
         return f"is {list(value.shape)}, not {' or '.join(self.shapes)}" if self.shapes else None
 
@@ -94,12 +94,12 @@ def _bind(shape: str, sizes: Sequence[int], known: Mapping[str, int]) -> dict[st
         names, sizes = names[1:], sizes[max(0, len(sizes) - len(names) + 1) :]
     if len(names) != len(sizes):
         return None
-    found = dict(known)
+    bound = dict(known)
     for name, size in zip(names, sizes, strict=True):
-        wanted = int(name) if name.isdigit() else found.setdefault(name, size)
+        wanted = int(name) if name.isdigit() else bound.setdefault(name, size)
         if wanted != size:
             return None
-    return found
+    return bound
 
 
 def read_declarations(gsplat: Path) -> dict[str, tuple[Parameter, ...]]:
@@ -115,23 +115,23 @@ def read_declarations(gsplat: Path) -> dict[str, tuple[Parameter, ...]]:
     if not paths:
         raise FileNotFoundError(f"{gsplat} has none of {', '.join(HEADERS)}")
     text = paths[0].read_text("utf8")
-    found = {}
+    kernels = {}
     for match in re.finditer(r"\b(\w+)\(\n(.*?)^\s*\);", text, flags=re.MULTILINE | re.DOTALL):
         name = match[1].removesuffix("_tensor")
-        found[name] = tuple(_parameters(name, match[2]))
-    return found
+        kernels[name] = tuple(_parameters(name, match[2]))
+    return kernels
 
 
 def _parameters(kernel: str, text: str) -> list[Parameter]:
     line = re.compile(r"^\s*(?:const\s+)?([\w:<>]+)\s*&?\s*(\w+)\s*,?\s*(?://\s*(.*))?$")
-    found = []
+    parameters = []
     for match in filter(None, map(line.match, text.splitlines())):
         kind, name, comment = match[1], match[2], match[3] or ""
         given = SHAPES.get((kernel, name))
         shapes = (given,) if given else tuple(re.findall(r"\[[^\]]*\]", comment))
         bare = re.sub(r".*::|>", "", kind)
-        found.append(Parameter(name, bare, "optional" in kind, shapes))
-    return found
+        parameters.append(Parameter(name, bare, "optional" in kind, shapes))
+    return parameters
 
 
 def misfits(kernel: str, parameters: Sequence[Parameter], values: Sequence[Any]) -> list[str]:
@@ -139,9 +139,9 @@ def misfits(kernel: str, parameters: Sequence[Parameter], values: Sequence[Any])
     if len(parameters) != len(values):
         return [f"{kernel} takes {len(parameters)} values and is given {len(values)}"]
     sizes: dict[str, int] = {}
-    found = []
+    lines = []
     for parameter, value in zip(parameters, values, strict=True):
         misfit = parameter.misfit(value, sizes)
         if misfit is not None:
-            found.append(f"{kernel}: {parameter.name} {misfit}")
-    return found
+            lines.append(f"{kernel}: {parameter.name} {misfit}")
+    return lines

@@ -39,8 +39,8 @@ class PartProcess:
         self._error = self._target.with_suffix(".error")
         for old in (self._target, self._error):
             old.unlink(missing_ok=True)
-        told = json.dumps(replace(job, case=part.name.partition(".")[2]).to_dict())
-        command = [sys.executable, "-m", "lab.gpu.part", part.name, str(self._target), told]
+        text = json.dumps(replace(job, case=part.name.partition(".")[2]).to_dict())
+        command = [sys.executable, "-m", "lab.gpu.part", part.name, str(self._target), text]
         with self._log.open("w") as log:
             self._process = subprocess.Popen(
                 command,
@@ -93,8 +93,8 @@ class PartProcess:
 
 def _import_path() -> dict[str, str]:
     """What this process imports from, for its children: the checkout first."""
-    found = [str(CHECKOUT), *(os.path.abspath(place) for place in sys.path)]
-    return {"PYTHONPATH": os.pathsep.join(dict.fromkeys(found)), "PYTHONUNBUFFERED": "1"}
+    places = [str(CHECKOUT), *(os.path.abspath(place) for place in sys.path)]
+    return {"PYTHONPATH": os.pathsep.join(dict.fromkeys(places)), "PYTHONUNBUFFERED": "1"}
 
 
 def _last_lines(log: Path) -> list[str]:

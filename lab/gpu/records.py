@@ -23,7 +23,7 @@ _PLACE = re.compile(r"(?<![\w.:/])~?/(?:[\w.+@=-]+/)+([\w.+@=-]*)")
 
 def without_places(text: str) -> str:
     """A text with paths cut down to their last names: records name no machine's folders."""
-    return _PLACE.sub(lambda found: found[1] or "a folder", text)
+    return _PLACE.sub(lambda match: match[1] or "a folder", text)
 
 
 @dataclass
@@ -79,9 +79,9 @@ class Run:
     @classmethod
     def load(cls, path: Path) -> Run:
         """What `save` wrote."""
-        found = json.loads(path.read_text("utf8"))
-        parts = {name: Record(**record) for name, record in found.pop("parts").items()}
-        return cls(**found, parts=parts)
+        content = json.loads(path.read_text("utf8"))
+        parts = {name: Record(**record) for name, record in content.pop("parts").items()}
+        return cls(**content, parts=parts)
 
 
 def write_json(path: Path, value: Any) -> None:

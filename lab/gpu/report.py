@@ -27,8 +27,8 @@ def report(run: Run) -> str:
     trainings = [parts[name] for name in TRAININGS]
     sections["training"] = "\n\n".join(
         [
-            *([tables.training(*(one.figures for one in trainings))] * any_figures(trainings)),
-            *filter(None, (missing(one) for one in trainings)),
+            *([tables.training(*(part.figures for part in trainings))] * any_figures(trainings)),
+            *filter(None, (missing(part) for part in trainings)),
         ]
     )
     for name in TRAININGS:
@@ -69,11 +69,11 @@ def overview(run: Run) -> str:
 
 def section(name: str, record: Record) -> str:
     """A part's figures, or why there are none; both where it was ended at its deadline."""
-    found = []
+    texts = []
     if record.figures and name in tables.TABLES:
-        found.append(tables.TABLES[name](record.figures))
+        texts.append(tables.TABLES[name](record.figures))
     said = missing(record)
-    return "\n\n".join([*found, *([said] if said else [])])
+    return "\n\n".join([*texts, *([said] if said else [])])
 
 
 def missing(record: Record) -> str:

@@ -44,7 +44,7 @@ def suite(figures: Figures) -> str:
     names = ("passed", "failed", "error", "skipped")
     parts = [table([*names], [[str(figures[name]) for name in names]])]
     if figures["bad"]:
-        parts.append("\n".join(f"- {one}" for one in figures["bad"]))
+        parts.append("\n".join(f"- {test}" for test in figures["bad"]))
     if figures["reasons"]:
         lines = [f"- {count} skipped: {why}" for why, count in figures["reasons"].items()]
         parts.append("\n".join(lines))
@@ -83,9 +83,9 @@ def steps(figures: Figures) -> str:
 
 def synchronisations(figures: Figures) -> str:
     """A row for each kind of event, a column for each method."""
-    found = figures["methods"]
+    methods = figures["methods"]
     rows = [
-        [said, *(f"{found[name][kind]:.1f}" if name in found else "" for name in METHODS)]
+        [said, *(f"{methods[name][kind]:.1f}" if name in methods else "" for name in METHODS)]
         for kind, said in KINDS.items()
     ]
     steps = f"per step, mean of {figures['steps']}"
@@ -97,22 +97,22 @@ def rendering(figures: Figures) -> str:
     rates: dict[tuple[str, str], dict[str, str]] = {}
     for row in figures["rows"]:
         rates.setdefault((row["scene"], row["case"]), {})[row["what"]] = spread(row["fps"], ".0f")
-    rows = [[*key, found["drawn"], found["scored"]] for key, found in rates.items()]
+    rows = [[*key, rate["drawn"], rate["scored"]] for key, rate in rates.items()]
     return table(["scene", "", "drawn", f"drawn and scored ({figures['metrics']})"], rows)
 
 
 def training(*trainings: Figures) -> str:
     """A row for each training that has figures."""
     rows = []
-    for found in trainings:
-        if found:
-            where = f"{found['device']} ({found['backend']})"
-            threads = str(found["threads"]) if found["device"] == "cpu" else ""
-            seconds = f"{found['train_wall_seconds']:.0f}"
-            sizes = [f"{found.get(f'num_{kind}_gaussians', 0):,}" for kind in KINDS_OF_GAUSSIANS]
-            scores = [f"{found['psnr']:.2f}", f"{found['ssim']:.3f}", iou(found)]
-            steps = f"{found['steps']:,}"
-            rows.append([found["capture"], where, threads, steps, *scores, seconds, *sizes])
+    for run in trainings:
+        if run:
+            where = f"{run['device']} ({run['backend']})"
+            threads = str(run["threads"]) if run["device"] == "cpu" else ""
+            seconds = f"{run['train_wall_seconds']:.0f}"
+            sizes = [f"{run.get(f'num_{kind}_gaussians', 0):,}" for kind in KINDS_OF_GAUSSIANS]
+            scores = [f"{run['psnr']:.2f}", f"{run['ssim']:.3f}", iou(run)]
+            steps = f"{run['steps']:,}"
+            rows.append([run["capture"], where, threads, steps, *scores, seconds, *sizes])
     head = ["capture", "device", "threads", "steps", "PSNR, dB", "SSIM", "mask IoU", "training, s"]
     return table([*head, "static", "distractors"], rows)
 
@@ -122,8 +122,8 @@ KINDS_OF_GAUSSIANS = ("static", "distractor")
 
 def iou(figures: Figures) -> str:
     """Of the masks, where there were any to compare."""
-    found = figures.get("mask_iou")
-    return "" if found is None else f"{found:.2f}"
+    value = figures.get("mask_iou")
+    return "" if value is None else f"{value:.2f}"
 
 
 TABLES: Mapping[str, Callable[[Figures], str]] = {

@@ -86,15 +86,15 @@ def canonical(name: str) -> str:
 
 def pinned(constraints: str, python: str) -> dict[str, str]:
     """Versions by name that a constraints file gives for a Python such as "3.12"."""
-    found = {}
+    versions = {}
     for line in constraints.splitlines():
         match = _PINNED.match(line.partition("#")[0].strip())
         if match is None:
             continue
         name, version, sign, bound = match.groups()
         if sign is None or (_numbers(python) < _numbers(bound)) == (sign == "<"):
-            found[canonical(name)] = version
-    return found
+            versions[canonical(name)] = version
+    return versions
 
 
 def _numbers(version: str) -> tuple[int, ...]:
@@ -130,7 +130,7 @@ def _stored(wheel: Path) -> bytes:
 
 def unpack(archive: Path, folder: Path) -> list[Path]:
     """The wheels of an archive, as files in `folder`."""
-    found = []
+    wheels = []
     with tarfile.open(archive, "r:xz") as tar:
         for entry in tar:
             content = tar.extractfile(entry)
@@ -138,8 +138,8 @@ def unpack(archive: Path, folder: Path) -> list[Path]:
                 continue  # no wheel of `pack`'s
             path = folder / entry.name
             path.write_bytes(content.read())
-            found.append(path)
-    return found
+            wheels.append(path)
+    return wheels
 
 
 def size_of(folder: Path) -> int:

@@ -85,13 +85,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     has_failed = False
     for guise in (guise for guise in GUISES if guise.name in chosen.only):
         print(f"==> {guise.title}, Python {platform.python_version()}", flush=True)
-        found = run(guise, chosen.part, chosen.pytest.split())
-        bad = found["failed"] + found["error"]
+        results = run(guise, chosen.part, chosen.pytest.split())
+        bad = results["failed"] + results["error"]
         has_failed |= bad > 0
-        said = f"{found['passed']} passed, {bad} failed, {found['skipped']} skipped"
-        print(f"==> {guise.title}: {said} in {found['seconds']} s", *found["bad"], sep="\n    ")
+        said = f"{results['passed']} passed, {bad} failed, {results['skipped']} skipped"
+        print(f"==> {guise.title}: {said} in {results['seconds']} s", *results["bad"], sep="\n    ")
         if chosen.record:
-            enter(guise, found | {"part": chosen.part}, describe_machine())
+            enter(guise, results | {"part": chosen.part}, describe_machine())
     return int(has_failed)
 
 

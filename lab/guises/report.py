@@ -21,13 +21,13 @@ OF_THE_MACHINE = ("Processor", "Python", "torch", "Commit", "Date")
 Record = dict[str, Any]
 
 
-def enter(guise: Guise, found: Mapping[str, Any], machine: Mapping[str, str]) -> None:
+def enter(guise: Guise, results: Mapping[str, Any], machine: Mapping[str, str]) -> None:
     """Keep a run, in place of an earlier one of that guise and minor version of Python."""
     path = RECORDS / "machines.json"
     records = json.loads(path.read_text("utf8")) if path.exists() else {}
     minor = machine["Python"].rpartition(".")[0]
     records[f"{guise.name} {minor}"] = {
-        **{name: found[name] for name in KEPT},
+        **{name: results[name] for name in KEPT},
         **{name: machine[name] for name in OF_THE_MACHINE},
     }
     write_json(path, records)

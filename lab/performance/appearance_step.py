@@ -86,12 +86,12 @@ class LitStep(TrainingStep):
 def cpu_ms(call: Callable[[], object], repeats: int = 7) -> float:
     """CPU milliseconds, the median of some calls after one that is not counted."""
     call()
-    found = []
+    times = []
     for _ in range(repeats):
         since = time.process_time()
         call()
-        found.append(1e3 * (time.process_time() - since))
-    return statistics.median(found)
+        times.append(1e3 * (time.process_time() - since))
+    return statistics.median(times)
 
 
 def parts(step: LitStep) -> dict[str, float]:

@@ -112,5 +112,5 @@ def measure(capture: Path, part: str, steps: int, options: list[str]) -> Figures
 
 if __name__ == "__main__":
     folder, of_part, number, *rest = sys.argv[1:]
-    found = measure(Path(folder), of_part, int(number), rest)
-    print(json.dumps({of_part: {name: round(value, 3) for name, value in found.items()}}))
+    figures = measure(Path(folder), of_part, int(number), rest)
+    print(json.dumps({of_part: {name: round(value, 3) for name, value in figures.items()}}))

@@ -39,12 +39,12 @@ def main() -> None:
     names = ["features", "embedding", *(name for name, _ in network.named_parameters())]
     for dtype in ("float32", "bfloat16"):
         network.in_bfloat16 = dtype == "bfloat16"
-        found = colors_and_gradients(network, torch.float32)
-        off = (found[0] - exact[0]).abs()
+        measured = colors_and_gradients(network, torch.float32)
+        off = (measured[0] - exact[0]).abs()
         print(
             f"{dtype}: colours off by {off.square().mean().sqrt():.1e} rms, {off.max():.1e} at most"
         )
-        for name, ours, theirs in zip(names, found[1:], exact[1:], strict=True):
+        for name, ours, theirs in zip(names, measured[1:], exact[1:], strict=True):
             print(f"    gradient by {name}: {float((ours - theirs).norm() / theirs.norm()):.1e}")
 
 

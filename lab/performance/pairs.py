@@ -60,8 +60,8 @@ def lists_of(projected: ProjectedSplats, width: int, height: int) -> tuple[Lists
 
 def square_entries(projected: ProjectedSplats, width: int, height: int) -> int:
     """Tiles that the squares of 3 sigma touch, summed over all Gaussians."""
-    seen = projected.radii > 0
-    low, high = squares(projected.means2d[0, seen], projected.radii[seen], tile_grid(width, height))
+    mask = projected.radii > 0
+    low, high = squares(projected.means2d[0, mask], projected.radii[mask], tile_grid(width, height))
     return int((high - low).prod(dim=-1).sum())
 
 

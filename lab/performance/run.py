@@ -69,8 +69,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 def measure(quick: bool) -> Results:
     """The whole run."""
-    found, missing = backends()
-    everyone = [YARDSTICK, *found]
+    runnable, missing = backends()
+    everyone = [YARDSTICK, *runnable]
     results = Results(describe_machine(), missing)
     say("peak of a core")
     results.peaks = peak_rates(0.02 if quick else 0.5)

@@ -79,9 +79,9 @@ class Serial:
         return step.cpu_ms / step.wall_ms
 
 
-def share_of(one: float, many: float, threads: int) -> float:
-    """The serial share of what takes `one` on one thread and `many` on several, in [0, 1]."""
-    return min(1.0, max(0.0, (threads * many / one - 1) / (threads - 1)))
+def share_of(single: float, many: float, threads: int) -> float:
+    """The serial share of what takes `single` on one thread and `many` on several, in [0, 1]."""
+    return min(1.0, max(0.0, (threads * many / single - 1) / (threads - 1)))
 
 
 def speedup(share: float, threads: int) -> float:
@@ -125,8 +125,8 @@ class Stopwatch:
                 module, _, path = place.partition(":")
                 *outer, name = path.split(".")
                 owner = importlib.import_module(module)
-                for one in outer:
-                    owner = getattr(owner, one)
+                for attribute in outer:
+                    owner = getattr(owner, attribute)
                 timed = self.timed(getattr(owner, name), part)
                 is_static = isinstance(vars(owner).get(name), staticmethod)
                 patches.enter_context(
@@ -192,14 +192,14 @@ def main() -> None:
     options = parser.parse_args()
     print(describe_machine())
     for index in options.scenes or range(len(SIZES)):
-        for found in time_serial(SIZES[index], options.rounds, options.threads):
-            one, many = found.whole[1], found.whole[found.threads]
+        for step in time_serial(SIZES[index], options.rounds, options.threads):
+            single, many = step.whole[1], step.whole[step.threads]
             print(
-                f"{found.scene}, {found.kind}: wall {one.wall_ms:.1f} and {many.wall_ms:.1f} ms, "
-                f"serial {found.share:.0%}, cores used {found.cores_used:.2f}"
+                f"{step.scene}, {step.kind}: wall {single.wall_ms:.1f} and {many.wall_ms:.1f} ms, "
+                f"serial {step.share:.0%}, cores used {step.cores_used:.2f}"
             )
-            for part, ms in found.parts[1].items():
-                print(f"    {part}: {ms:.2f}, {found.parts[found.threads][part]:.2f}")
+            for part, ms in step.parts[1].items():
+                print(f"    {part}: {ms:.2f}, {step.parts[step.threads][part]:.2f}")
 
 
 if __name__ == "__main__":

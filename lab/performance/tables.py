@@ -87,8 +87,8 @@ def memory_table(results: Results) -> str:
     names = list(dict.fromkeys(name for _, name in results.memory))
     rows = []
     for scene in results.scenes:
-        found = [results.memory.get((scene, name)) for name in names]
-        rows.append([scene, *("n/a" if mib is None else f"{mib:,.0f}" for mib in found)])
+        peaks = [results.memory.get((scene, name)) for name in names]
+        rows.append([scene, *("n/a" if mib is None else f"{mib:,.0f}" for mib in peaks)])
     return table(["MiB", *names], rows)
 
 
@@ -133,8 +133,8 @@ def peak_table(results: Results) -> str:
                 cells += [f"{rate:.1f}", f"{rate / results.peak:.1%}"]
             rows.append([f"{scene}, {name}", str(flops), *cells])
     head = ["numba, blending alone", "flop / pair", "GFLOP/s, evaluated", "of the peak"]
-    found = table([*head, "GFLOP/s, contributing", "of the peak"], rows)
-    return f"Peak of one core, GFLOP/s by width of the vectors: {rates}.\n\n{found}"
+    text = table([*head, "GFLOP/s, contributing", "of the peak"], rows)
+    return f"Peak of one core, GFLOP/s by width of the vectors: {rates}.\n\n{text}"
 
 
 def growth_table(results: Results) -> str:
@@ -187,11 +187,11 @@ def serial_parts(results: Results) -> str:
     """The parts of the steps of `serial_table`."""
     tables = []
     for s in results.serial:
-        one, many = s.parts[1], s.parts[s.threads]
+        single, many = s.parts[1], s.parts[s.threads]
         rows = []
-        for part, ms in one.items():
+        for part, ms in single.items():
             share = f"{share_of(ms, many[part], s.threads):.0%}" if ms > 0 else ""
-            cells = (f"{ms:.1f}", f"{ms / sum(one.values()):.0%}", f"{many[part]:.1f}", share)
+            cells = (f"{ms:.1f}", f"{ms / sum(single.values()):.0%}", f"{many[part]:.1f}", share)
             rows.append([part, *cells])
         title = f"{s.scene}, {s.kind}, wall ms"
         head = [title, "1 thread", "of the step", f"{s.threads} threads", "serial share"]

@@ -30,21 +30,21 @@ class Target:
 
 def targets(results: Results) -> list[Target]:
     """All targets, with what was measured on one thread."""
-    found = []
+    entries = []
     for scene in results.scenes:
         for part in (BLENDING, WHOLE):
             speedup = results.speedup(results.row(scene, "numba", part))
             for goal, kind in ((SPEEDUP, ""), (STRETCH, " (stretch)")):
                 text = f"{scene}: forward + backward, {part}, at least {goal} x{kind}"
-                found.append(Target(text, f"{speedup:.1f} x", speedup >= goal))
-        found += _against_squares(results, scene)
-        found += [
+                entries.append(Target(text, f"{speedup:.1f} x", speedup >= goal))
+        entries += _against_squares(results, scene)
+        entries += [
             _in_step(results, scene),
             _fma_share(results, scene),
             *_step(results, scene),
             _flips(results, scene),
         ]
-    return found
+    return entries
 
 
 def _against_squares(results: Results, scene: str) -> list[Target]:

@@ -161,5 +161,5 @@ class TrainingStep:
 def _handed_over(projected: Any, leaves: Any) -> tuple[list[Tensor], list[Tensor]]:
     """Projected tensors that need a gradient, and the gradients that their leaves were given."""
     pairs = zip(tensors_of_projected(projected), tensors_of_projected(leaves), strict=True)
-    found = [(out, leaf.grad) for out, leaf in pairs if out.requires_grad and leaf.grad is not None]
-    return [out for out, _ in found], [grad for _, grad in found]
+    given = [(out, leaf.grad) for out, leaf in pairs if out.requires_grad and leaf.grad is not None]
+    return [out for out, _ in given], [grad for _, grad in given]

@@ -35,10 +35,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if (chosen.size or chosen.run) and not chosen.name:
         parser.error("give the capture's name")
     if chosen.size:
-        found = measure_dials(make_scene(*chosen.size), chosen.seconds, print)
-        enter(chosen.name, "dials", asdict(found))
+        dials = measure_dials(make_scene(*chosen.size), chosen.seconds, print)
+        enter(chosen.name, "dials", asdict(dials))
     if chosen.run:
-        graded = [asdict(one) for one in scores(chosen.run, chosen.setting)]
+        graded = [asdict(score) for score in scores(chosen.run, chosen.setting)]
         enter(chosen.name, "embedding", graded)
     print(f"written: {write_report()}")
     return 0

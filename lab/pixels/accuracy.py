@@ -51,7 +51,7 @@ def measure_errors(scene: Scene, contenders: list[Contender]) -> list[Errors]:
     exact = scene.splats(torch.float64)
     rendering = resolve("torch", "cpu")(exact, scene.view_as(torch.float64), SETTINGS)
     reference = images_of(rendering)
-    found = []
+    errors = []
     for contender in contenders:
         splats, view = scene.splats(device=contender.device), scene.view_as(device=contender.device)
         images = images_of(contender.rasterizer(splats, view, SETTINGS))
@@ -60,7 +60,7 @@ def measure_errors(scene: Scene, contenders: list[Contender]) -> list[Errors]:
         factors = _loss_factors(reference, steady)
         grads = _gradients(images, tensors_of(splats), factors)
         exact_grads = _gradients(reference, tensors_of(exact), factors)
-        found.append(
+        errors.append(
             Errors(
                 scene.name,
                 contender.name,
@@ -68,12 +68,12 @@ def measure_errors(scene: Scene, contenders: list[Contender]) -> list[Errors]:
                 float(off[steady].max()),
                 float((~steady).double().mean()),
                 {
-                    name: _relative(found, wanted)
-                    for name, found, wanted in zip(PARAMETERS, grads, exact_grads, strict=True)
+                    name: _relative(grad, wanted)
+                    for name, grad, wanted in zip(PARAMETERS, grads, exact_grads, strict=True)
                 },
             )
         )
-    return found
+    return errors
 
 
 @torch.no_grad()
@@ -99,5 +99,5 @@ def _gradients(images: list[Tensor], leaves: list[Tensor], factors: list[Tensor]
     return list(torch.autograd.grad(images, leaves, matching, retain_graph=True))
 
 
-def _relative(found: Tensor, wanted: Tensor) -> float:
-    return float((found.cpu().double() - wanted).abs().max() / wanted.abs().max())
+def _relative(measured: Tensor, wanted: Tensor) -> float:
+    return float((measured.cpu().double() - wanted).abs().max() / wanted.abs().max())

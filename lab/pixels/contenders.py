@@ -79,17 +79,17 @@ class Contender:
 
 def backends() -> tuple[list[Contender], dict[str, str]]:
     """Every backend that can run here; the others with their reasons."""
-    found, missing = [], {}
+    runnable, missing = [], {}
     for name, reason in registry.available("cpu").items():
         device = "cpu"
         if reason is not None and torch.cuda.is_available():
             device, reason = "cuda", registry.available("cuda")[name]
         if reason is None:
             rasterizer = resolve(name, device)  # pyright: ignore[reportArgumentType]
-            found.append(Contender(name, device, rasterizer, SEAMS.get(name)))
+            runnable.append(Contender(name, device, rasterizer, SEAMS.get(name)))
         else:
             missing[name] = reason
-    return found, missing
+    return runnable, missing
 
 
 def contender_called(name: str) -> Contender:

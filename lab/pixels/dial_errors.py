@@ -95,8 +95,8 @@ class Drawing:
         """The picture in the scene's size, and its gradients."""
         with turned(self._replacements):
             images = [resized(image, self.size) for image in images_of(self._render())]
-            found = torch.autograd.grad(images, tensors_of(self.splats), cotangents(images))
-        return Drawn(_exact(images[0]), dict(zip(PARAMETERS, map(_exact, found), strict=True)))
+            gradients = torch.autograd.grad(images, tensors_of(self.splats), cotangents(images))
+        return Drawn(_exact(images[0]), dict(zip(PARAMETERS, map(_exact, gradients), strict=True)))
 
 
 def scaled_view(view: View, scale: float) -> View:
@@ -120,20 +120,20 @@ def resized(
     return planes[0].permute(1, 2, 0)
 
 
-def errors_of(found: Drawn, truth: Drawn) -> DialErrors:
-    """How far `found` is off."""
+def errors_of(drawn: Drawn, truth: Drawn) -> DialErrors:
+    """How far `drawn` is off."""
     off = {
-        name: relative_norm(found.gradients[name], wanted)
+        name: relative_norm(drawn.gradients[name], wanted)
         for name, wanted in truth.gradients.items()
     }
     worst = max(off, key=lambda name: off[name])
-    rmse = (found.picture - truth.picture).square().mean().sqrt()
-    return DialErrors(float(rmse), psnr(found.picture, truth.picture), off[worst], worst)
+    rmse = (drawn.picture - truth.picture).square().mean().sqrt()
+    return DialErrors(float(rmse), psnr(drawn.picture, truth.picture), off[worst], worst)
 
 
-def relative_norm(found: Tensor, wanted: Tensor) -> float:
-    """|found - wanted| / |wanted|, L2; 0 where both are 0 throughout."""
-    off = (found - wanted).norm()
+def relative_norm(actual: Tensor, wanted: Tensor) -> float:
+    """|actual - wanted| / |wanted|, L2; 0 where both are 0 throughout."""
+    off = (actual - wanted).norm()
     return float(off / wanted.norm()) if off > 0 else 0.0
 
 

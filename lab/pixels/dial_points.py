@@ -111,19 +111,19 @@ def front_of(points: Sequence[DialPoint]) -> Fronts:
 
 def marked(points: Sequence[DialPoint]) -> list[DialPoint]:
     """The same points, with their places relative to the fronts."""
-    fronts, found = front_of(points), list(points)
+    fronts, placed = front_of(points), list(points)
     for members in _by_group(points):
         of_group = [points[i] for i in members]
         excesses = (excess(_pictures(of_group)), excess(_gradients(of_group)))
         for i, forward, both in zip(members, *excesses, strict=True):
-            found[i] = replace(
+            placed[i] = replace(
                 points[i],
                 is_on_picture_front=i in fronts.picture,
                 is_on_gradient_front=i in fronts.gradient,
                 forward_excess=forward,
                 both_excess=both,
             )
-    return found
+    return placed
 
 
 def _by_group(points: Sequence[DialPoint]) -> list[list[int]]:

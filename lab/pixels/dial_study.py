@@ -185,8 +185,8 @@ class _Run:
         reason = self.budget.unavailable_reason(expected, due_seconds(self.cases))
         if reason is not None:
             return self.leave_out(labels, reason)
-        found, seconds = _seconds_of(draw)
-        errors = [errors_of(found, self._truths[label.group]) for label in labels]
+        drawn, seconds = _seconds_of(draw)
+        errors = [errors_of(drawn, self._truths[label.group]) for label in labels]
         both = (1 + FORWARD_SHARE) * seconds
         self.cases.append(Case(labels, is_default, clock, errors, timed(), both))
         for label, error in zip(labels, errors, strict=True):
@@ -196,5 +196,5 @@ class _Run:
 
 def _seconds_of(draw: Callable[[], Drawn]) -> tuple[Drawn, float]:
     since = time.perf_counter()
-    found = draw()
-    return found, time.perf_counter() - since
+    drawn = draw()
+    return drawn, time.perf_counter() - since

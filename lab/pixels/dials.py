@@ -116,26 +116,26 @@ def replacements(contender: Contender, setting: Setting) -> list[Replacement]:
 
 
 def _limits_of_torch(setting: Setting) -> list[Replacement]:
-    found: list[Replacement] = [
+    changes: list[Replacement] = [
         (blending, "ALPHA_CUTOFF", setting.cutoff),
         (tile_lists, "ALPHA_CUTOFF", setting.cutoff),
         (blending, "TRANSMITTANCE_MIN", setting.stop),
         (torch_tiles, "TRANSMITTANCE_MIN", setting.stop),
     ]
     if setting.lists == "squares":
-        found.append((torch_tiles, "tile_lists", square_lists))
-    return found
+        changes.append((torch_tiles, "tile_lists", square_lists))
+    return changes
 
 
 def _limits_of_numba(setting: Setting) -> list[Replacement]:
     limits = Limits(np.float32(ALPHA_MAX), np.float32(setting.cutoff), np.float32(setting.stop))
-    found: list[Replacement] = [
+    changes: list[Replacement] = [
         (numba_tiles, "ALPHA_CUTOFF", setting.cutoff),
         (numba_tiles, "_LIMITS", limits),
     ]
     if setting.lists == "squares":
-        found.append((numba_tiles, "tile_lists", CompiledSquareLists()))
-    return found
+        changes.append((numba_tiles, "tile_lists", CompiledSquareLists()))
+    return changes
 
 
 _LIMITS_OF = {"numba": _limits_of_numba, "torch": _limits_of_torch}
@@ -143,10 +143,10 @@ _LIMITS_OF = {"numba": _limits_of_numba, "torch": _limits_of_torch}
 
 
 @contextmanager
-def turned(found: list[Replacement]) -> Iterator[None]:
+def turned(changes: list[Replacement]) -> Iterator[None]:
     """Within, the globals have the values of `replacements`; after it, whatever happened, their
     own. A backward pass reads them again: it belongs within as well."""
     with ExitStack() as stack:
-        for module, name, value in found:
+        for module, name, value in changes:
             stack.enter_context(mock.patch.object(module, name, value))
         yield

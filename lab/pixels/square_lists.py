@@ -20,10 +20,10 @@ from desplat_ns.backend.tile_lists import TILE, TileLists, pairs_of_boxes, sorte
 def square_lists(projected: ProjectedSplats, width: int, height: int) -> TileLists:
     """For each tile, the Gaussians whose square touches it, nearest first: for plain torch."""
     grid = tile_grid(width, height)
-    seen = (projected.radii > 0).nonzero()[:, 0]
-    seen = seen[torch.sort(projected.depths[seen], stable=True).indices]
-    low, high = squares(projected.means2d[0, seen], projected.radii[seen], grid)
-    return sorted_lists(*pairs_of_boxes(low, high, grid[0]), seen, grid)
+    visible = (projected.radii > 0).nonzero()[:, 0]
+    visible = visible[torch.sort(projected.depths[visible], stable=True).indices]
+    low, high = squares(projected.means2d[0, visible], projected.radii[visible], grid)
+    return sorted_lists(*pairs_of_boxes(low, high, grid[0]), visible, grid)
 
 
 def squares(means2d: Tensor, radii: Tensor, grid: tuple[int, int]) -> tuple[Tensor, Tensor]:

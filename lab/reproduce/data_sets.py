@@ -52,13 +52,13 @@ def write_data_sets(folder: Path, spec: SceneSpec = TINY) -> None:
         (MIPNERF360.folder, write_mipnerf360),
     )
     for (name, write), protocol in zip(sets, (ROBUSTNERF, ON_THE_GO, MIPNERF360), strict=True):
-        first, *others = (folder / name / one.folder for one in protocol.scenes)
+        first, *others = (folder / name / entry.folder for entry in protocol.scenes)
         write(scene, first)
         for other in others:
             shutil.copytree(first, other, copy_function=os.link)
     tourism = make_scene(changing_light(spec))
-    for one in PHOTO_TOURISM.scenes:
-        write_photo_tourism(tourism, folder / PHOTO_TOURISM.folder / one.folder)
+    for entry in PHOTO_TOURISM.scenes:
+        write_photo_tourism(tourism, folder / PHOTO_TOURISM.folder / entry.folder)
 
 
 def changing_light(spec: SceneSpec) -> SceneSpec:

@@ -29,5 +29,5 @@ def train_here(line: list[object], log: Path) -> None:
     writer.EVENT_STORAGE.clear()
     writer.GLOBAL_BUFFER.clear()
     with log.open("w") as file, redirect_stdout(file), redirect_stderr(file):
-        found = train_and_score(method, options, log.with_name(PICTURES), int(evaluations))
-    Path(results).write_text(json.dumps(found))
+        record = train_and_score(method, options, log.with_name(PICTURES), int(evaluations))
+    Path(results).write_text(json.dumps(record))

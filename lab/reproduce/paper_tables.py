@@ -22,17 +22,17 @@ ROWS = {
 
 def paper_table(name: str) -> str:
     """A table as the paper has it, one column for each scene."""
-    (found,) = PUBLISHED[name]
+    (published,) = PUBLISHED[name]
     rows = [
-        [row, *(" / ".join(_figures(name, row, scene)) for scene in found.scenes)]
+        [row, *(" / ".join(_figures(name, row, scene)) for scene in published.scenes)]
         for row in ROWS[name]
     ]
-    return table(["", *found.scenes], rows)
+    return table(["", *published.scenes], rows)
 
 
 def _figures(name: str, row: str, scene: str) -> list[str]:
-    (found,) = PUBLISHED[name]
-    figures = ((metric, found.figure(row, scene, metric)) for metric in found.metrics)
+    (published,) = PUBLISHED[name]
+    figures = ((metric, published.figure(row, scene, metric)) for metric in published.metrics)
     return [f"{value:.2f}" if metric == "psnr" else f"{value:.3f}" for metric, value in figures]
 
 

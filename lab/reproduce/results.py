@@ -59,21 +59,21 @@ found on the left half where the method has lights.
 
 def of_today(study: Study, records: Records) -> dict[Run, Record]:
     """Those of the study's runs that are of today's settings."""
-    found = ((run, records.get(run.name)) for run in study.plan)
-    return {run: r for run, r in found if r is not None and is_current(r, study.settings_of(run))}
+    entries = ((run, records.get(run.name)) for run in study.plan)
+    return {run: r for run, r in entries if r is not None and is_current(r, study.settings_of(run))}
 
 
 def rows_of(study: Study, records: Mapping[Run, Record]) -> list[list[str]]:
     """A row for runs that differ in nothing but their seed."""
-    found: dict[tuple[str, str, int], list[Record]] = {}
+    groups: dict[tuple[str, str, int], list[Record]] = {}
     for run, record in records.items():
-        found.setdefault((run.scene, run.setting, run.steps), []).append(record)
+        groups.setdefault((run.scene, run.setting, run.steps), []).append(record)
     return [
         [
             *(name_of(scene), study.settings[setting].what + ", clean twins" * is_twin(scene)),
             *(f"{steps:,}", str(len(seeds)), *figures_of(seeds)),
         ]
-        for (scene, setting, steps), seeds in found.items()
+        for (scene, setting, steps), seeds in groups.items()
     ]
 
 
@@ -107,11 +107,11 @@ def figures_of(runs: Sequence[Record]) -> list[str]:
 def write() -> None:
     """Write the page."""
     lit = of_today(SURVEY, load(TRAINING))
-    found = {
+    studies = {
         "separation": rows_of(SEPARATION, of_today(SEPARATION, load(FILE))),
         "survey": rows_of(SURVEY, {run: r for run, r in lit.items() if run.scene in LIT}),
     }
-    tables = {name: table(HEAD, rows) for name, rows in found.items()}
+    tables = {name: table(HEAD, rows) for name, rows in studies.items()}
     PAGE.parent.mkdir(exist_ok=True)
     PAGE.write_text(TEXT.format(s=NUMBERS_S, d=NUMBERS_D, **tables), "utf8")
 

@@ -41,7 +41,7 @@ def run_tables(folder: Path, names: tuple[TableName, ...]) -> list[str]:
     wrong = []
     for name in names:
         table, began, wall = TABLES[name], time.process_time(), time.monotonic()
-        methods = tuple(METHODS[one] for one in table.methods)
+        methods = tuple(METHODS[method] for method in table.methods)
         places = (folder / "data", folder / f"tables-{names[0]}")
         request = Request(table, *places, methods, 1, InThisProcess(), 1, "cpu", smoke=SHORT)
         wrong += missing_figures(name, reproduce(request))
@@ -81,7 +81,7 @@ def main() -> int:
         parser.error(f"--folder {options.folder} is there already: name a new one.")
     shutil.rmtree(FOLDER, ignore_errors=True)
     write_data_sets(options.folder / "data")
-    groups = [tuple(one for one in group if one in options.tables) for group in GROUPS]
+    groups = [tuple(name for name in group if name in options.tables) for group in GROUPS]
     tasks = [(options.folder, group) for group in groups if group]
     with get_context("spawn").Pool(options.processes) as pool:
         wrong = [line for lines in pool.starmap(run_tables, tasks) for line in lines]

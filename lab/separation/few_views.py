@@ -26,9 +26,9 @@ def keep_views(count: int, scene: Path, folder: Path) -> None:
         (folder / "images" / name).symlink_to(scene / "images" / name)
     (folder / "masks").symlink_to(scene / "masks")
     (model,) = {path.parent for path in (scene / "sparse").rglob("images.*")}
-    found = pycolmap.Reconstruction(model)
-    for image in list(found.images.values()):
+    reconstruction = pycolmap.Reconstruction(model)
+    for image in list(reconstruction.images.values()):
         if image.name not in kept:
-            found.deregister_frame(image.frame_id)
+            reconstruction.deregister_frame(image.frame_id)
     (folder / "sparse" / "0").mkdir(parents=True)
-    found.write(folder / "sparse" / "0")
+    reconstruction.write(folder / "sparse" / "0")

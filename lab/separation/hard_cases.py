@@ -79,9 +79,9 @@ def small(photo: Photo, rng: np.random.Generator) -> tuple[Mask, Photo]:
     """Thirty things of 0.3% of the view each, of any colour."""
     mask, colors = np.zeros(photo.shape[:2], bool), photo.copy()
     for _ in range(30):
-        one = _blob(photo, 0.003, rng)
-        colors[one] = _painted(one, 0, 255, rng)[one]
-        mask |= one
+        blob = _blob(photo, 0.003, rng)
+        colors[blob] = _painted(blob, 0, 255, rng)[blob]
+        mask |= blob
     return mask, colors
 
 
@@ -122,12 +122,12 @@ def make_case(name: str, scene: Path, folder: Path) -> None:
 def _projections(scene: Path) -> dict[str, tuple[float, float, float]]:
     """For each photo x, y and the half height in pixels of a thing before the scene's centre."""
     (model,) = {path.parent for path in (scene / "sparse").rglob("images.*")}
-    found = pycolmap.Reconstruction(model)
-    center = np.median([point.xyz for point in found.points3D.values()], axis=0)
+    reconstruction = pycolmap.Reconstruction(model)
+    center = np.median([point.xyz for point in reconstruction.points3D.values()], axis=0)
     places = {}
-    for image in found.images.values():
+    for image in reconstruction.images.values():
         x, y, z = image.cam_from_world() * center
-        camera = found.cameras[image.camera_id]
+        camera = reconstruction.cameras[image.camera_id]
         u, v = camera.params[-2:] + camera.params[:2] * (x / z, y / z)  # PINHOLE
         places[image.name] = (u, v, RECURRING_SIZE * camera.params[0])
     return places

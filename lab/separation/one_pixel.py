@@ -48,7 +48,7 @@ class Trace:
 
     error: list[float]
     haze: list[float]
-    found: list[float]
+    cover: list[float]
 
 
 def photos() -> torch.Tensor:
@@ -88,11 +88,11 @@ def simulate(rules: Rules, steps: int = 3000) -> Trace:
         optimizer.zero_grad(set_to_none=True)
         _loss(rules, s, r[v], logit[v], y[v], step >= rules.warmup and exists[v]).backward()
         optimizer.step()
-        opacity = torch.stack([one.sigmoid() for one in logit]).detach() * torch.tensor(exists)
+        opacity = torch.stack([raw.sigmoid() for raw in logit]).detach() * torch.tensor(exists)
         opacity *= step >= rules.warmup
         trace.error.append(abs(s.item() - TRUTH))
         trace.haze.append(float(opacity[OCCLUDED:].mean()))
-        trace.found.append(float(opacity[:OCCLUDED].mean()))
+        trace.cover.append(float(opacity[:OCCLUDED].mean()))
     return trace
 
 
@@ -115,7 +115,7 @@ def draw(path: Path) -> None:
     panels = figure.subplots(1, 3)
     for rules in RULES:
         trace = simulate(rules)
-        for axes, values in zip(panels, (trace.error, trace.haze, trace.found), strict=True):
+        for axes, values in zip(panels, (trace.error, trace.haze, trace.cover), strict=True):
             axes.plot(values, label=rules.label, lw=1.2)
     titles = ("error of the static colour", "opacity in free views", "opacity in occluded views")
     for axes, title in zip(panels, titles, strict=True):

@@ -34,5 +34,5 @@ def enter(
     """
     figures = {name: results[name] for name in FIGURES if name in results}
     where = where_of(results)
-    found = Record(figures, commit, settings, where["device"], where["backend"])
-    records.enter(path, run, found)
+    record = Record(figures, commit, settings, where["device"], where["backend"])
+    records.enter(path, run, record)

@@ -63,11 +63,11 @@ def fuzz_table(fuzz: dict[str, dict[str, int]]) -> str:
     return table(["", "inputs", *heads], rows)
 
 
-def soak_figures(found: soak.Soak) -> dict[str, str]:
+def soak_figures(result: soak.Soak) -> dict[str, str]:
     """Ten rows of the long run, and its verdict."""
-    samples = found.samples[:: max(1, len(found.samples) // 10)]
-    if samples[-1] is not found.samples[-1]:
-        samples.append(found.samples[-1])
+    samples = result.samples[:: max(1, len(result.samples) // 10)]
+    if samples[-1] is not result.samples[-1]:
+        samples.append(result.samples[-1])
     rows = [
         [f"{s.step:,}", f"{s.rss:.1f}", f"{s.objects:,}", f"{s.gaussians:,}", f"{s.distractors:,}"]
         for s in samples
@@ -75,8 +75,8 @@ def soak_figures(found: soak.Soak) -> dict[str, str]:
     heads = ["step", "resident, MiB", "Python objects", "static Gaussians", "distractors"]
     return {
         "soak": table(heads, rows),
-        "soak_verdict": soak.describe(found),
-        "soak_machine": machine_line(found.machine),
+        "soak_verdict": soak.describe(result),
+        "soak_machine": machine_line(result.machine),
     }
 
 

@@ -48,26 +48,26 @@ def fuzzed(inputs: int, seed: int = 0) -> dict[str, dict[str, int]]:
     from lab.stability.fuzz_formulas import FORMULAS as ALL
 
     rng = random.Random(seed)
-    found = {FORMULAS: Counter()}
+    counts = {FORMULAS: Counter()}
     for formula in ALL:
         for _ in range(inputs):
             faults = formula.attempt(rng)
-            found[FORMULAS]["fault" if faults else "finite"] += 1
+            counts[FORMULAS]["fault" if faults else "finite"] += 1
             print(*faults, end="\n" if faults else "")
     with tempfile.TemporaryDirectory() as folder:
         places = fuzz_files.write_healthy(Path(folder) / "healthy")
         for source in fuzz_files.SOURCES:
-            found[source.name] = _counted(
+            counts[source.name] = _counted(
                 inputs,
                 lambda source=source: fuzz_files.fate_of(
                     source, rng, places[source.name], Path(folder) / "work"
                 ),
             )
         for options in fuzz_options.all_options(places["COLMAP, binary"], Path(folder) / "run"):
-            found[f"options: {options.name}"] = _counted(
+            counts[f"options: {options.name}"] = _counted(
                 inputs, lambda options=options: fuzz_options.fate_of(options, rng)
             )
-    return {name: {kind: fates[kind] for kind in KINDS} for name, fates in found.items()}
+    return {name: {kind: fates[kind] for kind in KINDS} for name, fates in counts.items()}
 
 
 def _counted(inputs: int, attempt: Callable[[], str]) -> Counter:

@@ -54,13 +54,13 @@ def fate_of(source: Source, rng: random.Random, healthy: Path, work: Path) -> st
     source.damage(rng, work)
     try:
         with CONSOLE.capture() as said:
-            found = source.read(work)
+            content = source.read(work)
     except DeSplatError as error:
         named = str(work) in str(error)
         return REFUSED if named else f"{FAULT}: {source.name}: no file is named: {error}"
     except Exception as error:
         return f"{FAULT}: {source.name}: {type(error).__name__}: {error}"
-    for value in tensors_of(found):
+    for value in tensors_of(content):
         if value.is_floating_point() and not bool(value.isfinite().all()):
             return f"{FAULT}: {source.name}: read, and not finite"
     return CULLED if "left out" in said.get() or "Going on from" in said.get() else FINE

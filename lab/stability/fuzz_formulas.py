@@ -90,8 +90,8 @@ def _excess(residual: Tensor, means2d: Tensor, opacities: Tensor) -> Tensor:
     residual = residual.detach().clamp(min=excess.MIN_RESIDUAL)
     for _ in range(3):
         rest = visible, opacities.detach(), stats
-        found, stats = excess.excess_residual(residual, means2d.detach(), *rest)
-    return torch.stack([found.values.sum(), stats.usual.sum(), stats.times_seen.sum()])
+        result, stats = excess.excess_residual(residual, means2d.detach(), *rest)
+    return torch.stack([result.values.sum(), stats.usual.sum(), stats.times_seen.sum()])
 
 
 def _placed(means: Tensor) -> Tensor:

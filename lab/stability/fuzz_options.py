@@ -66,12 +66,12 @@ def fate_of(options: Options, rng: random.Random) -> str:
     try:
         with CONSOLE.capture():
             check_finite_options(config)
-            found = options.use(config)
+            outcome = options.use(config)
     except DeSplatError as error:
         return REFUSED if "--" in str(error) or "needs" in str(error) else f"{FAULT}: {error}"
     except Exception as error:
         return f"{FAULT}: {options.name}: {type(error).__name__}: {error}: {config}"
-    if all(bool(t.isfinite().all()) for t in tensors_of(found)):
+    if all(bool(t.isfinite().all()) for t in tensors_of(outcome)):
         return FINE
     return f"{FAULT}: {options.name}: taken, and not finite: {config}"
 

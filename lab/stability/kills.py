@@ -101,7 +101,7 @@ class Life:
 
     def __init__(self, config: Any):
         self.out, into = os.pipe()
-        self.told: list[int] = []
+        self.steps: list[int] = []
         self._rest = b""
         self.process = os.fork()
         if self.process == 0:
@@ -120,7 +120,7 @@ class Life:
         """Take in what was said, waiting for some; False at the end."""
         data = os.read(self.out, 4096)
         *lines, self._rest = (self._rest + data).split(b"\n")
-        self.told += map(int, lines)
+        self.steps += map(int, lines)
         return bool(data)
 
     def end(self, number: int | None) -> int:
@@ -163,7 +163,7 @@ def kill_once(config: Any, rng: random.Random, starting: bool, step_seconds: flo
         time.sleep(rng.uniform(0, 1))
     else:
         wanted = rng.randint(0, MOST_STEPS)
-        while len(life.told) <= wanted and life.hear():
+        while len(life.steps) <= wanted and life.hear():
             pass
         time.sleep(rng.uniform(0, 2 * step_seconds))
     status = life.end(signal.SIGKILL)
@@ -180,21 +180,21 @@ def kill_runs(kills: int, folder: Path, seed: int = 0) -> Report:
     assert Life(straight).end(None) == 0
     step_seconds = (time.perf_counter() - started) / STEPS
     config = configured(folder / "scene", folder, "killed")
-    found: list[Kill] = []
+    killed: list[Kill] = []
     damaged, most_files, done = 0, 0, 0
     for i in range(kills):
         life = kill_once(config, rng, i % STARTING == STARTING - 1, step_seconds)
-        done = max([done, *life.told])
+        done = max([done, *life.steps])
         kept, bad = loadable(config.get_checkpoint_dir())
         half = list((config.get_base_dir() / STAGING_FOLDER).glob("*"))
-        found.append(Kill(bool(life.told), done, kept, bool(half)))
+        killed.append(Kill(bool(life.steps), done, kept, bool(half)))
         damaged, done = damaged + bad, kept
         whole = list(config.get_checkpoint_dir().glob("*"))
         most_files = max(most_files, len(whole) + len(half))
     assert Life(resumed(config)).end(None) == 0
     ends = [load_checkpoint(checkpoints_in(c.get_checkpoint_dir())[-1]) for c in (straight, config)]
     seconds = time.perf_counter() - started
-    return Report(STEPS, STEPS_PER_SAVE, found, damaged, most_files, same(*ends), seconds)
+    return Report(STEPS, STEPS_PER_SAVE, killed, damaged, most_files, same(*ends), seconds)
 
 
 def warm_up(config: Any) -> None:

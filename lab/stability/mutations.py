@@ -109,7 +109,7 @@ MUTATIONS = (
     Mutation("numba: a gradient through the clamp", _PIXELS,
              "h if drawn & (raw <= alpha_max) else _ZERO", "h if drawn else _ZERO", PIXELS),
     Mutation("numba: blending never stops", _PIXELS,
-             "drawn = seen & (behind > least)", "drawn = seen", PIXELS),
+             "drawn = visible & (behind > least)", "drawn = visible", PIXELS),
     Mutation("numba: what lies behind counted twice over", _PIXELS,
              "(later * per_clear - t * q)", "(later - t * q)", PIXELS),
     Mutation("numba: a sign in what lies behind", _PIXELS,

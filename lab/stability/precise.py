@@ -120,12 +120,12 @@ class Scene:
         opacity = gaussian[3][0]
         if self.settings.antialiased:
             opacity *= mp.sqrt(max(sharp / det, FLOOR))
-        found = []
+        opacities = []
         for pixel in self.pixels:
             dx, dy = pixel[0] - mean[0], pixel[1] - mean[1]
             power = (yy * dx * dx - 2 * xy * dx * dy + xx * dy * dy) / (2 * det)
-            found.append(opacity * mp.exp(-power))
-        return found
+            opacities.append(opacity * mp.exp(-power))
+        return opacities
 
     def features(self, gaussian: list[Vector]) -> Vector:
         """Red, green, blue, 1, depth."""
@@ -185,18 +185,18 @@ def render(scene: TestScene, settings: RenderSettings) -> Precise:
     slopes = {}
     for kind, name in enumerate(PARAMETERS):
         components = getattr(scene, name)[0].numel() if count else 0
-        found = np.zeros((count, components, len(exact.pixels), 5))
+        derivatives = np.zeros((count, components, len(exact.pixels), 5))
         for i in range(count):
             step = STEP * max(mpf(1), *(abs(v) for v in exact.gaussians[i][kind]))
             if name == "quats":
                 step = STEP * mp.sqrt(dot(exact.gaussians[i][kind], exact.gaussians[i][kind]))
             for c in range(components):
                 pair = (moved(i, kind, c, step), moved(i, kind, c, -step))
-                found[i, c] = [
+                derivatives[i, c] = [
                     [float((a - b) / (2 * step)) for a, b in zip(*images, strict=True)]
                     for images in zip(*pair, strict=True)
                 ]
-        slopes[name] = found
+        slopes[name] = derivatives
     values = [[float(v) for v in image] for image in exact.composite(alphas, features)]
     return Precise(np.array(values).reshape(-1, 5), slopes)
 

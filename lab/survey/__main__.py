@@ -68,7 +68,7 @@ def main() -> None:
                 print(records[name][-1]["name"], records[name][-1]["wrong"] or "right", flush=True)
         for real, root in available():
             record = measure_known(real.open(root), real.right)
-            records["real"].append({"name": real.name, "seen": real.seen, **record})
+            records["real"].append({"name": real.name, "seen": real.content, **record})
             print(real.name, record["wrong"] or "right", flush=True)
         for name, is_cluttered, capture in unfamiliar.available(SCENES):
             record = measure_known(capture, unfamiliar.right_of(name, is_cluttered))

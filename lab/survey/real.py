@@ -27,7 +27,7 @@ class RealScene:
     name: str
     parser: type[DeSplatColmapDataParserConfig]
     right: Allowed
-    seen: str
+    content: str
     """What its photos show."""
     options: dict[str, float] = field(default_factory=dict)
 

@@ -161,7 +161,7 @@ def report(
         right_chosen_on=share_right(
             [record for record in records["unfamiliar"] if record["chosen_on"]], JUDGED
         ),
-        seen="\n".join(f"- {record['name']}: {record['seen']}." for record in records["real"]),
+        photos="\n".join(f"- {record['name']}: {record['seen']}." for record in records["real"]),
         seconds=f"{seconds[len(seconds) // 2]:.1f}",
         num_visible=len(visible),
         num_faint=len(faint),

@@ -61,10 +61,10 @@ def write_many_photos(spec: ManyPhotos, folder: Path) -> None:
         name = f"photo_{number:04d}.jpg"
         write_image(folder / "images" / name, image)
         wanted = spec.observations * spec.points // spec.photos
-        found = np.flatnonzero(shown)
-        found = np.sort(rng.permutation(found)[:wanted])
-        pixels, _ = camera.project(xyz[:, found])
-        photos.append(RegisteredPhoto(name, camera, found, pixels))
+        indices = np.flatnonzero(shown)
+        indices = np.sort(rng.permutation(indices)[:wanted])
+        pixels, _ = camera.project(xyz[:, indices])
+        photos.append(RegisteredPhoto(name, camera, indices, pixels))
     write_reconstruction(folder / "sparse" / "0", photos, xyz, rgb)
 
 

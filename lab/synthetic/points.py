@@ -130,10 +130,10 @@ def sample_points(
         xyz.append(lift(camera, rows, columns, depth[rows, columns]))
         rgb.append(image[rows, columns].T)
     points = np.concatenate(xyz, axis=1)
-    found = [
+    sightings = [
         np.stack(part) for part in zip(*(sees(c, d, points) for c, _, d in views), strict=True)
     ]
-    cloud = PointCloud(points, np.concatenate(rgb, axis=1), *found)
+    cloud = PointCloud(points, np.concatenate(rgb, axis=1), *sightings)
     tracked = np.flatnonzero(cloud.is_seen.sum(axis=0) >= FEW_VIEWS)
     return cloud.keep(np.sort(rng.permutation(tracked)[:count]))
 
@@ -143,8 +143,8 @@ def mean_colors(
 ) -> UInt8[np.ndarray, "3 N"]:
     """Each point's colour, averaged over the pictures that see it: one picture for each view."""
     total = np.zeros(cloud.rgb.shape)
-    for seen, rows, columns, image in zip(
+    for visible, rows, columns, image in zip(
         cloud.is_seen, cloud.rows, cloud.columns, images, strict=True
     ):
-        total += np.where(seen, image[rows, columns].T, 0)
+        total += np.where(visible, image[rows, columns].T, 0)
     return np.round(total / cloud.is_seen.sum(axis=0)).astype(np.uint8)

@@ -147,8 +147,8 @@ class _Crowd:
 
     def __init__(self, spec: SceneSpec, points: PointCloud) -> None:
         self.spec, self.points = spec, points
-        seen = points.is_seen[: spec.num_views].sum(axis=0)
-        self.views_left = (seen - 1) // 2
+        sightings = points.is_seen[: spec.num_views].sum(axis=0)
+        self.views_left = (sightings - 1) // 2
         """How many more views may hide each point."""
         self.last: list[Primitive] = []
         """Occluders of the view before."""

@@ -64,7 +64,7 @@ def test_launches_are_what_makes_or_fills_a_tensor_on_the_device():
         values.add_(1.0)
         torch.empty(3, device="cuda")
         torch.rand(3)
-    assert counted.found == {"rand": 1, "clone": 1, "add_": 1}
+    assert counted.counts == {"rand": 1, "clone": 1, "add_": 1}
 
 
 @pytest.mark.usefixtures("fake_gpu")
@@ -75,7 +75,7 @@ def test_a_search_is_few_launches(monkeypatch: pytest.MonkeyPatch):
     look()
     with Launches() as counted:
         look()
-    assert 20 < counted.total <= MOST, counted.found.most_common()
+    assert 20 < counted.total <= MOST, counted.counts.most_common()
 
 
 def test_a_search_waits_for_the_gpu_once(monkeypatch: pytest.MonkeyPatch):

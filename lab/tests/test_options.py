@@ -18,7 +18,7 @@ def test_the_page_is_that_of_the_code():
 
 
 def test_every_option_of_every_method_stands_in_one_table():
-    names = [one.name for one in options.options(desplat.config)]
+    names = [option.name for option in options.options(desplat.config)]
     assert len(names) == len(set(names)) >= 70
     assert {options._part_of(name) for name in names} == set(options.PARTS)
     assert "--pipeline.model.distractors.per-view" in names

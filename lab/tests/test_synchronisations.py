@@ -74,7 +74,7 @@ def test_it_is_said_what_happens_where_as_often_as_it_does():
     with Synchronisations() as counted:
         for _ in range(3):
             VALUES.sum().item()
-    (place,) = counted.found
+    (place,) = counted.counts
     assert place.startswith(f"a number is read in {__name__}.test_it_is_said")
     assert counted.report() == f"3 x {place}"
     assert counted.total == 3
@@ -109,7 +109,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 def own(counted: Synchronisations) -> dict[str, int]:
     """How many the package causes, by room."""
     rooms: dict[str, int] = {}
-    for place, count in counted.found.items():
+    for place, count in counted.counts.items():
         package, room = place.split(" in ")[-1].split(".")[:2]
         if package == "desplat_ns":
             rooms[room] = rooms.get(room, 0) + count

@@ -41,7 +41,7 @@ BUILD_PATHS = re.compile(rb"/Users/\w+/|index\.[a-z]+\.io")
 
 def fetch(folder: Path, pins: dict[str, Any]) -> dict[str, str]:
     """Install the pinned versions; the checksum that npm checked for each of them."""
-    wanted = [f"{name}@{one['version']}" for name, one in pins["packages"].items()]
+    wanted = [f"{name}@{package['version']}" for name, package in pins["packages"].items()]
     (folder / "package.json").write_text('{"private": true}')
     quiet = ("--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error", "--save-exact")
     subprocess.run(["npm", "install", *quiet, *wanted], cwd=folder, check=True)
@@ -54,15 +54,15 @@ def bundled(folder: Path) -> dict[str, bytes]:
     modules = folder / "node_modules"
     spark = modules / "@sparkjsdev" / "spark" / "dist" / "spark.module.js"
     text = spark.read_text()
-    found = EMBEDDED.search(text)
-    assert found is not None, "Spark embeds its WebAssembly in another way now"
-    spark.write_text(text.replace(found[0], GIVEN))
+    match = EMBEDDED.search(text)
+    assert match is not None, "Spark embeds its WebAssembly in another way now"
+    spark.write_text(text.replace(match[0], GIVEN))
     shutil.copy(ENTRY, folder)
     out = folder / "viewer.js"
     options = (*ESBUILD, "--legal-comments=none", f"--outfile={out}", "--log-level=error")
     program = modules / BUNDLER / "bin" / "esbuild"
     subprocess.run(["node", program, folder / ENTRY.name, *options], check=True)
-    wasm = BUILD_PATHS.sub(lambda one: b"-" * len(one[0]), base64.b64decode(found[1]))
+    wasm = BUILD_PATHS.sub(lambda path: b"-" * len(path[0]), base64.b64decode(match[1]))
     return {
         "viewer.js.gz": gzip.compress(out.read_bytes(), mtime=0),
         "spark.wasm.gz": gzip.compress(wasm, mtime=0),
@@ -88,12 +88,12 @@ def checksum(name: str, content: bytes) -> str:
 def main() -> None:
     pins = json.loads(PINS.read_text())
     with tempfile.TemporaryDirectory() as place:
-        found = fetch(Path(place), pins)
+        checksums = fetch(Path(place), pins)
         files = bundled(Path(place))
     fresh = {
         "packages": {
-            name: {"version": one["version"], "integrity": found[name]}
-            for name, one in pins["packages"].items()
+            name: {"version": package["version"], "integrity": checksums[name]}
+            for name, package in pins["packages"].items()
         },
         "files": {name: checksum(name, content) for name, content in files.items()},
     }

@@ -68,8 +68,8 @@ def test_what_was_pasted_over_photos_after_their_reconstruction_is_no_light(
 ):
     pasted = replace(make_capture(), photos=make_capture(cluttered=True).photos)
     found, evidence = survey_with_evidence(pasted)
-    everywhere = np.ones_like(evidence.seen.is_shown)
-    as_light = appearance_finding(evidence.seen, evidence.light, everywhere)
+    everywhere = np.ones_like(evidence.observations.is_shown)
+    as_light = appearance_finding(evidence.observations, evidence.light, everywhere)
     assert share_of_places(as_light) > 1.5 * share_of_places(found.appearance)
     assert found.appearance.decision == "off"
 
@@ -82,7 +82,7 @@ def share_of_places(found: Finding) -> float:
 
 def test_what_is_in_the_way_is_no_light(make_capture: Callable[..., Capture]):
     _, evidence = survey_with_evidence(make_capture(cluttered=True))
-    seen, light = evidence.seen, evidence.light
+    seen, light = evidence.observations, evidence.light
     is_confirmed = np.ones_like(seen.is_shown)
     every = local_steps(seen, light, is_confirmed)
     is_confirmed[2] = False

@@ -36,7 +36,7 @@ def _smooth(colors, half, first, end, grey, sums, moments, wide):
         down, row = np.float32(add_windows(grey, r, sums)), moments[r, wide:]
         clear_between(moments[r], columns, wide)
         s, p, ss, pp, sp = row, row[step:], row[2 * step :], row[3 * step :], row[4 * step :]
-        of_static, of_photo = sums.found, sums.found[width:]
+        of_static, of_photo = sums.totals, sums.totals[width:]
         for j in range(columns):
             n = down * sums.across[j]
             a, b = np.float32(of_static[j]) / n, np.float32(of_photo[j]) / n
@@ -46,7 +46,7 @@ def _smooth(colors, half, first, end, grey, sums, moments, wide):
 @kernel()
 def _correlate(down, sums, noise, contrast, alike):
     """`regions.shared_detail` of a row, from sums of s, p, s s, p p, s p."""
-    step, t = sums.found.size // 5, sums.found
+    step, t = sums.totals.size // 5, sums.totals
     t1, t2, t3, t4 = t[step:], t[2 * step :], t[3 * step :], t[4 * step :]
     for j in range(alike.size):
         n = down * sums.across[j]
@@ -60,10 +60,10 @@ def _correlate(down, sums, noise, contrast, alike):
 
 @kernel()
 def _is_any_above(values, least):
-    found = False
+    is_above = False
     for value in values:
-        found |= value > least
-    return found
+        is_above |= value > least
+    return is_above
 
 
 @kernel()

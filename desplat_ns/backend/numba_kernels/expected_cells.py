@@ -31,9 +31,9 @@ def _find_cells_of(means2d, visible, scale, counted, shape, first, end, cell):
 
 
 @kernel()
-def _remember_piece(seen, rule, relative, inside_of, piece, memory):
+def _remember_piece(splats, rule, relative, inside_of, piece, memory):
     """`remember` for some Gaussians."""
-    (opacities, usual, times_seen), (views_per_time, least_views, step, _) = seen, rule
+    (opacities, usual, times_seen), (views_per_time, least_views, step, _) = splats, rule
     new_usual, new_times, weights, totals = memory
     first, end = piece * GAUSSIANS, min((piece + 1) * GAUSSIANS, usual.size)
     all_values, all_weights = 0.0, 0.0
@@ -74,7 +74,7 @@ def _expect(usual, weights, totals, cell, weight_of_all, half, shape, expected):
     typical = np.float32(all_values) / max(np.float32(all_weights), _TINY)
     typical *= weight_of_all
     sums = sums_of(cells, columns, half, 1)
-    above, below = sums.found, sums.found[width:]
+    above, below = sums.totals, sums.totals[width:]
     for r in range(rows):
         down, row = np.float32(add_windows(cells, r, sums)), expected[r * columns :]
         for j in range(columns):
@@ -85,14 +85,14 @@ def _expect(usual, weights, totals, cell, weight_of_all, half, shape, expected):
 
 @kernel(parallel=True)
 def remember(
-    means2d, visible, scale, seen, rule, relative, counted, half, shape, memory, cell, expected,
+    means2d, visible, scale, splats, rule, relative, counted, half, shape, memory, cell, expected,
     counter, workers,
 ):  # fmt: skip
     """`residuals.excess_residual`, from logarithms of residuals to those that are expected.
 
     Args:
         means2d: pixels, [N, 2]; `scale` is in cells per pixel, across and down.
-        seen: opacities, usual residuals, times seen.
+        splats: opacities, usual residuals, times seen.
         rule: how many views a time seen is, and views that are too few; the step of a median; the
             weight of what is usual in the whole scene.
         relative: logarithms, and 0 behind the last cell.
@@ -106,6 +106,6 @@ def remember(
         while piece < memory[3].shape[0]:
             first, end = piece * GAUSSIANS, min((piece + 1) * GAUSSIANS, cell.size)
             _find_cells_of(means2d, visible, scale, counted, shape, first, end, cell)
-            _remember_piece(seen, rule, relative, cell, piece, memory)
+            _remember_piece(splats, rule, relative, cell, piece, memory)
             piece = take(counter)
-    _expect(seen[1], memory[2], memory[3], cell, rule[3], half, shape, expected)
+    _expect(splats[1], memory[2], memory[3], cell, rule[3], half, shape, expected)

@@ -59,8 +59,8 @@ class Launch(NamedTuple):
 def launches() -> tuple[Launch, ...]:
     """All of them, those of a module in the order in which a step launches them. The modules that
     take longest to compile come first, so that the processes that compile them end together."""
-    found = (*_of_drawing(), *_of_images(), *_of_search(), *_of_lists(), *_of_harmonics())
-    return tuple(Launch(kernel, arguments) for kernel, *arguments in found)
+    rows = (*_of_drawing(), *_of_images(), *_of_search(), *_of_lists(), *_of_harmonics())
+    return tuple(Launch(kernel, arguments) for kernel, *arguments in rows)
 
 
 def _table(kind: Any) -> np.ndarray:
@@ -97,13 +97,13 @@ def _of_search() -> Iterator[tuple[Any, ...]]:
     cells = Grid(_KEYS, _table(np.float32), _KEYS, _table(np.float32))
     rules, memory = (_SCALE,) * 5, (*_THREE, _table(np.float64))
     judged = (_TWO, _SIZE, _FLOATS, cells, _SIZE, rules, _BYTES, _DOUBLES)
-    seen = (_FLOATS, _FLAGS, (_SCALE,) * 2, _THREE, (_SCALE,) * 4, _FLOATS, _FLAGS)
+    remembered = (_FLOATS, _FLAGS, (_SCALE,) * 2, _THREE, (_SCALE,) * 4, _FLOATS, _FLAGS)
     outlined = (_DOUBLES, _DOUBLES, _SIZE, _NUMBER, _CUTOFF, _SIZE, _FLAGS)
     compared = (_TWO, cells, cells, _NUMBER, _SCALE, _TWO, _FLOATS)
     yield (detail_cells.judge_cells, *judged, _NUMBER)
     yield (outline_cells.outline, *outlined, _NUMBER)
     yield (residual_cells.compare_images, *compared, _NUMBER)
-    yield (expected_cells.remember, *seen, _NUMBER, _SIZE, memory, _INTS, _FLOATS, *_TURN)
+    yield (expected_cells.remember, *remembered, _NUMBER, _SIZE, memory, _INTS, _FLOATS, *_TURN)
 
 
 def _of_lists() -> Iterator[tuple[Any, ...]]:

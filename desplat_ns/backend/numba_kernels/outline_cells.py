@@ -27,21 +27,21 @@ def _prepare(colors, inside, shape, half, first, end, products):
         clear_between(products[i], columns, half)
         r, row = colors[i * columns :], products[i, half:]
         g, b, m = r[planes:], r[2 * planes :], inside[i * columns :]
-        for k, one in enumerate((r, g, b, m)):
+        for k, channel in enumerate((r, g, b, m)):
             copy = row[k * width :]
             for j in range(columns):
-                copy[j] = one[j]
+                copy[j] = channel[j]
         pairs = ((r, m), (g, m), (b, m), (r, r), (g, g), (b, b), (g, b), (r, b), (r, g))
-        for k, (one, other) in enumerate(pairs):
+        for k, (factor, other) in enumerate(pairs):
             product = row[(k + 4) * width :]
             for j in range(columns):
-                product[j] = one[j] * other[j]
+                product[j] = factor[j] * other[j]
 
 
 @kernel()
 def _fit(down, sums, noise, fits):
     """A row of `regions.along_edges`: slopes by the three colours, and offsets."""
-    columns, half, t = sums.across.size, sums.half, sums.found
+    columns, half, t = sums.across.size, sums.half, sums.totals
     w = columns + 2 * half
     t1, t2, t3, t4, t5, t6 = t[w:], t[2 * w :], t[3 * w :], t[4 * w :], t[5 * w :], t[6 * w :]
     t7, t8, t9, t10, t11 = t[7 * w :], t[8 * w :], t[9 * w :], t[10 * w :], t[11 * w :]
@@ -78,8 +78,8 @@ def _outline_rows(colors, inside, shape, half, noise, c0, c1, regions):
         clear_between(fits[r], columns, half)
         _fit(down, sums, noise, fits[r])
     sums = sums_of(fits, columns, half, 1)
-    x, y, z = sums.found, sums.found[width:], sums.found[2 * width :]
-    offset = sums.found[3 * width :]
+    x, y, z = sums.totals, sums.totals[width:], sums.totals[2 * width :]
+    offset = sums.totals[3 * width :]
     for r in range(c0, c1):
         down, red = np.float32(add_windows(fits, r, sums)), colors[r * columns :]
         green, blue, row = red[plane:], red[2 * plane :], regions[r * columns :]

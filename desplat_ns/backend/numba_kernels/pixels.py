@@ -149,11 +149,11 @@ def blend(s, records, base, place, start, stop, limits):
         alpha = min(opacity * falloff, alpha_max)
         t, last = s[T + p], s[LAST + p]
         behind = t * (_ONE - alpha)
-        seen = (alpha >= cutoff) & (t > _ZERO)
-        drawn = seen & (behind > least)
+        visible = (alpha >= cutoff) & (t > _ZERO)
+        drawn = visible & (behind > least)
         weight = alpha * t
         weight = weight if drawn else _ZERO
-        finished = -t if seen else t  # a negative sign: this pixel is finished
+        finished = -t if visible else t  # a negative sign: this pixel is finished
         s[T + p] = behind if drawn else finished
         s[LAST + p] = place if drawn else last
         s[WEIGHT + p] = weight
@@ -227,9 +227,9 @@ def write_row(sums, opacity, grads, row):
     """Turn the sums of `backward` into the gradients of an entry."""
     sum_x, sum_y, abs_x, abs_y, xx, xy, yy, total, v0, v1, v2, v3 = sums
     by_mean = (_PER_K * sum_x, _PER_K * sum_y, -_PER_K * abs_x, -_PER_K * abs_y)
-    found = (*by_mean, _HALF * xx, xy, _HALF * yy, -total / opacity, v0, v1, v2, v3)
+    entry = (*by_mean, _HALF * xx, xy, _HALF * yy, -total / opacity, v0, v1, v2, v3)
     for k in range(GEOMETRY + 4):
-        grads[row + k] = found[k]
+        grads[row + k] = entry[k]
 
 
 @kernel(fastmath=_LOOSE)

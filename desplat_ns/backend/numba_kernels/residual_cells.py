@@ -48,7 +48,7 @@ def _differ(colors, rows, half, first, end, largest):
             for j in range(columns):
                 row[j] = a[j] - b[j]
     sums = sums_of(signed, columns, half, 1)
-    red, green, blue = sums.found, sums.found[width:], sums.found[2 * width :]
+    red, green, blue = sums.totals, sums.totals[width:], sums.totals[2 * width :]
     for r in range(first, end):
         down, row = np.float32(add_windows(signed, r, sums)), largest[r * columns :]
         for j in range(columns):
@@ -77,7 +77,7 @@ def _compare_rows(images, fine_grid, grid, half, least, c0, c1, colors, residual
     for r in range(c0, c1):
         down, row = np.float32(add_windows(cells, r, sums)), residual[r * columns :]
         for j in range(columns):
-            mean = np.float32(sums.found[j]) / (down * sums.across[j])
+            mean = np.float32(sums.totals[j]) / (down * sums.across[j])
             row[j] = mean if mean > least else least
 
 

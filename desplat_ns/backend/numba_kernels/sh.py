@@ -247,9 +247,9 @@ class EvaluateColors(torch.autograd.Function):
     def backward(ctx, grad, by_zeroth=None):  # type: ignore[override]
         inputs, sizes, out, shape = ctx.state
         v_means, v_values = torch.empty(shape[0], 3), torch.empty(shape)
-        found = (v_means.view(-1).numpy(), v_values.view(-1).numpy())
+        gradients = (v_means.view(-1).numpy(), v_values.view(-1).numpy())
         with launching():
-            _backward(*inputs, sizes, out, flat(grad), *found, new_counter(), num_workers())
+            _backward(*inputs, sizes, out, flat(grad), *gradients, new_counter(), num_workers())
         if by_zeroth is not None:
             v_values[:, 0] += by_zeroth
         return v_means, v_values, None, None, None, None

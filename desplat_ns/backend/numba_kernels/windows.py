@@ -66,14 +66,14 @@ def add_columns(line, grid, out):
 @kernel()
 def add_colors(line, grid, out, at, plane):
     """Cells of a row of three channels that lie side by side, as a row of each of three planes."""
-    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
+    green, blue, channels = np.uint64(1), np.uint64(2), np.uint64(3)
     for c in range(np.uint64(grid.left.size)):
-        i, to = three * grid.left[c], np.uint64(at) + c
+        i, to = channels * grid.left[c], np.uint64(at) + c
         r = g = b = np.float32(0)
         for k in range(grid.along.shape[0]):
-            weight = grid.along[k, c]
-            r, g, b = r + weight * line[i], g + weight * line[i + one], b + weight * line[i + two]
-            i += three
+            w = grid.along[k, c]
+            r, g, b = r + w * line[i], g + w * line[i + green], b + w * line[i + blue]
+            i += channels
         out[to], out[to + np.uint64(plane)], out[to + np.uint64(2 * plane)] = r, g, b
 
 
@@ -90,7 +90,7 @@ class Sums(NamedTuple):
     """Sums of columns of cells, as long as a row."""
     last: np.ndarray
     """Number of their row, [1]."""
-    found: np.ndarray
+    totals: np.ndarray
     """Sums over the windows of a row, as far as they are in the image; that around a cell lies
     `half` before it."""
     across: np.ndarray
@@ -115,7 +115,7 @@ def _add(row, sign, below):
 @kernel()
 def add_windows(cells, r, sums):
     """Find the sums of a row, in float64; how many rows its windows have."""
-    rows, half, below, total = cells.shape[0], sums.half, sums.below, sums.found
+    rows, half, below, total = cells.shape[0], sums.half, sums.below, sums.totals
     first = r - 1
     if r % sums.restart == 0 or sums.last[0] != first:
         first = r - r % sums.restart

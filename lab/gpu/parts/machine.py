@@ -20,18 +20,18 @@ PACKAGES = ("gsplat", "nerfstudio", "numba", "numpy")
 
 def measure(job: Job) -> Iterator[Figures]:
     """Texts by what they are of."""
-    found = {"GPU": "none: the processor stands in"}
+    texts = {"GPU": "none: the processor stands in"}
     if not job.is_stand_in:
-        found = gpu()
+        texts = gpu()
     described = describe_machine()
-    found |= {
+    texts |= {
         "torch": f"{torch.__version__}, CUDA {torch.version.cuda or 'none'}",
         "CUDA compiler": compiler() or "none found",
         "Cores": str(len(os.sched_getaffinity(0))),
         **{name: _version(name) for name in PACKAGES},
         **{name: described[name] for name in ALSO},
     }
-    yield found
+    yield texts
 
 
 def gpu() -> Figures:

@@ -34,16 +34,16 @@ def measure(job: Job) -> Iterator[Figures]:
         scene = make_scene(*size)
         for lists in (EXACT, SQUARES):
             with turned(_cut(lists)):
-                rows += [_row(lists, found) for found in measure_errors(scene, contenders(job))]
+                rows += [_row(lists, errors) for errors in measure_errors(scene, contenders(job))]
             yield {"rows": rows}
 
 
 def contenders(job: Job) -> list[Contender]:
     """Every backend that can run here, and torch's on the GPU as well."""
-    found, _ = backends()
+    runnable, _ = backends()
     if job.is_stand_in:
-        return found
-    return [*found, Contender("torch on CUDA", "cuda", resolve("torch", "cuda"))]
+        return runnable
+    return [*runnable, Contender("torch on CUDA", "cuda", resolve("torch", "cuda"))]
 
 
 def _cut(lists: str) -> list:
@@ -51,8 +51,8 @@ def _cut(lists: str) -> list:
         return []
     drawing = {c.name: c for c in backends()[0]}
     cut = Setting(torch.float32, lists="squares")
-    return [one for name in ("torch", "numba") for one in replacements(drawing[name], cut)]
+    return [change for name in ("torch", "numba") for change in replacements(drawing[name], cut)]
 
 
-def _row(lists: str, found: Errors) -> dict[str, object]:
-    return {"reference": lists, **asdict(found)}
+def _row(lists: str, errors: Errors) -> dict[str, object]:
+    return {"reference": lists, **asdict(errors)}

@@ -40,5 +40,5 @@ def places(tests: Path) -> list[str]:
     """Where tests are marked: collecting all others as well would take a minute. Files of tests;
     of others that mark, as the lists of backends do, the folder."""
     marking = [path for path in sorted(tests.rglob("*.py")) if MARK in path.read_text("utf8")]
-    found = [path if path.name.startswith("test_") else path.parent for path in marking]
-    return [str(one) for one in dict.fromkeys(found) if one.parent not in found]
+    marked = [path if path.name.startswith("test_") else path.parent for path in marking]
+    return [str(path) for path in dict.fromkeys(marked) if path.parent not in marked]

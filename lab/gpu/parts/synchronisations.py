@@ -52,12 +52,12 @@ LAUNCHES = ("cudaLaunchKernel", "cudaLaunchKernelExC", "cuLaunchKernel", "cuLaun
 
 def measure(job: Job) -> Iterator[Figures]:
     """Events of each method by kind, per step."""
-    found: dict[str, Any] = {}
+    counts: dict[str, Any] = {}
     for method in METHODS:
         events = profiled(job, method)
         counted = QUICK_COUNTED if job.quick else COUNTED
-        found[method] = per_step(names_within(events), counted)
-        yield {"steps": counted, "methods": found}
+        counts[method] = per_step(names_within(events), counted)
+        yield {"steps": counted, "methods": counts}
 
 
 def profiled(job: Job, method: str) -> list[Any]:

@@ -53,14 +53,14 @@ def measure(job: Job) -> Iterator[Figures]:
     options += ["--pipeline.model.backend", "numba" if device == "cpu" else "gsplat"]
     options += ["--output-dir", str(runs), *QUIET, "robustnerf-data"]
     options += real_capture() if job.case == "real" else ["--data", str(capture(job))]
-    found = train_and_score("desplat", options, runs / "pictures")["figures"]
-    keep_the_worst(found["images"], runs)
+    figures = train_and_score("desplat", options, runs / "pictures")["figures"]
+    keep_the_worst(figures["images"], runs)
     yield {
         "capture": REAL if job.case == "real" else "generated",
         "device": device,
         "steps": QUICK_STEPS if job.quick else steps,
         "threads": torch.get_num_threads(),
-        **{name: found[name] for name in KEPT if name in found},
+        **{name: figures[name] for name in KEPT if name in figures},
     }
 
 

@@ -33,5 +33,5 @@ def test_a_run_that_is_measured_again_replaces_its_row(tmp_path, monkeypatch):
     first = Kept("fox", "2min", "nothing", 150.0, 1000, 900, 1)
     for kept in (first, Kept("fox", "2min", "nothing", 118.0, 1000, 1100, 2)):
         enter(kept)
-    (only,) = [Kept(**one) for one in json.loads(file.read_text("utf8"))]
+    (only,) = [Kept(**run) for run in json.loads(file.read_text("utf8"))]
     assert only.row() == "| fox | nothing | 2min | 118 s (98%) | 1,000 | 1,100 | 1/2 |"

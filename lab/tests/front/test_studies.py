@@ -22,8 +22,8 @@ def test_a_kept_study_says_nothing_of_the_machine_and_is_compared(tmp_path, monk
     (tmp_path / "out" / "training.svg").write_text("<svg/>")
     kept = studies.keep(tmp_path / "out", "garden")
     assert "/photos" not in kept.read_text()
-    found = studies.results()
-    assert json.loads(kept.read_text()) == found["garden"]
-    assert "| `garden` | 20 |" in studies.time_table(found)
-    row = studies.settings_table(found).splitlines()[-1]
+    results = studies.results()
+    assert json.loads(kept.read_text()) == results["garden"]
+    assert "| `garden` | 20 |" in studies.time_table(results)
+    row = studies.settings_table(results).splitlines()[-1]
     assert row.startswith("| a quarter of the static Gaussians at most |") and "3 seeds" in row

@@ -28,13 +28,13 @@ def test_a_collection_holds_its_wheels_and_says_for_which_python(offline, tmp_pa
     sizes = collect.collect(folder, "3.12", set())
     assert set(sizes) == {"thing", "other"}
     assert (folder / wheels.MADE_FOR).read_text().strip() == "3.12"
-    found = wheels.unpack(folder / wheels.ARCHIVE, tmp_path)
-    assert {path.name.partition("-")[0] for path in found} == {"thing", "other"}
+    unpacked = wheels.unpack(folder / wheels.ARCHIVE, tmp_path)
+    assert {path.name.partition("-")[0] for path in unpacked} == {"thing", "other"}
 
 
 def test_torch_and_what_the_machine_has_are_not_asked_for(offline, tmp_path: Path):
     collect.collect(tmp_path / "wheels", "3.12", {"numpy", "scipy"})
-    names = {one.partition("==")[0] for one in offline}
+    names = {line.partition("==")[0] for line in offline}
     assert "gsplat" in names and "nerfstudio" in names
     assert not names & {"numpy", "scipy", "torch", "torchvision", "triton"}
     assert not any(name.startswith(("nvidia-", "cuda-")) for name in names)

@@ -32,18 +32,18 @@ def draw(tmp_path: Path) -> tuple[Parameter, ...]:
     header = tmp_path / "cuda" / "csrc" / "bindings.h"
     header.parent.mkdir(parents=True)
     header.write_text(HEADER)
-    found = read_declarations(tmp_path)
-    assert list(found) == ["draw", "offsets"] and len(found["offsets"]) == 2
-    return found["draw"]
+    kernels = read_declarations(tmp_path)
+    assert list(kernels) == ["draw", "offsets"] and len(kernels["offsets"]) == 2
+    return kernels["draw"]
 
 
 def values(**other: object) -> list[object]:
-    sound = {
+    valid = {
         **{"means": torch.zeros(1, 5, 3), "covars": None, "image_width": 48, "C": 1},
         **{"eps2d": 0.3, "sort": True, "camera_model": "PINHOLE"},
         "radii": torch.zeros(1, 5, dtype=torch.int32),
     }
-    return list((sound | other).values())
+    return list((valid | other).values())
 
 
 def test_a_header_says_names_types_and_shapes(draw):

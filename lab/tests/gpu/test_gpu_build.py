@@ -60,10 +60,10 @@ def test_every_call_fits_the_compiled_kernels(compiled):
 
 def test_a_call_that_does_not_fit_the_compiled_kernels_is_found(compiled):
     for values in [(torch.zeros(3), 1, 2), ("isect_ids", 1, 2, 3), (torch.zeros(3), 1, 2, 3.5)]:
-        found = gpu_build.refused(compiled, Call("isect_offset_encode", values))
-        assert found is not None and "incompatible function arguments" in found
-    found = gpu_build.refused(compiled, Call("no_such_kernel", ()))
-    assert found == "no_such_kernel is not in the compiled module"
+        reason = gpu_build.refused(compiled, Call("isect_offset_encode", values))
+        assert reason is not None and "incompatible function arguments" in reason
+    reason = gpu_build.refused(compiled, Call("no_such_kernel", ()))
+    assert reason == "no_such_kernel is not in the compiled module"
 
 
 def module_that(says: type[Exception] | None, text: str = "") -> Any:
@@ -124,9 +124,9 @@ def test_a_toolkit_that_was_installed_before_is_used(no_toolkit, monkeypatch):
     nvcc = gpu_build.TOOLKIT / "nvidia" / "cu13" / "bin" / "nvcc"
     nvcc.parent.mkdir(parents=True)
     nvcc.touch()
-    found = []
+    homes = []
     monkeypatch.setattr(
-        gpu_build, "find_tools", lambda: found.append(gpu_build.os.environ["CUDA_HOME"])
+        gpu_build, "find_tools", lambda: homes.append(gpu_build.os.environ["CUDA_HOME"])
     )
     gpu_build.have_toolkit()
-    assert found == [str(nvcc.parent.parent)] and no_toolkit == []
+    assert homes == [str(nvcc.parent.parent)] and no_toolkit == []

@@ -67,8 +67,8 @@ def a_run(device: str = "cuda", **records: Record) -> Run:
 
 
 def tables_of(text: str) -> list[list[str]]:
-    found = re.findall(r"(?:^\|.*\n?)+", text, flags=re.M)
-    return [block.strip().splitlines() for block in found]
+    blocks = re.findall(r"(?:^\|.*\n?)+", text, flags=re.M)
+    return [block.strip().splitlines() for block in blocks]
 
 
 def test_a_whole_run_gives_every_table_and_misses_nothing():

@@ -59,9 +59,9 @@ def running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Running:
             lambda line: None,
             parts,
         )
-        found = runner()
+        ended = runner()
         assert len(written) == len(parts)  # whoever ends a run finds what it had
-        return found
+        return ended
 
     return run
 
@@ -142,9 +142,9 @@ def test_without_kernels_only_the_parts_that_need_them_are_left_out(running: Run
 
 def test_every_part_has_a_module_and_a_deadline_within_the_run():
     folder = Path(__file__).parents[3] / "lab" / "gpu" / "parts"
-    for one in PARTS:
-        assert (folder / f"{one.name.partition('.')[0]}.py").is_file()
-        assert 0 < one.deadline < TOTAL <= 600
+    for part in PARTS:
+        assert (folder / f"{part.name.partition('.')[0]}.py").is_file()
+        assert 0 < part.deadline < TOTAL <= 600
 
 
 @pytest.mark.parametrize(("jobs", "deadline"), [(14, 360.0), (2, 1980.0)])
@@ -158,6 +158,6 @@ def test_the_kernels_have_twice_the_time_that_they_are_expected_to_take(
 
 def test_the_compiler_and_the_training_beside_it_share_the_cores():
     cores = len(os.sched_getaffinity(0))
-    training = environment_of(next(one for one in PARTS if one.name == "training.cpu"))
+    training = environment_of(next(part for part in PARTS if part.name == "training.cpu"))
     jobs, threads = int(environment_of(KERNELS)["MAX_JOBS"]), int(training["NUMBA_NUM_THREADS"])
     assert 1 <= threads <= jobs and jobs + threads <= max(cores, 2)

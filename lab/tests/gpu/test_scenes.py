@@ -19,9 +19,9 @@ def steps(tmp_path_factory):
 def picture(step) -> torch.Tensor:
     step.model.eval()
     with torch.no_grad():
-        found = step.model.get_outputs_for_camera(step.camera)["rgb"]
+        image = step.model.get_outputs_for_camera(step.camera)["rgb"]
     step.model.train()
-    return found
+    return image
 
 
 def test_splatfacto_and_desplat_draw_the_same_gaussians(steps):

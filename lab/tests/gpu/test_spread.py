@@ -4,8 +4,8 @@ from lab.gpu.spread import summary
 
 
 def test_median_and_tenths():
-    found = summary([float(value) for value in range(11)])
-    assert found == {"median": 5.0, "low": 1.0, "high": 9.0, "count": 11}
+    spread = summary([float(value) for value in range(11)])
+    assert spread == {"median": 5.0, "low": 1.0, "high": 9.0, "count": 11}
 
 
 def test_a_single_value_has_no_spread():

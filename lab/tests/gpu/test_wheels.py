@@ -17,15 +17,15 @@ exceptiongroup==1.3.1 ; python_version < '3.11'
 
 
 @pytest.mark.parametrize(
-    ("python", "found"),
+    ("python", "versions"),
     [
         ("3.10", {"av": "17.1.0", "pytorch-msssim": "1.0.0", "exceptiongroup": "1.3.1"}),
         ("3.11", {"av": "18.1.0", "pytorch-msssim": "1.0.0"}),
         ("3.12", {"av": "18.1.0", "pytorch-msssim": "1.0.0"}),
     ],
 )
-def test_versions_are_those_of_the_machines_python(python, found):
-    assert wheels.pinned(CONSTRAINTS, python) == found
+def test_versions_are_those_of_the_machines_python(python, versions):
+    assert wheels.pinned(CONSTRAINTS, python) == versions
 
 
 def test_every_line_of_the_constraints_is_understood():
@@ -72,9 +72,9 @@ def test_what_is_unpacked_holds_the_same_files_and_travelled_smaller(tmp_path: P
     archive, there = tmp_path / wheels.ARCHIVE, tmp_path / "there"
     wheels.pack([wheel], archive)
     there.mkdir()
-    (found,) = wheels.unpack(archive, there)
-    assert found.name == wheel.name and archive.stat().st_size < wheel.stat().st_size / 2
-    with zipfile.ZipFile(wheel) as before, zipfile.ZipFile(found) as after:
+    (unpacked,) = wheels.unpack(archive, there)
+    assert unpacked.name == wheel.name and archive.stat().st_size < wheel.stat().st_size / 2
+    with zipfile.ZipFile(wheel) as before, zipfile.ZipFile(unpacked) as after:
         assert after.testzip() is None
         assert {n: before.read(n) for n in before.namelist()} == {
             n: after.read(n) for n in after.namelist()

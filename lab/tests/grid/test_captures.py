@@ -41,26 +41,26 @@ def test_a_generated_capture_is_written_once(tmp_path: Path):
 def test_an_altered_capture_is_made_of_its_original(monkeypatch, tmp_path: Path):
     (tmp_path / "fox").mkdir()
     monkeypatch.setenv(DATA_VARIABLE, str(tmp_path))
-    seen = []
+    originals = []
 
     def alter(original: Path, folder: Path) -> None:
         folder.mkdir()
-        seen.append(original)
+        originals.append(original)
 
     capture = AlteredCapture("white", RealCapture("fox"), alter)
     folder = capture.locate(tmp_path)
     assert folder.name.startswith("white-") and capture.locate(tmp_path) == folder
-    assert seen == [(tmp_path / "fox").resolve()]
+    assert originals == [(tmp_path / "fox").resolve()]
 
 
 def test_a_changed_spec_is_another_description_and_another_folder(tmp_path: Path):
     spec = SceneSpec.tiny()
-    one, other = (
+    first, other = (
         GeneratedCapture("tiny", s) for s in (spec, replace(spec, num_points=spec.num_points - 1))
     )
-    assert differences(one.describe(), other.describe()) == ["generated.num_points"]
-    assert place_of(one, tmp_path) != place_of(other, tmp_path)
-    assert any(name.startswith("generated.occluders.") for name in one.describe())
+    assert differences(first.describe(), other.describe()) == ["generated.num_points"]
+    assert place_of(first, tmp_path) != place_of(other, tmp_path)
+    assert any(name.startswith("generated.occluders.") for name in first.describe())
 
 
 def test_an_altered_capture_is_described_by_its_case_and_its_original():

@@ -84,27 +84,27 @@ def test_the_list_names_what_is_to_be_done_and_why(command: Command, capsys):
 
 def test_what_is_to_be_done_is_done_and_recorded(command: Command, capsys):
     assert command.main(["--only", "*-42", "--jobs", "2"]) == 0
-    found = load(command.file)
-    assert found[DONE.name].figures == {"psnr": 20.0}
+    entries = load(command.file)
+    assert entries[DONE.name].figures == {"psnr": 20.0}
     for run in (STALE, UNKNOWN, MISSING):
-        assert found[run.name] == Record({"psnr": 30.0}, "new", TODAY)
-    assert len(found) == 4
+        assert entries[run.name] == Record({"psnr": 30.0}, "new", TODAY)
+    assert len(entries) == 4
     assert "page.md" in capsys.readouterr().out
 
 
 def test_a_record_that_cannot_be_written_leaves_the_other_runs(command, monkeypatch, capsys):
     enter = records.enter
 
-    def full_for_one(file: Path, run: Run, found: Record) -> None:
+    def full_for_one(file: Path, run: Run, record: Record) -> None:
         if run == STALE:
             raise OSError("No space left on device")
-        enter(file, run, found)
+        enter(file, run, record)
 
     monkeypatch.setattr(records, "enter", full_for_one)
     assert command.main(["--only", "*-42"]) == 1
-    found = load(command.file)
-    assert found[STALE.name].settings == {"steps": 2}
-    assert found[MISSING.name].figures == {"psnr": 30.0}
+    entries = load(command.file)
+    assert entries[STALE.name].settings == {"steps": 2}
+    assert entries[MISSING.name].figures == {"psnr": 30.0}
     assert f"{STALE.name}: OSError: No space left" in capsys.readouterr().err
 
 
@@ -143,10 +143,10 @@ def test_any_exception_is_a_failed_run_and_its_log_is_named(command: Command, mo
 @pytest.mark.parametrize("more", [[], ["--list"]])
 def test_a_pattern_that_names_no_run_is_an_error(command: Command, capsys, more: list[str]):
     assert command.main(["--only", "off-*", "of-yard-1-1000-42", *more]) == 1
-    found = capsys.readouterr()
-    assert "No run of the study is named 'of-yard-1-1000-42'" in found.err
-    assert "off-yard-1-1000-42" in found.err
-    assert "written" not in found.out and len(load(command.file)) == 3
+    printed = capsys.readouterr()
+    assert "No run of the study is named 'of-yard-1-1000-42'" in printed.err
+    assert "off-yard-1-1000-42" in printed.err
+    assert "written" not in printed.out and len(load(command.file)) == 3
 
 
 def test_a_pattern_names_runs_by_their_name_or_how_it_begins():
@@ -159,15 +159,15 @@ def test_while_a_study_runs_no_other_process_writes_its_records_or_into_its_fold
 ):
     locks = [f"only_process_writing(Path({str(command.file)!r}))"]
     locks += [f"only_process_in(Path({str(command.output)!r}))"]
-    told: list[str] = []
+    tries: list[str] = []
 
     def execute(*_: object) -> Measured:
-        told.extend(tried(lock, checkout) for lock in locks)
+        tries.extend(tried(lock, checkout) for lock in locks)
         return FOUND
 
     monkeypatch.setattr(module, "execute", execute)
     assert command.main(["--only", STALE.name]) == 0
-    assert len(told) == 2 and all(f"Process {os.getpid()} is at work in" in one for one in told)
+    assert len(tries) == 2 and all(f"Process {os.getpid()} is at work in" in line for line in tries)
     assert [tried(lock, checkout) for lock in locks] == ["free", "free"]
 
 

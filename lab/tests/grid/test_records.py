@@ -54,9 +54,9 @@ def forget_what_was_resolved():
 
 
 def test_records_come_back_as_they_were_entered(file: Path):
-    found = load(file)
-    assert found[OURS.name] == Record({"psnr": 25.0}, COMMIT, STUDY.settings_of(OURS))
-    assert found[WITHOUT.name].settings == STUDY.settings_of(WITHOUT)
+    entries = load(file)
+    assert entries[OURS.name] == Record({"psnr": 25.0}, COMMIT, STUDY.settings_of(OURS))
+    assert entries[WITHOUT.name].settings == STUDY.settings_of(WITHOUT)
 
 
 def test_a_curve_comes_back_and_takes_no_place_where_there_is_none(file: Path):
@@ -98,10 +98,10 @@ def test_code_that_was_not_committed_is_a_state_of_its_own(file: Path):
 
 
 def test_device_and_backend_are_kept_and_compared_where_the_study_names_them(file: Path):
-    found = replace(load(file)[OURS.name], device="cuda", backend="gsplat")
-    enter(file, OURS, found)
+    record = replace(load(file)[OURS.name], device="cuda", backend="gsplat")
+    enter(file, OURS, record)
     records = load(file)
-    assert records[OURS.name] == found
+    assert records[OURS.name] == record
     assert state_of(STUDY, OURS, records) == (State.DONE, [])
     assert state_of(replace(STUDY, device="cuda"), OURS, records) == (State.DONE, [])
     assert state_of(replace(STUDY, device="cpu"), OURS, records) == (State.ELSEWHERE, ["device"])
@@ -145,6 +145,6 @@ def test_settings_that_no_record_has_any_more_go(file: Path):
 
 def test_an_entry_replaces_the_one_of_its_run_alone(file: Path):
     enter(file, OURS, Record({"psnr": 26.0}, "desplat-ns 9", {"a": 1}))
-    found = load(file)
-    assert found[OURS.name] == Record({"psnr": 26.0}, "desplat-ns 9", {"a": 1})
-    assert found[WITHOUT.name].figures == {"psnr": 25.0}
+    entries = load(file)
+    assert entries[OURS.name] == Record({"psnr": 26.0}, "desplat-ns 9", {"a": 1})
+    assert entries[WITHOUT.name].figures == {"psnr": 25.0}

@@ -41,12 +41,12 @@ def test_a_method_is_parsed_as_ns_train_parses_it():
 
 
 def test_settings_are_the_methods_with_the_options_and_the_schedule_of_the_run():
-    found = resolve("desplat", (*OPTIONS, *READ))
-    assert found["pipeline.model.distractors.lambda_d"] == 0.01
-    assert found["pipeline.datamanager.dataparser.downscale_factor"] == 2
-    assert found["pipeline.datamanager.dataparser._target"] == "RobustNerfDataParser"
-    assert found["pipeline.model.schedule_scale"] == pytest.approx(1 / 30)
-    assert found["optimizers.means.optimizer.lr"] == 1.6e-4
+    settings = resolve("desplat", (*OPTIONS, *READ))
+    assert settings["pipeline.model.distractors.lambda_d"] == 0.01
+    assert settings["pipeline.datamanager.dataparser.downscale_factor"] == 2
+    assert settings["pipeline.datamanager.dataparser._target"] == "RobustNerfDataParser"
+    assert settings["pipeline.model.schedule_scale"] == pytest.approx(1 / 30)
+    assert settings["optimizers.means.optimizer.lr"] == 1.6e-4
     lines: Any = all_methods["desplat"]
     assert lines.pipeline.model.schedule_scale is None, "resolving changed the method itself"
 
@@ -66,9 +66,9 @@ def test_neither_places_nor_the_machine_nor_the_seed_are_settings():
     quiet = ("--vis", "tensorboard", "--experiment-name", "x", "--steps-per-eval-image", "0")
     config = parse("desplat", [*places, *quiet, *OPTIONS, *READ])
     config.pipeline.datamanager.data = config.data
-    found = settings_of(config)
-    assert found == resolve("desplat", (*OPTIONS, *READ))
-    text = json.dumps(found)
+    settings = settings_of(config)
+    assert settings == resolve("desplat", (*OPTIONS, *READ))
+    text = json.dumps(settings)
     assert str(Path.cwd()) not in text and "/photos" not in text
 
 
@@ -79,9 +79,9 @@ def test_a_method_that_is_not_registered_is_found_by_its_module():
 
 
 def test_settings_come_back_from_json_as_they_were():
-    found = resolve("desplat", READ)
-    assert json.loads(json.dumps(found)) == found
-    assert found["pipeline.datamanager.eval_image_indices"] == [0]
+    settings = resolve("desplat", READ)
+    assert json.loads(json.dumps(settings)) == settings
+    assert settings["pipeline.datamanager.eval_image_indices"] == [0]
 
 
 def test_the_same_settings_in_another_order_have_the_same_digest():
@@ -103,7 +103,7 @@ def test_settings_of_effects_that_are_off_are_left_out():
     assert off["pipeline.model.background_color"] == "random"
     lit = resolve("desplat-phototourism", ())
     prefixes = {*sum(OF_EFFECTS.values(), ())}
-    assert all(any(name.startswith(one) for name in lit) for one in prefixes)
+    assert all(any(name.startswith(prefix) for name in lit) for prefix in prefixes)
 
 
 def test_the_pose_optimizer_is_no_setting_of_appearance():
@@ -154,13 +154,13 @@ def test_the_registered_method_is_the_packages():
 def test_what_makes_a_region_does_not_matter_where_distractors_start_everywhere():
     everywhere, residual = resolve("desplat-paper", ()), resolve("desplat", ())
     begun = everywhere | {"pipeline.model.distractors.static_warmup": 600}
-    for one, expected in (
+    for base, expected in (
         (everywhere, []),
         (begun, ["shaping_steps"]),
         (residual, ["shaping_steps", "strong_excess"]),
     ):
-        other = one | {
+        other = base | {
             "pipeline.model.distractors.strong_excess": 0.5,
             "pipeline.model.distractors.shaping_steps": 1,
         }
-        assert [name.rsplit(".")[-1] for name in changes(other, one)] == expected
+        assert [name.rsplit(".")[-1] for name in changes(other, base)] == expected

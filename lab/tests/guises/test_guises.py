@@ -47,8 +47,8 @@ def answer(name: str, **variables: str) -> dict:
     ],
 )
 def test_a_process_believes_in_the_other_machine(name, expected):
-    found = answer(name)
-    assert {key: found[key] for key in expected} == expected
+    answers = answer(name)
+    assert {key: answers[key] for key in expected} == expected
 
 
 def test_a_gpu_that_is_hidden_is_not_there():

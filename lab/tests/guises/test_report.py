@@ -13,10 +13,10 @@ RECORD = {
 
 def test_a_record_is_a_row_in_the_order_of_the_guises():
     rows = page({"gpu 3.12": RECORD, "as-is 3.10": RECORD | {"Python": "3.10.1"}}).splitlines()
-    found = [row for row in rows if "a processor" in row]
+    lines = [row for row in rows if "a processor" in row]
     row = "| 3.12.1 | all | 3000 | 2 | 30 | 11 | a processor | abc, 2026-11-24 |"
-    assert found[1] == f"| a GPU, which the suite hides {row}"
-    assert found[0].startswith("| this machine as it is | 3.10.1 |")
+    assert lines[1] == f"| a GPU, which the suite hides {row}"
+    assert lines[0].startswith("| this machine as it is | 3.10.1 |")
 
 
 def test_the_page_is_that_of_the_records():

@@ -18,8 +18,8 @@ def test_a_step_moves_gradients_into_everything(case):
     step.whole()
     assert all(p.grad is not None and p.grad.abs().max() > 0 for p in step.params.values())
     if step.effects is not None:
-        found = parts(step)
-        assert 0 < found["rows in view"] <= 200 and found["network, forward"] > 0
+        times = parts(step)
+        assert 0 < times["rows in view"] <= 200 and times["network, forward"] > 0
         for parameter in step.effects.parameters():
             assert parameter.grad is not None and parameter.grad.isfinite().all()
             assert torch.count_nonzero(parameter.grad) > 0

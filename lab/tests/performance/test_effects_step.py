@@ -24,12 +24,12 @@ def test_a_step_moves_gradients_into_everything_that_is_on(case):
 
 def test_the_bare_step_is_that_of_a_model_with_everything_off():
     scene = make_scene(200, 64, 48)
-    found = []
+    gradients = []
     for case in ("built without", "off"):
         step = step_of(case, scene)
         torch.manual_seed(1)  # of the background's colour
         step.photo = torch.full_like(step.photo, 0.3)
         step()
-        found.append({n: p.grad for n, p in step.model.gauss_params.items()})
-    for name, grad in found[0].items():
-        assert torch.equal(grad, found[1][name]), name
+        gradients.append({n: p.grad for n, p in step.model.gauss_params.items()})
+    for name, grad in gradients[0].items():
+        assert torch.equal(grad, gradients[1][name]), name

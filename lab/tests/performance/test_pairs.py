@@ -25,8 +25,8 @@ def brute_force(scene: Scene) -> tuple[int, int, int]:
     left = np.ones_like(x)
     is_open = np.ones_like(x, bool)
     contributing = undecided = entries = 0
-    seen = [i for i in range(len(p.radii)) if p.radii[i] > 0]
-    for i in sorted(seen, key=lambda i: (float(p.depths[i]), i)):
+    indices = [i for i in range(len(p.radii)) if p.radii[i] > 0]
+    for i in sorted(indices, key=lambda i: (float(p.depths[i]), i)):
         dx, dy = x - float(p.means2d[0, i, 0]), y - float(p.means2d[0, i, 1])
         a, b, c = p.conics[i].double().tolist()
         sigma = (a * dx * dx + c * dy * dy) / 2 + b * dx * dy

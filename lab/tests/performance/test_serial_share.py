@@ -52,7 +52,7 @@ def test_a_part_has_its_own_time_without_that_of_parts_within(monkeypatch):
 
 def test_all_parts_occur_in_a_step_and_nothing_stays_watched():
     before = vars(DeSplatModel)["get_outputs"]
-    found = parts_of(WholeStep(Size(5, 60, 32, 24, 3)))
-    assert set(found) == {*PARTS.values(), REST}
-    assert all(ms > 0 for ms in found.values())
+    times = parts_of(WholeStep(Size(5, 60, 32, 24, 3)))
+    assert set(times) == {*PARTS.values(), REST}
+    assert all(ms > 0 for ms in times.values())
     assert vars(DeSplatModel)["get_outputs"] is before

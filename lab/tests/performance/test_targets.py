@@ -19,30 +19,30 @@ def once(milliseconds: float) -> Timing:
 @pytest.fixture
 def results() -> Results:
     """Yardstick 1000 ms, numba 20 ms blending (5 forward) and 40 in all; steps of 1000 and 50."""
-    found = Results({}, {}, scenes=["s"], peaks={256: 100.0, 512: 200.0})
+    measured = Results({}, {}, scenes=["s"], peaks={256: 100.0, 512: 200.0})
     for part, ms in ((BLENDING, 20.0), (WHOLE, 40.0)):
-        found.rows.append(Row("s", "yardstick", part, 1, once(500.0), once(1000.0)))
-        found.rows.append(Row("s", "numba", part, 1, once(5.0), once(ms)))
+        measured.rows.append(Row("s", "yardstick", part, 1, once(500.0), once(1000.0)))
+        measured.rows.append(Row("s", "numba", part, 1, once(5.0), once(ms)))
     parts = {**dict.fromkeys(PARTS, 0.0), PULL: 26.0, LOSS: 16.0, ADAM: 5.0, OTHER: 3.0}
-    found.steps.append(StepTimes("s", "yardstick", 1, once(1000.0), parts))
-    found.steps.append(StepTimes("s", "numba", 1, once(50.0), parts))
-    found.pairs["s"] = Pairs(9, 8, 5_000_000, 4_000_000)
-    found.errors.append(Errors("s", "numba", 0.1, 1e-5, 2e-5, {}))
-    return found
+    measured.steps.append(StepTimes("s", "yardstick", 1, once(1000.0), parts))
+    measured.steps.append(StepTimes("s", "numba", 1, once(50.0), parts))
+    measured.pairs["s"] = Pairs(9, 8, 5_000_000, 4_000_000)
+    measured.errors.append(Errors("s", "numba", 0.1, 1e-5, 2e-5, {}))
+    return measured
 
 
 def test_targets_are_judged_by_hand_worked_ratios(results):
-    found = {t.text.removeprefix("s: "): (t.measured, t.met) for t in targets(results)}
-    assert found["forward + backward, blending alone, at least 35 x"] == ("50.0 x", True)
-    assert found["forward + backward, blending alone, at least 60 x (stretch)"] == ("50.0 x", False)
-    assert found["forward + backward, whole call, at least 35 x"] == ("25.0 x", False)
+    rows = {t.text.removeprefix("s: "): (t.measured, t.met) for t in targets(results)}
+    assert rows["forward + backward, blending alone, at least 35 x"] == ("50.0 x", True)
+    assert rows["forward + backward, blending alone, at least 60 x (stretch)"] == ("50.0 x", False)
+    assert rows["forward + backward, whole call, at least 35 x"] == ("25.0 x", False)
     # 4e6 pairs x 30 in 5 ms are 24 GFLOP/s, of 200
     share = "forward, contributing pairs, at least 10% of the peak (stretch)"
-    assert found[share] == ("12.0%", True)
-    assert found["whole training step at least 15 x"] == ("20.0 x", True)
-    assert found["no part but the rasterizer over 30% of the step"] == (f"32% ({LOSS})", False)
-    assert found["the parts add up to the uninterrupted step within 10%"][1]
-    assert found["at most 0.0005 of the pixels flip at a threshold"] == ("2.0e-05", True)
+    assert rows[share] == ("12.0%", True)
+    assert rows["whole training step at least 15 x"] == ("20.0 x", True)
+    assert rows["no part but the rasterizer over 30% of the step"] == (f"32% ({LOSS})", False)
+    assert rows["the parts add up to the uninterrupted step within 10%"][1]
+    assert rows["at most 0.0005 of the pixels flip at a threshold"] == ("2.0e-05", True)
 
 
 def test_the_backward_pass_is_the_difference(results):

@@ -20,9 +20,9 @@ def step(request) -> TrainingStep:
 
 
 def gradients(step: TrainingStep) -> dict[str, torch.Tensor]:
-    found = {name: p.grad for name, p in step.params.items()}
-    assert all(grad is not None for grad in found.values())
-    return {name: grad.clone() for name, grad in found.items() if grad is not None}
+    grads = {name: p.grad for name, p in step.params.items()}
+    assert all(grad is not None for grad in grads.values())
+    return {name: grad.clone() for name, grad in grads.items() if grad is not None}
 
 
 def test_a_step_in_parts_computes_what_the_whole_one_does(step: TrainingStep):

@@ -74,6 +74,6 @@ def test_on_squares_only_what_lies_beyond_3_sigma_is_missing():
 
 def test_in_float32_it_is_as_exact_as_the_backends_have_to_be():
     """Float32 rounds at 6e-8; 60 Gaussians blend in a pixel, 10 operations each."""
-    (found,) = measure_errors(make_scene(300, 64, 48), [YARDSTICK])
-    assert found.flipped <= 1 / (64 * 48)
-    assert max(found.gradients.values()) < 60 * 10 * 6e-8 * 10
+    (errors,) = measure_errors(make_scene(300, 64, 48), [YARDSTICK])
+    assert errors.flipped <= 1 / (64 * 48)
+    assert max(errors.gradients.values()) < 60 * 10 * 6e-8 * 10

@@ -33,27 +33,27 @@ class Wrong:
 
 
 def errors_of(pixel: float, scale: float):
-    (found,) = measure_errors(SCENE, [Contender("wrong", "cpu", Wrong(pixel, scale))])
-    return found
+    (errors,) = measure_errors(SCENE, [Contender("wrong", "cpu", Wrong(pixel, scale))])
+    return errors
 
 
 def test_a_flipped_pixel_is_counted_and_left_out_of_the_gradients():
-    found = errors_of(10 * FLIP, 0.0)
-    assert found.largest == pytest.approx(10 * FLIP, rel=0.01)
-    assert found.flipped == pytest.approx(1 / (64 * 48))
-    assert found.largest_unflipped < FLIP
-    assert max(found.gradients.values()) < 1e-4
+    errors = errors_of(10 * FLIP, 0.0)
+    assert errors.largest == pytest.approx(10 * FLIP, rel=0.01)
+    assert errors.flipped == pytest.approx(1 / (64 * 48))
+    assert errors.largest_unflipped < FLIP
+    assert max(errors.gradients.values()) < 1e-4
 
 
 def test_a_wrong_gradient_is_found():
     assert errors_of(0.0, 0.0).gradients["opacities"] < 1e-4
-    found = errors_of(0.0, 1e-3)
-    assert found.gradients["opacities"] > 1e-3
-    assert found.gradients["colors"] < 1e-4
+    errors = errors_of(0.0, 1e-3)
+    assert errors.gradients["opacities"] > 1e-3
+    assert errors.gradients["colors"] < 1e-4
 
 
 def test_every_backend_here_is_within_the_budget():
     """Float32 rounds at 6e-8; 60 Gaussians blend in a pixel, 10 operations each."""
-    for found in measure_errors(SCENE, [c for c in backends()[0] if c.device == "cpu"]):
-        assert found.flipped <= 1 / (64 * 48), found
-        assert max(found.gradients.values()) < 60 * 10 * 6e-8 * 10, found
+    for errors in measure_errors(SCENE, [c for c in backends()[0] if c.device == "cpu"]):
+        assert errors.flipped <= 1 / (64 * 48), errors
+        assert max(errors.gradients.values()) < 60 * 10 * 6e-8 * 10, errors

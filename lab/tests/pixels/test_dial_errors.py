@@ -24,10 +24,10 @@ SCENE = make_scene(300, 64, 48)
 def test_errors_are_as_worked_out_by_hand():
     """Off by 0.1 everywhere: RMSE 0.1, 20 dB. Gradients: 1 of 10 and 3 of 4."""
     truth = Drawn(torch.zeros(2, 3, 3), {"a": torch.tensor([6.0, 8.0]), "b": torch.tensor([4.0])})
-    found = Drawn(
+    drawn = Drawn(
         torch.full((2, 3, 3), 0.1), {"a": torch.tensor([6.0, 9.0]), "b": torch.tensor([1.0])}
     )
-    errors = errors_of(found, truth)
+    errors = errors_of(drawn, truth)
     assert errors.picture == pytest.approx(0.1) and errors.psnr == pytest.approx(20)
     assert errors.gradient == pytest.approx(0.75) and errors.worst == "b"
     assert errors_of(truth, truth).picture == 0 and errors_of(truth, truth).psnr == PSNR_MAX

@@ -48,11 +48,11 @@ def test_pictures_and_gradients_have_fronts_of_their_own_in_each_group():
 
 
 def test_points_are_marked_with_what_is_as_exact_and_cheaper():
-    found = marked(POINTS)
-    assert [p.is_on_picture_front for p in found] == [True, True, False, True]
-    assert [p.is_on_gradient_front for p in found] == [True, False, True, True]
-    assert [p.forward_excess for p in found] == [1, 1, 1.5, 1]
-    assert [p.both_excess for p in found] == [1, 1.5, 1, 1]
+    points = marked(POINTS)
+    assert [p.is_on_picture_front for p in points] == [True, True, False, True]
+    assert [p.is_on_gradient_front for p in points] == [True, False, True, True]
+    assert [p.forward_excess for p in points] == [1, 1, 1.5, 1]
+    assert [p.both_excess for p in points] == [1, 1.5, 1, 1]
 
 
 def test_a_study_becomes_json():

@@ -30,14 +30,14 @@ def test_every_group_has_one_default(study):
 
 
 def test_every_dial_of_every_backend_is_measured_or_left_out_with_a_reason(study):
-    seen = [(x.group, x.backend, x.dial, x.value) for x in (*study.points, *study.left_out)]
-    assert len(set(seen)) == len(seen)
+    labels = [(x.group, x.backend, x.dial, x.value) for x in (*study.points, *study.left_out)]
+    assert len(set(labels)) == len(labels)
     for name in ("numba", "torch"):
-        found = {
-            (dial, value) for group, b, dial, value in seen if (group, b) == (RASTERIZING, name)
+        values = {
+            (dial, value) for group, b, dial, value in labels if (group, b) == (RASTERIZING, name)
         }
-        assert {(p.dial, p.value) for p in dial_study.DIALS} < found
-    assert all(one.reason for one in study.left_out)
+        assert {(p.dial, p.value) for p in dial_study.DIALS} < values
+    assert all(case.reason for case in study.left_out)
 
 
 def test_all_of_it_becomes_json(study):
@@ -57,23 +57,23 @@ def test_errors_do_not_depend_on_the_backend(study):
 
 def test_what_would_take_too_long_is_left_out_and_told(monkeypatch):
     """A second passes before anything begins: only the truth, which has no budget, is drawn."""
-    told: list[str] = []
+    lines: list[str] = []
     # Whatever the processor:
     monkeypatch.setattr(dial_study, "bfloat16_unavailable_reason", lambda: None)
     monkeypatch.setattr(dial_study, "Budget", lambda seconds: budgeted_turns.Budget(seconds, 0.0))
-    study = measure_dials(SCENE, 1.0, told.append)
+    study = measure_dials(SCENE, 1.0, lines.append)
     assert study.points == []
-    assert {one.reason for one in study.left_out if one.group == APPEARANCE} <= {
+    assert {case.reason for case in study.left_out if case.group == APPEARANCE} <= {
         "no time for its truth"
     }
-    assert "no time was left of 1 s" in {one.reason for one in study.left_out}
-    assert sum("left out" in line for line in told) == len(study.left_out)
+    assert "no time was left of 1 s" in {case.reason for case in study.left_out}
+    assert sum("left out" in line for line in lines) == len(study.left_out)
     assert blending.ALPHA_CUTOFF == ALPHA_CUTOFF
 
 
 def test_a_backend_that_cannot_run_is_named(monkeypatch):
-    found = dial_study.backends()[0]
-    monkeypatch.setattr(dial_study, "backends", lambda: (found, {"other": "needs a machine"}))
+    runnable = dial_study.backends()[0]
+    monkeypatch.setattr(dial_study, "backends", lambda: (runnable, {"other": "needs a machine"}))
     monkeypatch.setattr(dial_study, "Budget", lambda seconds: budgeted_turns.Budget(seconds, 0.0))
     left_out = measure_dials(SCENE, 1.0, lambda line: None).left_out
-    assert any((one.backend, one.reason) == ("other", "needs a machine") for one in left_out)
+    assert any((case.backend, case.reason) == ("other", "needs a machine") for case in left_out)

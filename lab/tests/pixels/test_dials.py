@@ -53,9 +53,9 @@ def truth() -> Drawn:
 @pytest.mark.parametrize("name", BACKENDS)
 def test_limits_are_as_they_were_afterwards_also_after_an_exception(name):
     before = globals_now()
-    found = replacements(contender_called(name), Setting(lists="squares", cutoff=0.1, stop=0.1))
-    with pytest.raises(ZeroDivisionError), turned(found):
-        assert sum(a is not b for a, b in zip(before, globals_now(), strict=True)) == len(found)
+    changes = replacements(contender_called(name), Setting(lists="squares", cutoff=0.1, stop=0.1))
+    with pytest.raises(ZeroDivisionError), turned(changes):
+        assert sum(a is not b for a, b in zip(before, globals_now(), strict=True)) == len(changes)
         raise ZeroDivisionError
     assert all(a is b for a, b in zip(before, globals_now(), strict=True))
 
@@ -71,9 +71,9 @@ def test_todays_setting_is_what_the_backend_draws_by_itself(name):
 @pytest.mark.parametrize("name", BACKENDS)
 def test_a_lower_cutoff_is_nearer_to_the_truth_in_picture_and_gradients(name, truth):
     cutoffs = (1 / 32, 1 / 255, 1 / 2048)
-    found = [errors_of(drawn(name, Setting(cutoff=cutoff)), truth) for cutoff in cutoffs]
-    assert found[0].picture > found[1].picture > found[2].picture
-    assert found[0].gradient > found[1].gradient > found[2].gradient
+    errors = [errors_of(drawn(name, Setting(cutoff=cutoff)), truth) for cutoff in cutoffs]
+    assert errors[0].picture > errors[1].picture > errors[2].picture
+    assert errors[0].gradient > errors[1].gradient > errors[2].gradient
 
 
 @pytest.mark.parametrize("name", BACKENDS)
@@ -84,9 +84,9 @@ def test_an_earlier_stop_is_farther_from_the_truth(name, truth):
 
 @pytest.mark.parametrize("name", BACKENDS)
 def test_without_limits_only_float32_is_between_a_backend_and_the_truth(name, truth):
-    found = drawn(name, Setting(cutoff=EXACT.cutoff, stop=EXACT.stop))
-    assert (found.picture - truth.picture).abs().max() < ROUNDING
-    assert errors_of(found, truth).gradient < 10 * ROUNDING
+    rendering = drawn(name, Setting(cutoff=EXACT.cutoff, stop=EXACT.stop))
+    assert (rendering.picture - truth.picture).abs().max() < ROUNDING
+    assert errors_of(rendering, truth).gradient < 10 * ROUNDING
 
 
 @pytest.mark.parametrize("name", BACKENDS)
@@ -105,8 +105,8 @@ def test_with_a_lower_cutoff_more_reach_into_the_picture_from_outside(name):
 
 
 def test_a_higher_degree_of_harmonics_is_nearer_to_all_of_them(truth):
-    found = [errors_of(drawn("numba", Setting(sh_degree=d)), truth).picture for d in range(4)]
-    assert found == sorted(found, reverse=True) and len(set(found)) == 4
+    errors = [errors_of(drawn("numba", Setting(sh_degree=d)), truth).picture for d in range(4)]
+    assert errors == sorted(errors, reverse=True) and len(set(errors)) == 4
 
 
 def test_coefficients_that_are_not_evaluated_get_no_gradient():
@@ -114,8 +114,8 @@ def test_coefficients_that_are_not_evaluated_get_no_gradient():
 
 
 def test_more_pixels_are_nearer_to_the_full_size(truth):
-    found = [errors_of(drawn("numba", Setting(scale=s)), truth).picture for s in (0.25, 0.5, 1.0)]
-    assert found == sorted(found, reverse=True)
+    errors = [errors_of(drawn("numba", Setting(scale=s)), truth).picture for s in (0.25, 0.5, 1.0)]
+    assert errors == sorted(errors, reverse=True)
 
 
 def test_every_dial_is_away_from_today_and_no_two_are_the_same():

@@ -16,14 +16,14 @@ pytestmark = pytest.mark.skipif(
 def test_the_yardstick_holds_what_its_graph_must():
     """At least alpha, transmittance, weight, exponent, dx and dy of every listed pair, float32."""
     try:
-        found = peak_in_this_process(YARDSTICK.address, (2000, 160, 120))
+        peak = peak_in_this_process(YARDSTICK.address, (2000, 160, 120))
     except OSError as error:
         pytest.skip(f"the system does not tell the peak: {error}")
     from desplat_ns.calibration.scenes import make_scene
     from lab.performance.pairs import count_pairs
 
     listed = count_pairs(make_scene(2000, 160, 120)).listed
-    assert 6 * 4 * listed / 2**20 < found < 100 * 4 * listed / 2**20
+    assert 6 * 4 * listed / 2**20 < peak < 100 * 4 * listed / 2**20
 
 
 def test_not_available_is_said(monkeypatch, capsys):

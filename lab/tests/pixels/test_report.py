@@ -18,8 +18,8 @@ def test_what_is_entered_leaves_the_rest(tmp_path: Path):
     enter("fox", "embedding", [], file)
     enter("tree", "embedding", [score], file)
     enter("fox", "embedding", [score | {"steps": None}], file)
-    found = load(file)
-    assert list(found) == ["fox", "tree"]
-    page = report(found)
+    captures = load(file)
+    assert list(captures) == ["fox", "tree"]
+    page = report(captures)
     assert "| `fox` | affine | - | 20.00 | 0.5 |" in page
     assert "| `tree` | affine | 8 | 20.00 | 0.5 |" in page

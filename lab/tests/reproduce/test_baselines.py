@@ -38,17 +38,17 @@ OFF = (f"{EFFECTS}.auto", "False", f"{EFFECTS}.distractors", "False")
 @pytest.mark.parametrize("name", ["by_truth", "by_residual"])
 def test_they_differ_from_plain_splatfacto_in_nothing_but_the_loss(name: str):
     off = resolve("desplat", (*OFF, "--pipeline.model.opacity-prior", "0"))
-    found = resolve(f"lab.reproduce.baselines:{name}", ())
+    baseline = resolve(f"lab.reproduce.baselines:{name}", ())
     apart = ["method_name", "pipeline.model._target", "pipeline.model.by_truth"]
-    assert changes(off, found) == apart
+    assert changes(off, baseline) == apart
 
 
 def test_a_mask_is_read_as_the_evaluation_reads_it(tmp_path: Path):
     grey = np.zeros((4, 4), np.uint8)
     grey[0, 0], grey[3, 3] = 128, 127
     Image.fromarray(grey).save(tmp_path / "a.png")
-    found = _any_pixel(tmp_path / "a.png", torch.zeros(2, 2, 3))[..., 0]
-    assert found.tolist() == [[True, False], [False, False]]
+    mask = _any_pixel(tmp_path / "a.png", torch.zeros(2, 2, 3))[..., 0]
+    assert mask.tolist() == [[True, False], [False, False]]
 
 
 def test_a_photo_without_a_mask_is_named():

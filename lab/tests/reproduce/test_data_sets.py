@@ -67,7 +67,7 @@ def statue(data_sets: Path, tmp_path: Path) -> Path:
 
 
 def found_in(table: TableName, data: Path) -> dict[str, FoundScene]:
-    return {one.scene.name: one for one in find_scenes(TABLES[table], data)[0]}
+    return {scene.scene.name: scene for scene in find_scenes(TABLES[table], data)[0]}
 
 
 def names(outputs: DataparserOutputs) -> set[str]:
@@ -84,8 +84,8 @@ def test_every_scene_of_a_table_is_found_and_read(data_sets: Path, table: TableN
 
 
 def test_robustnerf_is_told_apart_by_prefixes_and_read_from_its_small_copies(data_sets: Path):
-    found = found_in("robustnerf", data_sets)["Crab (1)"]
-    outputs, tested = outputs_of(found, "train"), outputs_of(found, "test")
+    crab = found_in("robustnerf", data_sets)["Crab (1)"]
+    outputs, tested = outputs_of(crab, "train"), outputs_of(crab, "test")
     assert names(outputs) == {f"2clutter00{n}.png" for n in range(1, 7)}
     assert names(tested) == {"1extra001.png", "1extra002.png"}
     assert all(path.parent.name == "images_8" for path in outputs.image_filenames)
@@ -98,19 +98,19 @@ def test_robustnerf_is_told_apart_by_prefixes_and_read_from_its_small_copies(dat
 def test_clean_and_cluttered_photos_of_a_number_are_twins(data_sets: Path):
     scenes = found_in("fig9", data_sets)
     for percent, number in ((0, 0), (25, 2), (75, 4), (100, 6)):  # round(6 / 4), to even
-        found = outputs_of(smaller(scenes[f"Crab (2), {percent}% cluttered"], 48), "train")
-        kinds = [name.removesuffix(".png") for name in names(found)]
+        outputs = outputs_of(smaller(scenes[f"Crab (2), {percent}% cluttered"], 48), "train")
+        kinds = [name.removesuffix(".png") for name in names(outputs)]
         assert sum("clutter" in kind for kind in kinds) == number
         assert {kind[-3:] for kind in kinds} == {f"00{n}" for n in range(1, 7)}, "each viewpoint"
 
 
 def test_on_the_go_counts_the_photos_of_transforms_json_by_name(data_sets: Path):
-    found = found_in("on-the-go", data_sets)
-    outputs = outputs_of(found["Mountain"], "train")
-    assert names(outputs) == CLUTTER and names(outputs_of(found["Mountain"], "test")) == EXTRA
+    scenes = found_in("on-the-go", data_sets)
+    outputs = outputs_of(scenes["Mountain"], "train")
+    assert names(outputs) == CLUTTER and names(outputs_of(scenes["Mountain"], "test")) == EXTRA
     assert all(path.parent.name == "images" for path in outputs.image_filenames), "no copies"
-    assert read_scene(found["Mountain"]).points == 0, "the archive has none"
-    sizes = [read_scene(found[name]).width for name in ("Mountain", "Patio")]
+    assert read_scene(scenes["Mountain"]).points == 0, "the archive has none"
+    sizes = [read_scene(scenes[name]).width for name in ("Mountain", "Patio")]
     assert sizes == [48, 96], "8 and 4 times smaller"
 
 
@@ -120,29 +120,29 @@ def test_copies_of_on_the_go_with_a_colmap_model_have_the_same_split(
     scene: Scene, tmp_path: Path, write, folder: str
 ):
     write(scene, tmp_path / "on-the-go" / folder)
-    found = found_in("on-the-go", tmp_path)["Patio-High"]
-    assert names(outputs_of(found, "train")) == CLUTTER
-    assert names(outputs_of(found, "test")) == EXTRA
-    assert read_scene(found).points > 100
+    patio = found_in("on-the-go", tmp_path)["Patio-High"]
+    assert names(outputs_of(patio, "train")) == CLUTTER
+    assert names(outputs_of(patio, "test")) == EXTRA
+    assert read_scene(patio).points > 100
 
 
 @pytest.mark.parametrize("folder", SPLITS)
 def test_photo_tourism_is_split_by_nerf_ws_file_whose_ids_have_points(data_sets, folder, capsys):
     scenes = found_in("A5", data_sets).values()
-    (found,) = (one for one in scenes if one.scene.folder == folder)
-    content = read_scene(found)
+    (scene,) = (s for s in scenes if s.scene.folder == folder)
+    content = read_scene(scene)
     assert (content.photos, content.held_out) == (6, 2)
     assert "1 rows without an id: ignored" in " ".join(capsys.readouterr().out.split())
-    files = [file.address for file in SOURCES[found.scene.fetch].files]
-    assert any(one.endswith(f"/{SPLITS[folder]}.tsv") for one in files)
+    files = [file.address for file in SOURCES[scene.scene.fetch].files]
+    assert any(address.endswith(f"/{SPLITS[folder]}.tsv") for address in files)
 
 
 def test_every_eighth_photo_of_mipnerf360_tests_by_colmaps_number(data_sets: Path):
     """The generated model has the last name first."""
-    found = found_in("A6", data_sets)
-    held_out = outputs_of(found["garden"], "test").image_filenames
+    scenes = found_in("A6", data_sets)
+    held_out = outputs_of(scenes["garden"], "test").image_filenames
     assert [f"{path.parent.name}/{path.name}" for path in held_out] == ["images_4/DSC07963.JPG"]
-    assert read_scene(found["kitchen"]).width == 192, "rooms are 2 times smaller"
+    assert read_scene(scenes["kitchen"]).width == 192, "rooms are 2 times smaller"
 
 
 def test_a_smoke_run_takes_captures_of_any_name_and_passes_over_others(data_sets, tmp_path):
@@ -168,25 +168,25 @@ def test_a_scene_without_one_of_its_files_is_refused_by_name(spot, tmp_path, abs
 
 
 def test_photos_are_needed_at_one_size_only(statue: Path, tmp_path: Path):
-    found = found_in("robustnerf", tmp_path)["Statue"]
+    scene = found_in("robustnerf", tmp_path)["Statue"]
     (statue / "images_8").rename(tmp_path / "kept")
-    assert {path.parent.name for path in outputs_of(found, "train").image_filenames} == {"images"}
+    assert {path.parent.name for path in outputs_of(scene, "train").image_filenames} == {"images"}
     shutil.rmtree(statue / "images")
     with pytest.raises(CaptureError, match=r"RobustNeRF, Statue: .*images"):
-        read_scene(found)
+        read_scene(scene)
     (tmp_path / "kept").rename(statue / "images_8")
-    assert read_scene(found).photos == 6
+    assert read_scene(scene).photos == 6
 
 
 def test_copies_of_an_unexpected_size_are_not_taken(statue: Path, tmp_path: Path, capsys):
-    found = found_in("robustnerf", tmp_path)["Statue"]
+    scene = found_in("robustnerf", tmp_path)["Statue"]
     for path in (statue / "images_8").iterdir():
         write_image(path, read_image(path)[::2, ::2])
-    assert read_scene(found).width == 48
+    assert read_scene(scene).width == 48
     assert "reduced to 1/8 of their size while reading" in " ".join(capsys.readouterr().out.split())
     shutil.rmtree(statue / "images")
     with pytest.raises(CaptureError, match=r"RobustNeRF, Statue: .*images"):
-        read_scene(found)
+        read_scene(scene)
 
 
 def test_a_split_of_another_scene_is_an_error(spot: Path, tmp_path: Path):

@@ -104,10 +104,10 @@ def test_ray_gives_the_same_table_as_this_machine(data, tmp_path):
 
 def test_the_time_of_a_table_is_that_of_its_steps(data):
     scenes, _ = find_scenes(TABLES["robustnerf"], data)
-    found = next(iter(checked(scenes, SMOKE)))
-    run = run_of(found, METHODS["splatfacto"], 42)
-    one = expected_seconds(found, [run], "cpu")
-    assert one is not None and 30_000 * 1e-3 < one < 30_000 * 10
+    scene = next(iter(checked(scenes, SMOKE)))
+    run = run_of(scene, METHODS["splatfacto"], 42)
+    seconds = expected_seconds(scene, [run], "cpu")
+    assert seconds is not None and 30_000 * 1e-3 < seconds < 30_000 * 10
 
 
 def test_every_table_is_tried_and_a_figure_that_is_missing_is_named(tmp_path):

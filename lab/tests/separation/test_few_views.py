@@ -32,11 +32,11 @@ def test_the_kept_views_are_spread_evenly_and_extras_stay(folders):
 def test_the_reconstruction_has_the_kept_photos_alone(folders):
     scene, few = folders
     whole = pycolmap.Reconstruction(scene / "sparse" / "0")
-    found = pycolmap.Reconstruction(few / "sparse" / "0")
-    assert {image.name for image in found.images.values()} == {
+    kept = pycolmap.Reconstruction(few / "sparse" / "0")
+    assert {image.name for image in kept.images.values()} == {
         path.name for path in (few / "images").iterdir()
     }
-    assert 0 < len(found.points3D) <= len(whole.points3D)
+    assert 0 < len(kept.points3D) <= len(whole.points3D)
     poses = {i.name: i.cam_from_world().matrix() for i in whole.images.values()}
-    for image in found.images.values():
+    for image in kept.images.values():
         assert image.cam_from_world().matrix() == pytest.approx(poses[image.name])

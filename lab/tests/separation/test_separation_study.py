@@ -47,19 +47,19 @@ def test_what_was_measured_elsewhere_is_entered_with_its_settings(tmp_path: Path
     results = {**RESULTS, "something": 1.0, "train_cpu_seconds": 12.3}
     results |= {"device": "cuda:0", "backend": "gsplat"}
     enter(run, results, "0" * 40, STUDY.settings_of(run), path)
-    found = load(path)
-    assert (found[run.name].device, found[run.name].backend) == ("cuda", "gsplat")
-    assert state_of(STUDY, run, found)[0] is State.DONE
-    assert found[run.name].commit == "0" * 40
-    assert found[run.name].figures == RESULTS | {"train_cpu_seconds": 12.3}
+    entries = load(path)
+    assert (entries[run.name].device, entries[run.name].backend) == ("cuda", "gsplat")
+    assert state_of(STUDY, run, entries)[0] is State.DONE
+    assert entries[run.name].commit == "0" * 40
+    assert entries[run.name].figures == RESULTS | {"train_cpu_seconds": 12.3}
     enter(run, RESULTS, "0" * 40, {"pipeline.model.refinements": 1}, path)
     assert state_of(STUDY, run, load(path))[0] is State.STALE
 
 
 def test_committed_records_are_of_the_plan():
-    found = load(FILE)
-    assert found and found.keys() <= {run.name for run in PLAN}
-    for record in found.values():
+    entries = load(FILE)
+    assert entries and entries.keys() <= {run.name for run in PLAN}
+    for record in entries.values():
         assert set(record.figures) <= {*FIGURES, "train_seconds"}
         assert (record.commit is None) == (record.settings is None)
 
@@ -98,25 +98,25 @@ def test_a_gap_is_closed_seed_by_seed_and_summed_up_by_its_median():
 
 
 def test_a_seed_that_is_missing_in_one_run_is_left_out_of_the_gap():
-    found = fake(
+    entries = fake(
         {
             ("off", "clutter"): [20.0, 21.0, 22.0],
             ("off", "clean"): [30.0, 31.0, 32.0],
             ("desplat", "clutter"): [25.0, 29.0, 25.0],
         }
     )
-    del found[Run("off", "clutter", 2, 1000, 43).name]
-    gap = report.gap(figures_of(found), "desplat", "clutter", "clean", 2, 1000)
+    del entries[Run("off", "clutter", 2, 1000, 43).name]
+    gap = report.gap(figures_of(entries), "desplat", "clutter", "clean", 2, 1000)
     assert gap.text == "0.40 (0.30 - 0.50)"
 
 
 def test_a_stale_record_is_in_no_table():
-    found = fake(
+    entries = fake(
         {("off", "clutter"): [20.0], ("off", "clean"): [30.0], ("desplat", "clutter"): [25.0]}
     )
     name = Run("off", "clutter", 2, 1000, 42).name
-    found[name] = Record(found[name].figures, "1" * 40, {"pipeline.model.refinements": 12})
-    text = report.scene_table(figures_of(found), MAIN, "clutter", "clean", 2, 1000)
+    entries[name] = Record(entries[name].figures, "1" * 40, {"pipeline.model.refinements": 12})
+    text = report.scene_table(figures_of(entries), MAIN, "clutter", "clean", 2, 1000)
     ours, twins = text.splitlines()[2:4]
     assert ours.startswith("| **`desplat`** | 25.00 |  | 0.900 |")
     assert twins.startswith("| off, trained on the clean twins | 30.00 |")
@@ -153,7 +153,7 @@ def test_one_pixel_shows_haze_with_one_loss_and_none_with_placed_distractors():
     paper, *_, placed = (one_pixel.simulate(rules, 1500) for rules in one_pixel.RULES)
     assert paper.haze[-1] > 0.04
     assert placed.haze[-1] == 0
-    assert placed.found[-1] > 0.5 > paper.found[-1]
+    assert placed.cover[-1] > 0.5 > paper.cover[-1]
     assert placed.error[-1] < 0.02
 
 

@@ -38,9 +38,9 @@ def test_no_poison_was_a_fault(record: dict):
 
 
 def test_the_long_run_was_long_and_flat():
-    found = soak.load(RECORDS / soak.RECORD)
-    assert found.samples[-1].step == soak.STEPS
-    assert found.flat
+    run = soak.load(RECORDS / soak.RECORD)
+    assert run.samples[-1].step == soak.STEPS
+    assert run.flat
 
 
 def run_of(growth: float, noise: float = 0.0) -> Soak:
@@ -66,9 +66,9 @@ def test_a_leak_of_one_number_per_gaussian_and_step_would_be_found():
 
 
 def test_a_jump_that_stays_is_not_flat():
-    found = run_of(0.0)
-    late = [Sample(s.step, s.rss + 25, 1, 1, 1, 1.0) for s in found.samples[-3:]]
-    assert not Soak({}, found.samples[:-3] + late).flat
+    run = run_of(0.0)
+    late = [Sample(s.step, s.rss + 25, 1, 1, 1, 1.0) for s in run.samples[-3:]]
+    assert not Soak({}, run.samples[:-3] + late).flat
 
 
 def test_what_is_not_as_promised_shows_in_the_page():

@@ -23,7 +23,7 @@ def test_what_the_reference_rounds_is_nothing_beside_what_float32_may(case: Case
     bounds = error_bounds(case.drawn, case.settings, torch.float32, factor)
     factor = factor * bounds.safe[:, None]
     by_float64, exact = ByFloat64(case), precise.truth(case)
-    found = {n: torch.from_numpy(g) for n, g in by_float64.gradients(factor.numpy()).items()}
-    _, values, _, gradients = compare(exact, bounds, by_float64.image, found, factor)
+    reference = {n: torch.from_numpy(g) for n, g in by_float64.gradients(factor.numpy()).items()}
+    _, values, _, gradients = compare(exact, bounds, by_float64.image, reference, factor)
     assert values <= NEGLIGIBLE
     assert gradients <= NEGLIGIBLE

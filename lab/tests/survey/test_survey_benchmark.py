@@ -54,6 +54,6 @@ def test_the_document_is_that_of_the_records():
 @pytest.mark.real_data
 @pytest.mark.parametrize("scene", REAL, ids=lambda scene: scene.name)
 def test_decisions_on_real_scenes_are_right(data_folder, scene: RealScene):
-    found, _ = measure(scene.open(data_folder(scene.name).parent))
-    for effect, decision in found.decisions().items():
-        assert decision in scene.right[effect], found.summary()
+    survey, _ = measure(scene.open(data_folder(scene.name).parent))
+    for effect, decision in survey.decisions().items():
+        assert decision in scene.right[effect], survey.summary()

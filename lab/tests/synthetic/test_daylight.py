@@ -119,11 +119,11 @@ def test_a_sun_of_its_own_is_turned_about_the_vertical_and_sometimes_clouded():
 
 
 def test_without_a_sun_of_its_own_nothing_is_drawn_that_was_not_before():
-    for one, other in zip(
+    for sunny, other in zip(
         daylights(DaylightSpec(sun=60.0), 1), daylights(DaylightSpec(), 1), strict=True
     ):
         assert other.sun is None
-        assert (one.light, one.sky) == (other.light, other.sky)
+        assert (sunny.light, sunny.sky) == (other.light, other.sky)
 
 
 def test_a_plain_sky_is_one_colour_in_every_direction():

@@ -60,22 +60,22 @@ def test_without_daylight_the_yard_is_drawn_as_it_always_was():
 
 
 def test_daylight_changes_colours_only(lit, off):
-    for one, other in zip(lit.clutter + lit.extra, off.clutter + off.extra, strict=True):
-        np.testing.assert_array_equal(one.camera.viewmat, other.camera.viewmat)
-        np.testing.assert_array_equal(one.depth, other.depth)
-        np.testing.assert_array_equal(one.coverage, other.coverage)
-        assert (one.image != other.image).any(axis=2).mean() > 0.8
+    for frame, other in zip(lit.clutter + lit.extra, off.clutter + off.extra, strict=True):
+        np.testing.assert_array_equal(frame.camera.viewmat, other.camera.viewmat)
+        np.testing.assert_array_equal(frame.depth, other.depth)
+        np.testing.assert_array_equal(frame.coverage, other.coverage)
+        assert (frame.image != other.image).any(axis=2).mean() > 0.8
     np.testing.assert_array_equal(lit.points.xyz, off.points.xyz)
-    for one, other in zip(lit.unlit, off.extra, strict=True):
-        np.testing.assert_array_equal(one.image, other.image)
+    for frame, other in zip(lit.unlit, off.extra, strict=True):
+        np.testing.assert_array_equal(frame.image, other.image)
 
 
 def test_the_saved_light_taken_back_gives_the_picture_without_it(lit, off, known):
-    for one, other in zip(lit.clutter + lit.extra, off.clutter + off.extra, strict=True):
-        light = known[one.name]["light"]
+    for frame, other in zip(lit.clutter + lit.extra, off.clutter + off.extra, strict=True):
+        light = known[frame.name]["light"]
         factor, gamma = light["gain"] * np.array(light["tint"]), light["gamma"]
-        photo, canonical = one.image.astype(float), other.image.astype(float)
-        solid = np.isfinite(one.depth) | (one.coverage > 0)
+        photo, canonical = frame.image.astype(float), other.image.astype(float)
+        solid = np.isfinite(frame.depth) | (frame.coverage > 0)
         usable = solid[..., None] & (photo > 20) & (photo < 255) & (canonical < 255)
         assert usable.mean() > 0.3
         # Both pictures are rounded by up to half a level.

@@ -32,18 +32,18 @@ def test_photos_show_the_points_that_they_observe(capture: Path):
     assert len(outputs.metadata["points3D_rgb"]) == SPEC.points
     rgb, rng = outputs.metadata["points3D_rgb"].numpy().astype(int), np.random.default_rng(0)
     nearer: dict[bool, list[np.ndarray]] = {False: [], True: []}
-    for path, seen in zip(
+    for path, observed in zip(
         outputs.image_filenames, outputs.metadata[METADATA_KEY].read(range(12)), strict=True
     ):
-        x, y = (seen.places * (96, 72)).astype(int).T
+        x, y = (observed.places * (96, 72)).astype(int).T
         for is_mirrored in (False, True):
             shown = read_image(path)[:, :: -1 if is_mirrored else 1][y, x].astype(int)
-            own, others = rgb[seen.points], rgb[rng.permutation(seen.points)]
-            off, chance = (np.abs(shown - one).sum(axis=1) for one in (own, others))
+            own, others = rgb[observed.points], rgb[rng.permutation(observed.points)]
+            off, chance = (np.abs(shown - colors).sum(axis=1) for colors in (own, others))
             nearer[is_mirrored].append(off < chance)
     count = sum(map(len, nearer[False]))
     deviation = 0.5 * np.sqrt(2 / count)
-    shares = {key: np.concatenate(found).mean() for key, found in nearer.items()}
+    shares = {key: np.concatenate(parts).mean() for key, parts in nearer.items()}
     assert shares[False] > shares[True] + 5 * deviation
 
 
@@ -56,4 +56,4 @@ def test_what_a_capture_costs_is_measured(capture: Path):
     )
     assert survey["survey"] > 0 and report["report"] > 0
     assert training["until_set_up"] < training["until_first_step_done"]
-    assert all(one["peak_gigabytes"] > 0.1 for one in (survey, training, report))
+    assert all(cost["peak_gigabytes"] > 0.1 for cost in (survey, training, report))

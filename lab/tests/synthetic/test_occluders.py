@@ -42,9 +42,9 @@ def test_no_two_views_have_the_same_occluders():
             OccluderSpec(), CAMERA, view, effect, np.random.default_rng(view)
         )
         masks.append(draw(parts, CAMERA, 1, sky(CAMERA, 1)).is_new)
-    for i, one in enumerate(masks):
+    for i, mask in enumerate(masks):
         for other in masks[:i]:
-            assert (one & other).sum() < 0.6 * (one | other).sum()
+            assert (mask & other).sum() < 0.6 * (mask | other).sum()
 
 
 def test_what_would_hide_worn_out_points_is_refused_while_there_are_other_places():

@@ -56,16 +56,16 @@ def test_a_lawn_and_a_sky_have_hardly_a_point(facade: Scene):
 
 def test_few_photos_share_the_trees_beside_the_lawn(facade: Scene):
     x, y, _ = facade.points.xyz
-    seen = facade.points.is_seen[: len(facade.clean)].sum(axis=0)
+    views = facade.points.is_seen[: len(facade.clean)].sum(axis=0)
     is_tree = (np.abs(x) > 4) & (y < -7)
     assert is_tree.any()
-    assert np.median(seen[is_tree]) < 0.6 * np.median(seen[~is_tree])
+    assert np.median(views[is_tree]) < 0.6 * np.median(views[~is_tree])
 
 
 def test_the_room_behind_a_table_is_far_and_in_few_photos_and_points(table: Scene):
     away = np.hypot(*table.points.xyz[:2])
-    seen = table.points.is_seen[: len(table.clean)].sum(axis=0)
+    views = table.points.is_seen[: len(table.clean)].sum(axis=0)
     is_behind = away > 0.4 * HALF
     assert 0 < is_behind.mean() < 0.2
-    assert np.median(seen[is_behind]) < 0.6 * np.median(seen[~is_behind])
+    assert np.median(views[is_behind]) < 0.6 * np.median(views[~is_behind])
     assert np.mean([(f.depth > 9).mean() for f in table.clean]) > 0.25

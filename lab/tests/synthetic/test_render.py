@@ -41,14 +41,14 @@ def test_a_ball_has_the_depth_and_the_outline_of_geometry(camera):
 
 def test_what_is_nearer_hides_what_is_farther_in_any_order(camera):
     near, far = Sphere(np.zeros(3), 0.3, RED), Sphere(np.array([0.0, 1, 0]), 0.8, WHITE)
-    one, other = (draw(pair, camera, 1, sky(camera, 1)) for pair in ([near, far], [far, near]))
-    np.testing.assert_array_equal(one.rgb, other.rgb)
-    assert one.rgb[1, 16, 24] == 0
+    first, other = (draw(pair, camera, 1, sky(camera, 1)) for pair in ([near, far], [far, near]))
+    np.testing.assert_array_equal(first.rgb, other.rgb)
+    assert first.rgb[1, 16, 24] == 0
     over = draw([near], camera, 1, draw([far], camera, 1, sky(camera, 1)))
-    np.testing.assert_array_equal(one.rgb, over.rgb)
+    np.testing.assert_array_equal(first.rgb, over.rgb)
     under = draw([far], camera, 1, draw([near], camera, 1, sky(camera, 1)))
-    np.testing.assert_array_equal(one.rgb, under.rgb)
-    assert under.is_new.sum() + over.is_new.sum() == one.is_new.sum()
+    np.testing.assert_array_equal(first.rgb, under.rgb)
+    assert under.is_new.sum() + over.is_new.sum() == first.is_new.sum()
 
 
 def test_drawing_leaves_what_is_behind_unchanged(camera):

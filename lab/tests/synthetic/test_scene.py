@@ -103,8 +103,8 @@ def test_the_reconstruction_agrees_with_the_truth(scene):
     assert spread == pytest.approx(scene.spec.point_noise, rel=0.2)
     for image in read.images.values():
         frame = frames[image.name]
-        seen = [p.point3D_id - 1 for p in image.points2D]
-        pixels, _ = frame.camera.project(scene.points.xyz[:, seen])
+        indices = [p.point3D_id - 1 for p in image.points2D]
+        pixels, _ = frame.camera.project(scene.points.xyz[:, indices])
         columns, rows = pixels.astype(int)
         assert (frame.coverage[rows, columns] == 0).all()
 

@@ -26,9 +26,9 @@ def test_the_page_of_the_demos_scene_shows_what_we_render(tmp_path: Path):
     find_browser()
     write_scene(SceneSpec(), tmp_path / "yard")
     run = short_run(tmp_path / "yard", 2, STEPS, tmp_path / "runs")
-    found = page_beside_photos(load_run(find_run(run)), tmp_path)
-    assert found.of_ours.min() > LEAST_PSNR, found
-    assert found.below_ours.max() < MOST_BELOW, found
+    comparison = page_beside_photos(load_run(find_run(run)), tmp_path)
+    assert comparison.of_ours.min() > LEAST_PSNR, comparison
+    assert comparison.below_ours.max() < MOST_BELOW, comparison
 
 
 @pytest.mark.real_data
@@ -38,6 +38,6 @@ def test_the_page_of_a_capture_all_around_shows_what_we_render(
     data = data_folder("monstree_cluttered")
     find_browser()
     run = short_run(data, 4, STEPS, tmp_path / "runs")
-    found = page_beside_photos(load_run(find_run(run)), tmp_path)
-    assert found.of_ours.min() > LEAST_PSNR, found
-    assert found.below_ours.max() < MOST_BELOW, found
+    comparison = page_beside_photos(load_run(find_run(run)), tmp_path)
+    assert comparison.of_ours.min() > LEAST_PSNR, comparison
+    assert comparison.below_ours.max() < MOST_BELOW, comparison

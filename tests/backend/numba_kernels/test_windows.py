@@ -25,7 +25,7 @@ def found_in(cells: np.ndarray, first: int, row: int, restart: int) -> tuple[int
     sums = sums_of(cells, COLUMNS, HALF, restart)
     for r in range(first, row + 1):
         down = add_windows(cells, r, sums)
-    return down, sums.found.reshape(2, WIDTH)[:, :COLUMNS].copy()
+    return down, sums.totals.reshape(2, WIDTH)[:, :COLUMNS].copy()
 
 
 @pytest.mark.parametrize("row", [0, 5, 16, 30, 44, 49])

@@ -23,5 +23,5 @@ def test_kernels_are_those_of_the_package_and_failures_are_tried_again(tmp_path,
 
 
 def test_the_stand_in_draws_with_numba(tmp_path):
-    (found,) = kernels.measure(Job("cpu", True, str(tmp_path)))
-    assert found["seconds"] == 0.0
+    (figures,) = kernels.measure(Job("cpu", True, str(tmp_path)))
+    assert figures["seconds"] == 0.0

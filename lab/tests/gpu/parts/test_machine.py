@@ -41,5 +41,5 @@ def test_tools_that_are_not_there_are_no_error(monkeypatch):
 
 @pytest.mark.slow
 def test_a_stand_in_says_that_there_is_no_gpu(tmp_path):
-    (found,) = machine.measure(Job("cpu", True, str(tmp_path)))
-    assert found["GPU"].startswith("none") and found["gsplat"] and all(found.values())
+    (figures,) = machine.measure(Job("cpu", True, str(tmp_path)))
+    assert figures["GPU"].startswith("none") and figures["gsplat"] and all(figures.values())

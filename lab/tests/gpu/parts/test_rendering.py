@@ -8,9 +8,9 @@ from lab.gpu.plan import Job
 
 @pytest.mark.slow
 def test_every_case_is_drawn_with_metrics_and_without(tmp_path):
-    (found,) = rendering.measure(Job("cpu", True, str(tmp_path)))
-    cases = [(row["case"], row["what"]) for row in found["rows"]]
+    (figures,) = rendering.measure(Job("cpu", True, str(tmp_path)))
+    cases = [(row["case"], row["what"]) for row in figures["rows"]]
     names = list(rendering.NAMES.values())
     assert cases == [(name, what) for name in names for what in ("drawn", "scored")]
-    assert all(row["fps"]["median"] > 0 for row in found["rows"])
-    assert found["metrics"].startswith("PSNR, SSIM")
+    assert all(row["fps"]["median"] > 0 for row in figures["rows"])
+    assert figures["metrics"].startswith("PSNR, SSIM")

@@ -16,7 +16,7 @@ def test_ratios_are_of_medians_to_splatfactos():
 
 @pytest.mark.slow
 def test_all_cases_are_timed_in_one_run(tmp_path):
-    (found,) = steps.measure(Job("cpu", True, str(tmp_path)))
-    assert [row["case"] for row in found["rows"]] == [SPLATFACTO, PLAIN, NONE_PLACED, PLACED]
-    for row in found["rows"]:
+    (figures,) = steps.measure(Job("cpu", True, str(tmp_path)))
+    assert [row["case"] for row in figures["rows"]] == [SPLATFACTO, PLAIN, NONE_PLACED, PLACED]
+    for row in figures["rows"]:
         assert 0 < row["ms"]["low"] <= row["ms"]["median"] <= row["ms"]["high"]

@@ -39,10 +39,10 @@ def test_kinds_are_summed_and_divided_by_the_steps():
             **{"Memcpy DtoD": 9, "cudaMemcpyAsync": 15, "aten::nonzero": 1},
         }
     )
-    found = per_step(names, 2)
-    assert found["waits"] == 4 and found["launches"] == 20
-    assert found["Memcpy DtoH"] == 3 and found["Memcpy HtoD"] == 0
-    assert found["aten::nonzero"] == 0.5
+    figures = per_step(names, 2)
+    assert figures["waits"] == 4 and figures["launches"] == 20
+    assert figures["Memcpy DtoH"] == 3 and figures["Memcpy HtoD"] == 0
+    assert figures["aten::nonzero"] == 0.5
 
 
 def test_the_profiler_counts_what_the_marked_steps_do():

@@ -13,9 +13,9 @@ from lab.gpu.plan import Job
 @pytest.mark.usefixtures("tyro_may_build")
 def test_the_generated_scene_is_trained_scored_and_shared(tmp_path: Path):
     job = Job("cpu", True, str(tmp_path), case="cpu")
-    (found,) = training.measure(job)
-    assert (found["device"], found["backend"], found["steps"]) == ("cpu", "numba", 20)
-    assert found["psnr"] > 5 and 0 <= found["mask_iou"] <= 1 and found["train_wall_seconds"] > 0
+    (record,) = training.measure(job)
+    assert (record["device"], record["backend"], record["steps"]) == ("cpu", "numba", 20)
+    assert record["psnr"] > 5 and 0 <= record["mask_iou"] <= 1 and record["train_wall_seconds"] > 0
     photos = tmp_path / "scene" / "images"
     before = [path.stat().st_mtime_ns for path in sorted(photos.iterdir())]
     assert training.capture(job) == tmp_path / "scene"
@@ -47,8 +47,8 @@ def test_the_picture_that_is_kept_is_of_the_worst_view(tmp_path: Path):
 @pytest.mark.slow
 @pytest.mark.usefixtures("tyro_may_build")
 def test_both_methods_are_profiled_as_registered(tmp_path: Path):
-    *_, found = synchronisations.measure(Job("cpu", True, str(tmp_path)))
-    assert list(found["methods"]) == ["splatfacto", "desplat"]
-    for counts in found["methods"].values():
+    *_, figures = synchronisations.measure(Job("cpu", True, str(tmp_path)))
+    assert list(figures["methods"]) == ["splatfacto", "desplat"]
+    for counts in figures["methods"].values():
         assert counts["aten::_local_scalar_dense"] > 0
         assert counts["waits"] == counts["launches"] == 0  # there is no device to wait for
