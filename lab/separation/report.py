@@ -99,8 +99,8 @@ def still_table(figures: Figures) -> str:
     """What the method costs where nothing moves, as its survey says."""
     rows: list[list[str | Cell]] = []
     for scene in STILL:
-        off: Key = ("off", scene, 2, 1000)
-        difference = _difference(figures, off, ("asked", scene, 2, 1000))
+        off: Key = ("off", scene, 2, 3000)
+        difference = _difference(figures, off, ("asked", scene, 2, 3000))
         if difference.text:
             rows.append([f"`{STILL[scene]}`", figures.cell(off, "psnr", ".2f"), difference])
     return figures.table(["capture", "off", "`desplat`, as its survey says"], rows)
