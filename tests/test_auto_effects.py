@@ -39,9 +39,9 @@ def saved_effects(config: Any) -> Effects:
 def test_the_survey_decides_and_the_run_is_saved_with_what_it_decided(scene, tmp_path):
     config = auto_run(scene, tmp_path)
     trainer = set_up(config)
-    found = json.loads((config.get_base_dir() / FILE).read_text())
+    record = json.loads((config.get_base_dir() / FILE).read_text())
     decided = {
-        name: found[name]["decision"] for name in ("distractors", "appearance", "background")
+        name: record[name]["decision"] for name in ("distractors", "appearance", "background")
     }
     assert trainer.pipeline.model.effects == Effects(**decided) == saved_effects(config)
     assert trainer.pipeline.model.effects.distractors
@@ -87,8 +87,8 @@ def test_without_a_survey_nothing_is_guessed():
 
 
 def test_what_is_decided_fills_in_what_is_not_given():
-    found = Effects(distractors=False, appearance="affine", background="sh")
-    assert EffectsConfig(auto=True).decided(found).settled() == found
-    kept = EffectsConfig(auto=True, appearance="off").decided(found)
-    assert kept.settled() == dataclasses.replace(found, appearance="off")
+    effects = Effects(distractors=False, appearance="affine", background="sh")
+    assert EffectsConfig(auto=True).decided(effects).settled() == effects
+    kept = EffectsConfig(auto=True, appearance="off").decided(effects)
+    assert kept.settled() == dataclasses.replace(effects, appearance="off")
     assert not kept.auto

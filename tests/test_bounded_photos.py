@@ -59,21 +59,21 @@ def test_photos_and_cameras_are_those_that_upstream_holds(data: Path, lens, is_m
         parser.masks_path = mask_photos(data)
     if lens is not None:
         distort(data, lens)
-    one, other = manager(parser), manager(copy.deepcopy(parser), THREE_PHOTOS)
+    whole, other = manager(parser), manager(copy.deepcopy(parser), THREE_PHOTOS)
     for step in range(30):
-        assert_same_view(one.next_train(step), other.next_train(step))
-        assert one.get_train_rays_per_batch() == other.get_train_rays_per_batch()
+        assert_same_view(whole.next_train(step), other.next_train(step))
+        assert whole.get_train_rays_per_batch() == other.get_train_rays_per_batch()
     assert isinstance(other.cached_train, BoundedPhotos)
-    assert_same(one.sampler_state(), other.sampler_state())
+    assert_same(whole.sampler_state(), other.sampler_state())
     held_out = other.fixed_indices_eval_dataloader
     assert isinstance(other.cached_eval, BoundedPhotos)
-    for view, same in zip(one.fixed_indices_eval_dataloader, held_out, strict=True):
+    for view, same in zip(whole.fixed_indices_eval_dataloader, held_out, strict=True):
         assert_same_view(view, same)
 
 
-def assert_same_view(one: Any, other: Any) -> None:
-    assert_same(one[1], other[1])
-    assert_same(vars(one[0]), vars(other[0]))
+def assert_same_view(view: Any, other: Any) -> None:
+    assert_same(view[1], other[1])
+    assert_same(vars(view[0]), vars(other[0]))
 
 
 @pytest.mark.parametrize("free", [100_000, 80_000])
@@ -149,11 +149,11 @@ def test_a_report_undistorts_the_photos_that_it_shows_only(data, tiny_run, tmp_p
     config = run_of(tiny_run, tmp_path, data, None, "run")
     trainer = set_up(dataclasses.replace(config, max_num_iterations=2))
     trainer.train()
-    expected = [one.photo for one, _ in training_photos(trainer.pipeline.eval(), [0, 4])]
+    expected = [shown.photo for shown, _ in training_photos(trainer.pipeline.eval(), [0, 4])]
     pipeline = load_run(find_run(config.get_base_dir() / "config.yml")).pipeline
     dataset, read = pipeline.datamanager.train_dataset, []
     get_data = dataset.get_data
     monkeypatch.setattr(dataset, "get_data", lambda i, kind: read.append(i) or get_data(i, kind))
-    found = [one.photo for one, _ in training_photos(pipeline, [0, 4])]
+    photos = [shown.photo for shown, _ in training_photos(pipeline, [0, 4])]
     assert set(read) == {0, 4}
-    assert_same([one.tolist() for one in found], [one.tolist() for one in expected])
+    assert_same([photo.tolist() for photo in photos], [photo.tolist() for photo in expected])

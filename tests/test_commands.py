@@ -85,11 +85,11 @@ def test_resuming_brings_optimizers_back_and_goes_on(
     assert any(view["moments"] for view in checkpoint["pipeline"][key])
     for name, optimizer in trainer.optimizers.optimizers.items():
         saved = checkpoint["optimizers"][name]["state"]
-        found = optimizer.state_dict()["state"]
-        assert saved.keys() == found.keys()
+        state = optimizer.state_dict()["state"]
+        assert saved.keys() == state.keys()
         for index, moments in saved.items():
-            assert torch.equal(found[index]["exp_avg"].cpu(), moments["exp_avg"])
-            assert torch.equal(found[index]["exp_avg_sq"].cpu(), moments["exp_avg_sq"])
+            assert torch.equal(state[index]["exp_avg"].cpu(), moments["exp_avg"])
+            assert torch.equal(state[index]["exp_avg_sq"].cpu(), moments["exp_avg_sq"])
     trainer.train()
     assert (trainer.checkpoint_dir / f"step-{STEPS + 1:09d}.ckpt").exists()
 

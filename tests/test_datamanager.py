@@ -44,14 +44,14 @@ def shifted(x: float) -> np.ndarray:
 
 def test_training_cameras_say_which_view_they_are(tiny_scene):
     data = manager(RobustNerfDataParserConfig(data=tiny_scene.folder))
-    seen = set()
+    indices = set()
     for step in range(6):
         camera, batch = data.next_train(step)
         assert camera.metadata is not None
         assert camera.metadata["train_idx"].tolist() == [[batch["image_idx"]]]
         assert batch["image"].dtype == torch.uint8
-        seen.add(batch["image_idx"])
-    assert seen == set(range(6))
+        indices.add(batch["image_idx"])
+    assert indices == set(range(6))
 
 
 def test_held_out_cameras_say_nothing(tiny_scene):
@@ -114,12 +114,12 @@ def test_names_follow_the_numbers_and_not_the_size(tiny_scene):
 @pytest.mark.parametrize("strategy", ["random", "fps"])
 def test_a_restored_sampler_goes_on_in_the_same_order(tiny_scene, tmp_path: Path, strategy: str):
     parser = ColmapDataParserConfig(data=tiny_scene.folder)  # fpsample needs 8 photos or more
-    one = manager(parser, train_cameras_sampling_strategy=strategy)
+    first = manager(parser, train_cameras_sampling_strategy=strategy)
     for step in range(4):
-        one.next_train(step)
-    torch.save(one.sampler_state(), tmp_path / "state.pt")
+        first.next_train(step)
+    torch.save(first.sampler_state(), tmp_path / "state.pt")
     rng = np.random.get_state()
-    expected = [one.next_train(step)[1]["image_idx"] for step in range(20)]
+    expected = [first.next_train(step)[1]["image_idx"] for step in range(20)]
     other = manager(parser, train_cameras_sampling_strategy=strategy, train_cameras_sampling_seed=7)
     other.load_sampler_state(torch.load(tmp_path / "state.pt", weights_only=True))
     np.random.set_state(rng)  # farthest-point sampling draws from it; the trainer restores it

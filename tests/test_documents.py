@@ -17,23 +17,23 @@ from tests.helpers.registered import EIGHT_VIEWS
 
 def documented(checkout: Path) -> list[Documented]:
     """Every command on every page."""
-    return [one for page in pages(checkout) for one in commands(page, page.read_text("utf8"))]
+    return [call for page in pages(checkout) for call in commands(page, page.read_text("utf8"))]
 
 
 def test_commands_are_found_with_their_continuations_and_without_comments():
     text = "# T\n\n    ns-eval --load-config a \\\n        --output-path b   # c\n\nns-train x\n"
-    (found,) = commands(Path("p.md"), text)
-    assert (found.line, found.program) == (3, "ns-eval")
-    assert found.words == ("ns-eval", "--load-config", "a", "--output-path", "b")
+    (command,) = commands(Path("p.md"), text)
+    assert (command.line, command.program) == (3, "ns-eval")
+    assert command.words == ("ns-eval", "--load-config", "a", "--output-path", "b")
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("tyro_may_build")
 def test_every_command_in_the_documents_is_taken_by_its_program(checkout: Path):
-    found = {one.words: one for one in documented(checkout)}
-    assert len(found) > 40
-    for one in found.values():
-        parse(one, checkout)
+    by_words = {command.words: command for command in documented(checkout)}
+    assert len(by_words) > 40
+    for command in by_words.values():
+        parse(command, checkout)
 
 
 def test_a_command_with_an_option_that_is_not_there_is_noticed(checkout: Path):
@@ -52,17 +52,17 @@ def test_readme_s_way_from_a_capture_to_a_scene_in_a_page_can_be_gone(
     from nerfstudio.scripts import train
     from nerfstudio.utils import writer
 
-    way = [one for one in documented(checkout) if one.page == "README.md"]
-    way = [one for one in way if one.program.startswith(("ns-", "desplat-"))]
-    assert [one.program for one in way[:2]] == ["desplat-process", "ns-train"]
+    way = [command for command in documented(checkout) if command.page == "README.md"]
+    way = [command for command in way if command.program.startswith(("ns-", "desplat-"))]
+    assert [command.program for command in way[:2]] == ["desplat-process", "ns-train"]
     write_scene(EIGHT_VIEWS, tmp_path / "capture")
     monkeypatch.chdir(tmp_path)
-    for one in way[1:]:
-        short = ("--max-num-iterations", "24") if one.program == "ns-train" else ()
-        parsed: Any = parse(Documented(one.page, one.line, one.words + short), checkout)
-        train.main(parsed) if one.program == "ns-train" else parsed.main()
-    for one in writer.EVENT_WRITERS:  # before the folder is no longer where they are
-        one.tb_writer.close() if isinstance(one, writer.TensorboardWriter) else None
+    for command in way[1:]:
+        short = ("--max-num-iterations", "24") if command.program == "ns-train" else ()
+        parsed: Any = parse(Documented(command.page, command.line, command.words + short), checkout)
+        train.main(parsed) if command.program == "ns-train" else parsed.main()
+    for events in writer.EVENT_WRITERS:  # before the folder is no longer where they are
+        events.tb_writer.close() if isinstance(events, writer.TensorboardWriter) else None
     run = tmp_path / "outputs" / "capture" / "desplat" / "run"
     for made in (run / "report.html", tmp_path / "scene.ply", tmp_path / "scene.html"):
         assert made.stat().st_size > 1000, made
@@ -79,7 +79,7 @@ def test_the_python_on_its_page_runs(
     for block in blocks:
         exec(block.replace("outputs/capture/desplat/run/config.yml", str(trained)), names)
     assert names["image"].shape == (120, 160, 3)
-    assert set(names["full"]) and all(one.dtype == bool for one in names["full"].values())
+    assert set(names["full"]) and all(mask.dtype == bool for mask in names["full"].values())
     outputs = (checkout / "docs" / "reference" / "outputs.md").read_text("utf8")
     figures = outputs.split("## The figures of an evaluation")[1]
     keys = re.findall(r"`(\w+)`", figures.split("| --- |")[-1])
@@ -88,7 +88,7 @@ def test_the_python_on_its_page_runs(
 
 
 def test_no_program_of_the_package_is_without_a_page(checkout: Path):
-    known = {one.program for one in documented(checkout)}
+    known = {command.program for command in documented(checkout)}
     text = (checkout / "pyproject.toml").read_text("utf8")
     assert (
         set(re.findall(r"^(desplat-\w[\w-]*) = \"desplat_ns.commands", text, re.MULTILINE)) <= known
@@ -134,11 +134,11 @@ def test_sections_that_the_code_cites_are_there(checkout: Path):
 
 @pytest.mark.slow
 def test_a_command_runs_as_a_module(checkout: Path):
-    found = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-m", "desplat_ns.commands.evaluate", "--help"],
         cwd=checkout,
         capture_output=True,
         text=True,
         check=True,
     )
-    assert "--load-config" in found.stdout
+    assert "--load-config" in done.stdout

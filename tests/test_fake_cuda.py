@@ -97,8 +97,8 @@ def a_step(number: int) -> TrainStep:
     return step
 
 
-def assert_on_cuda(*found: Any) -> None:
-    for tensor in found:
+def assert_on_cuda(*values: Any) -> None:
+    for tensor in values:
         assert isinstance(tensor, Tensor) and tensor.device.type == "cuda"
 
 
@@ -142,9 +142,9 @@ def distractors_with_moments() -> ViewDistractors:
     """Those of one view, with Adams that have stepped."""
     view = ViewDistractors({name: cuda(N, width) for name, width in WIDTHS.items()}, 1.0)
     for name, parameter in view.params.items():
-        view.optimizers[name] = one = torch.optim.Adam([parameter])
+        view.optimizers[name] = adam = torch.optim.Adam([parameter])
         moments = {key: torch.zeros_like(parameter) for key in ("exp_avg", "exp_avg_sq")}
-        one.state[parameter] = {"step": torch.tensor(1.0), **moments}
+        adam.state[parameter] = {"step": torch.tensor(1.0), **moments}
     return view
 
 

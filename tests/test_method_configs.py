@@ -126,9 +126,9 @@ TOURISM_A: Any = desplat_phototourism_a_paper.config
     ],
 )
 def test_learning_rates_of_photo_tourism_in_b3(config, group, rate, final):
-    found = config.optimizers[group]
-    assert found["optimizer"].lr == rate
-    assert (found["scheduler"] and found["scheduler"].lr_final) == final
+    options = config.optimizers[group]
+    assert options["optimizer"].lr == rate
+    assert (options["scheduler"] and options["scheduler"].lr_final) == final
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_registering_the_methods_imports_nothing_that_only_training_needs(checko
         "import sys, nerfstudio.configs.method_configs, desplat_ns.method_configs; "
         "print(sorted({'numba', 'pycolmap', 'torchmetrics', 'trimesh'} & set(sys.modules)))"
     )
-    found = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", code], cwd=checkout, capture_output=True, text=True, check=True
     )
-    assert found.stdout.splitlines()[-1] == "[]"
+    assert done.stdout.splitlines()[-1] == "[]"

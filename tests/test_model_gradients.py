@@ -89,8 +89,8 @@ def test_distractors_pull_on_no_pose_and_the_static_scene_does(distractors):
 
 def reaches(parameters: list[torch.nn.Parameter], value: torch.Tensor) -> bool:
     """Whether a value has a gradient in any of the parameters."""
-    found = torch.autograd.grad(value, parameters, retain_graph=True, allow_unused=True)
-    return any(gradient is not None and bool(gradient.any()) for gradient in found)
+    gradients = torch.autograd.grad(value, parameters, retain_graph=True, allow_unused=True)
+    return any(gradient is not None and bool(gradient.any()) for gradient in gradients)
 
 
 def test_what_a_mask_leaves_out_is_nothing_to_the_static_loss_and_the_rest_is():

@@ -28,14 +28,14 @@ class Operations(TorchDispatchMode):
 
     def __init__(self, views: int):
         super().__init__()
-        self.found: Counter[Any] = Counter()
+        self.counts: Counter[Any] = Counter()
         self._views = views
 
     def __torch_dispatch__(self, func, types, args=(), kwargs=None):  # type: ignore[override]
         result = func(*args, **(kwargs or {}))
         shapes = [tuple(t.shape) for t in tree_leaves((args, kwargs, result)) if _is_tensor(t)]
-        named = tuple(tuple("V" if n == self._views else n for n in one) for one in shapes)
-        self.found[str(func), named] += 1
+        named = tuple(tuple("V" if n == self._views else n for n in shape) for shape in shapes)
+        self.counts[str(func), named] += 1
         return result
 
 
@@ -71,7 +71,7 @@ def work_of_a_step(effects: Effects, views: int) -> tuple[Counter[Any], Counter[
         whole()
     finally:
         sys.setprofile(None)
-    return operations.found, calls
+    return operations.counts, calls
 
 
 @pytest.mark.usefixtures("unchecked_types")  # checks of types look at some items of a sequence

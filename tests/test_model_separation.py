@@ -110,10 +110,10 @@ def test_a_region_is_left_out_of_the_static_loss_whatever_covers_it():
         for options in group.param_groups:
             options["lr"] = 0.0
     distractors_of(model, 0)["opacities"].data.fill_(-20.0)  # but cover nothing yet
-    seen = trainer.visit(61, 0)
-    assert seen["outputs"]["alpha_distractor"].max() < 0.01
-    assert (seen["outputs"]["rgb_static"] - trainer.crossed).abs()[5:15, 6:16].max() > 0.2
-    assert seen["losses"]["static_photometric"] < 0.05
+    visit = trainer.visit(61, 0)
+    assert visit["outputs"]["alpha_distractor"].max() < 0.01
+    assert (visit["outputs"]["rgb_static"] - trainer.crossed).abs()[5:15, 6:16].max() > 0.2
+    assert visit["losses"]["static_photometric"] < 0.05
 
 
 @pytest.mark.parametrize(("step", "share"), [(0, 0.2), (15_000, 0.0)])

@@ -26,10 +26,10 @@ def test_every_room_has_a_floor_and_every_floor_is_of_the_house():
 def test_rooms_import_rooms_of_lower_floors_only():
     layer = layers()
     upwards = [
-        f"{part} (layer {layer[part]}) imports {one} (layer {layer[one]})"
+        f"{part} (layer {layer[part]}) imports {other} (layer {layer[other]})"
         for part, imported in part_imports().items()
-        for one in imported
-        if layer[one] >= layer[part]
+        for other in imported
+        if layer[other] >= layer[part]
     ]
     assert upwards == []
 
@@ -39,7 +39,7 @@ def test_the_package_imports_nothing_of_the_laboratory_or_the_tests():
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text("utf8"))):
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            names += [one.name for one in node.names] if isinstance(node, ast.Import) else []
+            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             assert outside.isdisjoint(name.split(".")[0] for name in names), path
 
 
@@ -54,7 +54,7 @@ def test_every_package_says_what_it_may_import(part):
         return
     named = may_import(part)
     assert part_imports()[part] <= named
-    assert all(layers()[one] < layers()[part] for one in named)
+    assert all(layers()[other] < layers()[part] for other in named)
 
 
 def test_what_follows_from_two_arrows_is_not_drawn():

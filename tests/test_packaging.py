@@ -166,7 +166,7 @@ def test_no_dataparser_takes_a_name_of_nerfstudios(entry_points: list[EntryPoint
 
 
 def test_the_clean_environment_holds_the_wheels_package(clean_python: Path) -> None:
-    found = subprocess.run(
+    done = subprocess.run(
         [clean_python, "-c", "import desplat_ns; print(desplat_ns.__file__)"],
         cwd=clean_python.parent,
         env=clean_environment(),
@@ -174,22 +174,22 @@ def test_the_clean_environment_holds_the_wheels_package(clean_python: Path) -> N
         text=True,
         check=True,
     )
-    assert Path(found.stdout.strip()).is_relative_to(clean_python.parent.parent)
+    assert Path(done.stdout.strip()).is_relative_to(clean_python.parent.parent)
 
 
 PARSE = "from desplat_ns.studies.methods import parse"
 
 
 def test_studies_are_in_the_wheel_and_need_no_checkout(clean_python: Path) -> None:
-    found = subprocess.run(
+    done = subprocess.run(
         [clean_python, "-c", f"{PARSE}; print(parse('desplat', []).nominal_num_iterations)"],
         cwd=clean_python.parent,
         env=clean_environment(),
         capture_output=True,
         text=True,
     )
-    assert found.returncode == 0, found.stderr[-2000:]
-    assert found.stdout.split()[-1] == "30000"
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert done.stdout.split()[-1] == "30000"
 
 
 def test_ns_train_knows_desplat_from_the_wheel_alone(clean_python: Path) -> None:

@@ -134,8 +134,8 @@ def test_every_view_refines_its_distractors_each_time_it_falls_due(straight: Run
     """Five visits of eight views are 40 steps."""
     rounds = [step // 40 for step, _, _ in straight.refined]
     views = range(len(straight.distractors[0]))
-    found = sorted(zip(rounds, (view for _, view, _ in straight.refined), strict=True))
-    assert found == [(number, view) for number in (1, 2) for view in views]
+    visits = sorted(zip(rounds, (view for _, view, _ in straight.refined), strict=True))
+    assert visits == [(number, view) for number in (1, 2) for view in views]
     assert any(change for _, _, change in straight.refined)
 
 

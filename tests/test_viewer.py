@@ -147,8 +147,8 @@ def _pipeline(num_views: int, images: Sequence[str] = ()) -> DeSplatPipeline:
 
 
 def test_nerfstudios_viewer_finds_both_controls_on_the_pipeline():
-    found = parse_object(_pipeline(5), ViewerElement, "Custom Elements")
-    assert {path for path, _ in found} == {
+    controls = parse_object(_pipeline(5), ViewerElement, "Custom Elements")
+    assert {path for path, _ in controls} == {
         f"{CONTROLS}/layer_control/{name}" for name in ("layer", "view")
     }
 
@@ -156,14 +156,14 @@ def test_nerfstudios_viewer_finds_both_controls_on_the_pipeline():
 def test_nerfstudios_viewer_finds_the_line():
     pipeline = _pipeline(0)
     pipeline.model.layer_control = LayerControl(0, photo_angle=lambda view: 7.0)
-    found = parse_object(pipeline, ViewerElement, "Custom Elements")
-    assert [path for path, _ in found] == [f"{CONTROLS}/layer_control/angle"]
+    controls = parse_object(pipeline, ViewerElement, "Custom Elements")
+    assert [path for path, _ in controls] == [f"{CONTROLS}/layer_control/angle"]
 
 
 def test_an_appearance_model_adds_three_controls():
-    found = parse_object(_pipeline(0, ["a.jpg", "b.jpg"]), ViewerElement, "Custom Elements")
+    controls = parse_object(_pipeline(0, ["a.jpg", "b.jpg"]), ViewerElement, "Custom Elements")
     names = ("first", "second", "share")
-    assert {path for path, _ in found} == {f"{CONTROLS}/shown_light/{name}" for name in names}
+    assert {path for path, _ in controls} == {f"{CONTROLS}/shown_light/{name}" for name in names}
 
 
 def test_no_controls_are_shown_where_there_are_no_distractors():
@@ -219,19 +219,19 @@ def _opened(cameras: Cameras) -> _Browser:
 def test_the_viewer_opens_where_the_first_training_photo_was_taken():
     cameras = _cameras()
     viewer: Any = SimpleNamespace(ready=False, current_camera_idx=0)
-    seen = Viewer.get_camera_state(viewer, _opened(cameras))
-    assert torch.allclose(seen.c2w.float(), cameras.camera_to_worlds[0], atol=1e-6)
-    assert seen.fov == pytest.approx(2 * math.atan(30 / 40))  # from top to bottom
+    state = Viewer.get_camera_state(viewer, _opened(cameras))
+    assert torch.allclose(state.c2w.float(), cameras.camera_to_worlds[0], atol=1e-6)
+    assert state.fov == pytest.approx(2 * math.atan(30 / 40))  # from top to bottom
 
 
 def test_the_browser_is_told():
     kinds = {type(message).__name__ for message in _opened(_cameras()).sent}
-    told = ("Position", "LookAt", "UpDirection", "Fov")
-    assert kinds == {f"SetCamera{what}Message" for what in told}
+    names = ("Position", "LookAt", "UpDirection", "Fov")
+    assert kinds == {f"SetCamera{what}Message" for what in names}
 
 
 def test_nerfstudios_viewer_finds_it_on_the_pipeline():
     pipeline = _pipeline(5)
     pipeline.first_photo_view = FirstPhotoView(_cameras())
-    found = parse_object(pipeline, ViewerControl, "Custom Elements")
-    assert [control for _, control in found] == [pipeline.first_photo_view]
+    controls = parse_object(pipeline, ViewerControl, "Custom Elements")
+    assert [control for _, control in controls] == [pipeline.first_photo_view]

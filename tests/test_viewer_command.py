@@ -121,8 +121,8 @@ def test_every_output_can_be_chosen_in_the_viewers_own_menu(viewer: Any, frame: 
 
 
 def test_it_opens_at_the_first_training_photo(viewer):
-    found = [c for c in viewer.viewer_controls if type(c).__name__ == "FirstPhotoView"]
-    assert len(found) == 1
-    assert found[0].show in viewer.viser_server._client_connect_cb
+    views = [c for c in viewer.viewer_controls if type(c).__name__ == "FirstPhotoView"]
+    assert len(views) == 1
+    assert views[0].show in viewer.viser_server._client_connect_cb
     expected = viewer.pipeline.datamanager.train_dataset.cameras.camera_to_worlds[0, :, 3] * 10
-    assert np.allclose(found[0].position, expected.numpy())
+    assert np.allclose(views[0].position, expected.numpy())

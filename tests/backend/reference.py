@@ -176,15 +176,15 @@ def composite(gaussians: Projection, size: tuple[int, int]) -> Reference:
         power = 0.5 * torch.einsum("pi,ij,pj->p", d, gaussians.conics[i], d)
         raw = gaussians.opacities[i] * torch.exp(-power)
         alpha = raw.clamp(max=CLAMP)
-        seen = running & (alpha >= CUTOFF)
+        visible = running & (alpha >= CUTOFF)
         after = clear * (1 - alpha)
-        stops = seen & (after <= STOP)
+        stops = visible & (after <= STOP)
         margin = least_distance(
-            margin, (raw, CUTOFF, running), (raw, CLAMP, running), (after, STOP, seen)
+            margin, (raw, CUTOFF, running), (raw, CLAMP, running), (after, STOP, visible)
         )
         running = running & ~stops
-        weight = torch.where(seen & running, alpha * clear, 0)
-        clear = torch.where(seen & running, after, clear)
+        weight = torch.where(visible & running, alpha * clear, 0)
+        clear = torch.where(visible & running, after, clear)
         rgb = rgb + weight[:, None] * gaussians.colors[i]
         weight_sum, depth_sum = weight_sum + weight, depth_sum + weight * means_c[i, 2]
     return Reference(

@@ -29,10 +29,10 @@ def rasterizer(request):
 
 
 def test_one_alone_makes_up_what_the_image_shows(rasterizer):
-    one = splats([0.7], [2.0], [0.0])
-    alpha = rasterizer(one, VIEW, RenderSettings()).alpha
-    found = accumulated_weights(rasterizer, one, VIEW, RenderSettings())
-    assert found[0].item() == pytest.approx(alpha.sum().item(), rel=1e-4)
+    lone = splats([0.7], [2.0], [0.0])
+    alpha = rasterizer(lone, VIEW, RenderSettings()).alpha
+    sums = accumulated_weights(rasterizer, lone, VIEW, RenderSettings())
+    assert sums[0].item() == pytest.approx(alpha.sum().item(), rel=1e-4)
 
 
 def test_what_stands_behind_makes_up_what_is_left(rasterizer):
@@ -51,22 +51,22 @@ def test_what_stands_behind_makes_up_what_is_left(rasterizer):
 
 
 def test_what_the_view_does_not_show_makes_up_nothing(rasterizer):
-    found = accumulated_weights(
+    sums = accumulated_weights(
         rasterizer,
         splats([0.9, 0.9, 0.0], [2.0, -2.0, 3.0], [50.0, 0.0, 0.0]),
         VIEW,
         RenderSettings(),
     )
-    assert found.tolist() == [0.0, 0.0, 0.0]
+    assert sums.tolist() == [0.0, 0.0, 0.0]
 
 
 def test_nothing_is_left_behind_in_the_gradients(rasterizer):
-    one = splats([0.7], [2.0], [0.0])
-    one.opacities.requires_grad_()
+    lone = splats([0.7], [2.0], [0.0])
+    lone.opacities.requires_grad_()
     with torch.no_grad():
-        found = accumulated_weights(rasterizer, one, VIEW, RenderSettings(depth=True, absgrad=True))
-    assert found.item() > 0 and not found.requires_grad
-    assert one.opacities.grad is None
+        sums = accumulated_weights(rasterizer, lone, VIEW, RenderSettings(depth=True, absgrad=True))
+    assert sums.item() > 0 and not sums.requires_grad
+    assert lone.opacities.grad is None
 
 
 def crowd(seed: int, count: int) -> Splats:

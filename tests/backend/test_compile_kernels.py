@@ -10,19 +10,19 @@ from desplat_ns.backend.gsplat_kernels import kernels
 @pytest.fixture
 def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What was compiled, on a machine with a GPU."""
-    found: list[str] = []
+    calls: list[str] = []
 
     def compile_numba() -> None:
-        found.append("numba")
+        calls.append("numba")
 
     def unavailable_reason() -> None:
-        found.append("gsplat")
+        calls.append("gsplat")
 
     monkeypatch.setitem(compile_kernels.COMPILERS, "numba", compile_numba)
     monkeypatch.setattr(kernels, "unavailable_reason", unavailable_reason)
-    monkeypatch.setattr(kernels, "try_again", lambda: found.append("again"))
+    monkeypatch.setattr(kernels, "try_again", lambda: calls.append("again"))
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    return found
+    return calls
 
 
 def test_whatever_this_machine_can_use_is_compiled(compiled, capsys):

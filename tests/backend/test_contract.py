@@ -78,13 +78,13 @@ def test_radii_are_three_sigma_of_the_longer_axis(backend):
     _, got = backend.render(scene, RenderSettings())
     radii = got.radii.cpu()
     assert radii.dtype == torch.int32 and radii.shape == sigma.shape
-    seen = radii > 0
-    assert seen.double().mean() > 0.7
+    visible = radii > 0
+    assert visible.double().mean() > 0.7
     if backend.name == "gsplat":
         pytest.skip("gsplat 1.5 gives opacity-aware extents")
     # gsplat's formula keeps the longer axis a little longer where the two are alike.
-    assert ((3 * sigma).ceil() <= radii)[seen].all()
-    assert (radii <= (3 * (sigma.square() + 0.1).sqrt() + 1e-4).ceil())[seen].all()
+    assert ((3 * sigma).ceil() <= radii)[visible].all()
+    assert (radii <= (3 * (sigma.square() + 0.1).sqrt() + 1e-4).ceil())[visible].all()
 
 
 def test_one_gaussian_gives_the_values_worked_out_by_hand(backend):

@@ -64,12 +64,12 @@ def test_colours_and_gradients_are_those_of_the_formula(size, below, cut):
 
 @pytest.mark.skipif(all_cores() < 2, reason="needs two cores")
 def test_the_bits_are_the_same_for_any_number_of_threads():
-    inputs, found = of_size(200, 200, False), []
+    inputs, results = of_size(200, 200, False), []
     for number in (1, 2):
         with threads(number):
             assert numba.get_num_threads() == number
-            found.append(pulled(over, inputs, [True] * 3))
-    assert all(torch.equal(a, b) for a, b in zip(*found, strict=True))
+            results.append(pulled(over, inputs, [True] * 3))
+    assert all(torch.equal(a, b) for a, b in zip(*results, strict=True))
 
 
 @given(values=st.lists(VALUES | st.just(float("nan")), min_size=7, max_size=7))
@@ -100,12 +100,12 @@ def test_colours_in_range_and_their_gradients_are_those_of_a_clamp(dtype):
     nan = float("nan")
     values = torch.tensor([-1.0, -1e-9, -0.0, 0.0, 0.5, 1.0, 1.0000001, 7.0, nan], dtype=dtype)
     values = values.reshape(1, 3, 3)
-    one, other = values.clone().requires_grad_(), values.clone().requires_grad_()
-    found, expected = in_range(one), other.clamp(0, 1)
-    assert torch.equal(found.nan_to_num(5), expected.nan_to_num(5))
+    leaf, other = values.clone().requires_grad_(), values.clone().requires_grad_()
+    cut, expected = in_range(leaf), other.clamp(0, 1)
+    assert torch.equal(cut.nan_to_num(5), expected.nan_to_num(5))
     weights = torch.arange(1.0, 10.0, dtype=dtype).reshape(1, 3, 3)
-    found.backward(weights)
+    cut.backward(weights)
     expected.backward(weights)
-    assert one.grad is not None and other.grad is not None
-    assert torch.equal(one.grad, other.grad)
-    assert one.grad.flatten().tolist() == [0, 0, 0, 0, 5, 0, 0, 0, 0]
+    assert leaf.grad is not None and other.grad is not None
+    assert torch.equal(leaf.grad, other.grad)
+    assert leaf.grad.flatten().tolist() == [0, 0, 0, 0, 5, 0, 0, 0, 0]

@@ -40,9 +40,9 @@ def test_projection_is_gsplats(seed):
     scene = random_scene(seed, count=300, size=(64, 48)).to(torch.float64)
     got = project_scene(scene, settings)
     radii, means2d, depths, conics, compensations = gsplats_projection(scene, settings)
-    seen = got.radii > 0
+    visible = got.radii > 0
     # What gsplat sees is seen here; beyond, only what reaches in with more than 3 sigma.
-    assert (seen | (radii == 0)).all()
+    assert (visible | (radii == 0)).all()
     assert torch.equal(got.radii[radii > 0], radii[radii > 0])
     # About 100 rounded operations; determinants of these ellipses lose another factor of 30.
     for mine, theirs in (
@@ -51,7 +51,7 @@ def test_projection_is_gsplats(seed):
         (got.conics, conics),
         (got.opacities, scene.opacities * compensations),
     ):
-        assert ((mine - theirs).abs()[seen] <= 3000 * EPS * theirs.abs()[seen].max()).all()
+        assert ((mine - theirs).abs()[visible] <= 3000 * EPS * theirs.abs()[visible].max()).all()
 
 
 def test_a_gaussian_on_the_axis_projects_to_the_values_worked_out_by_hand():
@@ -80,14 +80,14 @@ def test_the_slope_in_the_jacobian_stops_beyond_the_border():
     assert got.radii.item() == 0
 
 
-@pytest.mark.parametrize(("pixels", "seen"), [(8.4, True), (8.6, False)])
+@pytest.mark.parametrize(("pixels", "visible"), [(8.4, True), (8.6, False)])
 @pytest.mark.parametrize("towards", [(1, 0), (-1, 0), (0, 1), (0, -1)])
-def test_only_what_reaches_into_the_image_is_seen(pixels, seen, towards):
+def test_only_what_reaches_into_the_image_is_seen(pixels, visible, towards):
     # The border is 4.5 pixels from the centre. The longer axis is 3.63 pixels at 3 sigma, rounded
     # up to 4; at 3.33 sigma, where an opaque Gaussian ends, it is 4.03.
     mean = [[pixels / 8 * towards[0], pixels / 8 * towards[1], 2.0]]
     scene = one_gaussian(means=torch.tensor(mean)).to(torch.float64)
-    assert project_scene(scene, RenderSettings()).radii.tolist() == [4 if seen else 0]
+    assert project_scene(scene, RenderSettings()).radii.tolist() == [4 if visible else 0]
 
 
 def test_needles_keep_a_positive_definite_conic_in_float32():

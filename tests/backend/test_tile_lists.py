@@ -30,7 +30,7 @@ def visible_pairs(scene: TestScene, spacing: int = 1) -> set[tuple[int, int]]:
     """Brute force over all pixel centres of whole tiles, or over points between them too."""
     p = projected(scene)
     columns, rows = tile_lists.tile_grid(*scene.size)
-    found = set()
+    pairs = set()
     for tile in range(columns * rows):
         x0, y0 = (tile % columns) * TILE + 0.5, (tile // columns) * TILE + 0.5
         line = torch.arange((TILE - 1) * spacing + 1, dtype=torch.float64) / spacing
@@ -38,9 +38,9 @@ def visible_pairs(scene: TestScene, spacing: int = 1) -> set[tuple[int, int]]:
         d = torch.stack([xs, ys], dim=-1).reshape(-1, 1, 2) - p.means2d[0]
         xx, xy, yy = p.conics.unbind(-1)
         sigma = 0.5 * (xx * d[..., 0] ** 2 + yy * d[..., 1] ** 2) + xy * d[..., 0] * d[..., 1]
-        seen = ((p.opacities * torch.exp(-sigma) >= ALPHA_CUTOFF) & (p.radii > 0)).any(dim=0)
-        found |= {(tile, i) for i in seen.nonzero()[:, 0].tolist()}
-    return found
+        visible = ((p.opacities * torch.exp(-sigma) >= ALPHA_CUTOFF) & (p.radii > 0)).any(dim=0)
+        pairs |= {(tile, i) for i in visible.nonzero()[:, 0].tolist()}
+    return pairs
 
 
 def slanted_scene(seed: int) -> TestScene:

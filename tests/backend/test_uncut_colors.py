@@ -34,36 +34,36 @@ SHOWN = torch.arange(NUM) % 3 > 0
 @pytest.mark.parametrize("degree", range(4))
 def test_float32_is_as_good_as_float64_allows(degree):
     ours, exact = splats(torch.float32, degree), splats(torch.float64, degree)
-    (seen, zeroth), (wanted, zeroth_too) = uncut_colors(*ours, SHOWN), uncut_colors(*exact, SHOWN)
+    (colors, zeroth), (wanted, zeroth_too) = uncut_colors(*ours, SHOWN), uncut_colors(*exact, SHOWN)
     # Sums of 16 products, of polynomials of degree 3, as in the kernels' own test.
     allowed = 100 * torch.finfo(torch.float32).eps
-    assert (seen - wanted).abs().max() <= allowed * wanted.abs().max()
+    assert (colors - wanted).abs().max() <= allowed * wanted.abs().max()
     assert (wanted < 0).any()
     assert torch.equal(zeroth, ours[0].colors[:, 0])
-    for result, also, (inputs, _) in ((seen, zeroth, ours), (wanted, zeroth_too, exact)):
+    for result, also, (inputs, _) in ((colors, zeroth, ours), (wanted, zeroth_too, exact)):
         ((result**2).sum() + (also[SHOWN] ** 3).sum()).backward()
         for leaf in (inputs.colors, inputs.means):
             assert leaf.grad is None or (leaf.grad[~SHOWN] == 0).all()
     for name in ("means", "colors") if degree > 0 else ("colors",):
-        found, expected = (getattr(one[0], name).grad for one in (ours, exact))
+        grad, expected = (getattr(case[0], name).grad for case in (ours, exact))
         nearest = exact[0].means.detach().norm(dim=-1).min()  # gradients grow with 1 / |r|
         worst = allowed * expected.abs().max() * (1 + 1 / nearest)
-        assert (found - expected).abs().max() <= worst, name
+        assert (grad - expected).abs().max() <= worst, name
 
 
 def test_cut_off_they_are_the_colours_of_a_view():
     scene, view = splats(torch.float64)
     everyone = torch.ones(NUM, dtype=torch.bool)
-    seen = uncut_colors(scene, view, everyone)[0].clamp(min=0)
-    assert torch.equal(seen, view_colors(scene, view))
+    colors = uncut_colors(scene, view, everyone)[0].clamp(min=0)
+    assert torch.equal(colors, view_colors(scene, view))
 
 
 def test_the_camera_gets_its_gradient():
     scene, view = splats(torch.float32)
     viewmat = view.viewmat.clone().requires_grad_()
-    seen, _ = uncut_colors(scene, dataclasses.replace(view, viewmat=viewmat), SHOWN)
-    torch.testing.assert_close(seen, uncut_colors(scene, view, SHOWN)[0], rtol=1e-4, atol=1e-5)
-    (gradient,) = torch.autograd.grad(seen.square().sum(), viewmat)
+    colors, _ = uncut_colors(scene, dataclasses.replace(view, viewmat=viewmat), SHOWN)
+    torch.testing.assert_close(colors, uncut_colors(scene, view, SHOWN)[0], rtol=1e-4, atol=1e-5)
+    (gradient,) = torch.autograd.grad(colors.square().sum(), viewmat)
     assert gradient[:3, 3].abs().min() > 0
 
 
@@ -73,7 +73,7 @@ def test_what_is_not_shown_may_be_anything(dtype):
     scene, view = splats(dtype)
     with torch.no_grad():
         scene.colors[0], scene.means[3] = float("nan"), 0.0
-    seen, _ = uncut_colors(scene, view, SHOWN)
-    assert seen.isfinite().all() and (seen[~SHOWN] == 0).all()
-    gradients = torch.autograd.grad(seen.sum(), [scene.means, scene.colors])
+    colors, _ = uncut_colors(scene, view, SHOWN)
+    assert colors.isfinite().all() and (colors[~SHOWN] == 0).all()
+    gradients = torch.autograd.grad(colors.sum(), [scene.means, scene.colors])
     assert all(gradient.isfinite().all() for gradient in gradients)

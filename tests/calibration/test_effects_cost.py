@@ -34,10 +34,10 @@ def test_a_disturbed_round_does_not_move_the_ratio_and_wide_spreads_are_told(mon
     timings = {str(NOTHING): Timing(base, [1.0] * 5), str(camera): Timing(other, [9.0] * 5)}
     monkeypatch.setattr(effects_cost, "time_in_turns", lambda *_: timings)
     monkeypatch.setattr(effects_cost, "ModelStep", lambda *_: Weightless())
-    found = measure(StepSize(16, 16, 1000), [camera], num_photos=3, rounds=5)
-    assert found[1].ratio == pytest.approx(1.5)
-    assert not found[1].is_wide and "not steady" not in found[1].line()
-    shaken = replace(found[1], ratio_range=(1.2, 2.0))
+    costs = measure(StepSize(16, 16, 1000), [camera], num_photos=3, rounds=5)
+    assert costs[1].ratio == pytest.approx(1.5)
+    assert not costs[1].is_wide and "not steady" not in costs[1].line()
+    shaken = replace(costs[1], ratio_range=(1.2, 2.0))
     assert "between 1.20 and 2.00: not steady" in shaken.line()
 
 
@@ -52,9 +52,9 @@ class Weightless:
 def test_every_case_is_told_once_after_the_step_that_has_nothing_on():
     camera = replace(NOTHING, appearance="camera")
     affine = replace(NOTHING, appearance="affine")
-    found = measure(StepSize(64, 48, 1000), [camera, affine, camera], num_photos=3, rounds=1)
-    assert [cost.effects for cost in found] == [NOTHING, camera, affine]
-    assert found[0].ratio == 1 and found[0].extra_bytes == 0
-    assert found[1].extra_bytes == 3 * 4 * 3 * 5  # three photos, five numbers, and their moments
-    assert found[2].extra_bytes > 3 * 4 * 24 * 1000
-    assert "appearance camera" in found[1].line() and "nothing on:" in found[0].line()
+    costs = measure(StepSize(64, 48, 1000), [camera, affine, camera], num_photos=3, rounds=1)
+    assert [cost.effects for cost in costs] == [NOTHING, camera, affine]
+    assert costs[0].ratio == 1 and costs[0].extra_bytes == 0
+    assert costs[1].extra_bytes == 3 * 4 * 3 * 5  # three photos, five numbers, and their moments
+    assert costs[2].extra_bytes > 3 * 4 * 24 * 1000
+    assert "appearance camera" in costs[1].line() and "nothing on:" in costs[0].line()

@@ -47,9 +47,9 @@ def plan(budget: float, cost: StepCost = EVEN, model: DeSplatModelConfig = MODEL
 
 
 def test_steps_are_what_the_time_left_holds():
-    found = plan(budget=210 + END_SECONDS, spent=10.0)
-    assert found.steps == pytest.approx(2000, abs=1)
-    assert (found.downscale, found.spent) == (1, 0.0)
+    planned = plan(budget=210 + END_SECONDS, spent=10.0)
+    assert planned.steps == pytest.approx(2000, abs=1)
+    assert (planned.downscale, planned.spent) == (1, 0.0)
 
 
 def test_no_more_steps_are_planned_than_are_wanted():
@@ -133,11 +133,11 @@ def test_what_is_too_large_to_measure_costs_as_its_gaussians_and_pixels_say(
     monkeypatch.setattr(run_plan, "ModelStep", step)
     monkeypatch.setattr(run_plan, "time_in_turns", timed)
     outputs = photos_of(views, width, height)
-    found = measure_step(outputs, MODEL, "cpu")
+    cost = measure_step(outputs, MODEL, "cpu")
     count, wide, high = max(sizes)
     assert count == MOST_GAUSSIANS and wide * high <= MOST_PIXELS
     expected = expected_gaussians(outputs, MODEL, "cpu")
     assert expected > 2 * MOST_GAUSSIANS
-    assert found.fixed == pytest.approx(PER_GAUSSIAN * expected)
+    assert cost.fixed == pytest.approx(PER_GAUSSIAN * expected)
     half_a_pixel = 0.5 / wide + 0.5 / high  # sides are rounded
-    assert found.whole_photo == pytest.approx(PER_PIXEL * width * height, rel=half_a_pixel)
+    assert cost.whole_photo == pytest.approx(PER_PIXEL * width * height, rel=half_a_pixel)

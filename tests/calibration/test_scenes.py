@@ -17,12 +17,12 @@ def test_the_same_call_makes_the_same_scene():
 @pytest.mark.slow
 def test_the_pairs_are_those_that_the_docstring_states():
     pairs = count_pairs(make_scene(20_000, 480, 270))
-    for found, stated in (
+    for count, stated in (
         (pairs.square, 27e6),
         (pairs.listed, 17e6),
         (pairs.contributing, 5.5e6),
     ):
-        assert abs(found / stated - 1) < 0.05
+        assert abs(count / stated - 1) < 0.05
 
 
 def test_a_fifth_of_the_gaussians_has_its_centre_outside():

@@ -14,10 +14,10 @@ from desplat_ns.calibration.timing import Timing, thread_counts, threads, time_i
 def test_cases_take_turns():
     calls: list[str] = []
     cases = {name: (lambda name=name: calls.append(name)) for name in "ab"}
-    found = time_in_turns(cases, rounds=2)
+    timings = time_in_turns(cases, rounds=2)
     turn = ["a"] * (1 + timing.REPEATS) + ["b"] * (1 + timing.REPEATS)
     assert calls == ["a", "a", "b", "b", *turn, *turn]
-    assert len(found["a"].cpu) == len(found["a"].wall) == 2 * timing.REPEATS
+    assert len(timings["a"].cpu) == len(timings["a"].wall) == 2 * timing.REPEATS
 
 
 @pytest.mark.slow
@@ -29,20 +29,20 @@ def test_slow_cases_run_once_a_turn_and_in_fewer_rounds(monkeypatch):
         calls.append(1)
         time.sleep(0.02)
 
-    found = time_in_turns({"slow": slow}, rounds=5, slow_rounds=2)["slow"]
-    assert len(calls) == 2 + 2 and len(found.cpu) == 2
+    timed = time_in_turns({"slow": slow}, rounds=5, slow_rounds=2)["slow"]
+    assert len(calls) == 2 + 2 and len(timed.cpu) == 2
 
 
 @pytest.mark.slow
 def test_sleep_costs_wall_time_and_no_processor_time():
-    found = time_in_turns({"sleep": lambda: time.sleep(0.02)}, rounds=1)["sleep"]
-    assert found.wall_ms >= 20
-    assert found.cpu_ms < 10
+    timed = time_in_turns({"sleep": lambda: time.sleep(0.02)}, rounds=1)["sleep"]
+    assert timed.wall_ms >= 20
+    assert timed.cpu_ms < 10
 
 
 def test_median_and_range():
-    found = Timing(cpu=[3.0, 1.0, 2.0], wall=[5.0, 4.0, 9.0])
-    assert (found.cpu_ms, found.wall_ms, found.cpu_range) == (2.0, 5.0, (1.0, 3.0))
+    timed = Timing(cpu=[3.0, 1.0, 2.0], wall=[5.0, 4.0, 9.0])
+    assert (timed.cpu_ms, timed.wall_ms, timed.cpu_range) == (2.0, 5.0, (1.0, 3.0))
 
 
 def test_threads_are_set_and_put_back_even_after_an_error():

@@ -31,9 +31,9 @@ def test_every_format_holds_the_same_gaussians(trained: Path, tmp_path: Path, fr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.glb", "a.ply", "a.spz"]
     table = PlyData.read(tmp_path / "a.ply")["vertex"].data
     x, y, z = (table[name] for name in "xyz")
-    found = read_glb((tmp_path / "a.glb").read_bytes())[1]["POSITION"]
+    points = read_glb((tmp_path / "a.glb").read_bytes())[1]["POSITION"]
     up = (x, y, z) if frame == "training" else (x, -y, -z)  # a PLY has its y down
-    assert np.allclose(np.stack(up, axis=1), found, atol=1e-6)
+    assert np.allclose(np.stack(up, axis=1), points, atol=1e-6)
     assert (tmp_path / "a.spz").stat().st_size < (tmp_path / "a.ply").stat().st_size / 4
 
 
@@ -137,10 +137,10 @@ def test_every_training_photo_has_a_mask_of_its_size(
     masked = sorted((tmp_path / "b").iterdir())
     assert len(used) == len(masked) == TRAINING_PHOTOS
     some = False
-    for one, other in zip(used, masked, strict=True):
-        photo = tiny_scene.folder / "images" / one.name.removesuffix(".png")
+    for mask, other in zip(used, masked, strict=True):
+        photo = tiny_scene.folder / "images" / mask.name.removesuffix(".png")
         assert other.name == f"{photo.stem}.png"
-        black, white = (np.asarray(Image.open(path)) for path in (one, other))
+        black, white = (np.asarray(Image.open(path)) for path in (mask, other))
         assert black.shape == Image.open(photo).size[::-1] == white.shape
         assert black.dtype == np.uint8 and set(np.unique(black)) <= {0, 255}
         assert (white[black == 0] == 255).all(), "a grown mask holds the mask"

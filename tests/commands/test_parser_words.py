@@ -16,8 +16,8 @@ COMMAND = "desplat-tradeoff"
 
 def test_options_of_the_data_parser_follow_its_name():
     words = ["photos", "--time", "5min", "colmap", "--downscale-factor", "2"]
-    found, parser = parse(Arguments, COMMAND, words)
-    assert (found.data, found.time) == (Path("photos"), "5min")
+    arguments, parser = parse(Arguments, COMMAND, words)
+    assert (arguments.data, arguments.time) == (Path("photos"), "5min")
     assert parser == ("colmap", "--downscale-factor", "2")
     with pytest.raises(ConfigError, match="--tiem is no option of desplat-tradeoff"):
         parse(Arguments, COMMAND, ["photos", "--tiem", "5min"])
@@ -26,8 +26,8 @@ def test_options_of_the_data_parser_follow_its_name():
 @pytest.mark.parametrize("data", [["--data", "a"], ["--data=a"]])
 def test_a_data_parser_may_name_the_capture_itself_where_a_command_allows_it(data: list[str]):
     words = ["--output", "o", "colmap", *data]
-    found, parser = parse(survey.Arguments, "desplat-survey", words, data_may_follow=True)
-    assert found.data is None and found.output == Path("o")
+    arguments, parser = parse(survey.Arguments, "desplat-survey", words, data_may_follow=True)
+    assert arguments.data is None and arguments.output == Path("o")
     assert parser == ("colmap", *data)
     with pytest.raises(ConfigError, match="--data"):
         parse(Arguments, COMMAND, ["colmap", *data])

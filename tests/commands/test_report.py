@@ -102,7 +102,7 @@ def test_only_some_pictures_are_shown_but_all_photos_are_scored(trained: Path):
     pipeline: Any = eval_setup(trained)[1]
     results, shown = held_out_photos(pipeline, 1)
     assert results["num_images"] == NUM_TEST
-    assert [one.name for one in shown] == [results["images"][0]["name"]]
+    assert [photo.name for photo in shown] == [results["images"][0]["name"]]
 
 
 @pytest.mark.slow

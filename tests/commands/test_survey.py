@@ -18,21 +18,21 @@ from tests.helpers.quick_command import check_quick_command
 
 @pytest.mark.slow
 def test_a_capture_is_found_and_the_findings_are_written(tiny_scene, tmp_path, capsys):
-    found = survey_capture(tiny_scene.folder, tmp_path / "out")
+    findings = survey_capture(tiny_scene.folder, tmp_path / "out")
     assert "It is read by robustnerf-data." in capsys.readouterr().out
     written = json.loads((tmp_path / "out" / "survey.json").read_text())
-    assert written["distractors"]["decision"] == found.distractors.decision
+    assert written["distractors"]["decision"] == findings.distractors.decision
     assert (tmp_path / "out" / "survey.png").stat().st_size > 1000
     steps = written["on_this_machine"]["steps"]
     assert steps[0]["ratio"] == 1 and steps[0]["effects"] == asdict(Effects(distractors=False))
-    assert steps[-1]["effects"] == found.decisions()
+    assert steps[-1]["effects"] == findings.decisions()
     assert all(step["milliseconds"] > 0 for step in steps)
 
 
 def test_a_data_parser_chooses_the_photos(tiny_scene, tmp_path):
     parser = RobustNerfDataParserConfig(train_split_clean_clutter_ratio=0.0)
-    found = survey_capture(tiny_scene.folder, tmp_path, False, parser)
-    assert found.num_photos == tiny_scene.spec.num_views
+    findings = survey_capture(tiny_scene.folder, tmp_path, False, parser)
+    assert findings.num_photos == tiny_scene.spec.num_views
     assert parser.data == tiny_scene.folder
 
 
@@ -44,8 +44,8 @@ def test_the_command_takes_a_parser_by_its_name(tiny_scene, tmp_path):
         words = [*options, parser, "--data", folder]
         for given in ([folder, *words], words):
             arguments, rest = parse(Arguments, "desplat-survey", given, data_may_follow=True)
-            found = arguments.survey(rest)
-            assert found.num_photos > 0
+            findings = arguments.survey(rest)
+            assert findings.num_photos > 0
         assert (tmp_path / parser / "survey.json").is_file()
 
 

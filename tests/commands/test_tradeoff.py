@@ -41,8 +41,8 @@ def train_here(line: list[Any], log: Path, **_: str) -> None:
     program, results, evaluations, method, *options = map(str, line[2:])
     assert program == runs.PROGRAM
     pictures = Path(results).with_name(PICTURES)
-    found = train_and_score(method, options, pictures, int(evaluations))
-    Path(results).write_text(json.dumps(found))
+    record = train_and_score(method, options, pictures, int(evaluations))
+    Path(results).write_text(json.dumps(record))
 
 
 @pytest.mark.slow
@@ -57,18 +57,18 @@ def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, mo
         tiny_scene.folder, ("robustnerf-data",), tmp_path / "out", 3600.0, 1, InThisProcess()
     )
     report = study(request)
-    found = json.loads((tmp_path / "out" / "results.json").read_text())
-    assert found["failed"] == {} and found["left_out"] == []
-    done = {name.rsplit("-", 2)[0] for name in found["training"]}
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert results["failed"] == {} and results["left_out"] == []
+    done = {name.rsplit("-", 2)[0] for name in results["training"]}
     assert done == {*settled.variants, plan.BACKEND}
     assert all(
-        [p["step"] for p in row["curve"]] == [3, 6, 12] for row in found["training"].values()
+        [p["step"] for p in row["curve"]] == [3, 6, 12] for row in results["training"].values()
     )
     assert "data:image/jpeg;base64," in report.read_text()
     assert not list((tmp_path / "out" / RUNS).rglob("nerfstudio_models")), "nobody needs them"
     study(replace(request, seconds=3601.0))
     again = json.loads((tmp_path / "out" / "results.json").read_text())
-    assert again["training"] == found["training"], "all of it was done"
+    assert again["training"] == results["training"], "all of it was done"
 
 
 def test_a_second_study_in_the_same_folder_is_refused(tmp_path: Path, checkout: Path):
@@ -84,16 +84,16 @@ def test_a_second_study_in_the_same_folder_is_refused(tmp_path: Path, checkout: 
 def test_while_a_study_is_done_its_folder_is_taken(
     tmp_path: Path, checkout: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    folder, told = tmp_path / "out", []
+    folder, answers = tmp_path / "out", []
 
     def opened(_: Request) -> None:
-        told.append(tried(f"only_process_in(Path({str(folder)!r}))", checkout))
+        answers.append(tried(f"only_process_in(Path({str(folder)!r}))", checkout))
         raise CaptureError("far enough")
 
     monkeypatch.setattr(module, "open_study", opened)
     with pytest.raises(CaptureError, match="far enough"):
         study(Request(Path("photos"), (), folder, 60.0, 1, LocalExecutor(1)))
-    assert "is at work in" in told[0]
+    assert "is at work in" in answers[0]
     assert list(tmp_path.iterdir()) == [], "and nothing is left"
 
 

@@ -43,7 +43,7 @@ OPTIONS = [
 def in_order_of(other: dict, metadata: dict) -> dict[str, torch.Tensor]:
     """The points of `metadata`, each where `other` has the one of that place and colour."""
     ours, theirs = (
-        torch.cat([one["points3D_xyz"], one["points3D_rgb"]], dim=1) for one in (metadata, other)
+        torch.cat([meta["points3D_xyz"], meta["points3D_rgb"]], dim=1) for meta in (metadata, other)
     )
     assert ours.shape == theirs.shape
     order = KDTree(ours).query(theirs)[1]
@@ -56,20 +56,20 @@ def assert_same_outputs(data: Path, **options) -> None:
     ).setup()
     ours = DeSplatColmapDataParserConfig(data=data, downscale_factor=1, **options).setup()
     for split in ("train", "val", "test"):
-        one, other = (parser.get_dataparser_outputs(split) for parser in (upstream, ours))
-        assert one.image_filenames == other.image_filenames
+        theirs, other = (parser.get_dataparser_outputs(split) for parser in (upstream, ours))
+        assert theirs.image_filenames == other.image_filenames
         for name in CAMERA_FIELDS:
             torch.testing.assert_close(
-                getattr(other.cameras, name), getattr(one.cameras, name), **TOLERANCE
+                getattr(other.cameras, name), getattr(theirs.cameras, name), **TOLERANCE
             )
         torch.testing.assert_close(
-            other.dataparser_transform, one.dataparser_transform, **TOLERANCE
+            other.dataparser_transform, theirs.dataparser_transform, **TOLERANCE
         )
-        assert other.dataparser_scale == pytest.approx(one.dataparser_scale, rel=1e-5)
-        torch.testing.assert_close(other.scene_box.aabb, one.scene_box.aabb)
+        assert other.dataparser_scale == pytest.approx(theirs.dataparser_scale, rel=1e-5)
+        torch.testing.assert_close(other.scene_box.aabb, theirs.scene_box.aabb)
         unread = {"points3D_error", "points3D_num_points2D"}
-        assert {*one.metadata, METADATA_KEY} - unread == set(other.metadata)
-        for key, value in in_order_of(other.metadata, one.metadata).items():
+        assert {*theirs.metadata, METADATA_KEY} - unread == set(other.metadata)
+        for key, value in in_order_of(other.metadata, theirs.metadata).items():
             if key not in unread:
                 torch.testing.assert_close(other.metadata[key], value, **TOLERANCE)
 
@@ -221,7 +221,7 @@ def test_a_geo_referenced_capture_is_as_sharp_as_one_at_the_origin(tiny_scene, t
         far.cameras.camera_to_worlds, near.cameras.camera_to_worlds, rtol=0, atol=1e-5
     )
     for name in ("points3D_xyz", "points3D_rgb"):
-        moved, value = (one.metadata[name].double() for one in (far, near))
+        moved, value = (outputs.metadata[name].double() for outputs in (far, near))
         assert torch.allclose(moved, value, rtol=1e-4, atol=1e-4), name
     turn, shift = near.dataparser_transform[:, :3].double(), near.dataparser_transform[:, 3]
     want = shift.double() - turn @ torch.from_numpy(OUT)

@@ -22,17 +22,17 @@ SPARSE = Path("sparse")
 
 def test_text_comes_in_as_written(capture):
     data = capture(["b.png", "folder/a.png"])
-    found = read_reconstruction(data, SPARSE)
-    assert found.folder == data / "sparse" / "0"
-    assert [(f.name, f.image_id) for f in found.frames] == [("b.png", 1), ("folder/a.png", 2)]
-    second = found.frames[1]
+    model = read_reconstruction(data, SPARSE)
+    assert model.folder == data / "sparse" / "0"
+    assert [(f.name, f.image_id) for f in model.frames] == [("b.png", 1), ("folder/a.png", 2)]
+    second = model.frames[1]
     expected = np.concatenate([np.eye(3), [[-1], [0], [0]]], axis=1)
     np.testing.assert_array_equal(second.world_to_camera, expected)
     assert (second.width, second.height) == (8, 6)
     assert second.camera_type == CameraType.PERSPECTIVE
     assert second.intrinsics == {"fx": 10.0, "fy": 11.0, "cx": 4.0, "cy": 3.0}
-    np.testing.assert_array_equal(found.points.xyz, [[0.5, -1, 4], [1, 2, 3]])
-    np.testing.assert_array_equal(found.points.rgb, [[10, 20, 30], [200, 100, 50]])
+    np.testing.assert_array_equal(model.points.xyz, [[0.5, -1, 4], [1, 2, 3]])
+    np.testing.assert_array_equal(model.points.rgb, [[10, 20, 30], [200, 100, 50]])
 
 
 def test_a_reconstruction_is_parsed_once_until_a_file_of_it_changes(
@@ -58,9 +58,9 @@ def test_binary_equals_text(capture, tmp_path: Path):
     pycolmap.Reconstruction(data / "sparse" / "0").write_binary(binary)
     text, same = (read_reconstruction(d, SPARSE) for d in (data, tmp_path / "binary"))
     assert [f.name for f in text.frames] == [f.name for f in same.frames]
-    for one, other in zip(text.frames, same.frames, strict=True):
-        np.testing.assert_array_equal(one.world_to_camera, other.world_to_camera)
-        assert one.intrinsics == other.intrinsics
+    for frame, other in zip(text.frames, same.frames, strict=True):
+        np.testing.assert_array_equal(frame.world_to_camera, other.world_to_camera)
+        assert frame.intrinsics == other.intrinsics
     np.testing.assert_array_equal(text.points.xyz, same.points.xyz)
 
 
@@ -99,10 +99,10 @@ def binary_with(data: Path, change: Callable[[pycolmap.Reconstruction], object])
 def test_points_with_nan_are_left_out_and_counted(capture, capsys):
     data = capture()
     binary_with(data, lambda model: setattr(model.points3D[1], "xyz", [np.nan, 0, 0]))
-    found = DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs("train")
-    assert found.metadata["points3D_xyz"].isfinite().all()
-    assert found.metadata["points3D_rgb"].tolist() == [[200, 100, 50]]
-    assert found.metadata[METADATA_KEY].point_ids.tolist() == [2]
+    outputs = DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs("train")
+    assert outputs.metadata["points3D_xyz"].isfinite().all()
+    assert outputs.metadata["points3D_rgb"].tolist() == [[200, 100, 50]]
+    assert outputs.metadata[METADATA_KEY].point_ids.tolist() == [2]
     assert "1 of 2 points" in capsys.readouterr().out
 
 

@@ -110,7 +110,7 @@ def test_photos_too_small_to_be_scored_are_named(capture):
 
 
 @pytest.mark.parametrize(
-    ("found", "camera", "fits"),
+    ("size", "camera", "fits"),
     [
         ((270, 480), (270, 480), True),
         ((270, 480), (135, 240), True),
@@ -127,9 +127,9 @@ def test_photos_too_small_to_be_scored_are_named(capture):
         ((100, 800), (1, 100), False),
     ],
 )
-def test_photos_fit_cameras_of_their_shape_and_no_larger(found, camera, fits: bool):
+def test_photos_fit_cameras_of_their_shape_and_no_larger(size, camera, fits: bool):
     if fits:
-        check_size(Path("a.png"), found, camera)
+        check_size(Path("a.png"), size, camera)
     else:
-        with pytest.raises(CaptureError, match=f"a.png is {found[0]}x{found[1]} "):
-            check_size(Path("a.png"), found, camera)
+        with pytest.raises(CaptureError, match=f"a.png is {size[0]}x{size[1]} "):
+            check_size(Path("a.png"), size, camera)

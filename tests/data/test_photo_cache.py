@@ -56,7 +56,7 @@ class Rounds:
 
 
 def in_bytes(photos: BoundedPhotos, sizes: Sequence[int]) -> int:
-    return sum(sizes[one] for one in photos._held)
+    return sum(sizes[photo] for photo in photos._held)
 
 
 @pytest.mark.parametrize("most", [0, 5, 23, 60, 1000])

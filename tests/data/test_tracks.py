@@ -27,9 +27,9 @@ def tracks_of(folder: Path) -> Tracks:
 def test_photos_observe_the_points_that_they_show_and_nothing_hides(tiny_scene):
     observed = tracks_of(tiny_scene.folder).read([0, 3])
     shown = tiny_scene.points.is_seen[: tiny_scene.spec.num_views] & ~tiny_scene.is_occluded()
-    for photo, seen in zip((0, 3), observed, strict=True):
-        np.testing.assert_array_equal(np.sort(seen.points), np.flatnonzero(shown[photo]))
-        assert ((seen.places > -0.1) & (seen.places < 1.1)).all()
+    for photo, track in zip((0, 3), observed, strict=True):
+        np.testing.assert_array_equal(np.sort(track.points), np.flatnonzero(shown[photo]))
+        assert ((track.places > -0.1) & (track.places < 1.1)).all()
 
 
 def test_points_that_are_left_out_are_not_observed(tiny_scene):
@@ -72,15 +72,15 @@ def test_observations_are_those_that_pycolmap_reads(tiny_scene, tmp_path: Path, 
     tracks = parser.setup().get_dataparser_outputs("train").metadata[METADATA_KEY]
     order = list(reversed(range(len(numbers))))
     lost = 0
-    for photo, found in zip(order, tracks.read(order), strict=True):
+    for photo, track in zip(order, tracks.read(order), strict=True):
         image = model.images[tracks.image_ids[photo]]
-        seen = image.get_observation_points2D()
-        lost += image.num_points2D() - len(seen)
-        expected = [one.point3D_id for one in seen]
-        np.testing.assert_array_equal(tracks.point_ids[found.points], expected)
-        places = np.array([one.xy for one in seen]).reshape(-1, 2) / (48, 32)
+        tracked = image.get_observation_points2D()
+        lost += image.num_points2D() - len(tracked)
+        expected = [point.point3D_id for point in tracked]
+        np.testing.assert_array_equal(tracks.point_ids[track.points], expected)
+        places = np.array([point.xy for point in tracked]).reshape(-1, 2) / (48, 32)
         exact = {"binary": 0, "text": 1e-12}[form]
-        np.testing.assert_allclose(found.places, places, rtol=exact, atol=0)
+        np.testing.assert_allclose(track.places, places, rtol=exact, atol=0)
     assert lost > 3 and len(model.images[numbers[2]].get_observation_points2D()) == 0
 
 

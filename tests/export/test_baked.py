@@ -20,7 +20,7 @@ COLORS = 1e-4
 
 
 def splats(**changes) -> Splats:
-    one = Splats(
+    made = Splats(
         means=torch.rand(6, 3),
         quats=torch.rand(6, 4) + 0.1,
         scales=torch.rand(6, 3) + 0.1,
@@ -28,7 +28,7 @@ def splats(**changes) -> Splats:
         colors=torch.rand(6, 16, 3),
         sh_degree=3,
     )
-    return replace(one, **changes)
+    return replace(made, **changes)
 
 
 @pytest.mark.slow
@@ -43,8 +43,8 @@ def test_a_file_looks_like_the_static_scene_in_the_light_that_is_shown(appearanc
         model.gauss_params["features_rest"].data.normal_(std=0.2)
         shown = model.get_outputs_for_camera(held_out())["rgb"].numpy()
     cloud = baked(model.shown_splats(), antialiased=False)
-    found = drawn(cloud, view_of(held_out())).clip(0, 1)
-    assert np.abs(found - shown).max() < COLORS
+    picture = drawn(cloud, view_of(held_out())).clip(0, 1)
+    assert np.abs(picture - shown).max() < COLORS
     assert shown.max() > 0.2, "something is seen"
 
 
@@ -59,13 +59,13 @@ def test_the_light_of_one_photo_is_baked_when_it_is_shown():
 
 
 def test_what_no_view_shows_is_left_out():
-    one = splats()
-    one.opacities[0] = 1 / 256
-    one.means[1] = float("nan")
-    one.colors[2] = float("inf")
-    one.scales[3] = 1e35
-    found = baked(one, antialiased=False)
-    assert np.array_equal(found.means, one.means[4:].double().numpy())
+    scene = splats()
+    scene.opacities[0] = 1 / 256
+    scene.means[1] = float("nan")
+    scene.colors[2] = float("inf")
+    scene.scales[3] = 1e35
+    cloud = baked(scene, antialiased=False)
+    assert np.array_equal(cloud.means, scene.means[4:].double().numpy())
 
 
 def test_only_harmonics_that_are_evaluated_and_that_readers_know_are_written():
@@ -75,8 +75,8 @@ def test_only_harmonics_that_are_evaluated_and_that_readers_know_are_written():
 
 def test_colours_without_harmonics_are_written_as_zeroth_coefficients():
     colors = torch.rand(6, 3)
-    found = baked(splats(colors=colors, sh_degree=None), antialiased=False)
-    assert np.allclose(0.28209479 * found.harmonics[:, 0] + 0.5, colors, atol=1e-6)
+    cloud = baked(splats(colors=colors, sh_degree=None), antialiased=False)
+    assert np.allclose(0.28209479 * cloud.harmonics[:, 0] + 0.5, colors, atol=1e-6)
 
 
 def test_quaternions_are_of_length_1():

@@ -72,8 +72,8 @@ def test_quaternions_of_turns_by_hand():
     half = np.sqrt(0.5)
     about_z = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     assert np.allclose(np.abs(quat_of(np.eye(3))), (1, 0, 0, 0))
-    found = quat_of(about_z)
-    assert np.allclose(found * np.sign(found[0]), (half, 0, 0, half))
+    quat = quat_of(about_z)
+    assert np.allclose(quat * np.sign(quat[0]), (half, 0, 0, half))
     assert np.allclose(np.abs(quat_of(np.diag([1.0, -1, -1]))), (0, 1, 0, 0))
 
 

@@ -58,10 +58,10 @@ def test_a_file_in_the_captures_frame_shows_the_scene_to_the_captures_cameras(
     behind = (1 - outputs["accumulation"]) * outputs["background"]  # not in any file
     shown = (outputs["rgb"] - behind).numpy()
     name = Path(photos.image_filenames[0]).name
-    found = drawn(cloud, view_by_colmap(capture / "sparse" / "0", name)).clip(0, 1)
-    assert psnr(found, shown) > LEAST_PSNR[ending]
+    picture = drawn(cloud, view_by_colmap(capture / "sparse" / "0", name)).clip(0, 1)
+    assert psnr(picture, shown) > LEAST_PSNR[ending]
     photo = photos.get_numpy_image(0)[..., :3] / 255
-    assert psnr(found, photo) > 25, "it is the scene that the photo shows"
+    assert psnr(picture, photo) > 25, "it is the scene that the photo shows"
 
 
 def test_masks_cover_what_was_pasted_into_the_photos(run: Path, capture: Path, tmp_path: Path):
@@ -85,9 +85,9 @@ def test_a_page_shows_what_we_render_to_training_and_held_out_cameras(run: Path,
     from desplat_ns.runs.files import find_run
     from desplat_ns.runs.loading import load_run
 
-    found = page_beside_photos(load_run(find_run(run)), tmp_path)
-    assert found.of_ours.min() > LEAST_PAGE, found
-    assert found.below_ours.max() < MOST_BELOW, found
+    compared = page_beside_photos(load_run(find_run(run)), tmp_path)
+    assert compared.of_ours.min() > LEAST_PAGE, compared
+    assert compared.below_ours.max() < MOST_BELOW, compared
 
 
 def view_by_colmap(model: Path, name: str) -> View:
@@ -102,5 +102,5 @@ def view_by_colmap(model: Path, name: str) -> View:
     return View(torch.from_numpy(pose), torch.from_numpy(intrinsics), width, height)
 
 
-def psnr(one: np.ndarray, other: np.ndarray) -> float:
-    return float(-10 * np.log10(np.mean((one - other) ** 2)))
+def psnr(image: np.ndarray, other: np.ndarray) -> float:
+    return float(-10 * np.log10(np.mean((image - other) ** 2)))

@@ -17,20 +17,20 @@ PREFIX = "KHR_gaussian_splatting:"
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
 def test_every_value_comes_back_exactly(degree: int):
     written = cloud(degree=degree)
-    _, found = read_glb(glb_bytes(written))
-    assert np.array_equal(found["POSITION"], written.means.astype(np.float32))
-    x, y, z, w = found[f"{PREFIX}ROTATION"].T
+    _, values = read_glb(glb_bytes(written))
+    assert np.array_equal(values["POSITION"], written.means.astype(np.float32))
+    x, y, z, w = values[f"{PREFIX}ROTATION"].T
     assert np.array_equal(np.stack([w, x, y, z], axis=1), written.quats)
-    assert np.array_equal(found[f"{PREFIX}SCALE"], written.scales)
-    assert np.array_equal(found[f"{PREFIX}OPACITY"][:, 0], written.opacities)
+    assert np.array_equal(values[f"{PREFIX}SCALE"], written.scales)
+    assert np.array_equal(values[f"{PREFIX}OPACITY"][:, 0], written.opacities)
     names = [f"SH_DEGREE_{d}_COEF_{i}" for d in range(degree + 1) for i in range(2 * d + 1)]
-    harmonics = np.stack([found[PREFIX + name] for name in names], axis=1)
+    harmonics = np.stack([values[PREFIX + name] for name in names], axis=1)
     assert np.array_equal(harmonics, written.harmonics)
-    assert len(found) == len(names) + 5, "nothing else"
+    assert len(values) == len(names) + 5, "nothing else"
 
 
 def test_the_primitive_is_points_with_what_the_extension_requires():
-    document, found = read_glb(glb_bytes(cloud()))
+    document, values = read_glb(glb_bytes(cloud()))
     (primitive,) = document["meshes"][0]["primitives"]
     assert primitive["mode"] == 0
     settings = primitive["extensions"]["KHR_gaussian_splatting"]
@@ -39,8 +39,8 @@ def test_the_primitive_is_points_with_what_the_extension_requires():
     assert document["extensionsUsed"] == ["KHR_gaussian_splatting"]
     assert "extensionsRequired" not in document, "others may draw the points"
     position = document["accessors"][primitive["attributes"]["POSITION"]]
-    assert np.array_equal(np.float32(position["min"]), found["POSITION"].min(0))
-    assert np.array_equal(np.float32(position["max"]), found["POSITION"].max(0))
+    assert np.array_equal(np.float32(position["min"]), values["POSITION"].min(0))
+    assert np.array_equal(np.float32(position["max"]), values["POSITION"].max(0))
 
 
 def test_what_does_not_know_splats_sees_coloured_points():

@@ -34,10 +34,10 @@ def project(kind: CameraType, distortion: tuple[float, ...], point: np.ndarray) 
     k1, k2, k3, k4, p1, p2 = distortion
     place, zero = point.reshape(1, 1, 3), np.zeros(3)
     if kind == CameraType.FISHEYE:
-        seen, _ = cv2.fisheye.projectPoints(place, zero, zero, K, np.array([k1, k2, k3, k4]))
+        pixels, _ = cv2.fisheye.projectPoints(place, zero, zero, K, np.array([k1, k2, k3, k4]))
     else:
-        seen, _ = cv2.projectPoints(place, zero, zero, K, np.array([k1, k2, p1, p2, k3]))
-    return seen.reshape(2)
+        pixels, _ = cv2.projectPoints(place, zero, zero, K, np.array([k1, k2, p1, p2, k3]))
+    return pixels.reshape(2)
 
 
 @pytest.mark.parametrize(
@@ -52,28 +52,28 @@ def project(kind: CameraType, distortion: tuple[float, ...], point: np.ndarray) 
 def test_a_disc_in_the_pinhole_is_found_where_the_lens_shows_it(
     kind: CameraType, distortion: tuple[float, ...], point: tuple[float, float]
 ):
-    found = pinhole_of(lens(kind, *distortion))
-    matrix = found.camera.get_intrinsics_matrices()[0].numpy()
+    pinhole = pinhole_of(lens(kind, *distortion))
+    matrix = pinhole.camera.get_intrinsics_matrices()[0].numpy()
     place = matrix[:2, :2] @ point + matrix[:2, 2]
-    height, width = int(found.camera.height), int(found.camera.width)
+    height, width = int(pinhole.camera.height), int(pinhole.camera.width)
     rows, columns = np.mgrid[:height, :width] + 0.5
     squared = (columns - place[0]) ** 2 + (rows - place[1]) ** 2
     disc = np.exp(-squared / 8).astype(np.float32)
-    photo = found.to_photo(disc)
+    photo = pinhole.to_photo(disc)
     assert photo.shape == (HEIGHT, WIDTH)
     rows, columns = np.mgrid[:HEIGHT, :WIDTH] + 0.5
     middle = np.array([(photo * columns).sum(), (photo * rows).sum()]) / photo.sum()
-    seen = project(kind, distortion, np.array([*point, 1.0]))
-    assert np.abs(middle - seen).max() < 0.15, "the disc of 2 pixels is bent by a tenth"
+    expected = project(kind, distortion, np.array([*point, 1.0]))
+    assert np.abs(middle - expected).max() < 0.15, "the disc of 2 pixels is bent by a tenth"
 
 
 def test_the_whole_photo_is_seen():
-    found = pinhole_of(lens(CameraType.PERSPECTIVE, -0.25, 0.06, 0.0, 0.0, 0.0, 0.0))
-    shape = int(found.camera.height), int(found.camera.width)
-    assert np.allclose(found.to_photo(np.ones(shape, np.float32)), 1)
+    pinhole = pinhole_of(lens(CameraType.PERSPECTIVE, -0.25, 0.06, 0.0, 0.0, 0.0, 0.0))
+    shape = int(pinhole.camera.height), int(pinhole.camera.width)
+    assert np.allclose(pinhole.to_photo(np.ones(shape, np.float32)), 1)
 
 
 def test_without_distortion_nothing_moves():
     image = np.random.default_rng(0).random((HEIGHT, WIDTH)).astype(np.float32)
-    found = pinhole_of(lens(CameraType.PERSPECTIVE, *[0.0] * 6))
-    assert found.to_photo(image) is image
+    pinhole = pinhole_of(lens(CameraType.PERSPECTIVE, *[0.0] * 6))
+    assert pinhole.to_photo(image) is image

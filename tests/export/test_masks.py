@@ -23,10 +23,10 @@ def with_distractors():
 def test_a_mask_is_that_of_the_models_own_output():
     model = with_distractors()
     photo = Photo(1, "b.jpg", cameras()[1:2])
-    found = distractor_mask(model, photo)
+    mask = distractor_mask(model, photo)
     shown = model.get_outputs_for_camera(camera(1))["distractor_mask"][..., 0].numpy()
-    assert np.array_equal(found, shown)
-    assert 0 < found.mean() < 1
+    assert np.array_equal(mask, shown)
+    assert 0 < mask.mean() < 1
 
 
 def test_a_mask_has_the_photos_full_size():
@@ -34,10 +34,10 @@ def test_a_mask_has_the_photos_full_size():
     large = Cameras(
         small.camera_to_worlds, small.fx * 4, small.fy * 4, small.cx * 4, small.cy * 4, 96, 80
     )
-    found = distractor_mask(model, Photo(1, "b.jpg", large))
-    assert found.shape == (80, 96)
+    mask = distractor_mask(model, Photo(1, "b.jpg", large))
+    assert mask.shape == (80, 96)
     of_small = distractor_mask(model, Photo(1, "b.jpg", small))
-    assert np.mean(found[2::4, 2::4] == of_small) > 0.9
+    assert np.mean(mask[2::4, 2::4] == of_small) > 0.9
 
 
 def test_a_photo_without_distractors_has_an_empty_mask():

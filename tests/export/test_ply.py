@@ -38,14 +38,14 @@ def test_plyfile_reads_every_value_back(degree: int):
 
 def test_a_viewers_reader_finds_the_harmonics_in_their_order():
     written = cloud()
-    found = gaussforge.GaussForge().read(ply_bytes(written), "ply")["data"]
-    rest = np.frombuffer(found["sh"], np.float32).reshape(len(written), 15, 3)
+    data = gaussforge.GaussForge().read(ply_bytes(written), "ply")["data"]
+    rest = np.frombuffer(data["sh"], np.float32).reshape(len(written), 15, 3)
     assert np.array_equal(rest, written.harmonics[:, 1:])
 
 
 def test_opacities_of_0_and_1_have_finite_logits():
-    one = cloud(count=2)
-    full = SplatCloud(one.means, one.quats, one.scales, np.array([0, 1], np.float32), one.harmonics)
+    two = cloud(count=2)
+    full = SplatCloud(two.means, two.quats, two.scales, np.array([0, 1], np.float32), two.harmonics)
     table = PlyData.read(io.BytesIO(ply_bytes(full)))["vertex"].data
     assert np.isfinite(table["opacity"]).all()
     assert table["opacity"][0] < -80 and table["opacity"][1] > 16

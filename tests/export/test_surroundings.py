@@ -10,12 +10,12 @@ from desplat_ns.export.surroundings import SIDE, Surroundings, surroundings_of
 from tests.helpers.clouds import view
 
 
-def rendering(seen: View, depth: float, alpha: float) -> Rendering:
-    size = (seen.height, seen.width, 1)
+def rendering(camera: View, depth: float, alpha: float) -> Rendering:
+    size = (camera.height, camera.width, 1)
     depths = torch.full(size, depth)
     depths[0] = 1e6  # a row of sky
     return Rendering(
-        torch.zeros(seen.height, seen.width, 3),
+        torch.zeros(camera.height, camera.width, 3),
         torch.full(size, alpha),
         depths,
         torch.zeros(1, 0, 2),
@@ -26,18 +26,18 @@ def rendering(seen: View, depth: float, alpha: float) -> Rendering:
 def test_a_cameras_reach_is_the_median_depth_of_what_it_shows():
     pose = np.eye(4)
     pose[:3, 3] = (1, 2, 3)
-    found = surroundings_of([view(), view(pose)], lambda seen: rendering(seen, 4.0, 0.9))
-    assert np.allclose(found.reaches, 4)
-    assert np.allclose(found.places, [(0, 0, 0), (-1, -2, -3)])
+    surroundings = surroundings_of([view(), view(pose)], lambda camera: rendering(camera, 4.0, 0.9))
+    assert np.allclose(surroundings.reaches, 4)
+    assert np.allclose(surroundings.places, [(0, 0, 0), (-1, -2, -3)])
 
 
 def test_the_views_that_are_looked_through_are_small_and_see_the_same():
     sizes = []
 
-    def rasterize(seen: View) -> Rendering:
-        sizes.append((seen.width, seen.height))
-        assert seen.K[0, 0] / seen.width == pytest.approx(40 / 48, rel=0.02)
-        return rendering(seen, 1.0, 1.0)
+    def rasterize(camera: View) -> Rendering:
+        sizes.append((camera.width, camera.height))
+        assert camera.K[0, 0] / camera.width == pytest.approx(40 / 48, rel=0.02)
+        return rendering(camera, 1.0, 1.0)
 
     large = View(view().viewmat, view().K * torch.tensor([[50.0], [50], [1]]), 2400, 2000)
     surroundings_of([large], rasterize)
@@ -53,4 +53,4 @@ def test_what_is_near_to_any_camera_is_kept():
 
 def test_a_scene_of_which_nothing_is_solid_cannot_be_cropped():
     with pytest.raises(ConfigError, match="leave out --crop"):
-        surroundings_of([view()], lambda seen: rendering(seen, 4.0, 0.1))
+        surroundings_of([view()], lambda camera: rendering(camera, 4.0, 0.1))

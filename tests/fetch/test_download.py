@@ -22,13 +22,13 @@ def names(folder) -> list[str]:
 
 
 def test_a_file_arrives_whole_and_is_counted(tmp_path):
-    told = []
+    progress = []
     with serving(Site(CONTENT)) as site:
         path = download(
-            site.address, tmp_path / "a" / "data.zip", progress=lambda *at: told.append(at)
+            site.address, tmp_path / "a" / "data.zip", progress=lambda *at: progress.append(at)
         )
     assert path.read_bytes() == CONTENT and names(path.parent) == ["data.zip"]
-    assert told[-1] == (len(CONTENT), len(CONTENT))
+    assert progress[-1] == (len(CONTENT), len(CONTENT))
 
 
 def test_a_connection_that_breaks_is_taken_up_where_it_broke(tmp_path):

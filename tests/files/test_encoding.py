@@ -32,8 +32,8 @@ def test_pictures_fit_into_the_budget_whatever_their_size(budget: int):
 def test_a_smaller_budget_gives_smaller_pictures():
     picture = [Picture(noise(0, 700, 500))]
     steps = [fitted_into(picture, budget) for budget in (600_000, 60_000, 15_000)]
-    assert [(one.side, one.quality) for one in steps] == sorted(
-        {(one.side, one.quality) for one in steps}, reverse=True
+    assert [(step.side, step.quality) for step in steps] == sorted(
+        {(step.side, step.quality) for step in steps}, reverse=True
     )
 
 

@@ -68,8 +68,8 @@ def test_a_folder_is_put_in_place_with_what_is_inside(tmp_path: Path):
     with whole_folder(tmp_path / "masks") as folder:
         (folder / "left").mkdir()
         (folder / "left" / "a.png").write_bytes(b"1")
-    found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")}
-    assert found == {"masks", "masks/old.png", "masks/left", "masks/left/a.png"}
+    paths = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")}
+    assert paths == {"masks", "masks/old.png", "masks/left", "masks/left/a.png"}
 
 
 def test_a_place_that_cannot_be_written_is_named():

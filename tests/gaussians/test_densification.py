@@ -37,11 +37,11 @@ class Scene:
         """One training step on `view`; `grad` is the screen-space gradient of its Gaussians."""
         params = self.params(view)
         n = len(params["means"])
-        one = self.distractors.views[view]
-        one.begin_step(dict.fromkeys(params, 1e-3))
+        group = self.distractors.views[view]
+        group.begin_step(dict.fromkeys(params, 1e-3))
         weighted = [(p * torch.arange(1.0, n + 1)[:, None]).sum() for p in params.values()]
         torch.stack(weighted).sum().backward()
-        for optimizer in one.optimizers.values():
+        for optimizer in group.optimizers.values():
             optimizer.step()
         means2d: Any = torch.zeros(1, n, 2)
         means2d.absgrad = torch.zeros(1, n, 2)
@@ -51,11 +51,11 @@ class Scene:
             torch.zeros(10, 20, 3), torch.zeros(10, 20, 1), None, means2d, torch.ones(n).int()
         )
         info = strategy_info(rendering, VIEW)
-        self.densifier.after_step(one, step, info, lambda held: self.pixels[: len(held["means"])])
+        self.densifier.after_step(group, step, info, lambda held: self.pixels[: len(held["means"])])
 
     def moment(self, name: str, view: int = 0) -> torch.Tensor:
-        one = self.distractors.views[view]
-        return one.optimizers[name].state[one.params[name]]["exp_avg"]
+        group = self.distractors.views[view]
+        return group.optimizers[name].state[group.params[name]]["exp_avg"]
 
 
 def test_faint_ones_are_pruned_and_the_others_keep_their_moments():

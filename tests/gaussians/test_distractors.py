@@ -107,10 +107,10 @@ def test_colours_that_left_the_range_come_back_to_its_border():
 
 def stepped(distractors: DistractorGaussians, view: int) -> None:
     """One step of Adam on a view, by gradients of 1."""
-    one = distractors.views[view]
-    one.begin_step(DistractorConfig().rates_at(0))
-    torch.stack([p.sum() for p in one.params.values()]).sum().backward()
-    for optimizer in one.optimizers.values():
+    gaussians = distractors.views[view]
+    gaussians.begin_step(DistractorConfig().rates_at(0))
+    torch.stack([p.sum() for p in gaussians.params.values()]).sum().backward()
+    for optimizer in gaussians.optimizers.values():
         optimizer.step()
 
 
@@ -134,9 +134,9 @@ def test_a_checkpoint_brings_moments_back_also_through_a_second_one():
         saved, target = target.state_dict(), DistractorGaussians(DistractorConfig(), cameras())
         target.load_state_dict(saved)
     assert target.views[0].refinement == 3
-    for one in (source, target):
-        stepped(one, 0)
-        stepped(one, 1)
+    for either in (source, target):
+        stepped(either, 0)
+        stepped(either, 1)
     assert_same(dict(source.state_dict()), dict(target.state_dict()))
 
 

@@ -42,10 +42,10 @@ PATIENCE = 60.0
 def find_browser() -> str:
     """A Chromium that can be started; skips the test, with the reason, where there is none."""
     named = os.environ.get(VARIABLE)
-    found = named or next(filter(None, map(shutil.which, NAMES)), None)
-    if found is None:
+    program = named or next(filter(None, map(shutil.which, NAMES)), None)
+    if program is None:
         pytest.skip(f"no browser: install chromium, or set {VARIABLE} to a Chromium's program")
-    return found
+    return program
 
 
 class Page:
@@ -81,9 +81,9 @@ class Page:
 
     def value(self, expression: str) -> Any:
         """What a JavaScript expression gives."""
-        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
-        assert "exceptionDetails" not in found, found
-        return found["result"].get("value")
+        reply = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        assert "exceptionDetails" not in reply, reply
+        return reply["result"].get("value")
 
     def wait_for(self, expression: str) -> None:
         """Wait until a JavaScript expression is true."""
@@ -124,8 +124,8 @@ class Page:
 
     def picture(self) -> Image.Image:
         """What is in the window, one pixel for each of CSS's."""
-        found = self.call("Page.captureScreenshot", format="png")
-        return Image.open(io.BytesIO(base64.b64decode(found["data"]))).convert("RGB")
+        reply = self.call("Page.captureScreenshot", format="png")
+        return Image.open(io.BytesIO(base64.b64decode(reply["data"]))).convert("RGB")
 
     def requests(self) -> list[str]:
         """Addresses that were asked for so far, by whatever is on the page."""
@@ -177,7 +177,7 @@ def _address(profile: Path, process: subprocess.Popen[bytes]) -> str:
         with_port = profile / "DevToolsActivePort"
         if with_port.exists() and (lines := with_port.read_text().splitlines()):
             with urllib.request.urlopen(f"http://127.0.0.1:{lines[0]}/json/list") as answer:
-                pages = [one for one in json.load(answer) if one["type"] == "page"]
+                pages = [page for page in json.load(answer) if page["type"] == "page"]
             if pages:
                 return pages[0]["webSocketDebuggerUrl"]
         time.sleep(0.1)

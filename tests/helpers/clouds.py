@@ -38,7 +38,7 @@ def view(viewmat: np.ndarray | None = None) -> View:
     return View(torch.from_numpy(pose).double(), intrinsics, 48, 40)
 
 
-def drawn(cloud: SplatCloud, seen: View) -> np.ndarray:
+def drawn(cloud: SplatCloud, view: View) -> np.ndarray:
     """The picture [H, W, 3], on black, in float64."""
     splats = Splats(
         *(
@@ -47,6 +47,6 @@ def drawn(cloud: SplatCloud, seen: View) -> np.ndarray:
         ),
         sh_degree=cloud.degree,
     )
-    seen = replace(seen, viewmat=seen.viewmat.double(), K=seen.K.double())
+    view = replace(view, viewmat=view.viewmat.double(), K=view.K.double())
     with mock.patch.object(projection, "NEAR_PLANE", 1e-6):
-        return TorchRasterizer()(splats, seen, RenderSettings()).rgb.numpy()
+        return TorchRasterizer()(splats, view, RenderSettings()).rgb.numpy()

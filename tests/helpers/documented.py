@@ -106,15 +106,15 @@ def parse(command: Documented, checkout: Path) -> Any:
     if program in WITH_PARSER:
         from desplat_ns.commands.parser_words import parse as parse_with_data
 
-        found = _named(WITH_PARSER[program])
+        arguments = _named(WITH_PARSER[program])
         is_survey = program == "desplat-survey"
         return _read(
-            lambda: parse_with_data(found, program, words, data_may_follow=is_survey), command
+            lambda: parse_with_data(arguments, program, words, data_may_follow=is_survey), command
         )
     if program == "make":
         targets = [word for word in words if "=" not in word]
         makefile = (checkout / "Makefile").read_text("utf8")
-        assert all(re.search(rf"^{one}:", makefile, re.MULTILINE) for one in targets), command
+        assert all(re.search(rf"^{target}:", makefile, re.MULTILINE) for target in targets), command
     elif program.startswith("python") and words[0] == "-m" and words[1] not in ("pip", "venv"):
         import_module(words[1])
     return None

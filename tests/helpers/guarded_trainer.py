@@ -59,7 +59,7 @@ class GuardedTrainer:
 
     def state(self) -> dict[str, Any]:
         """All that a checkpoint holds of the model and its optimizers, moments included."""
-        adams = {name: one.state_dict() for name, one in self.optimizers.optimizers.items()}
+        adams = {name: adam.state_dict() for name, adam in self.optimizers.optimizers.items()}
         return copy.deepcopy({"model": self.model.state_dict(), "adam": adams})
 
 

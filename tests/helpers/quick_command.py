@@ -24,7 +24,7 @@ def check_quick_command(
     """Make sure that a command of `desplat_ns.commands` says `words`, ends with `status`, and
     imports nothing heavy on the way."""
     line = [sys.executable, "-c", SCRIPT, name, f"desplat-{name}", *arguments]
-    found = subprocess.run(line, cwd=checkout, capture_output=True, text=True)
-    assert words in found.stdout + found.stderr
-    assert "heavy" not in found.stderr
-    assert found.returncode == status
+    done = subprocess.run(line, cwd=checkout, capture_output=True, text=True)
+    assert words in done.stdout + done.stderr
+    assert "heavy" not in done.stderr
+    assert done.returncode == status

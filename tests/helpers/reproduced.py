@@ -67,7 +67,7 @@ def request_of(
     device: str = "cuda",
 ) -> Request:
     table = TABLES[name]
-    taken = tuple(METHODS[one] for one in methods or table.methods)
+    taken = tuple(METHODS[method] for method in methods or table.methods)
     return Request(
         *(table, output.parent / "data", output, taken, seeds, executor, 1, device),
         smoke=Smoke() if is_smoke else None,

@@ -85,7 +85,7 @@ def contents(**changes: Any) -> Contents:
         title="yard",
         date="2026-01-31",
         cloud=cloud(),
-        weigh=lambda one: np.arange(len(one), dtype=np.float64),
+        weigh=lambda splats: np.arange(len(splats), dtype=np.float64),
         background=BACKGROUND,
         light="",
         cameras=[
@@ -99,16 +99,16 @@ def contents(**changes: Any) -> Contents:
 
 
 def drawn(
-    cloud: SplatCloud, seen: View, background: tuple[float, float, float] = BACKGROUND
+    cloud: SplatCloud, view: View, background: tuple[float, float, float] = BACKGROUND
 ) -> np.ndarray:
     """Our own picture of it [H, W, 3], over a colour, in [0, 1]."""
-    seen = replace(seen, viewmat=seen.viewmat.float(), K=seen.K.float())
+    view = replace(view, viewmat=view.viewmat.float(), K=view.K.float())
     settings = RenderSettings(antialiased=cloud.antialiased)
-    found = TorchRasterizer()(splats_of(cloud, "cpu"), seen, settings)
-    image = found.rgb + (1 - found.alpha) * torch.tensor(background)
+    rendering = TorchRasterizer()(splats_of(cloud, "cpu"), view, settings)
+    image = rendering.rgb + (1 - rendering.alpha) * torch.tensor(background)
     return image.clamp(0, 1).numpy()
 
 
-def psnr(one: np.ndarray, other: np.ndarray) -> float:
+def psnr(image: np.ndarray, other: np.ndarray) -> float:
     """dB, of images in [0, 1]."""
-    return float(-10 * np.log10(np.mean((one - other) ** 2)))
+    return float(-10 * np.log10(np.mean((image - other) ** 2)))

@@ -23,12 +23,12 @@ def cameras() -> Cameras:
 
 
 def camera(train_idx: int | None = None, **metadata: Any) -> Cameras:
-    one = cameras()[:1]
+    single = cameras()[:1]
     if train_idx is not None:
-        one = cameras()[train_idx : train_idx + 1]
+        single = cameras()[train_idx : train_idx + 1]
         metadata["train_idx"] = torch.tensor([[train_idx]])
-    one.metadata = metadata
-    return one
+    single.metadata = metadata
+    return single
 
 
 def make_model(points: torch.Tensor | None = None, **config: Any) -> DeSplatModel:

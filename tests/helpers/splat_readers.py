@@ -10,10 +10,10 @@ from desplat_ns.export.splat_cloud import SplatCloud
 
 def read_splats(content: bytes, kind: str = "spz") -> SplatCloud:
     """By gaussforge, a program in C++, for SPZ around the format's reference implementation."""
-    found = gaussforge.GaussForge().read(content, kind)["data"]
+    data = gaussforge.GaussForge().read(content, kind)["data"]
 
     def array(name: str, *shape: int) -> np.ndarray:
-        return np.frombuffer(found[name], np.float32).reshape(found["numPoints"], *shape)
+        return np.frombuffer(data[name], np.float32).reshape(data["numPoints"], *shape)
 
     return SplatCloud(
         means=array("positions", 3).astype(np.float64),

@@ -77,10 +77,10 @@ class Yard:
             views: the view that each photo of the model shows. All have to be in it.
         """
         read = pycolmap.Reconstruction(model)
-        found = {read.image(i).name: read.image(i) for i in read.reg_image_ids()}
-        assert found.keys() == views.keys()
+        images = {read.image(i).name: read.image(i) for i in read.reg_image_ids()}
+        assert images.keys() == views.keys()
         true = self.centres[list(views.values())]
-        centres = np.stack([found[name].projection_center() for name in views])
+        centres = np.stack([images[name].projection_center() for name in views])
         return float(np.linalg.norm(aligned(centres, true) - true, axis=1).max()) / self.pixel
 
 
@@ -118,17 +118,17 @@ def make_yard() -> Yard:
 
 
 @dataclass(frozen=True)
-class Found:
+class Features:
     """Photos whose features are in a database."""
 
     database: Path
     copies: Path
     photos: Sequence[Photo]
 
-    def again(self, folder: Path) -> Found:
+    def again(self, folder: Path) -> Features:
         """The same with a database of its own, to be changed."""
         database = Path(shutil.copy(self.database, folder / "database.db"))
-        return Found(database, self.copies, self.photos)
+        return Features(database, self.copies, self.photos)
 
 
 def silent(done: int, total: int) -> None:
@@ -143,11 +143,11 @@ def copied(photos: Path, folder: Path) -> list[Photo]:
 
 def features_of(
     photos: Sequence[Photo], copies: Path, database: Path, masks: Path | None = None
-) -> Found:
+) -> Features:
     """The photos' plain features, in a new database."""
     cameras = group_by_camera(photos, "auto", "auto")
     find_features(database, copies, cameras, masks, PLAIN, 1, silent)
-    return Found(database, copies, photos)
+    return Features(database, copies, photos)
 
 
 def places_of(database: Path) -> dict[str, Float[np.ndarray, "_ 2"]]:

@@ -83,16 +83,16 @@ def test_config_yml_names_the_dataparser_that_was_recognised(tmp_path):
     assert manager.settle_dataparser() == RobustNerfDataParserConfig(data=scene.folder)
 
 
-@pytest.mark.parametrize("found", ["nothing", "photos", "a damaged model"])
+@pytest.mark.parametrize("present", ["nothing", "photos", "a damaged model"])
 def test_a_capture_that_cannot_be_read_leaves_no_folder_behind(
-    tmp_path: Path, capture, photo_writer, found: str
+    tmp_path: Path, capture, photo_writer, present: str
 ):
     from nerfstudio.scripts import train
 
     data = tmp_path / "data"
-    if found == "photos":
+    if present == "photos":
         photo_writer(data / "a.jpg")
-    elif found == "a damaged model":
+    elif present == "a damaged model":
         data = capture()
         (data / "sparse" / "0" / "points3D.txt").write_text("1 nan")
     config: Any = copy.deepcopy(all_methods["desplat"])

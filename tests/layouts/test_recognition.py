@@ -34,8 +34,8 @@ def parser_of(data: Path) -> type[DataParserConfig]:
     return type(recognise(data).config({}))
 
 
-def parsers_beside(found: Recognition) -> list[str]:
-    return [other.layout.parser for other in found.others]
+def parsers_beside(chosen: Recognition) -> list[str]:
+    return [other.layout.parser for other in chosen.others]
 
 
 def write_split(data: Path, **lists: list[int]) -> Path:
@@ -61,10 +61,10 @@ def write_blender(data: Path, photo_writer, **changes: object) -> Path:
 @pytest.mark.parametrize("place", MODELS)
 def test_a_colmap_model_is_found_in_every_usual_place(tmp_path, model_writer, place: str):
     model_writer(tmp_path / place, ["a.png", "b.png"])
-    found = recognise(tmp_path)
-    assert found.match.words == ("colmap",)
-    assert type(found.config({})) is DeSplatColmapDataParserConfig
-    assert f"COLMAP's model in {place}. It is read by colmap." in found.line()
+    chosen = recognise(tmp_path)
+    assert chosen.match.words == ("colmap",)
+    assert type(chosen.config({})) is DeSplatColmapDataParserConfig
+    assert f"COLMAP's model in {place}. It is read by colmap." in chosen.line()
 
 
 def test_transforms_json_is_read_with_points_and_without_questions(tmp_path: Path):
@@ -101,10 +101,10 @@ def test_photo_tourism_is_dense_with_or_without_a_split_file(capture, tmp_path, 
     if split:
         (data / "scene.tsv").write_text("filename\tid\tsplit\na.png\t1\ttrain\n")
     for folder in (data, data / "dense"):
-        found = recognise(folder)
-        assert type(found.config({})) is PhotoTourismDataParserConfig
-        assert ("the split file scene.tsv" if split else "no split file") in found.line()
-        assert found.others == ()
+        chosen = recognise(folder)
+        assert type(chosen.config({})) is PhotoTourismDataParserConfig
+        assert ("the split file scene.tsv" if split else "no split file") in chosen.line()
+        assert chosen.others == ()
 
 
 def test_a_split_file_makes_photo_tourism_of_a_colmap_capture(capture: Callable[..., Path]):
@@ -119,10 +119,10 @@ def test_a_split_file_makes_photo_tourism_of_a_colmap_capture(capture: Callable[
 def test_on_the_go_is_its_split_file_over_poses(capture, tmp_path, poses: str):
     data = capture(TWINS) if poses == "colmap" else write_transforms(tmp_path / "scene")
     write_split(data, clutter=[0, 1], extra=[2])
-    found = recognise(data)
-    assert type(found.config({})) is OnTheGoDataParserConfig
-    assert "split.json (2 clutter, 1 extra)" in found.line()
-    assert found.others == ()
+    chosen = recognise(data)
+    assert type(chosen.config({})) is OnTheGoDataParserConfig
+    assert "split.json (2 clutter, 1 extra)" in chosen.line()
+    assert chosen.others == ()
     write_split(data, train=[0, 1], test=[2])
     assert parser_of(data) is not OnTheGoDataParserConfig
 
@@ -131,9 +131,9 @@ def test_mipnerf_360s_smaller_copies_are_said(capture: Callable[..., Path]):
     data = capture()
     for name in ("images_8", "images_2", "images_540x960"):
         (data / name).mkdir()
-    found = recognise(data)
-    assert "COLMAP: COLMAP's model in sparse/0, images_2, images_8." in found.line()
-    assert found.match.words == ("colmap",)
+    chosen = recognise(data)
+    assert "COLMAP: COLMAP's model in sparse/0, images_2, images_8." in chosen.line()
+    assert chosen.match.words == ("colmap",)
     (data / "images").rename(data / "taken_away")
     assert recognise(data).match.words == ("colmap", "--downscale-factor", "2")
 
@@ -142,15 +142,15 @@ def test_mipnerf_360s_smaller_copies_are_said(capture: Callable[..., Path]):
 
 
 def test_of_two_layouts_it_says_which_was_taken_and_what_to_type_for_the_other(capture):
-    found = recognise(write_transforms(capture()))
-    assert found.match.layout.parser == "nerfstudio-data"
-    assert found.line().endswith(
+    chosen = recognise(write_transforms(capture()))
+    assert chosen.match.layout.parser == "nerfstudio-data"
+    assert chosen.line().endswith(
         "Also found: COLMAP's model in sparse/0; to read that instead, end the command with "
         "`colmap`."
     )
-    (found.data / "images").joinpath("extra_1.png").write_bytes(b"")
-    (found.data / "images").joinpath("clean_1.png").write_bytes(b"")
-    assert "`nerfstudio-data --load-3D-points True`" in recognise(found.data).line()
+    (chosen.data / "images").joinpath("extra_1.png").write_bytes(b"")
+    (chosen.data / "images").joinpath("clean_1.png").write_bytes(b"")
+    assert "`nerfstudio-data --load-3D-points True`" in recognise(chosen.data).line()
 
 
 def test_what_reads_the_same_photos_more_plainly_is_not_offered(capture: Callable[..., Path]):
@@ -161,9 +161,9 @@ def test_photos_before_and_after_undistortion_are_two_captures(capture, tmp_path
     data = capture()
     shutil.copytree(data, tmp_path / "undistorted")
     shutil.move(tmp_path / "undistorted", data / "dense")
-    found = recognise(data)
-    assert found.match.layout.parser == "photo-tourism-data"
-    assert parsers_beside(found) == ["colmap"]
+    chosen = recognise(data)
+    assert chosen.match.layout.parser == "photo-tourism-data"
+    assert parsers_beside(chosen) == ["colmap"]
 
 
 def test_every_reading_is_offered_once(capture: Callable[..., Path]):
@@ -179,9 +179,9 @@ def test_the_words_that_are_given_are_understood(capture: Callable[..., Path]):
     (capture() / "images_2").mkdir()
     data = capture()
     shutil.rmtree(data / "images")
-    for found in (recognise(data), recognise(write_transforms(data))):
-        parsed = parse("desplat", list(found.match.words)).pipeline.datamanager.dataparser
-        assert parsed.downscale_factor == found.config({}).downscale_factor  # pyright: ignore
+    for chosen in (recognise(data), recognise(write_transforms(data))):
+        parsed = parse("desplat", list(chosen.match.words)).pipeline.datamanager.dataparser
+        assert parsed.downscale_factor == chosen.config({}).downscale_factor  # pyright: ignore
         assert parsed.load_3D_points
 
 
@@ -254,30 +254,30 @@ def test_anything_else_is_told_what_is_needed_for_each_layout(tmp_path: Path):
     ],
 )
 def test_real_captures(data_folder, scene: str, parser: str):
-    found = recognise(data_folder(scene))
-    assert (found.match.layout.parser, found.others) == (parser, ())
+    chosen = recognise(data_folder(scene))
+    assert (chosen.match.layout.parser, chosen.others) == (parser, ())
 
 
 # --- Blender's layout ----------------------------------------------------------------------------
 
 
 def test_nerf_synthetic_scenes_are_read_by_blender_data(tmp_path: Path, photo_writer):
-    found = recognise(write_blender(tmp_path, photo_writer))
-    assert found.match.words == ("blender-data",)
-    assert "transforms_val.json, transforms_test.json. It is read by blender-data." in found.line()
-    outputs = found.config({"scale_factor": 0.5}).setup().get_dataparser_outputs("train")
+    chosen = recognise(write_blender(tmp_path, photo_writer))
+    assert chosen.match.words == ("blender-data",)
+    assert "transforms_val.json, transforms_test.json. It is read by blender-data." in chosen.line()
+    outputs = chosen.config({"scale_factor": 0.5}).setup().get_dataparser_outputs("train")
     assert [path.name for path in outputs.image_filenames] == ["r_0.png", "r_1.png"]
     assert outputs.cameras.camera_to_worlds[0, 2, 3] == 2
     with pytest.raises(ConfigError, match=r"--eval-mode all has no use here.*transforms_train"):
-        found.config({"eval_mode": "all"})
+        chosen.config({"eval_mode": "all"})
     with pytest.raises(ConfigError, match=r"--downscale-factor 2 has no use here.*blender-data"):
-        found.config({"downscale_factor": 2})
+        chosen.config({"downscale_factor": 2})
 
 
 def test_a_transforms_json_beside_it_comes_first(tmp_path: Path, photo_writer):
-    found = recognise(write_transforms(write_blender(tmp_path, photo_writer)))
-    assert found.match.layout.parser == "nerfstudio-data"
-    assert parsers_beside(found) == ["blender-data"]
+    chosen = recognise(write_transforms(write_blender(tmp_path, photo_writer)))
+    assert chosen.match.layout.parser == "nerfstudio-data"
+    assert parsers_beside(chosen) == ["blender-data"]
 
 
 @pytest.mark.parametrize(

@@ -49,8 +49,8 @@ def test_toned_coefficients_evaluate_to_the_toned_colour_in_every_direction():
     basis = sh_basis(3, directions)
     for direction in basis:
         plain = torch.einsum("k,nkc->nc", direction, coefficients) + 0.5
-        seen = torch.einsum("k,nkc->nc", direction, toned) + 0.5
-        torch.testing.assert_close(seen, toned_color(plain, gamma, beta), rtol=0, atol=1e-12)
+        color = torch.einsum("k,nkc->nc", direction, toned) + 0.5
+        torch.testing.assert_close(color, toned_color(plain, gamma, beta), rtol=0, atol=1e-12)
 
 
 def test_gradients_of_the_toning():
@@ -107,9 +107,9 @@ def test_sizes_of_b3():
 def test_the_sh_model_adds_up_to_the_active_degree():
     model = trained(ShAppearance(SMALL, 3))
     coefficients = numbers(NUM, BASES, 3)
-    seen = model(numbers(5), numbers(NUM, FEATURES, seed=1), coefficients, 1)
-    assert torch.equal(seen[:, 4:], coefficients[:, 4:])
-    assert (seen[:, :4] != coefficients[:, :4]).all()
+    lit = model(numbers(5), numbers(NUM, FEATURES, seed=1), coefficients, 1)
+    assert torch.equal(lit[:, 4:], coefficients[:, 4:])
+    assert (lit[:, :4] != coefficients[:, :4]).all()
 
 
 def test_fourier_features_of_known_points():
@@ -166,9 +166,9 @@ def test_huge_embeddings_give_finite_colours_and_gradients(make):
         numbers(NUM, FEATURES, seed=2).float().requires_grad_(),
         numbers(NUM, BASES, 3).float().requires_grad_(),
     ]
-    seen = model(*inputs, 3)
-    assert seen.isfinite().all()
-    assert all(g.isfinite().all() for g in torch.autograd.grad(seen.square().mean(), inputs))
+    lit = model(*inputs, 3)
+    assert lit.isfinite().all()
+    assert all(g.isfinite().all() for g in torch.autograd.grad(lit.square().mean(), inputs))
 
 
 # --- the MLP by blocks of rows ----------------------------------------------------------------
@@ -269,8 +269,8 @@ def test_a_processor_without_bfloat16_goes_on_in_float32(monkeypatch):
     wanted = outputs_and_gradients(model, torch.float32)
     model.in_bfloat16 = True
     monkeypatch.setattr(appearance, "has_bfloat16", lambda device: False)
-    found = outputs_and_gradients(model, torch.float32)
-    assert all(torch.equal(a, b) for a, b in zip(found, wanted, strict=True))
+    computed = outputs_and_gradients(model, torch.float32)
+    assert all(torch.equal(a, b) for a, b in zip(computed, wanted, strict=True))
 
 
 @pytest.mark.parametrize("which", ["_is_avx512_bf16_supported", "_is_amx_tile_supported"])

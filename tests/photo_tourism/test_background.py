@@ -35,13 +35,13 @@ def view(width: int = 5, height: int = 4) -> View:
 
 
 def test_rays_project_to_the_centres_of_their_pixels():
-    one = view()
+    camera = view()
     x, y = torch.arange(5).double() + 0.5, torch.arange(4).double() + 0.5
-    through = rays(one, x, y)
-    centre = -one.viewmat[:3, :3].T @ one.viewmat[:3, 3]
+    through = rays(camera, x, y)
+    centre = -camera.viewmat[:3, :3].T @ camera.viewmat[:3, 3]
     points = centre + 7.0 * through
-    in_camera = points @ one.viewmat[:3, :3].T + one.viewmat[:3, 3]
-    pixels = in_camera @ one.K.T
+    in_camera = points @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]
+    pixels = in_camera @ camera.K.T
     pixels = pixels[..., :2] / pixels[..., 2:]
     v, u = torch.meshgrid(torch.arange(4) + 0.5, torch.arange(5) + 0.5, indexing="ij")
     torch.testing.assert_close(pixels, torch.stack([u, v], dim=-1).double())
@@ -74,13 +74,13 @@ def test_between_the_nodes_a_large_picture_errs_by_little(size):
     """Against the harmonics of every pixel's own ray; each side may add what NODES says."""
     width, height = size
     K = torch.tensor([[250.0, 0, 140], [0, 260.0, 90], [0, 0, 1]], dtype=torch.float64)
-    one = View(view().viewmat, K, width, height)
+    camera = View(view().viewmat, K, width, height)
     generator = torch.Generator().manual_seed(0)
     coefficients = 0.1 * torch.randn(25, 3, dtype=torch.float64, generator=generator)
     x = torch.arange(width).double() + 0.5
     y = torch.arange(height).double() + 0.5
-    exact = sh_basis(4, rays(one, x, y).reshape(-1, 3)) @ coefficients + 0.5
-    image = background_image(coefficients, one, 4)
+    exact = sh_basis(4, rays(camera, x, y).reshape(-1, 3)) @ coefficients + 0.5
+    image = background_image(coefficients, camera, 4)
     assert image.shape == (height, width, 3)
     error = (image.reshape(-1, 3) - exact.clamp(0, 1)).abs().max()
     angle = max(width, height) / NODES / 250
@@ -91,10 +91,10 @@ def test_between_the_nodes_a_large_picture_errs_by_little(size):
 def test_a_small_picture_is_exact():
     """Each of its pixels has a ray of its own."""
     coefficients = 0.1 * torch.randn(9, 3, dtype=torch.float64)
-    one = view()
+    camera = view()
     x, y = torch.arange(5).double() + 0.5, torch.arange(4).double() + 0.5
-    exact = sh_basis(2, rays(one, x, y).reshape(-1, 3)) @ coefficients + 0.5
-    image = background_image(coefficients, one, 2)
+    exact = sh_basis(2, rays(camera, x, y).reshape(-1, 3)) @ coefficients + 0.5
+    image = background_image(coefficients, camera, 2)
     torch.testing.assert_close(image.reshape(-1, 3), exact.clamp(0, 1))
 
 
@@ -152,9 +152,9 @@ def test_a_huge_embedding_gives_a_finite_background():
     for head in (model.sh_dc, model.sh_rest):
         torch.nn.init.normal_(head.weight)
     embedding = torch.full((4,), 1e4, requires_grad=True)
-    one = view()
-    one = View(one.viewmat.float(), one.K.float(), one.width, one.height)
-    image = background_image(model(embedding), one, 4)
+    camera = view()
+    camera = View(camera.viewmat.float(), camera.K.float(), camera.width, camera.height)
+    image = background_image(model(embedding), camera, 4)
     assert image.isfinite().all() and image.min() >= 0 and image.max() <= 1
     (grad,) = torch.autograd.grad(model(embedding).sum(), embedding)
     assert grad.isfinite().all()

@@ -79,8 +79,8 @@ def test_what_stands_in_front_does_not_set_the_light():
     rgb, radius2 = scene()
     photo = camera_response(0.6 * rgb, LIGHT, radius2).clamp(0, 1)
     photo[: len(photo) // 4] = torch.tensor([0.9, 0.1, 0.1])
-    found = fit_response(0.6 * rgb, photo, radius2)
-    torch.testing.assert_close(found, LIGHT, atol=0.06, rtol=0)
+    fitted = fit_response(0.6 * rgb, photo, radius2)
+    torch.testing.assert_close(fitted, LIGHT, atol=0.06, rtol=0)
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0])
@@ -96,11 +96,11 @@ def test_no_pixels_tell_nothing():
 
 def test_one_colour_tells_gains_and_leaves_gamma_small():
     rgb, radius2 = torch.full((50, 3), 0.5), torch.full((50, 1), 0.3)
-    found = fit_response(rgb, torch.full_like(rgb, 0.25), radius2)
+    fitted = fit_response(rgb, torch.full_like(rgb, 0.25), radius2)
     torch.testing.assert_close(
-        camera_response(rgb, found, radius2), torch.full_like(rgb, 0.25), atol=1e-3, rtol=0
+        camera_response(rgb, fitted, radius2), torch.full_like(rgb, 0.25), atol=1e-3, rtol=0
     )
-    assert found.abs().max() < 0.7
+    assert fitted.abs().max() < 0.7
 
 
 def test_centred_responses_keep_their_differences_and_vignetting():

@@ -58,17 +58,17 @@ def test_pictures_and_gradients_are_those_of_all_toned(appearance, has_harmonics
     assert effects.embeddings is not None
     leaves = [*(getattr(splats, n) for n in ("means", "scales", "opacities", "colors")), features]
     leaves += [effects.embeddings.weight, *weights_of(effects)]
-    found = []
-    for seen in (
+    results = []
+    for lit in (
         effects.apply_appearance(splats, features, embedding),
         effects.appearance_in_view(splats, features, view)(embedding),
     ):
-        image = resolve("torch", "cpu")(seen, view, SETTINGS).rgb
+        image = resolve("torch", "cpu")(lit, view, SETTINGS).rgb
         weight = torch.linspace(-1, 1, image.numel()).double().view(image.shape)
-        found.append([image, *torch.autograd.grad(image, leaves, weight)])
-    for ours, theirs in zip(*found, strict=True):
+        results.append([image, *torch.autograd.grad(image, leaves, weight)])
+    for ours, theirs in zip(*results, strict=True):
         torch.testing.assert_close(ours, theirs, rtol=1e-9, atol=1e-12 * NUM)
-    assert found[0][0].abs().max() > 0.1
+    assert results[0][0].abs().max() > 0.1
 
 
 @pytest.mark.slow
@@ -86,8 +86,8 @@ def test_a_gaussian_of_broken_coefficients_is_culled_and_breaks_nothing(appearan
     assert drawn.rgb.isfinite().all() and not drawn.visible[broken]
     if appearance == "affine":
         leaves = [*weights_of(effects), splats.means, splats.colors]
-        found = torch.autograd.grad(drawn.rgb.square().sum(), leaves)
-        assert all(gradient.isfinite().all() for gradient in found)
+        gradients = torch.autograd.grad(drawn.rgb.square().sum(), leaves)
+        assert all(gradient.isfinite().all() for gradient in gradients)
 
 
 @pytest.mark.parametrize("appearance", ["affine", "sh"])
@@ -101,8 +101,8 @@ def test_frozen_nothing_but_the_embedding_gets_a_gradient(appearance):
     lit = effects.appearance_in_view(still, features, view, frozen=True)
     free = effects.appearance_in_view(still, features, view)(effects.of(0))
     embedding = effects.of(0).detach().requires_grad_()
-    seen = lit(embedding)
-    assert torch.equal(seen.colors, free.colors)
-    seen.colors.sum().backward()
+    lit_splats = lit(embedding)
+    assert torch.equal(lit_splats.colors, free.colors)
+    lit_splats.colors.sum().backward()
     assert embedding.grad is not None and embedding.grad.abs().max() > 0
     assert all(p.grad is None for p in weights_of(effects))

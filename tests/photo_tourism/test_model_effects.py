@@ -25,9 +25,9 @@ EFFECTS = OF_NETWORKS | {"camera_responses", "background_coefficients"}
 
 def draw(model: DeSplatModel, view: int | None, where: int = 0) -> torch.Tensor:
     """Training view `where`'s pose, drawn as view `view`."""
-    one = camera(where)
-    one.metadata = {} if view is None else {"train_idx": torch.tensor([[view]])}
-    return model.get_outputs_for_camera(one)["rgb"]
+    pose = camera(where)
+    pose.metadata = {} if view is None else {"train_idx": torch.tensor([[view]])}
+    return model.get_outputs_for_camera(pose)["rgb"]
 
 
 @pytest.mark.slow
@@ -201,8 +201,8 @@ def test_training_finds_the_cameras_responses_and_leaves_the_scene_its_colours()
         trainer.photo = photos[step % 3]
         trainer.step(step, view=step % 3)
     assert model.image_effects is not None and model.image_effects.responses is not None
-    found = model.image_effects.responses.weight.detach()
-    torch.testing.assert_close(found[:, :3], lights[:, :3], atol=0.06, rtol=0)
+    responses = model.image_effects.responses.weight.detach()
+    torch.testing.assert_close(responses[:, :3], lights[:, :3], atol=0.06, rtol=0)
     assert model.average_embedding()[:CENTRED].abs().max() < 1e-5
     assert not torch.equal(draw(model.eval(), 0), draw(model, 2))
 
@@ -215,9 +215,9 @@ def test_distractors_keep_their_own_colours_before_a_toned_scene():
     after = model.get_outputs_for_camera(camera(1))
     assert torch.equal(before["rgb_distractor"], after["rgb_distractor"])
     alpha, layer = after["alpha_distractor"], after["rgb_distractor"]
-    seen = (after["rgb_static"] < 1).all(dim=-1)
+    unclipped = (after["rgb_static"] < 1).all(dim=-1)
     expected = layer + (1 - alpha) * after["rgb_static"]
-    torch.testing.assert_close(after["rgb_composite"][seen], expected.clamp(0, 1)[seen])
+    torch.testing.assert_close(after["rgb_composite"][unclipped], expected.clamp(0, 1)[unclipped])
     assert (after["rgb_static"] - before["rgb_static"]).max() > 0.05
 
 
@@ -237,8 +237,8 @@ def test_the_light_of_a_test_photo_is_found_on_its_left_half_at_once():
     radius2 = squared_radius(model.view_of_camera(held_out(), None))
     photo = camera_response(plain, light, radius2).clamp(0, 1)
     photo[:, WIDTH // 2 :] = 0.5  # what the right half shows has no say
-    found = embedding_from_left_half(model, held_out(), photo, EvaluationConfig(steps=0))
-    with model.shown_in(found):
+    embedding = embedding_from_left_half(model, held_out(), photo, EvaluationConfig(steps=0))
+    with model.shown_in(embedding):
         again = model.get_outputs_for_camera(held_out())["rgb"]
     torch.testing.assert_close(left_half(again), left_half(photo), atol=2e-3, rtol=0)
 

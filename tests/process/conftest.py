@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from tests.helpers.yard import Found, Yard
+    from tests.helpers.yard import Features, Yard
 
 
 @pytest.fixture(scope="session")
@@ -21,18 +21,18 @@ def yard() -> Yard:
 
 
 @pytest.fixture(scope="session")
-def found(yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Found:
-    """All views in their order, with plain features; shared: take `found.again(folder)`."""
-    return _found(yard, tmp_path_factory.mktemp("found"), range(len(yard.pictures)))
+def plain(yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Features:
+    """All views in their order, with plain features; shared: take `plain.again(folder)`."""
+    return _features(yard, tmp_path_factory.mktemp("plain"), range(len(yard.pictures)))
 
 
 @pytest.fixture(scope="session")
-def marked(yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Found:
-    """Every other view, with what stands still in the lowest quarter of each; shared as `found`."""
-    return _found(yard, tmp_path_factory.mktemp("marked"), range(0, 12, 2), is_marked=True)
+def marked(yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Features:
+    """Every other view, with what stands still in the lowest quarter of each; shared as `plain`."""
+    return _features(yard, tmp_path_factory.mktemp("marked"), range(0, 12, 2), is_marked=True)
 
 
-def _found(yard: Yard, folder: Path, order: Sequence[int], is_marked: bool = False) -> Found:
+def _features(yard: Yard, folder: Path, order: Sequence[int], is_marked: bool = False) -> Features:
     from tests.helpers.yard import copied, features_of
 
     photos = copied(yard.write(folder / "photos", order, is_marked), folder / "copies")

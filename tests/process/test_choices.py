@@ -24,12 +24,12 @@ from desplat_ns.process.video import Frame, choose
 
 
 def photo(number: int, **changes) -> Photo:
-    told = {"width": 40, "height": 30, "sharpness": 100.0, **changes}
-    return Photo(f"{number}.png", f"{number}.jpg", f"{number:05d}.jpg", **told)
+    fields = {"width": 40, "height": 30, "sharpness": 100.0, **changes}
+    return Photo(f"{number}.png", f"{number}.jpg", f"{number:05d}.jpg", **fields)
 
 
 def test_names_that_differ_by_their_ending_do_not_meet():
-    assert [one.name for one in numbered(["a.jpg", "a.png", "b/a.jpg"])] == [
+    assert [named.name for named in numbered(["a.jpg", "a.png", "b/a.jpg"])] == [
         "a.jpg", "a_png.jpg", "b/a.jpg",
     ]  # fmt: skip
 
@@ -97,8 +97,8 @@ def test_photos_without_features_are_like_no_other():
 
 def test_photos_of_one_size_share_a_camera_unless_exif_says_otherwise():
     photos = [*(photo(i) for i in range(12)), photo(12, camera="A 5.0", focal=50.0)]
-    one, other = group_by_camera(photos, "auto", "auto")
-    assert (one.model, len(one.copies), one.focal, one.focal_is_known) == ("RADIAL", 12, 48, False)
+    cam, other = group_by_camera(photos, "auto", "auto")
+    assert (cam.model, len(cam.copies), cam.focal, cam.focal_is_known) == ("RADIAL", 12, 48, False)
     assert (other.model, other.focal, other.focal_is_known) == ("SIMPLE_PINHOLE", 50.0, True)
 
 
@@ -122,9 +122,9 @@ def test_matches_at_equal_places_are_counted_and_placed():
     first = np.array([[10.0, 90], [12, 92], [50, 50]])
     same = is_stationary(first, first + np.array([[0.0, 1], [1, 0], [30, 0]]), 2.0)
     assert same.tolist() == [True, True, False]
-    found = summarise(3, first[same] / 100)
-    assert found["share"] == pytest.approx(2 / 3)
-    assert found["box"][0] >= 0.1 and found["box"][3] <= 0.92
+    summary = summarise(3, first[same] / 100)
+    assert summary["share"] == pytest.approx(2 / 3)
+    assert summary["box"][0] >= 0.1 and summary["box"][3] <= 0.92
 
 
 def test_the_sharpest_frame_of_each_even_part_of_the_way_is_taken():
@@ -145,13 +145,13 @@ def test_a_match_may_be_off_by_more_in_larger_photos_up_to_colmaps_bound():
 def test_each_photo_that_is_left_out_has_its_reason():
     photos = [photo(i) for i in range(4)]
     photos += [photo(4, sharpness=5.0), photo(5), photo(6), photo(7)]
-    features = {one.copy: 1000 for one in photos} | {"00005.jpg": 20}
+    features = {photo.copy: 1000 for photo in photos} | {"00005.jpg": 20}
     pairs = [("00004.jpg", "00001.jpg", 17), ("00000.jpg", "00006.jpg", 400)]
     models = [[f"{i:05d}.jpg" for i in range(4)], ["00007.jpg"]]
     left = left_out(photos, models, features, pairs, 30)
-    told = {one["source"]: one["reason"] for one in left}
-    assert list(told) == ["4.png", "5.png", "6.png", "7.png"]
-    assert told["4.png"].startswith("blurred") and "17 at most, with 1.png" in told["4.png"]
-    assert told["5.png"].startswith("bare (20 features") and "no matches" in told["5.png"]
-    assert told["6.png"] == "400 matches with 0.png, but no pose that agrees with the others"
-    assert told["7.png"].startswith("in another model of 1 photos")
+    reasons = {entry["source"]: entry["reason"] for entry in left}
+    assert list(reasons) == ["4.png", "5.png", "6.png", "7.png"]
+    assert reasons["4.png"].startswith("blurred") and "17 at most, with 1.png" in reasons["4.png"]
+    assert reasons["5.png"].startswith("bare (20 features") and "no matches" in reasons["5.png"]
+    assert reasons["6.png"] == "400 matches with 0.png, but no pose that agrees with the others"
+    assert reasons["7.png"].startswith("in another model of 1 photos")

@@ -91,9 +91,9 @@ def test_exif_gives_the_focal_length_to_start_from_and_tells_digital_zoom(
         assert camera.has_prior_focal_length
         focal = round(zoom * wide) / 43.2666 * diagonal
         assert camera.mean_focal_length() == pytest.approx(focal, abs=0.01)
-    found = sorted(
+    lengths = sorted(
         c.mean_focal_length() for c in pycolmap.Reconstruction(out / MODEL).cameras.values()
     )
     wanted = [known.mean_focal_length(), ZOOM * known.mean_focal_length()]
-    assert found == pytest.approx(wanted, rel=0.02)
+    assert lengths == pytest.approx(wanted, rel=0.02)
     assert compare(out, fox / MODEL).largest < CLOSE

@@ -12,7 +12,7 @@ import pytest
 from desplat_ns.process.mapping import map_photos
 from desplat_ns.process.matches import match_photos
 from desplat_ns.process.recipes import PLAIN
-from tests.helpers.yard import Found, silent
+from tests.helpers.yard import Features, silent
 
 ERROR, ANGLE = 1.0, 10.0
 """Pixels and degrees: stricter than the thorough recipe, so that the yard's points fall short."""
@@ -29,9 +29,9 @@ class Models(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def models(found: Found, tmp_path_factory: pytest.TempPathFactory) -> Models:
+def models(plain: Features, tmp_path_factory: pytest.TempPathFactory) -> Models:
     """One thread and one seed: up to the filter both are the same."""
-    mine = found.again(tmp_path_factory.mktemp("models"))
+    mine = plain.again(tmp_path_factory.mktemp("models"))
     pairs = mine.database.with_name("pairs")
     match_photos(mine.database, "exhaustive", pairs, PLAIN, 1, silent)
     read = []
@@ -60,8 +60,8 @@ def errors(
             image = model.image(element.image_id)
             place = image.project_point(model.point3D(number).xyz)
             assert place is not None
-            seen = image.point2D(element.point2D_idx).xy
-            off[element.image_id, element.point2D_idx] = float(np.linalg.norm(place - seen))
+            observed = image.point2D(element.point2D_idx).xy
+            off[element.image_id, element.point2D_idx] = float(np.linalg.norm(place - observed))
     return off
 
 

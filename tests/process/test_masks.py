@@ -12,7 +12,7 @@ from desplat_ns.data.photo_files import photo_names
 from desplat_ns.process import preparation
 from desplat_ns.process.photos import Photo
 from desplat_ns.process.preparation import prepare_masks
-from tests.helpers.yard import EDGE, Found, features_of, places_of, write_mask_of_the_mark
+from tests.helpers.yard import EDGE, Features, features_of, places_of, write_mask_of_the_mark
 
 ROUNDED = 1.0
 """Pixels: pycolmap takes the mask's value at the pixel nearest to a feature."""
@@ -20,7 +20,7 @@ ROUNDED = 1.0
 
 @pytest.mark.slow
 def test_there_are_no_features_where_a_mask_is_black_and_all_others_stay(
-    marked: Found, tmp_path: Path
+    marked: Features, tmp_path: Path
 ):
     mask = write_mask_of_the_mark(tmp_path / "mask.png")
     assert prepare_masks(mask, marked.photos, tmp_path / "masks") == len(marked.photos)

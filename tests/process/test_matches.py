@@ -30,7 +30,7 @@ from tests.helpers.yard import (
     CLOSE,
     EDGE,
     SIZE,
-    Found,
+    Features,
     Yard,
     copied,
     features_of,
@@ -45,9 +45,9 @@ EVERY_OTHER = range(0, 12, 2)
 """The views that `marked` shows."""
 
 
-def match(found: Found, pairing: Pairing) -> dict[str, Any]:
+def match(mine: Features, pairing: Pairing) -> dict[str, Any]:
     """What `match_photos` says of photos whose features are known."""
-    return match_photos(found.database, pairing, found.database.with_name("pairs"), FEW, 1, silent)
+    return match_photos(mine.database, pairing, mine.database.with_name("pairs"), FEW, 1, silent)
 
 
 def numbers(a: str, b: str) -> tuple[int, int]:
@@ -56,41 +56,41 @@ def numbers(a: str, b: str) -> tuple[int, int]:
     return first, second
 
 
-def tied(found: Found) -> set[tuple[int, int]]:
+def tied(mine: Features) -> set[tuple[int, int]]:
     """Pairs that have verified matches."""
-    return {numbers(a, b) for a, b, _ in verified_pairs(found.database)}
+    return {numbers(a, b) for a, b, _ in verified_pairs(mine.database)}
 
 
-def compared(found: Found) -> set[tuple[int, int]]:
+def compared(mine: Features) -> set[tuple[int, int]]:
     """Pairs that were looked at, whether anything was found or not."""
-    with pycolmap.Database.open(found.database) as db:
+    with pycolmap.Database.open(mine.database) as db:
         names = {image.image_id: image.name for image in db.read_all_images()}
         ids, _ = db.read_all_matches()
     both = map(pycolmap.pair_id_to_image_pair, ids)
     return {numbers(names[a], names[b]) for a, b in both}
 
 
-def worst_pose(found: Found, yard: Yard, order: Sequence[int]) -> float:
+def worst_pose(mine: Features, yard: Yard, order: Sequence[int]) -> float:
     """Pixels by which the worst camera is off, of photos that show those views; all have poses."""
-    folder = found.database.with_name("models")
-    best = map_photos(found.database, found.copies, folder, PLAIN, 1, silent)[0]
-    views = {photo.copy: view for photo, view in zip(found.photos, order, strict=True)}
+    folder = mine.database.with_name("models")
+    best = map_photos(mine.database, mine.copies, folder, PLAIN, 1, silent)[0]
+    views = {photo.copy: view for photo, view in zip(mine.photos, order, strict=True)}
     return yard.farthest(folder / best["folder"], views)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("pairing", ["exhaustive", "similar", "sequential"])
 def test_each_pairing_gives_every_photo_its_place(
-    pairing: Pairing, found: Found, yard: Yard, tmp_path: Path
+    pairing: Pairing, plain: Features, yard: Yard, tmp_path: Path
 ):
-    mine = found.again(tmp_path)
+    mine = plain.again(tmp_path)
     assert match(mine, pairing)["pairing"] == pairing
     assert worst_pose(mine, yard, range(len(yard.pictures))) < CLOSE
 
 
-def test_photos_that_look_alike_are_compared_and_others_are_not(found: Found, tmp_path: Path):
+def test_photos_that_look_alike_are_compared_and_others_are_not(plain: Features, tmp_path: Path):
     """The camera goes around: the most alike are next to each other."""
-    mine = found.again(tmp_path)
+    mine = plain.again(tmp_path)
     match(mine, "similar")
     last = len(mine.photos) - 1
     assert {(i, i + 1) for i in range(last)} <= compared(mine)
@@ -113,11 +113,11 @@ def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
     assert {(0, last), *((i, i + 1) for i in range(last))} <= tied(mine)
 
 
-def still_and_all(found: Found) -> tuple[int, int]:
+def still_and_all(mine: Features) -> tuple[int, int]:
     """Verified matches at equal places where the mark is, and all verified matches."""
     still, every = 0, 0
-    places = places_of(found.database)
-    with pycolmap.Database.open(found.database) as db:
+    places = places_of(mine.database)
+    with pycolmap.Database.open(mine.database) as db:
         names = {image.image_id: image.name for image in db.read_all_images()}
         for pair in db.read_two_view_geometry_num_inliers()[0]:
             a, b = pycolmap.pair_id_to_image_pair(pair)
@@ -130,7 +130,7 @@ def still_and_all(found: Found) -> tuple[int, int]:
 
 @pytest.mark.slow
 def test_what_stands_still_in_all_photos_does_not_tie_them(
-    marked: Found, yard: Yard, tmp_path: Path
+    marked: Features, yard: Yard, tmp_path: Path
 ):
     mine = marked.again(tmp_path)
     said = match(mine, "exhaustive")
@@ -144,7 +144,7 @@ def test_what_stands_still_in_all_photos_does_not_tie_them(
 
 @pytest.mark.slow
 def test_where_a_mask_covers_what_stands_still_nothing_has_to_be_left_out(
-    marked: Found, yard: Yard, tmp_path: Path
+    marked: Features, yard: Yard, tmp_path: Path
 ):
     mask = write_mask_of_the_mark(tmp_path / "mask.png")
     prepare_masks(mask, marked.photos, tmp_path / "masks")
@@ -154,10 +154,10 @@ def test_where_a_mask_covers_what_stands_still_nothing_has_to_be_left_out(
     assert worst_pose(mine, yard, EVERY_OTHER) < CLOSE
 
 
-def test_photos_read_one_by_one_are_as_alike_as_those_read_together(found: Found):
-    with pycolmap.Database.open(found.database) as db:
+def test_photos_read_one_by_one_are_as_alike_as_those_read_together(plain: Features):
+    with pycolmap.Database.open(plain.database) as db:
         ids = [image.image_id for image in db.read_all_images()]
         together = [db.read_descriptors(number).data.astype(np.float32) for number in ids]
         one_by_one = matches._Descriptors(db, ids)
-        assert {len(one) for one in together} != {0}
+        assert {len(descriptors) for descriptors in together} != {0}
         np.testing.assert_array_equal(pairs.similarities(one_by_one), pairs.similarities(together))

@@ -28,6 +28,6 @@ def test_photos_that_are_left_out_for_one_reason_share_a_line():
 
 def test_of_many_reasons_the_first_are_told_and_the_photos_of_the_others_counted():
     missing = [{"source": f"{i}.jpg", "reason": f"reason {i // 2}"} for i in range(2 * LISTED + 3)]
-    told = lines_about(missing)
-    assert len(told) == LISTED + 1
-    assert told[-1] == "  and 3 more photos, for 2 other reasons"
+    lines = lines_about(missing)
+    assert len(lines) == LISTED + 1
+    assert lines[-1] == "  and 3 more photos, for 2 other reasons"

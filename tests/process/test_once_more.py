@@ -103,10 +103,10 @@ def test_what_an_interrupted_try_left_in_the_record_is_not_taken_for_done(made):
     """As of a video whose frames were taken out, and then the work folder removed."""
     thorough = made()
     path = thorough.output / "process.json"
-    told = json.loads(path.read_text("utf8"))
-    told["stages"]["frames"] = {"result": ["frame.png"], "seconds": 1.0}
-    del told["stages"]["photos"]
-    path.write_text(json.dumps(told), "utf8")
+    record = json.loads(path.read_text("utf8"))
+    record["stages"]["frames"] = {"result": ["frame.png"], "seconds": 1.0}
+    del record["stages"]["photos"]
+    path.write_text(json.dumps(record), "utf8")
     run(thorough)
     assert "frames" not in recorded(thorough)
     assert (thorough.output / "images" / "made").read_text() == "thorough"
@@ -115,10 +115,10 @@ def test_what_an_interrupted_try_left_in_the_record_is_not_taken_for_done(made):
 def test_a_capture_that_is_made_stays_where_no_photo_can_be_used_any_more(made):
     thorough = made()
     path = thorough.output / "process.json"
-    told = json.loads(path.read_text("utf8"))
-    for photo in told["stages"]["photos"]["result"]:
+    record = json.loads(path.read_text("utf8"))
+    for photo in record["stages"]["photos"]["result"]:
         photo["problem"] = "gone"
-    path.write_text(json.dumps(told), "utf8")
+    path.write_text(json.dumps(record), "utf8")
     with pytest.raises(DeSplatError, match="0 of 3 photos can be used"):
         run(thorough)
     assert (thorough.output / "images" / "made").read_text() == "plain"

@@ -99,8 +99,8 @@ def test_photos_of_every_kind_become_copies_of_8_bit_colours(pixels, expected, t
     (photo,) = prepared(tmp_path, "a.png")
     with PIL.Image.open(tmp_path / "copies" / photo.copy) as copy:
         assert copy.mode == "RGB"
-        found = np.asarray(copy).reshape(-1, 3).astype(int)
-    assert np.abs(found - expected).max() <= 2  # YCbCr is rounded, and back
+        colors = np.asarray(copy).reshape(-1, 3).astype(int)
+    assert np.abs(colors - expected).max() <= 2  # YCbCr is rounded, and back
 
 
 def test_a_picture_that_is_there_twice_is_used_once(photo_writer, tmp_path: Path):

@@ -37,9 +37,9 @@ def test_photos_become_a_capture_with_the_known_poses(data_folder, tmp_path, cap
     (photos / "cut off.jpg").write_bytes(path.read_bytes()[:5000])
     request = Request(photos, tmp_path / "out", effort="plain", threads=2)
     run(request)
-    told = compare(tmp_path / "out", known / "sparse" / "0")
-    assert told.num_known - len(told.missing) == 12
-    assert told.largest < 0.01
+    result = compare(tmp_path / "out", known / "sparse" / "0")
+    assert result.num_known - len(result.missing) == 12
+    assert result.largest < 0.01
     assert recognise(tmp_path / "out").match.layout.name == "COLMAP"
     assert (tmp_path / "out" / "cameras.png").is_file()
     assert not (tmp_path / "out" / "work").exists()

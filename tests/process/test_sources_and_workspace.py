@@ -22,9 +22,9 @@ def touch(folder: Path, *names: str) -> Path:
 def test_photos_in_folders_are_found_and_raw_twins_and_the_output_are_not(tmp_path):
     names = ("b ü.jpg", "a/1.PNG", "a/2.cr2", "b ü.dng", "note.txt", ".x.jpg", "out/images/9.jpg")
     touch(tmp_path, *names)
-    found = find_sources(tmp_path, tmp_path / "out")
-    assert found.names == ("a/1.PNG", "a/2.cr2", "b ü.jpg")
-    assert not found.is_video
+    sources = find_sources(tmp_path, tmp_path / "out")
+    assert sources.names == ("a/1.PNG", "a/2.cr2", "b ü.jpg")
+    assert not sources.is_video
 
 
 @pytest.mark.parametrize(

@@ -34,10 +34,10 @@ def test_frames_that_are_taken_are_the_sharp_ones_of_their_numbers(
 
 @pytest.mark.slow
 def test_every_frame_is_looked_at_and_progress_ends_at_their_number(film: Path, yard: Yard):
-    told: list[tuple[int, int]] = []
-    frames = list(look_at(film, lambda done, total: told.append((done, total))))
+    reports: list[tuple[int, int]] = []
+    frames = list(look_at(film, lambda done, total: reports.append((done, total))))
     assert [frame.index for frame in frames] == list(range(FRAMES_OF_A_VIEW * len(yard.pictures)))
-    assert told[-1] == (len(frames), len(frames))
+    assert reports[-1] == (len(frames), len(frames))
 
 
 @pytest.mark.slow

@@ -51,8 +51,8 @@ def wall(depth: float) -> torch.Tensor:
 
 def test_neighbours_are_the_nearest_three_each_pair_once():
     poses = in_a_row(0, 1, 2, 3, 10).camera_to_worlds
-    found = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (1, 4), (2, 3), (2, 4), (3, 4)]
-    assert neighbours(poses) == found
+    pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (1, 4), (2, 3), (2, 4), (3, 4)]
+    assert neighbours(poses) == pairs
 
 
 def test_cameras_that_look_elsewhere_are_no_neighbours():
@@ -62,22 +62,22 @@ def test_cameras_that_look_elsewhere_are_no_neighbours():
 
 
 def test_half_way_is_half_the_way_and_half_the_turn():
-    found = halfway(turned(10, 0, 0, 2), turned(70, 1, -4, 4))
-    torch.testing.assert_close(found, turned(40, 0.5, -2, 3), rtol=0, atol=1e-6)
+    middle = halfway(turned(10, 0, 0, 2), turned(70, 1, -4, 4))
+    torch.testing.assert_close(middle, turned(40, 0.5, -2, 3), rtol=0, atol=1e-6)
 
 
 def test_views_are_those_of_the_cameras_and_between_them():
-    found = list(allowed_views(in_a_row(0, 1, 4)))
-    places = [-float(view.viewmat[0, 3]) for view in found]
+    views = list(allowed_views(in_a_row(0, 1, 4)))
+    places = [-float(view.viewmat[0, 3]) for view in views]
     assert places == pytest.approx([0, 1, 4, 0.5, 2, 2.5], abs=1e-6)
-    assert {(view.width, view.height) for view in found} == {(SIZE, SIZE)}
+    assert {(view.width, view.height) for view in views} == {(SIZE, SIZE)}
 
 
 def test_what_no_image_shows_is_not_seen():
     ahead, above, behind, beside = (0, 0, -2.0), (0, 3.0, -2.0), (0, 0, 2.0), (2.5, 0, -2.0)
     views = list(allowed_views(in_a_row(0)))
-    seen = seen_by_any(small(ahead, above, behind, beside), views, None, 0.0)
-    assert seen.tolist() == [True, False, False, False]
+    visible = seen_by_any(small(ahead, above, behind, beside), views, None, 0.0)
+    assert visible.tolist() == [True, False, False, False]
     large = seen_by_any(small(above, beside, scale=0.3), views, None, 0.0)
     assert large.tolist() == [True, True], "they reach into the image"
 
@@ -91,10 +91,10 @@ def test_what_shows_half_way_between_two_cameras_is_seen():
 
 def test_what_is_too_near_for_all_that_show_it_is_not_seen():
     veil, scene = (0, 0, -0.7), (0, 0, -3.9)
-    one = view_of(in_a_row(0))
+    near = view_of(in_a_row(0))
     farther = view_of(cameras(turned(0, 0, 0, 1)))
     points = wall(4.0)
-    assert seen_by_any(small(veil, scene), [one], points, 0.17).tolist() == [True, True]
-    assert seen_by_any(small(veil, scene), [one], points, 0.18).tolist() == [False, True]
-    assert seen_by_any(small(veil, scene), [one], None, 0.18).tolist() == [True, True]
-    assert seen_by_any(small(veil, scene), [one, farther], points, 0.18).all()
+    assert seen_by_any(small(veil, scene), [near], points, 0.17).tolist() == [True, True]
+    assert seen_by_any(small(veil, scene), [near], points, 0.18).tolist() == [False, True]
+    assert seen_by_any(small(veil, scene), [near], None, 0.18).tolist() == [True, True]
+    assert seen_by_any(small(veil, scene), [near, farther], points, 0.18).all()

@@ -70,13 +70,13 @@ def assert_nothing_is_missed(
     whole, gradients = drawn(name, splats, view, settings)
     if name == "torch":
         clear = replace(splats, opacities=splats.opacities.where(shown, 0))
-        fewer, found = drawn(name, clear, view, settings)
-        found = [gradient[shown] for gradient in found]
+        fewer, grads = drawn(name, clear, view, settings)
+        grads = [gradient[shown] for gradient in grads]
     else:
-        fewer, found = drawn(name, splats.rows(shown), view, settings)
+        fewer, grads = drawn(name, splats.rows(shown), view, settings)
     for image in ("rgb", "alpha", "depth"):
         assert torch.equal(getattr(whole, image), getattr(fewer, image)), image
-    for parameter, ours, theirs in zip(PARAMETERS, found, gradients, strict=True):
+    for parameter, ours, theirs in zip(PARAMETERS, grads, gradients, strict=True):
         assert torch.equal(ours, theirs[shown]), parameter
         assert (theirs[~shown] == 0).all(), parameter
     return shown
@@ -128,7 +128,7 @@ def test_the_same_at_the_borders(name, seed, focal):
     assert shown.any()
 
 
-def one(mean: list[float], scale: float = 0.01, opacity: float = 0.9) -> Splats:
+def single(mean: list[float], scale: float = 0.01, opacity: float = 0.9) -> Splats:
     return Splats(
         means=torch.tensor([mean]),
         quats=torch.tensor([[1.0, 0, 0, 0]]),
@@ -141,17 +141,17 @@ def one(mean: list[float], scale: float = 0.01, opacity: float = 0.9) -> Splats:
 @pytest.mark.parametrize(
     ("splats", "expected"),
     [
-        (one([0.0, 0.0, 2.0]), True),
-        (one([0.0, 0.0, -2.0]), False),
-        (one([0.0, 0.0, -2.0], scale=100.0), False),  # culled by its mean, however large
-        (one([0.0, 0.0, 0.009]), False),
-        (one([50.0, 0.0, 2.0]), False),
-        (one([50.0, 0.0, 2.0], scale=30.0), True),
-        (one([0.0, 50.0, 2.0]), False),
-        (one([0.0, 0.0, 2.0], opacity=0.9 * ALPHA_CUTOFF), False),
-        (one([math.nan, 0.0, 2.0]), False),
-        (one([math.inf, 0.0, 2.0]), False),
-        (one([0.0, 0.0, 1e11]), False),
+        (single([0.0, 0.0, 2.0]), True),
+        (single([0.0, 0.0, -2.0]), False),
+        (single([0.0, 0.0, -2.0], scale=100.0), False),  # culled by its mean, however large
+        (single([0.0, 0.0, 0.009]), False),
+        (single([50.0, 0.0, 2.0]), False),
+        (single([50.0, 0.0, 2.0], scale=30.0), True),
+        (single([0.0, 50.0, 2.0]), False),
+        (single([0.0, 0.0, 2.0], opacity=0.9 * ALPHA_CUTOFF), False),
+        (single([math.nan, 0.0, 2.0]), False),
+        (single([math.inf, 0.0, 2.0]), False),
+        (single([0.0, 0.0, 1e11]), False),
     ],
 )
 def test_single_gaussians(splats, expected):

@@ -88,11 +88,11 @@ def test_a_view_without_points_and_a_random_start_have_no_near_plane():
 
 
 def test_a_rendering_tells_the_viewer_how_far_it_is_from_the_photos(monkeypatch):
-    model, told = with_a_veil().eval(), []
+    model, lines = with_a_veil().eval(), []
     monkeypatch.setattr(ViewerLine, "is_shown", True)
-    monkeypatch.setattr(ViewerLine, "show", lambda line, text: told.append(text))
+    monkeypatch.setattr(ViewerLine, "show", lambda line, text: lines.append(text))
     model.get_outputs_for_camera(camera(0))
-    (text,) = told
+    (text,) = lines
     assert text.startswith("**") and "° from the photos" in text
     assert not hasattr(make_model(random_init=True, num_random=9).layer_control, "angle")
 

@@ -57,16 +57,16 @@ def test_half_of_the_points_in_view_decide():
     seen_by_two = torch.tensor([[0.0, 0.1 * y, 0.0] for y in range(3)])
     unseen = torch.tensor([[0.0, 0.0, 3.9], [0.0, 0.0, 3.8]])  # right before the view's camera
     photos = [around(30), around(-30)]
-    found = PhotoAngle(torch.cat([seen_by_two, unseen]), photos).degrees(around(0))
-    assert found == pytest.approx(30, abs=0.5)
-    found = PhotoAngle(torch.cat([seen_by_two[:1], unseen]), photos).degrees(around(0))
-    assert found == 90
+    degrees = PhotoAngle(torch.cat([seen_by_two, unseen]), photos).degrees(around(0))
+    assert degrees == pytest.approx(30, abs=0.5)
+    degrees = PhotoAngle(torch.cat([seen_by_two[:1], unseen]), photos).degrees(around(0))
+    assert degrees == 90
 
 
 def test_what_is_behind_a_camera_is_not_in_its_view():
     behind = torch.tensor([[0.0, 0.0, 8.0], [0.0, 0.0, 9.0]])
-    found = angle([30, -30], around(0), torch.cat([POINT, behind]))
-    assert found == pytest.approx(30, abs=0.01)
+    degrees = angle([30, -30], around(0), torch.cat([POINT, behind]))
+    assert degrees == pytest.approx(30, abs=0.01)
 
 
 def test_a_view_without_points_and_a_capture_of_one_photo_have_none():

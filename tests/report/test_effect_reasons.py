@@ -32,7 +32,7 @@ def test_an_effect_has_the_surveys_reason_and_figures():
     distractors, appearance, background = effect_reasons(Effects(True, "camera", "off"), SURVEY)
     assert (distractors.value, appearance.value, background.value) == ("on", "camera", "off")
     assert distractors.why.startswith("Because.") and "clear" in distractors.why
-    assert [one.is_unsure for one in (distractors, appearance, background)] == [False, True, True]
+    assert [part.is_unsure for part in (distractors, appearance, background)] == [False, True, True]
     assert distractors.figures[0]["value"] is None
     assert distractors.could_not_tell == ["what is before the sky"]
 
@@ -46,8 +46,8 @@ def test_an_effect_that_was_given_against_the_survey_says_so():
 
 def test_without_a_survey_that_is_said():
     reasons = effect_reasons(Effects(), None)
-    assert [one.title for one in reasons] == list(TITLES.values())
-    assert all("no record of a survey" in one.why for one in reasons)
+    assert [reason.title for reason in reasons] == list(TITLES.values())
+    assert all("no record of a survey" in reason.why for reason in reasons)
 
 
 @pytest.mark.parametrize("content", ["", "[1, 2]", "{}", "{", '{"distractors": {}}'])

@@ -33,8 +33,8 @@ def write_events(folder: Path, logged: Mapping[str, Sequence[Scalar]], text: str
     with SummaryWriter(str(folder)) as writer:
         writer.add_text("config", text)
         for tag, numbers in logged.items():
-            for one in numbers:
-                writer.add_scalar(tag, one.value, one.step, walltime=one.wall_time)
+            for scalar in numbers:
+                writer.add_scalar(tag, scalar.value, scalar.step, walltime=scalar.wall_time)
     (path,) = folder.iterdir()
     return path
 
@@ -44,10 +44,10 @@ def test_a_run_that_went_on_has_one_curve_and_the_time_of_both_sessions(tmp_path
     second = {"Train Loss": [Scalar(90.0, step, 2.0) for step in range(4, 8)]}
     second[TOTAL_TIME] = [Scalar(95.0, 8, 30.0)]
     logged = {"1": first, "2": second}
-    found = read_history([write_events(tmp_path / name, what) for name, what in logged.items()])
-    (chart,) = found.charts
+    history = read_history([write_events(tmp_path / name, what) for name, what in logged.items()])
+    (chart,) = history.charts
     assert [value for _, value in chart.curves[0].points] == [1.0] * 4 + [2.0] * 4
-    assert found.seconds == pytest.approx(5.0 + 30.0)
+    assert history.seconds == pytest.approx(5.0 + 30.0)
 
 
 def test_a_run_that_logged_nothing_has_no_curves(tmp_path: Path):
@@ -65,20 +65,20 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_numbers_of_a_tag_come_in_order_with_step_and_time(written: Path):
-    found = scalars(written, {"Train Loss", "Train"})
-    assert set(found) == {"Train Loss"}
-    assert [one.step for one in found["Train Loss"]] == [1000 * step for step in range(50)]
-    values = [one.value for one in found["Train Loss"]]
+    tags = scalars(written, {"Train Loss", "Train"})
+    assert set(tags) == {"Train Loss"}
+    assert [number.step for number in tags["Train Loss"]] == [1000 * step for step in range(50)]
+    values = [number.value for number in tags["Train Loss"]]
     assert values == pytest.approx([1 / (step + 1) for step in range(50)], rel=1e-7)
-    assert found["Train Loss"][3] == Scalar(103.0, 3000, 0.25)
+    assert tags["Train Loss"][3] == Scalar(103.0, 3000, 0.25)
 
 
 @pytest.mark.parametrize("cut", [1, 11, 30])
 def test_a_file_that_is_cut_off_gives_what_is_whole(written: Path, tmp_path: Path, cut: int):
     path = tmp_path / written.name
     path.write_bytes(written.read_bytes()[:-cut])
-    found = scalars(path, {"Train Loss", "other"})
-    assert (len(found["Train Loss"]), len(found["other"])) == (50, 49)
+    tags = scalars(path, {"Train Loss", "other"})
+    assert (len(tags["Train Loss"]), len(tags["other"])) == (50, 49)
 
 
 @pytest.mark.parametrize("content", [b"", b"no records at all", b"\xff" * 400, b"\x00" * 400])
@@ -93,6 +93,6 @@ def test_damage_ends_the_reading_without_an_error(written: Path, tmp_path: Path)
     counts = []
     for byte in range(40, len(whole), len(whole) // 20):
         path.write_bytes(whole[:byte] + bytes([whole[byte] ^ 0xFF]) + whole[byte + 1 :])
-        found = scalars(path, {"Train Loss", "other"})
-        counts.append(sum(map(len, found.values())))
+        tags = scalars(path, {"Train Loss", "other"})
+        counts.append(sum(map(len, tags.values())))
     assert counts == sorted(counts) and counts[-1] < 100

@@ -17,7 +17,7 @@ def said(**changes: Any) -> list[str]:
     """What is said of a long run in which nothing stands out, but for the changes."""
     results = {"psnr": 28.0, "images": []}
     inputs = {"cost": LONG, "reasons": [], "photos": PHOTOS, "results": results}
-    return [f"{one.what} {one.advice}" for one in notices(**inputs | changes)]
+    return [f"{notice.what} {notice.advice}" for notice in notices(**inputs | changes)]
 
 
 def test_nothing_is_said_of_a_run_in_which_nothing_stands_out():

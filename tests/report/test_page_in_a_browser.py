@@ -80,7 +80,7 @@ def test_a_slider_follows_mouse_and_finger(page: Page):
 
 
 def test_no_request_leaves_the_page_and_nothing_goes_wrong(page: Page, address: str):
-    asked = [one for one in page.requests() if not one.startswith("data:")]
+    asked = [request for request in page.requests() if not request.startswith("data:")]
     assert asked == [address]
     wrong = [e for e in page.events if e["method"] in ("Log.entryAdded", "Runtime.exceptionThrown")]
     assert wrong == []

@@ -34,5 +34,5 @@ def test_half_of_the_largest_error_has_the_colour_in_the_middle():
 
 
 def test_the_sign_of_an_error_means_nothing():
-    one, other = noise(0), noise(1)
-    assert (error_map(one, other) == error_map(other, one)).all()
+    photo, other = noise(0), noise(1)
+    assert (error_map(photo, other) == error_map(other, photo)).all()

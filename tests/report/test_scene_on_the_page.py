@@ -34,7 +34,7 @@ def test_the_scene_is_drawn_in_the_report_which_scrolls_on_until_it_is_clicked(t
             )
         )
         assert len(middle.getcolors(100_000) or []) > 1000, "a scene of many colours"
-        own = [one for one in page.requests() if not one.startswith(("data:", "blob:"))]
+        own = [request for request in page.requests() if not request.startswith(("data:", "blob:"))]
         assert set(own) <= {path.as_uri(), "about:srcdoc"}
         where = {"x": box["left"] + 200, "y": box["top"] + 200}
         place = f"JSON.stringify({FRAME}.contentWindow.scenePage.camera.position)"

@@ -18,7 +18,7 @@ def psnr(scene: str, seed: int) -> float:
     return {"Brandenburg Gate": 25.0, "Sacre Coeur": 20.0, "Trevi Fountain": 24.0}[scene] + seed
 
 
-def found(scenes, is_smoke=False, absent=()) -> dict[str, Cell]:
+def by_scene(scenes, is_smoke=False, absent=()) -> dict[str, Cell]:
     def lookup(scene, method, seed):
         return None if (scene, seed) in absent else {"psnr": psnr(scene, seed)}
 
@@ -28,28 +28,28 @@ def found(scenes, is_smoke=False, absent=()) -> dict[str, Cell]:
 
 
 def test_a_figure_is_the_mean_of_seeds_beside_the_papers():
-    cell = found(SCENES)["Sacre Coeur"]
+    cell = by_scene(SCENES)["Sacre Coeur"]
     assert cell.values == (20.0, 21.0) and cell.mean == 20.5
     assert cell.paper == 20.14 and cell.difference == pytest.approx(0.36)
 
 
 def test_the_mean_is_that_of_scenes_and_then_of_seeds():
-    cell = found(SCENES)[MEAN]
+    cell = by_scene(SCENES)[MEAN]
     assert cell.values == (23.0, 24.0) and cell.mean == 23.5
     assert cell.paper is None and cell.difference is None, "the paper has none in A5"
 
 
 def test_there_is_no_mean_of_a_part_of_the_scenes():
-    assert MEAN not in found(SCENES[:2])
+    assert MEAN not in by_scene(SCENES[:2])
 
 
 def test_a_seed_without_a_scene_is_in_no_mean():
-    cells = found(SCENES, absent=[("Sacre Coeur", 1)])
+    cells = by_scene(SCENES, absent=[("Sacre Coeur", 1)])
     assert cells["Sacre Coeur"].values == (20.0,) and cells[MEAN].values == (23.0,)
 
 
 def test_nothing_of_a_smoke_run_stands_beside_the_papers():
-    assert all(cell.paper is None for cell in found(SCENES, is_smoke=True).values())
+    assert all(cell.paper is None for cell in by_scene(SCENES, is_smoke=True).values())
 
 
 def test_images_per_second_are_one_over_seconds_per_image():

@@ -45,7 +45,7 @@ def test_a_smoke_run_has_other_names_and_folders_than_the_real_one():
     real, smoke = (
         request_of("A6", Path("out"), MadeUpExecutor(), is_smoke=smoke) for smoke in (False, True)
     )
-    names = [{run.name for run in grid_of(one).runs.values()} for one in (real, smoke)]
+    names = [{run.name for run in grid_of(request).runs.values()} for request in (real, smoke)]
     assert not names[0] & names[1] and real.folder != smoke.folder
 
 

@@ -58,9 +58,9 @@ def results(tmp_path: Path, is_smoke: bool = False) -> Results:
 
 
 def test_the_page_has_ours_the_papers_and_the_difference(tmp_path: Path):
-    found = results(tmp_path)
-    cell = next(c for c in found.cells if (c.scene, c.method) == ("Statue", "splatfacto"))
-    page = markdown(found)
+    table = results(tmp_path)
+    cell = next(c for c in table.cells if (c.scene, c.method) == ("Statue", "splatfacto"))
+    page = markdown(table)
     text = cell.metric.text(cell.mean)
     assert (
         f"| splatfacto | {text} (paper 9:32, {cell.metric.difference(cell.mean - 572)}) |" in page
@@ -72,26 +72,26 @@ def test_the_page_has_ours_the_papers_and_the_difference(tmp_path: Path):
 
 
 def test_a_smoke_table_says_so_and_has_nothing_of_the_papers(tmp_path: Path):
-    found = results(tmp_path, is_smoke=True)
-    for text in (markdown(found), latex(found), html(found)):
+    table = results(tmp_path, is_smoke=True)
+    for text in (markdown(table), latex(table), html(table)):
         assert "SMOKE" in text and "(paper" not in text and "9:32" not in text
-    assert as_json(found)["smoke"] is True
-    assert all(cell["paper"] is None for cell in as_json(found)["cells"])
+    assert as_json(table)["smoke"] is True
+    assert all(cell["paper"] is None for cell in as_json(table)["cells"])
 
 
 def test_csv_and_json_have_every_figure(tmp_path: Path):
-    found = results(tmp_path)
-    lines = comma_separated(found).splitlines()
-    assert len(lines) == 1 + len(found.cells) == 1 + 2 * 12
-    cell, row = found.cells[0], lines[1].split(",")
+    table = results(tmp_path)
+    lines = comma_separated(table).splitlines()
+    assert len(lines) == 1 + len(table.cells) == 1 + 2 * 12
+    cell, row = table.cells[0], lines[1].split(",")
     assert row[:3] == ["A8", "False", "Statue"] and float(row[6]) == cell.mean
-    assert json.loads(json.dumps(as_json(found)))["cells"][0]["values"] == list(cell.values)
+    assert json.loads(json.dumps(as_json(table)))["cells"][0]["values"] == list(cell.values)
 
 
 def test_the_html_page_is_whole_escaped_and_has_the_papers_below_ours(tmp_path: Path):
-    found = results(tmp_path)
-    page = html(replace(found, failed={"a <run>": "1 < 2 & 3"}))
-    cell = next(c for c in found.cells if (c.scene, c.method) == ("Statue", "splatfacto"))
+    table = results(tmp_path)
+    page = html(replace(table, failed={"a <run>": "1 < 2 & 3"}))
+    cell = next(c for c in table.cells if (c.scene, c.method) == ("Statue", "splatfacto"))
     text, difference = cell.metric.text(cell.mean), cell.metric.difference(cell.mean - 572)
     assert f"<td>{text}<small>paper 9:32</small><small>{difference}</small></td>" in page
     assert '<td><span class="soft">80:30</span></td>' in page, "a row of the paper alone"
@@ -99,23 +99,23 @@ def test_the_html_page_is_whole_escaped_and_has_the_papers_below_ours(tmp_path: 
     tags = _Tags()
     tags.feed(page)
     assert tags.open == [] and not tags.elsewhere, "it loads nothing"
-    assert tags.cells == {(len(found.columns), 1)}, "every row has every column"
+    assert tags.cells == {(len(table.columns), 1)}, "every row has every column"
 
 
 def test_latex_is_escaped(tmp_path: Path):
-    found = results(tmp_path)
-    text = latex(found)
+    table = results(tmp_path)
+    text = latex(table)
     assert r"\begin{tabular}{lrrrrrrrrrrrr}" in text
     assert r"SLS-mlp (+UBP), the paper's &" in text
-    memory = replace(found, table=TABLES["A7"])
+    memory = replace(table, table=TABLES["A7"])
     assert r"10\textasciicircum{}6" in latex(memory) and "10^6" not in latex(memory)
 
 
 def test_files_appear_together_or_not_at_all(tmp_path: Path):
-    found = results(tmp_path / "out")
-    write_table(tmp_path / "table", found)
+    table = results(tmp_path / "out")
+    write_table(tmp_path / "table", table)
     names = sorted(path.name for path in (tmp_path / "table").iterdir())
     assert names == ["table.csv", "table.html", "table.json", "table.md", "table.tex"]
     (tmp_path / "file").touch()
     with pytest.raises(ConfigError, match="cannot be written"):
-        write_table(tmp_path / "file" / "table", found)
+        write_table(tmp_path / "file" / "table", table)

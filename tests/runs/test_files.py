@@ -39,10 +39,10 @@ def test_checkpoints_are_where_the_configuration_says(tmp_path: Path):
 
 def test_a_run_that_was_moved_is_found_beside_its_config(tmp_path: Path):
     config = write_run(tmp_path / "moved", tmp_path / "gone")
-    found = find_run(config)
-    assert found.checkpoints == (tmp_path / "moved" / "nerfstudio_models").resolve()
-    assert found.folder == tmp_path / "moved"
-    assert found.events == []
+    run = find_run(config)
+    assert run.checkpoints == (tmp_path / "moved" / "nerfstudio_models").resolve()
+    assert run.folder == tmp_path / "moved"
+    assert run.events == []
 
 
 def test_a_run_without_a_checkpoint_is_named(tmp_path: Path):

@@ -12,17 +12,17 @@ from tests.helpers.scene import HEIGHT, WIDTH, camera
 @pytest.mark.parametrize("degrees", [0, 40, -70, 180])
 def test_a_point_of_the_page_is_seen_where_our_camera_sees_it(degrees: float):
     """OpenGL's camera looks along -z with y up: x = c_x - f_x X / Z, y = c_y + f_y Y / Z."""
-    one = camera("a.png", degrees)
-    found = one.as_json()
+    photo = camera("a.png", degrees)
+    record = photo.as_json()
     points = np.random.default_rng(0).normal(size=(20, 3)) * 0.3
-    pose = np.array(found["pose"]).reshape(4, 4).T
+    pose = np.array(record["pose"]).reshape(4, 4).T
     in_page = points @ TO_PAGE.turn.T
-    seen = (in_page - pose[:3, 3]) @ pose[:3, :3]
-    fx, fy, cx, cy = found["lens"]
-    assert (seen[:, 2] < 0).all()
-    x = cx - fx * seen[:, 0] / seen[:, 2]
-    y = cy + fy * seen[:, 1] / seen[:, 2]
-    u, v, _ = image_points(torch.from_numpy(points), one.view)
+    in_camera = (in_page - pose[:3, 3]) @ pose[:3, :3]
+    fx, fy, cx, cy = record["lens"]
+    assert (in_camera[:, 2] < 0).all()
+    x = cx - fx * in_camera[:, 0] / in_camera[:, 2]
+    y = cy + fy * in_camera[:, 1] / in_camera[:, 2]
+    u, v, _ = image_points(torch.from_numpy(points), photo.view)
     assert np.allclose(x, u * WIDTH) and np.allclose(y, v * HEIGHT)
 
 

@@ -39,20 +39,20 @@ def test_every_photo_has_its_camera_and_what_was_taken_out_of_it(run: LoadedRun)
     model: Any = run.pipeline.model
     contents = gather(run, 100, 100)
     manager = run.pipeline.datamanager
-    training = [one for one in contents.cameras if not one.held_out]
-    assert [one.name for one in training] == list(manager.train_image_names)
+    training = [camera for camera in contents.cameras if not camera.held_out]
+    assert [camera.name for camera in training] == list(manager.train_image_names)
     assert len(contents.cameras) - len(training) == len(manager.eval_dataset)
     assert contents.not_shown == "" and contents.light == ""
-    for index, one in enumerate(training):
-        assert (one.distractors is not None) == (len(model.layer.gaussians.views[index]) > 0)
-        assert one.photo.shape == (one.view.height, one.view.width, 3)
-        assert one.reach > one.near > 0
-    assert all(one.distractors is None for one in contents.cameras if one.held_out)
+    for index, camera in enumerate(training):
+        assert (camera.distractors is not None) == (len(model.layer.gaussians.views[index]) > 0)
+        assert camera.photo.shape == (camera.view.height, camera.view.width, 3)
+        assert camera.reach > camera.near > 0
+    assert all(camera.distractors is None for camera in contents.cameras if camera.held_out)
 
 
 def test_fewer_photos_are_told(run: LoadedRun):
     contents = gather(run, 2, 1)
-    assert [one.held_out for one in contents.cameras] == [False, False, True]
+    assert [camera.held_out for camera in contents.cameras] == [False, False, True]
     assert contents.not_shown.startswith("2 of 6 training photos and 1 of")
 
 
@@ -83,13 +83,13 @@ def test_other_lights_are_those_of_the_same_gaussians(
     config: Any = tiny_run(tmp_path)
     config.pipeline.model.effects = EffectsConfig(distractors=False, appearance="affine")
     train.main(config)
-    one = load_run(find_run(config.get_base_dir() / "config.yml"))
-    whole, cropped = (gather(one, 2, 1, crop) for crop in (None, 1.0))
+    lit = load_run(find_run(config.get_base_dir() / "config.yml"))
+    whole, cropped = (gather(lit, 2, 1, crop) for crop in (None, 1.0))
     assert whole.light == AVERAGE and len(cropped.cloud) < len(whole.cloud)
     for contents, crop in ((whole, None), (cropped, 1.0)):
         assert contents.other_lights
         for light in contents.other_lights:
-            baked, _ = static_cloud(one.pipeline, crop, light.name)
+            baked, _ = static_cloud(lit.pipeline, crop, light.name)
             assert np.abs(light.harmonics - baked.harmonics).max() < 1e-5
             assert np.abs(light.harmonics - contents.cloud.harmonics).max() > 1e-4
 
@@ -99,7 +99,7 @@ def test_in_a_browser_it_looks_as_the_model_renders_it(run: LoadedRun, tmp_path:
     model: Any = run.pipeline.model
     contents = gather(run, 100, 100)
     size = contents.cameras[0].view.width, contents.cameras[0].view.height
-    found = []
+    decibels = []
     with bare_scene(tmp_path / "a.html", html_of(contents, MOST)[0], *size) as page:
         for index, camera in enumerate(contents.cameras):
             settle(page, f"scenePage.goTo({index})")
@@ -107,5 +107,5 @@ def test_in_a_browser_it_looks_as_the_model_renders_it(run: LoadedRun, tmp_path:
                 static = model.render_static(camera.view, None)
             background = np.asarray(contents.background, np.float32)
             ours = static.rgb.numpy() + (1 - static.alpha.numpy()) * background
-            found.append(psnr(shown(page), ours.clip(0, 1)))
-    assert min(found) > 30, found
+            decibels.append(psnr(shown(page), ours.clip(0, 1)))
+    assert min(decibels) > 30, decibels

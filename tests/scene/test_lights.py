@@ -47,16 +47,16 @@ def test_each_light_has_the_colours_that_are_baked_for_its_photo(appearance: str
     model.names = [f"photo {i}.jpg" for i in range(model.num_train_data)]
     model.names[0] += "\udcfc"  # a byte that is no text
     rows = torch.arange(model.num_points) % 3 != 0
-    found = other_lights(model, rows, view)
-    assert 1 <= len(found) <= 3 and len({one.name for one in found}) == len(found)
-    for one in found:
-        photo = [text_of(name) for name in model.names].index(one.name)
+    lights = other_lights(model, rows, view)
+    assert 1 <= len(lights) <= 3 and len({light.name for light in lights}) == len(lights)
+    for light in lights:
+        photo = [text_of(name) for name in model.names].index(light.name)
         assert model.image_effects is not None
         with model.shown_in(model.image_effects.of(photo)):
             whole = baked(model.shown_splats().rows(rows), antialiased=False)
-        assert np.allclose(one.harmonics, whole.harmonics, atol=1e-5)
+        assert np.allclose(light.harmonics, whole.harmonics, atol=1e-5)
     again = other_lights(model, rows, view)
-    assert [one.name for one in again] == [one.name for one in found]
+    assert [light.name for light in again] == [light.name for light in lights]
 
 
 @pytest.mark.slow
@@ -67,7 +67,7 @@ def test_there_is_nothing_to_choose_where_all_photos_have_the_same_light(view: V
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("appearance", "asked", "told"),
+    ("appearance", "asked", "expected"),
     [
         ("off", None, ""),
         ("camera", None, AVERAGE),
@@ -77,6 +77,6 @@ def test_there_is_nothing_to_choose_where_all_photos_have_the_same_light(view: V
     ],
 )
 def test_a_page_tells_whose_light_it_shows_where_photos_differ(
-    appearance: str, asked: str | None, told: str
+    appearance: str, asked: str | None, expected: str
 ):
-    assert light_of(model_with(appearance).eval(), asked) == told
+    assert light_of(model_with(appearance).eval(), asked) == expected

@@ -39,8 +39,8 @@ class Parts(HTMLParser):
 
     def text_of(self, name: str) -> str:
         """Of the element with this id."""
-        (found,) = (texts for _, attrs, texts in self.elements if attrs.get("id") == name)
-        return "".join(found)
+        (texts,) = (texts for _, attrs, texts in self.elements if attrs.get("id") == name)
+        return "".join(texts)
 
     def tags(self, name: str) -> list[tuple[dict[str, str | None], str]]:
         return [(attrs, "".join(texts)) for tag, attrs, texts in self.elements if tag == name]
@@ -48,10 +48,10 @@ class Parts(HTMLParser):
 
 def test_the_scene_its_cameras_and_what_was_taken_out_are_in_the_page():
     text, said = html_of(contents(), MOST)
-    parts, one = Parts(text), contents()
-    found = read_splats(base64.b64decode(parts.text_of("scene")))
-    turned = np.stack([one.cloud.means[:, 0], one.cloud.means[:, 2], -one.cloud.means[:, 1]], 1)
-    assert np.allclose(found.means, turned, atol=1e-5), "y is up in the page"
+    parts, made = Parts(text), contents()
+    read = read_splats(base64.b64decode(parts.text_of("scene")))
+    turned = np.stack([made.cloud.means[:, 0], made.cloud.means[:, 2], -made.cloud.means[:, 1]], 1)
+    assert np.allclose(read.means, turned, atol=1e-5), "y is up in the page"
     data = json.loads(parts.text_of("data"))
     assert [camera["name"] for camera in data["cameras"]] == ["a.png", "b.png", "extra.png"]
     assert [camera["heldOut"] for camera in data["cameras"]] == [False, False, True]
@@ -69,7 +69,7 @@ def test_nothing_is_asked_from_elsewhere():
     policy = next(a["content"] for a, _ in parts.tags("meta") if "http-equiv" in a)
     assert policy is not None and "default-src 'none'" in policy and "connect-src" not in policy
     addresses = [a.get("src") or a.get("href") for _, a, _ in parts.elements]
-    assert all(one.startswith("data:") for one in addresses if one)
+    assert all(address.startswith("data:") for address in addresses if address)
     assert re.findall(r"https?://[^\s\"'<]+", text) == []
 
 
@@ -83,7 +83,7 @@ def test_names_with_markup_in_them_do_no_harm():
         cameras=[camera(NASTY, 0), *plain.cameras[1:]],
         pictures=[(NASTY, plain.pictures[0][1])],
     )
-    before, after = (Parts(html_of(one, MOST)[0]) for one in (plain, nasty))
+    before, after = (Parts(html_of(page, MOST)[0]) for page in (plain, nasty))
     tags = [[tag for tag, _, _ in parts.elements] for parts in (before, after)]
     assert tags[0] == tags[1], "the same elements"
     assert json.loads(after.text_of("data"))["cameras"][0]["name"] == NASTY
@@ -93,13 +93,13 @@ def test_names_with_markup_in_them_do_no_harm():
 
 def test_other_lights_are_what_is_to_be_added_to_the_first_ones_colours():
     """All bytes of the file in that light, rounded as it would be, and no bytes beside."""
-    one = contents(light="a.png", other_lights=[light("b.png", 0.3)])
-    data = json.loads(Parts(html_of(one, MOST)[0]).text_of("data"))
+    written = contents(light="a.png", other_lights=[light("b.png", 0.3)])
+    data = json.loads(Parts(html_of(written, MOST)[0]).text_of("data"))
     first, other = data["lights"]
     assert (first["name"], first["change"]) == ("a.png", "")
     assert (other["name"], other["background"]) == ("b.png", [0.1, 0.2, 0.7])
-    lit = replace(one.cloud, harmonics=one.other_lights[0].harmonics)
-    before, after = (color_bytes(moved(cloud, TO_PAGE)) for cloud in (one.cloud, lit))
+    lit = replace(written.cloud, harmonics=written.other_lights[0].harmonics)
+    before, after = (color_bytes(moved(cloud, TO_PAGE)) for cloud in (written.cloud, lit))
     change = np.frombuffer(gzip.decompress(base64.b64decode(other["change"])), np.uint8)
     assert (before + change == after).all() and (change != 0).any()
 

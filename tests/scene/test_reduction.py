@@ -11,31 +11,31 @@ from tests.helpers.scene import cloud
 from tests.helpers.splat_readers import read_splats
 
 
-def by_opacity(one: SplatCloud) -> np.ndarray:
-    return one.opacities.astype(np.float64)
+def by_opacity(splats: SplatCloud) -> np.ndarray:
+    return splats.opacities.astype(np.float64)
 
 
 def test_what_fits_stays_whole_and_is_not_weighed():
-    one = cloud()
+    whole = cloud()
 
     def refuse(_: SplatCloud) -> np.ndarray:
         raise AssertionError("nothing has to be weighed")
 
-    found = fitted(one, len(spz_bytes(one)), refuse)
-    assert (found.kept, found.share) == (len(one), 1.0)
-    assert found.content == spz_bytes(one)
+    reduced = fitted(whole, len(spz_bytes(whole)), refuse)
+    assert (reduced.kept, reduced.share) == (len(whole), 1.0)
+    assert reduced.content == spz_bytes(whole)
 
 
 @pytest.mark.parametrize("part", [0.9, 0.5])
 def test_what_shows_most_is_kept_and_its_share_is_told(part: float):
-    one = cloud(count=1000)
-    most = int(part * len(spz_bytes(one)))
-    found = fitted(one, most, by_opacity)
-    assert 0.9 * most <= len(found.content) <= most, "not less than need be"
-    kept = np.sort(one.opacities)[len(one) - found.kept :]
-    read = np.sort(read_splats(found.content).opacities)
+    whole = cloud(count=1000)
+    most = int(part * len(spz_bytes(whole)))
+    reduced = fitted(whole, most, by_opacity)
+    assert 0.9 * most <= len(reduced.content) <= most, "not less than need be"
+    kept = np.sort(whole.opacities)[len(whole) - reduced.kept :]
+    read = np.sort(read_splats(reduced.content).opacities)
     assert np.allclose(read, kept, atol=0.01), "a byte holds an opacity"
-    assert found.share == pytest.approx(kept.sum() / one.opacities.sum(), rel=1e-6)
+    assert reduced.share == pytest.approx(kept.sum() / whole.opacities.sum(), rel=1e-6)
 
 
 @pytest.mark.parametrize("most", [1000, 0, -5])

@@ -38,11 +38,11 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def page(address: Path) -> Iterator[Page]:
-    with headless_page(webgl=True) as one:
-        one.resize(WIDTH, HEIGHT)
+    with headless_page(webgl=True) as browser:
+        browser.resize(WIDTH, HEIGHT)
         address.write_text(html_of(contents(), MOST)[0])
-        opened(one, address)
-        yield one
+        opened(browser, address)
+        yield browser
 
 
 @pytest.fixture()
@@ -67,12 +67,12 @@ def test_at_a_photos_camera_it_shows_what_we_render(stage: Page, index: int):
 
 def test_another_light_is_shown_where_it_is_chosen_and_the_first_one_again(tmp_path: Path):
     other = light("b.png")
-    one = contents(light="a.png", other_lights=[other])
-    view = one.cameras[1].view
-    ours = drawn(one.cloud, view)
-    lit = drawn(replace(one.cloud, harmonics=other.harmonics), view, other.background)
+    scene = contents(light="a.png", other_lights=[other])
+    view = scene.cameras[1].view
+    ours = drawn(scene.cloud, view)
+    lit = drawn(replace(scene.cloud, harmonics=other.harmonics), view, other.background)
     assert psnr(ours, lit) < 20
-    with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:
+    with bare_scene(tmp_path / "a.html", html_of(scene, MOST)[0], WIDTH, HEIGHT) as page:
         settle(page, "scenePage.goTo(1)")
         first = shown(page)
         assert psnr(first, ours) > LEAST_PSNR
@@ -90,17 +90,17 @@ def test_strong_harmonics_are_drawn_whole(tmp_path: Path, degree: int):
     rounding of colours alone would leave 40 dB (tests/export)."""
     plain = cloud(degree=degree)
     strong = plain.harmonics * np.where(np.arange((degree + 1) ** 2) > 0, 4, 1)[:, None]
-    one = contents(cloud=replace(plain, harmonics=strong.astype(np.float32)))
-    with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:
+    scene = contents(cloud=replace(plain, harmonics=strong.astype(np.float32)))
+    with bare_scene(tmp_path / "a.html", html_of(scene, MOST)[0], WIDTH, HEIGHT) as page:
         settle(page, "scenePage.goTo(1)")
-        assert psnr(shown(page), drawn(one.cloud, one.cameras[1].view)) > 40
+        assert psnr(shown(page), drawn(scene.cloud, scene.cameras[1].view)) > 40
 
 
 def test_antialiased_scenes_are_drawn_as_such(tmp_path: Path):
-    one = contents(cloud=replace(cloud(), antialiased=True))
-    with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:
+    scene = contents(cloud=replace(cloud(), antialiased=True))
+    with bare_scene(tmp_path / "a.html", html_of(scene, MOST)[0], WIDTH, HEIGHT) as page:
         settle(page, "scenePage.goTo(1)")
-        assert psnr(shown(page), drawn(one.cloud, one.cameras[1].view)) > LEAST_PSNR
+        assert psnr(shown(page), drawn(scene.cloud, scene.cameras[1].view)) > LEAST_PSNR
 
 
 def test_what_was_taken_out_can_be_put_back_and_fades_away_from_its_camera(stage: Page):
@@ -161,8 +161,8 @@ def test_a_finger_turns_the_scene_and_keys_walk(stage: Page):
 def test_the_photo_lies_over_the_scene_up_to_the_slider(stage: Page):
     settle(stage, "share.value = 50, share.oninput()")
     stage.wait_for("getComputedStyle(photo).opacity === '1'")
-    seen = shown(stage)
-    is_photo = np.abs(seen - np.array(PHOTO) / 255).max(axis=2) < 0.05
+    picture = shown(stage)
+    is_photo = np.abs(picture - np.array(PHOTO) / 255).max(axis=2) < 0.05
     assert is_photo[:, : WIDTH // 2 - 2].all() and not is_photo[:, WIDTH // 2 + 2 :].any()
 
 
@@ -178,12 +178,12 @@ def test_what_is_nearer_than_the_near_plane_is_not_shown_there(tmp_path: Path):
     """The disc hangs 0.8 units before the first camera; the plane lies at 1."""
     scene, disc = cloud(degree=0), red_disc()
     both = joined(scene, disc)
-    one = contents(cloud=both, cameras=[camera("a.png", 0, near=1.0), camera("b.png", 40)])
-    with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:
+    page_data = contents(cloud=both, cameras=[camera("a.png", 0, near=1.0), camera("b.png", 40)])
+    with bare_scene(tmp_path / "a.html", html_of(page_data, MOST)[0], WIDTH, HEIGHT) as page:
         settle(page, "scenePage.goTo(0)")
         hidden = shown(page)
-        assert psnr(hidden, drawn(scene, one.cameras[0].view)) > LEAST_PSNR
-        assert psnr(hidden, drawn(both, one.cameras[0].view)) < LEAST_PSNR
+        assert psnr(hidden, drawn(scene, page_data.cameras[0].view)) > LEAST_PSNR
+        assert psnr(hidden, drawn(both, page_data.cameras[0].view)) < LEAST_PSNR
 
 
 def joined(*clouds: SplatCloud) -> SplatCloud:
@@ -200,11 +200,11 @@ def test_a_large_gaussian_beside_the_image_reaches_into_it_as_in_training(tmp_pa
     scene, disc = cloud(degree=0), red_disc()
     place, shape = np.array([3, 2.4, 0]), np.array([12, 12, 6], np.float32)
     large = replace(disc, means=disc.means + place, scales=disc.scales * shape)
-    one = contents(cloud=joined(scene, large), cameras=[camera("a.png", 0)])
-    with bare_scene(tmp_path / "a.html", html_of(one, MOST)[0], WIDTH, HEIGHT) as page:
+    page_data = contents(cloud=joined(scene, large), cameras=[camera("a.png", 0)])
+    with bare_scene(tmp_path / "a.html", html_of(page_data, MOST)[0], WIDTH, HEIGHT) as page:
         settle(page, "scenePage.goTo(0)")
-        ours = drawn(one.cloud, one.cameras[0].view)
-        assert psnr(ours, drawn(scene, one.cameras[0].view)) < LEAST_PSNR, "it is seen"
+        ours = drawn(page_data.cloud, page_data.cameras[0].view)
+        assert psnr(ours, drawn(scene, page_data.cameras[0].view)) < LEAST_PSNR, "it is seen"
         assert psnr(shown(page), ours) > LEAST_PSNR
 
 
@@ -218,7 +218,7 @@ def test_a_page_is_as_wide_as_its_window_and_the_stage_has_room(page: Page, widt
 
 def test_no_request_leaves_the_page_and_nothing_goes_wrong(page: Page, address: Path):
     """The last of this module: it hears of all that the others did."""
-    own = [one for one in page.requests() if not one.startswith(("data:", "blob:"))]
+    own = [request for request in page.requests() if not request.startswith(("data:", "blob:"))]
     assert own == [address.as_uri()]
     wrong = [e for e in page.events if e["method"] in ("Log.entryAdded", "Runtime.exceptionThrown")]
     said = [e for e in page.events if e["method"] == "Runtime.consoleAPICalled"]

@@ -19,8 +19,8 @@ REGISTRY = re.compile(rb"registry\.|crates\.io|npmjs|pypi", re.IGNORECASE)
 
 def test_committed_files_are_those_of_the_pinned_build():
     pinned = json.loads(PINS.read_text())["files"]
-    found = {path.name: checksum(path.name, path.read_bytes()) for path in FOLDER.iterdir()}
-    assert found == pinned
+    committed = {path.name: checksum(path.name, path.read_bytes()) for path in FOLDER.iterdir()}
+    assert committed == pinned
 
 
 def test_the_viewer_is_small():

@@ -20,16 +20,16 @@ def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
 
     for _ in range(5):
         assert not regions(scene.photo).any()
-    found = regions(scene.with_an_occluder())
-    assert found.shape == (HEIGHT, WIDTH)
-    true = torch.zeros_like(found)
+    region = regions(scene.with_an_occluder())
+    assert region.shape == (HEIGHT, WIDTH)
+    true = torch.zeros_like(region)
     true[10:30, 20:40] = True
-    assert (found & true).sum() / (found | true).sum() > 0.7
+    assert (region & true).sum() / (region | true).sum() > 0.7
 
 
 def test_what_a_masked_pixel_holds_changes_no_bit():
     """Neither of the regions nor of what is remembered."""
-    found = []
+    results = []
     for value in (0.0, float("nan")):
         scene, mask = WellKnownScene(), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
         mask[15:33, 12:31] = False
@@ -37,10 +37,10 @@ def test_what_a_masked_pixel_holds_changes_no_bit():
             scene.find(scene.photo, 40, CONFIG)
         photo = scene.with_an_occluder().masked_fill(~mask, value)
         regions = scene.find(photo, 40, CONFIG, mask)
-        found.append((regions, scene.memory.values("usual_residual", HEIGHT * WIDTH, CPU)))
-    assert found[0][0].any()
-    assert torch.equal(found[0][0], found[1][0])
-    assert torch.equal(found[0][1], found[1][1])
+        results.append((regions, scene.memory.values("usual_residual", HEIGHT * WIDTH, CPU)))
+    assert results[0][0].any()
+    assert torch.equal(results[0][0], results[1][0])
+    assert torch.equal(results[0][1], results[1][1])
 
 
 def test_under_a_mask_a_photo_is_as_the_static_scene():
@@ -59,9 +59,9 @@ def test_what_is_in_the_way_beside_a_mask_is_found():
     mask[:, 30:] = False
     for _ in range(5):
         scene.find(scene.photo, 40, CONFIG, mask)
-    found = scene.find(scene.with_an_occluder(), 40, CONFIG, mask)
-    assert found[12:28, 22:28].all()
-    assert not found[:, 30:].any()
+    region = scene.find(scene.with_an_occluder(), 40, CONFIG, mask)
+    assert region[12:28, 22:28].all()
+    assert not region[:, 30:].any()
 
 
 def test_no_region_reaches_into_a_mask_though_one_lies_all_around_it():
@@ -70,9 +70,9 @@ def test_no_region_reaches_into_a_mask_though_one_lies_all_around_it():
         scene.find(scene.photo, 40, CONFIG)
     mask = torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
     mask[18:22, 28:32] = False
-    found = scene.find(scene.with_an_occluder(), 40, CONFIG, mask)
-    assert found[12:28, 22:38].sum() == 16 * 16 - 4 * 4
-    assert not found[18:22, 28:32].any()
+    region = scene.find(scene.with_an_occluder(), 40, CONFIG, mask)
+    assert region[12:28, 22:38].sum() == 16 * 16 - 4 * 4
+    assert not region[18:22, 28:32].any()
     mask[:] = False
     assert not scene.find(scene.with_an_occluder(), 40, CONFIG, mask).any()
 

@@ -60,10 +60,10 @@ def test_fine_cells_have_half_the_size_but_no_less_than_a_pixel():
 def test_a_cell_counts_if_half_of_its_pixels_do():
     mask = torch.ones(160, 200, 1, dtype=torch.bool)  # cells of 2 x 2 pixels
     mask[:2, :4] = torch.tensor([[1, 0, 0, 1], [1, 0, 0, 0]], dtype=torch.bool)[..., None]
-    found = counted_cells(mask)
-    assert found.shape == (80, 100)
-    assert found[0, :3].tolist() == [True, False, True]
-    assert found.sum() == found.numel() - 1
+    counted = counted_cells(mask)
+    assert counted.shape == (80, 100)
+    assert counted[0, :3].tolist() == [True, False, True]
+    assert counted.sum() == counted.numel() - 1
 
 
 @pytest.mark.parametrize("size", [1, 3, 13])
@@ -89,16 +89,16 @@ def test_the_pixels_of_a_region_are_those_of_its_cells(size):
 def test_a_gpu_takes_the_same_pixels_by_other_ways(size, monkeypatch):
     columns, rows = grid_of(size[1], size[0])
     regions = torch.rand(rows, columns, generator=torch.Generator().manual_seed(0)) < 0.5
-    found = region_pixels(regions, *size)
+    pixels = region_pixels(regions, *size)
     monkeypatch.setattr(torch.Tensor, "is_cpu", False)
-    assert torch.equal(region_pixels(regions, *size), found)
+    assert torch.equal(region_pixels(regions, *size), pixels)
 
 
 def test_masks_of_all_shapes_arrive_together_as_they_were():
     generator = torch.Generator().manual_seed(0)
     masks = [torch.rand(shape, generator=generator) > 0.5 for shape in ((7,), (3, 4), (0,), ())]
-    found = masks_to_host(*masks)
-    assert [one.shape for one in found] == [(7,), (3, 4), (0,), ()]
-    for one, mask in zip(found, masks, strict=True):
-        assert one.dtype == np.bool_
-        assert torch.equal(to_device(np.asarray(one), mask.device), mask)
+    arrays = masks_to_host(*masks)
+    assert [array.shape for array in arrays] == [(7,), (3, 4), (0,), ()]
+    for array, mask in zip(arrays, masks, strict=True):
+        assert array.dtype == np.bool_
+        assert torch.equal(to_device(np.asarray(array), mask.device), mask)

@@ -34,9 +34,9 @@ def test_a_region_that_is_too_wide_gets_the_outline_of_the_thing():
 def test_one_that_is_too_narrow_comes_nearer_to_it_and_never_leaves_it():
     colors, thing = photo_with_a_thing()
     narrow = ~grown(~thing, 2)
-    found = along_edges(narrow, colors)
-    assert not (found & ~thing).any()
-    assert (thing & ~found).sum() < 0.5 * (thing & ~narrow).sum()
+    outline = along_edges(narrow, colors)
+    assert not (outline & ~thing).any()
+    assert (thing & ~outline).sum() < 0.5 * (thing & ~narrow).sum()
 
 
 def test_where_no_colour_changes_a_straight_edge_stays():

@@ -72,23 +72,23 @@ def test_another_sky_is_in_the_way_only_where_photos_share_theirs(grey_sky):
 
 
 def test_what_stands_before_the_sky_is_found(grey_sky):
-    found = SceneBelowASky().regions(with_branches(grey_sky), own_skies=True)
-    assert found[4 : HEIGHT // 2 - 4, 44 : WIDTH - 4].all()
-    assert not found[:, :30].any()
+    regions = SceneBelowASky().regions(with_branches(grey_sky), own_skies=True)
+    assert regions[4 : HEIGHT // 2 - 4, 44 : WIDTH - 4].all()
+    assert not regions[:, :30].any()
 
 
 def test_what_stands_before_the_scene_is_found_under_another_sky(grey_sky):
     grey_sky[24:36, 10:30] = torch.tensor([0.9, 0.1, 0.9])
-    found = SceneBelowASky().regions(grey_sky, own_skies=True)
-    assert found[26:34, 12:28].all()
-    assert not found[: HEIGHT // 2 - 4].any()
+    regions = SceneBelowASky().regions(grey_sky, own_skies=True)
+    assert regions[26:34, 12:28].all()
+    assert not regions[: HEIGHT // 2 - 4].any()
 
 
 def test_a_smooth_photo_is_its_own_sky_where_the_scene_is_transparent():
     alpha = torch.zeros(HEIGHT, WIDTH, 1)
     alpha[:, WIDTH // 2 :] = 1.0
-    found = own_sky(smooth(0.4), alpha)
-    assert found[:, : WIDTH // 2].all()
-    assert not found[:, WIDTH // 2 :].any()
+    sky = own_sky(smooth(0.4), alpha)
+    assert sky[:, : WIDTH // 2].all()
+    assert not sky[:, WIDTH // 2 :].any()
     noise = torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(0))
     assert not own_sky(noise, alpha).any()

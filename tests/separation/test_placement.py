@@ -58,11 +58,11 @@ def pixels(means: torch.Tensor, view: View) -> torch.Tensor:
 
 def test_new_distractors_lie_on_the_cells_of_the_region_in_the_photos_colours():
     new = new_ones(block())
-    found = pixels(new["means"], the_view())
-    assert len(found) == 5 * 10
+    places = pixels(new["means"], the_view())
+    assert len(places) == 5 * 10
     x, y = torch.meshgrid(torch.arange(31.0, 50, 2), torch.arange(11.0, 20, 2), indexing="xy")
     expected = torch.stack([x, y], dim=-1).reshape(-1, 2)
-    assert torch.allclose(found, expected, atol=1e-3)
+    assert torch.allclose(places, expected, atol=1e-3)
     patch = a_photo()[10:12, 30:32].mean((0, 1))
     assert torch.allclose(new["rgbs"][0], patch, atol=1e-6)
     assert torch.allclose(new["opacities"].sigmoid(), torch.tensor(0.5))
@@ -84,9 +84,9 @@ def test_none_is_placed_in_a_cell_of_which_less_than_half_is_in_a_region():
     regions[12:14, 30] = False  # half of a cell of 2 x 2 pixels
     assert uncovered_cells(regions, alpha(0.0), CONFIG)[6, 15]
     regions[12, 31] = False
-    found = uncovered_cells(regions, alpha(0.0), CONFIG)
-    assert not found[6, 15]
-    assert found.sum() == 50 - 1
+    cells = uncovered_cells(regions, alpha(0.0), CONFIG)
+    assert not cells[6, 15]
+    assert cells.sum() == 50 - 1
 
 
 def test_those_in_the_region_stay():

@@ -38,8 +38,8 @@ class Memory:
 
     def see(self, residual: torch.Tensor, counted: torch.Tensor | None = None) -> torch.Tensor:
         rest = self.visible, self.opacities, self.stats, counted
-        found, self.stats = excess_residual(residual, self.means2d, *rest)
-        return found.values
+        excess, self.stats = excess_residual(residual, self.means2d, *rest)
+        return excess.values
 
     def nothing(self) -> ResidualStats:
         return ResidualStats.of(GaussianMemory({}), len(self.means2d), 40, self.means2d.device)
@@ -84,8 +84,8 @@ def test_an_occluder_over_up_to_three_quarters_of_a_view_is_measured_against_the
     """And one over more is taken for the view."""
     residual = flat()
     residual[: int(share * ROWS)] = 0.3
-    found = Memory().see(residual)[:10]
-    assert torch.allclose(found, torch.full_like(found, excess), rtol=0, atol=1e-6)
+    values = Memory().see(residual)[:10]
+    assert torch.allclose(values, torch.full_like(values, excess), rtol=0, atol=1e-6)
 
 
 def test_what_is_not_seen_does_not_learn():
@@ -155,8 +155,8 @@ def test_a_place_that_two_views_see_is_judged_by_what_is_usual_elsewhere():
     memory.visible = torch.ones_like(right)
     assert memory.see(residual)[:, -8:].min() > 0.15
     for _ in range(40):
-        found = memory.see(residual)
-    assert found[:, -8:].max() < 0.05  # by now seen often enough to say that it is usual
+        excess = memory.see(residual)
+    assert excess[:, -8:].max() < 0.05  # by now seen often enough to say that it is usual
 
 
 def test_where_no_gaussian_is_the_whole_scene_says_what_is_expected():
@@ -167,9 +167,9 @@ def test_where_no_gaussian_is_the_whole_scene_says_what_is_expected():
     memory.means2d[memory.means2d[:, 0] > 15] = -5.0
     residual = flat()
     residual[:, 20:] = 0.2
-    found = memory.see(residual)
-    assert found[:, 23:].min() == pytest.approx(0.16, abs=1e-3)  # 0.2 - 2 * 0.02
-    assert found[:, :12].abs().max() == pytest.approx(0.02, abs=1e-3)
+    excess = memory.see(residual)
+    assert excess[:, 23:].min() == pytest.approx(0.16, abs=1e-3)  # 0.2 - 2 * 0.02
+    assert excess[:, :12].abs().max() == pytest.approx(0.02, abs=1e-3)
 
 
 def test_what_floats_in_front_of_one_camera_does_not_vouch_for_what_stands_in_its_photo():
@@ -182,9 +182,9 @@ def test_what_floats_in_front_of_one_camera_does_not_vouch_for_what_stands_in_it
     memory.visible = torch.ones(len(memory.means2d), dtype=torch.bool)
     for visit in range(400):
         memory.visible[-floaters:] = visit % 40 == 0
-        found = memory.see(with_block(0.2) if visit % 40 == 0 else flat())
+        excess = memory.see(with_block(0.2) if visit % 40 == 0 else flat())
         if visit % 40 == 0:
-            assert found[8:12, 12:16].min() > 0.15
+            assert excess[8:12, 12:16].min() > 0.15
 
 
 def left_half() -> torch.Tensor:
@@ -211,10 +211,10 @@ def test_what_is_masked_has_no_part_in_the_level_and_no_excess():
     residual, counted = flat(), torch.ones(ROWS, COLUMNS, dtype=torch.bool)
     residual[:16], counted[:16] = 0.3, False
     residual[18, 20] = 0.2
-    found = Memory().see(residual, counted)
-    assert (found[:16] == 0).all()
-    assert found[18, 20] == pytest.approx(0.18)
-    assert found[16:].median() == pytest.approx(0, abs=1e-7)
+    excess = Memory().see(residual, counted)
+    assert (excess[:16] == 0).all()
+    assert excess[18, 20] == pytest.approx(0.18)
+    assert excess[16:].median() == pytest.approx(0, abs=1e-7)
     assert Memory().see(residual)[18, 20] < 0
 
 
@@ -223,8 +223,8 @@ def test_neighbours_that_are_masked_do_not_say_what_is_expected():
     counted, known = left_half(), math.log(5.0) * (~left_half()).flatten()
     memory = Memory()
     memory.stats = dataclasses.replace(memory.nothing(), usual=known)
-    found = memory.see(flat(), counted)
-    assert torch.allclose(found, torch.zeros_like(found), atol=1e-7)
+    excess = memory.see(flat(), counted)
+    assert torch.allclose(excess, torch.zeros_like(excess), atol=1e-7)
     memory.stats = dataclasses.replace(memory.nothing(), usual=known)
     assert memory.see(flat())[:, COLUMNS // 2 - 1].max() < -0.01
 
@@ -233,8 +233,8 @@ def test_a_view_that_is_masked_wholly_leaves_everything_as_it_was():
     memory = Memory()
     memory.see(flat())
     before = memory.stats
-    found = memory.see(flat(), torch.zeros(ROWS, COLUMNS, dtype=torch.bool))
-    assert (found == 0).all()
+    excess = memory.see(flat(), torch.zeros(ROWS, COLUMNS, dtype=torch.bool))
+    assert (excess == 0).all()
     assert torch.equal(before.usual, memory.stats.usual)
     assert torch.equal(before.times_seen, memory.stats.times_seen)
 

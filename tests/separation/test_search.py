@@ -61,10 +61,10 @@ def generated(width: int, height: int, masked: bool = False, count: int = 5000) 
     photo[height // 4 : height // 2, : width // 2] = torch.tensor([0.9, 0.1, 0.8])
     photo[height // 2 : height // 3 * 2, width // 2 :] += 0.3
     photo = photo.clamp(0, 1)
-    return seen(photo, rgb, rng, count, masked)
+    return case_of(photo, rgb, rng, count, masked)
 
 
-def seen(photo: Tensor, rgb: Tensor, rng: torch.Generator, count: int, masked: bool) -> Case:
+def case_of(photo: Tensor, rgb: Tensor, rng: torch.Generator, count: int, masked: bool) -> Case:
     """Gaussians with a memory, some of them beyond the image or hidden."""
     height, width = photo.shape[:2]
     means2d = torch.rand(count, 2, generator=rng) * 1.2 - 0.1
@@ -85,10 +85,10 @@ def real(folder: Path, number: str, masked: bool) -> Case:
     images = folder / "images"
     names = (f"clutter_{number}.jpg", f"clean_{number}.jpg")
     photo, clean = (cv2.imread(str(images / name))[..., ::-1] / np.float32(255) for name in names)
-    photo, clean = (cv2.resize(one, None, fx=0.5, fy=0.5) for one in (photo, clean))
+    photo, clean = (cv2.resize(image, None, fx=0.5, fy=0.5) for image in (photo, clean))
     rgb = torch.from_numpy(cv2.GaussianBlur(clean, (0, 0), 1.5))
     rng = torch.Generator().manual_seed(int(number))
-    return seen(torch.from_numpy(photo), rgb, rng, 20_000, masked)
+    return case_of(torch.from_numpy(photo), rgb, rng, 20_000, masked)
 
 
 def assert_same_search(case: Case) -> None:
@@ -99,9 +99,9 @@ def assert_same_search(case: Case) -> None:
         assert (a - b).abs().max() <= bound
     assert_same_memory(case)
     for comparison in (compiled[0], plain[0]):
-        found = search.find_regions(comparison, CONFIG)
+        region = search.find_regions(comparison, CONFIG)
         expected = regions.find_regions(comparison, CONFIG)
-        assert torch.equal(found, expected) or is_on_edge(comparison)
+        assert torch.equal(region, expected) or is_on_edge(comparison)
 
 
 def pooled_pair(comparison: Comparison) -> tuple[Tensor, Tensor]:
@@ -124,17 +124,17 @@ def assert_same_memory(case: Case) -> None:
     residual = residuals.local_residual(*pair, grid)
     scale = torch.tensor([np.float32(grid[0] / width), np.float32(grid[1] / height)])
     static, stats = case.static, case.stats
-    found, memory = search._excess(residual, case.size, static, stats, case.counted)
+    excess, memory = search._excess(residual, case.size, static, stats, case.counted)
     rest = (static.visible, static.opacities, stats, case.counted)
     expected, remembered = residuals.excess_residual(residual, static.means2d * scale, *rest)
     assert torch.equal(memory.usual, remembered.usual)
     assert torch.equal(memory.times_seen, remembered.times_seen)
     assert memory.visits == remembered.visits
-    assert found.level == expected.level
+    assert excess.level == expected.level
     largest = float(stats.usual.abs().max())
     typical = 2 * (math.log2(len(stats.usual)) + 16) * EPS * largest
-    factor = float(found.level) * math.exp(largest) * (typical + 8 * EPS) + 2 * EPS
-    assert (found.values - expected.values).abs().max() <= factor
+    factor = float(excess.level) * math.exp(largest) * (typical + 8 * EPS) + 2 * EPS
+    assert (excess.values - expected.values).abs().max() <= factor
 
 
 def is_on_edge(comparison: Comparison) -> bool:
@@ -166,8 +166,8 @@ def test_from_pixels_on_no_more_cells_differ_than_rounding_can_move(size):
     detail is; each may take the cells with it over which a region is explained by colours."""
     case = generated(*size)
     (compiled, _), (plain, _) = case.seen_by(search), case.seen_by(regions)
-    found = search.find_regions(compiled, CONFIG)
-    differing = int((found != regions.find_regions(plain, CONFIG)).sum())
+    region = search.find_regions(compiled, CONFIG)
+    differing = int((region != regions.find_regions(plain, CONFIG)).sum())
     if fine_grid_of(*size) == size:
         assert differing == 0
     assert differing <= regions.OUTLINE_WINDOW**2 * movable(plain, pooling_bound(case))
@@ -195,14 +195,14 @@ def movable(comparison: Comparison, bound: float) -> int:
 @pytest.mark.skipif(all_cores() < 2, reason="needs two cores")
 @pytest.mark.parametrize("size", [(61, 43), (181, 239), (3, 200), (1203, 805)])
 def test_the_bits_are_the_same_for_any_number_of_threads(size):
-    case, found = generated(*size, masked=True), []
+    case, results = generated(*size, masked=True), []
     for number in (1, 2):
         with threads(number):
             assert numba.get_num_threads() == number
             comparison, stats = case.seen_by(search)
             kept = (*pooled_pair(comparison), comparison.excess.values, stats.usual)
-            found.append((*kept, search.find_regions(comparison, CONFIG)))
-    assert all(torch.equal(a, b) for a, b in zip(*found, strict=True))
+            results.append((*kept, search.find_regions(comparison, CONFIG)))
+    assert all(torch.equal(a, b) for a, b in zip(*results, strict=True))
 
 
 @pytest.mark.parametrize("bands", [2, 3, 7, 40])
@@ -213,15 +213,15 @@ def test_more_bands_than_threads_give_the_same_bits(bands, monkeypatch):
     monkeypatch.setattr(runtime, "num_workers", lambda: bands)
     parts = case.seen_by(search)[0]
     assert torch.equal(parts.excess.values, whole.excess.values)
-    found = search.find_regions(parts, CONFIG)
+    region = search.find_regions(parts, CONFIG)
     monkeypatch.undo()
-    assert torch.equal(found, search.find_regions(whole, CONFIG))
+    assert torch.equal(region, search.find_regions(whole, CONFIG))
 
 
 def test_a_view_without_gaussians_or_with_nothing_counted_is_searched():
     none = generated(61, 43, count=0)
-    (found, _), (expected, _) = none.seen_by(search), none.seen_by(regions)
-    assert torch.equal(found.excess.values, expected.excess.values)
+    (comparison, _), (expected, _) = none.seen_by(search), none.seen_by(regions)
+    assert torch.equal(comparison.excess.values, expected.excess.values)
     case = generated(61, 43)
     case.counted = torch.zeros(43, 61, dtype=torch.bool)
     comparison, stats = case.seen_by(search)

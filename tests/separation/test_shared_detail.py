@@ -26,17 +26,17 @@ def shared_detail(static: torch.Tensor, photo: torch.Tensor) -> torch.Tensor:
     """On the grid of `grid_of`."""
     size = static.shape[1], static.shape[0]
     fine = fine_grid_of(*size)
-    found = regions.shared_detail(pooled(static, fine), pooled(photo, fine))
-    return pooled(found[..., None], grid_of(*size))[0]
+    detail = regions.shared_detail(pooled(static, fine), pooled(photo, fine))
+    return pooled(detail[..., None], grid_of(*size))[0]
 
 
-def inner(found: torch.Tensor) -> torch.Tensor:
+def inner(cells: torch.Tensor) -> torch.Tensor:
     """The cells inside of what was changed."""
     columns, rows = grid_of(WIDTH, HEIGHT)
     down, right = RECTANGLE
     y = slice(down.start * rows // HEIGHT + 4, down.stop * rows // HEIGHT - 4)
     x = slice(right.start * columns // WIDTH + 4, right.stop * columns // WIDTH - 4)
-    return found[y, x]
+    return cells[y, x]
 
 
 @pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (0.7, 0.0), (1.3, 0.0), (0.8, 0.3)])
@@ -76,12 +76,12 @@ def test_it_is_the_correlation_of_the_windows_by_a_count_of_its_own(scene):
 
     def means(x: torch.Tensor, size: int) -> torch.Tensor:
         half = size // 2
-        found = torch.empty_like(x)
+        averages = torch.empty_like(x)
         for i in range(8):
             for j in range(8):
                 window = x[max(0, i - half) : i + half + 1, max(0, j - half) : j + half + 1]
-                found[i, j] = window.mean()
-        return found
+                averages[i, j] = window.mean()
+        return averages
 
     s, p = means(s, 3), means(p, 3)
     common = means(s * p, 7) - means(s, 7) * means(p, 7)

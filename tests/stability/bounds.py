@@ -60,17 +60,17 @@ def blend(m: Magnitudes, depths: Tensor, u: float) -> Blend:
     weight, taus = torch.zeros_like(raw), torch.zeros_like(raw)
     for i in sorted(range(len(depths)), key=lambda i: (float(depths[i]), i)):
         a = raw[i].clamp(max=ALPHA_MAX)
-        seen = running & (a >= ALPHA_CUTOFF)
+        visible = running & (a >= ALPHA_CUTOFF)
         after = clear * (1 - a)
         own = a * rho[i] / (1 - a) + 2 * u
         for value, edge, error, relevant in (
             (raw[i], ALPHA_CUTOFF, rho[i], running),
             (raw[i], ALPHA_MAX, rho[i], running),
-            (after, TRANSMITTANCE_MIN, tau + own, seen),
+            (after, TRANSMITTANCE_MIN, tau + own, visible),
         ):
             safe &= ~relevant | ((value / edge).log().abs() > error + 4 * u)
-        running = running & ~(seen & (after <= TRANSMITTANCE_MIN))
-        drawn = seen & running
+        running = running & ~(visible & (after <= TRANSMITTANCE_MIN))
+        drawn = visible & running
         taus[i] = tau
         weight[i] = torch.where(drawn, a * clear, 0)
         clear, tau = torch.where(drawn, after, clear), torch.where(drawn, tau + own, tau)

@@ -78,7 +78,7 @@ def witness(depth: float = 3.0) -> TestScene:
     )
 
 
-def seen(name: str, *, settings: RenderSettings = CLASSIC, **changes) -> Case:
+def right(name: str, *, settings: RenderSettings = CLASSIC, **changes) -> Case:
     """An extreme but valid Gaussian before the witness."""
     return Case(name, lambda: joined(hard(**changes), witness()), settings=settings)
 
@@ -205,59 +205,59 @@ NEEDLE = turned(0.7, (0.0, 0.0, 1.0))
 
 CASES: tuple[Case, ...] = (
     # Where the camera stands
-    seen("the camera inside a Gaussian", means=[[0.05, -0.03, 0.3]], scales=[[5.0, 4.0, 6.0]]),
-    seen("the camera inside, centre just beyond the near plane",
-         means=[[1e-4, -2e-4, 0.011]], scales=[[2.0, 1.0, 1.5]]),
+    right("the camera inside a Gaussian", means=[[0.05, -0.03, 0.3]], scales=[[5.0, 4.0, 6.0]]),
+    right("the camera inside, centre just beyond the near plane",
+          means=[[1e-4, -2e-4, 0.011]], scales=[[2.0, 1.0, 1.5]]),
     broken("the mean in the camera's centre", means=[[0.0, 0.0, 0.0]]),
     broken("z = 1e-20", means=[[0.0, 0.0, 1e-20]]),
     broken("z just before the near plane", means=[[0.0, 0.0, 0.0099999]], scales=[[1e-3] * 3]),
-    seen("z just behind the near plane",
-         means=[[1e-5, 2e-5, 0.0100001]], scales=[[1e-3, 2e-3, 1.5e-3]]),
+    right("z just behind the near plane",
+          means=[[1e-5, 2e-5, 0.0100001]], scales=[[1e-3, 2e-3, 1.5e-3]]),
     broken("behind the camera", means=[[0.1, 0.1, -2.0]]),
-    seen("z = 9e9, just before the far plane",
-         means=[[1e8, -2e8, 9e9]], scales=[[1e9, 2e9, 1.5e9]]),
+    right("z = 9e9, just before the far plane",
+          means=[[1e8, -2e8, 9e9]], scales=[[1e9, 2e9, 1.5e9]]),
     broken("beyond the far plane", means=[[0.0, 0.0, 1.1e10]], scales=[[1e9] * 3]),
-    seen("beyond the border, where the Jacobian's slope is held",
-         means=[[1.2, -0.9, 2.0]], scales=[[0.8, 0.6, 0.7]]),
+    right("beyond the border, where the Jacobian's slope is held",
+          means=[[1.2, -0.9, 2.0]], scales=[[0.8, 0.6, 0.7]]),
     # Rotations
     broken("a zero quaternion", quats=[[0.0, 0.0, 0.0, 0.0]]),
     broken("a denormal quaternion", quats=[[1e-40, 1e-41, 0.0, 0.0]]),
     broken("a quaternion of length 1e-13", quats=[[1e-13, 0.0, 0.0, 0.0]]),
-    seen("a quaternion of length 1e-11", quats=[[9e-12, 2e-12, -3e-12, 1e-12]]),
-    seen("a quaternion of length 1e18", quats=[[9e17, 2e17, -3e17, 1e17]]),
+    right("a quaternion of length 1e-11", quats=[[9e-12, 2e-12, -3e-12, 1e-12]]),
+    right("a quaternion of length 1e18", quats=[[9e17, 2e17, -3e17, 1e17]]),
     # Sizes
-    *(seen(f"log-scales of {p}", scales=log_scales(p)) for p in (-40, -20, -5, 5, 10, 15)),
+    *(right(f"log-scales of {p}", scales=log_scales(p)) for p in (-40, -20, -5, 5, 10, 15)),
     *(broken(f"log-scales of {p}", scales=log_scales(p)) for p in (20, 40)),
     *(
         broken(f"a needle of 4e9 pixels, along its axis {k}",
                scales=[[5e8 if k == axis else 0.1 for axis in range(3)]])
         for k in range(3)
     ),
-    seen("scales of 0", scales=[[0.0, 0.0, 0.0]]),
-    seen("denormal scales", scales=[[1e-40, 2e-40, 1e-41]]),
-    seen("a needle, 1e6 : 1", scales=[[1.0, 1e-6, 1e-6]], quats=NEEDLE),
-    seen("a needle, 1e9 : 1, 400 pixels long (det <= 0 in float32)",
-         scales=[[50.0, 5e-8, 5e-8]], quats=NEEDLE),
+    right("scales of 0", scales=[[0.0, 0.0, 0.0]]),
+    right("denormal scales", scales=[[1e-40, 2e-40, 1e-41]]),
+    right("a needle, 1e6 : 1", scales=[[1.0, 1e-6, 1e-6]], quats=NEEDLE),
+    right("a needle, 1e9 : 1, 400 pixels long (det <= 0 in float32)",
+          scales=[[50.0, 5e-8, 5e-8]], quats=NEEDLE),
     Case("a needle whose centre lies 3,000 pixels beside the image", long_needle,
          RIGHT + " in float64; finite in float32, whose conic is too coarse so far out",
          exact_in_float32=False),
-    seen("a needle that points at the camera",
-         scales=[[1e-6, 1e-6, 1.0]], quats=[[1.0, 0.0, 0.0, 0.0]]),
-    seen("a pancake, 1e6 : 1, face on", scales=[[1.0, 1.0, 1e-6]], quats=[[1.0, 0.02, 0.01, 0.0]]),
-    seen("a pancake edge on", scales=[[1.0, 0.8, 1e-6]], quats=turned(1.55, (0.8, 0.6, 0.0))),
+    right("a needle that points at the camera",
+          scales=[[1e-6, 1e-6, 1.0]], quats=[[1.0, 0.0, 0.0, 0.0]]),
+    right("a pancake, 1e6 : 1, face on", scales=[[1.0, 1.0, 1e-6]], quats=[[1.0, 0.02, 0.01, 0.0]]),
+    right("a pancake edge on", scales=[[1.0, 0.8, 1e-6]], quats=turned(1.55, (0.8, 0.6, 0.0))),
     # Antialiasing
-    seen("antialiased: scales of 0", settings=ANTIALIASED, scales=[[0.0, 0.0, 0.0]]),
-    seen("antialiased: a point", settings=ANTIALIASED, scales=[[1e-8] * 3]),
-    seen("antialiased: a needle", settings=ANTIALIASED, scales=[[1.0, 0.02, 0.02]], quats=NEEDLE),
-    seen("antialiased: a pancake edge on", settings=ANTIALIASED,
-         scales=[[1.0, 0.8, 0.02]], quats=turned(1.5, (0.8, 0.6, 0.0))),
+    right("antialiased: scales of 0", settings=ANTIALIASED, scales=[[0.0, 0.0, 0.0]]),
+    right("antialiased: a point", settings=ANTIALIASED, scales=[[1e-8] * 3]),
+    right("antialiased: a needle", settings=ANTIALIASED, scales=[[1.0, 0.02, 0.02]], quats=NEEDLE),
+    right("antialiased: a pancake edge on", settings=ANTIALIASED,
+          scales=[[1.0, 0.8, 0.02]], quats=turned(1.5, (0.8, 0.6, 0.0))),
     # Opacities and layers
-    seen("opacity exactly 0", opacities=[0.0]),
-    seen("opacity exactly 1/255", opacities=[1 / 255], scales=[[40.0, 50.0, 60.0]]),
-    seen("opacity just above 1/255", opacities=[1.01 / 255], scales=[[40.0, 50.0, 60.0]]),
-    seen("opacity just below the clamp", opacities=[0.9985], scales=[[40.0, 50.0, 60.0]]),
-    seen("opacity at the clamp, 0.999", opacities=[0.999]),
-    seen("opacity exactly 1", opacities=[1.0]),
+    right("opacity exactly 0", opacities=[0.0]),
+    right("opacity exactly 1/255", opacities=[1 / 255], scales=[[40.0, 50.0, 60.0]]),
+    right("opacity just above 1/255", opacities=[1.01 / 255], scales=[[40.0, 50.0, 60.0]]),
+    right("opacity just below the clamp", opacities=[0.9985], scales=[[40.0, 50.0, 60.0]]),
+    right("opacity at the clamp, 0.999", opacities=[0.999]),
+    right("opacity exactly 1", opacities=[1.0]),
     Case("alpha at the clamp before what wants a gradient", opaque_before_two),
     Case("two at the clamp: blending stops", two_opaque_before_one),
     Case("1,000 opaque layers", lambda: stack(1000, (0.9, 1.0)), by_mpmath=False),
@@ -268,12 +268,12 @@ CASES: tuple[Case, ...] = (
          RIGHT + " in float64; finite in float32, which cannot tell such places apart",
          exact_in_float32=False),
     Case("1,000 from the origin with detail of 0.5", a_thousand_metres_out),
-    seen("a focal length of 1 pixel", K=[[1.0, 0, 2.4], [0, 1.1, 2.6], [0, 0, 1]],
-         scales=[[2.0, 3.0, 2.5]]),
-    seen("a focal length of 1e5 pixels", K=[[1e5, 0, 2.4], [0, 1.1e5, 2.6], [0, 0, 1]],
-         means=[[3e-6, -7e-6, 2.0]], scales=[[3e-5, 2e-5, 2.5e-5]]),
+    right("a focal length of 1 pixel", K=[[1.0, 0, 2.4], [0, 1.1, 2.6], [0, 0, 1]],
+          scales=[[2.0, 3.0, 2.5]]),
+    right("a focal length of 1e5 pixels", K=[[1e5, 0, 2.4], [0, 1.1e5, 2.6], [0, 0, 1]],
+          means=[[3e-6, -7e-6, 2.0]], scales=[[3e-5, 2e-5, 2.5e-5]]),
     Case("a principal point outside the image", off_axis),
-    seen("an image of 1 x 1", size=(1, 1), means=[[-0.2, -0.2, 2.0]]),
+    right("an image of 1 x 1", size=(1, 1), means=[[-0.2, -0.2, 2.0]]),
     Case("an image of 8000 x 1", lambda: row_of_pixels(8000, 1), by_mpmath=False),
     Case("an image of 1 x 8000", lambda: row_of_pixels(1, 8000), by_mpmath=False),
     Case("no Gaussian visible", lambda: hard(means=[[0.0, 0.0, -2.0]]),
@@ -282,6 +282,6 @@ CASES: tuple[Case, ...] = (
     # Colours
     Case("SH coefficients of 1e6", lambda: with_sh(1e6)),
     Case("SH coefficients of 1e15", lambda: with_sh(1e15)),
-    seen("colours beyond [0, 1]", colors=[[50.0, -3.0, 1e4]]),
+    right("colours beyond [0, 1]", colors=[[50.0, -3.0, 1e4]]),
 )  # fmt: skip
 """In the order of docs/dev/stability.md."""

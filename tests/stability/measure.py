@@ -107,17 +107,17 @@ def run(case: Case, backend: Backend, exact: Truth | None = None) -> Outcome:
     leaves, got = backend.render(case.make(), case.settings)
     image = features(got)
     (image * factor.to(image)).sum().backward()
-    found = {name: getattr(leaves, name).grad for name in PARAMETERS}
-    finite = all(bool(t.isfinite().all()) for t in (image, *found.values()))
+    gradients = {name: getattr(leaves, name).grad for name in PARAMETERS}
+    finite = all(bool(t.isfinite().all()) for t in (image, *gradients.values()))
     keep = [i for i in range(len(leaves.means)) if i not in case.culled]
     gone = list(case.culled)
-    culled = all(bool((g[gone] == 0).all()) for g in found.values())
+    culled = all(bool((g[gone] == 0).all()) for g in gradients.values())
     culled &= bool((got.radii[gone] == 0).all())
     drawn = bool((got.radii[keep] > 0).all())
     safe, nan = bounds.safe.double().mean().item(), float("nan")
     errors = nan, nan, nan, nan
     if comparable:
-        errors = compare(exact, bounds, image, {n: g[keep] for n, g in found.items()}, factor)
+        errors = compare(exact, bounds, image, {n: g[keep] for n, g in gradients.items()}, factor)
     return Outcome(finite, culled, drawn, *errors, bound=bounds.rho, safe=safe)
 
 
@@ -125,7 +125,7 @@ def compare(
     exact: Truth,
     bounds: Bounds,
     image: Tensor,
-    found: dict[str, Tensor],
+    gradients: dict[str, Tensor],
     factor: Tensor,
 ) -> tuple[float, float, float, float]:
     """Value error and share, gradient error and share."""
@@ -139,7 +139,7 @@ def compare(
         true = torch.from_numpy(gradient)
         if true.numel() == 0:
             continue
-        off = (found[name].double().reshape(true.shape) - true).abs().amax(-1)
+        off = (gradients[name].double().reshape(true.shape) - true).abs().amax(-1)
         gradient_share = max(gradient_share, share(off, bounds.gradients[name]))
         if true.abs().max() > 0:
             gradient_error = max(gradient_error, (off.max() / true.abs().max()).item())

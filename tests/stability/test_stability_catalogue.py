@@ -21,10 +21,10 @@ DTYPES = {"float32": torch.float32, "float64": torch.float64}
 
 @pytest.fixture(params=BACKENDS)
 def backend(request: pytest.FixtureRequest) -> Backend:
-    found = make_backend(*request.param)
-    if found.name == "gsplat":
+    made = make_backend(*request.param)
+    if made.name == "gsplat":
         pytest.skip("gsplat cuts opaque Gaussians off at 3 sigma, by design")
-    return found
+    return made
 
 
 @pytest.mark.slow

@@ -57,13 +57,13 @@ def drawn(backend: Backend, scene: TestScene, settings: RenderSettings = DEPTH):
     return image.detach(), {name: getattr(leaves, name).grad for name in PARAMETERS}
 
 
-def check_same(backend: Backend, one: TestScene, other: TestScene, got: Tensor, want: Tensor):
+def check_same(backend: Backend, first: TestScene, other: TestScene, got: Tensor, want: Tensor):
     """Equal within both bounds, wherever neither lies within rounding of a jump."""
     allowed, safe = torch.zeros_like(got, dtype=torch.float64), torch.ones(len(got)).bool()
-    for scene in (one, other):
+    for scene in (first, other):
         factor = torch.zeros(len(got), 5, dtype=torch.float64)
-        found = error_bounds(scene.to(torch.float64), DEPTH, backend.dtype, factor)
-        allowed, safe = allowed + found.values, safe & found.safe
+        bounds = error_bounds(scene.to(torch.float64), DEPTH, backend.dtype, factor)
+        allowed, safe = allowed + bounds.values, safe & bounds.safe
     assert safe.double().mean() > 0.8
     assert ((got.double() - want.double()).abs() <= allowed)[safe].all()
 
@@ -187,10 +187,10 @@ def test_compositing_is_associative(values):
     a_d, a_s, c_d, c_s, background = (torch.tensor(v).double().expand(1, 1, 1) for v in values[:5])
     rgb_d, rgb_s = (c * a * torch.ones(1, 1, 3).double() for c, a in ((c_d, a_d), (c_s, a_s)))
     sky = background.expand(1, 1, 3)
-    one = over_background(composite_color(rgb_d, a_d, rgb_s), composite_alpha(a_d, a_s), sky)
+    ours = over_background(composite_color(rgb_d, a_d, rgb_s), composite_alpha(a_d, a_s), sky)
     other = over_background(rgb_d, a_d, over_background(rgb_s, a_s, sky))
     # Each side rounds 8 numbers of at most 1.
-    assert ((one - other).abs() <= 16 * torch.finfo(torch.float64).eps / 2).all()
+    assert ((ours - other).abs() <= 16 * torch.finfo(torch.float64).eps / 2).all()
 
 
 @settings(few, max_examples=50)

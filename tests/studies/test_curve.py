@@ -36,17 +36,17 @@ def test_a_paused_clock_stands_still():
 def test_scoring_on_the_way_changes_nothing_of_the_run(tiny_scene: Scene, tmp_path: Path):
     options = ["--data", str(tiny_scene.folder), "--max-num-iterations", str(STEPS), *QUIET]
     options += ["--pipeline.model.effects.auto", "False"]
-    found = {}
+    records = {}
     for evaluations in (1, 3):
         place = tmp_path / str(evaluations)
         torch.rand(evaluations)  # as whatever ran before
         arguments = [*options, "--output-dir", str(place), "robustnerf-data"]
-        found[evaluations] = train_and_score("desplat", arguments, place / "p", evaluations)
-    once, often = (found[n]["figures"] for n in (1, 3))
+        records[evaluations] = train_and_score("desplat", arguments, place / "p", evaluations)
+    once, often = (records[n]["figures"] for n in (1, 3))
     same = {name for name in once if "seconds" not in name}
     assert {n: once[n] for n in same} == {n: often[n] for n in same}
-    assert found[1]["curve"] == []
-    curve = found[3]["curve"]
+    assert records[1]["curve"] == []
+    curve = records[3]["curve"]
     assert [point["step"] for point in curve] == [3, 6, 12]
     assert all({"psnr", "mask_iou", *TIMES} <= point.keys() for point in curve)
     assert curve[-1]["psnr"] == often["psnr"] != curve[0]["psnr"]

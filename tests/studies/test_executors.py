@@ -47,16 +47,16 @@ RUNS = [Run(PLAIN, 12, seed, Path("/absent"), ("colmap",)) for seed in (42, 43)]
 
 def outcomes(executor: Executor, runs: list[Run], folder: Path) -> dict[int, Record | Exception]:
     """What becomes of each run, by its seed."""
-    found: dict[int, Record | Exception] = {}
+    by_seed: dict[int, Record | Exception] = {}
 
     def keep(run: Run, outcome: Record | Exception) -> bool:
-        found[run.seed] = outcome
+        by_seed[run.seed] = outcome
         return isinstance(outcome, Record)
 
     folder.mkdir()
     done = executor.do(runs, folder, keep)
-    assert sorted(done) == sorted(isinstance(one, Record) for one in found.values())
-    return found
+    assert sorted(done) == sorted(isinstance(outcome, Record) for outcome in by_seed.values())
+    return by_seed
 
 
 def test_ray_gives_what_this_machine_gives_and_begins_anew_when_a_worker_is_killed(
@@ -74,9 +74,9 @@ def test_ray_gives_what_this_machine_gives_and_begins_anew_when_a_worker_is_kill
     assert isinstance(mine, Record) and isinstance(other, Record), (mine, other)
     same = {name for name in mine.figures if "seconds" not in name}
     assert {n: mine.figures[n] for n in same} == {n: other.figures[n] for n in same}
-    for found, where in ((here, ""), (there, "On the Ray worker ")):
-        assert str(found[43]).startswith(where)
-        assert "There is no capture at /absent" in str(found[43])
+    for by_seed, where in ((here, ""), (there, "On the Ray worker ")):
+        assert str(by_seed[43]).startswith(where)
+        assert "There is no capture at /absent" in str(by_seed[43])
 
 
 def test_a_study_without_ray_says_what_to_install(monkeypatch, tmp_path):

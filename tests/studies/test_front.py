@@ -23,9 +23,9 @@ def test_the_front_of_five_points_is_as_worked_out_by_hand():
 
 @given(clouds)
 def test_no_point_of_the_front_is_dominated_and_every_other_is(points):
-    found = front(points)
+    best = front(points)
     for i, point in enumerate(points):
-        assert (i in found) == (not any(dominates(other, point) for other in points))
+        assert (i in best) == (not any(dominates(other, point) for other in points))
 
 
 def test_equal_points_share_their_fate():

@@ -57,10 +57,10 @@ def test_what_every_run_takes_makes_no_step_of_a_long_one_dearer():
 )
 def test_the_line_of_exact_timings_is_found(start, step, lengths):
     """Both sums of the regression are of some ten numbers below 3e5; halves of 1e-6 are left."""
-    found = fitted([(steps, start + step * steps) for steps in lengths])
+    line = fitted([(steps, start + step * steps) for steps in lengths])
     longest = max(lengths)
     expected = start + step * longest
-    assert found[0] + found[1] * longest == pytest.approx(expected, rel=1e-6, abs=1e-6)
+    assert line[0] + line[1] * longest == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
 def test_neither_a_step_nor_a_start_takes_less_than_nothing():

@@ -15,9 +15,9 @@ from tests.helpers.tradeoff import CAPTURE
 EFFECTS = "--pipeline.model.effects."
 
 
-def options_of(one: Variant) -> dict[str, str]:
+def options_of(variant: Variant) -> dict[str, str]:
     """By their names."""
-    return dict(zip(one.options[::2], one.options[1::2], strict=True))
+    return dict(zip(variant.options[::2], variant.options[1::2], strict=True))
 
 
 @pytest.mark.parametrize(
@@ -29,8 +29,8 @@ def test_each_variant_differs_from_the_base_in_one_thing(base):
     assert (first, last) == (BASE, BACKEND)
     theirs = options_of(variants[BASE])
     assert theirs[f"{EFFECTS}appearance"] == base.appearance
-    for name, one in variants.items():
-        ours = options_of(one)
+    for name, variant in variants.items():
+        ours = options_of(variant)
         changed = {k for k in ours if ours[k] != theirs.get(k)} - {"--pipeline.evaluation.protocol"}
         assert len(changed) == (name != BASE), name
 

@@ -21,8 +21,8 @@ def test_what_is_saved_comes_back(tmp_path):
     plan = TrainingPlan(250, (BASE, "fewer"), 30_000)
     results = Results(CAPTURE, 12.5, 2, plan, TRAINING, failed={"x": "no memory"}, left_out=["a"])
     results.save(tmp_path / "new")
-    found = Results.load(tmp_path / "new")
-    assert found is not None and asdict(found) == asdict(results)
+    loaded = Results.load(tmp_path / "new")
+    assert loaded is not None and asdict(loaded) == asdict(results)
 
 
 def test_a_study_by_other_code_is_not_gone_on_with(tmp_path):

@@ -30,12 +30,12 @@ NAME = run_on(None).name
 def test_a_run_gives_figures_and_says_of_which_code_and_on_what(
     tiny_scene: Written, tmp_path: Path
 ):
-    found = execute(run_on(tiny_scene.folder), tmp_path)
-    assert {"psnr", "mask_iou", "num_masks"} <= set(found.figures)
-    assert found.figures["num_masks"] == 6
-    assert 0 < found.figures["train_wall_seconds"] < found.figures["run_wall_seconds"]
-    assert found.device in ("cpu", "cuda") and found.backend in ("numba", "gsplat")
-    assert found.commit == code_version()
+    record = execute(run_on(tiny_scene.folder), tmp_path)
+    assert {"psnr", "mask_iou", "num_masks"} <= set(record.figures)
+    assert record.figures["num_masks"] == 6
+    assert 0 < record.figures["train_wall_seconds"] < record.figures["run_wall_seconds"]
+    assert record.device in ("cpu", "cuda") and record.backend in ("numba", "gsplat")
+    assert record.commit == code_version()
     (config,) = (tmp_path / NAME).glob("x/desplat/run/config.yml")
     assert yaml.load(config.read_text(), Loader=yaml.Loader).get_base_dir() == config.parent
     assert len(list((tmp_path / NAME / "pictures").glob("*.png"))) == 2
@@ -55,9 +55,9 @@ def test_the_process_has_one_thread_and_sleeps_while_it_waits(monkeypatch, tmp_p
     )
     monkeypatch.syspath_prepend(tmp_path)  # what this process can import, the other can
     monkeypatch.setattr(module, "PROGRAM", "probe")
-    found = execute(run_on(tmp_path), tmp_path / "runs")
+    record = execute(run_on(tmp_path), tmp_path / "runs")
     names = ("OMP_WAIT_POLICY", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
-    assert [found.figures[name] for name in names] == [True, 1, 1]
+    assert [record.figures[name] for name in names] == [True, 1, 1]
 
 
 def test_a_run_that_fails_names_its_log(monkeypatch, tmp_path: Path):
@@ -95,7 +95,7 @@ def test_numbers_are_kept_and_nothing_else(monkeypatch, tmp_path: Path):
     )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(module, "PROGRAM", "kept")
-    found = execute(run_on(tmp_path), tmp_path / "runs")
-    seconds = found.figures["run_wall_seconds"]
+    record = execute(run_on(tmp_path), tmp_path / "runs")
+    seconds = record.figures["run_wall_seconds"]
     figures = {"psnr": 1.0, "run_wall_seconds": seconds}
-    assert found == Record(figures, "c", **WHERE, curve=({"step": 5, "psnr": 0.5},))
+    assert record == Record(figures, "c", **WHERE, curve=({"step": 5, "psnr": 0.5},))

@@ -30,42 +30,42 @@ from desplat_ns.studies.summary import (
 )
 
 
-def one(psnr: tuple[float, ...], wall: float = 10.0, variant: str = "other") -> Measured:
+def point(psnr: tuple[float, ...], wall: float = 10.0, variant: str = "other") -> Measured:
     figures = {"psnr": Spread(psnr), "train_wall_seconds": Spread((wall,) * len(psnr))}
     return Measured(variant, 100, 100, SEEDS[: len(psnr)], figures)
 
 
 def test_three_seeds_that_do_not_overlap_are_no_claim_among_eight_comparisons():
     """t = 0.3 sqrt(3) / 0.1 = 5.2: p = 0.035 alone, 0.28 as one of eight."""
-    base = one((20.0, 20.1, 20.2), variant=BASE)
-    apart = one((20.3, 20.5, 20.4))
+    base = point((20.0, 20.1, 20.2), variant=BASE)
+    apart = point((20.3, 20.5, 20.4))
     assert verdicts([base, apart]) == ["", "+0.30 dB, p = 0.035"]
     assert verdicts([base, *[apart] * 8])[1:] == ["+0.30 dB, not told apart (p = 0.28)"] * 8
 
 
 def test_what_seeds_have_in_common_hides_no_difference():
-    base = one((20.0, 22.0, 24.0), variant=BASE)
-    assert verdicts([base, one((20.5, 22.52, 24.48))]) == ["", "+0.50 dB, p < 0.001"]
-    assert verdicts([base, one((22.5, 24.48, 20.52))])[1].startswith("+0.50 dB, not told apart")
+    base = point((20.0, 22.0, 24.0), variant=BASE)
+    assert verdicts([base, point((20.5, 22.52, 24.48))]) == ["", "+0.50 dB, p < 0.001"]
+    assert verdicts([base, point((22.5, 24.48, 20.52))])[1].startswith("+0.50 dB, not told apart")
 
 
 def test_fewer_seeds_make_no_claim_and_are_no_comparison():
-    base = one((20.0, 20.1, 20.2), variant=BASE)
-    found = verdicts([base, one((20.3, 20.5, 20.4)), *[one((25.0,))] * 7])
-    assert found[1] == "+0.30 dB, p = 0.035"
-    assert found[2:] == ["+5.00 dB, 1 of 3 seeds: no claim"] * 7
-    assert verdicts([one((20.0,))]) == [""], "there is no base to compare it with"
+    base = point((20.0, 20.1, 20.2), variant=BASE)
+    claims = verdicts([base, point((20.3, 20.5, 20.4)), *[point((25.0,))] * 7])
+    assert claims[1] == "+0.30 dB, p = 0.035"
+    assert claims[2:] == ["+5.00 dB, 1 of 3 seeds: no claim"] * 7
+    assert verdicts([point((20.0,))]) == [""], "there is no base to compare it with"
 
 
 decibels = st.floats(-5, 5).map(lambda x: round(x, 3))
 
 
 @given(st.tuples(decibels, decibels, decibels))
-def test_p_is_that_of_a_paired_t_test(found):
+def test_p_is_that_of_a_paired_t_test(differences):
     """Both round sums of three numbers; near 0 scipy's own has 1e-12 or so."""
-    if len(set(found)) > 1:
-        expected = stats.ttest_1samp(found, 0.0)[1]
-        assert p_value(found) == pytest.approx(expected, rel=1e-6)
+    if len(set(differences)) > 1:
+        expected = stats.ttest_1samp(differences, 0.0)[1]
+        assert p_value(differences) == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_plan_has_as_many_seeds_as_a_claim_needs():
@@ -78,8 +78,8 @@ def test_differences_without_any_scatter_are_beyond_doubt_or_none():
 
 def test_holms_correction_is_as_worked_out_by_hand():
     """4 x 0.01, 3 x 0.02, then 2 x 0.022 and 0.5, but no less than what comes before."""
-    found = corrected([0.02, 0.5, 0.01, 0.022])
-    assert found == pytest.approx([0.06, 0.5, 0.04, 0.06])
+    corrections = corrected([0.02, 0.5, 0.01, 0.022])
+    assert corrections == pytest.approx([0.06, 0.5, 0.04, 0.06])
     assert corrected([]) == [] and corrected([0.7, 0.8]) == [1.0, 1.0]
 
 
@@ -87,8 +87,8 @@ def test_holms_correction_is_as_worked_out_by_hand():
 def test_the_least_ratio_is_that_at_which_the_claim_begins(number):
     ratio = least_ratio(number)
     mean, scatter = ratio, 1.0
-    found = (mean - scatter, mean, mean + scatter)
-    assert number * p_value(found) == pytest.approx(SIGNIFICANT)
+    differences = (mean - scatter, mean, mean + scatter)
+    assert number * p_value(differences) == pytest.approx(SIGNIFICANT)
 
 
 def test_seeds_come_together_step_by_step():
@@ -112,17 +112,17 @@ def test_seeds_come_together_step_by_step():
 
 
 def test_the_front_holds_what_nothing_beats():
-    found = [one((20.0,), 10.0), one((21.0,), 12.0), one((20.5,), 13.0), one((19.0,), 5.0)]
-    assert on_front(found) == {0, 1, 3}
+    points = [point((20.0,), 10.0), point((21.0,), 12.0), point((20.5,), 13.0), point((19.0,), 5.0)]
+    assert on_front(points) == {0, 1, 3}
 
 
 def test_time_and_quality_are_told_from_what_was_measured():
-    found = [one((20.2,), 6.0), one((22.4,), 40.0), one((22.0,), 50.0)]
-    best = best_within(45, found)
+    points = [point((20.2,), 6.0), point((22.4,), 40.0), point((22.0,), 50.0)]
+    best = best_within(45, points)
     assert best is not None and best.psnr.median == 22.4
-    assert best_within(5, found) is None
-    soonest = soonest_at(21, found)
+    assert best_within(5, points) is None
+    soonest = soonest_at(21, points)
     assert soonest is not None and soonest.wall.median == 40.0
-    assert soonest_at(23, found) is None
-    assert times_to_tell(found) == [10, 15, 30, 60]
-    assert decibels_to_tell(found) == [21, 22]
+    assert soonest_at(23, points) is None
+    assert times_to_tell(points) == [10, 15, 30, 60]
+    assert decibels_to_tell(points) == [21, 22]

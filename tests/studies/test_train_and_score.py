@@ -65,6 +65,6 @@ def test_reading_photos_and_the_last_checkpoint_are_no_training(
     monkeypatch.setattr(curve, "time", clock)
     options = ["--data", str(tiny_scene.folder), "--output-dir", str(tmp_path)]
     options += ["--max-num-iterations", "3", "--pipeline.model.num-downscales", "0", *QUIET]
-    found = train_and_score("desplat", [*options, "robustnerf-data"], tmp_path / "pictures")
+    record = train_and_score("desplat", [*options, "robustnerf-data"], tmp_path / "pictures")
     assert forward[0] >= 2 * 3600
-    assert 0 < found["figures"]["train_wall_seconds"] < 3600
+    assert 0 < record["figures"]["train_wall_seconds"] < 3600

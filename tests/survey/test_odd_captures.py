@@ -29,24 +29,24 @@ SAFE = {"distractors": True, "appearance": "off", "background": "off"}
 def test_without_tracks_patches_stand_for_them(make_capture: Callable[..., Capture]):
     for cluttered in (False, True):
         capture = replace(make_capture(cluttered=cluttered), tracks=None)
-        found = survey(capture)
-        assert found.distractors.decision is cluttered
-        assert any("tracks" in line for line in found.notes)
+        result = survey(capture)
+        assert result.distractors.decision is cluttered
+        assert any("tracks" in line for line in result.notes)
 
 
 def test_without_points_safe_sides_are_taken_and_named(still: Capture):
     for tracks in (still.tracks and still.tracks.keep(np.zeros(len(still.xyz), bool)), None):
-        found = survey(replace(still, xyz=np.zeros((0, 3)), tracks=tracks))
-        assert found.decisions() == SAFE
-        assert {finding.confidence for finding in found.findings} == {"none"}
-        assert "no points" in found.notes[0]
+        result = survey(replace(still, xyz=np.zeros((0, 3)), tracks=tracks))
+        assert result.decisions() == SAFE
+        assert {finding.confidence for finding in result.findings} == {"none"}
+        assert "no points" in result.notes[0]
 
 
 def test_two_photos_and_one_are_not_enough_to_rule_distractors_out(still: Capture):
     for which in ([0, 1], [4]):
-        found = survey(some(still, which))
-        assert found.decisions() == SAFE
-        assert found.distractors.confidence == "none"
+        result = survey(some(still, which))
+        assert result.decisions() == SAFE
+        assert result.distractors.confidence == "none"
 
 
 def test_no_photo_is_an_error(still: Capture):
@@ -68,9 +68,9 @@ def test_a_black_or_white_photo_changes_no_decision_and_is_named(
 ):
     capture = copied(still, tmp_path)
     write_image(capture.photos[3], np.full((72, 96, 3), level, np.uint8))
-    found = survey(capture)
-    assert found.decisions() == OFF
-    for finding in (found.appearance, found.distractors):
+    result = survey(capture)
+    assert result.decisions() == OFF
+    for finding in (result.appearance, result.distractors):
         assert any(capture.photos[3].name in line for line in finding.could_not_tell)
 
 
@@ -78,10 +78,10 @@ def test_one_photo_that_shows_something_else_is_at_fault_itself(still: Capture, 
     """As with a wrong pose, or a finger before the lens."""
     capture = copied(still, tmp_path)
     shutil.copy(capture.photos[8], capture.photos[3])
-    found = survey(capture).distractors
-    figures = {figure.name: figure for figure in found.figures}
+    result = survey(capture).distractors
+    figures = {figure.name: figure for figure in result.figures}
     assert figures["photos_covered"].value == pytest.approx(1 / len(capture.photos))
-    assert found.decision is False
+    assert result.decision is False
 
 
 @pytest.mark.slow
@@ -99,9 +99,9 @@ def test_what_is_cut_out_of_all_photos_is_no_sky(still: Capture, tmp_path: Path)
         alpha = np.full((*photo.shape[:2], 1), 255, np.uint8)
         alpha[: len(photo) // 3] = 0
         write_image(path, np.concatenate([photo[..., :3], alpha], axis=2))
-    found = survey(capture)
-    assert found.background.decision == "off"
-    assert found.distractors.decision is False
+    result = survey(capture)
+    assert result.background.decision == "off"
+    assert result.distractors.decision is False
 
 
 def test_a_photo_that_cannot_be_read_is_named(still: Capture, tmp_path: Path):
@@ -116,9 +116,9 @@ def test_large_captures_are_sampled_evenly_and_say_so(
     still: Capture, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(observations, "MOST_PHOTOS", 5)
-    found = survey(still)
-    assert (found.num_surveyed, found.num_photos) == (5, 10)
-    assert any("evenly" in line for line in found.notes)
+    result = survey(still)
+    assert (result.num_surveyed, result.num_photos) == (5, 10)
+    assert any("evenly" in line for line in result.notes)
 
 
 @pytest.mark.slow
@@ -137,7 +137,7 @@ def test_what_masks_leave_out_is_not_looked_at(
         write_image(masks[-1], ~widened)
     masked = survey(replace(capture, masks=masks))
     covered = {True: masked, False: survey(capture)}
-    values = {key: found.distractors.figures[0].value for key, found in covered.items()}
+    values = {key: result.distractors.figures[0].value for key, result in covered.items()}
     assert values[True] < 0.1 * values[False]
 
 
@@ -165,8 +165,8 @@ def test_photos_of_two_sizes_are_compared(still: Capture, tmp_path: Path):
     for name in ("width", "height", "fx", "fy", "cx", "cy"):
         values = getattr(cameras, name)
         values[::2] = values[::2] // 2 if name in ("width", "height") else values[::2] / 2
-    found = survey(replace(capture, cameras=cameras))
-    assert found.decisions() == OFF
+    result = survey(replace(capture, cameras=cameras))
+    assert result.decisions() == OFF
 
 
 @pytest.mark.slow
@@ -183,6 +183,6 @@ def test_photos_of_which_none_shows_what_another_does_take_the_safe_side(still: 
     """Each observes points of its own."""
     assert still.tracks is not None
     alone = replace(still.tracks, point_ids=np.arange(len(still.xyz)) + 10**6)
-    found = survey(replace(still, tracks=alone))
-    assert found.decisions() == SAFE
-    assert found.distractors.confidence == "none"
+    result = survey(replace(still, tracks=alone))
+    assert result.decisions() == SAFE
+    assert result.distractors.confidence == "none"

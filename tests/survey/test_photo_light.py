@@ -26,8 +26,8 @@ def test_fitted_lights_are_those_that_the_photos_were_taken_in(
     light = fit_light(observe(make_capture(daylight=daylight)))
     frames = make_scene(replace(small_spec, daylight=daylight)).clean
     true = [frame.daylight.light for frame in frames if frame.daylight is not None]
-    gammas = np.array([one.gamma for one in true])
-    gains = np.log([one.gain * np.array(one.tint) for one in true])
+    gammas = np.array([lighting.gamma for lighting in true])
+    gains = np.log([lighting.gain * np.array(lighting.tint) for lighting in true])
     # What all share belongs to the scene: gammas over their mean, gains about a line in gamma.
     np.testing.assert_allclose(light.gammas, gammas / gammas.mean(), atol=0.05)
     shown = gains + gammas[:, None] * np.log(0.5)
@@ -41,8 +41,8 @@ def test_a_light_taken_back_gives_the_colour_under_the_mean_light(still: Capture
     light = fit_light(observe(still))
     light.gains[0], light.gammas[0], light.vignetting[0] = [0.1, 0.0, -0.1], 1.3, -0.2
     true = np.array([[0.5, 0.25, 0.7]])
-    seen = np.exp(np.array([0.1, 0.0, -0.1]) + 1.3 * np.log(true) - 0.2 * 0.4)
-    np.testing.assert_allclose(light.neutral(0, seen, np.array([0.4])), true, rtol=1e-12)
+    photo = np.exp(np.array([0.1, 0.0, -0.1]) + 1.3 * np.log(true) - 0.2 * 0.4)
+    np.testing.assert_allclose(light.neutral(0, photo, np.array([0.4])), true, rtol=1e-12)
 
 
 def chain(gains: np.ndarray) -> Observations:

@@ -28,17 +28,17 @@ def test_a_still_scene_in_one_light_needs_nothing(still: Capture):
 
 
 def test_passers_by_are_seen(make_capture: Callable[..., Capture]):
-    found = survey(make_capture(cluttered=True))
-    assert found.decisions() == {**OFF, "distractors": True}
-    assert found.distractors.confidence == "clear"
+    result = survey(make_capture(cluttered=True))
+    assert result.decisions() == {**OFF, "distractors": True}
+    assert result.distractors.confidence == "clear"
 
 
 @pytest.mark.slow
 def test_exposure_and_white_balance_of_each_photo_are_a_matter_of_the_camera(
     make_capture: Callable[..., Capture],
 ):
-    found = survey(make_capture(daylight=DaylightSpec(sky=False)))
-    assert found.decisions() == {**OFF, "appearance": "camera"}
+    result = survey(make_capture(daylight=DaylightSpec(sky=False)))
+    assert result.decisions() == {**OFF, "appearance": "camera"}
 
 
 @pytest.mark.slow
@@ -46,47 +46,47 @@ def test_exposure_and_white_balance_of_each_photo_are_a_matter_of_the_camera(
 def test_a_sun_that_moves_is_a_matter_of_places(
     make_capture: Callable[..., Capture], strength: float, degrees: float
 ):
-    found = survey(make_capture(daylight=DaylightSpec(strength=strength, sky=False, sun=degrees)))
-    assert found.appearance.decision == "affine"
+    result = survey(make_capture(daylight=DaylightSpec(strength=strength, sky=False, sun=degrees)))
+    assert result.appearance.decision == "affine"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", ["room", "grove"])
 def test_gloss_and_fine_detail_are_no_light(make_capture: Callable[..., Capture], place: str):
-    found = survey(
+    result = survey(
         make_capture(num_views=18, place=place, arc_degrees=324.0, wall_height=5.0)
     ).appearance
-    figures = {figure.name: figure for figure in found.figures}
-    assert found.decision == "off"
+    figures = {figure.name: figure for figure in result.figures}
+    assert result.decision == "off"
     # As small as here, neighbours confirm few of the places that gloss changes.
     assert figures["local"].is_above == (place == "grove")
-    assert ("gloss" in found.reason) == (place == "grove")
+    assert ("gloss" in result.reason) == (place == "grove")
 
 
 def test_what_was_pasted_over_photos_after_their_reconstruction_is_no_light(
     make_capture: Callable[..., Capture],
 ):
     pasted = replace(make_capture(), photos=make_capture(cluttered=True).photos)
-    found, evidence = survey_with_evidence(pasted)
+    result, evidence = survey_with_evidence(pasted)
     everywhere = np.ones_like(evidence.observations.is_shown)
     as_light = appearance_finding(evidence.observations, evidence.light, everywhere)
-    assert share_of_places(as_light) > 1.5 * share_of_places(found.appearance)
-    assert found.appearance.decision == "off"
+    assert share_of_places(as_light) > 1.5 * share_of_places(result.appearance)
+    assert result.appearance.decision == "off"
 
 
-def share_of_places(found: Finding) -> float:
+def share_of_places(finding: Finding) -> float:
     """What the light leaves off, of a finding about appearance."""
-    (local,) = (figure.value for figure in found.figures if figure.name == "local")
+    (local,) = (figure.value for figure in finding.figures if figure.name == "local")
     return local
 
 
 def test_what_is_in_the_way_is_no_light(make_capture: Callable[..., Capture]):
     _, evidence = survey_with_evidence(make_capture(cluttered=True))
-    seen, light = evidence.observations, evidence.light
-    is_confirmed = np.ones_like(seen.is_shown)
-    every = local_steps(seen, light, is_confirmed)
+    observed, light = evidence.observations, evidence.light
+    is_confirmed = np.ones_like(observed.is_shown)
+    every = local_steps(observed, light, is_confirmed)
     is_confirmed[2] = False
-    some_steps = local_steps(seen, light, is_confirmed)
+    some_steps = local_steps(observed, light, is_confirmed)
     of_the_photo = light.photo == 2
     assert np.isfinite(every[of_the_photo]).any()
     assert np.isnan(some_steps[of_the_photo]).all()
@@ -103,8 +103,8 @@ def test_what_is_in_the_way_is_no_light(make_capture: Callable[..., Capture]):
     ],
 )
 def test_skies_are_told_apart(make_capture: Callable[..., Capture], daylight, decision):
-    found = survey(make_capture(daylight=daylight, wall_height=2.0))
-    assert found.decisions() == {**OFF, "background": decision}
+    result = survey(make_capture(daylight=daylight, wall_height=2.0))
+    assert result.decisions() == {**OFF, "background": decision}
 
 
 @pytest.mark.slow
@@ -112,8 +112,8 @@ def test_skies_are_told_apart(make_capture: Callable[..., Capture], daylight, de
 def test_the_walls_behind_a_table_that_one_looks_down_on_are_no_sky(
     make_capture: Callable[..., Capture], cluttered: bool
 ):
-    found = survey(make_capture(cluttered, place="table", arc_degrees=150.0))
-    assert found.decisions() == {**OFF, "distractors": cluttered}
+    result = survey(make_capture(cluttered, place="table", arc_degrees=150.0))
+    assert result.decisions() == {**OFF, "distractors": cluttered}
 
 
 @pytest.fixture(scope="module")
@@ -148,11 +148,11 @@ def test_the_same_capture_gives_the_same_findings(still: Capture):
 
 
 def test_json_is_plain_and_says_what_the_console_says(still: Capture):
-    found = survey(still)
-    plain = json.loads(found.to_json())
-    assert {e: plain[e]["decision"] for e in found.decisions()} == found.decisions()
-    lines = "\n".join(found.summary())
-    assert all(f.name in lines for finding in found.findings for f in finding.figures)
+    result = survey(still)
+    plain = json.loads(result.to_json())
+    assert {e: plain[e]["decision"] for e in result.decisions()} == result.decisions()
+    lines = "\n".join(result.summary())
+    assert all(f.name in lines for finding in result.findings for f in finding.figures)
 
 
 def test_a_lens_that_darkens_corners_is_no_light_that_changes_place_by_place(
@@ -166,9 +166,9 @@ def test_a_lens_that_darkens_corners_is_no_light_that_changes_place_by_place(
         places = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1) + 0.5
         darkened = photo * 0.5 ** from_middle((width, height), places)[..., None]
         write_image(path, darkened.round().astype(np.uint8))
-    found = survey(capture).appearance
-    assert found.decision != "affine"
-    (vignetting,) = (figure.value for figure in found.figures if figure.name == "vignetting")
+    result = survey(capture).appearance
+    assert result.decision != "affine"
+    (vignetting,) = (figure.value for figure in result.figures if figure.name == "vignetting")
     assert vignetting > 0.05
 
 

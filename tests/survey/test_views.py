@@ -51,10 +51,10 @@ def test_what_is_behind_has_no_pixel():
 
 def test_a_small_view_sees_a_generated_scenes_points_where_they_were_observed(still):
     observed = still.tracks.read([0, 5])
-    for index, seen in zip((0, 5), observed, strict=True):
+    for index, track in zip((0, 5), observed, strict=True):
         view = small_view(still.cameras, index)
-        pixels, _ = view.project(still.xyz[seen.points])
-        off = np.abs(pixels / [view.width, view.height] - seen.places) * [view.width, view.height]
+        pixels, _ = view.project(still.xyz[track.points])
+        off = np.abs(pixels / [view.width, view.height] - track.places) * [view.width, view.height]
         assert np.median(off) < 1.0
 
 

@@ -53,8 +53,8 @@ def test_options_reach_adam():
     optimizer = FusedAdamConfig(lr=0.1, eps=1e-9, weight_decay=0.5).setup(
         [nn.Parameter(torch.zeros(1))]
     )
-    found = {name: optimizer.defaults[name] for name in ("lr", "eps", "weight_decay")}
-    assert found == {"lr": 0.1, "eps": 1e-9, "weight_decay": 0.5}
+    defaults = {name: optimizer.defaults[name] for name in ("lr", "eps", "weight_decay")}
+    assert defaults == {"lr": 0.1, "eps": 1e-9, "weight_decay": 0.5}
     with pytest.raises(ValueError, match="learning rate"):
         FusedAdamConfig(lr=-1.0).setup([nn.Parameter(torch.zeros(1))])
 

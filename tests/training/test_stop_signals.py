@@ -24,11 +24,11 @@ with on_stop_signal(stop):
 
 @pytest.mark.parametrize("number", STOP_SIGNALS)
 def test_the_first_signal_calls_what_was_given_and_what_was_before_comes_back(number):
-    before, told = signal.getsignal(number), []
-    with on_stop_signal(told.append):
+    before, causes = signal.getsignal(number), []
+    with on_stop_signal(causes.append):
         os.kill(os.getpid(), number)
         assert signal.getsignal(number) == before
-    assert told == ["Ctrl+C" if number == signal.SIGINT else "SIGTERM"]
+    assert causes == ["Ctrl+C" if number == signal.SIGINT else "SIGTERM"]
     assert signal.getsignal(number) == before
 
 

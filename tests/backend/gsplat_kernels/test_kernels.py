@@ -23,12 +23,12 @@ def _nothing_is_kept():
 @pytest.fixture
 def gpus(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
     """Compute capabilities of the GPUs; torch works up to 12.0."""
-    found: list[tuple[int, int]] = [(8, 9)]
+    capabilities: list[tuple[int, int]] = [(8, 9)]
     monkeypatch.delenv("TORCH_CUDA_ARCH_LIST", raising=False)
     monkeypatch.setattr(torch.cuda, "get_arch_list", lambda: ["sm_75", "sm_90", "sm_120"])
-    monkeypatch.setattr(torch.cuda, "device_count", lambda: len(found))
-    monkeypatch.setattr(torch.cuda, "get_device_capability", lambda device: found[device])
-    return found
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: len(capabilities))
+    monkeypatch.setattr(torch.cuda, "get_device_capability", lambda device: capabilities[device])
+    return capabilities
 
 
 def test_kernels_are_compiled_for_the_gpus_at_hand(gpus, monkeypatch):

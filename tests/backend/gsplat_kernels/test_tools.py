@@ -16,10 +16,10 @@ pytestmark = pytest.mark.usefixtures("machine")
 def test_a_toolkit_in_cuda_home_is_found_with_all_that_goes_with_it(toolkit, machine, monkeypatch):
     home = toolkit("13.2")
     monkeypatch.setenv("CUDA_HOME", str(home))
-    found = find_tools()
-    assert (found.home, found.cuda, found.ninja) == (home, "13.2", machine / "ninja")
-    assert found.compiler == str(machine / "c++")
-    assert found.versions() == f"nvcc 13.2 in {home}, c++ (Debian) 12.2.0"
+    tools = find_tools()
+    assert (tools.home, tools.cuda, tools.ninja) == (home, "13.2", machine / "ninja")
+    assert tools.compiler == str(machine / "c++")
+    assert tools.versions() == f"nvcc 13.2 in {home}, c++ (Debian) 12.2.0"
 
 
 def test_a_toolkit_is_found_on_path_in_wheels_and_in_the_systems_place(
@@ -93,8 +93,8 @@ def test_a_compiler_that_is_named_compiles_for_nvcc_as_well(
     toolkit("13.2", "usr/local/cuda")
     other = gxx(machine, "12.3.0", "g++-12")
     monkeypatch.setenv("CXX", "g++-12")
-    found = find_tools().environment(tmp_path / "links")
-    assert found["CXX"] == found["CC"] == str(other)
+    variables = find_tools().environment(tmp_path / "links")
+    assert variables["CXX"] == variables["CC"] == str(other)
 
 
 def test_a_wheels_runtime_is_linked_under_the_name_that_the_linker_asks_for(
@@ -103,11 +103,11 @@ def test_a_wheels_runtime_is_linked_under_the_name_that_the_linker_asks_for(
     home, links = toolkit("13.2", "usr/local/cuda"), tmp_path / "links"
     monkeypatch.setenv("LIBRARY_PATH", "/before")
     for _ in range(2):
-        found = find_tools().environment(links)
-    assert found["LIBRARY_PATH"] == f"{links}{os.pathsep}/before"
+        variables = find_tools().environment(links)
+    assert variables["LIBRARY_PATH"] == f"{links}{os.pathsep}/before"
     assert (links / "libcudart.so").resolve() == (home / "lib" / "libcudart.so.13").resolve()
-    assert found["CUDA_HOME"] == str(home)
-    assert found["PATH"].startswith(f"{home / 'bin'}{os.pathsep}")
+    assert variables["CUDA_HOME"] == str(home)
+    assert variables["PATH"].startswith(f"{home / 'bin'}{os.pathsep}")
     assert sorted(path.name for path in (home / "lib").iterdir()) == ["libcudart.so.13"]
     (home / "lib" / "libcudart.so").touch()
     assert find_tools().environment(links)["LIBRARY_PATH"] == "/before"

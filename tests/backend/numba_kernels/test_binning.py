@@ -72,16 +72,16 @@ def looked_at(lists, entry: int, tile: int) -> np.ndarray:
 def test_every_pixel_above_the_cutoff_is_looked_at_once_and_no_two_rows_in_vain(largest):
     gaussians = random_gaussians(1, 60, largest)
     lists = lists_of(gaussians)
-    seen = np.zeros((60, HEIGHT, WIDTH), int)
+    looks = np.zeros((60, HEIGHT, WIDTH), int)
     for tile in range(GRID.tiles_x * GRID.tiles_y):
         for entry in range(lists.first_entry[tile], lists.first_entry[tile + 1]):
-            seen[lists.ids[lists.ranks[entry]]] += looked_at(lists, entry, tile)
-    assert seen.max() == 1
+            looks[lists.ids[lists.ranks[entry]]] += looked_at(lists, entry, tile)
+    assert looks.max() == 1
     for i in range(60):
         alpha = alphas(gaussians, i)
-        assert seen[i][alpha >= CUTOFF].all()
+        assert looks[i][alpha >= CUTOFF].all()
         for left in range(0, WIDTH, BLOCK):
-            rows = seen[i][:, left : left + BLOCK].any(1)
+            rows = looks[i][:, left : left + BLOCK].any(1)
             rows, greatest = np.append(rows, rows[-1]), greatest_alpha(gaussians, i, left)
             assert (rows[::2] == rows[1::2]).all()  # the last one's other is below the image
             greatest = np.append(greatest, 0).reshape(-1, 2).max(1)

@@ -42,8 +42,8 @@ def test_every_kernel_that_a_step_launches_is_compiled_beforehand_with_its_types
     WellKnownScene().find(torch.rand(40, 60, 3), 40, DistractorConfig(start="residual"))
     known = {launch.kernel: launch.types for launch in launches()}
     assert compiling.have_compiled in before_first_launch
-    assert {one for one in kernels if one.targetoptions.get("parallel")} <= set(known)
-    assert [one for one, types in known.items() if types not in one.signatures] == []
+    assert {kernel for kernel in kernels if kernel.targetoptions.get("parallel")} <= set(known)
+    assert [kernel for kernel, types in known.items() if types not in kernel.signatures] == []
     assert len(passes.draw_frame.signatures) == len(passes.backward_frame.signatures) == 1
 
 

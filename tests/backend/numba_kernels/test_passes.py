@@ -32,9 +32,9 @@ GRID = Grid(20, 18, 2, 2)
 
 def test_the_runs_of_a_tile_are_a_rearrangement_of_its_square():
     starts = [_run(run, 3, GRID) for run in range(RUNS)]
-    seen = [(x + k, y) for x, y in starts for k in range(BLOCK)]
-    assert set(seen) == {(x, y) for x in range(16, 32) for y in range(16, 32)}
-    assert len(seen) == AREA
+    pixels = [(x + k, y) for x, y in starts for k in range(BLOCK)]
+    assert set(pixels) == {(x, y) for x in range(16, 32) for y in range(16, 32)}
+    assert len(pixels) == AREA
     assert starts[:2] == [(16, 16), (16, 17)]
     assert starts[TILE] == (16 + BLOCK, 16)
 

@@ -27,12 +27,12 @@ def assert_close(got, want, allowed):
     assert (got.double() - want.double()).abs().max() <= allowed * want.abs().max()
 
 
-def pulled(outputs, seen):
+def pulled(outputs, visible):
     """Backward from a random linear functional of what is seen."""
     rng = torch.Generator().manual_seed(3)
     total = torch.zeros((), dtype=torch.float64)
     for tensor in outputs[:4]:
-        rows = tensor.reshape(seen.numel(), -1)[seen]
+        rows = tensor.reshape(visible.numel(), -1)[visible]
         total = total + (rows * torch.randn(rows.shape, generator=rng)).double().sum()
     total.backward()
 
@@ -45,12 +45,12 @@ def test_it_is_the_projection_of_the_other_backends(count, antialiased):
     leaves, truth = scene.to(torch.float32), scene.to(torch.float64)
     got, want = compiled(leaves, settings), plain(truth, settings)
     assert torch.equal(got[4], want[4])
-    seen = want[4] > 0
+    visible = want[4] > 0
     for a, b in zip(got[:4], want[:4], strict=True):
         # About 30 roundings; a conic adds the cancellation in the slopes of J W.
-        assert_close(a.reshape(count, -1)[seen], b.reshape(count, -1)[seen], 100 * EPS)
-    pulled(got, seen)
-    pulled(want, seen)
+        assert_close(a.reshape(count, -1)[visible], b.reshape(count, -1)[visible], 100 * EPS)
+    pulled(got, visible)
+    pulled(want, visible)
     for name in NAMES:
         assert_close(getattr(leaves, name).grad, getattr(truth, name).grad, 300 * EPS)
 

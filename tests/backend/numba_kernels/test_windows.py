@@ -34,14 +34,14 @@ def test_sums_are_those_of_the_cells_in_a_window(row, restart):
     """Some 13 x 13 numbers below 1, added and taken away again in float64: 1e3 roundings at most,
     of sums below 13 rows of one column."""
     cells = two_planes()
-    down, found = found_in(cells, 0, row, restart)
+    down, totals = found_in(cells, 0, row, restart)
     top, end = max(row - HALF, 0), min(row + HALF + 1, ROWS)
     assert down == end - top
     for plane in range(2):
         inner = cells[top:end, plane * WIDTH + HALF : (plane + 1) * WIDTH - HALF]
         for j in range(COLUMNS):
             exact = inner[:, max(j - HALF, 0) : j + HALF + 1].sum()
-            assert abs(found[plane, j] - exact) < 1e3 * np.finfo(float).eps * (2 * HALF + 1)
+            assert abs(totals[plane, j] - exact) < 1e3 * np.finfo(float).eps * (2 * HALF + 1)
 
 
 def test_sums_do_not_depend_on_where_a_band_of_rows_begins():
