@@ -64,7 +64,7 @@ class DistractorConfig:
     max_warmup_visits: int = ranged(15, "[0, inf)")
     """That warm-up ends after so many visits of each view at the latest: seen often enough, what
     stands in one photo alone is learned as well, and its residual is gone. It ends sooner by
-    `shaping_steps`."""
+    `shaping_steps`; if not, the scene's learning rates are higher by as much as it is shorter."""
     shaping_steps: int = ranged(250, "[0, inf)")
     """Steps in which a scene takes shape, once it may be refined (`warmup_length`): the warm-up
     ends after so many, or after `min_warmup_visits` if that is later. They do not shrink with the
