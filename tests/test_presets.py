@@ -11,6 +11,7 @@ import yaml
 from nerfstudio.configs.method_configs import all_methods
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.training.schedules import set_position
 from lab.synthetic import Scene
 from tests.helpers.registered import set_up
 
@@ -41,6 +42,8 @@ def test_a_preset_is_as_long_as_the_photos_ask_for(name, visits, tiny_scene, tmp
     saved = yaml.load((config.get_base_dir() / "config.yml").read_text(), Loader=yaml.Loader)
     assert saved.max_num_iterations == steps
     assert saved.pipeline.model.schedule_scale == steps / 30_000
+    for scheduler in trainer.optimizers.schedulers.values():
+        set_position(scheduler, 300)  # few photos have higher rates before
     rate = trainer.optimizers.optimizers["scales"].param_groups[0]["lr"]
     assert rate == pytest.approx(5e-3 * 75 / visits)  # as with 40 photos
 
