@@ -11,7 +11,7 @@ from typing import Any
 
 from desplat_ns.survey import background, distractors, findings, light
 from lab.documents import RECORDS, RESULTS
-from lab.grid.figures import Figures, Reference, spread
+from lab.grid.figures import Figures, Key, Reference, spread
 from lab.grid.records import Records, load
 from lab.grid.sources import Cell
 from lab.survey.runs import SCENES, SEEDS, STEPS, STUDY, TRAINING, downscale_of, settings_on
@@ -85,13 +85,13 @@ def share_right(records: Sequence[dict[str, Any]], effects: Sequence[str] = tupl
     return f"{right} of {total} decisions ({right / max(total, 1):.1%})"
 
 
-SETTING_NAMES = ("`auto`", "nothing on", "everything on", "`camera` given")
+SETTING_NAMES = ("`auto`", "nothing on", "everything on", "the nearest other")
 """In the order of `settings_on`."""
 
 
 def training_table(trained: Records, today: Reference) -> str:
-    """One row for each scene: PSNR and seconds of each setting, and by how much the survey's choice
-    is below the best of them."""
+    """One row for each scene: PSNR and SSIM of each setting, and by how much the survey's choice is
+    below the best of them."""
     figures = Figures(trained, today, SEEDS)
     rows: list[list[str | Cell]] = []
     for scene in SCENES:
@@ -101,13 +101,20 @@ def training_table(trained: Records, today: Reference) -> str:
         cells: list[str | Cell] = [scene]
         for key in keys:
             cells.append(figures.cell(key, "psnr", ".2f"))
-            cells.append(figures.cell(key, "train_cpu_seconds", ".0f"))
-        values, measured = figures.together("psnr", *filter(figures.has, keys))
-        lost = spread([max(row) - row[0] for row in values], ".2f") if figures.has(keys[0]) else ""
+            cells.append(figures.cell(key, "ssim", ".3f"))
         blank = ["", ""] * (len(SETTING_NAMES) - len(keys))
-        rows.append([*cells, *blank, Cell(lost, tuple(measured))])
-    head = [*(word for name in SETTING_NAMES for word in (name, "")), "lost by the choice"]
-    return figures.table(["right halves, dB and CPU s", *head], rows)
+        rows.append([*cells, *blank, *(_lost(figures, keys, name) for name in ("psnr", "ssim"))])
+    head = [*(word for name in SETTING_NAMES for word in (name, "")), "lost by the choice", ""]
+    return figures.table(["right halves, dB and SSIM", *head], rows)
+
+
+def _lost(figures: Figures, keys: Sequence[Key], name: str) -> str | Cell:
+    """The best figure less that of the first key, by seeds; nothing where the first has none."""
+    if not figures.has(keys[0]):
+        return ""
+    values, measured = figures.together(name, *filter(figures.has, keys))
+    lost = [max(row) - row[0] for row in values]
+    return Cell(spread(lost, ".2f" if name == "psnr" else ".3f"), tuple(measured))
 
 
 def report(

@@ -39,6 +39,11 @@ SETTINGS = {
         (f"{EFFECTS}.appearance", "camera", *OWN_LIGHT),
         "appearance camera given, the rest as the survey says",
     ),
+    "no-sky": Setting(
+        "desplat",
+        (f"{EFFECTS}.background", "off", *OWN_LIGHT),
+        "background off given, the rest as the survey says",
+    ),
 }
 """By name. A run whose survey finds a light where `auto` is to score, or none where `auto-lit` is,
 does not fit its protocol."""
@@ -59,16 +64,18 @@ SCENES = {
 LIT = ("fox_relit", "sceaux_cluttered", "sacre_coeur")
 """Scenes whose photos have a light of their own."""
 
-STEPS, SEEDS = 1000, (42, 43, 44)
+STEPS, SEEDS = 3000, (42, 43, 44)
 
 
 def settings_on(scene: str) -> tuple[str, ...]:
-    """The settings that are compared on a scene, the survey's first.
-
-    Camera is given where the survey finds photos' light too much the same for it.
+    """The settings that are compared on a scene, the survey's first, and last the one that is
+    nearest to it: with `camera` where photos' light is too much the same for the survey, without
+    the sky that it sees.
     """
-    if scene in LIT:
+    if scene == "fox_relit":
         return "auto-lit", "nothing", "everything"
+    if scene in LIT:
+        return "auto-lit", "nothing", "everything", "no-sky"
     return "auto", "nothing", "everything", "camera"
 
 
