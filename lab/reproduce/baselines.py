@@ -18,6 +18,7 @@ from PIL import Image
 from torch import Tensor
 
 from desplat_ns.data.gt_masks import METADATA_KEY, read_gt_mask, shadow_mask_of
+from desplat_ns.data.robustnerf_names import kind_of
 from desplat_ns.errors import CaptureError
 from desplat_ns.method_configs import desplat
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
@@ -62,22 +63,27 @@ class TrustedPixelsModel(DeSplatModel):
         """True masks and shadows [H, W, 1] of the view just drawn: any pixel they touch."""
         assert self.train_step is not None
         path = mask_of(self.kwargs["metadata"], self.train_step.index)
+        if path is None:
+            return torch.zeros_like(photo[..., :1], dtype=torch.bool)
         shadow = shadow_mask_of(path)
         mask = _any_pixel(path, photo)
         return mask if shadow is None else mask | _any_pixel(shadow, photo)
 
 
-def mask_of(metadata: dict[str, Any], index: int) -> Path:
-    """The true mask of a training photo, by its number.
+def mask_of(metadata: dict[str, Any], index: int) -> Path | None:
+    """The true mask of a training photo, by its number; None where it has none and its name says
+    that it is clean.
 
     Raises:
-        CaptureError: it has none; the message names the photo.
+        CaptureError: it has none and may show anything; the message names the photo.
     """
     masks = metadata.get(METADATA_KEY)
     path = masks[index] if masks else None
     if path is None:
         names = metadata.get("train_image_names", [])
         photo = names[index] if index < len(names) else f"number {index}"
+        if kind_of(photo) == "clean":
+            return None
         raise CaptureError(
             f"The training photo {photo} has no true mask, and this baseline leaves out what true "
             "masks show. Add a .png of its name to the capture's `masks` folder, black where "

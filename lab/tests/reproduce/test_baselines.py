@@ -58,6 +58,13 @@ def test_a_photo_without_a_mask_is_named():
         mask_of(metadata, 1)
 
 
+def test_a_clean_photo_needs_no_mask():
+    metadata = {METADATA_KEY: None, "train_image_names": ["clean_0001.jpg", "clutter_0002.jpg"]}
+    assert mask_of(metadata, 0) is None
+    with pytest.raises(CaptureError, match="clutter_0002"):
+        mask_of(metadata, 1)
+
+
 def test_a_trimmed_loss_leaves_out_the_largest_residuals():
     rendered, photo = torch.zeros(20, 20, 3), torch.rand(20, 20, 3) * 0.1
     photo[5:12, 5:12] = 1.0
