@@ -25,7 +25,7 @@ from lab.separation.runs import (
 )
 
 REPORT = "results/separation.md"
-FIGURE = "results/separation.png"
+FIGURE = "explain/one_pixel.png"
 """The document, and the model of one pixel."""
 
 README = CHECKOUT / "README.md"
@@ -196,9 +196,11 @@ def write_committed_report() -> Path:
 def write_report(figures: Figures, folder: Path = DOCS) -> Path:
     """Fill in the template; returns where the document is."""
     target = folder / REPORT
-    target.parent.mkdir(parents=True, exist_ok=True)
+    figure = folder / FIGURE
+    for path in (target, figure):
+        path.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(_filled(target.name, figures))
-    one_pixel.draw(folder / FIGURE)
+    one_pixel.draw(figure)
     return target
 
 
