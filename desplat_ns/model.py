@@ -42,8 +42,8 @@ class DeSplatModelConfig(StaticModelConfig):
         run.distractors = self.distractors.for_views(
             num_views, run.refine_every, run.warmup_length, self.schedule_scale or 1.0
         )
-        if self.effects.settled().background != "off":  # the scene may be empty before it
-            run.distractors.lambda_s = 0.0
+        if self.effects.settled().background != "off" and not run.distractors.static_alone:
+            run.distractors.lambda_s = 0.0  # the scene may be empty before it
         return run
 
     def warmup_of(self, num_views: int) -> tuple[int, int]:
@@ -91,8 +91,8 @@ class DeSplatModel(StaticModel):
             assert self.seed_points is not None
             points = self.seed_points[0].to(cameras.device)
         gaussians = DistractorGaussians(config, cameras)
-        own_skies = self.effects.background == "image"
-        return DistractorLayer(gaussians, config, self.config, cameras, points, own_skies)
+        background = self.effects.background
+        return DistractorLayer(gaussians, config, self.config, cameras, points, background)
 
     # --- drawing -----------------------------------------------------------------------------
 

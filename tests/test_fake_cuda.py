@@ -40,7 +40,7 @@ from desplat_ns.separation.clearance import Clearance
 from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight, lie_in, uncovered_cells
-from desplat_ns.settings.effects import Effects
+from desplat_ns.settings.effects import BackgroundGrade, Effects
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
     mean_shown_opacity,
@@ -81,10 +81,10 @@ def rendering(count: int = N) -> Rendering:
     return Rendering(cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 1), None, cuda(1, count, 2), radii)
 
 
-def a_layer(own_skies: bool = False) -> DistractorLayer:
+def a_layer(background: BackgroundGrade = "off") -> DistractorLayer:
     """What looks for regions, without what asks cameras where they stand."""
     layer = DistractorLayer.__new__(DistractorLayer)
-    layer.own_skies = own_skies
+    layer.background = background
     layer.config, layer.num_views, layer.static = CONFIG, 8, SplatfactoModelConfig()
     return layer
 
@@ -118,7 +118,7 @@ def test_a_tensor_made_on_the_cpu_is_noticed():
 @pytest.mark.parametrize("number", [0, EARLY, LATE])
 def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number, masked):
     """Residual, expected residual, statistics, excess, detail, outlines, weights, losses."""
-    layer, memory = a_layer(own_skies=masked), GaussianMemory({})
+    layer, memory = a_layer("image" if masked else "off"), GaussianMemory({})
     mask = cuda(HEIGHT, WIDTH, 1) > 0.5 if masked else None
     for _ in range(2):
         step = a_step(number)

@@ -10,6 +10,7 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.views import image_points, view_of
 from desplat_ns.separation.placement import distractor_weight
+from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.guarded_trainer import GuardedTrainer, everywhere
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
@@ -149,6 +150,20 @@ def test_without_distractors_in_the_view_splatfactos_loss_and_the_transparency_a
     transparency = (1 - outputs["accumulation"].double()).mean().item()
     assert transparency > 0.01
     assert losses["static_transparency"].item() == pytest.approx(0.01 * transparency, rel=1e-5)
+
+
+def test_before_a_background_the_scene_may_be_empty_but_in_what_distractors_own():
+    effects = EffectsConfig(background="sh")
+    model = make_model(distractors=config(start="everywhere"), effects=effects)
+    result = Trainer(model).step(0)
+    losses, outputs = result["losses"], result["outputs"]
+    owned = distractor_weight(outputs["alpha_distractor"]).double()
+    transparency = 1 - outputs["accumulation"].double()
+    in_owned = (owned * transparency).mean().item()
+    assert 0.01 < in_owned < 0.9 * transparency.mean().item()
+    assert losses["static_transparency"].item() == pytest.approx(0.01 * in_owned, rel=1e-4)
+    model = make_model(distractors=config(start="everywhere", static_warmup=1000), effects=effects)
+    assert "static_transparency" not in Trainer(model).step(0)["losses"]
 
 
 def test_a_mask_over_everything_leaves_the_static_scene_nothing_to_fit():

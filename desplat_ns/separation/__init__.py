@@ -3,5 +3,5 @@
 Finds what stands in the way in a photo, puts distractors there, and keeps the static scene from
 learning it.
 
-May import `training`, `gaussians`, `rendering`, `backend` and `console`.
+May import `training`, `gaussians`, `rendering`, `backend`, `settings` and `console`.
 """

@@ -36,6 +36,7 @@ from desplat_ns.separation.placement import (
 from desplat_ns.separation.regions import StaticView, apply_mask
 from desplat_ns.separation.residuals import LEAST_VIEWS, ResidualStats
 from desplat_ns.separation.search import compare, find_regions
+from desplat_ns.settings.effects import BackgroundGrade
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
     layered_photometric_losses,
@@ -87,7 +88,7 @@ class DistractorLayer:
         static: SplatfactoModelConfig,
         cameras: Cameras,
         points: Float[Tensor, "P 3"] | None,
-        own_skies: bool = False,
+        background: BackgroundGrade = "off",
     ):
         """Says so where there are too few views to judge by.
 
@@ -97,17 +98,23 @@ class DistractorLayer:
             static: of the static scene; both sets share thresholds.
             cameras: the training cameras, shape [V].
             points: of the reconstruction, if the scene starts from them.
-            own_skies: whether each photo has a background of its own.
+            background: what lies behind the scene.
         """
         self.gaussians = gaussians
         self.config = config
         self.static = static
         self.num_views = len(cameras)
-        self.own_skies = own_skies
+        self.background = background
         self.densifier = DistractorDensifier(config, static)
         self.clearance = Clearance(config.clearance, points, cameras)
         if config.start == "residual" and self.num_views < FEW_VIEWS:
             announce(about_few_views(self.num_views), warning=True)
+
+    @property
+    def may_be_empty(self) -> bool:
+        """Whether the scene may be empty where a photo trains it: before a background. What
+        distractors own no photo shows, and an empty place would let the sky shine through."""
+        return self.config.static_alone and self.background != "off"
 
     def draw(self, index: int, rasterize: Callable[[Splats], Rendering]) -> Rendering | None:
         """Render the distractors of training view `index`; None if it has none."""
@@ -171,7 +178,9 @@ class DistractorLayer:
         if config.start == "residual" and self.num_views > LEAST_VIEWS:
             self.update_regions(train_step, opacities, memory, counted)
         regions, alpha_d = train_step.regions, train_step.alpha_d
-        losses = {"static_transparency": config.lambda_s * static_transparency_loss(alpha_s)}
+        losses = {}
+        if not self.may_be_empty:
+            losses["static_transparency"] = config.lambda_s * static_transparency_loss(alpha_s)
         if train_step.distractors is None:
             return losses | {"distractor_opacity": alpha_d.new_zeros(())}
         in_region = None
@@ -181,6 +190,9 @@ class DistractorLayer:
         losses["distractor_opacity"] = config.lambda_d * opacity
         if config.static_alone:
             owned = distractor_weight(alpha_d, in_region)
+            if self.may_be_empty:
+                transparency = static_transparency_loss(alpha_s, owned)
+                losses["static_transparency"] = config.lambda_s * transparency
             leak = config.leak if train_step.number < self.static.stop_split_at else 0.0
             losses |= self._photometric_losses(train_step, owned, leak, mask)
         return losses
@@ -229,7 +241,7 @@ class DistractorLayer:
         )
         stats = ResidualStats.of(memory, len(opacities), self.num_views, photo.device)
         judged = counted
-        if self.own_skies:
+        if self.background == "image":
             scene = ~own_sky(photo, train_step.static.alpha)
             judged = scene if counted is None else scene & counted
         comparison, train_step.residual_stats = compare(photo, static, stats, judged)

@@ -77,12 +77,19 @@ def distractor_opacity_loss(
     return torch.dot(alpha_d.flatten(), (1 - free).flatten()) / alpha_d.numel()
 
 
-def static_transparency_loss(alpha_s: Float[Tensor, "H W 1"]) -> Float[Tensor, ""]:
+def static_transparency_loss(
+    alpha_s: Float[Tensor, "H W 1"], where: Float[Tensor, "H W 1"] | None = None
+) -> Float[Tensor, ""]:
     """Mean transparency of the static scene, in [0, 1]: it should fill the image by itself.
 
-    Source: Eq. 5, the term weighted by lambda_s.
+    Args:
+        where: how much each pixel counts, in [0, 1]; None where all of them do.
+
+    Source: Eq. 5, the term weighted by lambda_s; `where` is ours.
     """
-    return 1 - alpha_s.sum() / alpha_s.numel()  # its gradient takes no pass over the pixels
+    if where is None:
+        return 1 - alpha_s.sum() / alpha_s.numel()  # its gradient takes no pass over the pixels
+    return (where * (1 - alpha_s)).mean()
 
 
 def mean_shown_opacity(

@@ -39,7 +39,7 @@ def search(device: str) -> Callable[[], None]:
         return torch.rand(*shape, device=device)
 
     layer = DistractorLayer.__new__(DistractorLayer)
-    layer.own_skies = False
+    layer.background = "off"
     layer.config, layer.num_views = DistractorConfig(start="residual", static_alone=True), 8
     radii = torch.ones(N, dtype=torch.int32, device=device)
     image, alpha = numbers(HEIGHT, WIDTH, 3), numbers(HEIGHT, WIDTH, 1)

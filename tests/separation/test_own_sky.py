@@ -12,6 +12,7 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.separation.layer import DistractorLayer
 from desplat_ns.separation.own_sky import own_sky
+from desplat_ns.settings.effects import BackgroundGrade
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene, cameras
 
 SKY = (slice(0, HEIGHT // 2), slice(0, WIDTH))
@@ -43,11 +44,11 @@ class SceneBelowASky(WellKnownScene):
         self.drawn = replace(self.drawn, alpha=alpha)
         self.opacities.view(HEIGHT, WIDTH)[SKY] = -20.0
 
-    def regions(self, photo: torch.Tensor, own_skies: bool) -> torch.Tensor:
+    def regions(self, photo: torch.Tensor, background: BackgroundGrade) -> torch.Tensor:
         """Of a photo, once ten like the scene were seen."""
         cams = cameras()[torch.zeros(40, dtype=torch.long)]
         gaussians = DistractorGaussians(CONFIG, cams)
-        layer = DistractorLayer(gaussians, CONFIG, SplatfactoModelConfig(), cams, None, own_skies)
+        layer = DistractorLayer(gaussians, CONFIG, SplatfactoModelConfig(), cams, None, background)
         for _ in range(10):
             step = self.train_step(0, self.photo)
             layer.update_regions(step, self.opacities, self.memory, None)
@@ -67,19 +68,19 @@ def grey_sky() -> torch.Tensor:
 
 
 def test_another_sky_is_in_the_way_only_where_photos_share_theirs(grey_sky):
-    assert SceneBelowASky().regions(grey_sky, own_skies=False)[: HEIGHT // 2 - 4].all()
-    assert not SceneBelowASky().regions(grey_sky, own_skies=True).any()
+    assert SceneBelowASky().regions(grey_sky, background="off")[: HEIGHT // 2 - 4].all()
+    assert not SceneBelowASky().regions(grey_sky, background="image").any()
 
 
 def test_what_stands_before_the_sky_is_found(grey_sky):
-    regions = SceneBelowASky().regions(with_branches(grey_sky), own_skies=True)
+    regions = SceneBelowASky().regions(with_branches(grey_sky), background="image")
     assert regions[4 : HEIGHT // 2 - 4, 44 : WIDTH - 4].all()
     assert not regions[:, :30].any()
 
 
 def test_what_stands_before_the_scene_is_found_under_another_sky(grey_sky):
     grey_sky[24:36, 10:30] = torch.tensor([0.9, 0.1, 0.9])
-    regions = SceneBelowASky().regions(grey_sky, own_skies=True)
+    regions = SceneBelowASky().regions(grey_sky, background="image")
     assert regions[26:34, 12:28].all()
     assert not regions[: HEIGHT // 2 - 4].any()
 

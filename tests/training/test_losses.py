@@ -20,6 +20,8 @@ def test_values_worked_out_by_hand():
     alpha = torch.tensor([0.0, 0.25, 0.5, 1.0], dtype=torch.float64).reshape(2, 2, 1)
     assert distractor_opacity_loss(alpha).item() == pytest.approx(0.4375, abs=1e-15)
     assert static_transparency_loss(alpha).item() == pytest.approx(0.5625, abs=1e-15)
+    where = torch.tensor([1.0, 1.0, 0.5, 1.0], dtype=torch.float64).reshape(2, 2, 1)
+    assert static_transparency_loss(alpha, where).item() == pytest.approx(0.5, abs=1e-15)
 
 
 def test_each_pixel_has_the_same_share_of_the_gradient():
