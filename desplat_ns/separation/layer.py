@@ -112,8 +112,8 @@ class DistractorLayer:
 
     @property
     def may_be_empty(self) -> bool:
-        """Whether the scene may be empty where a photo trains it: before a background. What
-        distractors own no photo shows, and an empty place would let the sky shine through."""
+        """Whether photos may show the scene empty: before a background. Where distractors own a
+        photo it says nothing, and there the sky must not shine through."""
         return self.config.static_alone and self.background != "off"
 
     def draw(self, index: int, rasterize: Callable[[Splats], Rendering]) -> Rendering | None:
