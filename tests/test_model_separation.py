@@ -166,6 +166,12 @@ def test_before_a_background_the_scene_may_be_empty_but_in_what_distractors_own(
     assert "static_transparency" not in Trainer(model).step(0)["losses"]
 
 
+def test_before_a_background_of_each_photos_own_the_scene_may_be_empty_anywhere():
+    effects = EffectsConfig(background="image")
+    model = make_model(distractors=config(start="everywhere"), effects=effects)
+    assert Trainer(model).step(0)["losses"]["static_transparency"] == 0
+
+
 def test_a_mask_over_everything_leaves_the_static_scene_nothing_to_fit():
     model = a_dense_model(start="everywhere", static_warmup=0)
     trainer = Trainer(model)

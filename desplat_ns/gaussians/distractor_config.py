@@ -58,8 +58,9 @@ class DistractorConfig:
     """Weight of the mean distractor opacity, Eq. 5. B.3."""
     lambda_s: float = 0.01
     """Weight of the mean transparency of the static scene, Eq. 5. B.3. If there is a background,
-    before which the scene may be empty, it counts as 0 (B.3, Photo Tourism); with static_alone it
-    counts in what distractors own, where no photo says that the scene is empty."""
+    before which the scene may be empty, it counts as 0 (B.3, Photo Tourism). With static_alone and
+    a background that all photos share, it counts in what distractors own, where no photo says that
+    the scene is empty."""
     static_warmup: int = 0
     """Steps for which the static scene trains alone, without distractors. The paper has none."""
     max_warmup_visits: int = ranged(15, "[0, inf)")

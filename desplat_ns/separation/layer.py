@@ -112,9 +112,9 @@ class DistractorLayer:
 
     @property
     def may_be_empty(self) -> bool:
-        """Whether photos may show the scene empty: before a background. Where distractors own a
-        photo it says nothing, and there the sky must not shine through."""
-        return self.config.static_alone and self.background != "off"
+        """Whether photos may show the scene empty: before a background that they share. Where
+        distractors own a photo it says nothing, and there the sky must not shine through."""
+        return self.config.static_alone and self.background in ("constant", "sh")
 
     def draw(self, index: int, rasterize: Callable[[Splats], Rendering]) -> Rendering | None:
         """Render the distractors of training view `index`; None if it has none."""
