@@ -111,9 +111,9 @@ class DistractorLayer:
             announce(about_few_views(self.num_views), warning=True)
 
     @property
-    def may_be_empty(self) -> bool:
-        """Whether photos may show the scene empty: before a background that they share. Where
-        distractors own a photo it says nothing, and there the sky must not shine through."""
+    def is_opaque_in_owned_alone(self) -> bool:
+        """Whether transparency counts in what distractors own, and nowhere else: before a
+        background that photos share the scene may be empty, but no photo says so there."""
         return self.config.static_alone and self.background in ("constant", "sh")
 
     def draw(self, index: int, rasterize: Callable[[Splats], Rendering]) -> Rendering | None:
@@ -179,7 +179,7 @@ class DistractorLayer:
             self.update_regions(train_step, opacities, memory, counted)
         regions, alpha_d = train_step.regions, train_step.alpha_d
         losses = {}
-        if not self.may_be_empty:
+        if not self.is_opaque_in_owned_alone:
             losses["static_transparency"] = config.lambda_s * static_transparency_loss(alpha_s)
         if train_step.distractors is None:
             return losses | {"distractor_opacity": alpha_d.new_zeros(())}
@@ -190,7 +190,7 @@ class DistractorLayer:
         losses["distractor_opacity"] = config.lambda_d * opacity
         if config.static_alone:
             owned = distractor_weight(alpha_d, in_region)
-            if self.may_be_empty:
+            if self.is_opaque_in_owned_alone:
                 transparency = static_transparency_loss(alpha_s, owned)
                 losses["static_transparency"] = config.lambda_s * transparency
             leak = config.leak if train_step.number < self.static.stop_split_at else 0.0
