@@ -42,9 +42,6 @@ class DeSplatModelConfig(StaticModelConfig):
         run.distractors = self.distractors.for_views(
             num_views, run.refine_every, run.warmup_length, self.schedule_scale or 1.0
         )
-        background = self.effects.settled().background  # the scene may be empty before it
-        if background == "image" or (background != "off" and not run.distractors.static_alone):
-            run.distractors.lambda_s = 0.0
         return run
 
     def warmup_of(self, num_views: int) -> tuple[int, int]:

@@ -133,14 +133,14 @@ def test_learning_rates_of_photo_tourism_in_b3(config, group, rate, final):
 
 @pytest.mark.parametrize(
     ("config", "background", "lambdas"),
-    [(TOURISM, "image", (0.0, 0.01, 0.15)), (TOURISM_A, "off", (0.01, 0.01, 0.0))],
+    [(TOURISM, "image", (0.01, 0.15)), (TOURISM_A, "off", (0.01, 0.0))],
 )
 def test_weights_and_sizes_of_photo_tourism_in_b3(config, background, lambdas):
     model = config.pipeline.model
     effects, run = model.effects.settled(), model.for_run(100)
     assert effects == Effects(appearance="affine", background=background)
     lambda_bg = 0.0 if effects.background == "off" else run.background.lambda_bg
-    assert (run.distractors.lambda_s, run.distractors.lambda_d, lambda_bg) == lambdas
+    assert (run.distractors.lambda_d, lambda_bg) == lambdas
     assert config.max_num_iterations == 200_000
     appearance, behind = model.appearance, model.background
     assert (appearance.embedding_dim, appearance.fourier_frequencies) == (32, 4)

@@ -166,10 +166,15 @@ def test_before_a_background_the_scene_may_be_empty_but_in_what_distractors_own(
     assert "static_transparency" not in Trainer(model).step(0)["losses"]
 
 
-def test_before_a_background_of_each_photos_own_the_scene_may_be_empty_anywhere():
-    effects = EffectsConfig(background="image")
-    model = make_model(distractors=config(start="everywhere"), effects=effects)
-    assert Trainer(model).step(0)["losses"]["static_transparency"] == 0
+@pytest.mark.parametrize(("background", "static_alone"), [("image", True), ("sh", False)])
+def test_before_a_sky_of_each_photos_own_and_in_the_paper_it_may_be_empty_anywhere(
+    background, static_alone
+):
+    distractors = config(start="everywhere", static_alone=static_alone)
+    model = make_model(distractors=distractors, effects=EffectsConfig(background=background))
+    losses = Trainer(model).step(0)["losses"]
+    assert losses["distractor_opacity"] > 0
+    assert "static_transparency" not in losses
 
 
 def test_a_mask_over_everything_leaves_the_static_scene_nothing_to_fit():

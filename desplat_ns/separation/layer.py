@@ -110,12 +110,6 @@ class DistractorLayer:
         if config.start == "residual" and self.num_views < FEW_VIEWS:
             announce(about_few_views(self.num_views), warning=True)
 
-    @property
-    def is_opaque_in_owned_alone(self) -> bool:
-        """Whether transparency counts in what distractors own, and nowhere else: before a
-        background that photos share the scene may be empty, but no photo says so there."""
-        return self.config.static_alone and self.background in ("constant", "sh")
-
     def draw(self, index: int, rasterize: Callable[[Splats], Rendering]) -> Rendering | None:
         """Render the distractors of training view `index`; None if it has none."""
         view = self.gaussians.views[index]
@@ -178,24 +172,38 @@ class DistractorLayer:
         if config.start == "residual" and self.num_views > LEAST_VIEWS:
             self.update_regions(train_step, opacities, memory, counted)
         regions, alpha_d = train_step.regions, train_step.alpha_d
-        losses = {}
-        if not self.is_opaque_in_owned_alone:
-            losses["static_transparency"] = config.lambda_s * static_transparency_loss(alpha_s)
         if train_step.distractors is None:
-            return losses | {"distractor_opacity": alpha_d.new_zeros(())}
+            losses = {"distractor_opacity": alpha_d.new_zeros(())}
+            return losses | self._transparency_loss(alpha_s, None)
         in_region = None
         if regions is not None:
             in_region = region_pixels(regions.to(alpha_d.dtype), *alpha_d.shape[:2])
         opacity = distractor_opacity_loss(alpha_d, in_region)
-        losses["distractor_opacity"] = config.lambda_d * opacity
-        if config.static_alone:
-            owned = distractor_weight(alpha_d, in_region)
-            if self.is_opaque_in_owned_alone:
-                transparency = static_transparency_loss(alpha_s, owned)
-                losses["static_transparency"] = config.lambda_s * transparency
+        losses = {"distractor_opacity": config.lambda_d * opacity}
+        owned = distractor_weight(alpha_d, in_region) if config.static_alone else None
+        if owned is not None:
             leak = config.leak if train_step.number < self.static.stop_split_at else 0.0
             losses |= self._photometric_losses(train_step, owned, leak, mask)
-        return losses
+        return losses | self._transparency_loss(alpha_s, owned)
+
+    def _transparency_loss(
+        self, alpha_s: Float[Tensor, "H W 1"], owned: Float[Tensor, "H W 1"] | None
+    ) -> dict[str, Tensor]:
+        """The static term of Eq. 5: everywhere without a background. Before one the scene may be
+        empty (App. B.3), but not in what distractors own, where no photo says so; with a background
+        of each photo's own that has cost more than it gained.
+
+        Args:
+            owned: by the distractors; None if nothing is left to them alone.
+        """
+        if self.background == "off":
+            where = None
+        elif self.background == "image" or owned is None:
+            return {}
+        else:
+            where = owned
+        transparency = static_transparency_loss(alpha_s, where)
+        return {"static_transparency": self.config.lambda_s * transparency}
 
     def _photometric_losses(
         self,

@@ -27,7 +27,8 @@ BY_PHOTO = 0.06
 """Of the range of values: what a quarter of the photos' skies exceed in their RMS difference from
 what all photos show in the same direction. A few photos may have something before their sky. Nearer
 to the least where skies differ (0.083) than to the most where they do not (0.015): a sky for each
-photo is learned from that photo alone, and few photos suffer most."""
+photo is learned from that photo alone, and few photos suffer most. So photos also have to differ
+by more than directions do: until then the sky that all photos share explains most."""
 
 CHROMA_BY_PHOTO = 0.055
 """The same in log of a channel over the mean of the channels, used where light changes place by
@@ -90,14 +91,15 @@ def sky_colors(observations: Observations, light: PhotoLight, skies: dict[int, S
     return SkyColors(np.concatenate(colors), photo, direction)
 
 
-def range_by_direction(cells: SkyColors) -> float:
+def range_by_direction(cells: SkyColors, values: Float[np.ndarray, "K 3"]) -> float:
     """How far directions differ within photos: 10% to 90% of the area, the widest channel.
 
-    Every photo's own median is taken out, so neither light nor weather of a photo counts.
+    Every photo's own median is taken out, so neither light nor weather of a photo counts. NaN where
+    there is no sky.
     """
-    if len(cells.colors) == 0:
+    if len(values) == 0:
         return float("nan")
-    values = cells.colors - _medians(cells.colors, cells.photo)[cells.photo]
+    values = values - _medians(values, cells.photo)[cells.photo]
     middles = _medians(values, cells.direction)[cells.direction]
     low, high = np.quantile(middles, [0.1, 0.9], axis=0)
     return float((high - low).max())
@@ -152,11 +154,11 @@ def background_finding(
         "by_photo",
         spread_by_photo(cells, values),
         f"difference of photos' sky {what} without their light, exceeded by a quarter of them",
-        limit,
+        np.fmax(limit, range_by_direction(cells, values)).item(),
     )
     by_direction = Figure(
         "by_direction",
-        range_by_direction(cells),
+        range_by_direction(cells, cells.colors),
         "range of the sky's values between directions in one photo",
         RANGE,
     )

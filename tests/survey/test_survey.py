@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from desplat_ns.data.images import read_image, write_image
+from desplat_ns.survey.background import BY_PHOTO
 from desplat_ns.survey.findings import Finding
 from desplat_ns.survey.light import appearance_finding, local_steps
 from desplat_ns.survey.observations import Capture
@@ -141,6 +142,21 @@ def test_a_sky_that_is_only_brighter_is_another_one_unless_light_changes_place_b
         factor = np.where(is_sky, 0.8, 1.0)[..., None]
         write_image(path, (factor * read_image(path)).astype(np.uint8))
     assert survey(capture).background.decision == decision
+
+
+@pytest.mark.slow
+def test_skies_that_differ_by_less_than_directions_do_are_one_sky(
+    make_capture: Callable[..., Capture], sky_masks: list[np.ndarray], tmp_path: Path
+):
+    """Every second one is darker, and each darkens upwards by more."""
+    capture = copied(make_capture(wall_height=2.0), tmp_path)
+    for i, (path, is_sky) in enumerate(zip(capture.photos, sky_masks, strict=True)):
+        upwards = np.linspace(0.3, 2.0, len(is_sky)).clip(max=1.0)[:, None]
+        factor = np.where(is_sky, upwards * (0.5 if i % 2 == 0 else 1.0), 1.0)[..., None]
+        write_image(path, (factor * read_image(path)).astype(np.uint8))
+    background = survey(capture).background
+    assert background.figures[1].value > BY_PHOTO
+    assert background.decision == "sh"
 
 
 def test_the_same_capture_gives_the_same_findings(still: Capture):
