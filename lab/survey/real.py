@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
@@ -29,11 +29,12 @@ class RealScene:
     right: Allowed
     content: str
     """What its photos show."""
-    options: dict[str, float] = field(default_factory=dict)
 
-    def open(self, root: Path) -> Capture:
-        """Its training photos."""
-        config: DataParserConfig = self.parser(data=root / self.name, **self.options)  # pyright: ignore[reportArgumentType]
+    def open(self, root: Path, downscale_factor: int = 1) -> Capture:
+        """Its training photos, so many times smaller."""
+        config: DataParserConfig = self.parser(
+            data=root / self.name, downscale_factor=downscale_factor
+        )
         return capture_of(config.setup().get_dataparser_outputs("train"))
 
 
@@ -45,7 +46,7 @@ def _right(
 
 _INDOORS = _right(("off",), ("off",), False)
 _TREE = _right(("off", "camera"), ("off",), False)
-_CASTLE = _right(("camera",), ("sh", "image"), False)
+_CASTLE = _right(("camera",), ("sh",), False)
 
 REAL = (
     RealScene("fox", DeSplatColmapDataParserConfig, _INDOORS, "a room; a few photos are darker"),

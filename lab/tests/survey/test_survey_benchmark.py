@@ -52,8 +52,9 @@ def test_the_document_is_that_of_the_records():
 
 
 @pytest.mark.real_data
+@pytest.mark.parametrize("factor", [1, 2, 4])
 @pytest.mark.parametrize("scene", REAL, ids=lambda scene: scene.name)
-def test_decisions_on_real_scenes_are_right(data_folder, scene: RealScene):
-    survey, _ = measure(scene.open(data_folder(scene.name).parent))
+def test_decisions_on_real_scenes_are_right_at_any_size(data_folder, scene: RealScene, factor: int):
+    survey, _ = measure(scene.open(data_folder(scene.name).parent, factor))
     for effect, decision in survey.decisions().items():
         assert decision in scene.right[effect], survey.summary()
