@@ -166,6 +166,11 @@ class DeSplatModel(StaticModel):
         """The distractors of all views, by kind."""
         return {} if self.distractors is None else self.distractors.param_groups()
 
+    def trained_bytes(self) -> int:
+        """Of all parameters, those of every view among them, with Adam's two moments of each."""
+        groups = self.get_param_groups() | self.view_parameters()
+        return sum(3 * p.numel() * p.element_size() for group in groups.values() for p in group)
+
     # --- losses ------------------------------------------------------------------------------
 
     def get_loss_dict(
@@ -241,7 +246,7 @@ class DeSplatModel(StaticModel):
 
     def drop_step(self) -> None:
         """Throw the step at hand away: `step_post_backward` then does nothing, and nothing of it is
-        remembered. A refinement or reset that was due falls out."""
+        remembered. A refinement or reset that was due follows at the next one."""
         self.train_step = None
 
     def step_post_backward(self, step: int) -> None:

@@ -33,7 +33,7 @@ from desplat_ns.training.checkpoint_files import (
     save_atomically,
 )
 from desplat_ns.training.optimizers import SHORT_RUN_GROUPS, raised_rates
-from desplat_ns.training.run_folder import run_folder
+from desplat_ns.training.run_folder import refuse_to_replace, run_folder
 from desplat_ns.training.schedules import checked_schedules, follow, multiply_rates
 from desplat_ns.training.step_guard import (
     GuardedModel,
@@ -70,7 +70,7 @@ class DeSplatTrainer(Trainer):
         self._loaded_from: Path | None = None
         self._saved: SavedRun | None = None
         self._saved_rng: dict[str, Any] | None = None
-        self._waiting_in_viewer = False
+        self._waiting_in_viewer = self._stop_is_asked = False
         self._started = process_started()
         self._budgeted: BudgetedRun | None = None
         self._budget_is_up = False
@@ -83,10 +83,12 @@ class DeSplatTrainer(Trainer):
             BackendUnavailableError: the backend cannot run on this machine's device.
             CaptureError: photos that cannot be surveyed.
             CheckpointError: one that cannot be gone on from.
-            ConfigError: a budget in which nothing can be trained.
+            ConfigError: a budget in which nothing can be trained, or a folder that holds another
+                run.
         """
-        self._started += self.config.compile_kernels()  # no part of a budget
         self._saved = self.config.saved_run()
+        refuse_to_replace(self.checkpoint_dir, None if self._saved is None else self._saved[0])
+        self._started += self.config.compile_kernels()  # no part of a budget
         findings = self.config.decide_effects(self._saved)
         self.config.settle_length()
         self._budgeted = self.config.plan_budget(self._saved, self._started)
@@ -169,6 +171,8 @@ class DeSplatTrainer(Trainer):
         self.optimizers.is_logged = is_logged
         result = super().train_iteration(step)
         self._steps_done = step + 1
+        if self._stop_is_asked:  # nerfstudio clears `stop_training` once its viewer is filled
+            self.stop_training = True
         if self._budgeted is not None and self._budgeted.after_step(step):
             self.stop_training = self._budget_is_up = True
         return result
@@ -177,7 +181,8 @@ class DeSplatTrainer(Trainer):
         """Evaluate where it is due, and leave the random generators as they were.
 
         So training does not depend on what is evaluated when, nor on what a metric draws when it
-        is first built: a resumed run builds it at another step than one in one go.
+        is first built: a resumed run builds it at another step than one in one go. Where it fails,
+        what is trained is saved before that ends the run.
         """
         config = self.config
         intervals = (config.steps_per_eval_batch, config.steps_per_eval_image)
@@ -186,6 +191,12 @@ class DeSplatTrainer(Trainer):
         state = resume.rng_state()
         try:
             super().eval_iteration(step)
+        except CaptureError:  # `train` saves
+            raise
+        except Exception:
+            resume.restore_rng(state)
+            self.save_checkpoint(step)
+            raise
         finally:
             resume.restore_rng(state)
 
@@ -306,4 +317,4 @@ class DeSplatTrainer(Trainer):
         if self._waiting_in_viewer:
             raise EndAtOnce
         CONSOLE.print(f"[yellow]Stopping after this step; {name} again to stop at once.")
-        self.stop_training = True
+        self._stop_is_asked = self.stop_training = True

@@ -153,7 +153,7 @@ def test_a_run_goes_on_from_the_checkpoint_before_a_damaged_newest_one(config, c
 
 
 def test_a_run_that_cannot_be_set_up_leaves_no_folder(config, monkeypatch):
-    """Nor does it touch the folder, and the config.yml, of an earlier run of the same name."""
+    """Nor does it touch the folder, and the config.yml, of the run that it was to go on with."""
 
     def fail(self: StubPipeline) -> Any:
         raise CheckpointError("it does not fit")
@@ -167,12 +167,12 @@ def test_a_run_that_cannot_be_set_up_leaves_no_folder(config, monkeypatch):
         assert not config.output_dir.exists()
     train(config)
     saved = contents(config.output_dir)
-    config.steps_per_save = 99
+    again = resumed(config, timestamp=config.timestamp, steps_per_save=99)
     with monkeypatch.context() as patch:
         patch.setattr(StubPipeline, "get_param_groups", fail)
-        config.save_config()
+        again.save_config()
         with pytest.raises(CheckpointError, match="it does not fit"):
-            set_up(config)
+            set_up(again)
     assert contents(config.output_dir) == saved
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 import torch
 from nerfstudio.utils import eval_utils
 
-from desplat_ns.errors import CheckpointError
+from desplat_ns.errors import CheckpointError, ConfigError
 from desplat_ns.nerfstudio_quirks import load_evaluated_checkpoints_like_resumed_ones
 from tests.helpers.stub_run import StubPipeline, StubPipelineConfig, resumed, set_up, train
 from tests.helpers.stub_run import config as config
@@ -30,6 +31,17 @@ def test_the_runs_folder_and_a_single_file_can_be_loaded(config):
     file = config.get_checkpoint_dir() / "step-000000005.ckpt"
     by_file = set_up(resumed(config, load_dir=None, load_checkpoint=file))
     assert by_file._start_step == 6
+
+
+def test_a_second_run_of_the_same_name_replaces_nothing(config):
+    train(config)
+    saved = [config.get_base_dir() / "config.yml", *config.get_checkpoint_dir().iterdir()]
+    before = [path.read_bytes() for path in saved]
+    with pytest.raises(ConfigError, match=r"step-000000011.ckpt is of an earlier run.*--timestamp"):
+        set_up(dataclasses.replace(config, pipeline=StubPipelineConfig()))
+    assert [path.read_bytes() for path in saved] == before
+    longer = resumed(config, timestamp="first", max_num_iterations=14)
+    assert train(longer).pipeline.trained == [12, 13]
 
 
 def test_a_checkpoint_with_other_groups_is_refused_and_unharmed(config):

@@ -7,6 +7,7 @@ import os
 import signal
 
 import pytest
+import torch
 
 from desplat_ns.training.checkpoint_files import checkpoints_in, load_checkpoint
 from tests.helpers.stub_run import StubPipelineConfig, assert_same, resumed, set_up, train
@@ -26,6 +27,36 @@ def test_a_run_told_to_stop_saves_the_step_it_finished(config):
     assert newest.name == "step-000000007.ckpt"
     second = resumed(config)
     assert train(second).pipeline.trained == [8, 9, 10, 11]
+
+
+def test_a_run_told_to_stop_while_the_viewer_is_filled_does_one_step(config, monkeypatch):
+    trainer = set_up(config)
+
+    def fill_viewer() -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr(trainer, "_init_viewer_state", fill_viewer)
+    trainer.train()
+    assert trainer.pipeline.trained == [0]
+    assert checkpoints_in(config.get_checkpoint_dir())[-1].name == "step-000000000.ckpt"
+
+
+def test_an_evaluation_that_fails_ends_the_run_and_what_is_trained_is_saved(config, monkeypatch):
+    monkeypatch.setattr(config, "steps_per_eval_all_images", 3)
+    trainer = set_up(config)
+    trainer.pipeline.datamanager.eval_dataset = ["a.jpg"]
+
+    def fail(**_: object) -> None:
+        torch.rand(1)
+        raise MemoryError("no room for the metric")
+
+    monkeypatch.setattr(trainer.pipeline, "get_average_eval_image_metrics", fail)
+    with pytest.raises(MemoryError):
+        trainer.train()
+    assert trainer.pipeline.trained == [0, 1, 2, 3]
+    assert checkpoints_in(config.get_checkpoint_dir())[-1].name == "step-000000003.ckpt"
+    second = resumed(config, steps_per_eval_all_images=0)
+    assert train(second).pipeline.trained == list(range(4, 12))
 
 
 @pytest.mark.parametrize("stopped", [False, True])

@@ -138,11 +138,7 @@ class BudgetedRun:
             self._said = steps
 
     def _set_reserve(self) -> None:
-        self.clock.reserve = END_SECONDS + self._bytes_to_save() / BYTES_A_SECOND
-
-    def _bytes_to_save(self) -> int:
-        """Of all parameters, those of every view among them, with Adam's two moments."""
-        return sum(3 * p.numel() * p.element_size() for p in self._model.parameters())
+        self.clock.reserve = END_SECONDS + self._model.trained_bytes() / BYTES_A_SECOND
 
     def say_cost(self, steps_done: int) -> None:
         """What the run did cost."""

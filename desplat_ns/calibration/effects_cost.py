@@ -93,14 +93,14 @@ def measure(
         e: [seconds / base for seconds, base in zip(each[e], each[first], strict=True)]
         for e in each
     }
-    base_bytes = steps[first].trained_bytes()
+    base_bytes = steps[first].model.trained_bytes()
     return [
         EffectsCost(
             effects,
             statistics.median(each[effects]),
             statistics.median(ratios[effects]),
             _middle_half(ratios[effects]),
-            steps[effects].trained_bytes() - base_bytes,
+            steps[effects].model.trained_bytes() - base_bytes,
         )
         for effects in every
     ]

@@ -127,8 +127,3 @@ class ModelStep:
     def losses(self) -> dict[str, torch.Tensor]:
         """The model's own, of the first photo."""
         return self.model.get_loss_dict(self.model(self.camera), {"image": self.photo})
-
-    def trained_bytes(self) -> int:
-        """Of all parameters, with Adam's two moments of each."""
-        groups = self.model.get_param_groups() | self.model.view_parameters()
-        return sum(3 * p.numel() * p.element_size() for group in groups.values() for p in group)

@@ -34,7 +34,7 @@ STEPS_WANTED = 500
 """Photos are trained on at a smaller size where fewer steps than this would fit."""
 
 FEWEST_STEPS = 200
-"""A run of fewer is refused: its schedules have warm-ups of a few steps."""
+"""A run of fewer is refused, unless fewer are asked for: schedules have warm-ups of a few steps."""
 
 SMALLEST = 4
 """Photos are at most this many times smaller in the whole run."""
@@ -148,12 +148,13 @@ def plan_run(
         if steps >= min(STEPS_WANTED, most) or downscale >= SMALLEST:
             break
         downscale *= 2
-    if steps < FEWEST_STEPS:
-        needed = spent + END_SECONDS + 1.2 * FEWEST_STEPS * a_step
+    fewest = min(FEWEST_STEPS, most)
+    if steps < fewest:
+        needed = spent + END_SECONDS + 1.2 * fewest * a_step
         raise ConfigError(
             f"--budget is {budget:.0f} s, of which {spent:.0f} s went into the start. A step takes "
             f"{1e3 * a_step:.0f} ms here with photos {downscale} times smaller, so that only "
-            f"{max(0, steps)} fit, and a run needs {FEWEST_STEPS}. Give {needed:.0f}s or more, or "
+            f"{max(0, steps)} fit, and a run needs {fewest}. Give {needed:.0f}s or more, or "
             "smaller photos (the data parser's --downscale-factor)."
         )
     return BudgetState(steps, downscale, most)

@@ -125,6 +125,8 @@ def _failure(folder: Workspace, label: str, error: str, status: int, begin: int)
 
 def _last_complaint(log: Path, begin: int) -> str:
     """The last line of the log since `begin` that tells of an error, if any."""
+    if not log.is_file():  # the process ended before it wrote any
+        return ""
     with log.open("rb") as file:
         file.seek(begin)
         lines = file.read().decode("utf8", "replace").splitlines()

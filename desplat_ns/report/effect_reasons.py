@@ -59,7 +59,10 @@ def effect_reasons(effects: Effects, survey: Mapping[str, Any] | None) -> list[E
     """
     had: dict[str, bool | str] = asdict(effects)
     if survey is None:
-        why = "As given, or the method's default: the run has no record of a survey of the photos."
+        why = (
+            "As given, the method's default, or as in the run that this one goes on with: there is "
+            "no record of a survey of the photos."
+        )
         return [EffectReason(k, title, in_words(had[k]), why) for k, title in TITLES.items()]
     return [_surveyed(name, had[name], survey[name]) for name in TITLES]
 

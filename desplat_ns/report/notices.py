@@ -65,7 +65,7 @@ def notices(
     if failure is not None:
         what, _, advice = failure.partition(". ")
         all_notices.append(Notice(f"{what[0].upper()}{what[1:]}.", advice))
-    if cost.steps < cost.planned:
+    if cost.steps < cost.planned and not cost.budget:  # a budget ends by its clock
         all_notices.append(
             Notice(
                 f"The run has {cost.steps:,} of {cost.planned:,} steps: it was stopped, or this is "

@@ -142,8 +142,11 @@ def background_finding(
         VISIBLE_SHARE,
     )
     unknown = ("whether a bare wall or ceiling above everything else is a sky",)
-    if len(observations.all_xyz) < FEWEST_POINTS or not shares:
+    if len(observations.all_xyz) < FEWEST_POINTS:
         reason = f"Fewer than {FEWEST_POINTS} points say where the scene is."
+        return Finding("background", "off", "none", reason, (share,), unknown)
+    if not shares:
+        reason = f"No photo shows {FEWEST} of the points."
         return Finding("background", "off", "none", reason, (share,), unknown)
     cells = sky_colors(observations, light, skies)
     logs = np.log(np.maximum(cells.colors, LOWEST))

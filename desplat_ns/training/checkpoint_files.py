@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,8 @@ def remove_older(path: Path) -> None:
     before = [other for other in others if step_of(other) < step_of(path)]
     for other in others:
         if other not in before[-1:]:
-            other.unlink()
+            with suppress(OSError):  # another program reads it, or has removed it
+                other.unlink()
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A run's folder; what cannot be set up leaves no folder behind."""
+"""A run's folder: nothing in it is replaced, and what cannot be set up leaves none behind."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from desplat_ns.errors import ConfigError
+from desplat_ns.training.checkpoint_files import checkpoints_in
 
 
 @contextmanager
@@ -26,6 +27,24 @@ def run_folder(folder: Path) -> Iterator[None]:
             with suppress(OSError):
                 path.rmdir()
         raise
+
+
+def refuse_to_replace(checkpoints: Path, goes_on_from: Path | None) -> None:
+    """Raise ConfigError where a run would replace the checkpoints of another.
+
+    Args:
+        checkpoints: the run's folder of checkpoints.
+        goes_on_from: the checkpoint that the run starts from; in this folder it is the run's own.
+    """
+    if goes_on_from is not None and goes_on_from.resolve().parent == checkpoints.resolve():
+        return
+    saved = checkpoints_in(checkpoints) if checkpoints.is_dir() else []
+    if saved:
+        raise ConfigError(
+            f"{saved[-1]} is of an earlier run, which this one would replace. Give another "
+            "--timestamp, or leave it out for the time of day; --load-dir "
+            f"{checkpoints} goes on with the earlier run."
+        )
 
 
 def _make(folder: Path) -> None:

@@ -114,7 +114,7 @@ def measure_series(series: str, sizes: tuple[Size, ...], rounds: int) -> list[Po
             series,
             size,
             tuple(round(ms, 3) for ms in timings[str(size)].cpu),
-            step.trained_bytes(),
+            step.model.trained_bytes(),
             peaks[size],
         )
         for size, step in steps.items()

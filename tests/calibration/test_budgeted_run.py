@@ -15,6 +15,7 @@ from desplat_ns.calibration import budgeted_run, run_plan
 from desplat_ns.calibration.run_plan import StepCost
 from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import ConfigError
+from desplat_ns.model import DeSplatModel
 from desplat_ns.training.budget import END_SECONDS, StepSeconds
 from desplat_ns.training.checkpoint_files import load_newest
 
@@ -75,11 +76,9 @@ def test_a_run_spends_its_budget_and_says_so(config, clock, capsys):
 
 def test_what_a_checkpoint_will_hold_is_not_counted_in_every_step(config, clock, monkeypatch):
     counted = []
-    count = budgeted_run.BudgetedRun._bytes_to_save
+    count = DeSplatModel.trained_bytes
     monkeypatch.setattr(
-        budgeted_run.BudgetedRun,
-        "_bytes_to_save",
-        lambda self: counted.append(self.state.spent) or count(self),
+        DeSplatModel, "trained_bytes", lambda self: counted.append(self.step) or count(self)
     )
     steps = newest(train(config))["budget"]["steps_done"]
     assert 2 <= len(counted) <= 2 + steps // STEPS_BETWEEN_CHECKS

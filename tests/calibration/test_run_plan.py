@@ -72,6 +72,11 @@ def test_a_budget_that_holds_no_run_is_refused_with_one_that_does():
     assert plan(enough).steps >= FEWEST_STEPS
 
 
+def test_a_run_of_few_steps_is_planned_where_few_are_asked_for():
+    assert FEWEST_STEPS > 20
+    assert plan_run(1e3, 0.0, MODEL, 40, (20, 30_000), EVEN).steps == 20
+
+
 def test_steps_are_cheaper_while_photos_and_the_set_are_small():
     cost = StepCost(StepSeconds(fixed=0.04, whole_photo=0.16), share_at_start=0.25)
     model = replace(MODEL, num_downscales=1)

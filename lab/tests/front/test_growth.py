@@ -85,7 +85,7 @@ def test_a_step_leaves_the_sets_as_they_are_and_says_what_it_trains():
     assert step.model.distractors.counts() == [5, 7, 7]
     assert step.model.distractors.total == size.all_distractors == 19
     # 59 numbers of a static Gaussian, 14 of a distractor, 4 bytes each, with two moments
-    assert step.trained_bytes() == 12 * (59 * 50 + 14 * 19)
+    assert step.model.trained_bytes() == 12 * (59 * 50 + 14 * 19)
 
 
 def made_up(series: str, sizes: tuple[Size, ...], slope: float) -> list[Point]:
