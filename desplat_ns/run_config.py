@@ -116,7 +116,7 @@ class RunConfig(TrainerConfig):
         Raises:
             CaptureError: no capture is found.
             ConfigError: an option is no finite number or no time, or the capture has no use for it;
-                or there would be several processes.
+                or there would be several processes, or scaled gradients.
         """
         self._refuse_several_processes()
         self.resolve_schedule_scale()
@@ -127,6 +127,11 @@ class RunConfig(TrainerConfig):
             raise ConfigError(
                 f"--visits is {self.visits:g}; it has to be 0 or more: how often each photo is "
                 "shown, or 0 for the method's own number of steps."
+            )
+        if self.mixed_precision or self.use_grad_scaler:
+            raise ConfigError(
+                "--mixed-precision and --use-grad-scaler scale the gradients of a step, by which "
+                "Gaussians are refined. Leave both at False."
             )
         manager = self.pipeline.datamanager
         if isinstance(manager, DeSplatDataManagerConfig):

@@ -15,7 +15,6 @@ from nerfstudio.engine.trainer import Trainer
 from nerfstudio.utils.decorators import check_main_thread
 from nerfstudio.utils.misc import step_check
 from nerfstudio.utils.rich_utils import CONSOLE
-from torch.cuda.amp.grad_scaler import GradScaler
 
 from desplat_ns.calibration.budgeted_run import BudgetedRun, process_started
 from desplat_ns.console import announce
@@ -125,9 +124,9 @@ class DeSplatTrainer(Trainer):
     def _model(self) -> GuardedModel:
         return cast(GuardedModel, self.pipeline.model)
 
-    def _may_step(self, grad_scaler: GradScaler) -> bool:
+    def _may_step(self) -> bool:
         """Whether the step at hand is sound; too many that were not, and the run stops."""
-        may = self._guard.is_finite(self.step, self._model, self.optimizers, grad_scaler)
+        may = self._guard.is_finite(self.step, self._model, self.optimizers)
         if self._guard.exhausted:
             self.stop_training = True
         return may
@@ -254,8 +253,6 @@ class DeSplatTrainer(Trainer):
         steps_done = state["step"] + 1
         if self.config.load_scheduler:
             resume.load_schedulers(self.optimizers, state.get("schedulers", {}), steps_done)
-        if state.get("scalers"):  # empty where the saved run had no mixed precision
-            self.grad_scaler.load_state_dict(state["scalers"])
         self._load_randomness(state)
         if "budget" in state and self._budgeted is None:
             announce(

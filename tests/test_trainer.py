@@ -209,6 +209,13 @@ def test_a_schedule_scale_that_is_not_positive_is_refused(config, scale):
         config.setup()
 
 
+@pytest.mark.parametrize("option", ["mixed_precision", "use_grad_scaler"])
+def test_scaled_gradients_are_refused(config, option):
+    setattr(config, option, True)
+    with pytest.raises(ConfigError, match="--mixed-precision and --use-grad-scaler"):
+        config.setup()
+
+
 @pytest.mark.parametrize(("devices", "machines"), [(2, 1), (1, 2)])
 def test_several_processes_are_refused_before_any_starts(config, devices, machines):
     """ns-train saves the configuration before it starts processes."""

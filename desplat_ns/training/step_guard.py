@@ -94,11 +94,11 @@ class GuardedOptimizers(Optimizers):
         self,
         config: dict[str, Any],
         param_groups: dict[str, list[nn.Parameter]],
-        may_step: Callable[[GradScaler], bool],
+        may_step: Callable[[], bool],
         of_view: Callable[[], Mapping[str, Optimizer]],
     ):
         """Args:
-        may_step: is called with the gradient scaler after each backward pass.
+        may_step: is called after each backward pass.
         of_view: gives the optimizers that belong to the view of the step at hand.
         """
         super().__init__(config, param_groups)
@@ -109,16 +109,12 @@ class GuardedOptimizers(Optimizers):
     def optimizer_scaler_step_some(self, grad_scaler: GradScaler, param_groups: list[str]) -> None:
         """Step, or change nothing and drop all gradients; nerfstudio 1.1.5 steps no other way."""
         of_view = self._of_view()  # first: a step that is dropped has no view any more
-        if self._may_step(grad_scaler):
+        if self._may_step():
             super().optimizer_scaler_step_some(grad_scaler, param_groups)
             for name in gradients_of(of_view):
                 grad_scaler.step(of_view[name])
             return
-        all_of_them = {**self.optimizers, **of_view}
-        if grad_scaler.is_enabled():  # its update() insists on having seen the gradients
-            for name in gradients_of(all_of_them):
-                grad_scaler.unscale_(all_of_them[name])
-        for optimizer in all_of_them.values():
+        for optimizer in (*self.optimizers.values(), *of_view.values()):
             optimizer.zero_grad()
 
     def scheduler_step_all(self, step: int) -> None:
@@ -194,17 +190,9 @@ class StepGuard:
         """Whether the run is to stop."""
         return self.skipped >= self.max_skipped
 
-    def is_finite(
-        self, step: int, model: GuardedModel, optimizers: Optimizers, grad_scaler: GradScaler
-    ) -> bool:
-        """Whether the optimizers may take `step`; if not, that is said and the model drops it.
-
-        With mixed precision, gradients overflow now and then, and the gradient scaler sees to them:
-        then only losses are judged.
-        """
-        judged = {}
-        if not grad_scaler.is_enabled():
-            judged = gradients_of({**optimizers.optimizers, **model.view_optimizers()})
+    def is_finite(self, step: int, model: GuardedModel, optimizers: Optimizers) -> bool:
+        """Whether the optimizers may take `step`; if not, that is said and the model drops it."""
+        judged = gradients_of({**optimizers.optimizers, **model.view_optimizers()})
         fault = find_fault(model.losses, judged)
         self.skipped_last = fault is not None
         if fault is None:

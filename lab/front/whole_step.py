@@ -86,8 +86,8 @@ class WholeStep(ModelStep):
             self._options_of(groups), groups, self._may_step, self.model.view_optimizers
         )
 
-    def _may_step(self, scaler: GradScaler) -> bool:
-        return self._guard.is_finite(SETTLED, self.model, self.optimizers, scaler)
+    def _may_step(self) -> bool:
+        return self._guard.is_finite(SETTLED, self.model, self.optimizers)
 
     def __call__(self) -> None:
         """The next view's step."""

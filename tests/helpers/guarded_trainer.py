@@ -40,8 +40,8 @@ class GuardedTrainer:
         self.optimizers = GuardedOptimizers(options, groups, self._may_step, model.view_optimizers)
         self.photo = torch.rand(20, 24, 3, generator=torch.Generator().manual_seed(1))
 
-    def _may_step(self, scaler: Any) -> bool:
-        return self.guard.is_finite(self.step_at_hand, self.model, self.optimizers, scaler)
+    def _may_step(self) -> bool:
+        return self.guard.is_finite(self.step_at_hand, self.model, self.optimizers)
 
     def step(self, step: int, spoil: Any = None, photo: Tensor | None = None) -> None:
         model, self.step_at_hand = self.model, step

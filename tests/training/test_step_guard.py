@@ -5,7 +5,6 @@ from typing import Any
 
 import pytest
 import torch
-from nerfstudio.engine.optimizers import Optimizers
 
 from desplat_ns.errors import ConfigError, TrainingError
 from desplat_ns.gaussians.distractors import PARAMETER_NAMES
@@ -18,7 +17,7 @@ from desplat_ns.training.step_guard import (
 )
 from tests.helpers.guarded_trainer import GuardedTrainer, a_model, everywhere, said
 from tests.helpers.small_model import make_model
-from tests.helpers.stub_run import StubModel, assert_same, resumed, set_up, train
+from tests.helpers.stub_run import assert_same, resumed, set_up, train
 from tests.helpers.stub_run import config as config  # a fixture
 
 NAN, INF = float("nan"), float("inf")
@@ -217,17 +216,3 @@ def test_a_network_that_is_not_finite_may_not_be_saved(tmp_path):
         with pytest.raises(TrainingError, match=f"{name} are not finite"):
             check_parameters(model, trainer.optimizers, 5, tmp_path, strict=False)
         parameters[0].data = kept
-
-
-def test_mixed_precision_leaves_gradients_to_its_scaler(capsys):
-    """Its first scale is meant to overflow; it halves it by itself."""
-    guard, optimizers = StepGuard(1), Optimizers({}, {})
-    scaler: Any = torch.cuda.amp.GradScaler(enabled=False)
-    scaler.is_enabled = lambda: True  # it is not without CUDA
-    model = StubModel()
-    model.losses = {"main_loss": torch.tensor(1.0)}
-    assert guard.is_finite(0, model, optimizers, scaler)
-    model.losses["main_loss"] = torch.tensor(NAN)
-    assert not guard.is_finite(0, model, optimizers, scaler)
-    assert guard.exhausted
-    assert "the loss (main_loss)" in said(capsys)
