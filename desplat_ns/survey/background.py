@@ -10,7 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from desplat_ns.survey.findings import Figure, Finding, confidence_of, mean_of
+from desplat_ns.survey.findings import (
+    Confidence,
+    Decision,
+    Figure,
+    Finding,
+    confidence_of,
+    mean_of,
+)
 from desplat_ns.survey.observations import Observations
 from desplat_ns.survey.photo_light import FEWEST, LOWEST, PhotoLight, from_middle
 from desplat_ns.survey.sky import Sky, find_sky, vertical
@@ -165,24 +172,27 @@ def background_finding(
         "range of the sky's values between directions in one photo",
         RANGE,
     )
-    figures = (share, by_photo, by_direction)
-    if not share.is_above:
-        reason = "The scene fills the photos."
-        return Finding("background", "off", confidence_of([share]), reason, figures, unknown)
-    if by_photo.is_above:
-        sure = confidence_of([share, by_photo])
-        reason = "There is a sky, and photos show different ones."
-        return Finding("background", "image", sure, reason, figures, unknown)
-    if not by_photo.is_known:
+    decision, sure, reason = _decided(share, by_photo, by_direction)
+    if share.is_above and not by_photo.is_known:
         unknown += ("whether photos have different skies: too few look in the same direction",)
-        reason = "There is a sky; photos do not look in the same directions."
-        return Finding("background", "sh", "close", reason, figures, unknown)
-    sure = confidence_of(figures)
+    return Finding("background", decision, sure, reason, (share, by_photo, by_direction), unknown)
+
+
+def _decided(
+    share: Figure, by_photo: Figure, by_direction: Figure
+) -> tuple[Decision, Confidence, str]:
+    """What the figures call for, how sure that is, and why."""
+    if not share.is_above:
+        return "off", confidence_of([share]), "The scene fills the photos."
+    if by_photo.is_above:
+        reason = "There is a sky, and photos show different ones."
+        return "image", confidence_of([share, by_photo]), reason
+    if not by_photo.is_known:
+        return "sh", "close", "There is a sky; photos do not look in the same directions."
+    sure = confidence_of([share, by_photo, by_direction])
     if by_direction.is_above:
-        reason = "There is a sky, the same in all photos, and not of one colour."
-        return Finding("background", "sh", sure, reason, figures, unknown)
-    reason = "There is a sky of one colour."
-    return Finding("background", "constant", sure, reason, figures, unknown)
+        return "sh", sure, "There is a sky, one for all photos, and not of one colour."
+    return "constant", sure, "There is a sky of one colour."
 
 
 def _medians(values: np.ndarray, number: np.ndarray) -> np.ndarray:
