@@ -13,6 +13,7 @@ from desplat_ns.calibration.model_step import ModelStep
 from desplat_ns.calibration.scenes import make_scene
 from desplat_ns.calibration.timing import Timing, time_in_turns
 from desplat_ns.settings.effects import Effects
+from desplat_ns.training.resume import restore_rng, rng_state
 
 MOST_PIXELS, MOST_GAUSSIANS = 200_000, 50_000
 """Larger photos and scenes are measured smaller, which takes seconds: ratios are what is asked."""
@@ -77,16 +78,18 @@ def measure(
 ) -> list[EffectsCost]:
     """Time steps with the effects of each case, in turns with one that has none.
 
-    On the GPU where there is one; seconds, and longer where kernels are to be compiled first.
+    On the GPU where there is one; seconds, and longer where kernels are to be compiled first. The
+    random generators are left as they were.
 
     Raises:
         BackendUnavailableError: nothing draws on that GPU.
     """
     device = "cuda" if torch.cuda.is_available() else "cpu"
     scene = make_scene(size.num_gaussians, size.width, size.height)
-    every = dict.fromkeys((Effects(distractors=False), *cases))
+    every, randomness = dict.fromkeys((Effects(distractors=False), *cases)), rng_state()
     steps = {effects: ModelStep(scene, effects, num_photos, device, "auto") for effects in every}
     timings = time_in_turns({str(e): step for e, step in steps.items()}, rounds)
+    restore_rng(randomness)
     first = next(iter(every))
     each = {effects: _by_round(timings[str(effects)], device, rounds) for effects in every}
     ratios = {
