@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
 import torch
+import yaml
 from nerfstudio.models.splatfacto import RGB2SH, SplatfactoModel
 from nerfstudio.utils import writer
 from nerfstudio.viewer import control_panel
@@ -141,3 +143,18 @@ def load_evaluated_checkpoints_like_resumed_ones() -> None:
         return path, state["step"]
 
     eval_utils.eval_load_checkpoint = load
+
+
+def write_enumerations_by_value() -> None:
+    """From now on PyYAML writes members of enumerations as their class and value.
+
+    Python 3.11.0 to 3.11.3 pickles them as a call of `getattr`, and PyYAML writes what pickle says:
+    a config.yml that calls a function is not read (`runs.trusted`).
+    """
+    yaml.add_multi_representer(Enum, _enumeration)
+
+
+def _enumeration(dumper: yaml.Dumper, member: Enum) -> yaml.Node:
+    named = f"{type(member).__module__}.{type(member).__name__}"
+    tag = f"tag:yaml.org,2002:python/object/apply:{named}"
+    return dumper.represent_sequence(tag, [member.value])

@@ -20,6 +20,7 @@ from desplat_ns.console import announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.errors import ConfigError
 from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.nerfstudio_quirks import write_enumerations_by_value
 from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_finite_options
 from desplat_ns.static_model import StaticModelConfig
@@ -107,6 +108,7 @@ class RunConfig(TrainerConfig):
         The trainer calls it once the run is set up. A command that fails before that leaves nothing
         behind, and does not overwrite the config.yml of an earlier run.
         """
+        write_enumerations_by_value()
         super().save_config()
 
     def setup(self, **kwargs: Any) -> Any:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import Any
 
 import pytest
 import torch
 import torchmetrics.image.lpip as torchmetrics_lpip
+import yaml
 from nerfstudio.data.scene_box import SceneBox
 from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel, SplatfactoModelConfig
 from nerfstudio.viewer import control_panel
@@ -111,3 +113,17 @@ def test_masks_get_a_colormap_and_everything_else_keeps_its_own():
     give_masks_a_colormap_in_the_viewer()
     assert panel._get_colormap_options(1, torch.bool) == ["default"]
     assert [panel._get_colormap_options(*kind) for kind in kinds] == before
+
+
+class _AsInPython3112(Enum):
+    ONE = "first"
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        return getattr, (self.__class__, self.name)
+
+
+def test_enumerations_are_written_by_value_in_any_python():
+    nerfstudio_quirks.write_enumerations_by_value()
+    text = yaml.dump([_AsInPython3112.ONE])
+    assert "getattr" not in text
+    assert yaml.load(text, Loader=yaml.Loader) == [_AsInPython3112.ONE]
