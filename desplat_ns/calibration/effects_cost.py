@@ -86,7 +86,8 @@ def measure(
     """
     device = "cuda" if torch.cuda.is_available() else "cpu"
     scene = make_scene(size.num_gaussians, size.width, size.height)
-    every, randomness = dict.fromkeys((Effects(distractors=False), *cases)), rng_state()
+    every = dict.fromkeys((Effects(distractors=False), *cases))
+    randomness = rng_state()
     steps = {effects: ModelStep(scene, effects, num_photos, device, "auto") for effects in every}
     timings = time_in_turns({str(e): step for e, step in steps.items()}, rounds)
     restore_rng(randomness)
