@@ -180,10 +180,12 @@ class StaticModel(LitModel):
         )
 
     def mask_of(self, batch: dict[str, Any], device: torch.device) -> Tensor | None:
-        """The user's mask [H, W, 1], True in the pixels that count; None if there is none."""
+        """The user's mask [H, W, 1], True in the pixels that count: where photos are smaller than
+        they are, if at least half of the rectangle counts (`resize_mask`). None if there is none.
+        """
         if "mask" not in batch:
             return None
-        return self._downscale_if_required(batch["mask"]).to(device) != 0
+        return (self._downscale_if_required(batch["mask"]) >= 0.5).to(device)
 
     def photometric_term(self, image: Tensor, photo: Tensor, mask: Tensor | None) -> Tensor:
         """L_GS of an image; what is masked is black in it and in the photo."""

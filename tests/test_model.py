@@ -192,7 +192,7 @@ def test_a_checkpoint_comes_back_into_the_parameters_that_the_optimizers_hold():
 def test_splatfactos_options_train_and_refine(config):
     model = make_model(warmup_length=0, refine_every=2, **config)
     trainer = Trainer(model)
-    losses = [trainer.step(step)["losses"]["main_loss"].item() for step in range(20)]
+    losses = [trainer.step(step)["losses"]["main_loss"].item() for step in range(10)]
     assert min(losses[1:]) < losses[0]
     assert all(torch.isfinite(p).all() for p in model.parameters())
 

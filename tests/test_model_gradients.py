@@ -108,3 +108,15 @@ def test_what_a_mask_leaves_out_is_nothing_to_the_static_loss_and_the_rest_is():
     other = 1 - trainer.photo
     assert loss(torch.where(mask == 0, other, trainer.photo)) == loss(trainer.photo)
     assert loss(torch.where(mask == 1, other, trainer.photo)) != loss(trainer.photo)
+
+
+@pytest.mark.parametrize(("columns", "counts"), [(2, True), (1, False)])
+def test_a_pixel_of_smaller_photos_counts_if_at_least_half_of_it_does(columns, counts):
+    model = make_model(train_downscale=4)
+    mask = torch.zeros(HEIGHT, WIDTH, 1, dtype=torch.bool)
+    mask[:, :columns] = True
+    smaller = model.mask_of({"mask": mask}, model.device)
+    assert smaller is not None
+    assert smaller.shape == (HEIGHT // 4, WIDTH // 4, 1)
+    assert smaller[:, 0].all().item() is counts
+    assert not smaller[:, 1:].any()

@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import os
 import platform
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -85,7 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     has_failed = False
     for guise in (guise for guise in GUISES if guise.name in chosen.only):
         print(f"==> {guise.title}, Python {platform.python_version()}", flush=True)
-        results = run(guise, chosen.part, chosen.pytest.split())
+        results = run(guise, chosen.part, shlex.split(chosen.pytest))
         bad = results["failed"] + results["error"]
         has_failed |= bad > 0
         said = f"{results['passed']} passed, {bad} failed, {results['skipped']} skipped"

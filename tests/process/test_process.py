@@ -87,6 +87,14 @@ def test_a_crash_of_the_worker_is_an_error_that_says_where(job, said, logged, tm
     assert stages["features"]["result"] == {"a.jpg": 7}
 
 
+@pytest.mark.slow
+def test_a_worker_that_ends_before_it_can_write_its_log_is_an_error_like_any_other(tmp_path):
+    folder = open_workspace(tmp_path / "out", {}, {})
+    folder.log.mkdir(parents=True)
+    with pytest.raises(DeSplatError, match=r"failed during 'mapping'\. What is done is kept"):
+        jobs.run_job(folder, "mapping", f"{__name__}.{fail.__name__}", {"threads": 1})
+
+
 def slow(marks: Path, progress: Callable[[int, int], None]) -> None:
     """Work that tells its process and does not end."""
     (marks / "pid").write_text(str(os.getpid()))

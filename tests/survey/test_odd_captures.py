@@ -186,3 +186,10 @@ def test_photos_of_which_none_shows_what_another_does_take_the_safe_side(still: 
     result = survey(replace(still, tracks=alone))
     assert result.decisions() == SAFE
     assert result.distractors.confidence == "none"
+
+
+def test_where_no_photo_shows_the_points_there_is_no_sky_to_tell(still: Capture):
+    behind = still.xyz + np.array([0.0, 0.0, 1e4])
+    result = survey(replace(still, xyz=behind, tracks=None))
+    assert result.background.decision == "off"
+    assert "No photo shows" in result.background.reason

@@ -72,6 +72,15 @@ def test_of_older_ones_the_one_before_stays(folder):
     assert sorted(p.name for p in folder.iterdir()) == names
 
 
+def test_a_checkpoint_that_cannot_be_deleted_stays_and_ends_nothing(folder, monkeypatch):
+    def refuse(path: Path) -> None:
+        raise PermissionError(f"{path} is read by another program")
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    remove_older(folder / "step-000000010.ckpt")
+    assert load_newest(folder)[1]["step"] == 10
+
+
 def test_a_truncated_newest_checkpoint_falls_back_to_the_one_before(folder, capsys):
     truncate(folder / "step-000000010.ckpt")
     path, loaded = load_newest(folder)
