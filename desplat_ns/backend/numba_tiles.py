@@ -102,8 +102,7 @@ def _project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedS
         splats.means, splats.quats, splats.scales, splats.opacities, camera, finite_colors(colors)
     )  # type: ignore[misc]  # torch does not annotate Function.apply
     if splats.sh_degree is not None:
-        center = -view.viewmat[:3, :3].T @ view.viewmat[:3, 3]
-        colors = EvaluateColors.apply(splats.means, colors, radii, center, splats.sh_degree)
+        colors = EvaluateColors.apply(splats.means, colors, radii, view.center, splats.sh_degree)
     return ProjectedSplats(means2d, conics, depths, opacities, colors, radii)  # type: ignore[arg-type]
 
 

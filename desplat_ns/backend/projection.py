@@ -97,8 +97,7 @@ def view_colors(splats: Splats, view: View) -> Float[Tensor, "N C"]:
     """Colours seen from `view`: as given, or max(SH + 1/2, 0) where `sh_degree` is set."""
     if splats.sh_degree is None:
         return splats.colors
-    center = -view.viewmat[:3, :3].T @ view.viewmat[:3, 3]
-    dirs = torch.nn.functional.normalize(splats.means - center, dim=-1)
+    dirs = torch.nn.functional.normalize(splats.means - view.center, dim=-1)
     basis = sh_basis(splats.sh_degree, dirs)
     coefficients = splats.colors[:, : basis.shape[-1]]
     return (torch.einsum("nk,nkc->nc", basis, coefficients) + 0.5).clamp(min=0)

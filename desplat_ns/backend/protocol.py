@@ -47,6 +47,11 @@ class View:
     width: int
     height: int
 
+    @property
+    def center(self) -> Float[Tensor, "3"]:
+        """Where the camera stands, in the world."""
+        return -self.viewmat[:3, :3].T @ self.viewmat[:3, 3]
+
 
 @dataclass(frozen=True)
 class RenderSettings:

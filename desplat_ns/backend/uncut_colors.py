@@ -24,7 +24,7 @@ def uncut_colors(
         splats: with spherical harmonics.
     """
     assert splats.sh_degree is not None
-    center = -view.viewmat[:3, :3].T @ view.viewmat[:3, 3]
+    center = view.center
     means, coefficients = splats.means, splats.colors
     is_plain = means.device.type == "cpu" and means.dtype == coefficients.dtype == torch.float32
     if is_plain and not center.requires_grad:

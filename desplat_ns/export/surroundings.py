@@ -51,8 +51,7 @@ def surroundings_of(views: Iterable[View], rasterize: Callable[[View], Rendering
     for view in views:
         reach = reach_of(view, rasterize)
         if reach is not None:
-            rotation, translation = view.viewmat[:3, :3], view.viewmat[:3, 3]
-            places.append((-rotation.T @ translation).double().cpu().numpy())
+            places.append(view.center.double().cpu().numpy())
             reaches.append(reach)
     if not places:
         raise ConfigError(

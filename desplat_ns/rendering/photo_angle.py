@@ -38,8 +38,7 @@ class PhotoAngle:
         point."""
 
     def _rays(self, view: View) -> Float[Tensor, "P 3"]:
-        center = -view.viewmat[:3, :3].T @ view.viewmat[:3, 3]
-        return torch.nn.functional.normalize(self.points - center, dim=-1)
+        return torch.nn.functional.normalize(self.points - view.center, dim=-1)
 
     def _shown(self, view: View) -> Tensor:
         u, v, depth = image_points(self.points, view)

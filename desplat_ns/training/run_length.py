@@ -29,11 +29,10 @@ def schedule_scale(max_num_iterations: int, nominal: int) -> float:
     return min(1.0, max_num_iterations / nominal)
 
 
-LEAST_VIEWS = 40
-"""A run for fewer views is as long as for so many, and a shorter one has higher rates: a scene
-takes shape in steps, as one of Adam is as long as its rate, however often the views are drawn
+COUNTED_VIEWS = 40
+"""Fewer views count as so many: a run for them is as long, and a shorter one has higher rates. A
+scene takes shape in steps, as one of Adam is as long as its rate, however often the views are drawn
 meanwhile."""
-
 
 GPU_VISITS = 2
 """A GPU shows photos so many times as often as a CPU, whose hours are dearer. Not measured
@@ -42,8 +41,8 @@ GPU_VISITS = 2
 
 def steps_for_visits(visits: float, num_views: int, at_most: int) -> int:
     """Steps in which each of the views is drawn `visits` times, or more often where they are fewer
-    than `LEAST_VIEWS`; `at_most` of them."""
-    return max(1, min(at_most, math.ceil(visits * max(num_views, LEAST_VIEWS))))
+    than `COUNTED_VIEWS`; `at_most` of them."""
+    return max(1, min(at_most, math.ceil(visits * max(num_views, COUNTED_VIEWS))))
 
 
 MOST_RATE_FACTOR = 4.0
@@ -60,11 +59,11 @@ def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
     Args:
         steps: of the run.
         full_visits: of each photo, for which the rates are meant; 0 for a factor of 1. As in
-            `steps_for_visits`, fewer than `LEAST_VIEWS` photos count as so many.
+            `steps_for_visits`, fewer than `COUNTED_VIEWS` photos count as so many.
     """
     if full_visits <= 0:
         return 1.0
-    full = full_visits * max(num_views, LEAST_VIEWS)
+    full = full_visits * max(num_views, COUNTED_VIEWS)
     return min(MOST_RATE_FACTOR, max(1.0, full / steps))
 
 
