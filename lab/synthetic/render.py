@@ -101,6 +101,7 @@ def draw(
     """
     directions = camera.rays(supersample)
     origin = f32(camera.position)[:, None, None]
+    casters = Casters(shadows_from)
     depth, owner = behind.depth.copy(), np.full(behind.depth.shape, -1, np.int32)
     for index, primitive in enumerate(primitives):
         rows, columns = window(primitive, camera, supersample)
@@ -112,26 +113,44 @@ def draw(
     for index in np.unique(owner[owner >= 0]):
         mine = owner == index
         points = origin[:, :, 0] + depth[mine] * directions[:, mine]
-        rgb[:, mine] = shade(primitives[index], points, shadows_from, sun)
+        rgb[:, mine] = shade(primitives[index], points, casters, sun)
         if isinstance(primitives[index].texture, Glossy):
             rgb[:, mine] += reflection(primitives[index], points, directions[:, mine])
             rgb[:, mine] = np.clip(rgb[:, mine], 0, 1)
     return Samples(rgb, depth, owner >= 0)
 
 
+class Casters:
+    """What casts shadows, each in a ball."""
+
+    def __init__(self, primitives: Sequence[Primitive]) -> None:
+        self.primitives = primitives
+        balls = [primitive.bounds() for primitive in primitives]
+        self.centers = np.array([center for center, _ in balls]).reshape(-1, 3)
+        self.radii = np.array([radius for _, radius in balls])
+
+    def near(self, points: Float[np.ndarray, "3 N"], sun: Float[np.ndarray, "3"]) -> list[int]:
+        """Those whose shade may reach a ball around all points."""
+        low, high = points.min(axis=1), points.max(axis=1)
+        offsets = self.centers - (low + high) / 2
+        reach = self.radii + np.linalg.norm(high - low) / 2 + 1e-2
+        along = offsets @ sun
+        across2 = (offsets**2).sum(axis=1) - along**2
+        return np.flatnonzero((across2 < reach**2) & (along > -reach)).tolist()
+
+
 def shade(
     primitive: Primitive,
     points: Float[np.ndarray, "3 N"],
-    shadows_from: Sequence[Primitive],
+    casters: Casters,
     sun: Sun = STANDARD_SUN,
 ) -> Float[np.ndarray, "3 N"]:
     """Colour in [0, 1] of points on a matt surface, the same from every direction."""
     normals, uv = primitive.surface(points)
     toward_sun = dot(normals, f32(sun.direction))
     lit = toward_sun > 0
-    others = [caster for caster in shadows_from if caster is not primitive]
-    if others and lit.any():
-        lit[lit] = ~in_shadow(points[:, lit], others, sun)
+    if lit.any():
+        lit[lit] = ~in_shadow(points[:, lit], casters, sun, primitive)
     light = sun.ambient * (0.8 + 0.2 * normals[2]) + sun.direct * np.where(lit, toward_sun, 0)
     return np.clip(primitive.texture(uv) * light, 0, 1)
 
@@ -148,20 +167,24 @@ def reflection(
 
 def in_shadow(
     points: Float[np.ndarray, "3 N"],
-    casters: Sequence[Primitive],
+    casters: Casters,
     toward: Sun = STANDARD_SUN,
+    itself: Primitive | None = None,
 ) -> Bool[np.ndarray, " N"]:
-    """Whether a caster stands between each point and the sun."""
+    """Whether a caster stands between each point and the sun, `itself` apart."""
     hidden = np.zeros(points.shape[1], bool)
     sun = f32(toward.direction)[:, None]
-    for caster in casters:
-        center, radius = caster.bounds()
-        offset = f32(center)[:, None] - points
+    for index in casters.near(points, sun[:, 0]):
+        caster, radius = casters.primitives[index], float(casters.radii[index])
+        if caster is itself:
+            continue
+        offset = f32(casters.centers[index])[:, None] - points
         along = dot(offset, sun)
         near = dot(offset, offset) - along * along < np.float32(radius**2)
         candidates = np.flatnonzero(near & (along > -radius) & ~hidden)
-        hits = caster.intersect(points[:, candidates], sun) < np.inf
-        hidden[candidates[hits]] = True
+        if candidates.size:
+            hits = caster.intersect(points[:, candidates], sun) < np.inf
+            hidden[candidates[hits]] = True
     return hidden
 
 

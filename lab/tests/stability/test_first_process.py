@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 GRADIENTS = """
 import hashlib, sys, torch
 from desplat_ns.backend.numba_tiles import NumbaRasterizer
@@ -27,6 +29,7 @@ print([hashlib.sha1(result.numpy().tobytes()).hexdigest() for result in results]
 """
 
 
+@pytest.mark.slow
 def test_the_process_that_finds_no_kernels_computes_what_later_ones_do(tmp_path):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     first, second = (

@@ -10,6 +10,7 @@ from lab.synthetic.render import (
     AMBIENT,
     DIRECT,
     SUN,
+    Casters,
     draw,
     in_shadow,
     shade,
@@ -76,15 +77,16 @@ def test_light_is_ambient_in_shadow_and_adds_the_sun_outside():
     ground = Rect(np.array([-5.0, -5, 0]), np.array([10.0, 0, 0]), np.array([0.0, 10, 0]), RED)
     ball = Sphere(2 * SUN.astype(np.float64), 0.3, WHITE)
     points = f32([[0, 3], [0, 3], [0, 0]])
-    assert in_shadow(points, [ball]).tolist() == [True, False]
-    colors = shade(ground, points, [ball])
+    assert in_shadow(points, Casters([ball])).tolist() == [True, False]
+    colors = shade(ground, points, Casters([ball]))
     np.testing.assert_allclose(colors[0], [AMBIENT, min(1, AMBIENT + DIRECT * SUN[2])], rtol=1e-6)
     np.testing.assert_array_equal(colors[1:], 0)
 
 
 def test_nothing_shadows_itself():
     ball = Sphere(np.zeros(3), 1.0, WHITE)
-    np.testing.assert_array_equal(shade(ball, SUN[:, None], [ball]), shade(ball, SUN[:, None], []))
+    alone, nothing = (shade(ball, SUN[:, None], Casters(casters)) for casters in ([ball], []))
+    np.testing.assert_array_equal(alone, nothing)
 
 
 def test_pixels_are_means_of_their_samples_rounded_to_8_bits():
