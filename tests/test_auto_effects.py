@@ -58,6 +58,15 @@ def test_what_is_given_stays(scene, tmp_path, capsys):
     )
 
 
+def test_what_there_is_to_say_of_a_capture_is_said_once(scene, tmp_path, capsys):
+    config = auto_run(scene, tmp_path, appearance="off", background="off")
+    config.pipeline.datamanager.dataparser.downscale_factor = 2
+    set_up(config)
+    said = capsys.readouterr().out
+    assert "distractors: True" in said
+    assert said.count("Photos are reduced to 1/2 of their size") == 1
+
+
 def test_nothing_is_surveyed_where_all_is_given(scene, tmp_path):
     given = Effects(distractors=False)
     config = auto_run(scene, tmp_path, **dataclasses.asdict(given))
