@@ -110,11 +110,14 @@ def training_table(trained: Records, today: Reference) -> str:
 
 def _lost(figures: Figures, keys: Sequence[Key], name: str) -> str | Cell:
     """The best figure less that of the first key, by seeds; nothing where the first has none."""
-    if not figures.has(keys[0]):
-        return ""
-    values, measured = figures.together(name, *filter(figures.has, keys))
-    lost = [max(row) - row[0] for row in values]
-    return Cell(spread(lost, ".2f" if name == "psnr" else ".3f"), tuple(measured))
+    first, *others = (figures.by_seed(key) for key in keys)
+    lost, measured = [], []
+    for seed in first:
+        same = [first[seed], *(other[seed] for other in others if seed in other)]
+        values = [float(record.figures[name]) for _, record in same]
+        lost.append(max(values) - values[0])
+        measured += same
+    return Cell(spread(lost, ".2f" if name == "psnr" else ".3f"), tuple(measured)) if lost else ""
 
 
 def report(
