@@ -9,7 +9,7 @@
 #   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
 #   make bench   every backend is timed and the figures written to docs/results/performance.md (15 minutes)
 #   make stability  hard cases measured, docs/dev/stability.md; wrong signs, kills, a long run (2 hours)
-#   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/results/gpu.md (10 minutes beside compiling)
+#   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/results/gpu.md (10 minutes, and compiling)
 #   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
 #   make docs    the site of docs/ into outputs/site; a broken link or a missing picture is an error
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer

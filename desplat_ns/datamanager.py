@@ -48,8 +48,8 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
     """How photos are kept in memory; uint8 takes a quarter of float32 and loses nothing."""
     photo_memory: float | None = ranged(None, "(0, inf)")
     """GB of memory for decoded photos. Where they take more, they are read again and again, before
-    their turn and in the background, which changes nothing else. By default as much as the machine
-    can spare."""
+    their turn and in the background, which changes nothing else. By default 40% of the
+    memory that is free."""
 
     def settle_dataparser(self) -> DataParserConfig:
         """Put the dataparser that reads the capture in the place of `desplat-data`, and ours in

@@ -133,6 +133,20 @@ def test_sections_that_the_code_cites_are_there(checkout: Path):
     assert missing == [] and cited > 20
 
 
+def test_functions_of_the_equations_are_there(checkout: Path):
+    text = (checkout / "docs/compare-with-desplat.md").read_text("utf8")
+    rows = re.findall(r"^\| [^|]+ \| `([\w/]+\.py)`(.*)\|$", text, re.MULTILINE)
+    missing = [
+        f"{file}: {name}"
+        for file, names in rows
+        for name in re.findall(r"`(\w+)`", names)
+        if not re.search(
+            rf"(def|class) {name}\b", (checkout / "desplat_ns" / file).read_text("utf8")
+        )
+    ]
+    assert missing == [] and len(rows) > 10
+
+
 @pytest.mark.slow
 def test_a_command_runs_as_a_module(checkout: Path):
     done = subprocess.run(

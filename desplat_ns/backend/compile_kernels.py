@@ -2,7 +2,7 @@
 
 python -m desplat_ns.backend.compile_kernels
 
-numba's take a minute of one core for each CPU, gsplat's some minutes for each kind of GPU.
+numba's take a minute of one core for each CPU, gsplat's half an hour for each kind of GPU.
 What is compiled already is left as it is; what failed is tried again. Without this, the first run
 that needs them has them compiled.
 """

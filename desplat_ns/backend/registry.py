@@ -112,7 +112,7 @@ def _fastest(device: str) -> BackendName:
 
     On CUDA that is gsplat or none. Without its kernels the torch backend would be slow in silence,
     and numba with the model on the CPU would leave the GPU idle for hours, in every run, where one
-    command and some minutes of compiling, once, are all that is missing.
+    command and half an hour of compiling, once, are all that is missing.
 
     Raises:
         BackendUnavailableError: on CUDA, if gsplat cannot run; says what to type for either.

@@ -44,8 +44,8 @@ class Evaluate:
     learning_rate: float | None = None
     """Of the embedding."""
     lpips_net: LpipsNet | None = None
-    """Network of LPIPS. alex (AlexNet): as nerfstudio and the paper; vgg (VGG16): as 3DGS and what
-    is built on it."""
+    """Network of LPIPS. alex (AlexNet): as nerfstudio, on which the paper builds; vgg (VGG16): as
+    3DGS and what is built on it."""
     overwrite: bool = False
     """Replace the figures if they are there, and write into a folder that is not empty."""
 

@@ -29,8 +29,8 @@ class EvaluationConfig:
     learning_rate: float = ranged(0.01, "(0, inf)")
     """Of the embedding. B.3."""
     lpips_net: LpipsNet = "alex"
-    """Network of LPIPS. alex (AlexNet): as nerfstudio and the paper; vgg (VGG16): as 3DGS and what
-    is built on it. Figures of one say nothing about those of the other."""
+    """Network of LPIPS. alex (AlexNet): as nerfstudio, on which the paper builds; vgg (VGG16): as
+    3DGS and what is built on it. Figures of one say nothing about those of the other."""
 
 
 def chosen_protocol(config: EvaluationConfig, image_light: bool) -> ProtocolName:

@@ -1,7 +1,7 @@
 """Puts distractors where a photo shows what the other views do not, and removes them elsewhere.
 
 Eq. 5 alone leaves the sets a choice: while a distractor is faint, both get the same gradient, and
-once the composite fits, neither gets any (docs/results/separation.md works it out for one pixel).
+once the composite fits, neither gets any (docs/explain/separation.md works it out for one pixel).
 What is added here decides: distractors start only where a photo shows what the other views do not,
 are removed where it does not, and the static scene has to fit by itself all pixels that they leave.
 """

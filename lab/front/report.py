@@ -23,7 +23,6 @@ from lab.front.runs import (
     STUDY,
     downscale_of,
 )
-from lab.front.studies import results, settings_table, time_table
 from lab.grid.figures import Figures, Reference
 from lab.grid.records import Records, load
 from lab.grid.sources import Cell
@@ -76,12 +75,8 @@ def report(
     today: Reference = STUDY.settings_of,
 ) -> str:
     """The document's text. `today` as `Figures` has it."""
-    studies = results()
     return Template(TEMPLATE.read_text("utf8")).substitute(
         **length_texts(records),
-        time_table=time_table(studies),
-        settings_table=settings_table(studies),
-        compared_steps=" and ".join(sorted({f"{s['plan']['steps']:,}" for s in studies.values()})),
         chosen_table=front_table(records, today, CHOSEN_ON),
         reported_table=front_table(records, today, REPORTED_ON),
         budget_rows="\n".join(budget_rows),

@@ -151,8 +151,6 @@ _WANTED = (
     *_of_captures("off desplat paper trimmed truth", ["clutter"]),
     *_of_captures("desplat", CHOSEN),
     *_of_captures("off desplat", HARD),
-    *_runs("off desplat", "clutter", 2, 1000, 3),
-    *_runs("off", "clean", 2, 1000, 3),
     *_runs("off asked", "still still-tree", 2, 3000, 3),
 )
 PLAN = tuple(dict.fromkeys(_WANTED))
