@@ -96,6 +96,13 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
         terminalreporter.write_line(line, yellow=True)
 
 
+@pytest.fixture(autouse=True)
+def _nothing_said() -> None:
+    """What is announced once in a process is announced in each test."""
+    if "desplat_ns.console" in sys.modules:
+        sys.modules["desplat_ns.console"].announce_once.cache_clear()
+
+
 @pytest.fixture(scope="session")
 def data_folder() -> Callable[[str], Path]:
     """`data_folder("fox")`: that real scene, or a skip that says how to provide it."""

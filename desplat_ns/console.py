@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from contextvars import ContextVar
+from functools import cache
 from threading import Event, Thread
 from typing import Any
 
@@ -22,29 +22,21 @@ from rich.progress import (
 LISTED_NAMES = 10
 """So many names are listed in an error; the rest is counted."""
 
-_IS_SILENT = ContextVar("is_silent", default=False)
-
 
 def announce(line: str, warning: bool = False) -> None:
     """Print one line on nerfstudio's console; paths stay whole, brackets in them are kept.
 
     A console that cannot be written to, such as a log on a full disk, is no reason to stop.
     """
-    if _IS_SILENT.get():
-        return
     style = "yellow" if warning else None
     with suppress(OSError):
         CONSOLE.print(escape(line), style=style, soft_wrap=True, highlight=False)
 
 
-@contextmanager
-def silence() -> Iterator[None]:
-    """`announce` says nothing meanwhile: of what is read twice, notes are said once."""
-    before = _IS_SILENT.set(True)
-    try:
-        yield
-    finally:
-        _IS_SILENT.reset(before)
+@cache
+def announce_once(line: str, warning: bool = False) -> None:
+    """As `announce`, once in a process: a capture is read by the survey and by the data manager."""
+    announce(line, warning)
 
 
 def list_names(names: Iterable[str], at_most: int = LISTED_NAMES) -> str:

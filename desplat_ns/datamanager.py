@@ -24,7 +24,7 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import (
 )
 from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismDataParserConfig
 
-from desplat_ns.console import announce, silence
+from desplat_ns.console import announce
 from desplat_ns.data.colmap import with_pycolmap
 from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.gt_masks import METADATA_KEY
@@ -91,11 +91,8 @@ def without_prompts(config: DataParserConfig) -> DataParserConfig:
 
 
 def training_split(config: DeSplatDataManagerConfig) -> DataparserOutputs:
-    """Cameras, photos and points of the training split, without a data manager and its photos. What
-    there is to say of the capture, the data manager says."""
-    parser = config.settle_dataparser().setup()
-    with silence():
-        return parser.get_dataparser_outputs("train")
+    """Cameras, photos and points of the training split, without a data manager and its photos."""
+    return config.settle_dataparser().setup().get_dataparser_outputs("train")
 
 
 class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
+from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.engine.trainer import TrainerConfig
 from nerfstudio.utils.rich_utils import CONSOLE
 
 from desplat_ns.backend.registry import compile_kernels
 from desplat_ns.calibration.budgeted_run import BudgetedRun
 from desplat_ns.console import announce
-from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
+from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.errors import ConfigError
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import write_enumerations_by_value
@@ -44,6 +45,9 @@ from desplat_ns.training.run_length import (
 
 SavedRun = tuple[Path, dict[str, Any]]
 """A checkpoint's file and what it holds."""
+
+Capture = Callable[[], DataparserOutputs]
+"""Gives the training split, which is read only where something depends on it."""
 
 
 @dataclass
@@ -160,12 +164,13 @@ class RunConfig(TrainerConfig):
         model = cast(StaticModelConfig, self.pipeline.model)
         return compile_kernels(model.backend, self.machine.device_type)
 
-    def decide_effects(self, saved: SavedRun | None) -> Survey | None:
+    def decide_effects(self, saved: SavedRun | None, capture: Capture) -> Survey | None:
         """With `effects.auto` those of the checkpoint, or those that the capture calls for;
         config.yml then has them, for ns-eval and the next resume.
 
         Args:
             saved: what the run goes on from.
+            capture: to survey.
 
         Returns:
             The survey's findings, if there was one.
@@ -173,27 +178,24 @@ class RunConfig(TrainerConfig):
         Raises:
             CaptureError: photos that cannot be surveyed.
         """
-        model, manager = self.pipeline.model, self.pipeline.datamanager
+        model = self.pipeline.model
         if not (isinstance(model, StaticModelConfig) and model.effects.is_open):
             return None
-        assert isinstance(manager, DeSplatDataManagerConfig)
         if saved is None:
-            model.effects, findings = decided_effects(model.effects, training_split(manager))
+            model.effects, findings = decided_effects(model.effects, capture())
             return findings
         record = SceneRecord.from_state(saved[1]["pipeline"].get("_extra_state"))
         model.effects = model.effects.decided(Effects(**record.effects))
         return None
 
-    def settle_length(self) -> None:
-        """Where no number of steps is given, as many as the photos ask for; config.yml then has
-        them."""
+    def settle_length(self, capture: Capture) -> None:
+        """Where no number of steps is given, as many as the photos of a capture ask for; config.yml
+        then has them."""
         if self.max_num_iterations != 0:
             return
         self.max_num_iterations = self.nominal_num_iterations
         if self.visits > 0 and not self.budget:
-            manager = self.pipeline.datamanager
-            assert isinstance(manager, DeSplatDataManagerConfig)
-            photos = len(training_split(manager).cameras)
+            photos = len(capture().cameras)
             visits = self.visits * (1 if self.machine.device_type == "cpu" else GPU_VISITS)
             steps = steps_for_visits(visits, photos, self.nominal_num_iterations)
             self.max_num_iterations = steps
@@ -203,21 +205,23 @@ class RunConfig(TrainerConfig):
             )
         self.resolve_schedule_scale()
 
-    def plan_budget(self, saved: SavedRun | None, started: float) -> BudgetedRun | None:
+    def plan_budget(
+        self, saved: SavedRun | None, capture: Capture, started: float
+    ) -> BudgetedRun | None:
         """With a budget, settle the number of steps; config.yml then has it.
 
         Args:
             saved: what the run goes on from.
+            capture: whose steps are timed.
             started: when the process was.
 
         Raises:
             ConfigError: nothing can be trained in it, or the saved run had none.
         """
-        model, manager = self.pipeline.model, self.pipeline.datamanager
+        model = self.pipeline.model
         if not self.budget:
             return None
         assert isinstance(model, DeSplatModelConfig)
-        assert isinstance(manager, DeSplatDataManagerConfig)
         if saved is not None and "budget" not in saved[1]:
             raise ConfigError(
                 f"--budget goes on only with a run that had one, and that of {saved[0]} had none. "
@@ -226,7 +230,7 @@ class RunConfig(TrainerConfig):
         budgeted = BudgetedRun(
             seconds_of(self.budget),
             started,
-            training_split(manager),
+            capture(),
             model,
             (self.max_num_iterations, self.nominal_num_iterations),
             self.machine.device_type,

@@ -15,6 +15,8 @@ from nerfstudio.model_components.lib_bilagrid import color_correct, total_variat
 from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
+from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians.activation import RawParameters, resize_rows
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.memory import GaussianMemory
@@ -91,6 +93,15 @@ class StaticModelConfig(LitModelConfig):
             ConfigError: a setting lies outside its range.
         """
         check_ranges(self, "--pipeline.model")
+        if not 0 <= self.sh_degree <= MAX_DEGREE:
+            raise ConfigError(
+                f"`--pipeline.model.sh-degree` is {self.sh_degree}; it has to be 0 to {MAX_DEGREE}."
+            )
+        if self.sh_degree_interval < 1:
+            raise ConfigError(
+                f"`--pipeline.model.sh-degree-interval` is {self.sh_degree_interval}; it has to be "
+                "1 or more."
+            )
         run, scale = replace(self), self.schedule_scale or 1.0
         densification = max(1, round(self.stop_split_at * scale))
         run.refine_every = steps_between_refinements(

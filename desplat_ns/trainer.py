@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass, field
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -18,6 +19,7 @@ from nerfstudio.utils.rich_utils import CONSOLE
 
 from desplat_ns.calibration.budgeted_run import BudgetedRun, process_started
 from desplat_ns.console import announce
+from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.errors import CaptureError, CheckpointError
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model import DeSplatModel
@@ -88,9 +90,11 @@ class DeSplatTrainer(Trainer):
         self._saved = self.config.saved_run()
         refuse_to_replace(self.checkpoint_dir, None if self._saved is None else self._saved[0])
         self._started += self.config.compile_kernels()  # no part of a budget
-        findings = self.config.decide_effects(self._saved)
-        self.config.settle_length()
-        self._budgeted = self.config.plan_budget(self._saved, self._started)
+        manager = cast(DeSplatDataManagerConfig, self.config.pipeline.datamanager)
+        capture = cache(partial(training_split, manager))
+        findings = self.config.decide_effects(self._saved, capture)
+        self.config.settle_length(capture)
+        self._budgeted = self.config.plan_budget(self._saved, capture, self._started)
         with run_folder(self.base_dir):
             super().setup(test_mode)
             self.config.write_config()

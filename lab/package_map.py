@@ -20,7 +20,7 @@ PACKAGE = CHECKOUT / "desplat_ns"
 PICTURE = CHECKOUT / "docs" / "dev" / "package_map.svg"
 
 LAYERS: tuple[tuple[str, ...], ...] = (
-    ("", "errors"),
+    ("cores", "errors"),
     ("backend", "settings", "console", "", "files"),
     ("rendering", "", "data"),
     ("gaussians", "process", "survey", "fetch"),

@@ -9,7 +9,7 @@ from nerfstudio.data.scene_box import OrientedBox, SceneBox
 from nerfstudio.model_components.lib_bilagrid import color_correct
 from nerfstudio.models.splatfacto import SplatfactoModel
 
-from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
+from desplat_ns.errors import BackendUnavailableError, CaptureError, ConfigError, DeSplatError
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
@@ -38,6 +38,14 @@ ALL_OUTPUTS = {
     "accumulation",
     "background",
 }
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("sh_degree", 5), ("sh_degree", -1), ("sh_degree_interval", 0)]
+)
+def test_harmonics_that_cannot_be_are_refused(option, value):
+    with pytest.raises(ConfigError, match=f"sh-degree.* is {value}"):
+        make_model(**{option: value})
 
 
 def test_training_draws_the_distractors_of_that_view_over_the_static_scene():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import yaml
 from nerfstudio.configs.method_configs import all_methods
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.datamanager import training_split
 from desplat_ns.training.schedules import set_position
 from lab.synthetic import Scene
 from tests.helpers.registered import set_up
@@ -52,8 +54,7 @@ def test_on_a_gpu_photos_are_shown_twice_as_often(tiny_scene, tmp_path):
     """The length is settled before anything is put on the device."""
     config = preset("desplat", tiny_scene, tmp_path)
     config.machine.device_type = "cuda"
-    config.pipeline.datamanager.settle_dataparser()
-    config.settle_length()
+    config.settle_length(partial(training_split, config.pipeline.datamanager))
     assert config.max_num_iterations == 150 * 40
 
 

@@ -1,6 +1,6 @@
 """Rasterizers behind one protocol. `resolve` picks one; each is imported only when asked for.
 
-May import `errors`.
+May import `cores` and `errors`.
 """
 
 from desplat_ns.backend.protocol import Rasterizer, Rendering, RenderSettings, Splats, View

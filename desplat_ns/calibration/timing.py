@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import os
 import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -11,6 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import torch
+
+from desplat_ns.cores import cores
 
 SLOW = 0.25
 """Seconds. A case this slow runs once a turn; others run REPEATS times, after one call that is not
@@ -79,11 +80,10 @@ def _first_call(call: Callable[[], object]) -> float:
 
 
 def all_cores() -> int:
-    """Cores that this process may use."""
+    """Cores that this process may use, and numba's threads."""
     from desplat_ns.backend.numba_kernels.runtime import numba_config  # numba is large
 
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return min(cores or 1, numba_config.NUMBA_NUM_THREADS)
+    return min(cores(), numba_config.NUMBA_NUM_THREADS)
 
 
 def thread_counts() -> list[int]:

@@ -1,4 +1,4 @@
 """Reads captures: reconstructions, photos, masks, and which photos train and which are held out.
 
-May import `console` and `errors`.
+May import `console`, `cores` and `errors`.
 """

@@ -10,7 +10,7 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
-from desplat_ns.console import announce, list_names
+from desplat_ns.console import announce_once, list_names
 from desplat_ns.data.tracks import METADATA_KEY as TRACKS
 from desplat_ns.errors import CaptureError
 
@@ -76,7 +76,7 @@ def without_infinite_points(metadata: dict[str, Any], source: Path) -> dict[str,
     if xyz is None or bool(xyz.isfinite().all()):
         return metadata
     keep = xyz.isfinite().all(dim=-1)
-    announce(
+    announce_once(
         f"{int((~keep).sum())} of {len(xyz)} points in {source} have NaN, infinite or too large "
         "coordinates and are left out.",
         warning=True,
@@ -92,3 +92,17 @@ def without_infinite_points(metadata: dict[str, Any], source: Path) -> dict[str,
 
 def _below(path: Path, folder: Path) -> str:
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
+
+
+def read_lines(file: Path) -> list[str]:
+    """Lines of a text file that are not blank, without blanks around them; UTF-8, with or without
+    a byte order mark.
+
+    Raises:
+        CaptureError: it cannot be read, or is in another encoding.
+    """
+    try:
+        text = file.read_text("utf-8-sig")
+    except (OSError, ValueError) as error:
+        raise CaptureError(f"{file} cannot be read as UTF-8 text: {error}.") from error
+    return [line.strip() for line in text.splitlines() if line.strip()]

@@ -18,7 +18,7 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParser, ColmapDataParserConfig
 from nerfstudio.data.scene_box import SceneBox
 
-from desplat_ns.console import announce
+from desplat_ns.console import announce_once
 from desplat_ns.data.checks import check_cameras, check_files, without_infinite_points
 from desplat_ns.data.colmap_model import Frame, Reconstruction, read_reconstruction
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
@@ -75,7 +75,6 @@ class DeSplatColmapDataParser(ColmapDataParser):
     """Reads a COLMAP capture once for all splits. See `DeSplatColmapDataParserConfig`."""
 
     config: DeSplatColmapDataParserConfig
-    _last_note: str = ""
 
     @cached_property
     def images_path(self) -> Path:
@@ -124,9 +123,8 @@ class DeSplatColmapDataParser(ColmapDataParser):
         factor = downscale_factor(config.downscale_factor, self.reconstruction.frames)
         sources, note = photo_sources(images, frames, factor, config.downscale_rounding_mode)
         check_files([source.path for source in sources], images, "photos", "--images-path")
-        if note and note != self._last_note:
-            announce(note)
-        self._last_note = note
+        if note:
+            announce_once(note)
         return sources
 
     def views(self, names: Sequence[str], split: str) -> list[int]:

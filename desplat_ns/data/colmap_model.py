@@ -18,7 +18,7 @@ import PIL.Image  # noqa: F401
 from jaxtyping import Float, Int, UInt8
 from nerfstudio.cameras.cameras import CameraType
 
-from desplat_ns.console import announce
+from desplat_ns.console import announce_once
 from desplat_ns.data.checks import LARGEST_SIDE
 from desplat_ns.errors import CaptureError
 
@@ -117,7 +117,7 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
     folder, model = max(models, key=lambda entry: entry[1].num_reg_images())
     if len(models) > 1:
         others = ", ".join(f"{f.name}: {m.num_reg_images()}" for f, m in models if f != folder)
-        announce(
+        announce_once(
             f"Reconstruction: {folder} with {model.num_reg_images()} photos, the largest of "
             f"{len(models)} (photos in the others: {others})."
         )

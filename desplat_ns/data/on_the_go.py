@@ -20,7 +20,8 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
-from desplat_ns.console import announce, list_names
+from desplat_ns.console import announce_once, list_names
+from desplat_ns.data.checks import read_lines
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.photo_files import photo_names
@@ -70,7 +71,7 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
                 f"pose: {list_names(sorted(wanted))}. The capture has {list_names(names)}."
             )
         if missing:
-            announce(
+            announce_once(
                 f"{len(missing)} of {len(wanted)} {split} photos in {path} have no "
                 f"pose and are left out: {list_names(sorted(missing))}.",
                 warning=True,
@@ -82,7 +83,7 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
         data, kind = self.config.data, self.config.train_on if split == "train" else "extra"
         path, listing = data / SPLIT_FILE, data / LISTS.get(kind, SPLIT_FILE)
         if listing.is_file() and not path.is_file():
-            return listing, _names_in(listing)
+            return listing, set(read_lines(listing))
         ordered = ordered_names(data, self.config.images_path)
         positions = read_split(path).get(kind, [])
         beyond = [i for i in positions if not 0 <= i < len(ordered)]
@@ -131,15 +132,6 @@ def read_split(path: Path) -> dict[str, list[int]]:
             "of photos' positions (0, 1, ...) in the order of their file names."
         )
     return lists
-
-
-def _names_in(listing: Path) -> set[str]:
-    """Names of photos, one in each line."""
-    try:
-        text = listing.read_text("utf-8-sig")
-    except (OSError, ValueError) as error:
-        raise CaptureError(f"{listing} cannot be read: {error}.") from error
-    return {line.strip() for line in text.splitlines() if line.strip()}
 
 
 def _are_positions(value: Any) -> bool:

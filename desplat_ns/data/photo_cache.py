@@ -7,7 +7,6 @@ the background before its turn comes, and goes when others need its room.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import deepcopy
@@ -20,6 +19,7 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
+from desplat_ns.cores import cores
 from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.photo_reader import ImageType, Photo
 
@@ -97,7 +97,7 @@ class BoundedPhotos(Sequence[Photo]):
         self._read, self._sizes, self._most, self._upcoming = read, sizes, most, upcoming
         self._held: dict[int, Future[Photo]] = {}
         self._lock = Lock()
-        readers = min(MOST_READERS, os.cpu_count() or 1)
+        readers = min(MOST_READERS, cores())
         self._pool = ThreadPoolExecutor(readers, thread_name_prefix="photos")
 
     def __len__(self) -> int:

@@ -14,6 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import Literal
 
 from desplat_ns.console import list_names
+from desplat_ns.data.checks import read_lines
 from desplat_ns.errors import CaptureError, ConfigError
 
 Kind = Literal["clean", "clutter", "extra"]
@@ -109,8 +110,7 @@ def views_by_file(names: Sequence[str], listing: Path) -> list[int]:
             f"The list of training photos {listing} does not exist. Name a text file with one "
             "photo per line with --train-split-file, relative to --data."
         )
-    lines = [line.strip() for line in listing.read_text(encoding="utf8").splitlines()]
-    wanted = [line for line in lines if line and not line.startswith("#")]
+    wanted = [line for line in read_lines(listing) if not line.startswith("#")]
     matches = find_photos(names, wanted)
     wrong = [line for line, where in zip(wanted, matches, strict=True) if len(where) != 1]
     if wrong:

@@ -10,7 +10,7 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import Nerfstudio
 from torch import Tensor
 
-from desplat_ns.console import announce
+from desplat_ns.console import announce_once
 from desplat_ns.data.checks import (
     check_cameras,
     check_files,
@@ -110,7 +110,7 @@ def _check_points(outputs: DataparserOutputs, folder: Path) -> None:
             transform, scale = outputs.dataparser_transform, outputs.dataparser_scale
             outputs.metadata.update(points_metadata(points, transform, scale))
         else:
-            announce(f"{folder} names no 3D points: training starts at random.", warning=True)
+            announce_once(f"{folder} names no 3D points: training starts at random.", warning=True)
         return
     outputs.metadata = without_infinite_points(outputs.metadata, folder)
     if len(outputs.metadata["points3D_xyz"]) == 0:

@@ -10,7 +10,7 @@ from pathlib import Path
 from nerfstudio.data.dataparsers.colmap_dataparser import MAX_AUTO_RESOLUTION
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
-from desplat_ns.console import announce
+from desplat_ns.console import announce_once
 from desplat_ns.data.checks import check_files
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.colmap_model import Frame, find_models
@@ -94,7 +94,7 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
         listed = read_split_file(path)
         split = match_split(names, listed)
         unlisted = len(names) - len(split.train) - len(split.test)
-        announce(
+        announce_once(
             f"Split by {path}: {len(split.train)} photos train, {len(split.test)} test."
             + (f" {unlisted} more in the reconstruction are not listed: not used." * bool(unlisted))
             + (f" {listed.num_skipped} rows without an id: ignored." * bool(listed.num_skipped))
@@ -134,7 +134,7 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
         check_files([source.path for source in sources], folder, "photos", "--images-path")
         num_large = sum(factor > 1 for factor in factors)
         if num_large:
-            announce(
+            announce_once(
                 f"{num_large} of {len(frames)} photos have sides of more than {MAX_AUTO_RESOLUTION}"
                 " pixels and are halved until they do not; --downscale-factor 1 leaves them."
             )
@@ -154,7 +154,7 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
         fraction = TEST_FRACTION if given is None else given
         split = draw_split(names, fraction, config.seed)
         why = f"{config.data} has no split file" if given is None else "drawn, as asked for"
-        announce(
+        announce_once(
             f"Split: {why}; {len(split.train)} photos train, {len(split.test)} test "
             f"(--test-fraction {fraction:g} --seed {config.seed}): "
             f"{', '.join(names[i] for i in split.test)}."

@@ -4,6 +4,7 @@ In the viewer, in ns-render, and in what ns-export writes."""
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -55,8 +56,10 @@ def parse_light(
                 f"example {names[0]}:0.5."
             ) from error
     total = sum(share for _, share in parts)
-    if not total > 0 or any(share < 0 for _, share in parts):
-        raise ConfigError(f"{given_by} is '{text}': its shares must not be negative, nor all zero.")
+    if not 0 < total < math.inf or any(share < 0 for _, share in parts):
+        raise ConfigError(
+            f"{given_by} is '{text}': its shares must not be negative or infinite, nor all zero."
+        )
     return [(index, share / total) for index, share in parts]
 
 

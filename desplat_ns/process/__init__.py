@@ -6,5 +6,5 @@ its own, where `features`, `matches` (of the `pairs` chosen), `mapping` and `und
 that speaks to pycolmap. `recipes` has the numbers of the cheap and of the thorough way; `attempts`
 goes them and says why photos were left out. `process.process` is the one function.
 
-May import `data`, `files`, `console` and `errors`.
+May import `data`, `files`, `console`, `cores` and `errors`.
 """

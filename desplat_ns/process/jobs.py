@@ -117,7 +117,8 @@ def _failure(folder: Workspace, label: str, error: str, status: int, begin: int)
         reason = f"pycolmap was ended by {name} during '{label}'"
         if name == "SIGKILL":
             reason += ", as systems do where memory runs out"
-        advice = "If that happens again: fewer --threads, or a smaller --longest-side."
+        advice = "If that happens again: fewer --threads, or another folder with a smaller "
+        advice += "--longest-side."
     else:
         reason, advice = f"pycolmap failed during '{label}'", f"Its log is {folder.log}."
     return DeSplatError(f"{reason}{f' ({said})' if said else ''}. {went_on} {advice}")

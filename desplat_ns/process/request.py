@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
+from desplat_ns.cores import cores
 from desplat_ns.errors import ConfigError
 
 Cameras = Literal["auto", "one", "folder", "photo"]
@@ -80,8 +80,8 @@ class Request:
 
     @property
     def num_threads(self) -> int:
-        """Threads that are used: what was asked for, or the machine's cores."""
-        return self.threads or os.cpu_count() or 1
+        """Threads that are used: what was asked for, or all cores."""
+        return self.threads or cores()
 
     def lasting(self) -> dict[str, str]:
         """The options that a second call must share with the first, by their names."""

@@ -163,5 +163,5 @@ def disk_full(output: Path) -> DeSplatError:
     """What to say where the disk is full."""
     return DeSplatError(
         f"The disk of {output} is full. What is done is kept: make room, and the same command goes "
-        "on where it stopped. A smaller --longest-side needs less."
+        "on where it stopped. A smaller --longest-side, in another folder, needs less."
     )

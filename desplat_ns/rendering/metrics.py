@@ -15,9 +15,10 @@ from typing import Any, Literal, NamedTuple
 
 import torch
 from jaxtyping import Bool, Float
-from nerfstudio.utils.rich_utils import CONSOLE
 from pytorch_msssim import ssim as msssim_ssim
 from torch import Tensor
+
+from desplat_ns.console import announce
 
 PSNR_MAX = 100.0
 """dB. Reported for identical images instead of infinity, which JSON cannot hold. It stands for an
@@ -154,7 +155,7 @@ class LazyLpips:
 
     def _give_up(self, reason: str) -> None:
         self.reason = reason
-        CONSOLE.print(f"LPIPS is left out: {reason}.", style="yellow")
+        announce(f"LPIPS is left out: {reason}.", warning=True)
 
 
 @contextmanager

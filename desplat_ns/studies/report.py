@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from desplat_ns.files.pages import data_address, inline_svg, template
+from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.settings.effects import Effects
 from desplat_ns.studies.machine import short
 from desplat_ns.studies.plan import BASE, SEEDS, compared
@@ -41,9 +42,10 @@ PICTURE_SIDE, PICTURE_QUALITY = 900, 85
 
 
 def write_report(folder: Path, results: Results) -> Path:
-    """Draw the plots and write the report; where it is."""
+    """Draw the plots and write the report; where it is. Raises ConfigError where it cannot."""
     points = measured_of(results)
-    plots = draw_all(folder, points)
+    with plain_errors(folder):
+        plots = draw_all(folder, points)
     defaults = [point for point in points if point.variant == BASE]
     within = [(seconds, best_within(seconds, defaults)) for seconds in times_to_tell(defaults)]
     reached = [(db, soonest_at(db, defaults)) for db in decibels_to_tell(defaults)]
@@ -65,7 +67,8 @@ def write_report(folder: Path, results: Results) -> Path:
         pictures=pictures_of(folder, points),
         code=short(results.code),
     )
-    (folder / FILE).write_text(text, "utf8")
+    with plain_errors(folder):
+        write_whole(folder / FILE, text.encode())
     return folder / FILE
 
 

@@ -7,7 +7,6 @@ Letters in shapes: V photos, P points, S = GRID^2 samples, H x W pixels.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from jaxtyping import Bool, Float, UInt8
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
+from desplat_ns.cores import cores
 from desplat_ns.data.dataset import check_size
 from desplat_ns.data.images import read_image, read_mask, resize_image, resize_mask
 from desplat_ns.data.tracks import METADATA_KEY, Tracks
@@ -118,7 +118,7 @@ def observe(capture: Capture) -> Observations:
     count = len(capture.photos)
     indices = np.unique(np.linspace(0, count - 1, min(count, MOST_PHOTOS)).round().astype(int))
     views = [small_view(capture.cameras, int(i)) for i in indices]
-    with ThreadPoolExecutor(min(MOST_READERS, os.cpu_count() or 1)) as pool:
+    with ThreadPoolExecutor(min(MOST_READERS, cores())) as pool:
         in_view, nearest = zip(
             *pool.map(lambda view: in_view_of(view, capture.xyz), views), strict=True
         )

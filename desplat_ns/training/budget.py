@@ -28,7 +28,10 @@ def seconds_of(text: str, option: str = "--budget") -> float:
     Raises:
         ConfigError: it is not understood, or not above 0.
     """
-    match = re.fullmatch(r"(?:([\d.]+)\s*h)?\s*(?:([\d.]+)\s*m(?:in)?)?\s*(?:([\d.]+)\s*s?)?", text)
+    alone = re.fullmatch(r"\s*[\d.]+\s*", text) is not None  # `1h30` could be minutes or seconds
+    unit = "s?" if alone else "s"
+    pattern = rf"\s*(?:([\d.]+)\s*h)?\s*(?:([\d.]+)\s*m(?:in)?)?\s*(?:([\d.]+)\s*{unit})?\s*"
+    match = re.fullmatch(pattern, text)
     try:
         parts = [float(part or 0) for part in match.groups()] if match else [0.0]
     except ValueError:

@@ -14,6 +14,7 @@ import json
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -49,10 +50,13 @@ def survey_of(config: Any, _: int) -> Figures:
 
 
 def budget_of(config: Any, _: int) -> Figures:
+    from desplat_ns.datamanager import training_split
+
     config.budget = "20min"
     config.pipeline.model.effects.auto = False
     before = since_start()
-    run = config.plan_budget(None, time.monotonic())
+    capture = partial(training_split, config.pipeline.datamanager)
+    run = config.plan_budget(None, capture, time.monotonic())
     return {"budget": since_start() - before, "planned_steps": float(run.state.steps)}
 
 

@@ -110,7 +110,7 @@ def test_a_photo_that_cannot_be_read_is_told_when_it_is_asked_for_and_read_again
 
 
 def test_several_photos_are_read_at_once(monkeypatch):
-    monkeypatch.setattr(photo_cache.os, "cpu_count", lambda: 4)
+    monkeypatch.setattr(photo_cache, "cores", lambda: 4)
     together = threading.Barrier(4)
 
     def read(index: int) -> Photo:

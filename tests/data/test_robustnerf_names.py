@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from pathlib import Path
 
 import pytest
@@ -110,6 +111,18 @@ def test_a_file_lists_photos_by_path_or_by_name(tmp_path: Path):
     listing.write_text("# mine\n\nclutter_0003.jpg\nfolder/clean_7.png\nclean_8.png\n")
     names = [*NAMES, "folder/clean_7.png", "folder/clean_8.png"]
     assert views_by_file(names, listing) == [13, 22, 23]
+
+
+def test_a_file_that_begins_with_a_byte_order_mark_is_read(tmp_path: Path):
+    listing = tmp_path / "train.txt"
+    listing.write_bytes(codecs.BOM_UTF8 + b"clutter_0003.jpg\r\n")
+    assert views_by_file(NAMES, listing) == [13]
+
+
+def test_a_file_in_another_encoding_is_named(tmp_path: Path):
+    (tmp_path / "train.txt").write_bytes("clutter_ü.jpg".encode("latin-1"))
+    with pytest.raises(CaptureError, match=r"train\.txt cannot be read as UTF-8"):
+        views_by_file(NAMES, tmp_path / "train.txt")
 
 
 @pytest.mark.parametrize(

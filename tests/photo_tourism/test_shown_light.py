@@ -76,6 +76,7 @@ def test_names_may_hold_colons():
         ("a.jpg:0", "all zero"),
         ("a.jpg:-1,c.jpg:2", "negative"),
         (",", "all zero"),
+        ("a.jpg:inf", "infinite"),
     ],
 )
 def test_a_text_that_makes_no_mix_is_refused(text, message):

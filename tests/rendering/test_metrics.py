@@ -208,6 +208,11 @@ def test_without_weights_lpips_is_none_and_says_why_once(
     assert capsys.readouterr().out.count("LPIPS is left out") == 1
 
 
+def test_brackets_in_what_lpips_says_are_no_markup(capsys: pytest.CaptureFixture[str]):
+    LazyLpips()._give_up("no file [/cache]/[alex].pth")
+    assert "[/cache]/[alex].pth" in capsys.readouterr().out
+
+
 def test_metrics_without_weights_have_no_lpips_key(offline: type[_Offline]):
     pred, truth = _pair(0, 40, 40)
     assert set(image_metrics(pred, truth, LazyLpips())) == {"psnr", "ssim"}

@@ -113,6 +113,13 @@ def test_a_full_disk_ends_a_study_with_what_to_do(time, tmp_path, monkeypatch):
     assert Results.load(tmp_path) is not None, "what was there can be gone on with"
 
 
+def test_a_report_that_cannot_be_written_says_what_to_do(time, tmp_path):
+    session, _ = sit(tmp_path, time, 600.0)
+    (tmp_path / "report.html").mkdir()
+    with pytest.raises(ConfigError, match=r"report\.html|cannot be written|--output"):
+        write_report(tmp_path, session.results)
+
+
 def test_too_little_time_for_one_training_is_refused(time, tmp_path):
     with pytest.raises(ConfigError, match="Give --time"):
         sit(tmp_path, time, 10.0)

@@ -27,7 +27,9 @@ def test_times_are_read_with_their_units(text, seconds):
     assert seconds_of(text) == seconds
 
 
-@pytest.mark.parametrize("text", ["", "0", "-3s", "soon", "1..2s", "10 parsecs", "5s1h", "nan"])
+@pytest.mark.parametrize(
+    "text", ["", "0", "-3s", "soon", "1..2s", "10 parsecs", "5s1h", "nan", "1h30", "2m 5"]
+)
 def test_what_is_no_time_is_refused_with_an_example(text):
     with pytest.raises(ConfigError, match="such as 10min"):
         seconds_of(text)

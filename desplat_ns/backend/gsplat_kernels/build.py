@@ -22,6 +22,7 @@ import torch
 from filelock import FileLock, Timeout
 
 from desplat_ns.backend.gsplat_kernels.tools import NoKernels, Tools, find_tools
+from desplat_ns.cores import cores
 
 CPU_MINUTES = 33
 """That all files take, for one architecture; measured with nvcc 13.2 and gsplat 1.4.0."""
@@ -119,11 +120,10 @@ def jobs() -> int:
     asked = os.environ.get("MAX_JOBS", "")
     if asked.isdigit() and int(asked) > 0:
         return int(asked)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     memory = psutil.virtual_memory().available
     with suppress(OSError, ValueError):  # no such file, or "max"
         memory = min(memory, int(CONTAINERS_MEMORY.read_text()))
-    return max(1, min(cores or 1, FILES, memory // BYTES_A_JOB))
+    return max(1, min(cores(), FILES, memory // BYTES_A_JOB))
 
 
 def _lock(folder: Path) -> AbstractContextManager[object]:

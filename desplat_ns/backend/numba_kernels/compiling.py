@@ -32,6 +32,7 @@ from desplat_ns.backend.numba_kernels.runtime import (
     kernels,
     numba_config,
 )
+from desplat_ns.cores import cores
 
 PATIENCE = 300.0
 """Seconds without a kernel done after which other processes are given up; one takes six."""
@@ -129,7 +130,7 @@ def _compile(modules: Sequence[str], progress: Progress) -> None:
     left, since = len(launches()) + 1, time.monotonic()
     try:
         while waiting or working:
-            while waiting and len(working) < _cores():
+            while waiting and len(working) < cores():
                 working.append(_start(waiting.pop(0)))
             time.sleep(PAUSE)
             working = [worker for worker in working if worker.poll() is None]
@@ -141,11 +142,6 @@ def _compile(modules: Sequence[str], progress: Progress) -> None:
     finally:
         for worker in working:
             worker.kill()
-
-
-def _cores() -> int:
-    has_affinity = hasattr(os, "sched_getaffinity")
-    return len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
 
 
 def _start(module: str) -> Worker:

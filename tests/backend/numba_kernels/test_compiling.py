@@ -103,7 +103,7 @@ def new_machine(monkeypatch, tmp_path):
         monkeypatch.setattr(compiling, "launches", lambda: cache.launches)
         monkeypatch.setattr(compiling, "is_cached", lambda launch: launch in cache.there)
         monkeypatch.setattr(compiling, "_start", cache.start)
-        monkeypatch.setattr(compiling, "_cores", lambda: 2)
+        monkeypatch.setattr(compiling, "cores", lambda: 2)
         monkeypatch.setattr(compiling, "PAUSE", 0)
         return cache
 
