@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Float
+from nerfstudio.cameras.camera_utils import quaternion_from_matrix
 
 from desplat_ns.backend.spherical_harmonics import sh_basis
 from desplat_ns.errors import CaptureError
@@ -109,25 +110,7 @@ def _turned_quats(
 ) -> Float[np.ndarray, "N 4"]:
     """Quaternions of turn R. An ellipsoid is its own mirror image through its centre, so that a
     reflection may be taken as the turn with the opposite sign."""
-    w, x, y, z = quat_of(turn * np.sign(np.linalg.det(turn)))
+    w, x, y, z = quaternion_from_matrix(turn * np.sign(np.linalg.det(turn)))
     left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
     turned = quats @ left.T
     return (turned / np.linalg.norm(turned, axis=1, keepdims=True)).astype(np.float32)
-
-
-def quat_of(rotation: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "4"]:
-    """The quaternion wxyz of a rotation matrix.
-
-    It is the eigenvector of the largest eigenvalue of a symmetric matrix of the rotation's entries,
-    which has no special cases (Bar-Itzhack 2000).
-    """
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
-    symmetric = np.array(
-        [
-            [xx + yy + zz, zy - yz, xz - zx, yx - xy],
-            [zy - yz, xx - yy - zz, xy + yx, xz + zx],
-            [xz - zx, xy + yx, yy - xx - zz, yz + zy],
-            [yx - xy, xz + zx, yz + zy, zz - xx - yy],
-        ]
-    )
-    return np.linalg.eigh(symmetric)[1][:, -1]

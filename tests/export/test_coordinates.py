@@ -13,7 +13,6 @@ from desplat_ns.errors import CaptureError
 from desplat_ns.export.coordinates import (
     Similarity,
     moved,
-    quat_of,
     similarity_to,
     turned_harmonics,
 )
@@ -69,12 +68,17 @@ def test_harmonics_of_degree_one_turn_as_the_axes_do():
 
 
 def test_quaternions_of_turns_by_hand():
+    """Of a Gaussian that was not turned before; q and -q are the same turn."""
     half = np.sqrt(0.5)
     about_z = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    assert np.allclose(np.abs(quat_of(np.eye(3))), (1, 0, 0, 0))
-    quat = quat_of(about_z)
-    assert np.allclose(quat * np.sign(quat[0]), (half, 0, 0, half))
-    assert np.allclose(np.abs(quat_of(np.diag([1.0, -1, -1]))), (0, 1, 0, 0))
+    straight = replace(cloud(count=1), quats=np.array([[1.0, 0, 0, 0]], np.float32))
+    for turn, quat in (
+        (np.eye(3), (1, 0, 0, 0)),
+        (about_z, (half, 0, 0, half)),
+        (np.diag([1.0, -1, -1]), (0, 1, 0, 0)),
+    ):
+        turned = moved(straight, Similarity(turn, 1.0, np.zeros(3))).quats[0]
+        assert abs(turned @ np.array(quat)) == pytest.approx(1, abs=1e-6)
 
 
 def test_a_captures_own_coordinates_come_back():
