@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 import torch
 from gsplat.strategy import DefaultStrategy
 from nerfstudio.cameras.cameras import Cameras
-from nerfstudio.data.scene_box import OrientedBox
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackAttributes
 from nerfstudio.model_components.lib_bilagrid import color_correct, total_variation_loss
 from torch import Tensor, nn
@@ -289,13 +288,6 @@ class StaticModel(LitModel):
                 self.gauss_params, self.optimizers, self.strategy_state, self.step, self.info
             )
         return rendering
-
-    @torch.no_grad()
-    def get_outputs_for_camera(
-        self, camera: Cameras, obb_box: OrientedBox | None = None
-    ) -> dict[str, Tensor]:
-        """`get_outputs` without gradients, within a box if one is given."""
-        return super().get_outputs_for_camera(camera, obb_box)  # pyright: ignore[reportReturnType]
 
     def get_training_callbacks(
         self, training_callback_attributes: TrainingCallbackAttributes
