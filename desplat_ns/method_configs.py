@@ -6,7 +6,7 @@ effects that a survey of the capture asks for; `desplat-phototourism` has those 
 from __future__ import annotations
 
 import torch
-from nerfstudio.configs.base_config import MachineConfig, ViewerConfig
+from nerfstudio.configs.base_config import MachineConfig
 from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
 from nerfstudio.plugins.types import MethodSpecification
 
@@ -132,17 +132,12 @@ def _method(
             nominal_num_iterations=steps,
             full_rate_visits=full_rate_visits,
             visits=visits,
-            mixed_precision=False,
             steps_per_save=2000,
             steps_per_eval_batch=0,
             steps_per_eval_image=100,
             steps_per_eval_all_images=1000,
-            pipeline=DeSplatPipelineConfig(
-                datamanager=DeSplatDataManagerConfig(cache_images_type="uint8"),
-                model=model,
-            ),
+            pipeline=DeSplatPipelineConfig(datamanager=DeSplatDataManagerConfig(), model=model),
             optimizers=static_optimizers() | image_effect_optimizers(),
-            viewer=ViewerConfig(num_rays_per_chunk=1 << 15),
             vis="viewer",
         ),
         description=description,
