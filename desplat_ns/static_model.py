@@ -300,9 +300,7 @@ class StaticModel(LitModel):
         self, outputs: dict[str, Tensor], batch: dict[str, Any]
     ) -> tuple[dict[str, float], dict[str, Tensor]]:
         """Figures of one evaluation image, and the photo beside the rendering."""
-        photo = self.composite_with_background(
-            self.get_gt_img(batch["image"]), outputs["background"]
-        )
+        photo = self.photo_of(outputs, batch)
         figures = image_metrics(outputs["rgb"], photo, self.lpips)
         if self.config.color_corrected_metrics:
             corrected = image_metrics(color_correct(outputs["rgb"], photo), photo, self.lpips)

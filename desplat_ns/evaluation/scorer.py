@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import torch
-from jaxtyping import Float, Shaped
+from jaxtyping import Shaped
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
@@ -61,7 +61,7 @@ class Scorer:
         if self.fit is not None:
             before = {f"{key}_before": value for key, value in figures.items()}
             start = self._now()
-            photo = self._photo(batch, outputs)
+            photo = model.photo_of(outputs, batch)
             embedding = embedding_from_left_half(model, camera, photo, self.fit, _counted(batch))
             before["embedding_seconds"] = self._now() - start
             start = self._now()
@@ -88,12 +88,8 @@ class Scorer:
         right = {name: right_half(outputs[name]) for name in ("rgb", "background")}
         half = {**batch, "image": right_half(batch["image"])}
         figures, _ = self.model.get_image_metrics_and_images(right, half)
-        return figures, {"img": torch.cat([self._photo(batch, outputs), outputs["rgb"]], dim=1)}
-
-    def _photo(self, batch: dict[str, Any], outputs: dict[str, Tensor]) -> Float[Tensor, "H W 3"]:
-        """The photo, over the background where it is transparent."""
-        photo = self.model.get_gt_img(batch["image"])
-        return self.model.composite_with_background(photo, outputs["background"])
+        photo = self.model.photo_of(outputs, batch)
+        return figures, {"img": torch.cat([photo, outputs["rgb"]], dim=1)}
 
 
 def _counted(batch: dict[str, Any]) -> Shaped[Tensor, "H W 1"] | None:

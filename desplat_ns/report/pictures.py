@@ -84,8 +84,7 @@ def training_photos(
             batch = undistorted[index] if undistorted else dataset.get_data(index, "uint8")
             camera = dataset.cameras[index : index + 1].to(pipeline.device)
             outputs = model.get_outputs_for_camera(camera)
-            photo = model.get_gt_img(batch["image"].to(pipeline.device))
-            photo = model.composite_with_background(photo, outputs["background"])
+            photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
             name, coverage = manager.train_image_names[index], None
             if "alpha_distractor" in outputs:
                 coverage = coverage_of(name, view_of(camera), outputs["alpha_distractor"])

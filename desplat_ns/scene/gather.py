@@ -119,9 +119,8 @@ def _page_camera(
 ) -> PageCamera:
     """One photo's. `index`: which training view it is; None for a held-out one."""
     view = model.view_of_camera(camera.to(model.device), index)
-    shown = model.get_gt_img(photo.to(model.device))
     background = model.background_of(view, model.embedding_of(None))
-    shown = model.composite_with_background(shown, background)
+    shown = model.photo_of({"background": background}, {"image": photo.to(model.device)})
     start = 0.0 if model.points is None else scene_start(model.points, view)
     splats, settings = model.shown_splats(), model.render_settings(depth=True)
     reach = reach_of(view, lambda small: model.rasterizer(splats, small, settings))

@@ -71,14 +71,6 @@ class KnownModel(DeSplatModel):
         figures = image_metrics(outputs["rgb"], batch["image"], self.lpips)
         return figures, {"img": torch.cat([batch["image"], outputs["rgb"]], dim=1)}
 
-    def get_gt_img(self, image: torch.Tensor) -> torch.Tensor:
-        return image
-
-    def composite_with_background(
-        self, image: torch.Tensor, background: torch.Tensor
-    ) -> torch.Tensor:
-        return image
-
     def get_metrics_dict(self, outputs: dict, batch: dict) -> dict:
         return {"psnr": image_metrics(outputs["rgb"], batch["image"])["psnr"]}
 
