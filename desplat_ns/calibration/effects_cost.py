@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import torch
 
@@ -57,8 +57,7 @@ class EffectsCost:
 
     def line(self) -> str:
         """For a console."""
-        on = {k: v for k, v in asdict(self.effects).items() if v not in (False, "off")}
-        what = ", ".join(k if v is True else f"{k} {v}" for k, v in on.items()) or "nothing on"
+        what = self.effects.words or "nothing on"
         megabytes = self.extra_bytes / 1e6
         low, high = self.ratio_range
         doubt = f"; measured between {low:.2f} and {high:.2f}: not steady" if self.is_wide else ""

@@ -82,8 +82,7 @@ def costs_on_this_machine(findings: Survey, capture: Capture) -> dict[str, Any]:
         "Gaussians (before any distractor is placed):"
     )
     nothing, every = Effects(distractors=False), effects_of(findings)
-    called_for = {k: v for k, v in asdict(every).items() if v not in (False, "off")}
-    alone = [replace(nothing, **{name: value}) for name, value in called_for.items()]
+    alone = [replace(nothing, **{name: value}) for name, value in every.on.items()]
     costs = measure(size, [*alone, every], num_photos)
     for cost in costs:
         announce(f"  {cost.line()}")

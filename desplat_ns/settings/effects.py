@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from desplat_ns.errors import ConfigError
@@ -18,6 +18,16 @@ class Effects:
     distractors: bool = True
     appearance: AppearanceGrade = "off"
     background: BackgroundGrade = "off"
+
+    @property
+    def on(self) -> dict[str, Any]:
+        """Those that are on, by name."""
+        return {name: grade for name, grade in asdict(self).items() if grade not in (False, "off")}
+
+    @property
+    def words(self) -> str:
+        """Those that are on, as "distractors, appearance camera"; empty if none is."""
+        return ", ".join(name if v is True else f"{name} {v}" for name, v in self.on.items())
 
     @property
     def image_embeddings(self) -> bool:
