@@ -42,11 +42,12 @@ class Arguments:
                 f"There is no data set '{self.name}'. There are: {', '.join(SOURCES)}."
             )
         from desplat_ns.console import announce  # a second
-        from desplat_ns.fetch.fetch import fetch, room_for
+        from desplat_ns.fetch.fetch import fetch
+        from desplat_ns.files.whole import free_bytes
 
         source = SOURCES[self.name]
         announce(f"{source.title}. Whose it is, and what may be done with it: {source.page}")
-        announce(f"{room_for(self.folder):.0f} GB are free in '{self.folder}'.")
+        announce(f"{free_bytes(self.folder) / 1e9:.0f} GB are free in '{self.folder}'.")
         scenes = fetch(source, self.folder, self.keep_archive)
         announce(f"{len(scenes)} in '{scenes[0].parent}': {', '.join(s.name for s in scenes)}.")
         announce(f"    {source.train.format(scene=scenes[0])}")

@@ -17,6 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
 from desplat_ns.errors import CaptureError
+from desplat_ns.files.whole import check_room
 
 MOST_RATIO = 20
 """Photos hardly shrink in an archive: one that grows more often than this is none of photos."""
@@ -64,8 +65,9 @@ def unpack(archive: Path, folder: Path) -> None:
     Where all of it lies in one folder of this folder's name, that level is left out.
 
     Raises:
-        CaptureError: it is damaged, it holds what may not be in it, something of it is there
-            already, or the disk will not hold it.
+        CaptureError: it is damaged, it holds what may not be in it, or something of it is there
+            already.
+        ConfigError: the disk will not hold it.
     """
     unpacked = folder / f".{archive.name}.unpacking"
     shutil.rmtree(unpacked, ignore_errors=True)
@@ -117,11 +119,7 @@ def _check(archive: Path, members: list[Member], folder: Path) -> None:
             "remove it."
         )
     folder.mkdir(parents=True, exist_ok=True)
-    if size > (free := shutil.disk_usage(folder).free):
-        raise CaptureError(
-            f"'{folder}' has room for {free / 1e9:.1f} GB, and '{archive.name}' has "
-            f"{size / 1e9:.1f} GB in it. Make room, or give another folder with --folder."
-        )
+    check_room(folder, size, f"unpacked '{archive.name}' has", "--folder")
 
 
 def _write(member: Member, path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -13,6 +12,7 @@ from typing import Any
 import requests
 
 from desplat_ns.errors import CaptureError
+from desplat_ns.files.whole import check_room
 
 ATTEMPTS = 5
 """Connections in a row that may bring nothing before it is given up."""
@@ -35,8 +35,9 @@ def download(address: str, target: Path, progress: Progress | None = None) -> Pa
         target: is not there yet; until the file is whole it is called `NAME.part`.
 
     Raises:
-        CaptureError: the server cannot be reached, has no such file or breaks off; the disk will
-            not hold it; or what came is something else.
+        CaptureError: the server cannot be reached, has no such file or breaks off; or what came is
+            something else.
+        ConfigError: the disk will not hold it.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     part = Part(target)
@@ -77,7 +78,8 @@ class Part:
         """Fetch what is missing.
 
         Raises:
-            CaptureError: there is no such file, or no room for it.
+            CaptureError: there is no such file.
+            ConfigError: there is no room for it.
             requests.RequestException: the connection broke.
             OSError: the file cannot be written.
         """
@@ -129,7 +131,7 @@ class Part:
     ) -> None:
         """Append what an answer brings, from a byte on."""
         total = start + int(answer.headers.get("Content-Length", 0))
-        self._check_room(total - start)
+        check_room(self._path.parent, total - start, "what is to come has", "--folder")
         version = answer.headers.get("ETag") or answer.headers.get("Last-Modified") or ""
         about = {"address": address, "version": version, "bytes": total}
         self._record.write_text(json.dumps(about))
@@ -147,15 +149,6 @@ class Part:
             if known["address"] == address and known["version"]:
                 return known  # type: ignore[no-any-return]
         return None
-
-    def _check_room(self, needed: int) -> None:
-        free = shutil.disk_usage(self._path.parent).free
-        if needed > free:
-            raise CaptureError(
-                f"'{self._path.parent}' has room for {free / 1e9:.1f} GB, and "
-                f"{needed / 1e9:.1f} GB are to come. Make room, or give another folder with "
-                "--folder."
-            )
 
     def remove(self) -> None:
         """Forget what is there."""

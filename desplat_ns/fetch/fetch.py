@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -26,7 +25,8 @@ def fetch(source: Source, folder: Path, keep_archive: bool = False) -> list[Path
 
     Raises:
         CaptureError: see `download` and `unpack`; or there is no capture in it.
-        ConfigError: nothing can be written there, or another process is at work there.
+        ConfigError: nothing can be written there, the disk will not hold it, or another process is
+            at work there.
     """
     home = folder / source.folder
     with only_process_in(home):
@@ -67,9 +67,3 @@ def _fetch_file(file: File, home: Path, keep_archive: bool) -> None:
         mark.touch()
         if not keep_archive:
             target.unlink()
-
-
-def room_for(folder: Path) -> float:
-    """Gigabytes that are free where a folder is, or will be."""
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    return shutil.disk_usage(there).free / 1e9

@@ -49,6 +49,23 @@ def check_new_folder(path: Path, overwrite: bool, option: str = "--output") -> N
     _check_writable(path.parent, option)
 
 
+def check_room(folder: Path, needed: int, what: str, option: str = "--output") -> None:
+    """Make sure that the disk of a folder, which need not exist yet, will hold some bytes.
+
+    Args:
+        what: needs them, with a verb: "the runs need".
+
+    Raises:
+        ConfigError: it will not.
+    """
+    free = free_bytes(folder)
+    if needed > free:
+        raise ConfigError(
+            f"'{folder}' has room for {free / 1e9:.1f} GB, and {what} {needed / 1e9:.1f} GB. Make "
+            f"room, or name another folder with {option}."
+        )
+
+
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file. Raises OSError where that cannot be done."""
     with draft_of(path) as draft:
@@ -152,7 +169,12 @@ def _sigterm_raises() -> Iterator[None]:
 
 def disk_is_full(folder: Path) -> bool:
     """Whether hardly anything is left on the disk of a folder, which need not exist yet."""
-    return shutil.disk_usage(_nearest(folder)).free < FEW_BYTES
+    return free_bytes(folder) < FEW_BYTES
+
+
+def free_bytes(folder: Path) -> int:
+    """What is left on the disk of a folder, which need not exist yet."""
+    return shutil.disk_usage(_nearest(folder)).free
 
 
 def _nearest(folder: Path) -> Path:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 
 from desplat_ns.calibration.run_plan import expected_gaussians, measure_costs
-from desplat_ns.errors import ConfigError
 from desplat_ns.reproduce.scenes import Content, FoundScene, outputs_of
 from desplat_ns.settings.effects import Effects
 from desplat_ns.studies.methods import parse
@@ -58,18 +55,3 @@ def expected_bytes(
     gaussians = expected_gaussians(outputs_of(largest, "train"), model, device)
     pictures = sum(2 * 3 * c.held_out * c.width * c.height * runs for c, runs in contents)
     return pictures + jobs * CHECKPOINTS * BYTES_OF_A_GAUSSIAN * gaussians
-
-
-def check_room(folder: Path, needed: int) -> None:
-    """Make sure that the disk will hold the runs.
-
-    Raises:
-        ConfigError: it will not.
-    """
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    free = shutil.disk_usage(there).free
-    if needed > free:
-        raise ConfigError(
-            f"The runs need {needed / 1e9:.1f} GB, and the disk of '{folder}' has "
-            f"{free / 1e9:.1f} GB left. Make room, or name another place with --output."
-        )

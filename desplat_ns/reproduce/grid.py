@@ -13,9 +13,10 @@ from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.files.lock import only_process_in
 from desplat_ns.files.pages import time_in_words
+from desplat_ns.files.whole import check_room
 from desplat_ns.rendering.metrics import LpipsNet, lpips_weights
 from desplat_ns.reproduce.cells import cells_of
-from desplat_ns.reproduce.estimate import check_room, expected_bytes, expected_seconds
+from desplat_ns.reproduce.estimate import expected_bytes, expected_seconds
 from desplat_ns.reproduce.methods import Method
 from desplat_ns.reproduce.protocols import Smoke
 from desplat_ns.reproduce.records import RUNS, Done, Records, asked_of, texts_of
@@ -289,4 +290,4 @@ def _check_disk(grid: Grid) -> None:
     largest = max(grid.contents, key=pixels)
     needed = expected_bytes(contents, largest, request.jobs, request.device)
     announce(f"Disk: {needed / 1e6:,.0f} MB at most while it runs, for pictures and checkpoints.")
-    check_room(request.output, needed)
+    check_room(request.output, needed, "the runs need")

@@ -9,7 +9,7 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from desplat_ns.errors import CaptureError
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.fetch.archives import unpack
 
 FILES = {"set/a/images/1.jpg": b"one", "set/a/sparse/0/cameras.bin": b"two", "set/b/3.jpg": b""}
@@ -132,5 +132,5 @@ def test_a_disk_that_will_not_hold_it_is_said_before(tmp_path, monkeypatch):
     make_zip(archive, FILES)
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr("shutil.disk_usage", lambda path: usage(10, 0, 5))
-    with pytest.raises(CaptureError, match="--folder"):
+    with pytest.raises(ConfigError, match="--folder"):
         unpack(archive, tmp_path / "set")

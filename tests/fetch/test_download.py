@@ -4,7 +4,7 @@ from collections import namedtuple
 
 import pytest
 
-from desplat_ns.errors import CaptureError
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.fetch import download as downloads
 from desplat_ns.fetch.download import download
 from tests.fetch.server import Site, serving
@@ -123,6 +123,6 @@ def test_no_server_is_said(tmp_path):
 def test_a_disk_that_will_not_hold_it_is_said_before(tmp_path, monkeypatch):
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr("shutil.disk_usage", lambda path: usage(10, 0, 1_000_000))
-    with serving(Site(CONTENT)) as site, pytest.raises(CaptureError, match="--folder"):
+    with serving(Site(CONTENT)) as site, pytest.raises(ConfigError, match="--folder"):
         download(site.address, tmp_path / "data.zip")
     assert not (tmp_path / "data.zip.part").exists()

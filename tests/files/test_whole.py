@@ -12,6 +12,7 @@ from desplat_ns.errors import ConfigError
 from desplat_ns.files.whole import (
     check_new_file,
     check_new_folder,
+    check_room,
     draft_of,
     plain_errors,
     whole_folder,
@@ -83,6 +84,13 @@ def test_a_place_that_cannot_be_written_is_named():
         write_whole(path, b"")
     with pytest.raises(ConfigError, match="cannot be written"):
         check_new_file(Path("/proc/a.ply"), overwrite=False)
+
+
+def test_a_disk_that_will_not_hold_it_is_said_first(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda _: type("Usage", (), {"free": 10**9}))
+    check_room(tmp_path / "absent", 10**9, "the runs need")
+    with pytest.raises(ConfigError, match=r"room for 1\.0 GB, and the runs need 2\.0 GB.*--output"):
+        check_room(tmp_path / "absent", 2 * 10**9, "the runs need")
 
 
 def test_a_draft_that_fails_leaves_what_was_there(tmp_path: Path):

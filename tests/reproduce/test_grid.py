@@ -8,9 +8,7 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
-from desplat_ns.reproduce import estimate
 from desplat_ns.reproduce import grid as module
-from desplat_ns.reproduce.estimate import check_room
 from desplat_ns.reproduce.grid import Grid, open_grid, reproduce
 from desplat_ns.reproduce.records import FILE, Records
 from desplat_ns.reproduce.writing import write_table
@@ -97,13 +95,6 @@ def test_weights_of_lpips_that_are_missing_are_said_before_anything_is_run(
     assert "LPIPS's weights are not at" in said and "alexnet-owt-7be5be79.pth" in said
     reproduce(request_of("A8", tmp_path / "out", MadeUpExecutor(), is_smoke=True))
     assert "LPIPS" not in capsys.readouterr().out, "no figure of that table"
-
-
-def test_a_disk_that_will_not_hold_it_is_said_first(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(estimate.shutil, "disk_usage", lambda _: type("Usage", (), {"free": 10**9}))
-    check_room(tmp_path / "absent", 10**9)
-    with pytest.raises(ConfigError, match=r"need 2\.0 GB, and .* has 1\.0 GB left"):
-        check_room(tmp_path / "absent", 2 * 10**9)
 
 
 def test_missing_scenes_name_their_folder_and_what_to_type(tmp_path: Path):
