@@ -70,7 +70,7 @@ def export_splats(
 
 
 def static_cloud(
-    pipeline: DeSplatPipeline, crop: float | None = None, light: str | None = None
+    pipeline: DeSplatPipeline, crop: float | None, light: str | None
 ) -> tuple[SplatCloud, Bool[Tensor, " N"]]:
     """The static Gaussians that a file is to hold, in the coordinates of training, and which of the
     model's they are; says what was left out.

@@ -49,9 +49,9 @@ def notices(
     reasons: Sequence[EffectReason],
     photos: Sequence[TrainingPhoto],
     results: Mapping[str, Any],
-    failure: str | None = None,
-    judges_by_others: bool = False,
-    alone: Sequence[Alone] = (),
+    failure: str | None,
+    judges_by_others: bool,
+    alone: Sequence[Alone],
 ) -> list[Notice]:
     """Everything that stands out, what matters most first.
 

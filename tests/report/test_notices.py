@@ -17,6 +17,7 @@ def said(**changes: Any) -> list[str]:
     """What is said of a long run in which nothing stands out, but for the changes."""
     results = {"psnr": 28.0, "images": []}
     inputs = {"cost": LONG, "reasons": [], "photos": PHOTOS, "results": results}
+    inputs |= {"failure": None, "judges_by_others": False, "alone": []}
     return [f"{notice.what} {notice.advice}" for notice in notices(**inputs | changes)]
 
 

@@ -197,12 +197,12 @@ def _run(target: Target, tools: Tools, at_once: int, log: Path) -> int:
         return _wait(process, target.folder / NAME)
 
 
-def _wait(process: subprocess.Popen[bytes], at_work: Path, every: float = 1.0) -> int:
+def _wait(process: subprocess.Popen[bytes], at_work: Path) -> int:
     """Wait for a process, and say now and then how many files are done."""
     began, said = time.monotonic(), 0
     while True:
         with suppress(subprocess.TimeoutExpired):
-            return process.wait(every)
+            return process.wait(1.0)
         done, total = _progress(at_work)
         if total and done >= said + max(1, total // 5) and done < total:
             said = done
