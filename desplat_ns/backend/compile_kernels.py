@@ -18,17 +18,14 @@ from collections.abc import Sequence
 import torch
 
 from desplat_ns.backend.gsplat_kernels import kernels
-from desplat_ns.backend.registry import available
+from desplat_ns.backend.registry import available, compile_kernels
 
 
 def compile_numba() -> str | None:
     """Have the kernels compiled; why they cannot run here, if they cannot."""
     reason = available("cpu")["numba"]
     if reason is None:
-        from desplat_ns.backend.numba_kernels.runtime import launching
-
-        with launching():
-            pass
+        compile_kernels("numba", "cpu")
     return reason
 
 
