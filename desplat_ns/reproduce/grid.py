@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections import Counter
 from dataclasses import dataclass, field
 from functools import partial
@@ -33,14 +32,11 @@ from desplat_ns.reproduce.tables import Table
 from desplat_ns.reproduce.writing import write_table
 from desplat_ns.studies.executors import Executor
 from desplat_ns.studies.methods import method_config
-from desplat_ns.studies.runs import Figures, Record, Run, Variant, log_of
+from desplat_ns.studies.runs import Figures, Record, Run, Variant, remove_checkpoints
 
 FIRST_SEED = 42
 SMOKE_OPTIONS = ("--pipeline.model.num-downscales", "0")
 """Photos of a smoke run are small enough."""
-
-MODELS = "nerfstudio_models"
-"""nerfstudio's folder of checkpoints in a run."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +132,7 @@ class Grid:
 
     def _keep(self, folder: Path, run: Run, outcome: Record | Exception) -> bool:
         """Record a run and remove its checkpoints; False if it failed, which is said."""
-        _remove_checkpoints(folder, run)
+        remove_checkpoints(run.name, folder)
         if isinstance(outcome, Exception):
             kind = "" if isinstance(outcome, DeSplatError) else f"{type(outcome).__name__}: "
             self.failed[run.name] = f"{kind}{outcome}"
@@ -171,13 +167,6 @@ class Grid:
             *(request.table, request.is_smoke, self.contents, request.methods, self.seeds),
             *(cells, done, self.missing, self.failed),
         )
-
-
-def _remove_checkpoints(folder: Path, run: Run) -> None:
-    """Of a run that is done, or that failed; it is begun anew then."""
-    for home in (folder / run.name, log_of(run.name, folder).parent):
-        for models in home.glob(f"*/*/*/{MODELS}"):
-            shutil.rmtree(models, ignore_errors=True)
 
 
 def reproduce(request: Request) -> Path:

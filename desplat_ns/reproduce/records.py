@@ -113,5 +113,4 @@ class Records:
 
 
 def _done(row: dict[str, Any]) -> Done:
-    record = Record(**row["record"] | {"curve": tuple(row["record"]["curve"])})
-    return Done(record, tuple(row["asked"]), row["texts"])
+    return Done(Record.from_json(row["record"]), tuple(row["asked"]), row["texts"])

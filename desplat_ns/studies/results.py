@@ -94,7 +94,7 @@ class Results:
         capture, plan = CaptureInfo.from_json(content.pop("capture")), content.pop("plan")
         settled = plan and TrainingPlan(plan["steps"], tuple(plan["variants"]), plan["most"])
         rows = content.pop("training").items()
-        training = {name: Record(**row | {"curve": tuple(row["curve"])}) for name, row in rows}
+        training = {name: Record.from_json(row) for name, row in rows}
         return cls(capture, plan=settled, training=training, **content)
 
 

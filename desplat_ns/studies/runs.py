@@ -117,6 +117,11 @@ class Record:
     curve: tuple[Figures, ...] = ()
     """The figures on the way and in the end, each with its `step`; empty if it was scored once."""
 
+    @classmethod
+    def from_json(cls, row: Any) -> Record:
+        """What `asdict` gave, once it was written as JSON."""
+        return cls(**row | {"curve": tuple(row["curve"])})
+
 
 Command = Callable[[list[object], Path], None]
 """Does a line of a program and its arguments, and writes what it says to a log; see `run_command`.
@@ -156,6 +161,13 @@ def execute(run: Run, folder: Path, command: Command | None = None) -> Record:
 def log_of(name: str, folder: Path) -> Path:
     """Where the run of a name that is being done, or that failed, says what happens."""
     return folder / f"{name}.draft" / "run.log"
+
+
+def remove_checkpoints(name: str, folder: Path) -> None:
+    """Of the run of a name that is done, or that failed: it is begun anew then."""
+    for home in (folder / name, log_of(name, folder).parent):
+        for models in home.glob("*/*/*/nerfstudio_models"):
+            shutil.rmtree(models, ignore_errors=True)
 
 
 def _settle(draft: Path, output: Path) -> None:

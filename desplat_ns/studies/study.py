@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -24,10 +23,7 @@ from desplat_ns.studies.pace import (
 )
 from desplat_ns.studies.plan import BACKEND, TrainingPlan, compared
 from desplat_ns.studies.results import RUNS, Results
-from desplat_ns.studies.runs import Record, Run, log_of
-
-CHECKPOINTS = "nerfstudio_models"
-"""nerfstudio's folder in a run."""
+from desplat_ns.studies.runs import Record, Run, log_of, remove_checkpoints
 
 
 @dataclass(frozen=True)
@@ -136,8 +132,7 @@ class Session:
             self.save()
         psnr, seconds = outcome.figures["psnr"], outcome.figures["train_wall_seconds"]
         announce(f"{run.name}: {psnr:.2f} dB after {seconds:.0f} s of training")
-        for models in (self._runs / run.name).glob(f"*/*/*/{CHECKPOINTS}"):
-            shutil.rmtree(models, ignore_errors=True)
+        remove_checkpoints(run.name, self._runs)
         return True
 
     def _announce_plan(self, plan: TrainingPlan, number: int, done: int) -> None:
