@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -47,6 +48,30 @@ def list_names(names: Iterable[str], at_most: int = LISTED_NAMES) -> str:
     return f"{listed} and {rest} more" if rest > 0 else listed
 
 
+def text_of(name: str) -> str:
+    """A file's name as it can be written: bytes that are no text, as names from old archives have
+    them, become `\\xfc`."""
+    return os.fsencode(name).decode(errors="backslashreplace")
+
+
+@contextmanager
+def twice_a_second(do: Callable[[], None]) -> Iterator[None]:
+    """Meanwhile something is done again and again, by a thread of its own."""
+    over = Event()
+
+    def go_on() -> None:
+        while not over.wait(0.5):
+            do()
+
+    thread = Thread(target=go_on, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
 @contextmanager
 def progress_over(total: int, label: str) -> Iterator[Any]:
     """A bar on the console; calling what is yielded advances it by one."""
@@ -86,19 +111,12 @@ def progress_in_time(seconds: float, spent: Callable[[], float]) -> Iterator[Any
         spent: how many of them are over.
     """
     columns = (BarColumn(), TextColumn("{task.fields[times]}"), TextColumn("{task.description}"))
-    over = Event()
     with Progress(*columns, console=CONSOLE, transient=True) as bar:
         task = bar.add_task("", total=seconds, times="")
 
-        def go_on() -> None:
-            while not over.wait(0.5):
-                times = f"{spent() / 60:.0f} of {seconds / 60:.0f} min"
-                bar.update(task, completed=min(spent(), seconds), times=times)
+        def show_time() -> None:
+            times = f"{spent() / 60:.0f} of {seconds / 60:.0f} min"
+            bar.update(task, completed=min(spent(), seconds), times=times)
 
-        thread = Thread(target=go_on, daemon=True)
-        thread.start()
-        try:
+        with twice_a_second(show_time):
             yield lambda what: bar.update(task, description=escape(what))
-        finally:
-            over.set()
-            thread.join()

@@ -65,6 +65,11 @@ class DeSplatPipeline(VanillaPipeline):
         give_masks_a_colormap_in_the_viewer()
         load_evaluated_checkpoints_like_resumed_ones()
 
+    @property
+    def model(self) -> DeSplatModel:
+        """The model; nerfstudio's would look for several processes, and there is one."""
+        return self._model
+
     # --- evaluation --------------------------------------------------------------------------
 
     @contextmanager

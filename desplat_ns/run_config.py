@@ -13,7 +13,6 @@ from typing import Any, cast
 
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.engine.trainer import TrainerConfig
-from nerfstudio.utils.rich_utils import CONSOLE
 
 from desplat_ns.backend.registry import compile_kernels
 from desplat_ns.calibration.budgeted_run import BudgetedRun
@@ -246,7 +245,7 @@ class RunConfig(TrainerConfig):
         factor = rate_factor(photos, steps, self.full_rate_visits)
         if factor != 1.0:
             full = steps_for_visits(self.full_rate_visits, photos, sys.maxsize)
-            CONSOLE.print(
+            announce(
                 f"Learning rates are {factor:.3g} times as high: the run has {steps} steps, and "
                 f"with {photos} photos they are meant for {full}."
             )
@@ -261,7 +260,7 @@ class RunConfig(TrainerConfig):
         highest = early_rate_factor(0, warmup, wanted)
         if highest <= raised_by:
             return None
-        CONSOLE.print(
+        announce(
             f"Learning rates are {highest:.3g} times as high until step {warmup * clock.scale:.0f},"
             f" where the warm-up ends with {photos} photos, and fall until step "
             f"{wanted * clock.scale:.0f}."

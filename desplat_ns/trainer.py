@@ -15,14 +15,12 @@ from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.engine.trainer import Trainer
 from nerfstudio.utils.decorators import check_main_thread
 from nerfstudio.utils.misc import step_check
-from nerfstudio.utils.rich_utils import CONSOLE
 
 from desplat_ns.calibration.budgeted_run import BudgetedRun, process_started
 from desplat_ns.console import announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.errors import CaptureError, CheckpointError
 from desplat_ns.gaussians.strategy import UNLIMITED
-from desplat_ns.model import DeSplatModel
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.run_config import RunConfig, SavedRun
@@ -37,7 +35,6 @@ from desplat_ns.training.optimizers import SHORT_RUN_GROUPS, raised_rates
 from desplat_ns.training.run_folder import refuse_to_replace, run_folder
 from desplat_ns.training.schedules import checked_schedules, follow, multiply_rates
 from desplat_ns.training.step_guard import (
-    GuardedModel,
     GuardedOptimizers,
     StepGuard,
     check_parameters,
@@ -60,6 +57,7 @@ class DeSplatTrainer(Trainer):
 
     config: DeSplatTrainerConfig
     optimizers: GuardedOptimizers
+    pipeline: DeSplatPipeline
 
     def __init__(
         self, config: DeSplatTrainerConfig, local_rank: int = 0, world_size: int = 1
@@ -104,18 +102,21 @@ class DeSplatTrainer(Trainer):
     def setup_optimizers(self) -> Optimizers:
         """Optimizers whose learning rates go by the clock of the run, as the model does."""
         config, budget = self.config, self._budgeted
-        model = cast(DeSplatModel, self.pipeline.model)
+        model = self.pipeline.model
         if budget is not None:
             budget.attach(model)
         if model.clock.scale != 1.0:
-            CONSOLE.print(f"Schedules are scaled by {model.clock.scale:g}, for this run's length.")
+            announce(f"Schedules are scaled by {model.clock.scale:g}, for this run's length.")
         steps = config.max_num_iterations if budget is None else budget.state.steps
-        photos = len(cast(DeSplatPipeline, self.pipeline).datamanager.train_image_names)
+        photos = len(self.pipeline.datamanager.train_image_names)
         raise_by = config.rate_factor(photos, steps)
         raised = raised_rates(config.optimizers, raise_by)
         groups = self.pipeline.get_param_groups()
         optimizers = GuardedOptimizers(
-            checked_schedules(raised), groups, self._may_step, lambda: self._model.view_optimizers()
+            checked_schedules(raised),
+            groups,
+            self._may_step,
+            lambda: self.pipeline.model.view_optimizers(),
         )
         for scheduler in optimizers.schedulers.values():
             follow(scheduler, model.clock)
@@ -124,13 +125,9 @@ class DeSplatTrainer(Trainer):
             multiply_rates(optimizers, SHORT_RUN_GROUPS, early)
         return optimizers
 
-    @property
-    def _model(self) -> GuardedModel:
-        return cast(GuardedModel, self.pipeline.model)
-
     def _may_step(self) -> bool:
         """Whether the step at hand is sound; too many that were not, and the run stops."""
-        may = self._guard.is_finite(self.step, self._model, self.optimizers)
+        may = self._guard.is_finite(self.step, self.pipeline.model, self.optimizers)
         if self._guard.exhausted:
             self.stop_training = True
         return may
@@ -170,7 +167,7 @@ class DeSplatTrainer(Trainer):
     def train_iteration(self, step: int) -> Any:
         """One step; counts it as done once it is. Figures and rates are worked out where logged."""
         is_logged = step_check(step, self.config.logging.steps_per_log, run_at_zero=True)
-        cast(DeSplatModel, self.pipeline.model).is_logged = is_logged
+        self.pipeline.model.is_logged = is_logged
         self.optimizers.is_logged = is_logged
         result = super().train_iteration(step)
         self._steps_done = step + 1
@@ -214,7 +211,11 @@ class DeSplatTrainer(Trainer):
         """
         path = checkpoint_path(self.checkpoint_dir, step)
         check_parameters(
-            self._model, self.optimizers, step, self.checkpoint_dir, self._guard.skipped_last
+            self.pipeline.model,
+            self.optimizers,
+            step,
+            self.checkpoint_dir,
+            self._guard.skipped_last,
         )
         try:
             save_atomically(self._state(step), path)
@@ -231,7 +232,7 @@ class DeSplatTrainer(Trainer):
 
     def _state(self, step: int) -> dict[str, Any]:
         """nerfstudio's checkpoint, and the keys `rng` and `sampler` that make resume exact."""
-        pipeline = cast(DeSplatPipeline, self.pipeline)
+        pipeline = self.pipeline
         state = {
             "step": step,
             "pipeline": pipeline.state_dict(),
@@ -249,7 +250,7 @@ class DeSplatTrainer(Trainer):
         """Go on from --load-checkpoint or --load-dir, if given. Raises CheckpointError."""
         saved, self._saved = self._saved, None
         if saved is None:
-            CONSOLE.print("No checkpoint given: training from scratch.")
+            announce("No checkpoint given: training from scratch.")
             return
         path, state = saved
         self.pipeline.load_pipeline(state["pipeline"], state["step"])
@@ -271,7 +272,7 @@ class DeSplatTrainer(Trainer):
     def _load_randomness(self, state: dict[str, Any]) -> None:
         """The order of the views now, the generators when training starts."""
         if "sampler" in state:
-            cast(DeSplatPipeline, self.pipeline).datamanager.load_sampler_state(state["sampler"])
+            self.pipeline.datamanager.load_sampler_state(state["sampler"])
         self._saved_rng = state.get("rng")
 
     def _say_nothing_is_left(self) -> None:
@@ -292,14 +293,14 @@ class DeSplatTrainer(Trainer):
         self.step = self._steps_done - 1
         if self._steps_done == 0:
             self.training_state = "completed"
-            CONSOLE.print("Stopped before the first step: nothing to save.")
+            announce("Stopped before the first step: nothing to save.")
             return
         if self._guard.exhausted:
             self.training_state = "completed"
             self.save_checkpoint(self.step)
             raise self._guard.error(checkpoint_path(self.checkpoint_dir, self.step))
         if self._ran_to_its_end:  # of one that was stopped, going on must not tell the difference
-            cast(DeSplatModel, self.pipeline.model).sweep()
+            self.pipeline.model.sweep()
         super()._after_train()
 
     @property
@@ -317,5 +318,5 @@ class DeSplatTrainer(Trainer):
         """What a stop signal does; once the viewer is kept open there is no step to wait for."""
         if self._waiting_in_viewer:
             raise EndAtOnce
-        CONSOLE.print(f"[yellow]Stopping after this step; {name} again to stop at once.")
+        announce(f"Stopping after this step; {name} again to stop at once.", warning=True)
         self._stop_is_asked = self.stop_training = True

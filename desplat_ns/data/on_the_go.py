@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
@@ -160,15 +160,12 @@ def _picked(outputs: DataparserOutputs, indices: list[int]) -> DataparserOutputs
         for key, value in outputs.metadata.items()
     }
     masks = outputs.mask_filenames
-    return DataparserOutputs(
+    return replace(
+        outputs,
         image_filenames=[outputs.image_filenames[i] for i in indices],
         cameras=outputs.cameras[torch.tensor(indices)],
-        alpha_color=outputs.alpha_color,
-        scene_box=outputs.scene_box,
         mask_filenames=None if masks is None else [masks[i] for i in indices],
         metadata=metadata,
-        dataparser_transform=outputs.dataparser_transform,
-        dataparser_scale=outputs.dataparser_scale,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -51,7 +51,7 @@ def export_splats(
     """
     kind = format_of(output)
     pipeline = load_run(files).pipeline
-    model = cast(DeSplatModel, pipeline.model)
+    model = pipeline.model
     cloud, _ = static_cloud(pipeline, crop, light)
     outputs = pipeline.datamanager.train_dataparser_outputs
     transform = outputs.dataparser_transform.numpy()
@@ -80,7 +80,7 @@ def static_cloud(
     Raises:
         ConfigError: an unknown light, or nothing left.
     """
-    model = cast(DeSplatModel, pipeline.model)
+    model = pipeline.model
     with shown_in(model, light):
         visible = _visible(pipeline)
         splats, settings = model.shown_splats(), model.render_settings(depth=False)
@@ -120,7 +120,7 @@ def export_masks(
         ConfigError: the run has no distractors, or there is nowhere to write.
     """
     pipeline = load_run(files).pipeline
-    model = cast(DeSplatModel, pipeline.model)
+    model = pipeline.model
     if model.layer is None:
         raise ConfigError(
             f"The run of {files.config} has no distractors, so there is nothing to mask: the "
@@ -164,7 +164,7 @@ def shown_in(model: DeSplatModel, light: str | None) -> Any:
 def _visible(pipeline: DeSplatPipeline) -> Tensor:
     """Which static Gaussians [N] an allowed view shows: other viewers have no near plane, so that
     what hangs before a camera would be in their way."""
-    model = cast(DeSplatModel, pipeline.model)
+    model = pipeline.model
     views = allowed_views(pipeline.datamanager.train_dataset.cameras.to(pipeline.device))
     return seen_by_any(model.shown_splats(), views, model.points, model.config.near_plane)
 
@@ -172,7 +172,7 @@ def _visible(pipeline: DeSplatPipeline) -> Tensor:
 @torch.no_grad()
 def _surroundings(pipeline: DeSplatPipeline) -> Surroundings:
     """Where the training cameras stand and how far they look."""
-    model = cast(DeSplatModel, pipeline.model)
+    model = pipeline.model
     cameras = pipeline.datamanager.train_dataset.cameras.to(pipeline.device)
     splats, settings = model.shown_splats(), model.render_settings(depth=True)
     chosen = even_subset(len(cameras), MOST_CROP_VIEWS)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from desplat_ns.console import list_names
+from desplat_ns.console import list_names, text_of
 from desplat_ns.data.photo_files import PHOTO_SUFFIXES
 from desplat_ns.errors import CaptureError
 from desplat_ns.process.request import MIN_PHOTOS
@@ -65,7 +64,7 @@ def find_sources(photos: Path, output: Path) -> Sources:
     ]
     files = [name for name in files if not any(part[0] == "." for part in name.split("/"))]
     names = _without_raw_twins([name for name in sorted(files) if _is_source(name)])
-    if broken := [text for name in names if (text := _escaped(name)) != name]:
+    if broken := [text for name in names if (text := text_of(name)) != name]:
         raise CaptureError(
             f"{len(broken)} names in {photos} are no text in UTF-8 ({list_names(broken, 5)}). "
             "Rename these files."
@@ -74,11 +73,6 @@ def find_sources(photos: Path, output: Path) -> Sources:
         return Sources(photos, tuple(names), is_video=False)
     videos = [name for name in files if PurePosixPath(name).suffix.lower() in VIDEO_SUFFIXES]
     raise CaptureError(_too_few(photos, names, files, videos))
-
-
-def _escaped(name: str) -> str:
-    """The name with `\\xfc` for bytes that are no text, as names from old archives have them."""
-    return os.fsencode(name).decode(errors="backslashreplace")
 
 
 def _is_source(name: str) -> bool:

@@ -7,10 +7,8 @@ Letters in shapes: N cameras, P points.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
-from threading import Event, Thread
 
 import numpy as np
 
@@ -21,6 +19,7 @@ from jaxtyping import Float
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from desplat_ns.console import twice_a_second
 from desplat_ns.process.features import Progress
 from desplat_ns.process.photos import JPEG_QUALITY
 
@@ -54,7 +53,11 @@ def undistort(
     options = pycolmap.UndistortCameraOptions()
     options.max_image_size = longest_side
     total = pycolmap.Reconstruction(model).num_reg_images()
-    with _watched(flat / "images", total, progress):
+
+    def tell() -> None:  # pycolmap does not say itself how many photos are there
+        progress(sum(1 for _ in (flat / "images").glob("*.jpg")), total)
+
+    with twice_a_second(tell):
         pycolmap.undistort_images(
             flat,
             model,
@@ -96,24 +99,6 @@ def _hand_over(
 def _ends_as_jpeg(path: Path) -> bool:
     """Whether a file is there and has JPEG's end marker, so that it is whole."""
     return path.is_file() and path.read_bytes()[-2:] == b"\xff\xd9"
-
-
-@contextmanager
-def _watched(folder: Path, total: int, progress: Progress) -> Iterator[None]:
-    """Tells while pycolmap works how many photos are there: it does not say itself."""
-    over = Event()
-
-    def watch() -> None:
-        while not over.wait(0.5):
-            progress(sum(1 for _ in folder.glob("*.jpg")), total)
-
-    thread = Thread(target=watch, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
 
 
 def draw_from_above(model: pycolmap.Reconstruction, target: Path) -> None:

@@ -5,12 +5,10 @@ from __future__ import annotations
 import statistics
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import cast
 
 from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.data.training_views import image_names
-from desplat_ns.model import DeSplatModel
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.views import views_of
 from desplat_ns.report.pictures import HeldOutPhoto
@@ -35,7 +33,7 @@ class Angles:
 
 def angles_of(pipeline: DeSplatPipeline) -> Angles:
     """Measure all photos; nothing where the scene did not start from a reconstruction."""
-    model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
+    model, manager = pipeline.model, pipeline.datamanager
     if not model.has_points:
         return Angles({}, {})
 

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.console import list_names
-from desplat_ns.model import DeSplatModel
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.near_plane import sampled
 from desplat_ns.rendering.views import image_points
@@ -49,7 +47,7 @@ class Alone:
 
 def seen_alone(pipeline: DeSplatPipeline) -> list[Alone]:
     """Training photos that show much of the scene alone; those that show most first."""
-    model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
+    model, manager = pipeline.model, pipeline.datamanager
     names = manager.train_image_names
     opaque = torch.sigmoid(model.opacities[:, 0]) > 0.5
     points = sampled(model.means[opaque], PLACES)
@@ -64,7 +62,7 @@ def _shown(
     pipeline: DeSplatPipeline, points: Float[Tensor, "P 3"], index: int
 ) -> tuple[Bool[Tensor, " P"], Float[Tensor, "P 2"]]:
     """Which points a training photo shows, with nothing before them, and where in it they lie."""
-    model = cast(DeSplatModel, pipeline.model)
+    model = pipeline.model
     camera = pipeline.datamanager.train_dataset.cameras[index : index + 1].to(pipeline.device)
     outputs = model.get_outputs_for_camera(camera)
     u, v, depth = image_points(points, model.view_of_camera(camera, index))

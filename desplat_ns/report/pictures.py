@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -17,7 +17,6 @@ from desplat_ns.console import progress_over
 from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
 from desplat_ns.files.encoding import LARGEST_SIDE
 from desplat_ns.files.pages import shrunk
-from desplat_ns.model import DeSplatModel
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.metrics import psnr
 from desplat_ns.rendering.views import is_distorted, view_of
@@ -71,7 +70,7 @@ def training_photos(
     Raises:
         CaptureError: a photo that cannot be read any more.
     """
-    model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
+    model, manager = pipeline.model, pipeline.datamanager
     dataset, undistorted = manager.train_dataset, None
     if is_distorted(dataset.cameras):
         undistorted = manager.cached_train  # changes the cameras

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import cast
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.evaluation.records import gaussian_counts
 from desplat_ns.files.whole import plain_errors, write_whole
-from desplat_ns.model import DeSplatModel
 from desplat_ns.report.angles import angles_of, in_words
 from desplat_ns.report.cost import cost_of, from_here
 from desplat_ns.report.effect_reasons import effect_reasons, read_survey
@@ -45,7 +43,7 @@ def gather(
         DeSplatError: a figure of a held-out photo is not a finite number.
     """
     pipeline, files = run.pipeline, run.files
-    model = cast(DeSplatModel, pipeline.model)
+    model = pipeline.model
     history = read_history(files.events)
     num_photos = len(pipeline.datamanager.train_image_names)
     pairs = list(training_photos(pipeline, even_subset(num_photos, most_training)))

@@ -5,7 +5,6 @@ Letters in shapes: N Gaussians, H x W pixels.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,11 +21,6 @@ AVERAGE = "the photos' average"
 """Whose light is shown where none was chosen."""
 
 Rgb = UInt8[np.ndarray, "_ _ 3"]
-
-
-def text_of(name: str) -> str:
-    """A photo's name as it can be written; bytes of it that are no text become `\\xfc`."""
-    return os.fsencode(name).decode(errors="backslashreplace")
 
 
 TO_PAGE = Similarity(np.asarray(Y_UP, np.float64), 1.0, np.zeros(3))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import date
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +14,7 @@ from torch import Tensor
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.constants import NEAR_PLANE
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
-from desplat_ns.console import progress_over
+from desplat_ns.console import progress_over, text_of
 from desplat_ns.data.training_views import image_names
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.evaluation.pictures import to_rgb8
@@ -30,7 +30,7 @@ from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.near_plane import scene_start
 from desplat_ns.rendering.views import is_distorted
 from desplat_ns.runs.loading import LoadedRun, even_subset
-from desplat_ns.scene.contents import Contents, PageCamera, Rgb, text_of
+from desplat_ns.scene.contents import Contents, PageCamera, Rgb
 from desplat_ns.scene.lights import light_of, mean_background, other_lights
 
 PICTURES = 6
@@ -60,7 +60,7 @@ def gather(
         ConfigError: an unknown light, or no Gaussians are left.
     """
     pipeline = run.pipeline
-    model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
+    model, manager = pipeline.model, pipeline.datamanager
     cloud, rows = static_cloud(pipeline, crop, light)
     training = even_subset(len(manager.train_image_names), most_training)
     held_out = even_subset(len(manager.eval_dataset), most_held_out)
@@ -99,7 +99,7 @@ def _page_cameras(
     pipeline: DeSplatPipeline, training: Sequence[int], held_out: Sequence[int]
 ) -> Iterator[PageCamera]:
     """The chosen training photos, then the chosen held-out ones."""
-    model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
+    model, manager = pipeline.model, pipeline.datamanager
     dataset, undistorted = manager.train_dataset, None
     if is_distorted(dataset.cameras):
         undistorted = manager.cached_train  # changes the cameras
@@ -160,7 +160,7 @@ def _pictures(model: DeSplatModel, cameras: Sequence[PageCamera]) -> list[tuple[
 
 def _weights(pipeline: DeSplatPipeline, cloud: SplatCloud) -> np.ndarray:
     """Blending weights of Gaussians [N], summed over the pixels of training views."""
-    model, manager = cast(DeSplatModel, pipeline.model), pipeline.datamanager
+    model, manager = pipeline.model, pipeline.datamanager
     splats = splats_of(cloud, model.device)
     cameras = manager.train_dataset.cameras.to(model.device)
     weights = torch.zeros(len(cloud), device=splats.means.device)

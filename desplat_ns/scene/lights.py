@@ -11,12 +11,13 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.backend.spherical_harmonics import C0
+from desplat_ns.console import text_of
 from desplat_ns.export.baked import harmonics_of
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.lit_splats import as_harmonics
 from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.runs.loading import even_subset
-from desplat_ns.scene.contents import AVERAGE, Light, text_of
+from desplat_ns.scene.contents import AVERAGE, Light
 
 MORE = 3
 """Lights beside the one that is shown first."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from PIL import Image
 
 from desplat_ns.files.pages import data_address, inline_svg, template
 from desplat_ns.files.whole import plain_errors, write_whole
-from desplat_ns.settings.effects import Effects
 from desplat_ns.studies.machine import short
 from desplat_ns.studies.plan import BASE, SEEDS, compared
 from desplat_ns.studies.plots import MORE, draw_all
@@ -52,7 +50,7 @@ def write_report(folder: Path, results: Results) -> Path:
     claims = [said for said in verdicts(finals(points)) if said and "no claim" not in said]
     text = template(TEMPLATE, spread=spread).render(
         capture=results.capture,
-        effects=effects_in_words(results.capture.effects),
+        effects=results.capture.effects.words or "none",
         results=results,
         seeds=NEEDED,
         significant=SIGNIFICANT,
@@ -138,12 +136,6 @@ def front_in_words(points: Sequence[Measured]) -> str:
         f"{', '.join(sorted(better)) or 'other lengths of the defaults alone'}. The table says "
         "what may be claimed of each."
     )
-
-
-def effects_in_words(effects: Effects) -> str:
-    """What is on."""
-    on = {name: value for name, value in asdict(effects).items() if value not in (False, "off")}
-    return ", ".join(k if v is True else f"{k} {v}" for k, v in on.items()) or "none"
 
 
 def pictures_of(folder: Path, points: Sequence[Measured]) -> list[dict[str, str]]:

@@ -7,9 +7,9 @@ from typing import Any
 
 from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
-from nerfstudio.utils.rich_utils import CONSOLE
 from torch.optim.lr_scheduler import LambdaLR, LRScheduler
 
+from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError
 from desplat_ns.training.budget import Clock
 
@@ -49,7 +49,7 @@ def follow(scheduler: LRScheduler, clock: Clock) -> None:
     functions of the step (torch's LambdaLR) keeps the run's own steps, which is said.
     """
     if not isinstance(scheduler, LambdaLR):
-        CONSOLE.print(f"[yellow]{type(scheduler).__name__} goes by the steps of the run itself.")
+        announce(f"{type(scheduler).__name__} goes by the steps of the run itself.", warning=True)
         return
     curves: list[Any] = list(scheduler.lr_lambdas)
     scheduler.lr_lambdas = [_read_at(clock, curve) for curve in curves]

@@ -5,9 +5,10 @@ import pytest
 import torch
 
 from desplat_ns.backend.protocol import View
+from desplat_ns.console import text_of
 from desplat_ns.export.baked import baked
 from desplat_ns.rendering.views import view_of
-from desplat_ns.scene.contents import AVERAGE, text_of
+from desplat_ns.scene.contents import AVERAGE
 from desplat_ns.scene.lights import light_of, other_lights, standing_for_all
 from tests.helpers.lit_model import held_out, model_with, moved
 
