@@ -23,6 +23,7 @@ from desplat_ns.backend.protocol import View
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.viewer import LAYERS, FirstPhotoView, LayerControl
+from tests.helpers.small_model import make_model
 
 CONTROLS = "Custom Elements/model"
 """The folder in the viewer."""
@@ -138,8 +139,7 @@ def test_an_error_does_not_leave_the_control_suspended():
 def _pipeline(num_views: int, images: Sequence[str] = ()) -> DeSplatPipeline:
     pipeline = DeSplatPipeline.__new__(DeSplatPipeline)
     nn.Module.__init__(pipeline)
-    model: Any = nn.Module()
-    model.device = torch.device("cpu")
+    model = make_model()
     model.layer_control = LayerControl(num_views)
     model.shown_light = ShownLight(images)
     pipeline._model = model
