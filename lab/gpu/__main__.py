@@ -17,6 +17,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from lab.arguments import parser_of
 from lab.documents import RESULTS
 from lab.gpu.plan import KERNELS, PARTS, PATIENCE, TOTAL, Job, Part, with_time_to_compile
 from lab.gpu.records import FILE, Run
@@ -31,11 +32,7 @@ INCOMPLETE = 3
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m lab.gpu",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = parser_of("python -m lab.gpu", __doc__)
     parser.add_argument("--device", choices=("cuda", "cpu"), default="cuda", help="(%(default)s)")
     parser.add_argument("--quick", action="store_true", help="tiny sizes: a check only")
     parser.add_argument("--output", type=Path, help="folder for gpu.md and gpu.json (docs/results)")

@@ -16,6 +16,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from lab.arguments import parser_of
 from lab.documents import CHECKOUT
 from lab.gpu.wheels import (
     ARCHIVE,
@@ -41,11 +42,7 @@ class CollectionError(Exception):
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python3 -m lab.gpu.collect",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = parser_of("python3 -m lab.gpu.collect", __doc__)
     parser.add_argument("folder", type=Path, help="made; must be empty")
     here = f"{sys.version_info[0]}.{sys.version_info[1]}"
     parser.add_argument("--python", default=here, help="of that machine (%(default)s)")

@@ -11,7 +11,6 @@ says what is known by this, and what only a card can tell.
 
 from __future__ import annotations
 
-import argparse
 import os
 import shutil
 import subprocess
@@ -28,6 +27,7 @@ from torch import Tensor
 from desplat_ns.backend.gsplat_kernels.build import Target, library_for
 from desplat_ns.backend.gsplat_kernels.kernels import load
 from desplat_ns.backend.gsplat_kernels.tools import NoKernels, find_tools
+from lab.arguments import parser_of
 from lab.documents import CHECKOUT
 from lab.gpu.declarations import misfits, read_declarations
 from lab.gpu.recorded_calls import Call, record
@@ -112,11 +112,7 @@ def check(module: ModuleType | None) -> tuple[list[str], Counter[str]]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point; 1 where kernels cannot be compiled with the tools that are there, or a call does
     not fit; 0 as well where there are no tools."""
-    parser = argparse.ArgumentParser(
-        prog="python -m lab.gpu.gpu_build",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = parser_of("python -m lab.gpu.gpu_build", __doc__)
     parser.add_argument("--architecture", default=ARCHITECTURE, help="(%(default)s)")
     target = Target.here(parser.parse_args(arguments).architecture)
     module = None

@@ -18,6 +18,7 @@ from desplat_ns.studies.executors import ExecutorName, executor_of
 from desplat_ns.studies.runs import Figures, log_of
 from desplat_ns.studies.runs import Record as Measured
 from desplat_ns.studies.runs import Run as Job
+from lab.arguments import parser_of
 from lab.grid import records
 from lab.grid.records import Record, Records, State
 from lab.grid.runs import Run, Study
@@ -30,11 +31,7 @@ def parse_arguments(
     program: str, description: str, output: Path, arguments: Sequence[str] | None
 ) -> argparse.Namespace:
     """The options that all studies have."""
-    parser = argparse.ArgumentParser(
-        prog=program,
-        description=description,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = parser_of(program, description)
     parser.add_argument("--jobs", type=int, default=1, help="runs beside each other (%(default)s)")
     parser.add_argument(
         "--executor",

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.studies.machine import describe_machine
+from lab.arguments import parser_of
 from lab.documents import CHECKOUT
 from lab.guises.guises import GUISES, PRETEND, Guise
 from lab.guises.report import enter
@@ -43,11 +44,7 @@ PARTS = {
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m lab.guises",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = parser_of("python -m lab.guises", __doc__)
     names = [guise.name for guise in GUISES]
     parser.add_argument("--only", nargs="+", choices=names, default=names, metavar="GUISE")
     parser.add_argument("--part", choices=PARTS, default="all", help="of the suite (%(default)s)")

@@ -5,14 +5,13 @@ python -m lab.performance            (or: make bench; BENCH_ARGS='--quick --outp
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
 from desplat_ns.calibration.scenes import Scene, make_scene
 from desplat_ns.calibration.timing import thread_counts
 from desplat_ns.studies.machine import describe_machine
+from lab.arguments import parse_measurement, parser_of
 from lab.documents import RESULTS
 from lab.performance.distractors_price import SIZES as PRICED
 from lab.performance.distractors_price import time_price
@@ -45,26 +44,6 @@ _started = time.perf_counter()
 def say(text: str) -> None:
     """Print what is measured now, with the seconds so far."""
     print(f"[{time.perf_counter() - _started:4.0f} s] {text}", flush=True)
-
-
-def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m lab.performance",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--quick", action="store_true", help="tiny scenes, one round: a check only")
-    parser.add_argument(
-        "--output",
-        type=Path,
-        help="folder for performance.md and its plot (docs/results; needed if quick)",
-    )
-    chosen = parser.parse_args(arguments)
-    if chosen.output is None:
-        if chosen.quick:
-            parser.error("--quick measures nothing to keep: name a folder with --output")
-        chosen.output = RESULTS
-    return chosen
 
 
 def measure(quick: bool) -> Results:
@@ -120,6 +99,7 @@ def measure_scene(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point."""
-    chosen = parse_arguments(arguments)
+    parser = parser_of("python -m lab.performance", __doc__)
+    chosen = parse_measurement(parser, RESULTS, arguments)
     path = write_report(measure(chosen.quick), chosen.output)
     say(f"written: {path}")

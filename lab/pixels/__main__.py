@@ -7,13 +7,13 @@ python -m lab.pixels                           the page alone
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 from desplat_ns.calibration.scenes import make_scene
+from lab.arguments import parser_of
 from lab.pixels.dial_study import measure_dials
 from lab.pixels.embedding_steps import scores
 from lab.pixels.report import enter, write_report
@@ -21,11 +21,7 @@ from lab.pixels.report import enter, write_report
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point."""
-    parser = argparse.ArgumentParser(
-        prog="python -m lab.pixels",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = parser_of("python -m lab.pixels", __doc__)
     parser.add_argument("name", nargs="?", help="of the capture, in the page")
     parser.add_argument("--size", nargs=3, type=int, metavar=("GAUSSIANS", "WIDTH", "HEIGHT"))
     parser.add_argument("--seconds", type=float, default=180.0, help="for dials (%(default)s)")

@@ -7,11 +7,8 @@ The soak run beside it is `python -m lab.stability.soak`. `lab.stability` puts b
 into docs/dev/stability.md.
 """
 
-# the tests' folders have to be on the path first
-
 from __future__ import annotations
 
-import argparse
 import json
 import random
 import subprocess
@@ -25,6 +22,7 @@ from typing import Any
 import torch
 
 from desplat_ns.studies.machine import describe_machine
+from lab.arguments import parse_measurement, parser_of
 from lab.documents import CHECKOUT, RECORDS
 
 RECORD = "faults.json"
@@ -84,28 +82,19 @@ def _counted(inputs: int, attempt: Callable[[], str]) -> Counter:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point."""
-    parser = argparse.ArgumentParser(
-        prog="python -m lab.stability.faults",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--quick", action="store_true", help="few of everything: a check only")
-    parser.add_argument("--output", type=Path, help="folder (docs/records; needed if quick)")
+    parser = parser_of("python -m lab.stability.faults", __doc__)
     parser.add_argument("--only", choices=("fuzz", "killed"), help="keep the rest of the record")
-    chosen = parser.parse_args(arguments)
-    if chosen.quick and chosen.output is None:
-        parser.error("--quick measures nothing to keep: name a folder with --output")
+    chosen = parse_measurement(parser, RECORDS, arguments)
     torch.set_num_threads(1)
     kills, inputs = (2, 3) if chosen.quick else (KILLS, INPUTS)
-    folder = chosen.output or RECORDS
-    path = folder / RECORD
+    path = chosen.output / RECORD
     record = json.loads(path.read_text()) if chosen.only else {}
     record["machine"] = describe_machine()
     if chosen.only != "killed":
         record["fuzz"] = fuzzed(inputs)
     if chosen.only != "fuzz":
         record["killed"] = killed(kills)
-    folder.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(record, indent=1) + "\n")
     print(path)
 

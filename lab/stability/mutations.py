@@ -9,7 +9,6 @@ survives; the exit status says so.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import re
@@ -22,6 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from lab.arguments import parser_of
 from lab.documents import CHECKOUT, RECORDS
 
 RECORD = RECORDS / "stability.json"
@@ -304,11 +304,7 @@ def write_down(mutation: Mutation, test: str | None) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point."""
-    parser = argparse.ArgumentParser(
-        prog="python -m lab.stability.mutations",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = parser_of("python -m lab.stability.mutations", __doc__)
     parser.add_argument("--only", nargs="+", help="names; by default all")
     only = parser.parse_args(arguments).only
     check([m for m in MUTATIONS if only is None or m.name in only])

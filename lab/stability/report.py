@@ -7,11 +7,8 @@ kills, damaged files and the long run from docs/records/faults.json and docs/rec
 (`faults`, `soak`).
 """
 
-# the tests' folders have to be on the path first
-
 from __future__ import annotations
 
-import argparse
 import math
 import random
 import time
@@ -22,6 +19,7 @@ from string import Template
 
 import torch
 
+from lab.arguments import parse_measurement, parser_of
 from lab.documents import DEV, RECORDS
 from lab.grid.tables import table
 from lab.stability import precise
@@ -162,16 +160,8 @@ def write_report(folder: Path, cases: Sequence[Case], inputs: int) -> Path:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point."""
-    parser = argparse.ArgumentParser(
-        prog="python -m lab.stability",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--quick", action="store_true", help="a few cases: a check only")
-    parser.add_argument("--output", type=Path, help="folder (docs/dev; needed if quick)")
-    chosen = parser.parse_args(arguments)
-    if chosen.quick and chosen.output is None:
-        parser.error("--quick measures nothing to keep: name a folder with --output")
+    parser = parser_of("python -m lab.stability", __doc__)
+    chosen = parse_measurement(parser, DEV, arguments)
     torch.set_num_threads(1)
     cases, inputs = (CASES[:3], 5) if chosen.quick else (CASES, INPUTS)
-    print(write_report(chosen.output or DEV, cases, inputs))
+    print(write_report(chosen.output, cases, inputs))

@@ -9,7 +9,6 @@ docs/records/soak.json.
 
 from __future__ import annotations
 
-import argparse
 import copy
 import gc
 import json
@@ -23,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from desplat_ns.studies.machine import describe_machine
+from lab.arguments import parse_measurement, parser_of
 from lab.documents import RECORDS
 from lab.pixels.memory import status_mib
 
@@ -165,20 +165,11 @@ def describe(soak: Soak) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point."""
-    parser = argparse.ArgumentParser(
-        prog="python -m lab.stability.soak",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--quick", action="store_true", help="1,500 steps: a check only")
-    parser.add_argument("--output", type=Path, help="folder (docs/records; needed if quick)")
-    chosen = parser.parse_args(arguments)
-    if chosen.quick and chosen.output is None:
-        parser.error("--quick measures nothing to keep: name a folder with --output")
+    parser = parser_of("python -m lab.stability.soak", __doc__)
+    chosen = parse_measurement(parser, RECORDS, arguments)
     soak = soaked(3 * EVERY if chosen.quick else STEPS)
-    folder = chosen.output or RECORDS
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / RECORD).write_text(json.dumps(asdict(soak), indent=1) + "\n")
+    chosen.output.mkdir(parents=True, exist_ok=True)
+    (chosen.output / RECORD).write_text(json.dumps(asdict(soak), indent=1) + "\n")
     print(describe(soak))
 
 
