@@ -16,6 +16,7 @@ from torch import Tensor
 
 from desplat_ns.backend import resolve
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
+from desplat_ns.gaussians.densification import strategy_info
 
 
 def rasterization(
@@ -40,11 +41,10 @@ def rasterization(
         antialiased=rasterize_mode == "antialiased", depth="ED" in render_mode, absgrad=absgrad
     )
     splats = Splats(means, quats, scales, opacities, colors, sh_degree=sh_degree)
-    drawn = resolve("numba", "cpu")(splats, View(viewmats[0], Ks[0], width, height), settings)
+    view = View(viewmats[0], Ks[0], width, height)
+    drawn = resolve("numba", "cpu")(splats, view, settings)
     image = drawn.rgb if drawn.depth is None else torch.cat([drawn.rgb, drawn.depth], dim=-1)
-    info = {"means2d": drawn.means2d, "radii": drawn.radii[None]}
-    info |= {"width": width, "height": height, "n_cameras": 1, "gaussian_ids": None}
-    return image[None], drawn.alpha[None], info
+    return image[None], drawn.alpha[None], strategy_info(drawn, view)
 
 
 @contextmanager
