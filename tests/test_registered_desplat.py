@@ -15,9 +15,10 @@ import torch
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocation
 
 from desplat_ns.backend.numba_kernels.runtime import numba_config
+from desplat_ns.calibration.timing import threads
 from desplat_ns.training.checkpoint_files import checkpoint_path, load_checkpoint
 from lab.synthetic import Scene, write_scene
-from tests.helpers.registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up, threads
+from tests.helpers.registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up
 from tests.helpers.stub_run import assert_same
 
 pytestmark = pytest.mark.slow

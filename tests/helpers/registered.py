@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import copy
 import random
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 import torch
 from nerfstudio.configs.method_configs import all_methods
@@ -53,16 +50,3 @@ def set_up(config: Any, seed: int | None = None) -> Any:
     trainer = config.setup(local_rank=0, world_size=1)
     trainer.setup()
     return trainer
-
-
-@contextmanager
-def threads(number: int) -> Iterator[None]:
-    """Within, numba and torch have so many."""
-    before = numba.get_num_threads(), torch.get_num_threads()
-    try:
-        numba.set_num_threads(number)
-        torch.set_num_threads(number)
-        yield
-    finally:
-        numba.set_num_threads(before[0])
-        torch.set_num_threads(before[1])
