@@ -38,20 +38,14 @@ class Comparison:
     """The photo whose distance is the largest."""
 
 
-def aligned(
+def distances(
     centres: Float[np.ndarray, "N 3"], known: Float[np.ndarray, "N 3"]
-) -> Float[np.ndarray, "N 3"]:
-    """The centres after the similarity that brings them closest to the known ones.
-
-    Source: Umeyama, Least-Squares Estimation of Transformation Parameters Between Two Point
-    Patterns, 1991, Eq. 40 to 42.
-    """
-    mean, known_mean = centres.mean(0), known.mean(0)
-    left, right = centres - mean, known - known_mean
-    u, singular, vt = np.linalg.svd(right.T @ left)
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    scale = (singular * signs).sum() / (left**2).sum()
-    return scale * left @ (u * signs @ vt).T + known_mean
+) -> Float[np.ndarray, " N"]:
+    """From the known centres, after the similarity that brings all closest to them: of three
+    cameras at least."""
+    to_known = pycolmap.estimate_sim3d(centres, known)
+    assert to_known is not None, "cameras on one line settle no similarity"
+    return np.linalg.norm(to_known * centres - known, axis=1)
 
 
 def compare(capture: Path, known: Path) -> Comparison:
@@ -59,7 +53,7 @@ def compare(capture: Path, known: Path) -> Comparison:
     ours, wanted = centres_of(capture / "sparse" / "0"), centres_of(known)
     names = sorted(set(ours) & set(wanted))
     there = np.stack([wanted[name] for name in names])
-    off = np.linalg.norm(aligned(np.stack([ours[name] for name in names]), there) - there, axis=1)
+    off = distances(np.stack([ours[name] for name in names]), there)
     extent = np.linalg.norm(there[:, None] - there[None], axis=-1).max()
     missing = tuple(sorted(set(wanted) - set(ours)))
     worst = int(off.argmax())

@@ -18,7 +18,7 @@ from desplat_ns.process.cameras import group_by_camera
 from desplat_ns.process.features import find_features
 from desplat_ns.process.photos import Photo, prepare_photos
 from desplat_ns.process.recipes import PLAIN
-from lab.process import aligned
+from lab.process import distances
 from lab.synthetic import SceneSpec, make_scene
 
 VIEWS = SceneSpec(
@@ -81,7 +81,7 @@ class Yard:
         assert images.keys() == views.keys()
         true = self.centres[list(views.values())]
         centres = np.stack([images[name].projection_center() for name in views])
-        return float(np.linalg.norm(aligned(centres, true) - true, axis=1).max()) / self.pixel
+        return float(distances(centres, true).max()) / self.pixel
 
 
 CLOSE = pycolmap.IncrementalMapperOptions().filter_max_reproj_error
