@@ -61,37 +61,19 @@ OF_WARMUP = tuple(f"{DISTRACTORS}{name}_" for name in ("shaping", "min_warmup", 
 """The same of those that bound a warm-up, and what begins after it."""
 
 NO_OPTION_ANY_MORE = (
-    *("pipeline.model.density_control", "pipeline.model.relocation."),
-    "pipeline.model.photos_per_coefficient",
+    *("pipeline.model.density_control", "pipeline.model.photos_per_coefficient"),
     *("pipeline.evaluation.load_embeddings", "pipeline.evaluation.save_embeddings"),
-    *("optimizers.distractor_", f"{DISTRACTORS}leave_out_at"),
 )
 """How names begin that records have and today's settings have not: all records have the value that
-is fixed now, or that another setting gives, or go with a leak of 0."""
+is fixed now."""
 
 CURVE_BY_NAME = ".scheduler._target"
 """How names end whose value says no more than the settings beside it: an exponential decay is the
 same curve whatever class draws it."""
 
 NEUTRAL: Mapping[str, Any] = {
-    "budget": "",
-    "full_rate_visits": 0.0,
-    f"{DISTRACTORS}means_lr": 1.6e-4,
-    f"{DISTRACTORS}means_lr_final": 1.6e-6,
-    f"{DISTRACTORS}means_lr_steps": 30_000,
-    f"{DISTRACTORS}quats_lr": 0.01,
-    f"{DISTRACTORS}scales_lr": 0.05,
-    f"{DISTRACTORS}rgbs_lr": 0.025,
-    f"{DISTRACTORS}opacities_lr": 0.05,
-    f"{DISTRACTORS}leak": 0.0,
     "pipeline.evaluation.lpips_net": "alex",
-    "pipeline.model.distractors.refine_when_next_seen": True,
     "pipeline.model.near_plane": 0.2,
-    "pipeline.model.opacity_prior": 0.0,
-    "pipeline.model.train_downscale": 1,
-    f"{SCENE}generated.occluders.faint": 0.0,
-    f"{SCENE}generated.occluders.lingering": 0.0,
-    f"{SCENE}generated.place": "yard",
 }
 """Settings that older code did not have, by the value with which code does what it did before. A
 record that lacks such a name is not stale while today's value is this one. Enter a new setting here
