@@ -22,6 +22,7 @@ from desplat_ns.data.robustnerf import robustnerf_dataparser
 from desplat_ns.layouts.dataparser import desplat_dataparser
 from desplat_ns.photo_tourism.dataparser import photo_tourism_dataparser
 from lab.documents import DOCS
+from lab.grid.tables import text_table
 
 REPORT = DOCS / "reference" / "options.md"
 TEMPLATE = Path(__file__).with_name("options.md.template")
@@ -160,23 +161,20 @@ def table(rows: list[Option], others: Mapping[str, Any] | None = None) -> str:
     Args:
         others: defaults of a second method, by the names of options; a column of those that differ.
     """
-    heads = ["option", "default", "meaning"] if others is None else list(HEADS)
-    lines = [heads, ["---"] * len(heads)]
+    lines = []
     for option in rows:
-        meaning = option.meaning.replace("|", r"\|")
         cells = [f"`{option.name}`", in_words(option.default)]
         if others is not None:
             other = others.get(option.name, option.default)
             cells.append("" if other == option.default else in_words(other))
-        lines.append([*cells, meaning])
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+        lines.append([*cells, option.meaning])
+    return text_table(("option", "default", "meaning") if others is None else HEADS, lines)
 
 
 def methods_table() -> str:
     """The registered methods in their own words."""
-    lines = ["| method | what it is |", "| --- | --- |"]
-    lines += [f"| `{method.config.method_name}` | {method.description} |" for method in METHODS]
-    return "\n".join(lines)
+    rows = [(f"`{method.config.method_name}`", method.description) for method in METHODS]
+    return text_table(("method", "what it is"), rows)
 
 
 def training_table(part: str) -> str:

@@ -8,6 +8,7 @@ from string import Template
 from lab.gpu import tables
 from lab.gpu.plan import PARTS, TOTAL
 from lab.gpu.records import WAITING, Record, Run
+from lab.grid.tables import text_table
 
 TEMPLATE = Path(__file__).with_name("gpu.md.template")
 REPORT, PICTURE = "gpu.md", "gpu.png"
@@ -64,7 +65,7 @@ def overview(run: Run) -> str:
                 f"{record.deadline or part.deadline:.0f}",
             ]
         )
-    return tables.table(["part", "", "why", "s", "deadline, s"], rows)
+    return text_table(["part", "", "why", "s", "deadline, s"], rows)
 
 
 def section(name: str, record: Record) -> str:

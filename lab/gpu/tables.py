@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from lab.gpu.records import Figures
+from lab.grid.tables import text_table
 
 PAPER, WANTED = 1.30, 1.15
 """A step of DeSplat over one of Splatfacto: in the paper, and at most here."""
@@ -28,7 +29,7 @@ KINDS = {
 
 def machine(figures: Figures) -> str:
     """One line for each text."""
-    return table(["", ""], [[name, text] for name, text in figures.items()])
+    return text_table(["", ""], [[name, text] for name, text in figures.items()])
 
 
 def kernels(figures: Figures) -> str:
@@ -42,7 +43,7 @@ def kernels(figures: Figures) -> str:
 def suite(figures: Figures) -> str:
     """Numbers of tests, and what did not pass."""
     names = ("passed", "failed", "error", "skipped")
-    parts = [table([*names], [[str(figures[name]) for name in names]])]
+    parts = [text_table([*names], [[str(figures[name]) for name in names]])]
     if figures["bad"]:
         parts.append("\n".join(f"- {test}" for test in figures["bad"]))
     if figures["reasons"]:
@@ -61,7 +62,7 @@ def parity(figures: Figures) -> str:
         head = [row["scene"], row["reference"], row["contender"]]
         rows.append([*head, *errors, f"{row['flipped']:.1e}", gradient])
     head = ["scene", "reference", "backend", "largest error", "without flipped pixels"]
-    return table([*head, "share flipped", "worst gradient"], rows)
+    return text_table([*head, "share flipped", "worst gradient"], rows)
 
 
 def steps(figures: Figures) -> str:
@@ -78,7 +79,7 @@ def steps(figures: Figures) -> str:
     verdict = "reached" if ratios and max(ratios) <= WANTED else "not reached"
     sums = ", ".join(f"{ratio:.2f}" for ratio in ratios)
     said = f"The paper has {PAPER:.2f}; wanted is {WANTED:.2f} at most: {verdict} ({sums})."
-    return f"{table(head, rows)}\n\n{said}"
+    return f"{text_table(head, rows)}\n\n{said}"
 
 
 def synchronisations(figures: Figures) -> str:
@@ -89,7 +90,7 @@ def synchronisations(figures: Figures) -> str:
         for kind, said in KINDS.items()
     ]
     steps = f"per step, mean of {figures['steps']}"
-    return table([steps, *METHODS.values()], rows)
+    return text_table([steps, *METHODS.values()], rows)
 
 
 def rendering(figures: Figures) -> str:
@@ -98,7 +99,7 @@ def rendering(figures: Figures) -> str:
     for row in figures["rows"]:
         rates.setdefault((row["scene"], row["case"]), {})[row["what"]] = spread(row["fps"], ".0f")
     rows = [[*key, rate["drawn"], rate["scored"]] for key, rate in rates.items()]
-    return table(["scene", "", "drawn", f"drawn and scored ({figures['metrics']})"], rows)
+    return text_table(["scene", "", "drawn", f"drawn and scored ({figures['metrics']})"], rows)
 
 
 def training(*trainings: Figures) -> str:
@@ -114,7 +115,7 @@ def training(*trainings: Figures) -> str:
             steps = f"{run['steps']:,}"
             rows.append([run["capture"], where, threads, steps, *scores, seconds, *sizes])
     head = ["capture", "device", "threads", "steps", "PSNR, dB", "SSIM", "mask IoU", "training, s"]
-    return table([*head, "static", "distractors"], rows)
+    return text_table([*head, "static", "distractors"], rows)
 
 
 KINDS_OF_GAUSSIANS = ("static", "distractor")
@@ -143,12 +144,4 @@ def spread(values: Mapping[str, Any], form: str) -> str:
     return (
         f"{format(values['median'], form)} "
         f"({format(values['low'], form)} - {format(values['high'], form)})"
-    )
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table; bars within cells are escaped."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(
-        "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines
     )

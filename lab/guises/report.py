@@ -11,7 +11,7 @@ from typing import Any
 
 from lab.documents import DEV, RECORDS
 from lab.gpu.records import write_json
-from lab.gpu.tables import table
+from lab.grid.tables import text_table
 from lab.guises.guises import GUISES, Guise
 
 TEMPLATE = Path(__file__).with_name("machines.md.template")
@@ -41,7 +41,7 @@ def page(records: Mapping[str, Record]) -> str:
         own = sorted(key for key in records if key.split()[0] == guise.name)
         rows += [_row(guise, records[key]) for key in own]
     head = ["machine", "Python", "tests", "passed", "failed", "skipped", "minutes"]
-    results = table([*head, "processor", "commit, date"], rows)
+    results = text_table([*head, "processor", "commit, date"], rows)
     return Template(TEMPLATE.read_text("utf8")).substitute(results=results)
 
 

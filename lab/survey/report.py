@@ -14,6 +14,7 @@ from lab.documents import RECORDS, RESULTS
 from lab.grid.figures import Figures, Key, Reference, spread
 from lab.grid.records import Records, load
 from lab.grid.sources import Cell
+from lab.grid.tables import text_table
 from lab.survey.runs import SCENES, SEEDS, STEPS, STUDY, TRAINING, downscale_of, settings_on
 from lab.survey.unfamiliar import CHOSEN_ON, JUDGED
 
@@ -45,7 +46,7 @@ def confusion_table(records: Sequence[dict[str, Any]], effect: str) -> str:
         mine = [record for record in records if record["truth"][effect] == truth]
         cells = [str(counts[truth, value]) for value in values]
         rows.append([str(truth), *cells, *(_range(mine, name) for name in DECIDING[effect])])
-    return _table(head, rows)
+    return text_table(head, rows)
 
 
 def known_table(records: Sequence[dict[str, Any]]) -> str:
@@ -59,7 +60,7 @@ def known_table(records: Sequence[dict[str, Any]]) -> str:
         verdict = "wrong: " + ", ".join(record["wrong"]) if record["wrong"] else "right"
         seconds = f"{record['cpu_seconds']:.1f}"
         rows.append([record["name"], str(record["photos"]), *said, *figures, seconds, verdict])
-    return _table(head, rows)
+    return text_table(head, rows)
 
 
 def wrong_list(records: Sequence[dict[str, Any]]) -> str:
@@ -192,8 +193,3 @@ def _number(value: float | None) -> str:
 def _range(records: Sequence[dict[str, Any]], name: str) -> str:
     known = [v for r in records if (v := r["figures"].get(name)) is not None]
     return f"{min(known):.3f} to {max(known):.3f}" if known else ""
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
