@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from lab.documents import RECORDS
 from lab.grid.captures import GeneratedCapture, RealCapture
+from lab.grid.figures import Key
 from lab.grid.runs import Run, Scene, Setting, Study
 from lab.synthetic import SceneSpec
 
@@ -69,11 +70,15 @@ FIGURES += ("num_static_gaussians", "num_distractor_gaussians", "train_cpu_secon
 """Absent where an effect is off or no masks are known."""
 
 
-def run_of(setting: str, scene: str) -> Run:
-    """The one run of a setting on a scene: its steps, the method's seed, photos of full size."""
-    return Run(setting, scene, 1, STEPS[scene], 42)
+SEED = 42
+"""The method's: each setting has one run on a scene."""
 
 
-PLAN = tuple(run_of(setting, scene) for scene in STEPS for setting in SETTINGS)
+def key_of(setting: str, scene: str) -> Key:
+    """What a setting's run on a scene is: its steps, photos of full size."""
+    return setting, scene, 1, STEPS[scene]
+
+
+PLAN = tuple(Run(*key_of(setting, scene), SEED) for scene in STEPS for setting in SETTINGS)
 
 STUDY = Study(SETTINGS, SCENES, PLAN, FIGURES)

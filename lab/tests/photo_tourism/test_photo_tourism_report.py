@@ -11,14 +11,16 @@ from desplat_ns.method_configs import (
     desplat_phototourism_paper,
 )
 from lab.grid.records import Record, load
+from lab.grid.runs import Run
 from lab.grid.settings import Settings
 from lab.photo_tourism.report import report, scene_table
 from lab.photo_tourism.runs import (
     EFFECTS,
     FILE,
+    SEED,
     SETTINGS,
     STEPS,
-    run_of,
+    key_of,
 )
 
 SPECIFICATIONS = (desplat_phototourism, desplat_phototourism_paper, desplat_phototourism_a_paper)
@@ -51,9 +53,9 @@ def record(settings: Settings) -> Record:
 
 
 def test_tables_hold_what_was_measured_at_todays_length_with_todays_settings():
-    stale, other = run_of("plain", "yard"), f"sh-yard-1-{STEPS['yard'] + 1}-42"
-    records = {run_of("affine", "yard").name: record({}), other: record({})}
+    stale, other = Run(*key_of("plain", "yard"), SEED), f"sh-yard-1-{STEPS['yard'] + 1}-{SEED}"
+    records = {Run(*key_of("affine", "yard"), SEED).name: record({}), other: record({})}
     text = scene_table(records | {stale.name: record({"steps": 1})}, "yard", lambda run: {})
     assert "| 12.35 | 0.500 | 11.00 |" in text and "| 1,234 |" in text and "| 10 |" in text
     assert len(text.splitlines()) == len(("head", "rule", "affine", "", "Records"))
-    assert scene_table(records, "sacre", lambda run: {}) == "Not measured."
+    assert scene_table(records, "sacre", lambda run: {}) == "*not measured yet*"
