@@ -6,13 +6,12 @@ python -m lab.front.growth_memory SIZE        prints MiB, or n/a; SIZE as JSON
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from dataclasses import asdict
 
-from desplat_ns.studies.runs import ONE_THREAD, surroundings
+from desplat_ns.studies.runs import ONE_THREAD
 from lab.front.whole_step import Size, WholeStep
-from lab.pixels.memory import peak_mib
+from lab.pixels.memory import answer, answer_of, peak_mib
 
 TINY = Size(2, 200, 64, 48, 20)
 """What pays for imports, compilation and thread pools."""
@@ -28,15 +27,7 @@ def measure_peak(size: Size, like: Size | None) -> float | None:
         like: see `WholeStep`.
     """
     texts = [json.dumps(None if scene is None else asdict(scene)) for scene in (size, like)]
-    done = subprocess.run(
-        [sys.executable, "-m", "lab.front.growth_memory", *texts],
-        env=surroundings(**ONE_THREAD),
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    answer = done.stdout.split()[-1]
-    return None if answer == "n/a" else float(answer)
+    return answer_of("lab.front.growth_memory", *texts, **ONE_THREAD)
 
 
 def train(size: Size, like: Size | None) -> None:
@@ -51,10 +42,7 @@ def main(texts: list[str]) -> None:
     size, like = (None if fields is None else Size(**fields) for fields in map(json.loads, texts))
     assert size is not None
     train(TINY, None)
-    try:
-        print(f"{peak_mib(lambda: train(size, like)):.1f}")
-    except OSError:
-        print("n/a")
+    answer(lambda: peak_mib(lambda: train(size, like)))
 
 
 if __name__ == "__main__":

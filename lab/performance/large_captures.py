@@ -22,6 +22,7 @@ from typing import Any
 BEGAN = time.time()  # before anything large is imported
 
 from desplat_ns.studies.methods import parse  # noqa: E402
+from lab.pixels.memory import status_mib  # noqa: E402
 
 Figures = dict[str, float]
 
@@ -29,13 +30,6 @@ Figures = dict[str, float]
 def since_start() -> float:
     """Seconds since this process began."""
     return time.time() - BEGAN
-
-
-def peak_gigabytes() -> float:
-    """Of this process's memory in the machine, up to now."""
-    lines = Path("/proc/self/status").read_text().splitlines()
-    kilobytes = next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
-    return kilobytes * 1024 / 1e9
 
 
 def survey_of(config: Any, _: int) -> Figures:
@@ -111,7 +105,8 @@ def measure(capture: Path, part: str, steps: int, options: list[str]) -> Figures
     config.pipeline.datamanager.data = config.data
     config.machine.device_type = "cpu"
     figures = PARTS[part](config, steps)
-    return {**figures, "cpu": time.process_time(), "peak_gigabytes": peak_gigabytes()}
+    peak = status_mib("VmHWM") * 2**20 / 1e9
+    return {**figures, "cpu": time.process_time(), "peak_gigabytes": peak}
 
 
 if __name__ == "__main__":

@@ -29,17 +29,29 @@ def measure_peak(contender: Contender, size: tuple[int, int, int]) -> float | No
 
     In a subprocess with all cores. None where the system does not tell (no Linux /proc).
     """
-    arguments = [sys.executable, "-m", "lab.pixels.memory"]
-    arguments += [contender.address or contender.name, *map(str, size)]
+    name = contender.address or contender.name
+    return answer_of("lab.pixels.memory", name, *map(str, size))
+
+
+def answer_of(module: str, *arguments: str, **variables: str) -> float | None:
+    """MiB that a module's `answer` says in a process of its own; None for n/a."""
     done = subprocess.run(
-        arguments,
-        env=surroundings(OMP_WAIT_POLICY="passive"),
+        [sys.executable, "-m", module, *arguments],
+        env=surroundings(**variables),
         check=True,
         capture_output=True,
         text=True,
     )
-    answer = done.stdout.split()[-1]
-    return None if answer == "n/a" else float(answer)
+    said = done.stdout.split()[-1]
+    return None if said == "n/a" else float(said)
+
+
+def answer(measure: Callable[[], float]) -> None:
+    """Print MiB, or n/a where the system does not tell them."""
+    try:
+        print(f"{measure():.1f}")
+    except OSError:
+        print("n/a")
 
 
 def status_mib(key: str) -> float:
@@ -92,8 +104,5 @@ def peak_mib(call: Callable[[], object]) -> float:
 
 
 if __name__ == "__main__":
-    try:
-        count, width, height = map(int, sys.argv[2:5])
-        print(f"{peak_in_this_process(sys.argv[1], (count, width, height)):.1f}")
-    except OSError:
-        print("n/a")
+    count, width, height = map(int, sys.argv[2:5])
+    answer(lambda: peak_in_this_process(sys.argv[1], (count, width, height)))
