@@ -1,7 +1,5 @@
 """The price of distractors: steps of `desplat` against steps of the static scene alone.
 
-    python -m lab.performance.distractors_price       (minutes)
-
 Both have the same static Gaussians, and a step is the trainer's with its bookkeeping (`WholeStep`,
 which says what is left out; that new distractors are placed is left out, too). In a run's warm-up
 only statistics are added; then regions are looked for, distractors drawn, and the static loss
@@ -11,7 +9,6 @@ middle, with distractors as they have just been placed; or 300 distractors over 
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -21,13 +18,12 @@ import numpy as np
 import torch
 
 from desplat_ns.calibration.model_step import ModelStep
-from desplat_ns.calibration.timing import Timing, thread_counts, threads, time_in_turns
+from desplat_ns.calibration.timing import Timing, threads, time_in_turns
 from desplat_ns.gaussians.distractors import ViewDistractors
 from desplat_ns.rendering.views import view_of
 from desplat_ns.separation.grid import grid_of, region_pixels
 from desplat_ns.separation.placement import distractors_in
 from desplat_ns.settings.effects import Effects
-from desplat_ns.studies.machine import describe_machine
 from lab.front.whole_step import SETTLED, Size, WholeStep
 
 VIEWS = 5
@@ -120,24 +116,3 @@ def time_price(size: tuple[int, int, int], rounds: int, numbers: list[int]) -> I
         with threads(number):
             steps = time_in_turns(cases, rounds)
         yield Price(f"{width} x {height}, {count:,}", number, steps)
-
-
-def main() -> None:
-    """Print the ratios."""
-    parser = argparse.ArgumentParser(prog="python -m lab.performance.distractors_price")
-    parser.add_argument("--rounds", type=int, default=3, help="turns of each case (%(default)s)")
-    parser.add_argument("--scenes", type=int, nargs="*", help="their numbers, from 0 (all)")
-    parser.add_argument("--threads", type=int, nargs="*", default=thread_counts())
-    options = parser.parse_args()
-    print(describe_machine())
-    for index in options.scenes or range(len(SIZES)):
-        for price in time_price(SIZES[index], options.rounds, options.threads):
-            off = price.steps[OFF]
-            print(f"{price.scene}, threads {price.threads}: off {off.cpu_ms:.1f} CPU ms", end="")
-            for case in CASES:
-                print("; {}: {:.2f} ({:.2f})".format(case, *price.ratios(case)), end="")
-            print(flush=True)
-
-
-if __name__ == "__main__":
-    main()

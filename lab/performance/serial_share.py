@@ -1,7 +1,5 @@
 """What of a training step is serial: its parts in wall time, on one core and on all.
 
-    python -m lab.performance.serial_share            (a minute)
-
 A step of t_1 ms on one thread and t_n on n has the serial share s = (n t_n / t_1 - 1) / (n - 1):
 with it s + (1 - s) / n is t_n / t_1 (Amdahl 1967), and for other numbers of threads a forecast.
 A part's time is its own, without that of parts within it.
@@ -9,7 +7,6 @@ A part's time is its own, without that of parts within it.
 
 from __future__ import annotations
 
-import argparse
 import gc
 import importlib
 import statistics
@@ -17,13 +14,12 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from unittest.mock import patch
 
-from desplat_ns.calibration.timing import Timing, thread_counts, threads
+from desplat_ns.calibration.timing import Timing, threads
 from desplat_ns.settings.effects import Effects
-from desplat_ns.studies.machine import describe_machine
 from lab.front.whole_step import Size, WholeStep
 
 SIZES = ((20_000, 480, 270), (50_000, 1200, 800))
@@ -150,13 +146,9 @@ def time_serial(size: tuple[int, int, int], rounds: int, number: int) -> list[Se
     count, width, height = size
     of = Size(VIEWS, count, width, height, PLACED)
     off = Effects(distractors=False)
-    kinds = {"desplat": WholeStep(of), "off": WholeStep(_without(of), effects=off)}
+    kinds = {"desplat": WholeStep(of), "off": WholeStep(replace(of, distractors=0), effects=off)}
     scene = f"{width} x {height}, {count:,}"
     return [_timed(scene, kind, step, rounds, number) for kind, step in kinds.items()]
-
-
-def _without(size: Size) -> Size:
-    return Size(size.views, size.static, size.width, size.height, 0)
 
 
 def _timed(scene: str, kind: str, step: WholeStep, rounds: int, number: int) -> Serial:
@@ -181,26 +173,3 @@ def _timed(scene: str, kind: str, step: WholeStep, rounds: int, number: int) -> 
         for n in numbers
     }
     return Serial(scene, kind, number, whole, parts)
-
-
-def main() -> None:
-    """Print shares and parts."""
-    parser = argparse.ArgumentParser(prog="python -m lab.performance.serial_share")
-    parser.add_argument("--rounds", type=int, default=15, help="turns (%(default)s)")
-    parser.add_argument("--threads", type=int, default=max(2, *thread_counts()))
-    parser.add_argument("--scenes", type=int, nargs="*", help="their numbers, from 0 (all)")
-    options = parser.parse_args()
-    print(describe_machine())
-    for index in options.scenes or range(len(SIZES)):
-        for step in time_serial(SIZES[index], options.rounds, options.threads):
-            single, many = step.whole[1], step.whole[step.threads]
-            print(
-                f"{step.scene}, {step.kind}: wall {single.wall_ms:.1f} and {many.wall_ms:.1f} ms, "
-                f"serial {step.share:.0%}, cores used {step.cores_used:.2f}"
-            )
-            for part, ms in step.parts[1].items():
-                print(f"    {part}: {ms:.2f}, {step.parts[step.threads][part]:.2f}")
-
-
-if __name__ == "__main__":
-    main()
