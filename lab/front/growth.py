@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from desplat_ns.calibration.timing import Timing, threads, time_in_turns
@@ -29,29 +29,19 @@ MIDDLE = Size(views=8, static=20_000, width=480, height=270, distractors=200)
 VIEWS, PIXELS, STATIC = "views", "pixels", "static Gaussians"
 DRAWN, OTHERS = "distractors of the drawn view", "distractors of all views"
 
-
-def _with(size: Size, **changes: int) -> Size:
-    return Size(**asdict(size) | changes)
-
-
 SERIES: dict[str, tuple[Size, ...]] = {
-    VIEWS: tuple(_with(SMALL, views=n) for n in (8, 100, 400, 1700)),
+    VIEWS: tuple(replace(SMALL, views=n) for n in (8, 100, 400, 1700)),
     PIXELS: tuple(
-        _with(MIDDLE, width=w, height=h)
+        replace(MIDDLE, width=w, height=h)
         for w, h in ((120, 68), (240, 135), (480, 270), (960, 540), (1920, 1080))
     ),
     STATIC: tuple(
-        _with(MIDDLE, static=n) for n in (5_000, 10_000, 20_000, 50_000, 100_000, 200_000)
+        replace(MIDDLE, static=n) for n in (5_000, 10_000, 20_000, 50_000, 100_000, 200_000)
     ),
-    DRAWN: tuple(_with(SMALL, distractors=n) for n in (100, 300, 1_000, 3_000, 10_000)),
-    OTHERS: tuple(_with(SMALL, views=100, others=n) for n in (30, 100, 300, 1_000, 3_000)),
+    DRAWN: tuple(replace(SMALL, distractors=n) for n in (100, 300, 1_000, 3_000, 10_000)),
+    OTHERS: tuple(replace(SMALL, views=100, others=n) for n in (30, 100, 300, 1_000, 3_000)),
 }
 """What is varied; Gaussians are smaller as they become more, but in more pixels they stay."""
-
-QUICK_SERIES: dict[str, tuple[Size, ...]] = {
-    VIEWS: tuple(Size(n, 200, 64, 48, 20) for n in (2, 3, 5)),
-    OTHERS: tuple(Size(3, 200, 64, 48, 20, n) for n in (10, 20, 40)),
-}
 
 
 @dataclass(frozen=True)

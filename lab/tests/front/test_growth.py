@@ -19,7 +19,6 @@ from lab.front.growth import (
     DRAWN,
     FILE,
     OTHERS,
-    QUICK_SERIES,
     SERIES,
     STATIC,
     VIEWS,
@@ -146,7 +145,8 @@ def test_records_come_back_and_are_drawn(tmp_path):
 
 def test_a_series_is_measured_in_turns(monkeypatch):
     monkeypatch.setattr("lab.front.growth.measure_peak", lambda size, like: 1.0)
-    points = measure_series(VIEWS, QUICK_SERIES[VIEWS], rounds=1)
+    sizes = tuple(Size(n, 200, 64, 48, 20) for n in (2, 3, 5))
+    points = measure_series(VIEWS, sizes, rounds=1)
     assert [point.x for point in points] == [2, 3, 5]
     assert all(len(point.cpu_ms) >= 1 and min(point.cpu_ms) > 0 for point in points)
 
