@@ -21,7 +21,7 @@ from lab.gpu.records import write_json
 def main(arguments: list[str]) -> int:
     """Entry point; 0 where everything was measured."""
     name, target, job_text = arguments
-    path, job = Path(target), Job.from_dict(json.loads(job_text))
+    path, job = Path(target), Job(**json.loads(job_text))
     try:
         module = importlib.import_module(f"{job.package}.{name.partition('.')[0]}")
         for figures in module.measure(job):

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+
+from desplat_ns.cores import cores
 
 TOTAL = 570.0
 """Seconds that everything may take, so that it ends within ten minutes: the rest is for writing.
@@ -38,13 +37,6 @@ class Part:
 
 KERNELS = Part("kernels", "gsplat's kernels compiled", 360, needs_kernels=False)
 """Begun first, beside the parts that do without. Its deadline is for twelve cores and more."""
-
-
-def cores() -> int:
-    """Of this machine, as far as this process may use them."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def kernel_jobs() -> int:
@@ -106,10 +98,3 @@ class Job:
     @property
     def folder(self) -> Path:
         return Path(self.work)
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Job:
-        return cls(**values)

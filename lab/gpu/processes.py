@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import asdict
 from pathlib import Path
 
 from lab.documents import CHECKOUT
@@ -39,7 +39,7 @@ class PartProcess:
         self._error = self._target.with_suffix(".error")
         for old in (self._target, self._error):
             old.unlink(missing_ok=True)
-        text = json.dumps(replace(job, case=part.name.partition(".")[2]).to_dict())
+        text = json.dumps(asdict(job) | {"case": part.name.partition(".")[2]})
         command = [sys.executable, "-m", "lab.gpu.part", part.name, str(self._target), text]
         with self._log.open("w") as log:
             self._process = subprocess.Popen(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from lab.gpu.plan import KERNELS, LEAST, PARTS, Job, Part, cores, kernel_jobs
+from desplat_ns.cores import cores
+from lab.gpu.plan import KERNELS, LEAST, PARTS, Job, Part, kernel_jobs
 from lab.gpu.processes import PartProcess
 from lab.gpu.records import LEFT_OUT, NO_TIME, Record, Run
 

@@ -47,9 +47,6 @@ NEEDED = (
 )
 """Names as in constraints.txt."""
 
-OF_TORCH = ("torch", "torchvision", "triton", "nvidia-*", "cuda-*")
-"""The machine's own."""
-
 LEFT_OUT: Mapping[str, str] = {
     "open3d": "ns-export of meshes",
     "nuscenes-devkit": "the nuScenes dataparser",

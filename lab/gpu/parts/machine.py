@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
@@ -10,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 import torch
 
 from desplat_ns.backend.gsplat_kernels.tools import NoKernels, find_tools
+from desplat_ns.cores import cores
 from desplat_ns.studies.machine import describe_machine
 from lab.gpu.plan import Job
 from lab.gpu.records import Figures
@@ -27,7 +27,7 @@ def measure(job: Job) -> Iterator[Figures]:
     texts |= {
         "torch": f"{torch.__version__}, CUDA {torch.version.cuda or 'none'}",
         "CUDA compiler": compiler() or "none found",
-        "Cores": str(len(os.sched_getaffinity(0))),
+        "Cores": str(cores()),
         **{name: _version(name) for name in PACKAGES},
         **{name: described[name] for name in ALSO},
     }
