@@ -23,6 +23,7 @@ from desplat_ns.separation import placement as separation
 from desplat_ns.separation import residuals as excess
 from desplat_ns.separation.regions import outlier_regions
 from desplat_ns.training import losses
+from lab.stability.fuzz_files import tensors_of
 from tests.stability.poison import POISON
 
 H, W = 13, 15
@@ -57,7 +58,7 @@ class Formula:
         inputs = [poisoned(rng, values, *shape) for values, shape in self.arguments]
         for tensor in inputs:
             tensor.requires_grad_()
-        results = [r for r in _tensors(self.call(*inputs)) if r.is_floating_point()]
+        results = [r for r in tensors_of(self.call(*inputs)) if r.is_floating_point()]
         faults = [f"{self.name} is not finite" for r in results if not bool(r.isfinite().all())]
         smooth = [r.sum() for r in results if r.requires_grad]
         if smooth and not faults:
@@ -66,16 +67,6 @@ class Formula:
                 if grad is not None and not bool(grad.isfinite().all()):
                     faults.append(f"{self.name}: the gradient of argument {i} is not finite")
         return faults
-
-
-def _tensors(result: Any) -> list[Tensor]:
-    if isinstance(result, dict):
-        return [t for value in result.values() for t in _tensors(value)]
-    if isinstance(result, (tuple, list)):
-        return [t for value in result for t in _tensors(value)]
-    if isinstance(result, Tensor):
-        return [result]
-    return [torch.tensor(result)] if isinstance(result, float) else []
 
 
 VIEW = View(torch.eye(4), torch.tensor([[20.0, 0, 7], [0, 20, 6], [0, 0, 1]]), W, H)

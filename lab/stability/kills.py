@@ -59,11 +59,6 @@ class Kill:
     while_saving: bool
     """A checkpoint was half written."""
 
-    @property
-    def lost(self) -> int:
-        """Steps that have to be trained again."""
-        return self.steps_done - self.steps_kept
-
 
 @dataclass(frozen=True)
 class Report:
