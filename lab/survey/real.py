@@ -14,8 +14,7 @@ from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 from desplat_ns.survey.findings import Decision
 from desplat_ns.survey.observations import Capture, capture_of
-
-DATA_VARIABLE = "DESPLAT_NS_DATA"
+from lab.grid.runs import DATA_VARIABLE
 
 Allowed = dict[str, tuple[Decision, ...]]
 

@@ -14,6 +14,7 @@ from typing import Literal
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.survey.observations import Capture, capture_of
+from lab.grid.captures import made
 from lab.synthetic import DaylightSpec, OccluderSpec, SceneSpec, write_scene
 
 Appearance = Literal["off", "camera", "affine"]
@@ -94,9 +95,7 @@ class GeneratedScene:
 
     def make(self, scenes: Path) -> Capture:
         """Open the photos that have occluders, or their twins without; written if not there yet."""
-        folder = scenes / self.folder_name
-        if not (folder / "scene.json").is_file():
-            write_scene(self.spec(), folder)
+        folder = made(scenes / self.folder_name, lambda path: write_scene(self.spec(), path))
         ratio = 1.0 if self.truth.distractors else 0.0
         parser = RobustNerfDataParserConfig(data=folder, train_split_clean_clutter_ratio=ratio)
         return capture_of(parser.setup().get_dataparser_outputs("train"))
