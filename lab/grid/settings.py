@@ -1,8 +1,6 @@
 """What a method and its options resolve to: every setting by its name, without the machine's.
 
 A record keeps them, so that a default which was changed since then shows. Resolving reads no data.
-
-python -m lab.grid.settings METHOD ...    (options of ns-train; prints JSON)
 """
 
 from __future__ import annotations
@@ -11,7 +9,6 @@ import copy
 import dataclasses
 import hashlib
 import json
-import sys
 from collections.abc import Iterator, Mapping
 from enum import Enum
 from functools import cache
@@ -199,7 +196,3 @@ def _is_plain(value: Any) -> bool:
     return value is None or (
         isinstance(value, bool | int | float | str) and not isinstance(value, Enum)
     )
-
-
-if __name__ == "__main__":
-    print(json.dumps(resolve(sys.argv[1], tuple(sys.argv[2:])), indent=1))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,6 @@ from nerfstudio.configs.method_configs import AnnotatedBaseConfigUnion, all_meth
 
 from desplat_ns.method_configs import desplat
 from desplat_ns.studies.methods import method_config, parse
-from desplat_ns.studies.runs import surroundings
 from lab.grid import settings
 from lab.grid.settings import (
     EFFECTS,
@@ -138,13 +135,6 @@ def test_a_name_that_a_record_lacks_counts_unless_todays_value_is_neutral(monkey
 def test_an_option_that_does_not_exist_is_refused(capsys):
     with pytest.raises(SystemExit):
         resolve("desplat", ("--no-such-option", "1"))
-
-
-@pytest.mark.slow
-def test_the_command_prints_them():
-    command = [sys.executable, "-m", settings.__name__, "desplat", *OPTIONS, *READ]
-    done = subprocess.run(command, env=surroundings(), capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout) == resolve("desplat", (*OPTIONS, *READ))
 
 
 def test_the_registered_method_is_the_packages():
