@@ -19,6 +19,7 @@ def test_ns_evals_json_holds_every_figure_and_no_nan():
     json.dumps(results, allow_nan=False)
     assert results["psnr"] == pytest.approx((20 - 10 * math.log10(0.04)) / 2, abs=1e-4)
     assert results["psnr_std"] == pytest.approx((20 + 10 * math.log10(0.04)) / 2**0.5, abs=1e-4)
+    assert results["psnr_worst"] == min(image["psnr"] for image in results["images"])
     assert results["protocol"] == "full image, static Gaussians only"
     assert results["backend"] == "torch"
     assert results["num_images"] == 2

@@ -30,7 +30,7 @@ class Report:
     training_photos: int = ranged(50, "[0, inf)")
     """Training photos to show; of more, as many evenly spread over the capture."""
     held_out_photos: int = ranged(12, "[0, inf)")
-    """Held-out photos to show, likewise. All are scored; 0: none is, which saves that time."""
+    """Held-out photos to show, the worst first. All are scored; 0: none is, and no time spent."""
 
     scene: bool = True
     """The scene itself on top, to walk around in; the page is 25 MB at most then, else 10."""

@@ -36,7 +36,8 @@ class ScoredImage:
 
 
 def summarize(images: Sequence[ScoredImage], with_std: bool) -> dict[str, int | float]:
-    """Means over images of every metric and time, plus `*_std` (n - 1) of two images or more.
+    """Means over images of every metric and time, plus `*_std` (n - 1) of two images or more, and
+    the PSNR of the worst.
 
     Figures that are not finite are left out: they would not be JSON.
     """
@@ -48,6 +49,8 @@ def summarize(images: Sequence[ScoredImage], with_std: bool) -> dict[str, int | 
         result[key] = statistics.fmean(values)
         if with_std and len(values) > 1:
             result[f"{key}_std"] = statistics.stdev(values)
+        if with_std and key == "psnr":
+            result["psnr_worst"] = min(values)
     result["num_images"] = len(images)
     result["seconds_per_image_render"] = statistics.fmean(i.render_seconds for i in images)
     result["seconds_per_image_with_metrics"] = statistics.fmean(i.total_seconds for i in images)

@@ -21,7 +21,6 @@ from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.metrics import psnr
 from desplat_ns.rendering.views import is_distorted, view_of
 from desplat_ns.report.failure_case import Coverage, coverage_of
-from desplat_ns.runs.loading import even_subset
 
 Rgb = UInt8[np.ndarray, "_ _ 3"]
 
@@ -121,7 +120,8 @@ def small_rgb(image: Float[Tensor, "H W _"]) -> Rgb:
 def held_out_photos(
     pipeline: DeSplatPipeline, most: int
 ) -> tuple[dict[str, Any], list[HeldOutPhoto]]:
-    """The evaluation that `ns-eval` makes, of all held-out photos, and pictures of some.
+    """The evaluation that `ns-eval` makes, of all held-out photos, and pictures of the worst, which
+    come first: means hide what a look at them shows.
 
     Args:
         most: pictures; with 0 nothing is evaluated.
@@ -130,17 +130,20 @@ def held_out_photos(
         CaptureError: a photo that cannot be read any more.
         DeSplatError: a figure of a photo is not a finite number.
     """
-    chosen = even_subset(len(pipeline.datamanager.eval_dataset), most)
-    if not chosen:
+    if most == 0:
         return {}, []
-    beside: dict[int, Rgb] = {}
+    worst: list[tuple[float, int, Rgb]] = []
 
     def keep(index: int, pictures: Mapping[str, Tensor]) -> None:
-        if index in chosen:  # full pictures of hundreds of photos would be gigabytes
-            beside[index] = to_rgb8(pictures["img"].cpu().numpy())
+        beside = to_rgb8(pictures["img"].cpu().numpy())
+        photo, rendering = np.split(beside.astype(np.float32), 2, axis=1)
+        worst.append((-float(np.square(photo - rendering).mean()), index, beside))
+        worst.sort(key=lambda entry: entry[:2])
+        del worst[most:]  # full pictures of hundreds of photos would be gigabytes
 
     results = pipeline.evaluate_held_out(keep)
-    return results, [_held_out(results["images"][i], beside[i]) for i in chosen]
+    shown = [_held_out(results["images"][index], beside) for _, index, beside in worst]
+    return results, sorted(shown, key=lambda photo: photo.figures["psnr"])
 
 
 def _held_out(figures: Mapping[str, Any], beside: Rgb) -> HeldOutPhoto:

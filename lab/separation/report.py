@@ -120,7 +120,7 @@ def captures_table(figures: Figures, group: str, steps: int) -> str:
         if row[1].text:
             rows.append([scene, *row])
     head = ["capture", "off", "`desplat`", "true masks", "clean twins", "gap closed", "SSIM", "IoU"]
-    head += ["alpha outside", "training, CPU s", "static", "distractors", "memory ratio"]
+    head += ["alpha outside", "worst view", "CPU s", "static", "distractors", "memory ratio"]
     return figures.table(*_without_empty_columns(head, rows))
 
 
@@ -170,6 +170,7 @@ def _of_capture(figures: Figures, scene: str, steps: int) -> list[Cell]:
         ("ssim", ".3f"),
         ("mask_iou", ".2f"),
         ("alpha_outside_masks", ".3f"),
+        ("psnr_worst", ".2f"),
         ("train_cpu_seconds", ".0f"),
         ("num_static_gaussians", ",.0f"),
         ("num_distractor_gaussians", ",.0f"),

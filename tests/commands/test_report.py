@@ -94,7 +94,7 @@ def test_fewer_photos_and_no_evaluation_are_said(trained: Path, tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_only_some_pictures_are_shown_but_all_photos_are_scored(trained: Path):
+def test_the_worst_pictures_are_shown_but_all_photos_are_scored(trained: Path):
     from nerfstudio.utils.eval_utils import eval_setup
 
     from desplat_ns.report.pictures import held_out_photos
@@ -102,7 +102,12 @@ def test_only_some_pictures_are_shown_but_all_photos_are_scored(trained: Path):
     pipeline: Any = eval_setup(trained)[1]
     results, shown = held_out_photos(pipeline, 1)
     assert results["num_images"] == NUM_TEST
-    assert [photo.name for photo in shown] == [results["images"][0]["name"]]
+    worst = min(results["images"], key=lambda image: image["psnr"])
+    assert [photo.name for photo in shown] == [worst["name"]]
+    shown = held_out_photos(pipeline, 12)[1]
+    assert [photo.figures["psnr"] for photo in shown] == sorted(
+        image["psnr"] for image in results["images"]
+    )
 
 
 @pytest.mark.slow

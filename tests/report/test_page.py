@@ -106,7 +106,7 @@ def test_a_choice_of_many_photos_is_told():
     results = {"num_images": 40, "protocol": "full image"}
     html = html_of(contents(cost=replace(COST, num_photos=1700), results=results))
     assert "3 of 1,700 photos are shown, evenly chosen" in html
-    assert "1 of 40 are shown, evenly chosen" in html
+    assert "The worst 1 of 40 are shown" in html
 
 
 def test_what_there_is_not_is_told():
