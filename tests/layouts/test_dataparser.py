@@ -65,6 +65,15 @@ def test_once_settled_the_choice_stays(capture, capsys):
     assert capsys.readouterr().out.count("has the layout of") == 1
 
 
+def test_which_of_several_models_is_taken_is_said_once(capture, model_writer, capsys):
+    data = capture()
+    model_writer(data / "sparse" / "1", ["a.png", "b.png"])
+    config = DeSplatDataManagerConfig(data=data)
+    for _ in range(2):  # the survey, the data manager
+        training_split(config)
+    assert capsys.readouterr().out.count("the largest of 2") == 1
+
+
 @pytest.mark.slow
 def test_config_yml_names_the_dataparser_that_was_recognised(tmp_path):
     from lab.synthetic import write_scene
