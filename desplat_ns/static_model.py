@@ -15,7 +15,6 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
-from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians.activation import RawParameters, resize_rows
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.memory import GaussianMemory
@@ -59,6 +58,10 @@ class StaticModelConfig(LitModelConfig):
     refine_every: int = ranged(0, "[0, inf)")
     """Steps of the run between two refinements of the static set, at most; 0 for no bound.
     Splatfacto has 100, in runs of any length."""
+    sh_degree: int = ranged(3, f"[0, {MAX_DEGREE}]")
+    """Degree of the harmonics in which static Gaussians hold their colours."""
+    sh_degree_interval: int = ranged(1000, "[1, inf)")
+    """Steps after which one degree more is learned."""
     refinements: int = ranged(15, "[1, inf)")
     """Refinements of the static set in a run, whatever its length: they are as many steps apart as
     `stop_split_at` has by this number, and at least half a round of the views. See
@@ -92,15 +95,6 @@ class StaticModelConfig(LitModelConfig):
             ConfigError: a setting lies outside its range.
         """
         check_ranges(self, "--pipeline.model")
-        if not 0 <= self.sh_degree <= MAX_DEGREE:
-            raise ConfigError(
-                f"`--pipeline.model.sh-degree` is {self.sh_degree}; it has to be 0 to {MAX_DEGREE}."
-            )
-        if self.sh_degree_interval < 1:
-            raise ConfigError(
-                f"`--pipeline.model.sh-degree-interval` is {self.sh_degree_interval}; it has to be "
-                "1 or more."
-            )
         run, scale = replace(self), self.schedule_scale or 1.0
         densification = max(1, round(self.stop_split_at * scale))
         run.refine_every = steps_between_refinements(

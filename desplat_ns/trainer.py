@@ -210,13 +210,8 @@ class DeSplatTrainer(Trainer):
         TrainingError where no training could go on from it.
         """
         path = checkpoint_path(self.checkpoint_dir, step)
-        check_parameters(
-            self.pipeline.model,
-            self.optimizers,
-            step,
-            self.checkpoint_dir,
-            self._guard.skipped_last,
-        )
+        model, folder, skipped = self.pipeline.model, self.checkpoint_dir, self._guard.skipped_last
+        check_parameters(model, self.optimizers, step, folder, skipped)
         try:
             save_atomically(self._state(step), path)
         except CheckpointError as error:
@@ -232,15 +227,14 @@ class DeSplatTrainer(Trainer):
 
     def _state(self, step: int) -> dict[str, Any]:
         """nerfstudio's checkpoint, and the keys `rng` and `sampler` that make resume exact."""
-        pipeline = self.pipeline
         state = {
             "step": step,
-            "pipeline": pipeline.state_dict(),
+            "pipeline": self.pipeline.state_dict(),
             "optimizers": {k: v.state_dict() for k, v in self.optimizers.optimizers.items()},
             "schedulers": {k: v.state_dict() for k, v in self.optimizers.schedulers.items()},
             "scalers": self.grad_scaler.state_dict(),
             "rng": resume.rng_state(),
-            "sampler": pipeline.datamanager.sampler_state(),
+            "sampler": self.pipeline.datamanager.sampler_state(),
         }
         if self._budgeted is not None:
             state["budget"] = self._budgeted.saved(step + 1)

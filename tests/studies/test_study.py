@@ -116,7 +116,7 @@ def test_a_full_disk_ends_a_study_with_what_to_do(time, tmp_path, monkeypatch):
 def test_a_report_that_cannot_be_written_says_what_to_do(time, tmp_path):
     session, _ = sit(tmp_path, time, 600.0)
     (tmp_path / "report.html").mkdir()
-    with pytest.raises(ConfigError, match=r"report\.html|cannot be written|--output"):
+    with pytest.raises(ConfigError, match="--output"):
         write_report(tmp_path, session.results)
 
 
