@@ -1,9 +1,7 @@
 """The grid of cells on which residuals and regions are computed, whatever the size of a photo.
 
-Here and in `residuals` and `regions` are the readable statements: on a CPU OpenCV takes the means,
-on a GPU torch does. A training step on a CPU takes them compiled (`search`). On a GPU regions
-are found on the host. A copy to it waits until a GPU has done all that it was given, so a step has
-as few of them as can be.
+On a CPU OpenCV takes the means, on a GPU torch does. Regions are found on the host: the copy to it
+waits until a GPU has done all that it was given, so a step has one.
 """
 
 from __future__ import annotations
@@ -94,9 +92,9 @@ def window_means(
     cells = cells.detach()
     if not cells.is_cpu:
         return F.avg_pool2d(cells[None], size, 1, size // 2, count_include_pad=False)[0]
-    planes = cells.contiguous().numpy()
-    counts = _window_counts(*planes.shape[1:], size)
-    return torch.from_numpy(np.stack([_window_sums(plane, size) / counts for plane in planes]))
+    sums = _window_sums(cells.permute(1, 2, 0).contiguous().numpy(), size)
+    means = sums.reshape(*cells.shape[1:], -1) / _window_counts(*cells.shape[1:], size)
+    return torch.from_numpy(means).permute(2, 0, 1)
 
 
 def window_maxima(plane: Float[Tensor, "H W"], size: int) -> Float[Tensor, "H W"]:
@@ -109,14 +107,14 @@ def window_maxima(plane: Float[Tensor, "H W"], size: int) -> Float[Tensor, "H W"
 
 
 @lru_cache(maxsize=32)
-def _window_counts(rows: int, columns: int, size: int) -> Float[np.ndarray, "rows columns"]:
+def _window_counts(rows: int, columns: int, size: int) -> Float[np.ndarray, "rows columns 1"]:
     """Cells in each window."""
-    return _window_sums(np.ones((rows, columns), np.float32), size)
+    return _window_sums(np.ones((rows, columns), np.float32), size)[..., None]
 
 
-def _window_sums(plane: Float[np.ndarray, "rows columns"], size: int) -> np.ndarray:
+def _window_sums(planes: Float[np.ndarray, "rows columns *C"], size: int) -> np.ndarray:
     window = (size, size)
-    return cv2.boxFilter(plane, -1, window, normalize=False, borderType=cv2.BORDER_CONSTANT)
+    return cv2.boxFilter(planes, -1, window, normalize=False, borderType=cv2.BORDER_CONSTANT)
 
 
 def masks_to_host(*masks: Bool[Tensor, "..."]) -> list[Bool[np.ndarray, "..."]]:

@@ -33,9 +33,8 @@ from desplat_ns.separation.placement import (
     distractor_weight,
     placement,
 )
-from desplat_ns.separation.regions import StaticView, apply_mask
+from desplat_ns.separation.regions import StaticView, apply_mask, compare, find_regions
 from desplat_ns.separation.residuals import LEAST_VIEWS, ResidualStats
-from desplat_ns.separation.search import compare, find_regions
 from desplat_ns.settings.effects import BackgroundGrade
 from desplat_ns.training.losses import (
     distractor_opacity_loss,

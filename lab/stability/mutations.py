@@ -46,7 +46,7 @@ RESPONSE = "tests/photo_tourism/test_camera_response.py"
 PLAN = "tests/calibration/test_run_plan.py -k too_large"
 MATCHES = "tests/process/test_matches.py"
 SURVEY = "tests/survey/test_survey.py"
-SEARCH, PHOTOS = "tests/separation/test_search.py", "tests/data/test_photo_cache.py"
+REGIONS, PHOTOS = "tests/separation/test_regions.py", "tests/data/test_photo_cache.py"
 
 
 @dataclass(frozen=True)
@@ -196,13 +196,8 @@ MUTATIONS = (
     Mutation("poses learn nothing", "lit_model.py",
              "pose = self.camera_optimizer.apply_to_camera(camera)",
              "pose = self.camera_optimizer.apply_to_camera(camera).detach()", GRADIENTS),
-    Mutation("the compiled search finds weak regions without a strong cell",
-             "backend/numba_kernels/detail_cells.py",
-             "kind[j] = 2 if row[j] > strong else 1", "kind[j] = 2", SEARCH),
-    Mutation("sums over windows depend on where a band of rows begins",
-             "backend/numba_kernels/windows.py",
-             "if r % sums.restart == 0 or sums.last[0] != first:", "if sums.last[0] != first:",
-             "tests/backend/numba_kernels/test_windows.py"),
+    Mutation("weak regions are found without a strong cell", "separation/regions.py",
+             "keep[labels[strong]] = True", "keep[labels[weak]] = True", REGIONS),
     # Photos in bounded memory
     Mutation("photos are held beyond the bound", "data/photo_cache.py",
              "used + self._sizes[photo] > self._most", "used > self._most", PHOTOS),

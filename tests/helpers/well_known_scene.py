@@ -12,9 +12,8 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import view_of
 from desplat_ns.separation.layer import TrainStep
-from desplat_ns.separation.regions import StaticView, apply_mask
+from desplat_ns.separation.regions import StaticView, apply_mask, compare, find_regions
 from desplat_ns.separation.residuals import ResidualStats
-from desplat_ns.separation.search import compare, find_regions
 
 WIDTH, HEIGHT = 60, 40
 

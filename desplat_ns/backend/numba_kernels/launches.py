@@ -15,27 +15,21 @@ import numpy as np
 
 from desplat_ns.backend.numba_kernels import (
     binning,
-    detail_cells,
-    expected_cells,
-    outline_cells,
     over,
     passes,
     projection,
-    residual_cells,
     sh,
     ssim,
 )
 from desplat_ns.backend.numba_kernels.pixels import Limits
-from desplat_ns.backend.numba_kernels.windows import Grid
 
 _FLOATS, _INTS, _COUNTS = (np.empty(0, kind) for kind in (np.float32, np.int32, np.int64))
-_DOUBLES, _FLAGS, _KEYS = (np.empty(0, kind) for kind in (np.float64, np.bool_, np.uint64))
-_PLACES, _BYTES = np.empty(0, np.uint32), np.empty(0, np.uint8)
+_KEYS, _PLACES, _BYTES = (np.empty(0, kind) for kind in (np.uint64, np.uint32, np.uint8))
 _NUMBER, _CUTOFF, _SCALE = 1, 1.0, np.float32(1)
 _TURN = (_COUNTS, _NUMBER)
 """The shared counter, and how many workers there are."""
 _SIZE = (_NUMBER,) * 2
-_TWO, _THREE, _FOUR = ((_FLOATS,) * count for count in (2, 3, 4))
+_THREE, _FOUR = ((_FLOATS,) * count for count in (3, 4))
 
 
 class Launch(NamedTuple):
@@ -59,7 +53,7 @@ class Launch(NamedTuple):
 def launches() -> tuple[Launch, ...]:
     """All of them, those of a module in the order in which a step launches them. The modules that
     take longest to compile come first, so that the processes that compile them end together."""
-    rows = (*_of_drawing(), *_of_images(), *_of_search(), *_of_lists(), *_of_harmonics())
+    rows = (*_of_drawing(), *_of_images(), *_of_lists(), *_of_harmonics())
     return tuple(Launch(kernel, arguments) for kernel, *arguments in rows)
 
 
@@ -91,19 +85,6 @@ def _of_images() -> Iterator[tuple[Any, ...]]:
     yield (over.put_over, *_FOUR, True, *_TURN)
     yield (over.pull_under, *_FOUR, *_THREE, *_TURN)
     yield (over.pull_within, *_THREE, *_TURN)
-
-
-def _of_search() -> Iterator[tuple[Any, ...]]:
-    cells = Grid(_KEYS, _table(np.float32), _KEYS, _table(np.float32))
-    rules, memory = (_SCALE,) * 5, (*_THREE, _table(np.float64))
-    judged = (_TWO, _SIZE, _FLOATS, cells, _SIZE, rules, _BYTES, _DOUBLES)
-    remembered = (_FLOATS, _FLAGS, (_SCALE,) * 2, _THREE, (_SCALE,) * 4, _FLOATS, _FLAGS)
-    outlined = (_DOUBLES, _DOUBLES, _SIZE, _NUMBER, _CUTOFF, _SIZE, _FLAGS)
-    compared = (_TWO, cells, cells, _NUMBER, _SCALE, _TWO, _FLOATS)
-    yield (detail_cells.judge_cells, *judged, _NUMBER)
-    yield (outline_cells.outline, *outlined, _NUMBER)
-    yield (residual_cells.compare_images, *compared, _NUMBER)
-    yield (expected_cells.remember, *remembered, _NUMBER, _SIZE, memory, _INTS, _FLOATS, *_TURN)
 
 
 def _of_lists() -> Iterator[tuple[Any, ...]]:
