@@ -13,7 +13,7 @@
 #   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
 #   make docs    the site of docs/ into outputs/site; a broken link or a missing picture is an error
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
-#   make study   the runs behind docs/results/separation.md that are missing or stale, and the documents (hours; resumes)
+#   make study   the runs behind docs/results/separation.md that are missing, and the documents (hours; resumes)
 #   make smoke   every table of the paper end to end on generated scenes, on the CPU (4 minutes of one core)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)

@@ -8,13 +8,11 @@ import pytest
 from lab.package_map import (
     LAYERS,
     PACKAGE,
-    PICTURE,
     direct,
     layers,
     may_import,
     module_imports,
     part_imports,
-    picture,
 )
 
 
@@ -59,8 +57,3 @@ def test_every_package_says_what_it_may_import(part):
 
 def test_what_follows_from_two_arrows_is_not_drawn():
     assert set(direct({"a": {"b", "c"}, "b": {"c"}, "c": set()})) == {("a", "b"), ("b", "c")}
-
-
-def test_the_picture_is_that_of_the_code():
-    """Made anew by `python -m lab.package_map`."""
-    assert PICTURE.read_text("utf8") == picture()

@@ -20,15 +20,13 @@ from lab.front.runs import (
     PLAN,
     REPORTED_ON,
     SETTINGS,
-    STUDY,
     downscale_of,
 )
-from lab.grid.figures import Figures, Reference
+from lab.grid.figures import Figures
 from lab.grid.records import Records, load
 from lab.grid.sources import Cell
-from lab.separation.records import FILE as SEPARATION_RECORDS
+from lab.separation.runs import FILE as SEPARATION_RECORDS
 from lab.separation.runs import SEEDS
-from lab.separation.runs import STUDY as SEPARATION
 
 REPORT = RESULTS / "accuracy-and-time.md"
 TEMPLATE = Path(__file__).with_name("accuracy-and-time.md.template")
@@ -41,9 +39,9 @@ COLUMNS = (
 )
 
 
-def front_table(records: Records, today: Reference, scenes: tuple[str, ...]) -> str:
+def front_table(records: Records, scenes: tuple[str, ...]) -> str:
     """One row for each scene, number of steps and setting that was measured there."""
-    figures = Figures(records, today, SEEDS)
+    figures = Figures(records, SEEDS)
     planned = dict.fromkeys((run.scene, run.steps) for run in PLAN if run.scene in scenes)
     rows: list[list[str | Cell]] = []
     for scene, steps in sorted(planned, key=lambda row: (scenes.index(row[0]), row[1])):
@@ -58,27 +56,22 @@ def front_table(records: Records, today: Reference, scenes: tuple[str, ...]) -> 
 def length_texts(records: Records) -> dict[str, str]:
     """What `desplat-quick` and `desplat` reach on `clutter`, 25 and 75 visits of 40 photos."""
     texts = {}
-    for name, measured, setting, steps, study in (
-        ("quick", records, "raised", 1_000, STUDY),
-        ("usual", load(SEPARATION_RECORDS), "desplat", 3_000, SEPARATION),
+    for name, measured, setting, steps in (
+        ("quick", records, "raised", 1_000),
+        ("usual", load(SEPARATION_RECORDS), "desplat", 3_000),
     ):
-        figures, key = Figures(measured, study.settings_of, SEEDS), (setting, "clutter", 2, steps)
+        figures, key = Figures(measured, SEEDS), (setting, "clutter", 2, steps)
         texts[f"{name}_clutter"] = figures.cell(key, "psnr", ".2f").text
         texts[f"{name}_seconds"] = figures.cell(key, "train_cpu_seconds", ".0f").text
     return texts
 
 
-def report(
-    records: Records,
-    budget_rows: list[str],
-    growth: Growth,
-    today: Reference = STUDY.settings_of,
-) -> str:
-    """The document's text. `today` as `Figures` has it."""
+def report(records: Records, budget_rows: list[str], growth: Growth) -> str:
+    """The document's text."""
     return Template(TEMPLATE.read_text("utf8")).substitute(
         **length_texts(records),
-        chosen_table=front_table(records, today, CHOSEN_ON),
-        reported_table=front_table(records, today, REPORTED_ON),
+        chosen_table=front_table(records, CHOSEN_ON),
+        reported_table=front_table(records, REPORTED_ON),
         budget_rows="\n".join(budget_rows),
         **growth_texts(growth),
     )

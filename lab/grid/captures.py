@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 from collections.abc import Callable
@@ -11,7 +12,6 @@ from threading import RLock
 
 from desplat_ns.errors import DeSplatError
 from lab.grid.runs import DATA_VARIABLE, Capture
-from lab.grid.settings import Settings, digest, flat
 from lab.synthetic import SceneSpec, write_scene
 
 DIGITS = 6
@@ -36,9 +36,9 @@ class RealCapture:
             )
         return data
 
-    def describe(self) -> Settings:
+    def describe(self) -> str:
         """See `Capture`: the folder's name; what lies in it is not read."""
-        return {"folder": self.name}
+        return self.name
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ class GeneratedCapture:
         """See `Capture`."""
         return made(place_of(self, folder), lambda path: write_scene(self.spec, path))
 
-    def describe(self) -> Settings:
+    def describe(self) -> str:
         """See `Capture`: every field of the spec."""
-        return dict(sorted(flat("generated", self.spec)))
+        return repr(self.spec)
 
 
 @dataclass(frozen=True)
@@ -71,16 +71,16 @@ class AlteredCapture:
         original = self.original.locate(folder).resolve()
         return made(place_of(self, folder), lambda path: self.alter(original, path))
 
-    def describe(self) -> Settings:
-        """See `Capture`: the case's name, and the original's description. What `alter` does is
-        code, of which the record's commit tells."""
-        original = {f"original.{name}": part for name, part in self.original.describe().items()}
-        return {"case": self.name, **original}
+    def describe(self) -> str:
+        """See `Capture`: the case's name, and the original's description; what `alter` does is
+        not read."""
+        return f"{self.name} of {self.original.describe()}"
 
 
 def place_of(capture: GeneratedCapture | AlteredCapture, folder: Path) -> Path:
     """Where a capture is written: another place once its description is another."""
-    return folder / f"{capture.name}-{digest(capture.describe())[:DIGITS]}"
+    digest = hashlib.sha256(capture.describe().encode()).hexdigest()
+    return folder / f"{capture.name}-{digest[:DIGITS]}"
 
 
 def made(path: Path, make: Callable[[Path], object]) -> Path:

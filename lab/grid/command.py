@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
-from desplat_ns.console import list_names
 from desplat_ns.errors import DeSplatError
 from desplat_ns.files.lock import only_process_in, only_process_writing
 from desplat_ns.studies.executors import ExecutorName, executor_of
@@ -20,11 +19,8 @@ from desplat_ns.studies.runs import Record as Measured
 from desplat_ns.studies.runs import Run as Job
 from lab.arguments import parser_of
 from lab.grid import records
-from lab.grid.records import Record, Records, State
+from lab.grid.records import Record
 from lab.grid.runs import Run, Study
-
-MOST_NAMED = 5
-"""Changed settings that `--list` names before it only counts."""
 
 
 def parse_arguments(
@@ -47,7 +43,7 @@ def parse_arguments(
         help="runs whose names match, or begin so: '*-clutter-2-*', '*-yard'",
     )
     parser.add_argument(
-        "--list", action="store_true", help="name the runs that are to be done, and why; then stop"
+        "--list", action="store_true", help="name the runs that are to be done; then stop"
     )
     parser.add_argument("--report", action="store_true", help="only write the document")
     parser.add_argument("--output", type=Path, default=output, help="of the runs")
@@ -80,17 +76,6 @@ def _runs_of(study: Study, pattern: str) -> list[Run]:
     return runs
 
 
-def wanted_runs(study: Study, patterns: Sequence[str], known: Records) -> dict[Run, str]:
-    """The runs that have to be done, and why."""
-    wanted = {}
-    for run in named_runs(study, patterns):
-        state, changed = records.state_of(study, run, known)
-        if state is not State.DONE:
-            names = list_names(changed, MOST_NAMED)
-            wanted[run] = state.value + (f": {names}" if names else "")
-    return wanted
-
-
 @dataclass(frozen=True)
 class Command:
     """A study's command."""
@@ -117,8 +102,8 @@ class Command:
 
     def _follow(self, chosen: argparse.Namespace) -> int:
         if chosen.list:
-            for run, reason in self._wanted(chosen.only).items():
-                print(f"{run.name}    {reason}")
+            for run in self._wanted(chosen.only):
+                print(run.name)
             return 0
         done = [True] if chosen.report else self._do(chosen)
         print(f"written: {self.write_report()}")
@@ -146,7 +131,7 @@ class Command:
             return executor.do(coming(), output, keep) + lost
 
     def recorded(self, run: Run, measured: Measured) -> Record:
-        """A run's record: the study's figures, and the settings that today's code resolves."""
+        """A run's record: the study's figures, and the options that were given."""
 
         def kept(figures: Figures, *more: str) -> Figures:
             names = (*more, *self.study.figures)
@@ -154,8 +139,8 @@ class Command:
 
         curve = tuple(kept(point, "step") for point in measured.curve)
         where = (measured.device, measured.backend)
-        settings = self.study.settings_of(run)
-        return Record(kept(measured.figures), measured.commit, settings, *where, curve)
+        given = self.study.given_of(run)
+        return Record(kept(measured.figures), measured.commit, given, *where, curve)
 
     def _keep(self, output: Path, run: Run, outcome: Measured | Exception) -> bool:
         """Record a run's figures and say the first; False if it failed, which is said as well."""
@@ -176,5 +161,7 @@ class Command:
         print(f"{run.name}: {first} {value:.2f}, {seconds:.0f} s", flush=True)
         return True
 
-    def _wanted(self, patterns: Sequence[str]) -> dict[Run, str]:
-        return wanted_runs(self.study, patterns, records.load(self.file))
+    def _wanted(self, patterns: Sequence[str]) -> list[Run]:
+        """The runs that match and are not done."""
+        known = records.load(self.file)
+        return [run for run in named_runs(self.study, patterns) if not records.is_done(run, known)]

@@ -2,38 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from statistics import median
 
-from lab.grid.records import Records, is_current
+from lab.grid.records import Records
 from lab.grid.runs import Run
-from lab.grid.settings import Settings
 from lab.grid.sources import Cell, Measured, sourced_table
 
 NOT_YET = "not measured"
-
-Reference = Callable[[Run], Settings]
-"""What today's code resolves for a run: `Study.settings_of`."""
 
 Key = tuple[str, str, int, int]
 """Setting, scene, downscale and steps of runs that differ in nothing but their seed."""
 
 
 class Figures:
-    """Medians over the seeds that were measured with today's settings, and their records."""
+    """Medians over the seeds that were measured, and their records."""
 
-    def __init__(self, records: Records, today: Reference, seeds: Sequence[int]):
-        """Records of other settings than today's are left out; `seeds` are the study's."""
-        self.records, self.today, self.seeds = records, today, seeds
+    def __init__(self, records: Records, seeds: Sequence[int]):
+        self.records, self.seeds = records, seeds
 
     def by_seed(self, key: Key) -> dict[int, Measured]:
-        """The seeds that were measured with today's settings."""
+        """The seeds that were measured."""
         runs = {seed: Run(*key, seed) for seed in self.seeds}
-        records = {seed: (run, self.records.get(run.name)) for seed, run in runs.items()}
         return {
-            seed: (run, record)
-            for seed, (run, record) in records.items()
-            if record is not None and is_current(record, self.today(run))
+            seed: (run, self.records[run.name])
+            for seed, run in runs.items()
+            if run.name in self.records
         }
 
     def together(self, figure: str, *keys: Key) -> tuple[list[tuple[float, ...]], list[Measured]]:

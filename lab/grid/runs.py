@@ -10,7 +10,6 @@ from typing import Protocol, runtime_checkable
 from desplat_ns.studies.methods import method_config
 from desplat_ns.studies.runs import EXPERIMENT, TIMESTAMP, Variant
 from desplat_ns.studies.runs import Run as Job
-from lab.grid.settings import SCENE, Settings, resolve
 
 DATA_VARIABLE = "DESPLAT_NS_DATA"
 """Environment variable with the folder that holds real captures."""
@@ -28,9 +27,8 @@ class Capture(Protocol):
         """
         ...
 
-    def describe(self) -> Settings:
-        """What it shows, as JSON values by names: records keep them, so that a change shows. How it
-        is read is among the settings of the method."""
+    def describe(self) -> str:
+        """What it shows, in words that differ where what is written would."""
         ...
 
 
@@ -85,11 +83,6 @@ class Study:
     figures: tuple[str, ...]
     """Names of what is recorded, of what the evaluation gives; absent ones are left out. The first
     is said when a run is done."""
-
-    device: str | None = None
-    """Type of the device that all runs are to be on; None: any, and the records say which."""
-    backend: str | None = None
-    """Rasterizer that all runs are to use; None as above."""
     evaluations: int = 1
     """How often a run is scored: in the end, after half of its steps, after a quarter, and so on;
     with more than one its record has a curve."""
@@ -102,29 +95,17 @@ class Study:
         """
         scene, setting = self.scenes[run.scene], self.settings[run.setting]
         smaller = ("--downscale-factor", str(run.downscale)) if run.downscale > 1 else ()
-        device = ("--machine.device-type", self.device) if self.device else ()
-        backend = ("--pipeline.model.backend", self.backend) if self.backend else ()
         name = f"{run.setting}-{run.scene}-{run.downscale}"
-        options = (*device, *backend, *setting.options)
-        variant = Variant(name, setting.what, options, setting.method)
+        variant = Variant(name, setting.what, setting.options, setting.method)
         parser = (*scene.parser, *smaller)
         return Job(variant, run.steps, run.seed, data, parser, self.evaluations)
 
-    def settings_of(self, run: Run) -> Settings:
-        """What today's code resolves for a run: every setting by its name, and what its scene is.
-
-        Raises:
-            SystemExit: an option of its setting is not understood; tyro has said which.
-        """
+    def given_of(self, run: Run) -> str:
+        """What `ns-train` is given for a run, beside its length, its seed and the places."""
         job = self.job(run, Path())
-        return resolve(job.variant.method, job.options) | self.scene_of(run)
+        return " ".join((job.variant.method, *job.variant.options, *job.parser))
 
     def config_of(self, run: Run, folder: Path) -> Path:
         """Where nerfstudio's config.yml of an executed run is."""
         method = method_config(self.settings[run.setting].method).method_name
         return folder / run.name / EXPERIMENT / method / TIMESTAMP / "config.yml"
-
-    def scene_of(self, run: Run) -> Settings:
-        """What a run's scene is, as a part of its settings."""
-        described = self.scenes[run.scene].capture.describe()
-        return {f"{SCENE}{name}": value for name, value in described.items()}

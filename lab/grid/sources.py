@@ -44,7 +44,7 @@ def _sources(records: list[Record]) -> str:
 
 
 def _source(record: Record, name_place: bool) -> str:
-    commit = f"of {short(record.commit)}" if record.commit else "whose commit was not recorded"
+    commit = f"of {short(record.commit)}"
     return f"{commit}, on {place_of(record) or 'an unknown device'}" if name_place else commit
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from string import Template
 
 from lab.documents import RESULTS
-from lab.grid.figures import Figures, Reference
+from lab.grid.figures import Figures
 from lab.grid.records import Records, load
 from lab.grid.sources import Cell
-from lab.photo_tourism.runs import FILE, SEED, SETTINGS, STEPS, STUDY, key_of
+from lab.photo_tourism.runs import FILE, SEED, SETTINGS, STEPS, key_of
 
 REPORT = RESULTS / "photo_tourism.md"
 TEMPLATE = Path(__file__).with_name("photo_tourism.md.template")
@@ -27,9 +27,9 @@ COLUMNS = {
 """Figures, and how they are written."""
 
 
-def scene_table(records: Records, scene: str, today: Reference) -> str:
-    """One row for each setting that was measured with today's settings."""
-    figures, rows = Figures(records, today, (SEED,)), list[list[str | Cell]]()
+def scene_table(records: Records, scene: str) -> str:
+    """One row for each setting that was measured."""
+    figures, rows = Figures(records, (SEED,)), list[list[str | Cell]]()
     for name, setting in SETTINGS.items():
         key = key_of(name, scene)
         if figures.has(key):
@@ -38,9 +38,9 @@ def scene_table(records: Records, scene: str, today: Reference) -> str:
     return figures.table(["effects that are on", *COLUMNS], rows)
 
 
-def report(records: Records, today: Reference = STUDY.settings_of) -> str:
-    """The document's text; `today` as `Figures` has it."""
-    values: dict[str, object] = {f"table_{s}": scene_table(records, s, today) for s in STEPS}
+def report(records: Records) -> str:
+    """The document's text."""
+    values: dict[str, object] = {f"table_{s}": scene_table(records, s) for s in STEPS}
     return Template(TEMPLATE.read_text()).substitute(
         values, **{f"steps_{scene}": f"{steps:,}" for scene, steps in STEPS.items()}
     )

@@ -13,12 +13,11 @@ from statistics import median
 
 from desplat_ns.studies.machine import short
 from lab.documents import RESULTS
-from lab.grid.records import Record, Records, is_current, load
+from lab.grid.records import Record, Records, load
 from lab.grid.runs import Run, Study
 from lab.grid.tables import table
-from lab.separation.records import FILE
 from lab.separation.report import NUMBERS_D, NUMBERS_S, README_ROWS, STILL
-from lab.separation.runs import CLEAN
+from lab.separation.runs import CLEAN, FILE
 from lab.separation.runs import STUDY as SEPARATION
 from lab.survey.runs import LIT, TRAINING
 from lab.survey.runs import STUDY as SURVEY
@@ -33,8 +32,8 @@ HEAD += ("static, MB", "distractors, MB", "commits")
 
 TEXT = """# Results by capture
 
-Written by `python -m lab.reproduce.results` from the records of today's settings; nothing else is
-here. Medians of the seeds, on a CPU with one thread. Training is the CPU time of the steps alone,
+Written by `python -m lab.reproduce.results` from the records of studies; nothing else is here.
+Medians of the seeds, on a CPU with one thread. Training is the CPU time of the steps alone,
 on machines that did other work as well. Memory is that of the Gaussians: {s} numbers of 4 bytes
 for a static one, {d} for a distractor.
 
@@ -57,10 +56,9 @@ found on the left half where the method has lights.
 """
 
 
-def of_today(study: Study, records: Records) -> dict[Run, Record]:
-    """Those of the study's runs that are of today's settings."""
-    entries = ((run, records.get(run.name)) for run in study.plan)
-    return {run: r for run, r in entries if r is not None and is_current(r, study.settings_of(run))}
+def measured(study: Study, records: Records) -> dict[Run, Record]:
+    """Those of the study's runs that were measured."""
+    return {run: records[run.name] for run in study.plan if run.name in records}
 
 
 def rows_of(study: Study, records: Mapping[Run, Record]) -> list[list[str]]:
@@ -95,20 +93,20 @@ def figures_of(runs: Sequence[Record]) -> list[str]:
         values = [run.figures[name] for run in runs if name in run.figures]
         return format(times * median(values), form) if values else ""
 
-    commits = sorted({short(run.commit) for run in runs if run.commit is not None})
+    commits = sorted({short(run.commit) for run in runs})
     return [
         *(middle("psnr", ".2f"), middle("ssim", ".3f"), middle("train_cpu_seconds", ",.0f")),
         middle("num_static_gaussians", ".1f", NUMBERS_S * BYTES / 1e6),
         middle("num_distractor_gaussians", ".1f", NUMBERS_D * BYTES / 1e6),
-        ", ".join(commits) or "not recorded",
+        ", ".join(commits),
     ]
 
 
 def write() -> None:
     """Write the page."""
-    lit = of_today(SURVEY, load(TRAINING))
+    lit = measured(SURVEY, load(TRAINING))
     studies = {
-        "separation": rows_of(SEPARATION, of_today(SEPARATION, load(FILE))),
+        "separation": rows_of(SEPARATION, measured(SEPARATION, load(FILE))),
         "survey": rows_of(SURVEY, {run: r for run, r in lit.items() if run.scene in LIT}),
     }
     tables = {name: table(HEAD, rows) for name, rows in studies.items()}

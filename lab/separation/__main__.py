@@ -9,9 +9,8 @@ import sys
 
 from lab.documents import OUTPUTS
 from lab.grid.command import Command
-from lab.separation.records import FILE
 from lab.separation.report import write_committed_report
-from lab.separation.runs import STUDY
+from lab.separation.runs import FILE, STUDY
 
 COMMAND = Command(
     STUDY,

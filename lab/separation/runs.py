@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import partial
 
+from lab.documents import RECORDS
 from lab.grid.captures import AlteredCapture, GeneratedCapture, RealCapture
 from lab.grid.runs import Run, Scene, Setting, Study
 from lab.separation.few_views import keep_views
 from lab.separation.hard_cases import make_case
 from lab.synthetic import SceneSpec
+
+FILE = RECORDS / "separation.json"
 
 BASELINES = "lab.reproduce.baselines"
 RATES = ("--full-rate-visits", "0")

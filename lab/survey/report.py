@@ -11,11 +11,11 @@ from typing import Any
 
 from desplat_ns.survey import background, distractors, findings, light
 from lab.documents import RECORDS, RESULTS
-from lab.grid.figures import Figures, Key, Reference, spread
+from lab.grid.figures import Figures, Key, spread
 from lab.grid.records import Records, load
 from lab.grid.sources import Cell
 from lab.grid.tables import text_table
-from lab.survey.runs import SCENES, SEEDS, STEPS, STUDY, TRAINING, downscale_of, settings_on
+from lab.survey.runs import SCENES, SEEDS, STEPS, TRAINING, downscale_of, settings_on
 from lab.survey.unfamiliar import CHOSEN_ON, JUDGED
 
 FILE = RECORDS / "survey.json"
@@ -90,10 +90,10 @@ SETTING_NAMES = ("`auto`", "nothing on", "everything on", "the nearest other")
 """In the order of `settings_on`."""
 
 
-def training_table(trained: Records, today: Reference) -> str:
+def training_table(trained: Records) -> str:
     """One row for each scene: PSNR and SSIM of each setting, and by how much the survey's choice is
     below the best of them."""
-    figures = Figures(trained, today, SEEDS)
+    figures = Figures(trained, SEEDS)
     rows: list[list[str | Cell]] = []
     for scene in SCENES:
         keys = [(setting, scene, downscale_of(scene), STEPS) for setting in settings_on(scene)]
@@ -121,17 +121,12 @@ def _lost(figures: Figures, keys: Sequence[Key], name: str) -> str | Cell:
     return Cell(spread(lost, ".2f" if name == "psnr" else ".3f"), tuple(measured)) if lost else ""
 
 
-def report(
-    records: dict[str, list[dict[str, Any]]],
-    trained: Records,
-    today: Reference = STUDY.settings_of,
-) -> str:
+def report(records: dict[str, list[dict[str, Any]]], trained: Records) -> str:
     """The document's text.
 
     Args:
         records: of surveys.
         trained: of what was trained with their decisions and without.
-        today: as `Figures` has it.
     """
     visible = [record for record in records["evaluation"] if record["is_visible"]]
     faint = [record for record in records["evaluation"] if not record["is_visible"]]
@@ -154,7 +149,7 @@ def report(
     return Template(TEMPLATE.read_text("utf8")).substitute(
         limits,
         **tables,
-        training_table=training_table(trained, today),
+        training_table=training_table(trained),
         training_steps=f"{STEPS:,}",
         right_setting=share_right(records["setting"]),
         right_visible=share_right(visible),

@@ -1,4 +1,4 @@
-"""docs/reference/options.md: every option of the package, as the code has it."""
+"""What `python -m lab.options` writes: every option of the package, as the code has it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,6 @@ from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
 from desplat_ns.method_configs import desplat
 from lab import options
-
-
-@pytest.mark.slow
-def test_the_page_is_that_of_the_code():
-    """Made anew by `python -m lab.options`."""
-    assert options.REPORT.read_text("utf8") == options.page()
 
 
 def test_every_option_of_every_method_stands_in_one_table():

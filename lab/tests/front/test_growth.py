@@ -14,10 +14,8 @@ from torch import Tensor
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.separation import layer
 from desplat_ns.separation.regions import Comparison
-from desplat_ns.studies.machine import DIRTY
 from lab.front.growth import (
     DRAWN,
-    FILE,
     OTHERS,
     SERIES,
     STATIC,
@@ -28,11 +26,10 @@ from lab.front.growth import (
     measure_series,
     save,
 )
-from lab.front.growth_plot import draw, law_of
+from lab.front.growth_plot import draw
 from lab.front.growth_report import (
     OnPaper,
     bytes_per,
-    growth_texts,
     memory_table,
     time_table,
 )
@@ -149,11 +146,3 @@ def test_a_series_is_measured_in_turns(monkeypatch):
     points = measure_series(VIEWS, sizes, rounds=1)
     assert [point.x for point in points] == [2, 3, 5]
     assert all(len(point.cpu_ms) >= 1 and min(point.cpu_ms) > 0 for point in points)
-
-
-def test_what_is_recorded_is_every_series_of_committed_code():
-    growth = load(FILE)
-    assert {name: tuple(p.size for p in growth.of(name)) for name in SERIES} == SERIES
-    assert not growth.commit.endswith(DIRTY)
-    assert law_of(growth.of(VIEWS)) is None  # a step does not grow with the number of views
-    assert set(growth_texts(growth))

@@ -6,10 +6,9 @@ from typing import Any
 import pytest
 
 from desplat_ns.calibration.scenes import PARAMETERS
-from lab.documents import RESULTS
 from lab.gpu.plan import PARTS
-from lab.gpu.records import FAILED, FILE, LATE, MEASURED, NO_TIME, Record, Run
-from lab.gpu.report import REPORT, report
+from lab.gpu.records import FAILED, LATE, MEASURED, NO_TIME, Record, Run
+from lab.gpu.report import report
 from lab.gpu.scenes import PLACED
 
 SPREAD = {"median": 10.0, "low": 9.0, "high": 12.0, "count": 90}
@@ -124,12 +123,3 @@ def test_the_aim_for_a_step_is_judged(ratio, verdict):
     rows[1]["ratio"] = ratio
     text = report(a_run(steps=Record(MEASURED, figures={"rows": rows})))
     assert f"wanted is 1.15 at most: {verdict} ({ratio:.2f})." in text
-
-
-def test_the_document_in_docs_is_what_its_records_say():
-    """Where nothing was measured yet there is neither."""
-    assert (RESULTS / REPORT).exists() == (RESULTS / FILE).exists()
-    if (RESULTS / FILE).exists():
-        run = Run.load(RESULTS / FILE)
-        assert not run.is_stand_in
-        assert (RESULTS / REPORT).read_text("utf8") == report(run)

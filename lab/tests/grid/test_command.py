@@ -1,4 +1,4 @@
-"""The command of a study does what is missing or stale, and nothing else."""
+"""The command of a study does what is missing, and nothing else."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies import executors as module
+from desplat_ns.studies.machine import DIRTY
 from desplat_ns.studies.runs import Record as Measured
 from desplat_ns.studies.runs import Run as Job
 from desplat_ns.studies.runs import log_of
@@ -36,49 +37,35 @@ PLAN = tuple(
     for scene in ("yard", "yard8")
     for name in ("off", "ours")
 )
-TODAY = {"steps": 1}
-
-
-class Fixed(Study):
-    """A study whose settings need no method."""
-
-    def settings_of(self, run: Run) -> dict:
-        return TODAY
-
-
-STUDY = Fixed(
-    {"off": Setting("a"), "ours": Setting("b")},
+STUDY = Study(
+    {"off": Setting("a"), "ours": Setting("b", ("--steep", "2"))},
     {"yard": Scene(CAPTURE, ()), "yard8": Scene(CAPTURE, ())},
     PLAN,
     ("psnr",),
 )
-DONE, STALE, UNKNOWN, MISSING = PLAN[:4]
+DONE, DIRTY_CODE, DONE_TOO, MISSING = PLAN[:4]
 
 
 @pytest.fixture
 def command(tmp_path: Path, monkeypatch) -> Command:
-    """A study with a run that is done, one that is stale, and one of which too little is known."""
+    """A study with two runs that are done, and one of code that was not committed."""
     file = tmp_path / "records.json"
     figures = {"psnr": 20.0}
     save(
         file,
         {
-            DONE.name: Record(figures, "c", TODAY),
-            STALE.name: Record(figures, "c", {"steps": 2}),
-            UNKNOWN.name: Record(figures, None, None),
+            DONE.name: Record(figures, "c", "a"),
+            DIRTY_CODE.name: Record(figures, "c" + DIRTY, "b"),
+            DONE_TOO.name: Record(figures, "c", "as it was given then"),
         },
     )
     monkeypatch.setattr(module, "execute", lambda *_: FOUND)
     return Command(STUDY, file, lambda: tmp_path / "page.md", tmp_path / "out", "study", "")
 
 
-def test_the_list_names_what_is_to_be_done_and_why(command: Command, capsys):
+def test_the_list_names_what_is_to_be_done(command: Command, capsys):
     assert command.main(["--list", "--only", "*-42"]) == 0
-    assert capsys.readouterr().out.splitlines() == [
-        f"{STALE.name}    its settings are not today's: steps",
-        f"{UNKNOWN.name}    its settings were not recorded",
-        f"{MISSING.name}    never run",
-    ]
+    assert capsys.readouterr().out.splitlines() == [DIRTY_CODE.name, MISSING.name]
     assert not command.output.exists()
 
 
@@ -86,8 +73,9 @@ def test_what_is_to_be_done_is_done_and_recorded(command: Command, capsys):
     assert command.main(["--only", "*-42", "--jobs", "2"]) == 0
     entries = load(command.file)
     assert entries[DONE.name].figures == {"psnr": 20.0}
-    for run in (STALE, UNKNOWN, MISSING):
-        assert entries[run.name] == Record({"psnr": 30.0}, "new", TODAY)
+    assert entries[DONE_TOO.name].given == "as it was given then"
+    for run in (DIRTY_CODE, MISSING):
+        assert entries[run.name] == Record({"psnr": 30.0}, "new", "b --steep 2")
     assert len(entries) == 4
     assert "page.md" in capsys.readouterr().out
 
@@ -96,16 +84,16 @@ def test_a_record_that_cannot_be_written_leaves_the_other_runs(command, monkeypa
     enter = records.enter
 
     def full_for_one(file: Path, run: Run, record: Record) -> None:
-        if run == STALE:
+        if run == DIRTY_CODE:
             raise OSError("No space left on device")
         enter(file, run, record)
 
     monkeypatch.setattr(records, "enter", full_for_one)
     assert command.main(["--only", "*-42"]) == 1
     entries = load(command.file)
-    assert entries[STALE.name].settings == {"steps": 2}
+    assert entries[DIRTY_CODE.name].figures == {"psnr": 20.0}
     assert entries[MISSING.name].figures == {"psnr": 30.0}
-    assert f"{STALE.name}: OSError: No space left" in capsys.readouterr().err
+    assert f"{DIRTY_CODE.name}: OSError: No space left" in capsys.readouterr().err
 
 
 def test_a_report_alone_runs_nothing(command: Command, monkeypatch):
@@ -116,27 +104,27 @@ def test_a_report_alone_runs_nothing(command: Command, monkeypatch):
 
 def test_a_run_that_fails_is_said_and_leaves_the_others(command: Command, monkeypatch, capsys):
     def fail(job: Job, folder: Path, *_: Any) -> Measured:
-        if job.name == STALE.name:
+        if job.name == DIRTY_CODE.name:
             raise DeSplatError("no disk")
         return FOUND
 
     monkeypatch.setattr(module, "execute", fail)
     assert command.main(["--only", "*-42"]) == 1
-    assert f"{STALE.name}: no disk" in capsys.readouterr().err
+    assert f"{DIRTY_CODE.name}: no disk" in capsys.readouterr().err
     assert MISSING.name in load(command.file)
 
 
 def test_any_exception_is_a_failed_run_and_its_log_is_named(command: Command, monkeypatch, capsys):
     def fail(job: Job, folder: Path, *_: Any) -> Measured:
-        if job.name == STALE.name:
+        if job.name == DIRTY_CODE.name:
             raise OSError("disk full")
         return FOUND
 
     monkeypatch.setattr(module, "execute", fail)
     assert command.main(["--only", "*-42"]) == 1
     said = capsys.readouterr().err
-    assert f"{STALE.name}: OSError: disk full" in said
-    assert str(log_of(STALE.name, command.output)) in said
+    assert f"{DIRTY_CODE.name}: OSError: disk full" in said
+    assert str(log_of(DIRTY_CODE.name, command.output)) in said
     assert MISSING.name in load(command.file)
 
 
@@ -166,7 +154,7 @@ def test_while_a_study_runs_no_other_process_writes_its_records_or_into_its_fold
         return FOUND
 
     monkeypatch.setattr(module, "execute", execute)
-    assert command.main(["--only", STALE.name]) == 0
+    assert command.main(["--only", DIRTY_CODE.name]) == 0
     assert len(tries) == 2 and all(f"Process {os.getpid()} is at work in" in line for line in tries)
     assert [tried(lock, checkout) for lock in locks] == ["free", "free"]
 
@@ -178,7 +166,7 @@ def test_a_second_study_with_the_same_records_is_refused(
     code += f"with only_process_writing(Path({str(command.file)!r})):\n    wait()"
     before = command.file.read_text()
     with running(code, checkout) as first:
-        assert command.main(["--only", STALE.name, "--output", str(tmp_path / "other")]) == 1
+        assert command.main(["--only", DIRTY_CODE.name, "--output", str(tmp_path / "other")]) == 1
         assert f"Error: Process {first.pid} is at work in '{tmp_path}'" in capsys.readouterr().err
         assert command.main(["--list"]) == 0, "looking is free"
     assert command.file.read_text() == before

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from lab.grid.figures import Figures
 from lab.grid.records import Record
 from lab.grid.runs import Run
-from lab.grid.settings import Settings
 from lab.grid.sources import Cell, Measured, sourced_table
 
 OLD, NEW = (letter * 40 for letter in "ab")
-TODAY: Settings = {"pipeline.model.refinements": 15}
-BEFORE: Settings = {"pipeline.model.refinements": 12}
 
 
-def measured(commit: str | None, seed: int = 42, device: str | None = None) -> Measured:
+def measured(commit: str, seed: int = 42, device: str | None = None) -> Measured:
     backend = device and {"cpu": "numba", "cuda": "gsplat"}[device]
-    return Run("off", "fox", 2, 1000, seed), Record({"psnr": 1.0}, commit, TODAY, device, backend)
+    return Run("off", "fox", 2, 1000, seed), Record(
+        {"psnr": 1.0}, commit, "desplat", device, backend
+    )
 
 
 def line_below(*records: Measured) -> str:
@@ -25,7 +23,6 @@ def line_below(*records: Measured) -> str:
 def test_commits_are_counted_below_a_table():
     of_three = measured(OLD), measured(NEW, 43), measured(NEW, 44)
     assert line_below(*of_three) == "Records: 2 of bbbbbbb; 1 of aaaaaaa."
-    assert line_below(measured(None)) == "Records: 1 whose commit was not recorded."
 
 
 def test_a_record_in_two_cells_is_counted_once():
@@ -37,13 +34,3 @@ def test_devices_are_named_where_a_table_has_several():
     assert line_below(measured(NEW, 42, "cpu"), measured(NEW, 43)) == "Records: 2 of bbbbbbb."
     line = line_below(measured(NEW, 42, "cpu"), measured(NEW, 43, "cuda"))
     assert line == "Records: 1 of bbbbbbb, on cpu (numba); 1 of bbbbbbb, on cuda (gsplat)."
-
-
-def test_figures_are_of_todays_settings_alone():
-    settings = {42: TODAY, 43: BEFORE, 44: None}
-    records = {
-        Run("off", "fox", 2, 1000, seed).name: Record({"psnr": float(seed)}, NEW, of)
-        for seed, of in settings.items()
-    }
-    figures = Figures(records, lambda run: TODAY, tuple(settings))
-    assert figures.cell(("off", "fox", 2, 1000), "psnr", ".2f").text == "42.00"

@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-import json
-
-from lab.documents import DEV, RECORDS
 from lab.guises.report import page
 
 RECORD = {
@@ -17,9 +14,3 @@ def test_a_record_is_a_row_in_the_order_of_the_guises():
     row = "| 3.12.1 | all | 3000 | 2 | 30 | 11 | a processor | abc, 2026-11-24 |"
     assert lines[1] == f"| a GPU, which the suite hides {row}"
     assert lines[0].startswith("| this machine as it is | 3.10.1 |")
-
-
-def test_the_page_is_that_of_the_records():
-    """Made anew by any run of `python -m lab.guises --record`."""
-    records = json.loads((RECORDS / "machines.json").read_text("utf8"))
-    assert (DEV / "machines.md").read_text("utf8") == page(records)

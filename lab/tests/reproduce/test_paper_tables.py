@@ -1,12 +1,6 @@
 """The paper's figures on docs/compare-with-desplat.md."""
 
-from lab.reproduce.paper_tables import PAGE, filled, paper_table
-
-
-def test_the_page_has_the_figures_of_the_package():
-    """Made anew by `python -m lab.reproduce.paper_tables`."""
-    text = PAGE.read_text("utf8")
-    assert filled(text) == text
+from lab.reproduce.paper_tables import paper_table
 
 
 def test_a_table_has_the_papers_figures_scene_by_scene():

@@ -1,7 +1,6 @@
 """The study of docs/results/separation.md: its plan, its memory, its tables, its one-pixel
 model."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,14 +8,12 @@ import pytest
 
 from desplat_ns.data.images import read_image, read_mask
 from desplat_ns.studies.methods import method_config
-from lab.documents import DOCS
 from lab.grid.figures import NOT_YET, Figures
-from lab.grid.records import Record, Records, State, load, state_of
+from lab.grid.records import Record, Records
 from lab.grid.runs import Run
 from lab.separation import one_pixel, report
 from lab.separation.hard_cases import CASES, RECURRING, make_case
-from lab.separation.records import FILE, enter
-from lab.separation.runs import FIGURES, PLAN, SCENES, SEEDS, SETTINGS, STUDY
+from lab.separation.runs import PLAN, SCENES, SEEDS, SETTINGS
 from lab.synthetic import Scene
 
 
@@ -41,42 +38,16 @@ MAIN = ("off", "desplat", "paper")
 RESULTS = {"psnr": 26.0, "ssim": 0.9, "num_static_gaussians": 5, "num_distractor_gaussians": 7}
 
 
-@pytest.mark.usefixtures("tyro_may_build")
-def test_what_was_measured_elsewhere_is_entered_with_its_settings(tmp_path: Path):
-    run, path = PLAN[0], tmp_path / "records.json"
-    results = {**RESULTS, "something": 1.0, "train_cpu_seconds": 12.3}
-    results |= {"device": "cuda:0", "backend": "gsplat"}
-    enter(run, results, "0" * 40, STUDY.settings_of(run), path)
-    entries = load(path)
-    assert (entries[run.name].device, entries[run.name].backend) == ("cuda", "gsplat")
-    assert state_of(STUDY, run, entries)[0] is State.DONE
-    assert entries[run.name].commit == "0" * 40
-    assert entries[run.name].figures == RESULTS | {"train_cpu_seconds": 12.3}
-    enter(run, RESULTS, "0" * 40, {"pipeline.model.refinements": 1}, path)
-    assert state_of(STUDY, run, load(path))[0] is State.STALE
-
-
-def test_committed_records_are_of_the_plan():
-    entries = load(FILE)
-    assert entries and entries.keys() <= {run.name for run in PLAN}
-    for record in entries.values():
-        assert set(record.figures) <= {*FIGURES, "train_seconds"}
-        assert (record.commit is None) == (record.settings is None)
-
-
-TODAY = {"pipeline.model.refinements": 15}
-
-
 def fake(values: dict[tuple[str, str], list[float]]) -> Records:
     return {
-        Run(setting, scene, 2, 1000, seed).name: Record(RESULTS | {"psnr": psnr}, "0" * 40, TODAY)
+        Run(setting, scene, 2, 1000, seed).name: Record(RESULTS | {"psnr": psnr}, "0" * 40)
         for (setting, scene), psnrs in values.items()
         for seed, psnr in zip((42, 43, 44), psnrs, strict=False)
     }
 
 
 def figures_of(records: Records) -> Figures:
-    return Figures(records, lambda run: TODAY, SEEDS)
+    return Figures(records, SEEDS)
 
 
 def test_a_gap_is_closed_seed_by_seed_and_summed_up_by_its_median():
@@ -110,19 +81,6 @@ def test_a_seed_that_is_missing_in_one_run_is_left_out_of_the_gap():
     assert gap.text == "0.40 (0.30 - 0.50)"
 
 
-def test_a_stale_record_is_in_no_table():
-    entries = fake(
-        {("off", "clutter"): [20.0], ("off", "clean"): [30.0], ("desplat", "clutter"): [25.0]}
-    )
-    name = Run("off", "clutter", 2, 1000, 42).name
-    entries[name] = Record(entries[name].figures, "1" * 40, {"pipeline.model.refinements": 12})
-    text = report.scene_table(figures_of(entries), MAIN, "clutter", "clean", 2, 1000)
-    ours, twins = text.splitlines()[2:4]
-    assert ours.startswith("| **`desplat`** | 25.00 |  | 0.900 |")
-    assert twins.startswith("| off, trained on the clean twins | 30.00 |")
-    assert text.endswith("Records: 2 of 0000000.")
-
-
 def test_a_capture_has_a_row_once_it_was_measured():
     now = figures_of(fake({("desplat", "clutter"): [26.0], ("off", "clean"): [30.0]}))
     head, _, *rows = report.captures_table(now, "chosen", 1000).splitlines()
@@ -137,16 +95,6 @@ def test_a_report_can_be_written_at_any_time(tmp_path, monkeypatch):
     text = report.write_report(figures_of({}), tmp_path).read_text()
     assert NOT_YET in text
     assert "{{" not in text and "$" not in text
-
-
-@pytest.mark.usefixtures("tyro_may_build")
-def test_the_committed_documents_are_those_of_the_committed_records(tmp_path, monkeypatch):
-    monkeypatch.setattr(one_pixel, "draw", lambda path: path.touch())
-    figures = Figures(load(FILE), STUDY.settings_of, SEEDS)
-    written = report.write_report(figures, tmp_path).read_text()
-    assert written == (DOCS / report.REPORT).read_text()
-    page = report.README.read_text()
-    assert report.with_results(page, report.readme_table(figures)) == page
 
 
 def test_one_pixel_shows_haze_with_one_loss_and_none_with_placed_distractors():

@@ -1,46 +1,12 @@
-"""docs/records/faults.json and docs/records/soak.json: nothing was lost, nothing leaked, and the
-page says so."""
+"""A leak is found in what a long run measured, and what was lost shows in the page."""
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
-from lab.documents import DEV, RECORDS
-from lab.stability import faults, soak
-from lab.stability.fault_tables import fault_figures, kill_figures, soak_figures
+from lab.stability import soak
+from lab.stability.fault_tables import kill_figures, soak_figures
 from lab.stability.soak import Sample, Soak
-
-
-@pytest.fixture(scope="module")
-def record() -> dict:
-    return json.loads((RECORDS / faults.RECORD).read_text())
-
-
-def test_the_page_is_what_the_records_say():
-    page = (DEV / "stability.md").read_text()
-    assert [name for name, text in fault_figures(RECORDS).items() if text not in page] == []
-
-
-def test_no_kill_cost_more_than_the_steps_since_the_last_save(record: dict):
-    killed = record["killed"]
-    lost = [kill["steps_done"] - kill["steps_kept"] for kill in killed["kills"]]
-    assert len(lost) == faults.KILLS
-    assert 0 <= min(lost) <= max(lost) <= killed["steps_per_save"]
-    assert killed["damaged"] == 0
-    assert killed["same_bits"]
-
-
-def test_no_poison_was_a_fault(record: dict):
-    assert sum(fates["fault"] for fates in record["fuzz"].values()) == 0
-    assert all(sum(fates.values()) >= faults.INPUTS for fates in record["fuzz"].values())
-
-
-def test_the_long_run_was_long_and_flat():
-    run = soak.load(RECORDS / soak.RECORD)
-    assert run.samples[-1].step == soak.STEPS
-    assert run.flat
 
 
 def run_of(growth: float, noise: float = 0.0) -> Soak:

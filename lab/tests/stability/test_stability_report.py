@@ -1,4 +1,4 @@
-"""docs/dev/stability.md: it names every case, and every wrong sign was noticed."""
+"""Mutations are of today's code, who notices one is found, and a quick run fills the page."""
 
 from __future__ import annotations
 
@@ -14,22 +14,9 @@ from lab.stability.mutations import (
     Mutation,
     copy_of_the_checkout,
     mutated,
-    record,
 )
 from lab.stability.mutations import noticed_by as first_that_fails
-from lab.stability.report import CASES, FORMULA_CASES, main
-
-PAGE = CHECKOUT / "docs" / "dev" / "stability.md"
-
-
-def test_the_page_names_every_case_and_every_mutation():
-    text = PAGE.read_text()
-    names = [thing.name for thing in (*CASES, *FORMULA_CASES, *MUTATIONS)]
-    assert [name for name in names if f"| {name}" not in text] == []
-
-
-def test_every_mutation_was_noticed():
-    assert [name for name, test in record().items() if test is None] == []
+from lab.stability.report import main
 
 
 @pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda mutation: mutation.name)

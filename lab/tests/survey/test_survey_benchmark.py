@@ -1,15 +1,11 @@
 from __future__ import annotations
 
-import json
-
 import pytest
 
-from lab.grid.records import load
 from lab.survey import unfamiliar
 from lab.survey.__main__ import measure
 from lab.survey.real import REAL, RealScene
-from lab.survey.report import FILE, REPORT, confusion_table, report, share_right
-from lab.survey.runs import TRAINING
+from lab.survey.report import confusion_table, share_right
 from lab.survey.scenes import COMBINATIONS, EVALUATION, SETTING
 
 
@@ -44,11 +40,6 @@ def test_captures_of_other_kinds_are_kept_out_unless_their_names_say_so():
     assert unfamiliar.was_chosen_on("room15-clean")
     assert not unfamiliar.was_chosen_on("other15-clean")
     assert unfamiliar.right_of("other15", True) == {"appearance": ("off",), "distractors": (True,)}
-
-
-@pytest.mark.usefixtures("tyro_may_build")
-def test_the_document_is_that_of_the_records():
-    assert REPORT.read_text("utf8") == report(json.loads(FILE.read_text("utf8")), load(TRAINING))
 
 
 @pytest.mark.real_data
