@@ -19,7 +19,7 @@ from desplat_ns.data.images import read_image
 CANDIDATES = 600
 """Places that are tried for each thing."""
 
-CHOICE = 0.15
+CHOICE = 0.04
 """Of those that are possible, the place is any of this share that suits best."""
 
 NEIGHBOURS = 2
@@ -28,7 +28,7 @@ NEIGHBOURS = 2
 MOST_COVERED = 0.25
 """Share of the photos that see a point in which things may cover it, one photo apart."""
 
-SMOOTH = 0.04
+SMOOTH = 0.05
 """Ground with less deviation of grey (in [0, 1]) in a window of 1/20 of the photo is smooth."""
 
 STEP = (0.7, 1.3)

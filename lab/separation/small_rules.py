@@ -1,0 +1,100 @@
+"""Which rule of the separation loses a thing: the rules of `regions.find_regions`, one by one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from desplat_ns.separation import regions as rules
+from desplat_ns.separation.grid import pooled, window_means
+from desplat_ns.separation.layer import DistractorLayer, TrainStep
+from desplat_ns.separation.residuals import (
+    EXPECTED_WINDOW,
+    TYPICAL_WEIGHT,
+    ResidualStats,
+    certainty,
+)
+
+FOUND = 0.3
+"""IoU, within a box around the thing, from which it is found."""
+
+MOST = 0.5
+"""Share of a thing that a rule has to take for the loss to be its; of a thing that the scene has to
+show in that photo for it to be learned."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What each rule says of a visit, in cells of `grid_of`."""
+
+    excess: Float[np.ndarray, "rows columns"]
+    """Over that which is needed at its peak."""
+    is_weak: Bool[np.ndarray, "rows columns"]
+    has_votes: Bool[np.ndarray, "rows columns"]
+    """Static Gaussians there, and not what is usual anywhere, say what is expected."""
+    is_foreign: Bool[np.ndarray, "rows columns"]
+    """It does not share the scene's detail."""
+    connected: Bool[np.ndarray, "rows columns"]
+    regions: Bool[np.ndarray, "rows columns"]
+    """In the end."""
+
+
+def judged(layer: DistractorLayer, train_step: TrainStep, params: Any, memory: Any) -> Judged:
+    """The rules one by one, as `regions.find_regions` asks them: all that follows the package."""
+    config, photo, drawn = layer.config, train_step.photo, train_step.static
+    opacities = torch.sigmoid(params["opacities"].detach()[:, 0])
+    means2d = drawn.means2d.detach()[0]
+    static = rules.StaticView(train_step.static_rgb.detach(), means2d, drawn.visible, opacities)
+    stats = ResidualStats.of(memory, len(opacities), layer.num_views, photo.device)
+    comparison, stats = rules.compare(photo, static, stats)
+    excess = comparison.excess
+    rows, columns = excess.values.shape
+    size = torch.tensor([photo.shape[1] / columns, photo.shape[0] / rows])
+    x, y = (means2d / size).floor().long().unbind(-1)
+    inside = drawn.visible & (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+    votes = opacities * certainty(stats.times_seen * (stats.num_views / stats.visits))
+    votes = torch.zeros(rows * columns).index_add_(0, (y * columns + x)[inside], votes[inside])
+    votes = window_means(votes.reshape(1, rows, columns), EXPECTED_WINDOW)[0]
+    alike = rules.shared_detail(comparison.static, comparison.photo)
+    is_foreign = pooled(alike[..., None], (columns, rows))[0] <= config.shared_detail
+    most = config.strong_excess
+    needed = excess.needed(config.strong_levels, config.settled_share * most, most)
+    is_weak = excess.values > config.weak_excess
+    weak, strong = is_weak & is_foreign, (excess.values > needed) & is_foreign
+    connected = rules.outlier_regions(weak, strong)
+    assert train_step.regions is not None
+    parts = excess.values / needed, is_weak, votes > TYPICAL_WEIGHT
+    parts += is_foreign, connected, train_step.regions
+    return Judged(*(part.numpy() for part in parts))
+
+
+def lost_by(judged: Judged, cells: np.ndarray, box: np.ndarray, ghost: float) -> str:
+    """The first rule that loses a thing; `found` if none does.
+
+    Args:
+        cells: of the thing; `box`: around it.
+        ghost: how far the static scene shows the thing, see `Sight.ghost`.
+    """
+    if iou(judged.regions & box, cells) > FOUND:
+        return "found"
+    strong = cells & (judged.excess > 1)
+    losses = {
+        "few views": judged.has_votes[cells].mean() < 1 - MOST,
+        "learned": ghost > MOST,
+        "peak": not strong.any(),
+        "margin": judged.is_weak[cells].mean() < 1 - MOST,
+        "shared detail": not (strong & judged.is_foreign).any()
+        or (judged.is_weak & judged.is_foreign)[cells].mean() < 1 - MOST,
+        "least area": not (judged.connected & cells).any(),
+        "outline": iou(judged.connected & box, cells) > FOUND,
+    }
+    return next((name for name, is_lost in losses.items() if is_lost), "too large")
+
+
+def iou(a: np.ndarray, b: np.ndarray) -> float:
+    """Of two masks; 0 of empty ones."""
+    return float((a & b).sum() / max(1, (a | b).sum()))
