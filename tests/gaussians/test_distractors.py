@@ -168,7 +168,10 @@ def test_a_checkpoint_that_does_not_fit_is_refused(spoil, message):
         ({"rgbs_lr": -1.0}, r"rgbs-lr` is -1\.0; it has to be 0 or more"),
         ({"means_lr_final": 0.0}, r"means-lr-final` is 0\.0; it has to be above 0"),
         ({"initial_opacity": 1.0}, r"initial-opacity` is 1\.0; it has to be in \(0, 1\)"),
-        ({"strong_excess": 0.03}, r"strong-excess` is 0\.03; it has to be weak-excess, 0\.04"),
+        (
+            {"weak_excess": 0.04, "strong_excess": 0.03},
+            r"strong-excess` is 0\.03; it has to be weak-excess, 0\.04",
+        ),
     ],
 )
 def test_settings_outside_their_range_are_refused(config, message):
@@ -181,7 +184,9 @@ def test_no_distractors_per_view_is_allowed():
 
 
 def test_a_long_run_does_not_warm_up_for_more_than_some_visits_of_each_view():
-    config = DistractorConfig(static_warmup=6000, max_warmup_visits=15)
+    config = DistractorConfig(
+        static_warmup=6000, max_warmup_visits=15, min_warmup_visits=8, shaping_steps=250
+    )
     short, long = config.for_views(1000, 100, 500), config.for_views(40, 100, 500)
     assert short.static_warmup == 6000
     assert long.static_warmup == 600
@@ -189,7 +194,9 @@ def test_a_long_run_does_not_warm_up_for_more_than_some_visits_of_each_view():
 
 
 def test_a_warm_up_says_how_long_it_would_be_if_visits_did_not_end_it():
-    config = DistractorConfig(static_warmup=6000, max_warmup_visits=15, min_warmup_visits=8)
+    config = DistractorConfig(
+        static_warmup=6000, max_warmup_visits=15, min_warmup_visits=8, shaping_steps=250
+    )
     assert config.warmup_of(8, 500, 0.1) == (1200, 3000)  # of 120 steps and 50 + 250
     assert config.warmup_of(20, 500, 0.1) == (3000, 3000)
     assert config.warmup_of(8, 500, 0.02) == (6000, 6000)  # a run of 600 steps

@@ -51,20 +51,20 @@ def test_something_elsewhere_in_each_photo_is_no_failure():
 
 def test_something_that_stays_in_most_photos_is_told_with_photos_and_options():
     views = [of_photo(i, covered(i, -1.0, 2.0 if i >= 4 else 0.0)) for i in range(VIEWS)]
-    text = failure_case(DistractorConfig(start="residual"), wall(), views)
+    text = failure_case(DistractorConfig(start="residual", strong_excess=0.3), wall(), views)
     assert text is not None
     assert "of the static scene is behind distractors in most of the photos" in text
     named = [int(number) for number in re.findall(r"photo_(\d\d)\[a\]\.jpg", text)]
     assert len(named) == 5 and min(named) >= 4
     assert "and 11 more" in text
-    assert "--pipeline.model.distractors.strong-excess (now 0.25)" in text
+    assert "--pipeline.model.distractors.strong-excess (now 0.3)" in text
 
 
 def test_distractors_over_most_of_most_photos_are_told():
     views = [of_photo(i, everywhere(0.9 if i < 12 else 0.1)) for i in range(VIEWS)]
-    text = failure_case(DistractorConfig(), wall(), views)
+    text = failure_case(DistractorConfig(lambda_d=0.02), wall(), views)
     assert text is not None and text.startswith("distractors cover more than 50% of 12 of 20")
-    assert "a higher --pipeline.model.distractors.lambda-d (now 0.01)" in text
+    assert "a higher --pipeline.model.distractors.lambda-d (now 0.02)" in text
 
 
 def test_a_place_counts_where_it_is_seen():
