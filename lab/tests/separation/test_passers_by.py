@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lab.separation import family
+from lab.separation.passers_by import Frame, ghost, truth_of, warped
+
+COLORS = np.random.default_rng(0).random((2, 50, 3))
+TRUTH, PHOTO = COLORS
+
+
+@pytest.mark.parametrize("left", [0.0, 0.3, 1.0])
+def test_the_ghost_is_the_share_of_the_passer_by_that_is_left(left):
+    static = (1 - left) * TRUTH + left * PHOTO
+    assert ghost(static, TRUTH, PHOTO) == pytest.approx(left, abs=1e-12)
+
+
+def test_an_error_that_does_not_look_like_the_passer_by_is_no_ghost():
+    photo = TRUTH + np.tile([[0.2, 0, 0]], (50, 1))
+    static = TRUTH + np.tile([[0, 0.2, 0]], (50, 1))
+    assert ghost(static, TRUTH, photo) == 0
+    assert np.isnan(ghost(static, TRUTH, TRUTH))
+
+
+@pytest.mark.parametrize("name", family.FRAMES)
+@pytest.mark.parametrize("size", [(854, 474), (427, 237), (214, 119)])
+def test_masks_have_the_size_asked_for(name, size):
+    passers, unsure = family.masks(f"{name}.jpg", *size), family.unsure(name, *size)
+    still = family.still(name, *size)
+    assert passers.shape == unsure.shape == size[::-1]
+    assert passers.any() == any(kind in family.PASSING for kind, _ in family.FRAMES[name])
+    assert not (passers & unsure).any()
+    assert still["statue"].any()
+    assert not any((mask & (passers | unsure)).any() for mask in still.values())
+
+
+def test_polygons_lie_within_the_photos_and_have_kinds_that_are_known():
+    kinds = {*family.PASSING, *family.STILL, family.UNSURE}
+    for polygons in family.FRAMES.values():
+        for kind, points in polygons:
+            corners = np.array([point.split(",") for point in points.split()], int)
+            assert kind in kinds
+            assert len(corners) >= 3
+            assert (corners >= 0).all()
+            assert (corners <= (family.WIDTH, family.HEIGHT)).all()
+
+
+def _wall(name: str, shift: float) -> Frame:
+    """A wall two units before a camera that stands so many units to the right; columns differ."""
+    width, height, focal = 122, 68, 50.0
+    columns = np.arange(width) + shift * focal / 2
+    photo = np.repeat((0.2 + 0.004 * columns)[None, :, None], height, 0).repeat(3, 2)
+    pose = np.eye(4)
+    pose[0, 3] = -shift
+    intrinsics = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
+    nothing = np.zeros((height, width), bool)
+    depth = np.full((height, width), 2, np.float32)
+    return Frame(name, photo.astype(np.float32), photo, depth, nothing, intrinsics, pose)
+
+
+def test_another_photo_is_warped_to_where_this_one_shows_the_surface():
+    here, there = _wall("007", 0.0), _wall("008", 0.4)
+    seen = warped(here, there)
+    assert np.isnan(seen[:, :10]).all()  # 0.4 * 50 / 2 pixels are beyond the other's edge
+    assert seen[:, 10:] == pytest.approx(here.photo[:, 10:], abs=1e-5)
+
+
+def test_behind_a_passer_by_is_what_the_others_show_in_this_photos_exposure():
+    photo = _wall("015", 0.0)
+    others = [_wall("007", 0.2), _wall("008", -0.2)]
+    darker = [Frame(**{**vars(other), "photo": 0.5 * other.photo}) for other in others]
+    truth = truth_of(photo, [photo, *darker])
+    assert photo.passers.any()
+    assert truth[photo.passers] == pytest.approx(photo.photo[photo.passers], abs=1e-3)
