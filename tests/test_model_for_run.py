@@ -29,9 +29,8 @@ SEPARATING = DistractorConfig(
 
 def run_of(steps: int, views: int, **options: Any) -> DeSplatModelConfig:
     """The settings of a run of so many steps on so many views."""
-    whole = DeSplatModelConfig(
-        schedule_scale=min(1.0, steps / 30000), **({"refinements": 15} | options)
-    )
+    options.setdefault("refinements", 15)
+    whole = DeSplatModelConfig(schedule_scale=min(1.0, steps / 30000), **options)
     return whole.for_run(views)
 
 
