@@ -35,8 +35,9 @@ from lab.grid.tables import table
 from lab.separation.small_rules import FOUND, iou, judged, lost_by
 from lab.separation.small_things import make
 
-AROUND = 0.5
-"""The box around a thing has so much of its width on all sides."""
+AROUND = 1.0
+"""The box around a thing has so many of its widths on all sides: wide enough that a mask of
+everything does not find it."""
 
 NEAR = 5
 """Pixels around a thing within which a mask is not called away from it."""
@@ -59,14 +60,14 @@ class Sight:
 
     @cached_property
     def truth(self) -> tuple[np.ndarray, np.ndarray]:
-        """The thing's mask alone, and the box around it."""
+        """The thing's mask alone, and the box around it without other things."""
         left, top, right, bottom = self.thing["boxes"][self.name]
         mask = read_mask((self.capture / "masks" / self.name).with_suffix(".png"))
         inside, box = np.zeros_like(mask), np.zeros_like(mask)
         inside[top:bottom, left:right] = mask[top:bottom, left:right]
         margin = round(AROUND * (right - left))
         box[max(0, top - margin) : bottom + margin, max(0, left - margin) : right + margin] = True
-        return inside, box
+        return inside, box & (inside | ~mask)
 
     def at(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mask, box and the clean photo in cells of `grid_of` such a photo."""
