@@ -178,7 +178,9 @@ class RunConfig(TrainerConfig):
             CaptureError: photos that cannot be surveyed.
         """
         model = self.pipeline.model
-        if not (isinstance(model, StaticModelConfig) and model.effects.is_open):
+        if not (isinstance(model, StaticModelConfig) and model.effects.auto):
+            return None
+        if saved is None and not model.effects.is_open:
             return None
         if saved is None:
             model.effects, findings = decided_effects(model.effects, capture())

@@ -40,11 +40,8 @@ def test_the_survey_decides_and_the_run_is_saved_with_what_it_decided(scene, tmp
     config = auto_run(scene, tmp_path)
     trainer = set_up(config)
     record = json.loads((config.get_base_dir() / FILE).read_text())
-    decided = {
-        name: record[name]["decision"] for name in ("distractors", "appearance", "background")
-    }
-    assert trainer.pipeline.model.effects == Effects(**decided) == saved_effects(config)
-    assert trainer.pipeline.model.effects.distractors
+    decided = {name: record[name]["decision"] for name in ("appearance", "background")}
+    assert trainer.pipeline.model.effects == Effects(True, **decided) == saved_effects(config)
     assert trainer.pipeline.model.effects.appearance == "off"
 
 
@@ -53,36 +50,35 @@ def test_what_is_given_stays(scene, tmp_path, capsys):
     model = set_up(config).pipeline.model
     assert (model.effects.appearance, model.effects.distractors) == ("camera", False)
     assert saved_effects(config) == model.effects
-    assert (
-        "distractors: False, as given; the survey would have said True" in capsys.readouterr().out
-    )
+    said = capsys.readouterr().out
+    assert "appearance: camera, as given; the survey would have said off" in said
 
 
 def test_what_there_is_to_say_of_a_capture_is_said_once(scene, tmp_path, capsys):
-    config = auto_run(scene, tmp_path, appearance="off", background="off")
+    config = auto_run(scene, tmp_path, appearance="off")
     config.pipeline.datamanager.dataparser.downscale_factor = 2
     set_up(config)
     said = capsys.readouterr().out
-    assert "distractors: True" in said
+    assert "background: off" in said
     assert said.count("Photos are reduced to 1/2 of their size") == 1
 
 
 def test_nothing_is_surveyed_where_all_is_given(scene, tmp_path):
-    given = Effects(distractors=False)
-    config = auto_run(scene, tmp_path, **dataclasses.asdict(given))
-    assert set_up(config).pipeline.model.effects == given
+    config = auto_run(scene, tmp_path, appearance="off", background="off")
+    assert set_up(config).pipeline.model.effects == Effects()
     assert not (config.get_base_dir() / FILE).exists()
 
 
 @pytest.mark.slow
 def test_a_resumed_run_keeps_the_effects_of_its_checkpoint(scene, tmp_path):
-    first = auto_run(scene, tmp_path, appearance="camera")
+    first = auto_run(scene, tmp_path, appearance="camera", distractors=False)
     set_up(first).train()
     second = auto_run(scene, tmp_path)
     second.timestamp, second.max_num_iterations = "second", 4
     second.load_dir = first.get_checkpoint_dir()
     trainer = set_up(second)
     assert trainer.pipeline.model.effects.appearance == "camera"
+    assert not trainer.pipeline.model.effects.distractors
     assert not (second.get_base_dir() / FILE).exists()
     assert saved_effects(second).appearance == "camera"
 

@@ -55,16 +55,13 @@ class EffectsCost:
     extra_bytes: int
     """Parameters and optimizer state beyond those of the static scene, no distractor placed."""
 
-    def line(self) -> str:
-        """For a console."""
-        what = self.effects.words or "nothing on"
-        megabytes = self.extra_bytes / 1e6
+    def words(self) -> str:
+        """For a console: the time of the step, beside that with nothing on."""
+        if not self.effects.words:
+            return f"{self.milliseconds:.0f} ms with nothing on"
         low, high = self.ratio_range
-        doubt = f"; measured between {low:.2f} and {high:.2f}: not steady" if self.is_wide else ""
-        return (
-            f"{what}: {self.milliseconds:.0f} ms a step ({self.ratio:.2f} times as long as with "
-            f"nothing on{doubt}), {megabytes:.1f} MB more"
-        )
+        doubt = f" (not steady: {low:.2f} to {high:.2f})" if self.is_wide else ""
+        return f"{self.ratio:.2f} times as long with {self.effects.words}{doubt}"
 
     @property
     def is_wide(self) -> bool:

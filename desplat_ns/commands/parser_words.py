@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import tyro
 
@@ -24,35 +24,42 @@ Arguments = TypeVar("Arguments")
 
 
 def parse(
-    options: type[Arguments], command: str, words: Sequence[str], data_may_follow: bool = False
+    options: type[Arguments], command: str, words: Sequence[str]
 ) -> tuple[Arguments, tuple[str, ...]]:
     """A command's options, and the data parser's words that follow them, which are not looked at.
 
+    The capture, the first word, may also stand anywhere as `--data CAPTURE`, as ns-train takes it.
     Where help is asked for it is printed, that of the data parser if one is named, and the process
     ends.
 
     Args:
         options: a dataclass that tyro reads.
         command: its name, for errors.
-        data_may_follow: whether `COMMAND PARSER --data DATA` is understood as well, where the first
-            word is an optional `data`. It is None then.
 
     Raises:
         ConfigError: an option is not known, and no data parser is named before it.
     """
+    words = _data_first(words)
     if not HELP.isdisjoint(words):
         _help(options, command, [word for word in words if word not in HELP])
     parsed, rest = tyro.cli(options, prog=command, args=words, return_unknown_args=True)
-    if data_may_follow and any(word.partition("=")[0] == "--data" for word in rest):
-        untyped: Any = parsed
-        if untyped.data is not None and not untyped.data.exists():
-            rest, untyped.data = [str(untyped.data), *rest], None  # it is the data parser's name
     if rest and rest[0].startswith("-"):
         raise ConfigError(
             f"{rest[0]} is no option of {command}; see --help. Options of a data parser follow its "
             f"name, as in: {command} DATA colmap --downscale-factor 2."
         )
     return parsed, tuple(rest)
+
+
+def _data_first(words: Sequence[str]) -> list[str]:
+    """The words with the capture of `--data CAPTURE` or `--data=CAPTURE` before all others."""
+    for at, word in enumerate(words):
+        name, is_joined, value = word.partition("=")
+        if name == "--data":
+            end = at + 1 if is_joined else at + 2
+            data = [value] if is_joined else words[at + 1 : end]
+            return [*data, *words[:at], *words[end:]]
+    return list(words)
 
 
 def _help(options: type, command: str, words: Sequence[str]) -> None:

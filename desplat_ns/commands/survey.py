@@ -30,13 +30,15 @@ class Arguments:
     """
 
     data: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")] = None
-    """Folder of the capture. May be left out if a data parser gets it by its own --data."""
+    """Folder of the capture; `--data DATA`, as in ns-train, says the same."""
     output: Path = Path("survey")
     """Folder for survey.json (the findings) and survey.png (a sheet of the evidence)."""
     overwrite: bool = False
     """Replace these two files if they are there."""
     measure_costs: bool = True
     """Whether to time training steps with and without what is called for."""
+    verbose: bool = False
+    """Whether to print every figure with its threshold; survey.json has them in any case."""
 
     def survey(self, parser: tuple[str, ...]) -> Survey:
         """Check what can be checked at once, then survey.
@@ -49,9 +51,9 @@ class Arguments:
             ConfigError: no capture is named, or the files in `output` are there already or cannot
                 be written.
         """
-        if self.data is None and not parser:
+        if self.data is None:
             raise ConfigError("No capture is named. Type: desplat-survey FOLDER.")
-        if self.data is not None and not self.data.exists():
+        if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
         for name in WRITTEN:
             check_new_file(self.output / name, self.overwrite)
@@ -59,13 +61,13 @@ class Arguments:
         from desplat_ns.commands.surveyed import survey_capture
 
         chosen = data_parser("desplat-survey", parser) if parser else None
-        return survey_capture(self.data, self.output, self.measure_costs, chosen)
+        return survey_capture(self.data, self.output, self.measure_costs, chosen, self.verbose)
 
 
 def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
-    arguments, parser = parse(Arguments, "desplat-survey", sys.argv[1:], data_may_follow=True)
+    arguments, parser = parse(Arguments, "desplat-survey", sys.argv[1:])
     arguments.survey(parser)
 
 

@@ -24,18 +24,20 @@ from desplat_ns.survey.survey import effects_of, survey
 
 
 def survey_capture(
-    data: Path | None,
+    data: Path,
     output: Path,
     measure_costs: bool = True,
     dataparser: DataParserConfig | None = None,
+    verbose: bool = False,
 ) -> Survey:
     """Say which effects a capture calls for, and write it down.
 
     Args:
-        data: folder of the capture; None if the data parser names it.
+        data: folder of the capture.
         output: folder for survey.json and survey.png.
         measure_costs: whether to time training steps with and without what is called for.
         dataparser: reads the capture; without it, the layout is recognised.
+        verbose: whether to print every figure.
 
     Raises:
         CaptureError: the capture cannot be read or surveyed.
@@ -43,7 +45,7 @@ def survey_capture(
     """
     capture = capture_of(_outputs(data, dataparser))
     findings, evidence = survey(capture)
-    for line in findings.summary():
+    for line in findings.summary(verbose):
         announce(line)
     record = json.loads(findings.to_json())
     _write(record, output)
@@ -77,22 +79,17 @@ def costs_on_this_machine(findings: Survey, capture: Capture) -> dict[str, Any]:
     width, height = (int(side.median()) for side in (capture.cameras.width, capture.cameras.height))
     num_photos = len(capture.photos)
     size = StepSize.for_photos(width, height, num_photos, model.gaussians_per_pixel)
-    announce(
-        f"On this machine, at {size.width} x {size.height} pixels and {size.num_gaussians} static "
-        "Gaussians (before any distractor is placed):"
-    )
     nothing, every = Effects(distractors=False), effects_of(findings)
     alone = [replace(nothing, **{name: value}) for name, value in every.on.items()]
     costs = measure(size, [*alone, every], num_photos)
-    for cost in costs:
-        announce(f"  {cost.line()}")
+    announce(
+        f"On this machine, at {size.width} x {size.height} pixels and {size.num_gaussians} "
+        f"Gaussians, a step takes {'; '.join(cost.words() for cost in costs)}."
+    )
     return {"size": asdict(size), "steps": [asdict(cost) for cost in costs]}
 
 
-def _outputs(data: Path | None, dataparser: DataParserConfig | None):
-    if dataparser is None:
-        assert data is not None, "one of the two names the capture"
-        dataparser = DeSplatDataParserConfig(data=data)
-    elif data is not None:
-        dataparser.data = data  # pyright: ignore[reportAttributeAccessIssue]
+def _outputs(data: Path, dataparser: DataParserConfig | None):
+    dataparser = dataparser or DeSplatDataParserConfig()
+    dataparser.data = data  # pyright: ignore[reportAttributeAccessIssue]
     return without_prompts(dataparser).setup().get_dataparser_outputs("train")

@@ -17,11 +17,13 @@ TITLES = {
 }
 """The effects in their order, in words."""
 
+SURVEYED = ("appearance", "background")
+"""What a survey decides."""
+
 CONFIDENCE = {
-    "clear": "Its figures are clear of their thresholds.",
-    "close": "Its figures are close to their thresholds: training with another choice may be worth "
-    "a try.",
-    "none": "It could not be told; this is the safe side.",
+    "clear": "",
+    "close": " That was a close call: training with another choice may be worth a try.",
+    "none": " It could not be told; this is the safe side.",
 }
 
 
@@ -47,7 +49,7 @@ def read_survey(path: Path) -> dict[str, Any] | None:
         findings = json.loads(path.read_text("utf8"))
     except (OSError, ValueError):
         return None
-    return findings if isinstance(findings, dict) and set(TITLES) <= set(findings) else None
+    return findings if isinstance(findings, dict) and {*SURVEYED} <= set(findings) else None
 
 
 def effect_reasons(effects: Effects, survey: Mapping[str, Any] | None) -> list[EffectReason]:
@@ -64,7 +66,11 @@ def effect_reasons(effects: Effects, survey: Mapping[str, Any] | None) -> list[E
             "no record of a survey of the photos."
         )
         return [EffectReason(k, title, in_words(had[k]), why) for k, title in TITLES.items()]
-    return [_surveyed(name, had[name], survey[name]) for name in TITLES]
+    distractors = in_words(had["distractors"])
+    why = "On unless it is switched off: training finds out what stands in the way."
+    why = why if had["distractors"] else "As given."
+    first = EffectReason("distractors", TITLES["distractors"], distractors, why)
+    return [first, *(_surveyed(name, had[name], survey[name]) for name in SURVEYED)]
 
 
 def in_words(value: bool | str) -> str:
@@ -74,7 +80,7 @@ def in_words(value: bool | str) -> str:
 
 def _surveyed(effect: str, had: bool | str, finding: Mapping[str, Any]) -> EffectReason:
     decision, confidence, reason = (finding[key] for key in ("decision", "confidence", "reason"))
-    why = f"{reason} {CONFIDENCE[confidence]}"
+    why = reason + CONFIDENCE[confidence]
     if decision != had:
         would = in_words(decision)
         why = f"As given. The survey of the photos would have said {would}: {reason}"

@@ -55,7 +55,7 @@ class EffectsConfig:
     it. An effect that is given here stays as it is given. On in `desplat`."""
     distractors: bool | None = None
     """Explain what stands in the way by a set of Gaussians for each training view; False
-    trains the static scene alone. None: as `auto` finds, else True."""
+    trains the static scene alone. None: True; training decides by what it finds."""
     appearance: AppearanceGrade | None = None
     """For photos that differ in exposure, light or weather. camera: each photo has a gain for each
     channel, a gamma and a vignetting; affine: each has an embedding that scales and shifts each
@@ -68,8 +68,8 @@ class EffectsConfig:
 
     @property
     def is_open(self) -> bool:
-        """Whether a survey has to decide on something."""
-        return self.auto and None in self._given().values()
+        """Whether a survey has to decide on light or sky."""
+        return self.auto and None in (self.appearance, self.background)
 
     def settled(self) -> Effects:
         """The effects as they are given, else as they are by default.

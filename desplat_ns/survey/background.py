@@ -183,16 +183,25 @@ def _decided(
 ) -> tuple[Decision, Confidence, str]:
     """What the figures call for, how sure that is, and why."""
     if not share.is_above:
-        return "off", confidence_of([share]), "The scene fills the photos."
+        reason = f"The scene fills the photos: {share.value:.1%} of their area may be sky ("
+        return "off", confidence_of([share]), f"{reason}above {VISIBLE_SHARE:.0%} it counts)."
+    sky = f"{share.value:.0%} of the photos' area is sky"
     if by_photo.is_above:
-        reason = "There is a sky, and photos show different ones."
+        reason = (
+            f"{sky}, and photos show different ones: they differ by {by_photo.value:.3f} of the "
+            f"range of values (above {by_photo.threshold:.3f} it counts)."
+        )
         return "image", confidence_of([share, by_photo]), reason
     if not by_photo.is_known:
-        return "sh", "close", "There is a sky; photos do not look in the same directions."
+        return "sh", "close", f"{sky}; photos do not look in the same directions."
     sure = confidence_of([share, by_photo, by_direction])
     if by_direction.is_above:
-        return "sh", sure, "There is a sky, one for all photos, and not of one colour."
-    return "constant", sure, "There is a sky of one colour."
+        reason = (
+            f"{sky}, one for all photos, and its directions differ by {by_direction.value:.3f} of "
+            f"the range of values (above {RANGE:.3f} it counts)."
+        )
+        return "sh", sure, reason
+    return "constant", sure, f"{sky}, of one colour."
 
 
 def _medians(values: np.ndarray, number: np.ndarray) -> np.ndarray:

@@ -11,22 +11,12 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-Effect = Literal["appearance", "background", "distractors"]
+Effect = Literal["appearance", "background"]
 Confidence = Literal["clear", "close", "none"]
-Decision = str | bool
+Decision = str
 
 CLEAR = 1.5
 """A figure that is so many times its threshold, or that part of it, is clear of it."""
-
-MEMORY: dict[tuple[str, Decision], str] = {
-    ("distractors", True): "at most a quarter of the static scene's memory in the scenes measured",
-    ("appearance", "camera"): "60 bytes a photo",
-    ("appearance", "affine"): "288 bytes a static Gaussian, 384 a photo, 0.3 MB",
-    ("background", "constant"): "36 bytes",
-    ("background", "sh"): "900 bytes",
-    ("background", "image"): "0.6 MB, 384 bytes a photo",
-}
-"""Of what is switched on: parameters and their Adam moments, float32."""
 
 NO_TRACKS = "which photo observed which point: there are no tracks"
 """What one cannot tell then, whatever the effect."""
@@ -78,23 +68,18 @@ class Finding:
     """`clear`: the deciding figures are off their thresholds by a factor of `CLEAR`; `close`: by
     less; `none`: the safe side."""
     reason: str
+    """A sentence with the figures that decided."""
     figures: tuple[Figure, ...]
     could_not_tell: tuple[str, ...] = ()
 
-    @property
-    def memory(self) -> str:
-        """What the decision needs, in words. What it takes of time, `calibration` measures."""
-        return MEMORY.get((self.effect, self.decision), "nothing")
-
-    def lines(self) -> list[str]:
-        """For a console: the decision, then its figures, then what is not known."""
-        sure = {"clear": "clear", "close": "close to the threshold", "none": "the safe side"}
-        return [
-            f"{self.effect}: {self.decision} ({sure[self.confidence]}). {self.reason}",
-            *(f"  {figure.line()}" for figure in self.figures),
-            f"  memory: {self.memory}",
-            *(f"  Not told: {line}" for line in self.could_not_tell),
-        ]
+    def lines(self, verbose: bool = False) -> list[str]:
+        """For a console: the decision and why; with `verbose` its figures and what is unknown."""
+        sure = {"clear": "", "close": " (a close call)", "none": " (the safe side)"}
+        head = f"{self.effect}: {self.decision}{sure[self.confidence]}. {self.reason}"
+        if not verbose:
+            return [head]
+        figures = [f"  {figure.line()}" for figure in self.figures]
+        return [head, *figures, *(f"  Not told: {line}" for line in self.could_not_tell)]
 
 
 @dataclass(frozen=True)
@@ -103,7 +88,6 @@ class Survey:
 
     appearance: Finding
     background: Finding
-    distractors: Finding
     num_photos: int
     """Of the training split."""
     num_surveyed: int
@@ -113,9 +97,9 @@ class Survey:
     notes: tuple[str, ...] = ()
 
     @property
-    def findings(self) -> tuple[Finding, Finding, Finding]:
+    def findings(self) -> tuple[Finding, Finding]:
         """In the order of the effects' switches."""
-        return self.distractors, self.appearance, self.background
+        return self.appearance, self.background
 
     def decisions(self) -> dict[str, Decision]:
         """The switches by name."""
@@ -123,16 +107,13 @@ class Survey:
 
     def to_json(self) -> str:
         """Everything, as JSON; numbers that could not be measured are null."""
-        content = asdict(self)
-        for finding in self.findings:
-            content[finding.effect]["memory"] = finding.memory
-        return json.dumps(_plain(content), indent=2, allow_nan=False) + "\n"
+        return json.dumps(_plain(asdict(self)), indent=2, allow_nan=False) + "\n"
 
-    def summary(self) -> list[str]:
-        """Lines for a console."""
+    def summary(self, verbose: bool = False) -> list[str]:
+        """Lines for a console: notes, and one for each effect; with `verbose` all figures."""
         head = f"{self.num_surveyed} of {self.num_photos} training photos, {self.num_points} points"
-        lines = [f"Surveyed {head}.", *self.notes]
-        return lines + [line for finding in self.findings for line in finding.lines()]
+        lines = [*([f"Surveyed {head}."] if verbose else []), *self.notes]
+        return lines + [line for finding in self.findings for line in finding.lines(verbose)]
 
 
 def confidence_of(figures: Sequence[Figure]) -> Confidence:

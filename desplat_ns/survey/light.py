@@ -1,6 +1,6 @@
 """Whether photos differ in their light: not at all, as a whole (`camera`), or place by place.
 
-Letters in shapes: V photos, P points, M observations.
+Letters in shapes: V photos, P points.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from desplat_ns.survey.findings import (
     confidence_of,
     mean_of,
 )
+from desplat_ns.survey.matching import directions, neighbours
 from desplat_ns.survey.observations import Observations
 from desplat_ns.survey.photo_light import FEWEST, PhotoLight, robust_spread
 
@@ -41,9 +42,9 @@ LOCAL_STEP = 0.15
 """Of the value: a place is another one's shade if it and what is near are off by more than this.
 A surface in the sun has 1.3 to 2 times the value of one in the shade."""
 
-LOCAL_SHARE = 0.04
-"""Share of the places. It was set between 0.023, the most that edges made where the light stands
-still and nothing is fine or glossy, and 0.061, the least where the sun moved."""
+LOCAL_SHARE = 0.035
+"""Share of the places. Set between 0.029, the most where the light stands still (a grove as fine as
+a pixel, in photos of different exposure), and 0.043, the least where the sun moved."""
 
 LEAST_EXPLAINED = 0.3
 """Share of the variance between photos that their lights must explain to be believed."""
@@ -68,11 +69,12 @@ def change_of_photos(light: PhotoLight) -> Float[np.ndarray, " V"]:
 
 def local_steps(
     observations: Observations, light: PhotoLight, is_confirmed: Bool[np.ndarray, "V P"]
-) -> Float[np.ndarray, " M"]:
-    """What a photo's light leaves at each observation and near it, in log; the lesser of both.
+) -> Float[np.ndarray, "V P"]:
+    """What a photo's light leaves at each point and near it, in log; the lesser of both.
 
-    0 where they contradict each other, NaN where too little is near. The residual is the channels'
-    median; it is enlarged by what the point's colour took of it: n photos leave (n - 1) / n.
+    0 where they contradict each other, NaN where too little is near or the point does not count.
+    The residual is the channels' median; it is enlarged by what the point's colour took of it: n
+    photos leave (n - 1) / n.
 
     Args:
         is_confirmed: where a photo and a neighbour show the same of the point. Elsewhere something
@@ -80,24 +82,46 @@ def local_steps(
     """
     photos = np.bincount(light.point, minlength=len(observations.xyz))[light.point]
     own = np.median(light.residual, axis=1) * photos / np.maximum(photos - 1, 1)
-    steps, counts = np.full(len(own), np.nan), is_confirmed[light.photo, light.point]
+    steps, counts = np.full(is_confirmed.shape, np.nan), is_confirmed[light.photo, light.point]
     for row, view in enumerate(observations.views):
         part = np.flatnonzero((light.photo == row) & counts)
-        places = observations.places[row, light.point[part]]
+        point = light.point[part]
+        places = observations.places[row, point]
         near, count = view.near_means(places, np.clip(own[part], -0.5, 0.5))
         agree = np.sign(near) == np.sign(own[part])
         lesser = np.where(agree, np.minimum(np.abs(near), np.abs(own[part])), 0.0)
-        steps[part] = np.where(count >= FEW_NEAR, lesser * np.sign(near), np.nan)
+        steps[row, point] = np.where(count >= FEW_NEAR, lesser * np.sign(near), np.nan)
     return steps
 
 
+def share_by_direction(observations: Observations, steps: Float[np.ndarray, "V P"]) -> float:
+    """How much of the large steps the neighbours show, too: about 1 where colours follow the
+    direction from which a place is seen, as gloss does, and 0 where each photo has its own light.
+
+    Least squares of the neighbours' mean steps on a photo's own, in [0, 1]; 0 where no place has
+    neighbours.
+    """
+    toward, distance = directions(observations)
+    is_known = np.isfinite(steps)
+    product = square = 0.0
+    for row in range(len(steps)):
+        others = neighbours(row, is_known, toward, distance)
+        theirs = np.where(others >= 0, np.take_along_axis(steps, np.maximum(others, 0), axis=0), 0)
+        count = (others >= 0).sum(axis=0)
+        large = (np.abs(steps[row]) > LOCAL_STEP) & (count > 0)
+        mean = theirs.sum(axis=0)[large] / count[large]
+        product += float((mean * steps[row, large]).sum())
+        square += float((steps[row, large] ** 2).sum())
+    return min(max(product / square, 0.0), 1.0) if square > 0 else 0.0
+
+
 def appearance_finding(
-    observations: Observations, light: PhotoLight, is_confirmed: Bool[np.ndarray, "V P"]
+    observations: Observations, light: PhotoLight, steps: Float[np.ndarray, "V P"]
 ) -> Finding:
     """Decide how photos' light is to be explained.
 
     Args:
-        is_confirmed: see `local_steps`.
+        steps: see `local_steps`.
     """
     changes = change_of_photos(light)
     known = changes[np.isfinite(changes)]
@@ -110,14 +134,17 @@ def appearance_finding(
     explained = Figure(
         "explained", share, "share of the variance between photos that their light explains"
     )
-    steps = local_steps(observations, light, is_confirmed)
+    places = mean_of(np.abs(steps[np.isfinite(steps)]) > LOCAL_STEP)
+    by_direction = share_by_direction(observations, steps)
+    what = f"share of places off by more than {LOCAL_STEP:.0%} together with what is near"
     local = Figure(
         "local",
-        mean_of(np.abs(steps[np.isfinite(steps)]) > LOCAL_STEP),
-        f"share of places off by more than {LOCAL_STEP:.0%} together with what is near",
+        places * (1 - by_direction),
+        f"{what}, less what photos from nearly the same direction show, too",
         LOCAL_SHARE,
     )
-    figures = (median, largest, local, explained, *_beside(light))
+    beside = (Figure("places", places, what), *_beside(light))
+    figures = (median, largest, local, explained, *beside)
     unknown = _unknown(observations, changes)
     if len(known) < 2:
         reason = "Fewer than two photos show enough common points to compare their colours."
@@ -131,22 +158,34 @@ def _decided(
 ) -> tuple[Decision, Confidence, str]:
     """What the figures call for, how sure that is, and why."""
     moved = replace(median, threshold=EIGHTH_STOP)
+    as_a_whole = f"half of the photos are off by {median.value:.1%} or more as a whole"
     if local.is_above and moved.is_above:
-        reason = "Light changes from place to place: shadows move, or sun and clouds alternate."
+        reason = (
+            f"Light changes from place to place: {local.value:.1%} of the places are lighter or "
+            f"darker in one photo alone (above {LOCAL_SHARE:.1%} it counts)."
+        )
         return "affine", confidence_of([local, moved]), reason
     sure = confidence_of([median, local])
     if median.is_above and explained.value > LEAST_EXPLAINED:
-        return "camera", sure, "Photos differ in exposure, white balance or contrast as a whole."
+        reason = (
+            f"Photos differ in exposure, white balance, contrast or dark corners: {as_a_whole} "
+            f"(above {QUARTER_STOP:.0%} it counts)."
+        )
+        return "camera", sure, reason
     if top.value > HALF_STOP:
         reason = (
-            "Most photos show the same colours; a tenth are off by half a stop or more, which "
+            f"Most photos show the same colours; a tenth are off by {top.value:.0%} or more, which "
             "`camera` would explain."
         )
         return "off", "close", reason
     if local.is_above:
-        reason = "Places differ, but no photo as a whole: gloss, or detail finer than a pixel."
+        reason = (
+            f"Places differ ({local.value:.1%}), but photos as a whole by {median.value:.1%} only: "
+            "gloss, or detail finer than a pixel."
+        )
         return "off", confidence_of([moved]), reason
-    return "off", sure, "Photos show the same colours, as far as the eye would notice."
+    reason = f"Photos show the same colours: {as_a_whole} (above {QUARTER_STOP:.0%} it counts)."
+    return "off", sure, reason
 
 
 def _beside(light: PhotoLight) -> list[Figure]:

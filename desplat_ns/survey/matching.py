@@ -1,4 +1,4 @@
-"""Which photos are neighbours at a point, and whether two patches have the same structure.
+"""Which photos are neighbours at a point, and whether they show the same of it.
 
 Letters in shapes: V photos, P points, M pairs.
 """
@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from desplat_ns.survey.observations import Observations
+from desplat_ns.survey.photo_light import PhotoLight, from_middle
 
 NEAR_ANGLE = 30.0
 """Degrees between two directions to a point from which its surroundings look much alike."""
@@ -18,6 +19,10 @@ NEAR_DISTANCE = 2.0
 
 NEIGHBOURS, FEWEST_NEIGHBOURS = 3, 2
 """Photos with which a point is compared, the nearest in direction, and how many there must be."""
+
+COLOR_STEP = 0.12
+"""Of the range of values, in the light common to all photos, below which two show the same: twice
+what light leaves in photos of tourists, and less than between most things."""
 
 SAME_STRUCTURE = 0.5
 """Normalized cross-correlation of two patches above which they show the same."""
@@ -77,6 +82,29 @@ def are_alike(
     norms = np.linalg.norm(first, axis=-1), np.linalg.norm(second, axis=-1)
     alike = (first * second).sum(axis=-1) > correlation * norms[0] * norms[1]
     return alike & (np.minimum(*norms) > FLAT * np.sqrt(first.shape[-1]))
+
+
+def confirmed(observations: Observations, light: PhotoLight) -> Bool[np.ndarray, "V P"]:
+    """Where a photo and one of its neighbours show the same of a point, in colour or in structure.
+
+    False where fewer than `FEWEST_NEIGHBOURS` found the point.
+    """
+    neutral = np.zeros_like(observations.colors)
+    for row, view in enumerate(observations.views):
+        rho2 = np.nan_to_num(from_middle(view.size, observations.places[row]))
+        neutral[row] = light.neutral(row, observations.colors[row], rho2)
+    toward, distance = directions(observations)
+    same = np.zeros_like(observations.is_shown)
+    for row in range(len(same)):
+        others = neighbours(row, observations.is_tracked, toward, distance)
+        is_there = others >= 0
+        expected = observations.is_shown[row] & (is_there.sum(axis=0) >= FEWEST_NEIGHBOURS)
+        for other, there in zip(others, is_there, strict=True):
+            which = np.flatnonzero(expected & there)
+            pair = other[which], which
+            step = np.abs(neutral[row, which] - neutral[pair]).max(axis=-1)
+            same[row, which] |= (step < COLOR_STEP) | are_alike(observations, (row, which), pair)
+    return same
 
 
 def matched_points(observations: Observations) -> Bool[np.ndarray, "V P"]:

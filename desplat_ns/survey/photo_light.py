@@ -2,11 +2,12 @@
 
 A photo i shows a point p of true colour T in channel c as
 
-    log photo_ipc = gain_ic + gamma_i log T_pc + vignetting_i rho^2 + noise
+    log photo_ipc = gain_ic + gamma_i log T_pc + vignetting_i rho^2 + lens rho^4 + noise
 
 where rho is the distance from the middle of the photo over that of its corners. Both sides are
 values of the files, between 0 and 1. Gains are 0 and gammas 1 in the mean of the photos: a light
-that all have in common belongs to the scene.
+that all have in common belongs to the scene. All photos share `lens`: rho^2 alone does not explain
+how steeply some lenses darken the corners, and what it leaves looks like shade.
 Letters in shapes: V photos, P points, M observations that count.
 """
 
@@ -33,6 +34,9 @@ JOINT_PRIOR = 0.001
 """Observations that hold all gains where they are when they are changed at once: it makes the
 common light, which nothing determines, stay."""
 
+LENS_PRIOR = 1.0
+"""Observations in the very corners that speak for a lens that darkens them by rho^2 alone."""
+
 FEWEST = 15
 """Observations without which a photo's light is not known."""
 
@@ -46,6 +50,7 @@ class PhotoLight:
     gains: Float[np.ndarray, "V 3"]
     gammas: Float[np.ndarray, " V"]
     vignetting: Float[np.ndarray, " V"]
+    lens: float
     photo: Int[np.ndarray, " M"]
     """Which photo an observation is of, ascending."""
     point: Int[np.ndarray, " M"]
@@ -71,7 +76,8 @@ class PhotoLight:
             rho2: rho^2 at which they were seen.
         """
         logs = np.log(np.maximum(colors, LOWEST)) - self.gains[row]
-        logs = (logs - self.vignetting[row] * rho2[..., None]) / self.gammas[row]
+        darker = (self.vignetting[row] + self.lens * rho2) * rho2
+        logs = (logs - darker[..., None]) / self.gammas[row]
         return np.exp(np.minimum(logs, 1.0))
 
 
@@ -99,11 +105,12 @@ def fit_light(observations: Observations) -> PhotoLight:
     count = len(observations.views), len(observations.xyz)
     before = _alternate(photo, point, logs, weight, rho2, count, fits_photos=False)
     after = _alternate(photo, point, logs, weight, rho2, count, fits_photos=True)
-    gains, gammas, vignetting, true, residual = after
+    gains, gammas, vignetting, lens, true, residual = after
     return PhotoLight(
         gains=gains,
         gammas=gammas,
         vignetting=vignetting,
+        lens=lens,
         photo=photo,
         point=point,
         change=logs - residual - true[point],
@@ -126,15 +133,16 @@ def _alternate(
     rho2: np.ndarray,
     count: tuple[int, int],
     fits_photos: bool,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Gains, gammas, vignetting, true colours and residuals."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
+    """Gains, gammas, vignetting, lens, true colours and residuals."""
     gains, gammas, vignetting = np.zeros((count[0], 3)), np.ones(count[0]), np.zeros(count[0])
+    lens, rho4 = 0.0, np.repeat(rho2[:, None] ** 2, 3, axis=1)
     ends = np.searchsorted(photo, np.arange(count[0] + 1))
     trust = np.ones((len(photo), 1))
 
     def explain() -> tuple[np.ndarray, np.ndarray]:
         """Colours that fit the lights best, and what both leave."""
-        offset = gains[photo] + (vignetting[photo] * rho2)[:, None]
+        offset = gains[photo] + (vignetting[photo] * rho2)[:, None] + lens * rho4
         scale = gammas[photo, None]
         true = _means(point, (logs - offset) / scale, weight * trust * scale**2, count[1])
         return true, logs - offset - scale * true[point]
@@ -149,13 +157,19 @@ def _alternate(
         for row in range(count[0]):
             part = slice(ends[row], ends[row + 1])
             colors, sure = true[point[part]], weight[part] * trust[part]
-            solution = _solve(colors, middle, rho2[part], logs[part], sure)
+            seen = logs[part] - lens * rho4[part]
+            solution = _solve(colors, middle, rho2[part], seen, sure)
             gains[row], gammas[row], vignetting[row] = solution[:3], solution[3], solution[4]
         gammas /= gammas.mean()
         _, residual = explain()
         gains += _joint_gains(photo, point, residual, weight * trust, count)
         gains -= gains.mean(axis=0)
-    return gains, gammas, vignetting, *explain()
+        # At once with the points' colours, as the gains: differences from a point's mean count.
+        sure, (_, residual) = weight * trust, explain()
+        corner = rho4 - _means(point, rho4, sure, count[1])[point]
+        change = (sure * corner * residual).sum() - 3 * LENS_PRIOR * lens
+        lens += float(change / ((sure * corner**2).sum() + 3 * LENS_PRIOR))
+    return gains, gammas, vignetting, lens, *explain()
 
 
 def _joint_gains(

@@ -1,4 +1,4 @@
-"""A sheet of the evidence: photos, the same without their light, what disagrees, and the sky."""
+"""A sheet of the evidence: photos, the same without their light, what that leaves, the sky."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+from desplat_ns.survey.light import LOCAL_STEP
 from desplat_ns.survey.photo_light import from_middle
 from desplat_ns.survey.survey import Evidence
 
@@ -16,21 +17,18 @@ SIDE, GAP = 200, 6
 ROWS = (
     "photos",
     "without each photo's own light",
-    "expected points: green agrees, orange disagrees, red and all near disagree",
+    f"what that leaves: green less than {LOCAL_STEP:.0%}, orange lighter, blue darker",
     "blue: nothing behind",
 )
-AGREES, DISAGREES, COVERED = (60, 190, 90), (250, 160, 40), (230, 30, 50)
+SAME, LIGHTER, DARKER = (60, 190, 90), (250, 160, 40), (40, 60, 230)
 SKY = np.array([40, 110, 255])
 
 
 def evidence_picture(evidence: Evidence) -> UInt8[np.ndarray, "H W 3"]:
-    """Rows as in `ROWS`; columns are photos evenly spread, with the one most covered among them."""
+    """Rows as in `ROWS`; columns are photos evenly spread."""
     observations = evidence.observations
     count = len(observations.views)
     chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_COLUMNS)).round().astype(int))
-    worst = int(evidence.disagreement.is_covered.sum(axis=1).argmax())
-    if worst not in chosen:
-        chosen[np.abs(chosen - worst).argmin()] = worst
     columns = [
         [
             observations.photos[row],
@@ -69,13 +67,13 @@ def _without_light(evidence: Evidence, row: int) -> np.ndarray:
 
 
 def _with_points(evidence: Evidence, row: int) -> np.ndarray:
-    disagreement, photo = evidence.disagreement, evidence.observations.photos[row]
+    steps, photo = evidence.steps[row], evidence.observations.photos[row]
     pale = (photo // 2 + 110).astype(np.uint8)
     radius = max(1, round(max(photo.shape[:2]) / 160))
     for which, color in (
-        (disagreement.is_expected[row] & ~disagreement.disagrees[row], AGREES),
-        (disagreement.disagrees[row] & ~disagreement.is_covered[row], DISAGREES),
-        (disagreement.is_covered[row], COVERED),
+        (np.abs(steps) <= LOCAL_STEP, SAME),
+        (steps > LOCAL_STEP, LIGHTER),
+        (steps < -LOCAL_STEP, DARKER),
     ):
         for x, y in evidence.observations.places[row, which]:
             cv2.circle(pale, (int(x), int(y)), radius, color, -1, cv2.LINE_AA)

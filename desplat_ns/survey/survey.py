@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+import numpy as np
+from jaxtyping import Float
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError
 from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.survey.background import background_finding, skies_of
-from desplat_ns.survey.distractors import Disagreement, compare_photos, distractor_finding
 from desplat_ns.survey.findings import Survey
-from desplat_ns.survey.light import appearance_finding
-from desplat_ns.survey.matching import matched_points
+from desplat_ns.survey.light import appearance_finding, local_steps
+from desplat_ns.survey.matching import confirmed, matched_points
 from desplat_ns.survey.observations import Capture, Observations, capture_of, observe
 from desplat_ns.survey.photo_light import PhotoLight, fit_light
 from desplat_ns.survey.sky import Sky
@@ -26,11 +26,12 @@ FILE = "survey.json"
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the findings were made from, for pictures."""
+    """What the findings were made from, for pictures. V photos, P points."""
 
     observations: Observations
     light: PhotoLight
-    disagreement: Disagreement
+    steps: Float[np.ndarray, "V P"]
+    """See `local_steps`."""
     skies: dict[int, Sky]
 
 
@@ -48,21 +49,19 @@ def survey(capture: Capture) -> tuple[Survey, Evidence]:
     if not observations.has_tracks:
         observations.is_tracked = matched_points(observations)
     light = fit_light(observations)
-    disagreement = compare_photos(observations, light)
-    appearance = appearance_finding(observations, light, disagreement.is_confirmed)
-    distractors = distractor_finding(observations, disagreement)
+    steps = local_steps(observations, light, confirmed(observations, light))
+    appearance = appearance_finding(observations, light, steps)
     skies = skies_of(observations)
     background = background_finding(observations, light, skies, appearance.decision == "affine")
     findings = Survey(
         appearance=appearance,
         background=background,
-        distractors=distractors,
         num_photos=observations.num_photos,
         num_surveyed=len(observations.views),
         num_points=len(observations.xyz),
         notes=_notes(observations),
     )
-    return findings, Evidence(observations, light, disagreement, skies)
+    return findings, Evidence(observations, light, steps, skies)
 
 
 def _notes(observations: Observations) -> tuple[str, ...]:
@@ -82,7 +81,7 @@ def decided_effects(
     effects: EffectsConfig, outputs: DataparserOutputs
 ) -> tuple[EffectsConfig, Survey]:
     """The effects that the training photos call for, where `effects` does not give them, and the
-    findings, which are said on the console.
+    findings, which are said on the console. Distractors are on unless they are given.
 
     Args:
         outputs: of the training split.
@@ -111,6 +110,5 @@ def write_findings(findings: Survey, folder: Path) -> None:
 
 
 def effects_of(findings: Survey) -> Effects:
-    """What a survey decided."""
-    decisions: dict[str, Any] = findings.decisions()
-    return Effects(**decisions)
+    """What a survey decided, and distractors on: training finds out what stands in the way."""
+    return Effects(**findings.decisions())  # pyright: ignore[reportArgumentType]

@@ -227,8 +227,6 @@ MUTATIONS = (
              'appearance.decision == "affine")', "False)", f"{SURVEY} -k sky"),
     Mutation("lenses darken no corners", "survey/photo_light.py",
              "rows[:, :, 4] = rho2[:, None]", "rows[:, :, 4] = 0", f"{SURVEY} -k lens"),
-    Mutation("the worst photo counts", "survey/distractors.py",
-             "np.sort(shares)[:-1]", "np.sort(shares)", f"{SURVEY} -k fault"),
 )  # fmt: skip
 
 

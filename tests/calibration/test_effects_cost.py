@@ -37,9 +37,9 @@ def test_a_disturbed_round_does_not_move_the_ratio_and_wide_spreads_are_told(mon
     monkeypatch.setattr(effects_cost, "ModelStep", lambda *_: Weightless())
     costs = measure(StepSize(16, 16, 1000), [camera], num_photos=3, rounds=5)
     assert costs[1].ratio == pytest.approx(1.5)
-    assert not costs[1].is_wide and "not steady" not in costs[1].line()
+    assert not costs[1].is_wide and "not steady" not in costs[1].words()
     shaken = replace(costs[1], ratio_range=(1.2, 2.0))
-    assert "between 1.20 and 2.00: not steady" in shaken.line()
+    assert "not steady: 1.20 to 2.00" in shaken.words()
 
 
 class Weightless:
@@ -57,4 +57,4 @@ def test_every_case_is_told_once_after_the_step_that_has_nothing_on():
     assert costs[0].ratio == 1 and costs[0].extra_bytes == 0
     assert costs[1].extra_bytes == 3 * 4 * 3 * 5  # three photos, five numbers, and their moments
     assert costs[2].extra_bytes > 3 * 4 * 24 * 1000
-    assert "appearance camera" in costs[1].line() and "nothing on:" in costs[0].line()
+    assert "appearance camera" in costs[1].words() and "nothing on" in costs[0].words()

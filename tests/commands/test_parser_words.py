@@ -24,13 +24,15 @@ def test_options_of_the_data_parser_follow_its_name():
 
 
 @pytest.mark.parametrize("data", [["--data", "a"], ["--data=a"]])
-def test_a_data_parser_may_name_the_capture_itself_where_a_command_allows_it(data: list[str]):
-    words = ["--output", "o", "colmap", *data]
-    arguments, parser = parse(survey.Arguments, "desplat-survey", words, data_may_follow=True)
-    assert arguments.data is None and arguments.output == Path("o")
-    assert parser == ("colmap", *data)
-    with pytest.raises(ConfigError, match="--data"):
-        parse(Arguments, COMMAND, ["colmap", *data])
+def test_the_capture_is_named_as_ns_train_takes_it_too(data: list[str]):
+    parser = ["colmap", "--downscale-factor", "2"]
+    for words in ([*data, *parser], [*parser[:1], *data, *parser[1:]], [*parser, *data]):
+        arguments, rest = parse(survey.Arguments, "desplat-survey", ["--output", "o", *words])
+        assert (arguments.data, arguments.output) == (Path("a"), Path("o"))
+        assert rest == tuple(parser)
+    arguments, rest = parse(survey.Arguments, "desplat-survey", data)
+    assert (arguments.data, rest) == (Path("a"), ())
+    assert parse(Arguments, COMMAND, data)[0].data == Path("a")
 
 
 @pytest.mark.parametrize("words", [["--help"], ["--time", "5min", "-h"], ["photos", "--help"]])

@@ -21,11 +21,11 @@ def test_a_capture_is_found_and_the_findings_are_written(tiny_scene, tmp_path, c
     findings = survey_capture(tiny_scene.folder, tmp_path / "out")
     assert "It is read by robustnerf-data." in capsys.readouterr().out
     written = json.loads((tmp_path / "out" / "survey.json").read_text())
-    assert written["distractors"]["decision"] == findings.distractors.decision
+    assert written["appearance"]["decision"] == findings.appearance.decision
     assert (tmp_path / "out" / "survey.png").stat().st_size > 1000
     steps = written["on_this_machine"]["steps"]
     assert steps[0]["ratio"] == 1 and steps[0]["effects"] == asdict(Effects(distractors=False))
-    assert steps[-1]["effects"] == findings.decisions()
+    assert steps[-1]["effects"] == {"distractors": True, **findings.decisions()}
     assert all(step["milliseconds"] > 0 for step in steps)
 
 
@@ -41,9 +41,13 @@ def test_the_command_takes_a_parser_by_its_name(tiny_scene, tmp_path):
     for parser in ("colmap", "robustnerf-data"):
         folder = str(tiny_scene.folder)
         options = ["--output", str(tmp_path / parser), "--no-measure-costs", "--overwrite"]
-        words = [*options, parser, "--data", folder]
-        for given in ([folder, *words], words):
-            arguments, rest = parse(Arguments, "desplat-survey", given, data_may_follow=True)
+        for given in (
+            [folder, *options, parser],
+            [*options, parser, "--data", folder],
+            ["--data", folder, *options, parser],
+            [*options, f"--data={folder}"],
+        ):
+            arguments, rest = parse(Arguments, "desplat-survey", given)
             findings = arguments.survey(rest)
             assert findings.num_photos > 0
         assert (tmp_path / parser / "survey.json").is_file()
@@ -115,4 +119,4 @@ def test_where_nothing_draws_on_the_gpu_the_survey_is_saved_all_the_same(
     monkeypatch.setattr(surveyed, "costs_on_this_machine", costs)
     survey_capture(tiny_scene.folder, tmp_path)
     assert "not measured. Backend 'gsplat' has no CUDA kernels" in capsys.readouterr().out
-    assert "distractors" in json.loads((tmp_path / "survey.json").read_text())
+    assert "appearance" in json.loads((tmp_path / "survey.json").read_text())

@@ -107,10 +107,7 @@ def parse(command: Documented, checkout: Path) -> Any:
         from desplat_ns.commands.parser_words import parse as parse_with_data
 
         arguments = _named(WITH_PARSER[program])
-        is_survey = program == "desplat-survey"
-        return _read(
-            lambda: parse_with_data(arguments, program, words, data_may_follow=is_survey), command
-        )
+        return _read(lambda: parse_with_data(arguments, program, words), command)
     if program == "make":
         targets = [word for word in words if "=" not in word]
         makefile = (checkout / "Makefile").read_text("utf8")

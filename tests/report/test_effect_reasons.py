@@ -22,7 +22,6 @@ def finding(decision: Any, confidence: str = "clear") -> dict[str, Any]:
 
 
 SURVEY = {
-    "distractors": finding(True),
     "appearance": finding("camera", "close"),
     "background": finding("off", "none"),
 }
@@ -31,17 +30,20 @@ SURVEY = {
 def test_an_effect_has_the_surveys_reason_and_figures():
     distractors, appearance, background = effect_reasons(Effects(True, "camera", "off"), SURVEY)
     assert (distractors.value, appearance.value, background.value) == ("on", "camera", "off")
-    assert distractors.why.startswith("Because.") and "clear" in distractors.why
+    assert "training finds out" in distractors.why
+    assert appearance.why.startswith("Because.") and "a close call" in appearance.why
     assert [part.is_unsure for part in (distractors, appearance, background)] == [False, True, True]
-    assert distractors.figures[0]["value"] is None
-    assert distractors.could_not_tell == ["what is before the sky"]
+    assert appearance.figures[0]["value"] is None
+    assert appearance.could_not_tell == ["what is before the sky"]
 
 
 def test_an_effect_that_was_given_against_the_survey_says_so():
-    reason = effect_reasons(Effects(False, "camera", "off"), SURVEY)[0]
-    assert reason.value == "off"
-    assert "would have said on: Because." in reason.why
-    assert not reason.is_unsure
+    given = Effects(False, "affine", "off")
+    distractors, appearance, _ = effect_reasons(given, SURVEY)
+    assert (distractors.value, distractors.why) == ("off", "As given.")
+    assert appearance.value == "affine"
+    assert "would have said camera: Because." in appearance.why
+    assert not appearance.is_unsure
 
 
 def test_without_a_survey_that_is_said():
@@ -50,7 +52,7 @@ def test_without_a_survey_that_is_said():
     assert all("no record of a survey" in reason.why for reason in reasons)
 
 
-@pytest.mark.parametrize("content", ["", "[1, 2]", "{}", "{", '{"distractors": {}}'])
+@pytest.mark.parametrize("content", ["", "[1, 2]", "{}", "{", '{"appearance": {}}'])
 def test_findings_that_cannot_be_read_are_none(tmp_path: Path, content: str):
     (tmp_path / "survey.json").write_text(content)
     assert read_survey(tmp_path / "survey.json") is None

@@ -1,16 +1,8 @@
 from __future__ import annotations
 
 import math
-from typing import get_args
 
-import pytest
-
-from desplat_ns.settings.effects import AppearanceGrade, BackgroundGrade
 from desplat_ns.survey.findings import CLEAR, Figure, Finding, confidence_of
-
-DECISIONS = [("distractors", True), ("distractors", False)]
-DECISIONS += [("appearance", grade) for grade in get_args(AppearanceGrade) if grade != "sh"]
-DECISIONS += [("background", grade) for grade in get_args(BackgroundGrade)]
 
 
 def figure(value: float, threshold: float | None = 1.0) -> Figure:
@@ -31,7 +23,10 @@ def test_confidence_is_that_of_the_figure_nearest_to_its_threshold():
     assert confidence_of([figure(math.nan)]) == "none"
 
 
-@pytest.mark.parametrize(("effect", "decision"), DECISIONS)
-def test_what_is_on_needs_memory_and_only_that(effect, decision):
-    finding = Finding(effect, decision, "clear", "", ())
-    assert (finding.memory != "nothing") == (decision not in (False, "off"))
+def test_a_finding_is_one_line_and_has_its_figures_where_they_are_asked_for():
+    finding = Finding("appearance", "camera", "close", "Because.", (figure(1.1),), ("the rest",))
+    assert finding.lines() == ["appearance: camera (a close call). Because."]
+    assert [line.strip() for line in finding.lines(verbose=True)[1:]] == [
+        "one 1.1 (calls for it above 1): a figure",
+        "Not told: the rest",
+    ]

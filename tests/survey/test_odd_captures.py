@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -21,32 +20,28 @@ from tests.helpers.surveyed import copied, some, survey
 
 ORIENTATION = 0x0112
 """EXIF's tag."""
-OFF = {"distractors": False, "appearance": "off", "background": "off"}
-SAFE = {"distractors": True, "appearance": "off", "background": "off"}
+OFF = {"appearance": "off", "background": "off"}
 
 
 @pytest.mark.slow
 def test_without_tracks_patches_stand_for_them(make_capture: Callable[..., Capture]):
-    for cluttered in (False, True):
-        capture = replace(make_capture(cluttered=cluttered), tracks=None)
-        result = survey(capture)
-        assert result.distractors.decision is cluttered
-        assert any("tracks" in line for line in result.notes)
+    result = survey(replace(make_capture(cluttered=True), tracks=None))
+    assert result.decisions() == OFF
+    assert any("tracks" in line for line in result.notes)
 
 
 def test_without_points_safe_sides_are_taken_and_named(still: Capture):
     for tracks in (still.tracks and still.tracks.keep(np.zeros(len(still.xyz), bool)), None):
         result = survey(replace(still, xyz=np.zeros((0, 3)), tracks=tracks))
-        assert result.decisions() == SAFE
+        assert result.decisions() == OFF
         assert {finding.confidence for finding in result.findings} == {"none"}
         assert "no points" in result.notes[0]
 
 
-def test_two_photos_and_one_are_not_enough_to_rule_distractors_out(still: Capture):
+def test_two_photos_and_one_call_for_nothing(still: Capture):
     for which in ([0, 1], [4]):
         result = survey(some(still, which))
-        assert result.decisions() == SAFE
-        assert result.distractors.confidence == "none"
+        assert result.decisions() == OFF
 
 
 def test_no_photo_is_an_error(still: Capture):
@@ -70,18 +65,8 @@ def test_a_black_or_white_photo_changes_no_decision_and_is_named(
     write_image(capture.photos[3], np.full((72, 96, 3), level, np.uint8))
     result = survey(capture)
     assert result.decisions() == OFF
-    for finding in (result.appearance, result.distractors):
-        assert any(capture.photos[3].name in line for line in finding.could_not_tell)
-
-
-def test_one_photo_that_shows_something_else_is_at_fault_itself(still: Capture, tmp_path: Path):
-    """As with a wrong pose, or a finger before the lens."""
-    capture = copied(still, tmp_path)
-    shutil.copy(capture.photos[8], capture.photos[3])
-    result = survey(capture).distractors
-    figures = {figure.name: figure for figure in result.figures}
-    assert figures["photos_covered"].value == pytest.approx(1 / len(capture.photos))
-    assert result.decision is False
+    unknown = result.appearance.could_not_tell
+    assert any(capture.photos[3].name in line for line in unknown)
 
 
 @pytest.mark.slow
@@ -99,9 +84,7 @@ def test_what_is_cut_out_of_all_photos_is_no_sky(still: Capture, tmp_path: Path)
         alpha = np.full((*photo.shape[:2], 1), 255, np.uint8)
         alpha[: len(photo) // 3] = 0
         write_image(path, np.concatenate([photo[..., :3], alpha], axis=2))
-    result = survey(capture)
-    assert result.background.decision == "off"
-    assert result.distractors.decision is False
+    assert survey(capture).background.decision == "off"
 
 
 def test_a_photo_that_cannot_be_read_is_named(still: Capture, tmp_path: Path):
@@ -119,26 +102,6 @@ def test_large_captures_are_sampled_evenly_and_say_so(
     result = survey(still)
     assert (result.num_surveyed, result.num_photos) == (5, 10)
     assert any("evenly" in line for line in result.notes)
-
-
-@pytest.mark.slow
-def test_what_masks_leave_out_is_not_looked_at(
-    make_capture: Callable[..., Capture], tmp_path: Path
-):
-    capture = make_capture(cluttered=True)
-    masks = []
-    for path in capture.photos:
-        truth = read_image(path.parent.parent / "masks" / path.name)[..., 0] > 0
-        masks.append(tmp_path / path.name)
-        widened = np.pad(truth, 4)
-        widened = np.stack(
-            [np.roll(widened, shift, axis) for axis in (0, 1) for shift in range(-4, 5)]
-        ).any(axis=0)[4:-4, 4:-4]
-        write_image(masks[-1], ~widened)
-    masked = survey(replace(capture, masks=masks))
-    covered = {True: masked, False: survey(capture)}
-    values = {key: result.distractors.figures[0].value for key, result in covered.items()}
-    assert values[True] < 0.1 * values[False]
 
 
 def test_what_a_file_is_like_does_not_change_what_is_seen(still: Capture, tmp_path: Path):
@@ -184,8 +147,8 @@ def test_photos_of_which_none_shows_what_another_does_take_the_safe_side(still: 
     assert still.tracks is not None
     alone = replace(still.tracks, point_ids=np.arange(len(still.xyz)) + 10**6)
     result = survey(replace(still, tracks=alone))
-    assert result.decisions() == SAFE
-    assert result.distractors.confidence == "none"
+    assert result.decisions() == OFF
+    assert result.appearance.confidence == "none"
 
 
 def test_where_no_photo_shows_the_points_there_is_no_sky_to_tell(still: Capture):
