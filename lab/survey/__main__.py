@@ -1,14 +1,13 @@
-"""Survey generated scenes and the real ones; write docs/records/survey.json and
-docs/results/survey.md.
+"""Survey generated scenes and the real ones, and print how often the decisions are right.
 
 python -m lab.survey            (15 minutes the first time: scenes are generated and kept)
-python -m lab.survey --report   (the document only)
+
+The record is outputs/survey/survey.json.
 """
 
 from __future__ import annotations
 
 import json
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from desplat_ns.survey.survey import survey
 from lab.documents import OUTPUTS
 from lab.survey import unfamiliar
 from lab.survey.real import Allowed, available
-from lab.survey.report import FILE, write_report
+from lab.survey.report import report
 from lab.survey.scenes import EVALUATION, SETTING, GeneratedScene
 
 SCENES = OUTPUTS / "survey"
@@ -43,10 +42,9 @@ def measure(capture: Capture) -> tuple[Survey, dict[str, Any]]:
 def measure_generated(scene: GeneratedScene, folder: Path) -> dict[str, Any]:
     """The record of one generated scene."""
     findings, record = measure(scene.make(folder))
-    truth = vars(scene.truth)
+    truth = {effect: getattr(scene.truth, effect) for effect in findings.decisions()}
     wrong = [effect for effect, value in findings.decisions().items() if truth[effect] != value]
-    grade = {"grade": scene.label, "is_visible": scene.strengths.is_visible}
-    return {"name": scene.name, **grade, "truth": truth, "wrong": wrong, **record}
+    return {"name": scene.name, "truth": truth, "wrong": wrong, **record}
 
 
 def measure_known(capture: Capture, right: Allowed) -> dict[str, Any]:
@@ -58,25 +56,22 @@ def measure_known(capture: Capture, right: Allowed) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure what is there and write both files."""
-    if "--report" not in sys.argv:
-        kinds = ("setting", "evaluation", "real", "unfamiliar")
-        records: dict[str, list[dict[str, Any]]] = {kind: [] for kind in kinds}
-        for name, scenes in (("setting", SETTING), ("evaluation", EVALUATION)):
-            for scene in scenes:
-                records[name].append(measure_generated(scene, SCENES))
-                print(records[name][-1]["name"], records[name][-1]["wrong"] or "right", flush=True)
-        for real, root in available():
-            record = measure_known(real.open(root), real.right)
-            records["real"].append({"name": real.name, "seen": real.content, **record})
-            print(real.name, record["wrong"] or "right", flush=True)
-        for name, is_cluttered, capture in unfamiliar.available(SCENES):
-            record = measure_known(capture, unfamiliar.right_of(name, is_cluttered))
-            chosen_on = unfamiliar.was_chosen_on(name)
-            records["unfamiliar"].append({"name": name, "chosen_on": chosen_on, **record})
-            print(name, record["wrong"] or "right", flush=True)
-        FILE.write_text(json.dumps(records, indent=1) + "\n", "utf8")
-    print(f"Wrote {write_report()}.")
+    """Survey what is there, write the record, and print the tables."""
+    kinds = ("setting", "evaluation", "faint", "real", "unfamiliar")
+    records: dict[str, list[dict[str, Any]]] = {kind: [] for kind in kinds}
+    for scene in (*SETTING, *EVALUATION):
+        kind = "setting" if scene in SETTING else "evaluation"
+        kind = kind if scene.strengths.is_visible else "faint"
+        records[kind].append(measure_generated(scene, SCENES))
+    for real, root in available():
+        record = measure_known(real.open(root), real.right)
+        records["real"].append({"name": real.name, "seen": real.content, **record})
+    for name, capture in unfamiliar.available(SCENES):
+        record = measure_known(capture, unfamiliar.right_of(name))
+        chosen_on = unfamiliar.was_chosen_on(name)
+        records["unfamiliar"].append({"name": name, "chosen_on": chosen_on, **record})
+    (SCENES / "survey.json").write_text(json.dumps(records, indent=1) + "\n", "utf8")
+    print(report(records))
 
 
 if __name__ == "__main__":

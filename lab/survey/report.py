@@ -1,37 +1,29 @@
-"""Write docs/results/survey.md from docs/records/survey.json."""
+"""Tables of surveys whose right decisions are known, and of trainings that follow them."""
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from string import Template
 from typing import Any
 
-from desplat_ns.survey import background, distractors, findings, light
-from lab.documents import RECORDS, RESULTS
+from lab.documents import OUTPUTS
 from lab.grid.figures import Figures, Key, spread
 from lab.grid.records import Records, load
 from lab.grid.sources import Cell
 from lab.grid.tables import text_table
 from lab.survey.runs import SCENES, SEEDS, STEPS, TRAINING, downscale_of, settings_on
-from lab.survey.unfamiliar import CHOSEN_ON, JUDGED
 
-FILE = RECORDS / "survey.json"
-REPORT = RESULTS / "survey.md"
-TEMPLATE = Path(__file__).with_name("survey.md.template")
+TRAINED = OUTPUTS / "survey_training" / "table.md"
 
-EFFECTS: dict[str, tuple[Any, ...]] = {
+EFFECTS: dict[str, tuple[str, ...]] = {
     "appearance": ("off", "camera", "affine"),
     "background": ("off", "constant", "sh", "image"),
-    "distractors": (False, True),
 }
 
 DECIDING = {
     "appearance": ("change", "local"),
     "background": ("empty", "by_photo", "by_direction"),
-    "distractors": ("covered", "judged"),
 }
 """Figures by which each effect is decided."""
 
@@ -45,7 +37,7 @@ def confusion_table(records: Sequence[dict[str, Any]], effect: str) -> str:
     for truth in values:
         mine = [record for record in records if record["truth"][effect] == truth]
         cells = [str(counts[truth, value]) for value in values]
-        rows.append([str(truth), *cells, *(_range(mine, name) for name in DECIDING[effect])])
+        rows.append([truth, *cells, *(_range(mine, name) for name in DECIDING[effect])])
     return text_table(head, rows)
 
 
@@ -121,64 +113,29 @@ def _lost(figures: Figures, keys: Sequence[Key], name: str) -> str | Cell:
     return Cell(spread(lost, ".2f" if name == "psnr" else ".3f"), tuple(measured)) if lost else ""
 
 
-def report(records: dict[str, list[dict[str, Any]]], trained: Records) -> str:
-    """The document's text.
+def report(records: dict[str, list[dict[str, Any]]]) -> str:
+    """The tables of all kinds of captures, as Markdown.
 
     Args:
-        records: of surveys.
-        trained: of what was trained with their decisions and without.
+        records: of surveys, as `lab.survey.__main__` makes them.
     """
-    visible = [record for record in records["evaluation"] if record["is_visible"]]
-    faint = [record for record in records["evaluation"] if not record["is_visible"]]
-    seconds = sorted(record["cpu_seconds"] for record in records["evaluation"])
-    limits = {
-        "eighth_stop": f"{light.EIGHTH_STOP:.1%}",
-        "quarter_stop": f"{light.QUARTER_STOP:.1%}",
-        "local_step": f"{light.LOCAL_STEP:.0%}",
-        "local_share": f"{light.LOCAL_SHARE:.0%}",
-        "visible_share": f"{background.VISIBLE_SHARE:.0%}",
-        "by_photo": background.BY_PHOTO,
-        "chroma_by_photo": background.CHROMA_BY_PHOTO,
-        "range": background.RANGE,
-        "covered": f"{distractors.COVERED_SHARE:.1%}",
-        "judged": f"{distractors.JUDGED_SHARE:.0%}",
-        "color_step": distractors.COLOR_STEP,
-        "clear": findings.CLEAR,
-    }
-    tables = {f"{e}_table": confusion_table(visible, e) for e in EFFECTS}
-    return Template(TEMPLATE.read_text("utf8")).substitute(
-        limits,
-        **tables,
-        training_table=training_table(trained),
-        training_steps=f"{STEPS:,}",
-        right_setting=share_right(records["setting"]),
-        right_visible=share_right(visible),
-        right_faint=share_right(faint),
-        wrong_setting=wrong_list(records["setting"]),
-        wrong_visible=wrong_list(visible),
-        wrong_faint=wrong_list(faint),
-        right_real=share_right(records["real"]),
-        real_table=known_table(records["real"]),
-        chosen_names=", ".join(CHOSEN_ON),
-        unfamiliar_table=known_table(records["unfamiliar"]),
-        right_kept_out=share_right(
-            [record for record in records["unfamiliar"] if not record["chosen_on"]], JUDGED
-        ),
-        right_chosen_on=share_right(
-            [record for record in records["unfamiliar"] if record["chosen_on"]], JUDGED
-        ),
-        photos="\n".join(f"- {record['name']}: {record['seen']}." for record in records["real"]),
-        seconds=f"{seconds[len(seconds) // 2]:.1f}",
-        num_visible=len(visible),
-        num_faint=len(faint),
-        num_setting=len(records["setting"]),
-    )
+    parts = []
+    for kind, surveyed in records.items():
+        judged = ("appearance",) if kind == "unfamiliar" else tuple(EFFECTS)
+        parts.append(f"## {kind}: {share_right(surveyed, judged)}")
+        if surveyed and "truth" in surveyed[0]:
+            parts += [confusion_table(surveyed, effect) for effect in EFFECTS]
+            parts.append(wrong_list(surveyed))
+        else:
+            parts.append(known_table(surveyed))
+    return "\n\n".join(parts) + "\n"
 
 
-def write_report() -> Path:
-    """Write the document from the file in docs/; returns where it is."""
-    REPORT.write_text(report(json.loads(FILE.read_text("utf8")), load(TRAINING)), "utf8")
-    return REPORT
+def write_trained() -> Path:
+    """Write the table of what was trained; returns where it is."""
+    TRAINED.parent.mkdir(parents=True, exist_ok=True)
+    TRAINED.write_text(training_table(load(TRAINING)) + "\n", "utf8")
+    return TRAINED
 
 
 def _number(value: float | None) -> str:

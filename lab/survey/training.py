@@ -1,5 +1,4 @@
-"""Train what the survey says, everything and nothing; docs/results/survey.md has the figures side
-by side.
+"""Train what the survey says, everything and nothing, and write a table of their scores.
 
     python -m lab.survey.training --jobs 2        (it resumes where it was stopped)
 
@@ -12,13 +11,13 @@ import sys
 
 from lab.documents import OUTPUTS
 from lab.grid.command import Command
-from lab.survey.report import write_report
+from lab.survey.report import write_trained
 from lab.survey.runs import STUDY, TRAINING
 
 COMMAND = Command(
     STUDY,
     TRAINING,
-    write_report,
+    write_trained,
     OUTPUTS / "survey_training",
     "python -m lab.survey.training",
     __doc__ or "",

@@ -19,16 +19,12 @@ CHOSEN_ON = ("room15", "room40", "grove18", "few12", "small", "facade8", "facade
 for light, and what was done about it was chosen. The others are kept out,
 but are of the same kinds: other seeds of the rooms and groves, other things over the same fox."""
 
-JUDGED = ("appearance", "distractors")
-"""What is true of the background is not clear: a strip of sky above walls, or between trees."""
 
-
-def names() -> Iterator[tuple[str, bool]]:
-    """Every scene of the separation study that counts here, and whether something is in the way."""
+def names() -> Iterator[str]:
+    """Every scene of the separation study that counts here."""
     for name in (*PLACES, *FEW):
-        yield name, True
-        yield name + CLEAN, False
-    yield from ((name, True) for name in HARD)
+        yield from (name, name + CLEAN)
+    yield from HARD
 
 
 def was_chosen_on(name: str) -> bool:
@@ -36,14 +32,12 @@ def was_chosen_on(name: str) -> bool:
     return name.removesuffix(CLEAN) in CHOSEN_ON
 
 
-def right_of(name: str, is_cluttered: bool) -> dict[str, tuple[Decision, ...]]:
+def right_of(name: str) -> dict[str, tuple[Decision, ...]]:
     """Which decisions are right. The photos of the fox drift in exposure, which `camera` explains;
-    nothing else has any light of its own."""
+    nothing else has any light of its own. What is true of the background is not clear: a strip of
+    sky above walls, or between trees."""
     is_fox = name.removesuffix(CLEAN) not in PLACES
-    return {
-        "appearance": ("off", "camera") if is_fox else ("off",),
-        "distractors": (is_cluttered,),
-    }
+    return {"appearance": ("off", "camera") if is_fox else ("off",)}
 
 
 def open_capture(name: str, folder: Path) -> Capture:
@@ -60,10 +54,10 @@ def open_capture(name: str, folder: Path) -> Capture:
     return capture_of(training_split(config.pipeline.datamanager))
 
 
-def available(folder: Path) -> Iterator[tuple[str, bool, Capture]]:
-    """Name, whether something is in the way, and photos of each capture that can be made."""
-    for name, is_cluttered in names():
+def available(folder: Path) -> Iterator[tuple[str, Capture]]:
+    """Name and photos of each capture that can be made."""
+    for name in names():
         try:
-            yield name, is_cluttered, open_capture(name, folder)
+            yield name, open_capture(name, folder)
         except DeSplatError as error:
             print(f"{name} is left out: {error}", flush=True)

@@ -19,27 +19,25 @@ def test_scenes_for_thresholds_and_for_counting_have_no_seed_in_common():
 
 
 def test_a_wrong_decision_lowers_the_share_and_is_in_the_table():
-    truth = {"appearance": "off", "background": "off", "distractors": True}
+    truth = {"appearance": "off", "background": "off"}
     record = {
         "truth": truth,
-        "decisions": {**truth, "distractors": False},
-        "wrong": ["distractors"],
-        "figures": {"covered": 0.0, "judged": 0.5},
+        "decisions": {**truth, "appearance": "camera"},
+        "wrong": ["appearance"],
+        "figures": {"change": 0.5, "local": 0.0},
     }
-    assert share_right([record]) == "2 of 3 decisions (66.7%)"
-    assert "| True | 1 | 0 | 0.000 to 0.000 | 0.500 to 0.500 |" in confusion_table(
-        [record], "distractors"
+    assert share_right([record]) == "1 of 2 decisions (50.0%)"
+    assert "| off | 0 | 1 | 0 | 0.500 to 0.500 | 0.000 to 0.000 |" in confusion_table(
+        [record], "appearance"
     )
-
-    assert share_right([record], ("appearance", "distractors")) == "1 of 2 decisions (50.0%)"
+    assert share_right([record], ("appearance",)) == "0 of 1 decisions (0.0%)"
 
 
 def test_captures_of_other_kinds_are_kept_out_unless_their_names_say_so():
-    names = [name for name, _ in unfamiliar.names()]
-    assert set(unfamiliar.CHOSEN_ON) < set(names)
+    assert set(unfamiliar.CHOSEN_ON) < {*unfamiliar.names()}
     assert unfamiliar.was_chosen_on("room15-clean")
     assert not unfamiliar.was_chosen_on("other15-clean")
-    assert unfamiliar.right_of("other15", True) == {"appearance": ("off",), "distractors": (True,)}
+    assert unfamiliar.right_of("other15") == {"appearance": ("off",)}
 
 
 @pytest.mark.real_data
