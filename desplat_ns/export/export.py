@@ -123,9 +123,8 @@ def export_masks(
     model = pipeline.model
     if model.layer is None:
         raise ConfigError(
-            f"The run of {files.config} has no distractors, so there is nothing to mask: the "
-            "survey found none, or --pipeline.model.effects.distractors was False. Train with "
-            "`--pipeline.model.effects.distractors True`."
+            f"The run of {files.config} has no distractors, so there is nothing to mask: "
+            "--pipeline.model.effects.distractors was False. Train without it."
         )
     photos = list(training_photos(pipeline.datamanager))
     names = mask_names([photo.name for photo in photos], naming)
