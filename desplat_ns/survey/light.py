@@ -143,8 +143,7 @@ def appearance_finding(
         f"{what}, less what photos from nearly the same direction show, too",
         LOCAL_SHARE,
     )
-    beside = (Figure("places", places, what), *_beside(light))
-    figures = (median, largest, local, explained, *beside)
+    figures = (median, largest, local, explained, Figure("places", places, what))
     unknown = _unknown(observations, changes)
     if len(known) < 2:
         reason = "Fewer than two photos show enough common points to compare their colours."
@@ -186,20 +185,6 @@ def _decided(
         return "off", confidence_of([moved]), reason
     reason = f"Photos show the same colours: {as_a_whole} (above {QUARTER_STOP:.0%} it counts)."
     return "off", sure, reason
-
-
-def _beside(light: PhotoLight) -> list[Figure]:
-    """What decides nothing."""
-    usable = light.counts() >= FEWEST
-    gains, gammas = light.gains[usable], light.gammas[usable]
-    colors = gains - gains.mean(axis=1, keepdims=True)
-    values = [
-        ("exposure", gains.mean(axis=1), "photos' gains, standard deviation in log of the values"),
-        ("white_balance", colors, "the same of each channel against the photo's mean"),
-        ("contrast", gammas, "photos' gammas, standard deviation"),
-        ("vignetting", light.vignetting[usable], "corners against the middle, standard deviation"),
-    ]
-    return [Figure(n, float(v.std()) if v.size else float("nan"), what) for n, v, what in values]
 
 
 def _unknown(observations: Observations, changes: np.ndarray) -> tuple[str, ...]:
