@@ -188,8 +188,8 @@ def _decided(
     sky = f"{share.value:.0%} of the photos' area is sky"
     if by_photo.is_above:
         reason = (
-            f"{sky}, and photos show different ones: they differ by {by_photo.value:.3f} of the "
-            f"range of values (above {by_photo.threshold:.3f} it counts)."
+            f"{sky}, and photos show different ones: they differ by {by_photo.value:.3f} "
+            f"(above {by_photo.threshold:.3f} it counts)."
         )
         return "image", confidence_of([share, by_photo]), reason
     if not by_photo.is_known:
