@@ -13,6 +13,7 @@ from torch.optim import Optimizer
 
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, Splats, View
+from desplat_ns.console import list_names
 from desplat_ns.data.training_views import train_index, view_name
 from desplat_ns.errors import DeSplatError
 from desplat_ns.gaussians.activation import RawParameters, activate_distractors
@@ -237,6 +238,16 @@ class DeSplatModel(StaticModel):
             metrics["distractor_count"] = self.distractors.total
         return metrics
 
+    def found_in_the_way(self) -> list[str]:
+        """In which training photos something is in the way, in a line; nothing without
+        distractors."""
+        if self.distractors is None:
+            return []
+        counts = self.distractors.counts()
+        names = [view_name(self.names, index) for index, count in enumerate(counts) if count > 0]
+        found = f"Distractors in {len(names)} of {len(counts)} photos"
+        return [f"{found}: {list_names(names, 8)}." if names else f"{found}."]
+
     # --- after a step ------------------------------------------------------------------------
 
     def view_name(self) -> str:
@@ -310,6 +321,7 @@ class DeSplatModel(StaticModel):
         state: dict[str, Any] = {"static_strategy": dict(self.strategy_state)}
         if self.layer is not None:
             state["distractor_clock"] = dict(self.layer.densifier.clock)
+            state["visits"], state["photos"] = self.layer.visits, self.layer.witnesses.state()
         return state
 
     def set_extra_state(self, state: dict[str, Any]) -> None:
@@ -317,3 +329,5 @@ class DeSplatModel(StaticModel):
         self.strategy_state = to_device(state["static_strategy"], self.device)
         if self.layer is not None:
             self.layer.densifier.clock.update(state["distractor_clock"])
+            self.layer.visits = dict(state["visits"])
+            self.layer.witnesses.load(state["photos"])

@@ -155,6 +155,8 @@ class DeSplatTrainer(Trainer):
         try:
             with on_stop_signal(self._stop_after_this_step):
                 super().train()
+            for line in self.pipeline.model.found_in_the_way():
+                announce(line)
         except CaptureError:
             self.stop_training = True
             self._after_train()

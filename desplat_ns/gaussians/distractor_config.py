@@ -24,18 +24,12 @@ class DistractorConfig:
     """Where distractors start: spread over the whole of every view, or, visit by visit, where a
     photo shows what the other views do not; then those elsewhere are removed, too. The paper has
     everywhere."""
-    weak_excess: float = ranged(0.04, "(0, inf)")
-    """With start residual: by how much a residual (colours in [0, 1]) has to exceed the expected
-    one for a place to belong to something in the way."""
-    strong_excess: float = 0.25
-    """With start residual: excess that something in the way has to reach in one place at least,
-    while the scene is not learned yet."""
-    settled_share: float = ranged(0.6, "(0, 1]")
-    """Share of `strong_excess` that is enough in the end: once the scene is learned, what differs
-    little from what it covers can be told from it."""
-    strong_levels: float = ranged(20.0, "[0, inf)")
-    """What has to be reached lies between the two and is so many times the view's own level, the
-    lower quartile of its residuals: that falls as the scene is learned."""
+    weak_excess: float = ranged(0.07, "(0, inf)")
+    """With start residual: evidence that a place has to show to belong to something in the way, in
+    colours in [0, 1]: the geometric mean of its residual beyond the expected one and of what other
+    photos leave unexplained."""
+    strong_excess: float = 0.18
+    """With start residual: evidence that something in the way has to show in one place at least."""
     shared_detail: float = ranged(0.7, "(0, inf)")
     """With start residual: where the detail of a photo correlates more than this with that of the
     static scene, it is the scene's own in another light, and nothing in the way; 1 or more asks

@@ -35,6 +35,7 @@ from desplat_ns.separation.placement import (
 )
 from desplat_ns.separation.regions import StaticView, apply_mask, compare, find_regions
 from desplat_ns.separation.residuals import LEAST_VIEWS, ResidualStats
+from desplat_ns.separation.witness import Witnesses
 from desplat_ns.settings.effects import BackgroundGrade
 from desplat_ns.training.losses import (
     distractor_opacity_loss,
@@ -42,6 +43,10 @@ from desplat_ns.training.losses import (
     photometric_loss,
     static_transparency_loss,
 )
+
+
+QUIET_VISITS = 10
+"""While no photo has a region, one visit in this number is looked at."""
 
 
 @dataclass(repr=False)
@@ -106,6 +111,9 @@ class DistractorLayer:
         self.background = background
         self.densifier = DistractorDensifier(config, static)
         self.clearance = Clearance(config.clearance, points, cameras)
+        self.witnesses = Witnesses(points, cameras)
+        self.visits = {"without_region": 0, "not_looked_at": 0}
+        """Looks in a row that found no region in any photo, and visits since the last look."""
         if config.start == "residual" and self.num_views < FEW_VIEWS:
             announce(about_few_views(self.num_views), warning=True)
 
@@ -168,7 +176,7 @@ class DistractorLayer:
         config, counted = self.config, None
         if mask is not None:
             train_step.photo, counted = apply_mask(train_step.photo, train_step.static_rgb, mask)
-        if config.start == "residual" and self.num_views > LEAST_VIEWS:
+        if self._looks(train_step):
             self.update_regions(train_step, opacities, memory, counted)
         regions, alpha_d = train_step.regions, train_step.alpha_d
         if train_step.distractors is None:
@@ -224,6 +232,19 @@ class DistractorLayer:
             own, main = layered_photometric_losses(static, composite, photo, weight, owned, leak)
         return {"main_loss": main, "static_photometric": own}
 
+    def _looks(self, train_step: TrainStep) -> bool:
+        """Whether the photo is compared with the static scene: always in the warm-up, and where it
+        has distractors. Else, after as many looks as there are views in which no photo had a
+        region, at every `QUIET_VISITS`th visit of any, until one has."""
+        if self.config.start != "residual" or self.num_views <= LEAST_VIEWS:
+            return False
+        is_quiet = self.visits["without_region"] >= self.num_views
+        return (
+            not is_quiet
+            or train_step.distractors is not None
+            or self.visits["not_looked_at"] + 1 >= QUIET_VISITS
+        )
+
     @torch.no_grad()
     def update_regions(
         self,
@@ -252,8 +273,12 @@ class DistractorLayer:
             scene = ~own_sky(photo, train_step.static.alpha)
             judged = scene if counted is None else scene & counted
         comparison, train_step.residual_stats = compare(photo, static, stats, judged)
-        if train_step.number >= self.config.static_warmup:  # skies within a thing's outline are it
-            train_step.regions = find_regions(replace(comparison, counted=counted), self.config)
+        if train_step.number < self.config.static_warmup:
+            self.witnesses.keep(train_step.index, comparison.photo)
+            return
+        unexplained = self.witnesses.unexplained(train_step.index)
+        comparison = replace(comparison, counted=counted)  # skies within a thing's outline are it
+        train_step.regions = find_regions(comparison, self.config, unexplained)
 
     def commit(
         self,
@@ -285,8 +310,13 @@ class DistractorLayer:
             keep_colors_in_range(distractors.params)
             info = strategy_info(train_step.distractors, view)
             self.densifier.after_step(distractors, step, info, weights_of)
-        if train_step.regions is not None and step < self.config.stop_placing_at:
-            self._place(train_step, train_step.regions, distractors)
+        self.visits["not_looked_at"] += 1
+        if train_step.regions is not None:
+            found = bool(train_step.regions.any())
+            quiet = 0 if found else self.visits["without_region"] + 1
+            self.visits = {"without_region": quiet, "not_looked_at": 0}
+            if step < self.config.stop_placing_at:
+                self._place(train_step, train_step.regions, distractors)
         self.gaussians.total += len(distractors) - before
 
     @torch.no_grad()

@@ -27,14 +27,10 @@ from desplat_ns.separation.grid import (
 )
 from desplat_ns.separation.residuals import (
     SMOOTHING,
-    Excess,
     ResidualStats,
     excess_residual,
     local_residual,
 )
-
-MIN_AREA = 0.002
-"""Share of the image: a smaller region is left to the static scene."""
 
 DETAIL_WINDOW = 7
 """Fine cells (an odd number) over which detail is compared: in a wider window edges of what is in
@@ -90,8 +86,8 @@ class Comparison:
     static: Float[Tensor, "3 fine_rows fine_columns"]
     """In cells of `fine_grid_of`, colours in [0, 1]."""
     photo: Float[Tensor, "3 fine_rows fine_columns"]
-    excess: Excess
-    """On the grid of `grid_of`."""
+    excess: Float[Tensor, "rows columns"]
+    """On the grid of `grid_of`, see `excess_residual`."""
     counted: Bool[Tensor, "rows columns"] | None
     """Cells that the user's mask leaves in; None if it leaves out none."""
 
@@ -124,19 +120,37 @@ def compare(
     return Comparison(colors_s, colors_p, excess, counted), stats
 
 
-def find_regions(comparison: Comparison, config: DistractorConfig) -> Bool[Tensor, "rows columns"]:
+def find_regions(
+    comparison: Comparison,
+    config: DistractorConfig,
+    unexplained: Float[Tensor, "r c"] | None = None,
+) -> Bool[Tensor, "rows columns"]:
     """Where a photo shows what other views do not, on the grid of `grid_of`; masked cells are in no
-    region."""
+    region.
+
+    A region is made of connected cells with an evidence above `weak_excess`, one of them above
+    `strong_excess`. Cells of which nobody knows may belong to a region, and make none.
+
+    Args:
+        unexplained: of the photo, by `witness.unexplained`, on any grid; None where nobody was
+            asked, and the excess alone is the evidence.
+    """
     excess, counted = comparison.excess, comparison.counted
-    rows, columns = excess.values.shape
+    rows, columns = excess.shape
+    grid = columns, rows
+    evidence, is_weak = excess, excess > config.weak_excess
+    if unexplained is not None:
+        unexplained = unexplained.to(excess)
+        is_known = pooled((~unexplained.isnan()).to(excess)[..., None], grid)[0] >= 0.5
+        left = pooled(unexplained.nan_to_num()[..., None], grid)[0]
+        evidence = (excess.clamp(min=0) * left).sqrt() * is_known
+        is_weak &= ~is_known
+        is_weak |= evidence > config.weak_excess
     alike = shared_detail(comparison.static, comparison.photo)
-    has_foreign_detail = pooled(alike[..., None], (columns, rows))[0] <= config.shared_detail
-    weak = (excess.values > config.weak_excess) & has_foreign_detail
-    most = config.strong_excess
-    needed = excess.needed(config.strong_levels, config.settled_share * most, most)
-    strong = (excess.values > needed) & has_foreign_detail
-    colors = pooled(comparison.photo.permute(1, 2, 0), (columns, rows))
-    regions = along_edges(outlier_regions(weak, strong), colors)
+    has_foreign_detail = pooled(alike[..., None], grid)[0] <= config.shared_detail
+    strong = (evidence > config.strong_excess) & has_foreign_detail
+    colors = pooled(comparison.photo.permute(1, 2, 0), grid)
+    regions = along_edges(outlier_regions(is_weak & has_foreign_detail, strong), colors)
     return regions if counted is None else regions & counted
 
 
@@ -174,8 +188,7 @@ def outlier_regions(
     They are found on the host: the maps go there, and the regions come back.
 
     Two thresholds, because the inside of an occluder is in places coloured like what it covers,
-    and because noise above the lower one alone is no reason. Regions of less than `MIN_AREA` are
-    dropped.
+    and because noise above the lower one alone is no reason.
 
     Source: hysteresis of Canny 1986. OpenCV takes a quarter of the time of SciPy here.
     """
@@ -189,12 +202,7 @@ def connected(
     count, labels = _components(weak)
     keep = np.zeros(count, bool)
     keep[labels[strong]] = True
-    region = _without_holes(_closed(keep[labels] & (labels > 0)))
-    count, labels = _components(region)
-    areas = np.bincount(labels.ravel(), minlength=count)
-    large = areas >= MIN_AREA * labels.size
-    large[0] = False
-    return large[labels]
+    return _without_holes(_closed(keep[labels] & (labels > 0)))
 
 
 def _components(mask: np.ndarray) -> tuple[int, np.ndarray]:

@@ -97,20 +97,6 @@ class ResidualStats:
         memory.remember(usual_residual=self.usual, times_seen=self.times_seen, visits=self.visits)
 
 
-@dataclass(frozen=True)
-class Excess:
-    """How far a view's residuals are beyond the expected ones."""
-
-    values: Float[Tensor, "rows columns"]
-    """In colours in [0, 1]; below 0 where a residual is smaller than expected."""
-    level: Float[Tensor, ""]
-    """The view's own: `LEVEL_QUANTILE` of its residuals."""
-
-    def needed(self, levels: float, least: float, most: float) -> Float[Tensor, ""]:
-        """So many levels of the view, or what is nearest between `least` and `most`."""
-        return (levels * self.level).clamp(least, most)
-
-
 def excess_residual(
     residual: Float[Tensor, "rows columns"],
     means2d: Float[Tensor, "N 2"],
@@ -118,8 +104,9 @@ def excess_residual(
     opacities: Float[Tensor, " N"],
     stats: ResidualStats,
     counted: Bool[Tensor, "rows columns"] | None = None,
-) -> tuple[Excess, ResidualStats]:
-    """The residual beyond the expected one, and the statistics with this view in them.
+) -> tuple[Float[Tensor, "rows columns"], ResidualStats]:
+    """The residual beyond the expected one (colours in [0, 1]; below 0 where it is smaller), and the
+    statistics with this view in them.
 
     What is usual around the Gaussians in a part of the image is expected there, each counting by
     its opacity and by its `certainty`; where they are few, what is usual in the whole scene is.
@@ -142,7 +129,7 @@ def excess_residual(
     usual = usual + MEDIAN_STEP * off * inside
     values = residual - level * expected.exp()
     values = values if counted is None else values.masked_fill(~counted, 0.0)
-    return Excess(values, level), replace(stats, usual=usual, times_seen=times_seen, visits=visits)
+    return values, replace(stats, usual=usual, times_seen=times_seen, visits=visits)
 
 
 def certainty(views: Float[Tensor, " N"]) -> Float[Tensor, " N"]:

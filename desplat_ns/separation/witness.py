@@ -1,0 +1,234 @@
+"""What other photos say of a place, whatever the scene has learned so far: a plane sweep.
+
+A residual cannot tell something in the way from a place that the scene has not learned, or that few
+photos show. Two other photos can: if they show the same as this one at some depth, the place is
+scene. If others look there and no two of them agree with the photo at any depth, something may be
+in the way. If hardly anybody else looks there, nobody knows, and leaving the place out would teach
+nothing. Letters in shapes: V views, P points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, UInt8
+from nerfstudio.cameras.cameras import Cameras
+from torch import Tensor
+
+from desplat_ns.rendering.near_plane import sampled
+from desplat_ns.rendering.views import image_points, views_of
+
+MAX_POINTS = 3000
+"""Points of the reconstruction by which neighbours, depths and exposures are found."""
+
+PLANES = 64
+"""Depths that are tried, evenly spread in inverse depth, and one infinitely far away."""
+
+NEAREST, FARTHEST = 0.5, 8.0
+"""The depths reach from this share of the nearest point in view to this multiple of the farthest
+one: the 1% and 99% quantiles count."""
+
+NEIGHBOURS = 8
+"""Other photos that are asked about one."""
+
+BEST_ANGLE, WIDTHS = 8.0, (5.0, 12.0)
+"""Degrees between the directions from which two photos see their common points: neighbours at
+`BEST_ANGLE` are preferred, as nearer ones show something in the way before the same background and
+farther ones show another side of the scene. Weights fall like Gaussians of these widths, below and
+above it."""
+
+COMMON_POINTS = 10
+"""Photos with fewer common points are no neighbours."""
+
+RADIUS = 1
+"""Photos are compared over windows of 2 `RADIUS` + 1 cells."""
+
+LOOKED_AT = 0.5
+"""Share of the planes at which two neighbours have to look at a cell."""
+
+DARKEST = 8
+"""Of 255: darker colours say nothing of the exposure."""
+
+
+@dataclass(frozen=True)
+class Looker:
+    """A photo in cells, and its camera."""
+
+    colors: UInt8[np.ndarray, "rows columns 3"]
+    K: Float[np.ndarray, "3 3"]
+    """Intrinsics, in cells."""
+    viewmat: Float[np.ndarray, "4 4"]
+    """World to camera, OpenCV axes."""
+
+
+def unexplained(
+    photo: Looker, others: Sequence[Looker], inverse_depths: Float[np.ndarray, " D"]
+) -> Float[np.ndarray, "rows columns"]:
+    """By how much each cell of a photo differs from what two others show, at the depth where they
+    come nearest to it; colours in [0, 1].
+
+    NaN where fewer than two others look at most of the depths: nobody knows. The second-best other
+    counts, since the best one may show the same thing in the way.
+
+    Args:
+        others: in the exposure of the photo.
+        inverse_depths: of planes before the photo's camera, per world unit.
+
+    Source: plane sweep of Collins 1996, with the mean absolute difference of colours.
+    """
+    rows, columns = photo.colors.shape[:2]
+    least, looked = np.full((rows, columns), 255, np.uint8), np.zeros((rows, columns), int)
+    opaque = _with_alpha(photo.colors)
+    pictures = [_with_alpha(other.colors) for other in others]
+    for inverse_depth in inverse_depths:
+        best, second = np.full((2, rows, columns), 255, np.uint8)
+        for other, picture in zip(others, pictures, strict=True):
+            homography = _homography(photo, other, inverse_depth)
+            if not _is_before(homography, columns, rows):
+                continue
+            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+            warped = cv2.warpPerspective(picture, homography, (columns, rows), flags=flags)
+            # outside of the other photo alpha is 0, so the difference is 255
+            red, green, blue, alpha = cv2.split(cv2.absdiff(warped, opaque))
+            step = cv2.max(cv2.max(red, green), cv2.max(blue, alpha))
+            step = cv2.blur(step, (2 * RADIUS + 1,) * 2)
+            second = cv2.min(second, cv2.max(best, step))
+            best = cv2.min(best, step)
+        least = cv2.min(least, second)
+        looked += second < 255
+    is_known = looked >= LOOKED_AT * len(inverse_depths)
+    return np.where(is_known, least / np.float32(255), np.float32(np.nan))
+
+
+def _with_alpha(colors: UInt8[np.ndarray, "rows columns 3"]) -> np.ndarray:
+    return np.dstack([colors, np.full(colors.shape[:2], 255, np.uint8)])
+
+
+def _homography(photo: Looker, other: Looker, inverse_depth: float) -> np.ndarray:
+    """From places in a photo to those in another, of points in a plane before the photo's camera;
+    the middle of the first cell is at 0, as OpenCV has it."""
+    relative = other.viewmat @ np.linalg.inv(photo.viewmat)
+    turn = relative[:3, :3].copy()
+    turn[:, 2] += relative[:3, 3] * inverse_depth
+    middle = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
+    there = np.linalg.inv(middle) @ other.K @ turn
+    return there @ np.linalg.inv(photo.K) @ middle
+
+
+def _is_before(homography: np.ndarray, columns: int, rows: int) -> bool:
+    """Whether all that the photo shows of a plane lies before the other camera."""
+    x, y = np.meshgrid([0, columns], [0, rows])
+    return bool((homography[2, 0] * x + homography[2, 1] * y + homography[2, 2] > 0).all())
+
+
+class Witnesses:
+    """The photos of a capture, each asked about the others.
+
+    Photos are kept in the warm-up, as its steps see them; what is unexplained in one is found when
+    it is first asked for.
+    """
+
+    def __init__(self, points: Float[Tensor, "P 3"] | None, cameras: Cameras):
+        """Args:
+        points: of the reconstruction; without them nobody is a neighbour, and nothing is known.
+        cameras: the training cameras, shape [V].
+        """
+        self.views = views_of(cameras)
+        self.photos: dict[int, UInt8[np.ndarray, "rows columns 3"]] = {}
+        self._unexplained: dict[int, Float[Tensor, "rows columns"] | None] = {}
+        self._points = None if points is None else sampled(points, MAX_POINTS)
+        self._seen: tuple[np.ndarray, ...] | None = None
+
+    def keep(self, index: int, photo: Float[Tensor, "3 rows columns"]) -> None:
+        """Keep what the photo of a view shows, colours in [0, 1]."""
+        self.photos[index] = (photo * 255).round().byte().permute(1, 2, 0).cpu().numpy()
+
+    def unexplained(self, index: int) -> Float[Tensor, "rows columns"] | None:
+        """`unexplained` of a kept photo; None where nobody can be asked."""
+        if index not in self._unexplained:
+            found = self._sweep(index) if index in self.photos else None
+            self._unexplained[index] = None if found is None else torch.from_numpy(found)
+        return self._unexplained[index]
+
+    def state(self) -> dict[int, Tensor]:
+        """The kept photos, for a checkpoint."""
+        return {index: torch.from_numpy(photo) for index, photo in self.photos.items()}
+
+    def load(self, state: dict[int, Tensor]) -> None:
+        """Take up what `state` gave."""
+        self.photos = {index: photo.cpu().numpy() for index, photo in state.items()}
+        self._unexplained.clear()
+
+    def _sweep(self, index: int) -> Float[np.ndarray, "rows columns"] | None:
+        chosen = sorted(self._neighbours(index), key=lambda pair: -pair[0])[:NEIGHBOURS]
+        if len(chosen) < 2:
+            return None
+        photo, depths = self._looker(index), self._seen_points()[1][index]
+        nearest, farthest = np.quantile(depths[self._seen_points()[0][index]], [0.01, 0.99])
+        ends = 1 / (NEAREST * nearest), 1 / (FARTHEST * farthest)
+        others = [self._in_exposure_of(index, other) for _, other in chosen]
+        return unexplained(photo, others, np.append(np.linspace(*ends, PLANES), 0.0))
+
+    def _neighbours(self, index: int) -> Iterator[tuple[float, int]]:
+        """How much each other photo has to say about one, and its number."""
+        if self._points is None:
+            return
+        visible, _, toward = self._seen_points()[:3]
+        for other in self.photos:
+            common = visible[index] & visible[other]
+            if other == index or common.sum() < COMMON_POINTS:
+                continue
+            cosines = (toward[index, common] * toward[other, common]).sum(axis=-1)
+            off = np.degrees(np.arccos(np.median(cosines).clip(-1, 1))) - BEST_ANGLE
+            yield common.sum() * np.exp(-((off / WIDTHS[int(off > 0)]) ** 2)), other
+
+    def _looker(self, index: int) -> Looker:
+        view, colors = self.views[index], self.photos[index]
+        smaller = np.array([colors.shape[1] / view.width, colors.shape[0] / view.height, 1])
+        K = smaller[:, None] * view.K.double().cpu().numpy()
+        return Looker(colors, K, view.viewmat.double().cpu().numpy())
+
+    def _in_exposure_of(self, index: int, other: int) -> Looker:
+        """Another photo, with a gain for each channel that fits it to this one at the points that
+        both show."""
+        visible, _, _, places = self._seen_points()
+        common = visible[index] & visible[other]
+        own, theirs = (_at(self.photos[i], places[i, common]) for i in (index, other))
+        gain = np.exp(np.median(np.log(own / theirs), axis=0))
+        looker = self._looker(other)
+        colors = (looker.colors * gain).clip(0, 255).round().astype(np.uint8)
+        return Looker(colors, looker.K, looker.viewmat)
+
+    def _seen_points(
+        self,
+    ) -> tuple[
+        Bool[np.ndarray, "V P"],
+        Float[np.ndarray, "V P"],
+        Float[np.ndarray, "V P 3"],
+        Float[np.ndarray, "V P 2"],
+    ]:
+        """Which points lie in which photo, their depths, directions to them (unit length), and
+        their places as shares of the photo's width and height."""
+        if self._seen is None:
+            assert self._points is not None
+            rows = []
+            for view in self.views:
+                u, v, depth = image_points(self._points, view)
+                inside = (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
+                toward = self._points - view.center
+                toward = toward / toward.norm(dim=-1, keepdim=True).clamp(min=1e-12)
+                rows.append((inside, depth, toward, torch.stack([u, v], dim=-1)))
+            self._seen = tuple(torch.stack(part).cpu().numpy() for part in zip(*rows, strict=True))
+        return self._seen
+
+
+def _at(
+    colors: UInt8[np.ndarray, "rows columns 3"], places: Float[np.ndarray, "P 2"]
+) -> Float[np.ndarray, "P 3"]:
+    rows, columns = colors.shape[:2]
+    x, y = (places * [columns, rows]).astype(int).T
+    return np.maximum(colors[y, x].astype(float), DARKEST)
