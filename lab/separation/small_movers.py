@@ -120,7 +120,9 @@ def recorded(sights: dict[str, list[Sight]], names: Callable[[], list[str]]) -> 
                 ghost = sight.ghost(train_step.static_rgb.detach(), train_step.photo)
                 shares = {
                     "iou": iou(said.regions & box, cells),
-                    "peak": said.excess[cells].max(),
+                    "excess": said.excess[cells].max(),
+                    "evidence": said.evidence[cells].max(),
+                    "known": said.is_known[cells].mean(),
                     "weak": said.is_weak[cells].mean(),
                     "foreign": said.is_foreign[cells].mean(),
                     "votes": said.has_votes[cells].mean(),

@@ -32,8 +32,14 @@ class Judged:
     """What each rule says of a visit, in cells of `grid_of`."""
 
     excess: Float[np.ndarray, "rows columns"]
-    """Over that which is needed at its peak."""
+    """Over `strong_excess`."""
+    evidence: Float[np.ndarray, "rows columns"]
+    """The same, with what other photos leave unexplained; 0 where nobody knows."""
+    is_known: Bool[np.ndarray, "rows columns"]
+    has_excess: Bool[np.ndarray, "rows columns"]
+    """Its excess is above `weak_excess`."""
     is_weak: Bool[np.ndarray, "rows columns"]
+    """Its evidence is, or its excess where nobody knows."""
     has_votes: Bool[np.ndarray, "rows columns"]
     """Static Gaussians there, and not what is usual anywhere, say what is expected."""
     is_foreign: Bool[np.ndarray, "rows columns"]
@@ -52,7 +58,7 @@ def judged(layer: DistractorLayer, train_step: TrainStep, params: Any, memory: A
     stats = ResidualStats.of(memory, len(opacities), layer.num_views, photo.device)
     comparison, stats = rules.compare(photo, static, stats)
     excess = comparison.excess
-    rows, columns = excess.values.shape
+    rows, columns = excess.shape
     size = torch.tensor([photo.shape[1] / columns, photo.shape[0] / rows])
     x, y = (means2d / size).floor().long().unbind(-1)
     inside = drawn.visible & (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
@@ -61,19 +67,27 @@ def judged(layer: DistractorLayer, train_step: TrainStep, params: Any, memory: A
     votes = window_means(votes.reshape(1, rows, columns), EXPECTED_WINDOW)[0]
     alike = rules.shared_detail(comparison.static, comparison.photo)
     is_foreign = pooled(alike[..., None], (columns, rows))[0] <= config.shared_detail
-    most = config.strong_excess
-    needed = excess.needed(config.strong_levels, config.settled_share * most, most)
-    is_weak = excess.values > config.weak_excess
-    weak, strong = is_weak & is_foreign, (excess.values > needed) & is_foreign
-    connected = rules.outlier_regions(weak, strong)
+    evidence, is_known = excess, torch.ones_like(is_foreign)
+    unexplained = layer.witnesses.unexplained(train_step.index)
+    if unexplained is not None:
+        known = (~unexplained.isnan()).to(excess)[..., None]
+        is_known = pooled(known, (columns, rows))[0] >= MOST
+        left = pooled(unexplained.nan_to_num()[..., None], (columns, rows))[0]
+        evidence = (excess.clamp(min=0) * left).sqrt() * is_known
+    has_excess = excess > config.weak_excess
+    is_weak = torch.where(is_known, evidence > config.weak_excess, has_excess)
+    strong = evidence > config.strong_excess
+    connected = rules.outlier_regions(is_weak & is_foreign, strong & is_foreign)
     assert train_step.regions is not None
-    parts = excess.values / needed, is_weak, votes > TYPICAL_WEIGHT
+    parts = excess / config.strong_excess, evidence / config.strong_excess, is_known
+    parts += has_excess, is_weak, votes > TYPICAL_WEIGHT
     parts += is_foreign, connected, train_step.regions
     return Judged(*(part.numpy() for part in parts))
 
 
 def lost_by(judged: Judged, cells: np.ndarray, box: np.ndarray, ghost: float) -> str:
-    """The first rule that loses a thing; `found` if none does.
+    """The first rule that loses a thing; `found` if none does. The excess loses it where it would
+    do so alone, the witness what the excess alone would have found.
 
     Args:
         cells: of the thing; `box`: around it.
@@ -81,15 +95,17 @@ def lost_by(judged: Judged, cells: np.ndarray, box: np.ndarray, ghost: float) ->
     """
     if iou(judged.regions & box, cells) > FOUND:
         return "found"
-    strong = cells & (judged.excess > 1)
+    strong = cells & (judged.evidence > 1)
+    has_witness_against = not strong.any() or judged.is_weak[cells].mean() < 1 - MOST
     losses = {
         "few views": judged.has_votes[cells].mean() < 1 - MOST,
         "learned": ghost > MOST,
-        "peak": not strong.any(),
-        "margin": judged.is_weak[cells].mean() < 1 - MOST,
+        "strong excess": not (cells & (judged.excess > 1)).any(),
+        "weak excess": judged.has_excess[cells].mean() < 1 - MOST,
+        "nobody knows": has_witness_against and judged.is_known[cells].mean() < 1 - MOST,
+        "witness": has_witness_against,
         "shared detail": not (strong & judged.is_foreign).any()
         or (judged.is_weak & judged.is_foreign)[cells].mean() < 1 - MOST,
-        "least area": not (judged.connected & cells).any(),
         "outline": iou(judged.connected & box, cells) > FOUND,
     }
     return next((name for name, is_lost in losses.items() if is_lost), "too large")

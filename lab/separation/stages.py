@@ -25,9 +25,10 @@ from desplat_ns.separation.residuals import ResidualStats, local_residual
 from lab.documents import DOCS
 from lab.sheet import sheet
 
-TITLES = ("photo", "static scene", "residual", "excess", "region", "distractors", "mask")
+TITLES = ("photo", "static scene", "residual", "excess")
+TITLES += ("unexplained by others", "region", "distractors", "mask")
 WHITE = 0.25
-"""Residual and excess that are drawn white, colours in [0, 1]."""
+"""What is drawn white of residual, excess and unexplained, colours in [0, 1]."""
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -43,7 +44,7 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Picture]:
-    """The pictures of one training view, in the order of `TITLES`.
+    """The pictures of one training view, in the order of `TITLES`; what nobody knows is black.
 
     Args:
         camera: of the view, with its number.
@@ -52,7 +53,8 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Pictu
     model.eval()
     outputs = model.get_outputs(camera)
     model.near_plane_share = lambda: 0.0  # so that all Gaussians are projected
-    drawn = model.render_static(model.view_of_camera(camera, train_index(camera)), None)
+    index = train_index(camera)
+    drawn = model.render_static(model.view_of_camera(camera, index), None)
     opacities = model.gauss_params["opacities"]
     static = StaticView(
         outputs["rgb_static"],
@@ -65,12 +67,14 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Pictu
     height, width = photo.shape[:2]
     fine = fine_grid_of(width, height)
     residual = local_residual(pooled(static.rgb, fine), pooled(photo, fine), grid_of(width, height))
-    regions = find_regions(comparison, model.layer.config)
+    unexplained = model.layer.witnesses.unexplained(index)
+    regions = find_regions(comparison, model.layer.config, unexplained)
+    left = torch.zeros_like(residual) if unexplained is None else unexplained.nan_to_num()
     shown = {key: value.cpu().numpy() for key, value in outputs.items()}
     return [
         photo.cpu().numpy(),
         shown["rgb_static"],
-        *(_enlarged(cells, width, height) for cells in (residual, comparison.excess.values)),
+        *(_enlarged(cells, width, height) for cells in (residual, comparison.excess, left)),
         _enlarged(regions.float() * WHITE, width, height),
         over_checkerboard(shown["rgb_distractor"], shown["alpha_distractor"]),
         shown["distractor_mask"],

@@ -14,6 +14,9 @@ EVERYWHERE, NOWHERE = np.ones_like(CELLS), np.zeros_like(CELLS)
 
 FOUND = Judged(
     excess=np.where(CELLS, 1.2, 0.0),
+    evidence=np.where(CELLS, 1.1, 0.0),
+    is_known=EVERYWHERE,
+    has_excess=CELLS,
     is_weak=CELLS,
     has_votes=EVERYWHERE,
     is_foreign=EVERYWHERE,
@@ -21,6 +24,7 @@ FOUND = Judged(
     regions=CELLS,
 )
 UNSEEN = replace(FOUND, regions=NOWHERE)
+EXPLAINED = replace(UNSEEN, evidence=np.zeros(CELLS.shape), is_weak=NOWHERE)
 
 
 @pytest.mark.parametrize(
@@ -29,10 +33,12 @@ UNSEEN = replace(FOUND, regions=NOWHERE)
         ("found", FOUND, 0.0),
         ("few views", replace(UNSEEN, has_votes=NOWHERE), 0.0),
         ("learned", replace(UNSEEN, excess=np.zeros(CELLS.shape)), 0.9),
-        ("peak", replace(UNSEEN, excess=np.full(CELLS.shape, 0.9)), 0.0),
-        ("margin", replace(UNSEEN, is_weak=NOWHERE), 0.0),
+        ("strong excess", replace(EXPLAINED, excess=np.full(CELLS.shape, 0.9)), 0.0),
+        ("weak excess", replace(EXPLAINED, has_excess=NOWHERE), 0.0),
+        ("nobody knows", replace(EXPLAINED, is_known=NOWHERE, is_weak=CELLS), 0.0),
+        ("witness", EXPLAINED, 0.0),
+        ("witness", replace(UNSEEN, is_weak=NOWHERE), 0.0),
         ("shared detail", replace(UNSEEN, is_foreign=~CELLS), 0.0),
-        ("least area", replace(UNSEEN, connected=NOWHERE), 0.0),
         ("outline", UNSEEN, 0.0),
         ("too large", replace(FOUND, connected=EVERYWHERE, regions=EVERYWHERE), 0.0),
     ],
