@@ -18,7 +18,9 @@ NO_DENSIFICATION: dict[str, Any] = {"warmup_length": 10_000}
 
 
 def config(**changes: Any) -> DistractorConfig:
+    """A warm-up of up to 60 steps stays as long as it is: 20 visits of three views."""
     values = {"per_view": 120, "initial_opacity": 0.5, "start": "residual", "static_alone": True}
+    values["max_warmup_visits"] = 20
     return DistractorConfig(**values | changes)
 
 
@@ -46,7 +48,7 @@ class Crossing(Trainer):
 
 @pytest.mark.slow
 def test_distractors_appear_where_one_photo_differs_and_nowhere_else():
-    model = a_dense_model(static_warmup=60, settled_share=1.0)  # learned by 60 steps of two views
+    model = a_dense_model(static_warmup=60)
     trainer = Crossing(model)
     assert model.distractors is not None
     for step in range(60):

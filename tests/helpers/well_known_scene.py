@@ -61,8 +61,9 @@ class WellKnownScene:
         num_views: int,
         config: DistractorConfig,
         mask: torch.Tensor | None = None,
+        unexplained: torch.Tensor | None = None,
     ) -> torch.Tensor:
-        """Its regions; the photo is remembered."""
+        """Its regions; the photo is remembered. `unexplained` of it, if other photos were asked."""
         count, counted, rgb = len(self.opacities), None, self.rendered()
         if mask is not None:
             photo, counted = apply_mask(photo, rgb, mask)
@@ -71,7 +72,7 @@ class WellKnownScene:
         )
         stats = ResidualStats.of(self.memory, count, num_views, photo.device)
         comparison, stats = compare(photo, static, stats, counted)
-        regions = find_regions(comparison, config)
+        regions = find_regions(comparison, config, unexplained)
         stats.keep_in(self.memory)
         return regions
 

@@ -1,4 +1,4 @@
-"""What of a photo is in the way: regions by residual, detail and memory."""
+"""What of a photo is in the way: regions by residual, other photos, detail and memory."""
 
 import dataclasses
 
@@ -8,7 +8,7 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.separation.regions import apply_mask
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene
 
-CONFIG = DistractorConfig(start="residual")
+CONFIG = DistractorConfig(start="residual", weak_excess=0.05, strong_excess=0.15)
 CPU = torch.device("cpu")
 
 
@@ -77,17 +77,51 @@ def test_no_region_reaches_into_a_mask_though_one_lies_all_around_it():
     assert not scene.find(scene.with_an_occluder(), 40, CONFIG, mask).any()
 
 
-def test_a_pale_occluder_is_found_on_a_scene_that_is_learned_and_not_before():
-    """Its excess is 0.18, and the noise of a scene that is learned 0.01 after averaging. It has the
-    detail of the scene behind it, which is not asked for here, and so no edge to follow."""
-    scene, config = WellKnownScene(), dataclasses.replace(CONFIG, shared_detail=1.0)
+def with_an_occluder(unexplained: torch.Tensor | None) -> torch.Tensor:
+    """Regions of a photo with an occluder, if the others leave so much of the photo unexplained."""
+    scene = WellKnownScene()
     for _ in range(5):
-        assert not scene.find(scene.photo, 40, config).any()
-    assert scene.find(scene.with_a_pale_one(), 40, config)[16:24, 26:34].all()
-    scene.noise *= 4
-    for _ in range(5):
-        assert not scene.find(scene.photo, 40, config).any()
-    assert not scene.find(scene.with_a_pale_one(), 40, config).any()
+        scene.find(scene.photo, 40, CONFIG)
+    return scene.find(scene.with_an_occluder(), 40, CONFIG, unexplained=unexplained)
+
+
+def test_what_other_photos_explain_is_in_no_region():
+    everything = torch.full((HEIGHT, WIDTH), 0.5)
+    assert with_an_occluder(everything)[12:28, 22:38].all()
+    assert not with_an_occluder(torch.zeros(HEIGHT, WIDTH)).any()
+    upper = everything.clone()
+    upper[20:] = 0.0
+    region = with_an_occluder(upper)
+    assert region[12:18, 22:38].all()
+    assert not region[27:].any()  # but for what has the colours of the upper half beside it
+
+
+def test_the_grid_of_what_is_unexplained_may_be_another():
+    left = torch.full((HEIGHT // 2, WIDTH // 2), 0.5)
+    assert with_an_occluder(left)[12:28, 22:38].all()
+    assert not with_an_occluder(torch.zeros_like(left)).any()
+
+
+def test_what_nobody_knows_makes_no_region_and_joins_one():
+    unknown = torch.full((HEIGHT, WIDTH), torch.nan)
+    assert not with_an_occluder(unknown).any()
+    upper, upper_alone = unknown, torch.zeros(HEIGHT, WIDTH)
+    upper[:20] = upper_alone[:20] = 0.5
+    assert with_an_occluder(upper)[12:28, 22:38].all()
+    assert not with_an_occluder(upper_alone)[27:].any()
+
+
+def test_the_evidence_is_the_geometric_mean():
+    """An excess of 0.18, of which 0.08 is left: 0.12."""
+    for strong, is_found in ((0.08, True), (0.15, False)):
+        config = dataclasses.replace(
+            CONFIG, weak_excess=0.06, strong_excess=strong, shared_detail=1.0
+        )
+        scene, left = WellKnownScene(), torch.full((HEIGHT, WIDTH), 0.08)
+        for _ in range(5):
+            scene.find(scene.photo, 40, config)
+        found = scene.find(scene.with_a_pale_one(), 40, config, unexplained=left)
+        assert bool(found[16:24, 26:34].all()) == bool(found.any()) == is_found
 
 
 def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region():
@@ -98,14 +132,18 @@ def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region():
     flare = 0.4 * torch.exp(-((x - 30) ** 2 + (y - 20) ** 2) / 200)[..., None]
     unasked = dataclasses.replace(CONFIG, shared_detail=1.0)
     taken = scene.find(scene.photo + flare, 40, unasked).sum()
-    assert taken > 1000
-    assert scene.find(scene.photo + flare, 40, CONFIG).sum() < 0.05 * taken
+    assert taken > 800
+    assert scene.find(scene.photo + flare, 40, CONFIG).sum() < 0.1 * taken
     assert scene.find(scene.with_an_occluder(), 40, CONFIG)[12:28, 22:38].all()
 
 
 def test_the_advice_to_raise_strong_excess_helps():
-    config = dataclasses.replace(CONFIG, strong_excess=0.4, shared_detail=1.0)
-    scene = WellKnownScene()
-    for _ in range(5):
-        scene.find(scene.photo, 40, config)
-    assert not scene.find(scene.with_a_pale_one(), 40, config).any()
+    """A pale occluder has an excess of 0.18; it has the detail of the scene behind it, which is not
+    asked for here, and so no edge to follow."""
+    for strong, is_found in ((0.12, True), (0.4, False)):
+        config = dataclasses.replace(CONFIG, strong_excess=strong, shared_detail=1.0)
+        scene = WellKnownScene()
+        for _ in range(5):
+            assert not scene.find(scene.photo, 40, config).any()
+        found = scene.find(scene.with_a_pale_one(), 40, config)
+        assert bool(found[16:24, 26:34].all()) == bool(found.any()) == is_found

@@ -1,9 +1,9 @@
-"""Regions: two thresholds, gaps and holes closed, specks dropped."""
+"""Regions: two thresholds, gaps and holes closed."""
 
 import pytest
 import torch
 
-from desplat_ns.separation.regions import MIN_AREA, outlier_regions
+from desplat_ns.separation.regions import outlier_regions
 
 WEAK, STRONG = 0.1, 0.5
 
@@ -57,10 +57,8 @@ def test_a_gap_of_one_cell_is_closed():
     assert regions(excess)[6:14, 12].all()
 
 
-def test_specks_are_dropped():
-    smallest = int(MIN_AREA * 40 * 50)  # 4 cells
-    assert not regions(block((5, 6, 5, 5 + smallest - 1), value=0.9)).any()
-    assert regions(block((5, 6, 5, 5 + smallest), value=0.9)).sum() == smallest
+def test_what_is_as_small_as_a_cell_is_a_region():
+    assert regions(block((5, 6, 5, 6), value=0.9)).sum() == 1
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, 0.3])
