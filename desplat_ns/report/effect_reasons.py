@@ -1,4 +1,4 @@
-"""Which effects a run had, and why: what the survey decided, with its figures."""
+"""Which effects a run had, and why: what the training found and the survey decided."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from desplat_ns.console import list_names
 from desplat_ns.settings.effects import Effects
 
 TITLES = {
@@ -19,6 +20,9 @@ TITLES = {
 
 SURVEYED = ("appearance", "background")
 """What a survey decides."""
+
+MAX_NAMES = 30
+"""Photos with something in the way that are named."""
 
 CONFIDENCE = {
     "clear": "",
@@ -52,25 +56,33 @@ def read_survey(path: Path) -> dict[str, Any] | None:
     return findings if isinstance(findings, dict) and {*SURVEYED} <= set(findings) else None
 
 
-def effect_reasons(effects: Effects, survey: Mapping[str, Any] | None) -> list[EffectReason]:
+def effect_reasons(
+    effects: Effects, survey: Mapping[str, Any] | None, num_photos: int, in_the_way: Sequence[str]
+) -> list[EffectReason]:
     """Every effect with its reason.
 
     Args:
         effects: of the trained model.
         survey: as `read_survey` gives it.
+        num_photos: that were trained on.
+        in_the_way: names of those that have distractors.
     """
     had: dict[str, bool | str] = asdict(effects)
-    if survey is None:
-        why = (
-            "As given, the method's default, or as in the run that this one goes on with: there is "
-            "no record of a survey of the photos."
-        )
-        return [EffectReason(k, title, in_words(had[k]), why) for k, title in TITLES.items()]
-    distractors = in_words(had["distractors"])
-    why = "On unless it is switched off: training finds out what stands in the way."
-    why = why if had["distractors"] else "As given."
-    first = EffectReason("distractors", TITLES["distractors"], distractors, why)
-    return [first, *(_surveyed(name, had[name], survey[name]) for name in SURVEYED)]
+    why = "As given."
+    if had["distractors"]:
+        why = f"In none of {num_photos:,} photos: nothing was found in the way."
+        if in_the_way:
+            names = list_names(in_the_way, MAX_NAMES)
+            why = f"In {len(in_the_way):,} of {num_photos:,} photos: {names}."
+    value = in_words(had["distractors"])
+    first = EffectReason("distractors", TITLES["distractors"], value, why)
+    if survey is not None:
+        return [first, *(_surveyed(name, had[name], survey[name]) for name in SURVEYED)]
+    why = (
+        "As given, the method's default, or as in the run that this one goes on with: there is "
+        "no record of a survey of the photos."
+    )
+    return [first, *(EffectReason(k, TITLES[k], in_words(had[k]), why) for k in SURVEYED)]
 
 
 def in_words(value: bool | str) -> str:

@@ -103,8 +103,7 @@ def _of_distractors(photos: Sequence[TrainingPhoto]) -> Iterator[Notice]:
     if shares and statistics.fmean(shares.values()) <= HARDLY:
         yield Notice(
             "Distractors cover next to nothing: either nothing is in the way, or it was not found.",
-            "If you see nothing in the way, --pipeline.model.effects.distractors False is as good "
-            "or better, and faster. If you do: more steps, or a lower "
+            "If you see something in the way: more steps, or a lower "
             "--pipeline.model.distractors.strong-excess.",
         )
 

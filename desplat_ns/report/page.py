@@ -58,7 +58,7 @@ class Contents:
 
 
 def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") -> str:
-    """The page.
+    """The page. Of training photos those that distractors cover most come first.
 
     Args:
         budget: bytes of all pictures together.
@@ -67,7 +67,8 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") ->
     Raises:
         ConfigError: there are too many pictures for it.
     """
-    photos = [*contents.training, *contents.held_out]
+    training = sorted(contents.training, key=lambda photo: -(photo.covered or 0.0))
+    photos = [*training, *contents.held_out]
     pictures = [_pictures(photo) for photo in photos]
     encoded = fitted_into([picture for shown in pictures for picture in shown.values()], budget)
     sources = iter(encoded.sources)
@@ -79,8 +80,9 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") ->
         page=contents,
         scene=scene,
         cost=contents.cost,
-        training=shown[: len(contents.training)],
-        held_out=shown[len(contents.training) :],
+        training=shown[: len(training)],
+        num_covered=sum(bool(photo.covered) for photo in training),
+        held_out=shown[len(training) :],
         largest=max((max(photo.size) for photo in contents.training), default=0),
         encoded=encoded,
         charts=[(chart, svg(chart)) for chart in contents.history.charts],

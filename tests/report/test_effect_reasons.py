@@ -6,7 +6,13 @@ from typing import Any
 
 import pytest
 
-from desplat_ns.report.effect_reasons import TITLES, effect_reasons, in_words, read_survey
+from desplat_ns.report.effect_reasons import (
+    MAX_NAMES,
+    TITLES,
+    effect_reasons,
+    in_words,
+    read_survey,
+)
 from desplat_ns.settings.effects import Effects
 
 
@@ -28,9 +34,10 @@ SURVEY = {
 
 
 def test_an_effect_has_the_surveys_reason_and_figures():
-    distractors, appearance, background = effect_reasons(Effects(True, "camera", "off"), SURVEY)
+    effects = Effects(True, "camera", "off")
+    distractors, appearance, background = effect_reasons(effects, SURVEY, 29, ["a.jpg", "b.jpg"])
     assert (distractors.value, appearance.value, background.value) == ("on", "camera", "off")
-    assert "training finds out" in distractors.why
+    assert distractors.why == "In 2 of 29 photos: a.jpg, b.jpg."
     assert appearance.why.startswith("Because.") and "a close call" in appearance.why
     assert [part.is_unsure for part in (distractors, appearance, background)] == [False, True, True]
     assert appearance.figures[0]["value"] is None
@@ -39,7 +46,7 @@ def test_an_effect_has_the_surveys_reason_and_figures():
 
 def test_an_effect_that_was_given_against_the_survey_says_so():
     given = Effects(False, "affine", "off")
-    distractors, appearance, _ = effect_reasons(given, SURVEY)
+    distractors, appearance, _ = effect_reasons(given, SURVEY, 29, [])
     assert (distractors.value, distractors.why) == ("off", "As given.")
     assert appearance.value == "affine"
     assert "would have said camera: Because." in appearance.why
@@ -47,9 +54,24 @@ def test_an_effect_that_was_given_against_the_survey_says_so():
 
 
 def test_without_a_survey_that_is_said():
-    reasons = effect_reasons(Effects(), None)
+    distractors, *others = reasons = effect_reasons(Effects(), None, 29, ["a.jpg"])
     assert [reason.title for reason in reasons] == list(TITLES.values())
-    assert all("no record of a survey" in reason.why for reason in reasons)
+    assert all("no record of a survey" in reason.why for reason in others)
+    assert distractors.why == "In 1 of 29 photos: a.jpg."
+
+
+@pytest.mark.parametrize("survey", [SURVEY, None])
+def test_where_nothing_was_found_that_is_said(survey):
+    distractors, *_ = effect_reasons(Effects(), survey, 29, [])
+    assert (distractors.value, distractors.is_unsure) == ("on", False)
+    assert distractors.why == "In none of 29 photos: nothing was found in the way."
+
+
+def test_of_many_photos_with_something_in_the_way_some_are_named():
+    names = [f"{number}.jpg" for number in range(MAX_NAMES + 7)]
+    why = effect_reasons(Effects(), None, 2000, names)[0].why
+    assert why.startswith("In 37 of 2,000 photos: 0.jpg, 1.jpg, ")
+    assert why.endswith("29.jpg and 7 more.")
 
 
 @pytest.mark.parametrize("content", ["", "[1, 2]", "{}", "{", '{"appearance": {}}'])

@@ -38,7 +38,7 @@ def scores(*psnrs: float) -> dict[str, Any]:
         ({"cost": replace(COST, num_photos=40)}, ["seen 50 times", "After 6,000"]),
         ({"cost": replace(COST, num_photos=8)}, ["seen 250 times", "After 6,000"]),
         ({"photos": [training_photo("a.jpg", covered=0.7)]}, ["half of a.jpg", "strong-excess"]),
-        ({"photos": [training_photo("a.jpg", covered=0.0)]}, ["next to nothing", "False"]),
+        ({"photos": [training_photo("a.jpg", covered=0.0)]}, ["next to nothing", "strong-excess"]),
         ({"results": scores(30.0, 29.0, 20.0)}, ["(29.0 dB): extra_2.png.", "error maps"]),
         ({"results": {"psnr": 20.0}}, ["at 30.0 dB, held-out photos at 20.0 dB", "More photos"]),
         (

@@ -127,6 +127,27 @@ def test_what_there_is_not_is_told():
     tags_of(html)
 
 
+def photos_covered(*shares: float | None) -> str:
+    """A page of training photos of which so much is covered."""
+    photos = [training_photo(f"{n}.jpg", covered=share) for n, share in enumerate(shares)]
+    return html_of(contents(training=photos))
+
+
+def test_photos_that_are_covered_most_come_first_and_those_that_are_not_are_folded():
+    html = photos_covered(0.0, 0.1, 0.3, 0.0)
+    tags_of(html)
+    assert re.findall(r"<h3>(\d)\.jpg", html) == ["2", "1", "0", "3"]
+    folded = html[html.index("2 photos with nothing in the way") :]
+    assert re.findall(r"<h3>(\d)\.jpg", folded[: folded.index("</details>")]) == ["0", "3"]
+
+
+@pytest.mark.parametrize("share", [0.0, None, 0.2])
+def test_where_all_photos_are_alike_none_is_folded(share):
+    html = photos_covered(share, share)
+    assert re.findall(r"<h3>(\d)\.jpg", html) == ["0", "1"]
+    assert "with nothing in the way" not in html
+
+
 @pytest.mark.parametrize("number", [0, 1, 5])
 def test_pictures_stand_with_their_photo(number: int):
     photos = [training_photo(f"{n}.jpg") for n in range(number)]
