@@ -110,6 +110,19 @@ def test_the_opacity_terms_are_not_part_of_an_evaluation():
     assert "distractor_opacity" not in losses
 
 
+def test_photos_with_distractors_are_named():
+    def found(**config: Any) -> list[str]:
+        model = make_model(**config)
+        model.names = ["a.jpg", "b.jpg", "c.jpg"]
+        return model.found_in_the_way()
+
+    everywhere, nothing = DistractorConfig(per_view=20), DistractorConfig(start="residual")
+    in_all = "Distractors in 3 of 3 photos: a.jpg, b.jpg, c.jpg."
+    assert found(distractors=everywhere) == [in_all]
+    assert found(distractors=nothing) == ["Distractors in 0 of 3 photos."]
+    assert found(effects=EffectsConfig(distractors=False)) == []
+
+
 def test_distractors_wait_for_the_static_warmup():
     model = make_model(distractors=DistractorConfig(per_view=20, static_warmup=5))
     trainer = Trainer(model)

@@ -140,6 +140,12 @@ def test_with_nothing_left_to_train_it_says_so_and_changes_nothing(config, capsy
     assert "give a larger --max-num-iterations" in said
 
 
+def test_what_was_found_in_the_way_is_said_once_in_the_end(config, capsys):
+    config.max_num_iterations = 3
+    train(config)
+    assert capsys.readouterr().out.count("Distractors in 1 of 5 photos: 3.png.") == 1
+
+
 def test_a_run_goes_on_from_the_checkpoint_before_a_damaged_newest_one(config, capsys):
     """Saves are due after steps 5 and 10 and at the end, and by default two are kept."""
     config.save_only_latest_checkpoint = desplat.config.save_only_latest_checkpoint

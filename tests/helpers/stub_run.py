@@ -75,6 +75,9 @@ class StubModel:
     def culled_static(self) -> int:
         return 0
 
+    def found_in_the_way(self) -> list[str]:
+        return ["Distractors in 1 of 5 photos: 3.png."]
+
     def sweep(self) -> None:
         pass
 
