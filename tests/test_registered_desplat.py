@@ -190,6 +190,8 @@ def test_a_checkpoint_holds_what_refinement_and_placing_remember(straight: Run):
     names = {"grad2d", "count", "usual_residual", "times_seen"}
     assert names <= memory["static_strategy"].keys()
     assert memory["static_strategy"]["visits"] == STEPS
+    assert sorted(memory["photos"]) == list(range(views))
+    assert memory["visits"].keys() == {"without_region", "not_looked_at"}
     for view in of_views:
         assert view["moments"].keys() == {"means", "scales", "quats", "rgbs", "opacities"}
         assert view["state"].keys() >= {"grad2d", "count"}

@@ -25,8 +25,8 @@ from desplat_ns.separation.residuals import ResidualStats, local_residual
 from lab.documents import DOCS
 from lab.sheet import sheet
 
-TITLES = ("photo", "static scene", "residual", "excess")
-TITLES += ("unexplained by others", "region", "distractors", "mask")
+TITLES = ("photo", "static scene", "residual", "excess", "unexplained")
+TITLES += ("region", "distractors", "mask")
 WHITE = 0.25
 """What is drawn white of residual, excess and unexplained, colours in [0, 1]."""
 
