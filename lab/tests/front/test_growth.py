@@ -60,8 +60,8 @@ def bytecodes(call: Callable[[], object]) -> int:
 def test_a_step_executes_as_much_python_however_many_views_there_are(others, monkeypatch):
     find_regions = layer.find_regions
 
-    def find_none(comparison: Comparison, config: DistractorConfig) -> Tensor:
-        return find_regions(comparison, replace(config, weak_excess=inf))
+    def find_none(comparison: Comparison, config: DistractorConfig, unexplained: Any) -> Tensor:
+        return find_regions(comparison, replace(config, weak_excess=inf), unexplained)
 
     monkeypatch.setattr(layer, "find_regions", find_none)  # what it executes depends on the photo
     counts = []
