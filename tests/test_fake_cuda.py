@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -82,9 +83,15 @@ def rendering(count: int = N) -> Rendering:
 
 
 def a_layer(background: BackgroundGrade = "off") -> DistractorLayer:
-    """What looks for regions, without what asks cameras where they stand."""
+    """What looks for regions, without what asks cameras where they stand. What other photos leave
+    unexplained is found on the CPU."""
     layer = DistractorLayer.__new__(DistractorLayer)
     layer.background = background
+    layer.visits = {"without_region": 0, "not_looked_at": 0}
+    witnesses: Any = SimpleNamespace(
+        keep=lambda *_: None, unexplained=lambda _: torch.rand(HEIGHT // 2, WIDTH // 2)
+    )
+    layer.witnesses = witnesses
     layer.config, layer.num_views, layer.static = CONFIG, 8, SplatfactoModelConfig()
     return layer
 
