@@ -118,6 +118,7 @@ def test_the_evidence_is_the_geometric_mean():
             CONFIG, weak_excess=0.03, strong_excess=strong, shared_detail=1.0
         )
         scene, left = WellKnownScene(), torch.full((HEIGHT, WIDTH), 0.02)
+        scene.noise = 0.005  # learned
         for _ in range(5):
             scene.find(scene.photo, 40, config)
         found = scene.find(scene.with_a_pale_one(), 40, config, unexplained=left)
