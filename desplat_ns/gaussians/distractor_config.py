@@ -24,12 +24,13 @@ class DistractorConfig:
     """Where distractors start: spread over the whole of every view, or, visit by visit, where a
     photo shows what the other views do not; then those elsewhere are removed, too. The paper has
     everywhere."""
-    weak_excess: float = ranged(0.07, "(0, inf)")
+    weak_excess: float = ranged(0.04, "(0, inf)")
     """With start residual: evidence that a place has to show to belong to something in the way, in
-    colours in [0, 1]: the geometric mean of its residual beyond the expected one and of what other
-    photos leave unexplained."""
-    strong_excess: float = 0.18
-    """With start residual: evidence that something in the way has to show in one place at least."""
+    colours in [0, 1]: its residual beyond the expected one, as far as other photos do not explain
+    what the photo shows."""
+    strong_excess: float = 0.15
+    """With start residual: evidence that something in the way has to show in one place at least,
+    once the scene is learned; before, more."""
     shared_detail: float = ranged(0.7, "(0, inf)")
     """With start residual: where the detail of a photo correlates more than this with that of the
     static scene, it is the scene's own in another light, and nothing in the way; 1 or more asks

@@ -44,7 +44,6 @@ from desplat_ns.training.losses import (
     static_transparency_loss,
 )
 
-
 QUIET_VISITS = 10
 """While no photo has a region, one visit in this number is looked at."""
 
@@ -312,11 +311,10 @@ class DistractorLayer:
             self.densifier.after_step(distractors, step, info, weights_of)
         self.visits["not_looked_at"] += 1
         if train_step.regions is not None:
-            found = bool(train_step.regions.any())
-            quiet = 0 if found else self.visits["without_region"] + 1
-            self.visits = {"without_region": quiet, "not_looked_at": 0}
             if step < self.config.stop_placing_at:
                 self._place(train_step, train_step.regions, distractors)
+            quiet = 0 if len(distractors) > 0 else self.visits["without_region"] + 1
+            self.visits = {"without_region": quiet, "not_looked_at": 0}
         self.gaussians.total += len(distractors) - before
 
     @torch.no_grad()

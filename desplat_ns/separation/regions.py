@@ -27,10 +27,22 @@ from desplat_ns.separation.grid import (
 )
 from desplat_ns.separation.residuals import (
     SMOOTHING,
+    Excess,
     ResidualStats,
     excess_residual,
     local_residual,
 )
+
+PEAK_LEVELS, MAX_PEAK = 10.0, 0.4
+"""Evidence that a region needs at its peak, in levels of the view, and in colours at the most.
+While the scene is not learned, places stand out that it learns later unless they are left out."""
+
+FEWEST_VOTES = 0.1
+"""Opacity per cell of Gaussians that at least three views see: with more, the scene is known."""
+
+TRUSTED, DOUBTED = 3.0, 0.5
+"""Times what is unexplained, the excess counts at most: where the scene is known, a thing may look
+like something else at some depth by chance; where it is not, the excess itself is doubtful."""
 
 DETAIL_WINDOW = 7
 """Fine cells (an odd number) over which detail is compared: in a wider window edges of what is in
@@ -86,8 +98,8 @@ class Comparison:
     static: Float[Tensor, "3 fine_rows fine_columns"]
     """In cells of `fine_grid_of`, colours in [0, 1]."""
     photo: Float[Tensor, "3 fine_rows fine_columns"]
-    excess: Float[Tensor, "rows columns"]
-    """On the grid of `grid_of`, see `excess_residual`."""
+    excess: Excess
+    """On the grid of `grid_of`."""
     counted: Bool[Tensor, "rows columns"] | None
     """Cells that the user's mask leaves in; None if it leaves out none."""
 
@@ -128,30 +140,48 @@ def find_regions(
     """Where a photo shows what other views do not, on the grid of `grid_of`; masked cells are in no
     region.
 
-    A region is made of connected cells with an evidence above `weak_excess`, one of them above
-    `strong_excess`. Cells of which nobody knows may belong to a region, and make none.
+    A region is made of connected cells with an evidence (`evidence_of`) above `weak_excess`, one of
+    them with more than clip(`PEAK_LEVELS` * level, `strong_excess`, `MAX_PEAK`). Cells of which
+    nobody knows may belong to a region, and make none.
 
     Args:
         unexplained: of the photo, by `witness.unexplained`, on any grid; None where nobody was
             asked, and the excess alone is the evidence.
     """
     excess, counted = comparison.excess, comparison.counted
-    rows, columns = excess.shape
+    rows, columns = excess.values.shape
     grid = columns, rows
-    evidence, is_weak = excess, excess > config.weak_excess
-    if unexplained is not None:
-        unexplained = unexplained.to(excess)
-        is_known = pooled((~unexplained.isnan()).to(excess)[..., None], grid)[0] >= 0.5
-        left = pooled(unexplained.nan_to_num()[..., None], grid)[0]
-        evidence = (excess.clamp(min=0) * left).sqrt() * is_known
-        is_weak &= ~is_known
-        is_weak |= evidence > config.weak_excess
+    evidence, is_known = evidence_of(excess, unexplained)
+    needed = (PEAK_LEVELS * excess.level).clamp(config.strong_excess, MAX_PEAK)
+    strong = (evidence > needed) & is_known
+    if strong.is_cpu and not strong.numpy().any():  # as in most photos, which then cost no more
+        return torch.zeros_like(strong)
     alike = shared_detail(comparison.static, comparison.photo)
     has_foreign_detail = pooled(alike[..., None], grid)[0] <= config.shared_detail
-    strong = (evidence > config.strong_excess) & has_foreign_detail
+    weak = (evidence > config.weak_excess) & has_foreign_detail
     colors = pooled(comparison.photo.permute(1, 2, 0), grid)
-    regions = along_edges(outlier_regions(is_weak & has_foreign_detail, strong), colors)
+    regions = along_edges(outlier_regions(weak, strong & has_foreign_detail), colors)
     return regions if counted is None else regions & counted
+
+
+def evidence_of(
+    excess: Excess, unexplained: Float[Tensor, "r c"] | None
+) -> tuple[Float[Tensor, "rows columns"], Bool[Tensor, "rows columns"]]:
+    """How much speaks for something in the way, in colours in [0, 1]: the excess, but not more than
+    a multiple of what other photos leave unexplained; and where anybody knows.
+
+    Args:
+        unexplained: NaN where nobody knows; there the excess is returned.
+    """
+    if unexplained is None:
+        return excess.values, torch.ones_like(excess.values, dtype=torch.bool)
+    rows, columns = excess.values.shape
+    known = (~unexplained.isnan()).to(excess.values)
+    left = pooled(unexplained.to(excess.values).nan_to_num()[..., None], (columns, rows))[0]
+    is_known = pooled(known[..., None], (columns, rows))[0] >= 0.5
+    times = torch.where(excess.votes >= FEWEST_VOTES, TRUSTED, DOUBTED)
+    limited = torch.minimum(excess.values, times * left)
+    return torch.where(is_known, limited, excess.values), is_known
 
 
 def shared_detail(

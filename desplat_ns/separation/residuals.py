@@ -12,6 +12,7 @@ relative to the view's own level: exposure, training progress and resets move al
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import torch
@@ -97,6 +98,18 @@ class ResidualStats:
         memory.remember(usual_residual=self.usual, times_seen=self.times_seen, visits=self.visits)
 
 
+@dataclass(frozen=True)
+class Excess:
+    """How far a view's residuals are beyond the expected ones."""
+
+    values: Float[Tensor, "rows columns"]
+    """In colours in [0, 1]; below 0 where a residual is smaller than expected."""
+    level: Float[Tensor, ""]
+    """`LEVEL_QUANTILE` of the view's residuals; it falls as the scene is learned."""
+    votes: Float[Tensor, "rows columns"]
+    """Opacity per cell of the Gaussians around it that say what is expected."""
+
+
 def excess_residual(
     residual: Float[Tensor, "rows columns"],
     means2d: Float[Tensor, "N 2"],
@@ -104,9 +117,8 @@ def excess_residual(
     opacities: Float[Tensor, " N"],
     stats: ResidualStats,
     counted: Bool[Tensor, "rows columns"] | None = None,
-) -> tuple[Float[Tensor, "rows columns"], ResidualStats]:
-    """The residual beyond the expected one (colours in [0, 1]; below 0 where it is smaller), and the
-    statistics with this view in them.
+) -> tuple[Excess, ResidualStats]:
+    """The residual beyond the expected one, and the statistics with this view in them.
 
     What is usual around the Gaussians in a part of the image is expected there, each counting by
     its opacity and by its `certainty`; where they are few, what is usual in the whole scene is.
@@ -124,12 +136,14 @@ def excess_residual(
     inside, cell = _cells_of(means2d, visible, residual.shape, counted)
     usual, times_seen, visits = stats.usual, stats.times_seen + inside, stats.visits + 1
     weights = opacities * certainty(times_seen * (stats.num_views / visits))
-    expected = _mean_by_cell(usual, weights, cell, residual.shape)
+    expected, votes = _mean_by_cell(usual, weights, cell, residual.shape)
     off = torch.sign(relative.index_select(0, cell) - usual)
     usual = usual + MEDIAN_STEP * off * inside
     values = residual - level * expected.exp()
     values = values if counted is None else values.masked_fill(~counted, 0.0)
-    return values, replace(stats, usual=usual, times_seen=times_seen, visits=visits)
+    return Excess(values, level, votes), replace(
+        stats, usual=usual, times_seen=times_seen, visits=visits
+    )
 
 
 def certainty(views: Float[Tensor, " N"]) -> Float[Tensor, " N"]:
@@ -143,9 +157,11 @@ def _level(
 ) -> Float[Tensor, ""]:
     """The view's own level; of a view that is masked wholly any, as nobody asks for it."""
     if counted is None:
-        return residual.flatten().quantile(LEVEL_QUANTILE)
-    level = residual.masked_fill(~counted, torch.nan).flatten().nanquantile(LEVEL_QUANTILE)
-    return torch.where(counted.any(), level, MIN_RESIDUAL)
+        values = residual.flatten()
+        return values.kthvalue(math.ceil(LEVEL_QUANTILE * len(values)))[0]
+    ordered = residual.masked_fill(~counted, torch.inf).flatten().sort().values
+    place = (LEVEL_QUANTILE * counted.sum()).ceil().long().clamp(min=1) - 1
+    return torch.where(counted.any(), ordered[place], MIN_RESIDUAL)
 
 
 def _cells_of(
@@ -168,12 +184,12 @@ def _cells_of(
 
 def _mean_by_cell(
     values: Float[Tensor, " N"], weights: Tensor, cell: Tensor, shape: torch.Size
-) -> Float[Tensor, "rows columns"]:
+) -> tuple[Float[Tensor, "rows columns"], Float[Tensor, "rows columns"]]:
     """Weighted mean of the values around each cell, drawn to the mean of all where weights are
-    small."""
+    small; and the weights per cell."""
     rows = torch.stack([weights * values, weights])
     sums = rows.new_zeros(2, shape[0] * shape[1] + 1).index_add_(1, cell, rows)
     total, weight = window_means(sums[:, :-1].reshape(2, *shape), EXPECTED_WINDOW)
     all_values, all_weights = rows.sum(dim=1)
     typical = all_values / all_weights.clamp(min=torch.finfo(rows.dtype).tiny)
-    return (total + TYPICAL_WEIGHT * typical) / (weight + TYPICAL_WEIGHT)
+    return (total + TYPICAL_WEIGHT * typical) / (weight + TYPICAL_WEIGHT), weight

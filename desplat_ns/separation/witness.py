@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ from jaxtyping import Bool, Float, UInt8
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
+from desplat_ns.backend.protocol import View
 from desplat_ns.rendering.near_plane import sampled
 from desplat_ns.rendering.views import image_points, views_of
 
@@ -32,7 +34,7 @@ NEAREST, FARTHEST = 0.5, 8.0
 """The depths reach from this share of the nearest point in view to this multiple of the farthest
 one: the 1% and 99% quantiles count."""
 
-NEIGHBOURS = 8
+NEIGHBOURS = 6
 """Other photos that are asked about one."""
 
 BEST_ANGLE, WIDTHS = 8.0, (5.0, 12.0)
@@ -125,6 +127,22 @@ def _is_before(homography: np.ndarray, columns: int, rows: int) -> bool:
     return bool((homography[2, 0] * x + homography[2, 1] * y + homography[2, 2] > 0).all())
 
 
+@dataclass(frozen=True)
+class SeenPoints:
+    """Where the photos of a capture show the points of its reconstruction, hidden ones too."""
+
+    visible: Bool[np.ndarray, "V P"]
+    depths: Float[np.ndarray, "V P"]
+    toward: Float[np.ndarray, "V P 3"]
+    """Directions from the cameras, of unit length."""
+    places: Float[np.ndarray, "V P 2"]
+    """As shares of the photo's width and height."""
+
+    def common(self, photo: int, other: int) -> Bool[np.ndarray, " P"]:
+        """Points that two photos show."""
+        return self.visible[photo] & self.visible[other]
+
+
 class Witnesses:
     """The photos of a capture, each asked about the others.
 
@@ -137,11 +155,10 @@ class Witnesses:
         points: of the reconstruction; without them nobody is a neighbour, and nothing is known.
         cameras: the training cameras, shape [V].
         """
-        self.views = views_of(cameras)
+        self._cameras = cameras
         self.photos: dict[int, UInt8[np.ndarray, "rows columns 3"]] = {}
         self._unexplained: dict[int, Float[Tensor, "rows columns"] | None] = {}
-        self._points = None if points is None else sampled(points, MAX_POINTS)
-        self._seen: tuple[np.ndarray, ...] | None = None
+        self._points = None if points is None else sampled(points, MAX_POINTS).cpu()
 
     def keep(self, index: int, photo: Float[Tensor, "3 rows columns"]) -> None:
         """Keep what the photo of a view shows, colours in [0, 1]."""
@@ -167,8 +184,8 @@ class Witnesses:
         chosen = sorted(self._neighbours(index), key=lambda pair: -pair[0])[:NEIGHBOURS]
         if len(chosen) < 2:
             return None
-        photo, depths = self._looker(index), self._seen_points()[1][index]
-        nearest, farthest = np.quantile(depths[self._seen_points()[0][index]], [0.01, 0.99])
+        photo, seen = self._looker(index), self._seen
+        nearest, farthest = np.quantile(seen.depths[index, seen.visible[index]], [0.01, 0.99])
         ends = 1 / (NEAREST * nearest), 1 / (FARTHEST * farthest)
         others = [self._in_exposure_of(index, other) for _, other in chosen]
         return unexplained(photo, others, np.append(np.linspace(*ends, PLANES), 0.0))
@@ -177,9 +194,9 @@ class Witnesses:
         """How much each other photo has to say about one, and its number."""
         if self._points is None:
             return
-        visible, _, toward = self._seen_points()[:3]
+        toward = self._seen.toward
         for other in self.photos:
-            common = visible[index] & visible[other]
+            common = self._seen.common(index, other)
             if other == index or common.sum() < COMMON_POINTS:
                 continue
             cosines = (toward[index, common] * toward[other, common]).sum(axis=-1)
@@ -189,41 +206,35 @@ class Witnesses:
     def _looker(self, index: int) -> Looker:
         view, colors = self.views[index], self.photos[index]
         smaller = np.array([colors.shape[1] / view.width, colors.shape[0] / view.height, 1])
-        K = smaller[:, None] * view.K.double().cpu().numpy()
-        return Looker(colors, K, view.viewmat.double().cpu().numpy())
+        K = smaller[:, None] * view.K.double().numpy()
+        return Looker(colors, K, view.viewmat.double().numpy())
 
     def _in_exposure_of(self, index: int, other: int) -> Looker:
         """Another photo, with a gain for each channel that fits it to this one at the points that
         both show."""
-        visible, _, _, places = self._seen_points()
-        common = visible[index] & visible[other]
-        own, theirs = (_at(self.photos[i], places[i, common]) for i in (index, other))
+        common = self._seen.common(index, other)
+        places = self._seen.places[:, common]
+        own, theirs = (_at(self.photos[i], places[i]) for i in (index, other))
         gain = np.exp(np.median(np.log(own / theirs), axis=0))
         looker = self._looker(other)
         colors = (looker.colors * gain).clip(0, 255).round().astype(np.uint8)
         return Looker(colors, looker.K, looker.viewmat)
 
-    def _seen_points(
-        self,
-    ) -> tuple[
-        Bool[np.ndarray, "V P"],
-        Float[np.ndarray, "V P"],
-        Float[np.ndarray, "V P 3"],
-        Float[np.ndarray, "V P 2"],
-    ]:
-        """Which points lie in which photo, their depths, directions to them (unit length), and
-        their places as shares of the photo's width and height."""
-        if self._seen is None:
-            assert self._points is not None
-            rows = []
-            for view in self.views:
-                u, v, depth = image_points(self._points, view)
-                inside = (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
-                toward = self._points - view.center
-                toward = toward / toward.norm(dim=-1, keepdim=True).clamp(min=1e-12)
-                rows.append((inside, depth, toward, torch.stack([u, v], dim=-1)))
-            self._seen = tuple(torch.stack(part).cpu().numpy() for part in zip(*rows, strict=True))
-        return self._seen
+    @cached_property
+    def views(self) -> list[View]:
+        """Of all photos, on the host."""
+        return views_of(self._cameras.to("cpu"))
+
+    @cached_property
+    def _seen(self) -> SeenPoints:
+        assert self._points is not None
+        rows = []
+        for view in self.views:
+            u, v, depth = image_points(self._points, view)
+            inside = (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
+            toward = torch.nn.functional.normalize(self._points - view.center, dim=-1)
+            rows.append((inside, depth, toward, torch.stack([u, v], dim=-1)))
+        return SeenPoints(*(torch.stack(part).cpu().numpy() for part in zip(*rows, strict=True)))
 
 
 def _at(

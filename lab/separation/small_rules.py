@@ -10,13 +10,11 @@ import torch
 from jaxtyping import Bool, Float
 
 from desplat_ns.separation import regions as rules
-from desplat_ns.separation.grid import pooled, window_means
+from desplat_ns.separation.grid import pooled
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.residuals import (
-    EXPECTED_WINDOW,
     TYPICAL_WEIGHT,
     ResidualStats,
-    certainty,
 )
 
 FOUND = 0.3
@@ -32,7 +30,7 @@ class Judged:
     """What each rule says of a visit, in cells of `grid_of`."""
 
     excess: Float[np.ndarray, "rows columns"]
-    """Over `strong_excess`."""
+    """Over that which is needed at its peak."""
     evidence: Float[np.ndarray, "rows columns"]
     """The same, with what other photos leave unexplained; 0 where nobody knows."""
     is_known: Bool[np.ndarray, "rows columns"]
@@ -57,30 +55,21 @@ def judged(layer: DistractorLayer, train_step: TrainStep, params: Any, memory: A
     static = rules.StaticView(train_step.static_rgb.detach(), means2d, drawn.visible, opacities)
     stats = ResidualStats.of(memory, len(opacities), layer.num_views, photo.device)
     comparison, stats = rules.compare(photo, static, stats)
-    excess = comparison.excess
+    excess = comparison.excess.values
     rows, columns = excess.shape
-    size = torch.tensor([photo.shape[1] / columns, photo.shape[0] / rows])
-    x, y = (means2d / size).floor().long().unbind(-1)
-    inside = drawn.visible & (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-    votes = opacities * certainty(stats.times_seen * (stats.num_views / stats.visits))
-    votes = torch.zeros(rows * columns).index_add_(0, (y * columns + x)[inside], votes[inside])
-    votes = window_means(votes.reshape(1, rows, columns), EXPECTED_WINDOW)[0]
     alike = rules.shared_detail(comparison.static, comparison.photo)
     is_foreign = pooled(alike[..., None], (columns, rows))[0] <= config.shared_detail
-    evidence, is_known = excess, torch.ones_like(is_foreign)
     unexplained = layer.witnesses.unexplained(train_step.index)
-    if unexplained is not None:
-        known = (~unexplained.isnan()).to(excess)[..., None]
-        is_known = pooled(known, (columns, rows))[0] >= MOST
-        left = pooled(unexplained.nan_to_num()[..., None], (columns, rows))[0]
-        evidence = (excess.clamp(min=0) * left).sqrt() * is_known
-    has_excess = excess > config.weak_excess
-    is_weak = torch.where(is_known, evidence > config.weak_excess, has_excess)
-    strong = evidence > config.strong_excess
+    evidence, is_known = rules.evidence_of(comparison.excess, unexplained)
+    needed = (rules.PEAK_LEVELS * comparison.excess.level).clamp(
+        config.strong_excess, rules.MAX_PEAK
+    )
+    has_excess, is_weak = excess > config.weak_excess, evidence > config.weak_excess
+    strong = (evidence > needed) & is_known
     connected = rules.outlier_regions(is_weak & is_foreign, strong & is_foreign)
     assert train_step.regions is not None
-    parts = excess / config.strong_excess, evidence / config.strong_excess, is_known
-    parts += has_excess, is_weak, votes > TYPICAL_WEIGHT
+    parts = excess / needed, torch.where(is_known, evidence, 0) / needed, is_known
+    parts += has_excess, is_weak, comparison.excess.votes > TYPICAL_WEIGHT
     parts += is_foreign, connected, train_step.regions
     return Judged(*(part.numpy() for part in parts))
 

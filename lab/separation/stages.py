@@ -74,7 +74,7 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Pictu
     return [
         photo.cpu().numpy(),
         shown["rgb_static"],
-        *(_enlarged(cells, width, height) for cells in (residual, comparison.excess, left)),
+        *(_enlarged(cells, width, height) for cells in (residual, comparison.excess.values, left)),
         _enlarged(regions.float() * WHITE, width, height),
         over_checkerboard(shown["rgb_distractor"], shown["alpha_distractor"]),
         shown["distractor_mask"],

@@ -82,7 +82,7 @@ def _excess(residual: Tensor, means2d: Tensor, opacities: Tensor) -> Tensor:
     for _ in range(3):
         rest = visible, opacities.detach(), stats
         result, stats = excess.excess_residual(residual, means2d.detach(), *rest)
-    return torch.stack([result.sum(), stats.usual.sum(), stats.times_seen.sum()])
+    return torch.stack([result.values.sum(), stats.usual.sum(), stats.times_seen.sum()])
 
 
 def _placed(means: Tensor) -> Tensor:

@@ -15,7 +15,9 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
+from desplat_ns.separation.witness import Witnesses
 from lab.synchronisations import Launches, Synchronisations
+from tests.helpers.well_known_scene import cameras
 
 WIDTH, HEIGHT, N = 480, 270, 50
 
@@ -38,7 +40,7 @@ def search(device: str) -> Callable[[], None]:
         return torch.rand(*shape, device=device)
 
     layer = DistractorLayer.__new__(DistractorLayer)
-    layer.background = "off"
+    layer.background, layer.witnesses = "off", Witnesses(None, cameras())
     layer.config, layer.num_views = DistractorConfig(start="residual", static_alone=True), 8
     radii = torch.ones(N, dtype=torch.int32, device=device)
     image, alpha = numbers(HEIGHT, WIDTH, 3), numbers(HEIGHT, WIDTH, 1)
@@ -77,7 +79,8 @@ def test_a_search_is_few_launches(monkeypatch: pytest.MonkeyPatch):
     assert 20 < counted.total <= MOST, counted.counts.most_common()
 
 
-def test_a_search_waits_for_the_gpu_once():
+def test_a_search_waits_for_the_gpu_once(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(regions_of_photos, "MAX_PEAK", -1.0)  # on a CPU it ends where nothing is
     look = search("cpu")
     with Synchronisations() as counted:
         look()

@@ -5,7 +5,8 @@ import dataclasses
 import torch
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.separation.regions import apply_mask
+from desplat_ns.separation.regions import apply_mask, evidence_of
+from desplat_ns.separation.residuals import Excess
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene
 
 CONFIG = DistractorConfig(start="residual", weak_excess=0.05, strong_excess=0.15)
@@ -111,18 +112,16 @@ def test_what_nobody_knows_makes_no_region_and_joins_one():
     assert not with_an_occluder(upper_alone)[27:].any()
 
 
-def test_the_evidence_is_the_geometric_mean():
-    """Of an excess of 0.18 and 0.02 that are unexplained: 0.06."""
-    for strong, is_found in ((0.045, True), (0.08, False)):
-        config = dataclasses.replace(
-            CONFIG, weak_excess=0.03, strong_excess=strong, shared_detail=1.0
-        )
-        scene, left = WellKnownScene(), torch.full((HEIGHT, WIDTH), 0.02)
-        scene.noise = 0.005  # learned
-        for _ in range(5):
-            scene.find(scene.photo, 40, config)
-        found = scene.find(scene.with_a_pale_one(), 40, config, unexplained=left)
-        assert bool(found[16:24, 26:34].all()) == bool(found.any()) == is_found
+def test_the_evidence_is_at_most_a_multiple_of_what_is_unexplained():
+    """Of an excess of 0.2: three times 0.02 where the scene is known, half of it elsewhere; all of
+    it where nobody was asked or nobody knows."""
+    values, votes = torch.full((2, 2), 0.2), torch.tensor([[0.2, 0.05], [0.2, 0.05]])
+    excess = Excess(values, torch.tensor(0.01), votes)
+    left = torch.tensor([[0.02, 0.02], [0.9, torch.nan]])
+    evidence, is_known = evidence_of(excess, left)
+    assert torch.allclose(evidence, torch.tensor([[0.06, 0.01], [0.2, 0.2]]))
+    assert is_known.tolist() == [[True, True], [True, False]]
+    assert torch.equal(evidence_of(excess, None)[0], values)
 
 
 def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region():

@@ -18,7 +18,7 @@ from tests.helpers.well_known_scene import WellKnownScene, nothing_drawn
 
 
 def a_model(**changes: Any) -> DeSplatModel:
-    values: dict[str, Any] = {"start": "residual", "static_warmup": 2, "stop_placing_at": 0}
+    values: dict[str, Any] = {"start": "residual", "static_warmup": 2, "stop_placing_at": 1000}
     return make_model(distractors=DistractorConfig(per_view=20, **values | changes))
 
 
@@ -30,7 +30,7 @@ def looks(
 
     def find(comparison: Comparison, *_: Any) -> torch.Tensor:
         looked_at.append(model.step)
-        return torch.full(comparison.excess.shape, model.step == found_at)
+        return torch.full(comparison.excess.values.shape, model.step == found_at)
 
     monkeypatch.setattr(layer, "find_regions", find)
     for step in steps:

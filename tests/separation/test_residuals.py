@@ -38,7 +38,7 @@ class Memory:
     def see(self, residual: torch.Tensor, counted: torch.Tensor | None = None) -> torch.Tensor:
         rest = self.visible, self.opacities, self.stats, counted
         excess, self.stats = excess_residual(residual, self.means2d, *rest)
-        return excess
+        return excess.values
 
     def nothing(self) -> ResidualStats:
         return ResidualStats.of(GaussianMemory({}), len(self.means2d), 40, self.means2d.device)
