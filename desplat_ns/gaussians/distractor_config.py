@@ -26,8 +26,8 @@ class DistractorConfig:
     everywhere."""
     weak_excess: float = ranged(0.04, "(0, inf)")
     """With start residual: evidence that a place has to show to belong to something in the way, in
-    colours in [0, 1]: its residual beyond the expected one, as far as other photos do not explain
-    what the photo shows."""
+    colours in [0, 1]: its residual beyond the expected one, limited by what other photos leave
+    unexplained."""
     strong_excess: float = 0.15
     """With start residual: evidence that something in the way has to show in one place at least,
     once the scene is learned; before, more."""
