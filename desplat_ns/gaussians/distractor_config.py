@@ -24,7 +24,7 @@ class DistractorConfig:
     """Where distractors start: spread over the whole of every view, or, visit by visit, where a
     photo shows what the other views do not; then those elsewhere are removed, too. The paper has
     everywhere."""
-    weak_excess: float = ranged(0.04, "(0, inf)")
+    weak_excess: float = ranged(0.05, "(0, inf)")
     """With start residual: evidence that a place has to show to belong to something in the way, in
     colours in [0, 1]: its residual beyond the expected one, limited by what other photos leave
     unexplained."""

@@ -33,7 +33,7 @@ from desplat_ns.separation.residuals import (
     local_residual,
 )
 
-PEAK_LEVELS, MAX_PEAK = 12.0, 0.5
+PEAK_LEVELS, MAX_PEAK = 10.0, 0.4
 """Evidence that a region needs at its peak, in levels of the view, and in colours at the most.
 While the scene is not learned, places stand out that it learns later unless they are left out."""
 
