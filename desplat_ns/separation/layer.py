@@ -79,6 +79,8 @@ class TrainStep:
     """Where distractors belong, on the grid of `grid_of`; None if nothing was looked for."""
     residual_stats: ResidualStats | None = None
     """What the static Gaussians are to remember, with this view; None for nothing."""
+    witness: Float[Tensor, "3 rows columns"] | None = None
+    """What is to be kept of the photo, for when other photos are asked; None for nothing."""
 
 
 class DistractorLayer:
@@ -273,7 +275,7 @@ class DistractorLayer:
             judged = scene if counted is None else scene & counted
         comparison, train_step.residual_stats = compare(photo, static, stats, judged)
         if train_step.number < self.config.static_warmup:
-            self.witnesses.keep(train_step.index, comparison.photo)
+            train_step.witness = comparison.photo
             return
         unexplained = self.witnesses.unexplained(train_step.index)
         comparison = replace(comparison, counted=counted)  # skies within a thing's outline are it
@@ -299,6 +301,8 @@ class DistractorLayer:
         index, view, static = train_step.index, train_step.view, train_step.static
         if train_step.residual_stats is not None:
             train_step.residual_stats.keep_in(memory)
+        if train_step.witness is not None:
+            self.witnesses.keep(index, train_step.witness)
         self.clearance.hide_near_camera(
             index, view, params["means"], params["opacities"].data, static.visible
         )

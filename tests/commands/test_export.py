@@ -158,7 +158,7 @@ def test_a_run_without_distractors_has_no_masks(tiny_run, tmp_path: Path):
     config.max_num_iterations = 2
     config.pipeline.model.effects.distractors = False
     train.main(config)
-    with pytest.raises(ConfigError, match=r"no distractors.*effects\.distractors True"):
+    with pytest.raises(ConfigError, match=r"no distractors.*effects\.distractors was False"):
         Masks(config.get_base_dir() / "config.yml", tmp_path / "masks").main()
     assert not (tmp_path / "masks").exists()
 
