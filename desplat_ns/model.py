@@ -238,14 +238,17 @@ class DeSplatModel(StaticModel):
             metrics["distractor_count"] = self.distractors.total
         return metrics
 
+    def photos_with_distractors(self) -> list[str]:
+        """Names of the training photos in which something was found in the way."""
+        counts = [] if self.distractors is None else self.distractors.counts()
+        return [view_name(self.names, index) for index, count in enumerate(counts) if count > 0]
+
     def found_in_the_way(self) -> list[str]:
-        """In which training photos something is in the way, in a line; nothing without
-        distractors."""
+        """A line that says in which photos; none without distractors."""
         if self.distractors is None:
             return []
-        counts = self.distractors.counts()
-        names = [view_name(self.names, index) for index, count in enumerate(counts) if count > 0]
-        found = f"Distractors in {len(names)} of {len(counts)} photos"
+        names = self.photos_with_distractors()
+        found = f"Distractors in {len(names)} of {len(self.distractors.views)} photos"
         return [f"{found}: {list_names(names, 8)}." if names else f"{found}."]
 
     # --- after a step ------------------------------------------------------------------------

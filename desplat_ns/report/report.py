@@ -45,8 +45,7 @@ def gather(
     pipeline, files = run.pipeline, run.files
     model = pipeline.model
     history = read_history(files.events)
-    names = pipeline.datamanager.train_image_names
-    num_photos = len(names)
+    num_photos = len(pipeline.datamanager.train_image_names)
     pairs = list(training_photos(pipeline, even_subset(num_photos, most_training)))
     photos = [photo for photo, _ in pairs]
     results, held_out = held_out_photos(pipeline, most_held_out)
@@ -54,8 +53,7 @@ def gather(
     held_out = [angles.added_to(photo) for photo in held_out]
     counts = gaussian_counts(model.gauss_params, model.distractors)
     cost = cost_of(run, history.seconds, num_photos, counts)
-    each = model.distractors.counts() if model.distractors is not None else [0] * num_photos
-    in_the_way = [name for name, count in zip(names, each, strict=True) if count > 0]
+    in_the_way = model.photos_with_distractors()
     reasons = effect_reasons(model.effects, read_survey(files.survey), num_photos, in_the_way)
     failure, by_others = None, False
     if model.layer is not None:
