@@ -324,7 +324,8 @@ class DeSplatModel(StaticModel):
         state: dict[str, Any] = {"static_strategy": dict(self.strategy_state)}
         if self.layer is not None:
             state["distractor_clock"] = dict(self.layer.densifier.clock)
-            state["visits"], state["photos"] = self.layer.visits, self.layer.witnesses.state()
+            state["regions"] = dict(self.layer.regions)
+            state["photos"] = self.layer.witnesses.state()
         return state
 
     def set_extra_state(self, state: dict[str, Any]) -> None:
@@ -332,5 +333,5 @@ class DeSplatModel(StaticModel):
         self.strategy_state = to_device(state["static_strategy"], self.device)
         if self.layer is not None:
             self.layer.densifier.clock.update(state["distractor_clock"])
-            self.layer.visits = dict(state["visits"])
+            self.layer.regions = to_device(state["regions"], self.device)
             self.layer.witnesses.load(state["photos"])

@@ -36,7 +36,7 @@ from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
-from desplat_ns.report.failure_case import coverage_of, seen_and_hidden
+from desplat_ns.report.failure_case import coverage_of, seen_and_unlike
 from desplat_ns.separation.clearance import Clearance
 from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
@@ -87,7 +87,7 @@ def a_layer(background: BackgroundGrade = "off") -> DistractorLayer:
     unexplained is found on the CPU."""
     layer = DistractorLayer.__new__(DistractorLayer)
     layer.background = background
-    layer.visits = {"without_region": 0, "not_looked_at": 0}
+    layer.regions = {}
     witnesses: Any = SimpleNamespace(
         keep=lambda *_: None, unexplained=lambda _: torch.rand(HEIGHT // 2, WIDTH // 2)
     )
@@ -214,9 +214,10 @@ def test_exchanging_distractors_stays_on_the_gpu():
         assert_on_cuda(view.optimizers[name].state[view.params[name]]["exp_avg"])
 
 
-def test_where_distractors_cover_a_view_stays_on_the_gpu():
-    coverage = coverage_of("a.jpg", the_view(), cuda(HEIGHT, WIDTH, 1))
-    assert_on_cuda(coverage.covered, coverage.view.K, *seen_and_hidden(cuda(N, 3), coverage))
+def test_where_a_view_is_unlike_the_scene_stays_on_the_gpu(regions_by_cell):
+    photo, static, alpha_d = cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 1)
+    coverage = coverage_of("a.jpg", the_view(), alpha_d, photo, static, CONFIG)
+    assert_on_cuda(coverage.covered, coverage.view.K, *seen_and_unlike(cuda(N, 3), coverage))
 
 
 def test_clearance_stays_on_the_gpu():

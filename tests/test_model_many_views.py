@@ -11,12 +11,20 @@ from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
-from desplat_ns.calibration.model_step import ModelStep
+from desplat_ns.calibration.model_step import LATE, ModelStep
 from desplat_ns.calibration.scenes import make_scene
+from desplat_ns.separation.layer import LOOK_EVERY
 from desplat_ns.settings.effects import Effects
 
 FEW, MANY = 23, 2003
 """Primes, which are the size of nothing else in a step."""
+
+LOOKED_AT = next(
+    step
+    for step in range(LATE + 1, sys.maxsize, 10)  # no multiple of any interval
+    if all(step // views % LOOK_EVERY == 0 for views in (FEW, MANY))
+)
+"""A step at which photos are compared with the scene, whatever their number."""
 
 ON_TABLES = 20
 """Operations, at most, on a table with a few numbers of each photo's light: its optimizer's step,
@@ -50,7 +58,7 @@ def work_of_a_step(effects: Effects, views: int) -> tuple[Counter[Any], Counter[
     model = step.model.eval()
     step.photo = model.get_outputs_for_camera(step.camera)["rgb"].clone()
     model.train()
-    model.step += 1  # no multiple of any interval, which goes by the number of views
+    model.step = LOOKED_AT
 
     def whole() -> None:
         step()

@@ -113,8 +113,8 @@ class ViewDistractors:
         self.state, self.refinement = to_device(saved["state"], device), saved["refinement"]
 
 
-def to_device(state: Mapping[str, Any], device: torch.device) -> dict[str, Any]:
-    """A strategy's running state with its tensors on `device`."""
+def to_device(state: Mapping[Any, Any], device: torch.device) -> dict[Any, Any]:
+    """A running state with its tensors on `device`."""
     return {k: v.to(device) if isinstance(v, Tensor) else v for k, v in state.items()}
 
 

@@ -10,8 +10,9 @@ from typing import Any
 from desplat_ns.console import list_names
 from desplat_ns.report.cost import Cost
 from desplat_ns.report.effect_reasons import EffectReason
+from desplat_ns.report.failure_case import Failure
 from desplat_ns.report.next_photos import Alone, in_words
-from desplat_ns.report.pictures import TrainingPhoto
+from desplat_ns.report.pictures import Rgb, TrainingPhoto, marked
 from desplat_ns.separation.placement import FEW_VIEWS, about_few_views
 from desplat_ns.training.run_length import steps_for_visits
 
@@ -42,6 +43,8 @@ class Notice:
 
     what: str
     advice: str = ""
+    picture: Rgb | None = None
+    """Where."""
 
 
 def notices(
@@ -49,7 +52,7 @@ def notices(
     reasons: Sequence[EffectReason],
     photos: Sequence[TrainingPhoto],
     results: Mapping[str, Any],
-    failure: str | None,
+    failure: Failure | None,
     judges_by_others: bool,
     alone: Sequence[Alone],
 ) -> list[Notice]:
@@ -63,8 +66,12 @@ def notices(
     """
     all_notices: list[Notice] = []
     if failure is not None:
-        what, _, advice = failure.partition(". ")
-        all_notices.append(Notice(f"{what[0].upper()}{what[1:]}.", advice))
+        shown = [
+            marked(photo.photo, failure.where)
+            for photo in photos
+            if photo.name == failure.name and failure.where is not None
+        ]
+        all_notices.append(Notice(failure.what, failure.advice, *shown))
     if cost.steps < cost.planned and not cost.budget:  # a budget ends by its clock
         all_notices.append(
             Notice(

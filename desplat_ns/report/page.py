@@ -70,8 +70,11 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") ->
     training = sorted(contents.training, key=lambda photo: -(photo.covered or 0.0))
     photos = [*training, *contents.held_out]
     pictures = [_pictures(photo) for photo in photos]
-    encoded = fitted_into([picture for shown in pictures for picture in shown.values()], budget)
+    told = [Picture(one.picture, BESIDE) for one in contents.notices if one.picture is not None]
+    every = [*told, *(picture for shown in pictures for picture in shown.values())]
+    encoded = fitted_into(every, budget)
     sources = iter(encoded.sources)
+    noticed = [(one, next(sources) if one.picture is not None else "") for one in contents.notices]
     shown = [
         (photo, {name: next(sources) for name in names})
         for photo, names in zip(photos, pictures, strict=True)
@@ -83,6 +86,7 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") ->
         training=shown[: len(training)],
         num_covered=sum(bool(photo.covered) for photo in training),
         held_out=shown[len(training) :],
+        notices=noticed,
         largest=max((max(photo.size) for photo in contents.training), default=0),
         encoded=encoded,
         charts=[(chart, svg(chart)) for chart in contents.history.charts],

@@ -9,8 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from desplat_ns.console import progress_over
@@ -21,6 +22,7 @@ from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.metrics import psnr
 from desplat_ns.rendering.views import is_distorted, view_of
 from desplat_ns.report.failure_case import Coverage, coverage_of
+from desplat_ns.separation.regions import apply_mask
 
 Rgb = UInt8[np.ndarray, "_ _ 3"]
 
@@ -85,7 +87,11 @@ def training_photos(
             photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
             name, coverage = manager.train_image_names[index], None
             if "alpha_distractor" in outputs:
-                coverage = coverage_of(name, view_of(camera), outputs["alpha_distractor"])
+                alpha_d, static = outputs["alpha_distractor"], outputs["rgb_static"]
+                seen, config = photo, model.config.distractors
+                if "mask" in batch:
+                    seen, _ = apply_mask(photo, static, batch["mask"].to(photo.device))
+                coverage = coverage_of(name, view_of(camera), alpha_d, seen, static, config)
             yield _taken_apart(name, photo, outputs), coverage
             advance()
 
@@ -115,6 +121,12 @@ def _taken_apart(
 def small_rgb(image: Float[Tensor, "H W _"]) -> Rgb:
     """An image in [0, 1] of one or three channels, as large as a page may need it."""
     return shrunk(to_rgb8(image.detach().cpu().numpy()), LARGEST_SIDE)
+
+
+def marked(photo: Rgb, where: Bool[np.ndarray, "rows columns"]) -> Rgb:
+    """A photo that is dark but where cells of it are set."""
+    light = cv2.resize(where.astype(np.float32), photo.shape[1::-1], interpolation=cv2.INTER_AREA)
+    return (photo * (0.25 + 0.75 * light[..., None])).astype(np.uint8)
 
 
 def held_out_photos(

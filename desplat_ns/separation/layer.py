@@ -44,8 +44,8 @@ from desplat_ns.training.losses import (
     static_transparency_loss,
 )
 
-QUIET_VISITS = 10
-"""While no photo has a region, one visit in this number is looked at."""
+LOOK_EVERY = 3
+"""In one round of visits in this number the photos are compared with the static scene."""
 
 
 @dataclass(repr=False)
@@ -76,7 +76,7 @@ class TrainStep:
     """Opacity of the distractors."""
 
     regions: Bool[Tensor, "rows columns"] | None = None
-    """Where distractors belong, on the grid of `grid_of`; None if nothing was looked for."""
+    """Where distractors belong, on the grid of `grid_of`; None in the warm-up."""
     residual_stats: ResidualStats | None = None
     """What the static Gaussians are to remember, with this view; None for nothing."""
     witness: Float[Tensor, "3 rows columns"] | None = None
@@ -113,8 +113,8 @@ class DistractorLayer:
         self.densifier = DistractorDensifier(config, static)
         self.clearance = Clearance(config.clearance, points, cameras)
         self.witnesses = Witnesses(points, cameras)
-        self.visits = {"without_region": 0, "not_looked_at": 0}
-        """Looks in a row that found no region in any photo, and visits since the last look."""
+        self.regions: dict[int, Bool[Tensor, "rows columns"]] = {}
+        """Those of each view, as it was last looked at."""
         if config.start == "residual" and self.num_views < FEW_VIEWS:
             announce(about_few_views(self.num_views), warning=True)
 
@@ -177,6 +177,7 @@ class DistractorLayer:
         config, counted = self.config, None
         if mask is not None:
             train_step.photo, counted = apply_mask(train_step.photo, train_step.static_rgb, mask)
+        train_step.regions = self.regions.get(train_step.index)
         if self._looks(train_step):
             self.update_regions(train_step, opacities, memory, counted)
         regions, alpha_d = train_step.regions, train_step.alpha_d
@@ -234,17 +235,13 @@ class DistractorLayer:
         return {"main_loss": main, "static_photometric": own}
 
     def _looks(self, train_step: TrainStep) -> bool:
-        """Whether the photo is compared with the static scene: always in the warm-up, and where it
-        has distractors. Else, after as many looks as there are views in which no photo had a
-        region, at every `QUIET_VISITS`th visit of any, until one has."""
+        """Whether the photo is compared with the static scene: in the warm-up, once after it, and
+        in every `LOOK_EVERY`th round of visits."""
         if self.config.start != "residual" or self.num_views <= LEAST_VIEWS:
             return False
-        is_quiet = self.visits["without_region"] >= self.num_views
-        return (
-            not is_quiet
-            or train_step.distractors is not None
-            or self.visits["not_looked_at"] + 1 >= QUIET_VISITS
-        )
+        is_due = train_step.number // self.num_views % LOOK_EVERY == 0
+        is_new = train_step.index not in self.regions
+        return is_due or is_new or train_step.number < self.config.static_warmup
 
     @torch.no_grad()
     def update_regions(
@@ -277,9 +274,10 @@ class DistractorLayer:
         if train_step.number < self.config.static_warmup:
             train_step.witness = comparison.photo
             return
-        unexplained = self.witnesses.unexplained(train_step.index)
         comparison = replace(comparison, counted=counted)  # skies within a thing's outline are it
-        train_step.regions = find_regions(comparison, self.config, unexplained)
+        train_step.regions = find_regions(
+            comparison, self.config, lambda: self.witnesses.unexplained(train_step.index)
+        )
 
     def commit(
         self,
@@ -313,12 +311,10 @@ class DistractorLayer:
             keep_colors_in_range(distractors.params)
             info = strategy_info(train_step.distractors, view)
             self.densifier.after_step(distractors, step, info, weights_of)
-        self.visits["not_looked_at"] += 1
-        if train_step.regions is not None:
+        if train_step.regions is not None and train_step.residual_stats is not None:
+            self.regions[index] = train_step.regions
             if step < self.config.stop_placing_at:
                 self._place(train_step, train_step.regions, distractors)
-            quiet = 0 if len(distractors) > 0 else self.visits["without_region"] + 1
-            self.visits = {"without_region": quiet, "not_looked_at": 0}
         self.gaussians.total += len(distractors) - before
 
     @torch.no_grad()

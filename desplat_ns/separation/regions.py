@@ -7,6 +7,7 @@ edges of the photo.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -132,10 +133,27 @@ def compare(
     return Comparison(colors_s, colors_p, excess, counted), stats
 
 
+def differences(
+    photo: Float[Tensor, "H W 3"], static: Float[Tensor, "H W 3"], config: DistractorConfig
+) -> Bool[Tensor, "rows columns"]:
+    """Where a photo does not show the static scene, whoever is right: regions in which nothing is
+    expected and no other photo is asked.
+
+    Args:
+        photo: in [0, 1].
+        static: in [0, 1].
+    """
+    height, width = photo.shape[:2]
+    grid, fine = grid_of(width, height), fine_grid_of(width, height)
+    colors_s, colors_p = pooled(static, fine), pooled(photo, fine)
+    excess = Excess.unexpected(local_residual(colors_s, colors_p, grid))
+    return find_regions(Comparison(colors_s, colors_p, excess, None), config, lambda: None)
+
+
 def find_regions(
     comparison: Comparison,
     config: DistractorConfig,
-    unexplained: Float[Tensor, "r c"] | None = None,
+    unexplained: Callable[[], Float[Tensor, "r c"] | None],
 ) -> Bool[Tensor, "rows columns"]:
     """Where a photo shows what other views do not, on the grid of `grid_of`; masked cells are in no
     region.
@@ -145,17 +163,21 @@ def find_regions(
     nobody knows may belong to a region, and make none.
 
     Args:
-        unexplained: of the photo, by `witness.unexplained`, on any grid; None where nobody was
-            asked, and the excess alone is the evidence.
+        unexplained: gives that of the photo, by `witness.unexplained`, on any grid; None where
+            nobody was asked, and the excess alone is the evidence. On the CPU it is called only
+            where the excess would be enough.
     """
     excess, counted = comparison.excess, comparison.counted
     rows, columns = excess.values.shape
     grid = columns, rows
-    evidence, is_known = evidence_of(excess, unexplained)
     needed = (PEAK_LEVELS * excess.level).clamp(config.strong_excess, MAX_PEAK)
-    strong = (evidence > needed) & is_known
+    strong = excess.values > needed
     if strong.is_cpu and not strong.numpy().any():  # as in most photos, which then cost no more
-        return torch.zeros_like(strong)
+        return strong
+    evidence, is_known = evidence_of(excess, unexplained())
+    strong = (evidence > needed) & is_known
+    if strong.is_cpu and not strong.numpy().any():
+        return strong
     alike = shared_detail(comparison.static, comparison.photo)
     has_foreign_detail = pooled(alike[..., None], grid)[0] <= config.shared_detail
     weak = (evidence > config.weak_excess) & has_foreign_detail

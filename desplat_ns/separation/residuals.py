@@ -109,6 +109,11 @@ class Excess:
     votes: Float[Tensor, "rows columns"]
     """Opacity per cell of the Gaussians around it that say what is expected."""
 
+    @classmethod
+    def unexpected(cls, residual: Float[Tensor, "rows columns"]) -> Excess:
+        """All of a residual, as if nothing were expected."""
+        return cls(residual, _level(residual, None), torch.ones_like(residual))
+
 
 def excess_residual(
     residual: Float[Tensor, "rows columns"],

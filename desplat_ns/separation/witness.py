@@ -86,14 +86,14 @@ def unexplained(
     least, looked = np.full((rows, columns), 255, np.uint8), np.zeros((rows, columns), int)
     opaque = _with_alpha(photo.colors)
     pictures = [_with_alpha(other.colors) for other in others]
-    for inverse_depth in inverse_depths:
+    homographies = [_homographies(photo, other, inverse_depths) for other in others]
+    for plane in range(len(inverse_depths)):
         best, second = np.full((2, rows, columns), 255, np.uint8)
-        for other, picture in zip(others, pictures, strict=True):
-            homography = _homography(photo, other, inverse_depth)
-            if not _is_before(homography, columns, rows):
+        for (to_other, is_before), picture in zip(homographies, pictures, strict=True):
+            if not is_before[plane]:
                 continue
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-            warped = cv2.warpPerspective(picture, homography, (columns, rows), flags=flags)
+            warped = cv2.warpPerspective(picture, to_other[plane], (columns, rows), flags=flags)
             # outside of the other photo alpha is 0, so the difference is 255
             red, green, blue, alpha = cv2.split(cv2.absdiff(warped, opaque))
             step = cv2.max(cv2.max(red, green), cv2.max(blue, alpha))
@@ -110,21 +110,21 @@ def _with_alpha(colors: UInt8[np.ndarray, "rows columns 3"]) -> np.ndarray:
     return np.dstack([colors, np.full(colors.shape[:2], 255, np.uint8)])
 
 
-def _homography(photo: Looker, other: Looker, inverse_depth: float) -> np.ndarray:
-    """From places in a photo to those in another, of points in a plane before the photo's camera;
-    the middle of the first cell is at 0, as OpenCV has it."""
+def _homographies(
+    photo: Looker, other: Looker, inverse_depths: Float[np.ndarray, " D"]
+) -> tuple[Float[np.ndarray, "D 3 3"], Bool[np.ndarray, " D"]]:
+    """From places in a photo to those in another, of points in planes before the photo's camera,
+    the middle of the first cell at 0, as OpenCV has it; and whether all that the photo shows of a
+    plane lies before the other camera."""
     relative = other.viewmat @ np.linalg.inv(photo.viewmat)
-    turn = relative[:3, :3].copy()
-    turn[:, 2] += relative[:3, 3] * inverse_depth
+    turns = np.repeat(relative[None, :3, :3], len(inverse_depths), axis=0)
+    turns[:, :, 2] += inverse_depths[:, None] * relative[:3, 3]
     middle = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
-    there = np.linalg.inv(middle) @ other.K @ turn
-    return there @ np.linalg.inv(photo.K) @ middle
-
-
-def _is_before(homography: np.ndarray, columns: int, rows: int) -> bool:
-    """Whether all that the photo shows of a plane lies before the other camera."""
-    x, y = np.meshgrid([0, columns], [0, rows])
-    return bool((homography[2, 0] * x + homography[2, 1] * y + homography[2, 2] > 0).all())
+    there = np.linalg.inv(middle) @ other.K
+    to_other = there @ turns @ np.linalg.inv(photo.K) @ middle
+    rows, columns = photo.colors.shape[:2]
+    corners = np.array([[0, 0, 1], [columns, 0, 1], [0, rows, 1], [columns, rows, 1]])
+    return to_other, (to_other[:, 2] @ corners.T > 0).all(axis=1)
 
 
 @dataclass(frozen=True)

@@ -72,7 +72,7 @@ class WellKnownScene:
         )
         stats = ResidualStats.of(self.memory, count, num_views, photo.device)
         comparison, stats = compare(photo, static, stats, counted)
-        regions = find_regions(comparison, config, unexplained)
+        regions = find_regions(comparison, config, lambda: unexplained)
         stats.keep_in(self.memory)
         return regions
 

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from desplat_ns.report.effect_reasons import EffectReason
+from desplat_ns.report.failure_case import Failure
 from desplat_ns.report.notices import notices
 from tests.helpers.report import COST, training_photo
 
@@ -42,8 +43,8 @@ def scores(*psnrs: float) -> dict[str, Any]:
         ({"results": scores(30.0, 29.0, 20.0)}, ["(29.0 dB): extra_2.png.", "error maps"]),
         ({"results": {"psnr": 20.0}}, ["at 30.0 dB, held-out photos at 20.0 dB", "More photos"]),
         (
-            {"failure": "9% of the scene is behind distractors. Leave some out. Or mask it."},
-            ["9% of the scene is behind distractors. Leave some out. Or mask it."],
+            {"failure": Failure("Nobody can tell.", "Leave some out.")},
+            ["Nobody can tell. Leave some out."],
         ),
         (
             {"reasons": [EffectReason("appearance", "Light", "camera", "why", True)]},

@@ -1,4 +1,4 @@
-"""When a photo is compared with the static scene: always, until nothing was found for a while."""
+"""When a photo is compared with the static scene."""
 
 from __future__ import annotations
 
@@ -11,10 +11,8 @@ import torch
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.separation import layer
-from desplat_ns.separation.layer import QUIET_VISITS, DistractorLayer
 from desplat_ns.separation.regions import Comparison
 from tests.helpers.small_model import NUM_VIEWS, Trainer, make_model
-from tests.helpers.well_known_scene import WellKnownScene, nothing_drawn
 
 
 def a_model(**changes: Any) -> DeSplatModel:
@@ -38,30 +36,27 @@ def looks(
     return looked_at
 
 
-def test_after_a_round_without_a_region_every_tenth_visit_is_looked_at(monkeypatch):
+def test_photos_are_looked_at_after_the_warm_up_and_then_in_every_third_round(monkeypatch):
     """Three views, a warm-up of two steps."""
     looked_at = looks(monkeypatch, a_model(), range(30))
-    assert looked_at == [2, 3, 4, 4 + QUIET_VISITS, 4 + 2 * QUIET_VISITS]
-
-
-def test_a_region_wakes_the_search(monkeypatch):
-    first = 4 + QUIET_VISITS
-    looked_at = looks(monkeypatch, a_model(), range(first + 6), found_at=first)
-    assert looked_at == [2, 3, 4, first, first + 1, first + 2, first + 3]
+    assert looked_at == [2, 3, 4, 9, 10, 11, 18, 19, 20, 27, 28, 29]
 
 
 def test_a_visit_that_is_not_looked_at_teaches_the_statistics_nothing(monkeypatch):
     model = a_model()
     looked_at = looks(monkeypatch, model, range(12))
-    assert model.memory.number("visits") == 2 + len(looked_at) == 5
+    assert model.memory.number("visits") == 2 + len(looked_at) == 8
 
 
-def test_a_checkpoint_holds_how_long_nothing_was_found(monkeypatch):
+def test_regions_stay_until_the_next_look_and_in_a_checkpoint(monkeypatch):
     model = a_model()
-    looks(monkeypatch, model, range(9))
+    looks(monkeypatch, model, range(9), found_at=4)
     fresh = a_model()
     fresh.load_state_dict(model.state_dict())
-    assert looks(monkeypatch, fresh, range(9, 20)) == [4 + QUIET_VISITS]
+    for layer_at_hand in (model.layer, fresh.layer):
+        assert layer_at_hand is not None
+        found = {index: regions.all() for index, regions in layer_at_hand.regions.items()}
+        assert found == {2: False, 0: False, 1: True}
 
 
 def test_a_checkpoint_holds_the_photos_that_are_asked(monkeypatch):
@@ -73,18 +68,3 @@ def test_a_checkpoint_holds_the_photos_that_are_asked(monkeypatch):
     photos, restored = model.layer.witnesses.state(), fresh.layer.witnesses.state()
     assert list(photos) == list(restored) == [0, 1, 2]
     assert all(torch.equal(photos[index], restored[index]) for index in photos)
-
-
-def a_quiet_layer() -> DistractorLayer:
-    quiet = a_model().layer
-    assert quiet is not None
-    quiet.visits = {"without_region": NUM_VIEWS, "not_looked_at": 3}
-    return quiet
-
-
-def test_a_photo_with_distractors_is_always_looked_at():
-    scene = WellKnownScene()
-    step = scene.train_step(100, scene.photo)
-    assert not a_quiet_layer()._looks(step)
-    step.distractors = nothing_drawn()
-    assert a_quiet_layer()._looks(step)
