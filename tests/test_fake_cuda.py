@@ -147,7 +147,7 @@ def test_placing_stays_on_the_gpu():
 
 def distractors_with_moments() -> ViewDistractors:
     """Those of one view, with Adams that have stepped."""
-    view = ViewDistractors({name: cuda(N, width) for name, width in WIDTHS.items()}, 1.0)
+    view = ViewDistractors({name: cuda(N, width) for name, width in WIDTHS.items()})
     for name, parameter in view.params.items():
         view.optimizers[name] = adam = torch.optim.Adam([parameter])
         moments = {key: torch.zeros_like(parameter) for key in ("exp_avg", "exp_avg_sq")}
@@ -155,10 +155,11 @@ def distractors_with_moments() -> ViewDistractors:
     return view
 
 
-def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone():
+@pytest.mark.parametrize("start", ["residual", "everywhere"])
+def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone(start):
     distractors = distractors_with_moments()
-    config = replace(CONFIG, refine_when_next_seen=True)
-    densifier = DistractorDensifier(config, SplatfactoModelConfig(warmup_length=0))
+    config = replace(CONFIG, start=start)
+    densifier = DistractorDensifier(config, SplatfactoModelConfig(warmup_length=0), every=1)
     view, drawn = the_view(), rendering()
     means2d: Any = drawn.means2d
     means2d.absgrad = cuda(1, N, 2)
@@ -168,6 +169,9 @@ def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone():
         densifier.after_step(distractors, LATE, info, lambda params: params["means"][:, 0])
     running = distractors.state
     assert_on_cuda(running["grad2d"], running["count"])
+    assert (running["radii"] is None) == (start == "residual")
+    if running["radii"] is not None:
+        assert_on_cuda(running["radii"])
     assert_on_cuda(to_device(running, torch.device("cuda"))["grad2d"])
 
 
