@@ -11,7 +11,7 @@
 #   make stability  hard cases measured, docs/dev/stability.md; wrong signs, kills, a long run (2 hours)
 #   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/results/gpu.md (10 minutes, and compiling)
 #   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
-#   make docs    the site of docs/ into outputs/site; a broken link or a missing picture is an error
+#   make docs    the page of all options and the site of docs/ in outputs/site; a broken link is an error
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
 #   make study   the runs behind docs/results/separation.md that are missing, and the documents (hours; resumes)
 #   make smoke   every table of the paper end to end on generated scenes, on the CPU (4 minutes of one core)
@@ -95,6 +95,7 @@ study: $(STAMP)
 	$(PY) -m lab.separation $(STUDY_ARGS)
 
 docs: $(DOCS_STAMP)
+	$(PY) -m lab.options
 	$(PY) -m sphinx -W --keep-going -q -b html docs outputs/site
 	@echo "==> outputs/site/index.html"
 
