@@ -180,7 +180,7 @@ class DeSplatModel(StaticModel):
     ) -> dict[str, Tensor]:
         """Eq. 5 and 12: the photometric loss of what was drawn, and the opacity terms.
 
-        docs/results/separation.md says what `distractors.start` and `static_alone` change.
+        docs/explain/separation.md says what `distractors.start` and `static_alone` change.
         """
         if not self.training:
             return super().get_loss_dict(outputs, batch, metrics_dict)

@@ -65,7 +65,7 @@ class StaticModelConfig(LitModelConfig):
     refinements: int = ranged(15, "[1, inf)")
     """Refinements of the static set in a run, whatever its length: they are as many steps apart as
     `stop_split_at` has by this number, and at least half a round of the views. See
-    docs/results/separation.md, "How often, and how many"."""
+    docs/explain/separation.md, "How often Gaussians are refined"."""
     train_downscale: int = ranged(1, "[1, inf)")
     """Factor by which photos are smaller in training at least, to the end; a step then costs less.
     Renderings and evaluation have their full size."""
@@ -76,8 +76,8 @@ class StaticModelConfig(LitModelConfig):
     opacity_prior: float = ranged(0.0, "[0, inf)")
     """Weight of the mean opacity of the static Gaussians that a photo shows, divided by the number
     of training photos: the fewer there are, the more it says beside them. What no photo needs fades
-    and is pruned (docs/results/separation.md, "Areas that few photos see"). 0 in the paper. It
-    counts as 0 where each photo has a light of its own (`effects.appearance`): there the scene
+    and is pruned (docs/explain/separation.md, "What the static scene trains on"). 0 in the paper.
+    It counts as 0 where each photo has a light of its own (`effects.appearance`): there the scene
     fades."""
     near_plane: float = ranged(0.0, "[0, 1)")
     """Renderings leave out static Gaussians that are nearer than this share of the depth at which

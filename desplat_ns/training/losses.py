@@ -27,7 +27,7 @@ def photometric_loss(
     with the rendering itself, as a constant: there is nothing to see where it is owned.
 
     Source: L_GS, the photometric term of Eq. 5 and 12; `owned` is ours
-    (docs/results/separation.md).
+    (docs/explain/separation.md).
     """
     compiled = photometric_losses(photo, owned, ssim_weight, image, leak=leak)
     if compiled is not None:
@@ -70,7 +70,7 @@ def distractor_opacity_loss(
     Args:
         free: 1 in pixels where opacity costs nothing, 0 in others.
 
-    Source: Eq. 5, the term weighted by lambda_d; `free` is ours (docs/results/separation.md).
+    Source: Eq. 5, the term weighted by lambda_d; `free` is ours (docs/explain/separation.md).
     """
     if free is None:
         return alpha_d.mean()

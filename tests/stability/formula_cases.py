@@ -264,4 +264,4 @@ FORMULA_CASES = (
     ),
     FormulaCase("opacity free everywhere", "loss and gradient exactly 0", all_opacity_free),
 )
-"""In the order of docs/dev/stability.md."""
+"""All of the catalogue."""
