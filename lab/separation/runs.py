@@ -17,7 +17,7 @@ FILE = RECORDS / "separation.json"
 BASELINES = "lab.reproduce.baselines"
 RATES = ("--full-rate-visits", "0")
 """Splatfacto's learning rates whatever the length of a run: what is studied is not the rates, which
-short runs have raised since then (docs/results/accuracy-and-time.md)."""
+short runs have raised since then (docs/results/speed.md)."""
 
 GIVEN = (*RATES, "--pipeline.model.effects.auto", "False")
 """Distractors alone, whatever a survey would say: what is studied is not what it decides."""

@@ -67,7 +67,7 @@ LIT = ("fox_relit", "sceaux_cluttered", "sacre_coeur")
 STEPS, SEEDS = 3000, (42, 43, 44)
 """All seeds on scenes in `LIT`, where light and sky are the question, but for `everything`, which
 takes twice as long; elsewhere the first: what distractors do there stands in
-docs/results/separation.md, with three."""
+docs/results/quality.md, with three."""
 
 
 def settings_on(scene: str) -> tuple[str, ...]:
