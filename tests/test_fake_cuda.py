@@ -42,7 +42,7 @@ from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight, lie_in, uncovered_cells
 from desplat_ns.settings.effects import BackgroundGrade, Effects
-from desplat_ns.training.losses import (
+from desplat_ns.losses import (
     distractor_opacity_loss,
     mean_shown_opacity,
     photometric_loss,

@@ -23,7 +23,7 @@ from desplat_ns.errors import CaptureError
 from desplat_ns.method_configs import desplat
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
 from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.training.losses import photometric_loss
+from desplat_ns.losses import photometric_loss
 
 TRIMMED_SHARE = 0.8
 """Share of a photo's pixels that the robust baseline trusts in every step."""

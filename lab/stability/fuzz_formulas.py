@@ -22,7 +22,7 @@ from desplat_ns.rendering import compositing, metrics
 from desplat_ns.separation import placement as separation
 from desplat_ns.separation import residuals as excess
 from desplat_ns.separation.regions import outlier_regions
-from desplat_ns.training import losses
+from desplat_ns import losses
 from lab.stability.fuzz_files import tensors_of
 from tests.stability.poison import POISON
 
