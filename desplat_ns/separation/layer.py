@@ -257,7 +257,6 @@ class DistractorLayer:
         )
         refine_static()
         distractors, step = self.gaussians.views[index], train_step.number
-        before = len(distractors)
         if train_step.distractors is not None:
             keep_colors_in_range(distractors.params)
             info = strategy_info(train_step.distractors, view)
@@ -266,7 +265,6 @@ class DistractorLayer:
             self.regions[index] = train_step.regions
             if step < STOP_PLACING_AT:
                 self._place(train_step, train_step.regions, distractors)
-        self.gaussians.total += len(distractors) - before
 
     @torch.no_grad()
     def _place(self, train_step: TrainStep, regions: Tensor, distractors: ViewDistractors) -> None:
