@@ -30,6 +30,12 @@ from desplat_ns.gaussians.densification import DistractorDensifier, strategy_inf
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import PARAMETER_NAMES, ViewDistractors, to_device
 from desplat_ns.gaussians.memory import GaussianMemory
+from desplat_ns.losses import (
+    distractor_opacity_loss,
+    mean_shown_opacity,
+    photometric_loss,
+    static_transparency_loss,
+)
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
@@ -38,16 +44,9 @@ from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
 from desplat_ns.report.failure_case import coverage_of, seen_and_unlike
 from desplat_ns.separation.clearance import Clearance
-from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight, lie_in, uncovered_cells
 from desplat_ns.settings.effects import BackgroundGrade, Effects
-from desplat_ns.losses import (
-    distractor_opacity_loss,
-    mean_shown_opacity,
-    photometric_loss,
-    static_transparency_loss,
-)
 from desplat_ns.training.step_guard import sum_of_squares
 
 WIDTH, HEIGHT, N = 60, 40, 50
@@ -65,8 +64,7 @@ def fake_mode() -> Iterator[None]:
     """Every tensor is a fake one; those whose number of rows depends on values may be made."""
     with FakeTensorMode(shape_env=ShapeEnv()):
         yield
-    for kept in (_window, _shares):
-        kept.cache_clear()  # a fake one is of use in its own mode only
+    _window.cache_clear()  # a fake one is of use in its own mode only
 
 
 def cuda(*shape: int) -> Tensor:
