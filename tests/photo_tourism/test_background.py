@@ -8,12 +8,11 @@ from torch.autograd import gradcheck
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.backend.spherical_harmonics import C0, sh_basis
+from desplat_ns.losses import background_opacity_loss, explained_by_background
 from desplat_ns.photo_tourism.background import (
     NODES,
     Background,
     background_image,
-    background_opacity_loss,
-    explained_by_background,
     rays,
 )
 from desplat_ns.photo_tourism.config import BackgroundConfig

@@ -139,7 +139,8 @@ class Trained:
     def step(self, number: int, photo: torch.Tensor) -> TrainStep:
         scene, step = self.scene, self.scene.train_step(number, photo)
         none = alpha(0.0)
-        self.layer.losses(step, none, scene.opacities, scene.memory, None)
+        photo, static = step.photo, step.static_rgb
+        self.layer.look(step, photo, static, None, scene.opacities, scene.memory)
         means = torch.zeros(len(scene.opacities), 3)
         params = torch.nn.ParameterDict({"means": means, "opacities": scene.opacities.clone()})
         self.layer.commit(step, params, scene.memory, lambda: None, lambda _: none.flatten())
