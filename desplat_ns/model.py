@@ -407,6 +407,7 @@ class DeSplatModel(SplatfactoModel):
             config, static = layer.config, outputs["rgb_static"]
             opacities = self.gauss_params["opacities"]
             photo, in_region = layer.look(step, photo, static, mask, opacities, self.memory)
+            losses["distractor_opacity"] = alpha_d.new_zeros(())
             if step.distractors is not None:
                 losses["distractor_opacity"] = config.lambda_d * distractor_opacity_loss(
                     alpha_d, in_region

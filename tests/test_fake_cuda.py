@@ -46,6 +46,7 @@ from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
 from desplat_ns.report.failure_case import coverage_of, seen_and_unlike
 from desplat_ns.separation.clearance import Clearance
+from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight, lie_in, uncovered_cells
 from desplat_ns.settings.effects import BackgroundGrade, Effects
@@ -66,7 +67,8 @@ def fake_mode() -> Iterator[None]:
     """Every tensor is a fake one; those whose number of rows depends on values may be made."""
     with FakeTensorMode(shape_env=ShapeEnv()):
         yield
-    _window.cache_clear()  # a fake one is of use in its own mode only
+    for kept in (_window, _shares):
+        kept.cache_clear()  # a fake one is of use in its own mode only
 
 
 def cuda(*shape: int) -> Tensor:

@@ -35,14 +35,29 @@ def fine_grid_of(width: int, height: int) -> tuple[int, int]:
 def pooled(image: Float[Tensor, "H W C"], grid: tuple[int, int]) -> Float[Tensor, "C rows columns"]:
     """Mean of an image over each cell of a grid of (columns, rows), no finer than the image.
 
-    A pixel counts in each cell by the part of it that lies there; on a GPU wholly, in each cell
-    that it reaches. Without gradients.
+    A pixel counts in each cell by the part of it that lies there. Without gradients.
     """
     image, (columns, rows) = image.detach(), grid
     if not image.is_cpu:
-        return F.interpolate(image.permute(2, 0, 1)[None], size=(rows, columns), mode="area")[0]
+        down = _shares(image.shape[0], rows, image.dtype, image.device)
+        along = _shares(image.shape[1], columns, image.dtype, image.device)
+        return torch.einsum("rh,hwc,kw->crk", down, image, along)
     cells = cv2.resize(image.contiguous().numpy(), grid, interpolation=cv2.INTER_AREA)
     return torch.from_numpy(cells.reshape(rows, columns, -1)).permute(2, 0, 1).contiguous()
+
+
+@lru_cache(maxsize=256)  # a size of photos needs ten
+def _shares(
+    pixels: int, cells: int, dtype: torch.dtype, device: torch.device
+) -> Float[Tensor, "cells pixels"]:
+    """Weight of each pixel of a line in the mean of each cell; made on the device, so that nothing
+    is copied there where photos have many sizes."""
+    like = {"dtype": torch.float64, "device": device}
+    ends = torch.arange(cells + 1, **like) * (pixels / cells)
+    first = torch.arange(pixels, **like)
+    least = torch.maximum(ends[:-1, None], first)
+    most = torch.minimum(ends[1:, None], first + 1)
+    return ((most - least).clamp(min=0) * (cells / pixels)).to(dtype)
 
 
 def counted_cells(mask: Bool[Tensor, "H W 1"]) -> Bool[Tensor, "rows columns"]:

@@ -13,6 +13,7 @@ import desplat_ns.separation.regions as regions_of_photos
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.memory import GaussianMemory
+from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.witness import Witnesses
 from lab.synchronisations import Launches, Synchronisations
@@ -29,6 +30,7 @@ millisecond; the rest of a step is drawn and scored in a few fused ones."""
 def fake_gpu() -> Iterator[None]:
     with FakeTensorMode(shape_env=ShapeEnv()):
         yield
+    _shares.cache_clear()  # what is made of fake tensors is of use among them only
 
 
 def search(device: str) -> Callable[[], None]:
