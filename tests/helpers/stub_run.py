@@ -29,8 +29,8 @@ NOMINAL = 24
 class StubDatamanager:
     """Draws training views without replacement, as the real one does."""
 
-    def __init__(self) -> None:
-        self.train_image_names = [f"{number}.png" for number in range(5)]
+    def __init__(self, photos: int) -> None:
+        self.train_image_names = [f"{number}.png" for number in range(photos)]
         self.train_dataset = [0, 1, 2, 3, 4]
         self.eval_dataset = None
         self.left: list[int] = []
@@ -90,7 +90,7 @@ class StubPipeline(Pipeline):
         self.groups = torch.nn.ParameterDict(
             {name: Parameter(torch.ones(config.size)) for name in config.groups}
         )
-        self.datamanager: Any = StubDatamanager()
+        self.datamanager: Any = StubDatamanager(config.photos)
         self._model: Any = StubModel(config.model.schedule_scale)
         self.at_step: Callable[[int], None] = lambda step: None
         self.trained: list[int] = []
@@ -148,6 +148,7 @@ class StubPipelineConfig(VanillaPipelineConfig):
     model: Any = field(default_factory=StubModelConfig)
     groups: tuple[str, ...] = ("means", "scales")
     size: int = 4
+    photos: int = 5
 
 
 def decay() -> dict[str, Any]:
