@@ -15,11 +15,11 @@ import torch
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocation
 
 from desplat_ns.backend.numba_kernels.runtime import numba_config
-from desplat_ns.calibration.timing import threads
-from desplat_ns.training.checkpoint_files import checkpoint_path, load_checkpoint
+from desplat_ns.training.checkpoint import checkpoint_path, load_checkpoint
 from lab.synthetic import Scene, write_scene
 from tests.helpers.registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up
 from tests.helpers.stub_run import assert_same
+from tests.helpers.threads import threads
 
 pytestmark = pytest.mark.slow
 

@@ -11,11 +11,12 @@ import tyro
 
 from desplat_ns.commands.parser_words import parse
 from desplat_ns.console import announce, progress_in_time
+from desplat_ns.cores import cores
 from desplat_ns.errors import CaptureError, print_user_errors_plainly
 from desplat_ns.files.lock import only_process_in
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.studies.executors import ExecutorName, executor_of
-from desplat_ns.training.budget import seconds_of
+from desplat_ns.training.schedule import seconds_of
 
 if TYPE_CHECKING:  # seconds: not before the options are checked
     from desplat_ns.studies.study import Request
@@ -85,9 +86,7 @@ def recognised_words(data: Path) -> tuple[str, ...]:
 
 def default_jobs(device: str) -> int:
     """Trainings beside each other: a GPU is shared badly, and times beside others mean little."""
-    from desplat_ns.calibration.timing import all_cores
-
-    return min(all_cores(), MOST_JOBS) if device == "cpu" else 1
+    return min(cores(), MOST_JOBS) if device == "cpu" else 1
 
 
 def study(request: Request) -> Path:

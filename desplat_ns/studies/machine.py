@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import desplat_ns
-from desplat_ns.calibration.timing import all_cores
+from desplat_ns.cores import cores
 
 DIRTY = "-dirty"
 """Ends the commit where files of the package differ from it."""
@@ -59,7 +59,7 @@ def describe_machine() -> dict[str, str]:
     """Processor, caches, memory, system, versions, commit and date, each as a text to print."""
     return {
         "Processor": _processor(),
-        "Cores used": f"1, and {all_cores()}",
+        "Cores used": f"1, and {cores()}",
         "Caches": _caches() or "unknown",
         "Memory": _memory() or "unknown",
         "System": f"{platform.system()} {platform.machine()}, {_distribution()}",

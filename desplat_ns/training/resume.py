@@ -1,6 +1,6 @@
 """Saves and restores what a run needs, besides the model, to go on as if it had never stopped.
 
-Moments and learning rates of the optimizers, positions on the schedules, random generators.
+Moments of the optimizers, positions on the schedules, random generators.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
 from desplat_ns.errors import CheckpointError
-from desplat_ns.training.schedules import set_position
+from desplat_ns.training.optimizers import set_position
 
 
 def rng_state() -> dict[str, Any]:
@@ -64,16 +64,23 @@ def load_optimizers(optimizers: Optimizers, saved: Mapping[str, Any], source: Pa
     scheduler's history gives. The parameters must have their saved shapes already.
     Raises CheckpointError, before anything is changed, where groups or shapes do not match.
     """
-    _check_groups(optimizers, saved, source)
+    here, there = set(optimizers.optimizers), set(saved)
+    if here != there:
+        raise CheckpointError(
+            f"The checkpoint {source} was trained with other effects: it alone has "
+            f"{', '.join(sorted(there - here)) or 'nothing'}, this run alone "
+            f"{', '.join(sorted(here - there)) or 'nothing'}. Switch on the same "
+            "--pipeline.model.effects as in that run's config.yml."
+        )
     for name, optimizer in optimizers.optimizers.items():
         _check_shapes(name, optimizer, saved[name], source)
     for name, optimizer in optimizers.optimizers.items():
         scheduler = optimizers.schedulers.get(name)
-        kept = (
-            {"params"} if scheduler is None or isinstance(scheduler, LambdaLR) else {"params", "lr"}
-        )
+        from_saved = {"params"}
+        if scheduler is not None and not isinstance(scheduler, LambdaLR):
+            from_saved.add("lr")
         options = [
-            {key: value for key, value in group.items() if key not in kept}
+            {key: value for key, value in group.items() if key not in from_saved}
             for group in optimizer.param_groups
         ]
         optimizer.load_state_dict(saved[name])
@@ -94,37 +101,20 @@ def load_schedulers(optimizers: Optimizers, saved: Mapping[str, Any], steps_done
             scheduler.load_state_dict(saved[name])
 
 
-def _check_groups(optimizers: Optimizers, saved: Mapping[str, Any], source: Path) -> None:
-    lacking = sorted(set(optimizers.optimizers) - set(saved))
-    unknown = sorted(set(saved) - set(optimizers.optimizers))
-    if not lacking and not unknown:
-        return
-    differences = [f"no optimizer state for {', '.join(lacking)}"] if lacking else []
-    differences += (
-        [f"state for {', '.join(unknown)}, which this run does not train"] if unknown else []
-    )
-    raise CheckpointError(
-        f"The checkpoint {source} was trained with other effects: it has "
-        f"{' and '.join(differences)}. "
-        "Switch on the same --pipeline.model.effects as in that run's config.yml."
-    )
-
-
 def _check_shapes(name: str, optimizer: Optimizer, saved: Mapping[str, Any], source: Path) -> None:
     """torch loads moments of any shape and fails steps later; refuse them at once instead."""
-    parameters = [p for group in optimizer.param_groups for p in group["params"]]
+    shapes = [tuple(p.shape) for group in optimizer.param_groups for p in group["params"]]
     keys = [key for group in saved["param_groups"] for key in group["params"]]
-    if len(keys) != len(parameters):
+    moments = [saved["state"].get(key, {}).values() for key in keys]
+    fits = len(shapes) == len(keys) and all(
+        tuple(moment.shape) == shape
+        for shape, of_parameter in zip(shapes, moments, strict=True)
+        for moment in of_parameter
+        if isinstance(moment, Tensor) and moment.ndim > 0
+    )
+    if not fits:
         raise CheckpointError(
-            f"The checkpoint {source} has {len(keys)} tensors in the group '{name}', this run has "
-            f"{len(parameters)}. Load it with the scene and the effects it was trained with."
+            f"The optimizer state of the group '{name}' in {source} does not fit this run's "
+            f"parameters of shapes {shapes}. Load it with the scene and the effects that it was "
+            "trained with."
         )
-    for key, parameter in zip(keys, parameters, strict=True):
-        for moment, value in saved["state"].get(key, {}).items():
-            is_moment = isinstance(value, Tensor) and value.ndim > 0
-            if is_moment and value.shape != parameter.shape:
-                raise CheckpointError(
-                    f"The checkpoint {source} has {moment} of shape {tuple(value.shape)} in the "
-                    f"group '{name}', its parameter has {tuple(parameter.shape)}: the file does "
-                    "not fit itself or this scene. Give another one with `--load-checkpoint FILE`."
-                )

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from desplat_ns.calibration.timing import all_cores
 from desplat_ns.commands.tradeoff import Arguments, default_jobs, recognised_words, study
+from desplat_ns.cores import cores
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.studies import plan, runs
 from desplat_ns.studies import study as module
@@ -109,7 +109,7 @@ def test_options_that_cannot_be_are_named(tmp_path: Path):
 
 def test_a_gpu_has_one_training_at_a_time():
     assert default_jobs("cuda") == 1
-    assert default_jobs("cpu") == min(all_cores(), 8)
+    assert default_jobs("cpu") == min(cores(), 8)
 
 
 def test_layouts_are_found_and_read_as_ns_train_would(tiny_scene: Scene, tmp_path: Path):

@@ -21,7 +21,7 @@ from nerfstudio.utils import writer
 from torch.nn import Parameter
 
 from desplat_ns.trainer import DeSplatTrainerConfig
-from desplat_ns.training.budget import Clock
+from desplat_ns.training.schedule import Schedule
 
 NOMINAL = 24
 
@@ -50,12 +50,12 @@ class StubDatamanager:
 
 
 class StubModel:
-    """What the trainer's guards ask of a model: one photo, nothing to forget, nothing culled."""
+    """What the trainer asks of a model: one photo, nothing to forget."""
 
     def __init__(self, scale: float | None = None) -> None:
-        self.clock = Clock(scale or 1.0)
+        self.schedule = Schedule(scale or 1.0)
         self.losses: dict[str, torch.Tensor] = {}
-        self.num_points = 1
+        self.gauss_params = {"means": torch.zeros(1, 3)}
 
     def view_name(self) -> str:
         return "a.jpg"
@@ -63,17 +63,8 @@ class StubModel:
     def drop_step(self) -> None:
         pass
 
-    def gaussian_groups(self) -> set[str]:
-        return set()
-
     def view_optimizers(self) -> dict[str, torch.optim.Optimizer]:
         return {}
-
-    def view_parameters(self) -> dict[str, list[torch.Tensor]]:
-        return {}
-
-    def culled_static(self) -> int:
-        return 0
 
     def found_in_the_way(self) -> list[str]:
         return ["Distractors in 1 of 5 photos: 3.png."]

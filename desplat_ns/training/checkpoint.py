@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import re
 import zipfile
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,21 +16,20 @@ import numpy as np
 import torch
 
 from desplat_ns.console import announce, list_names
-from desplat_ns.errors import CheckpointError
+from desplat_ns.errors import CheckpointError, ConfigError
 from desplat_ns.files.whole import draft_of
 
 CHECKPOINT_NAME = re.compile(r"step-(\d+)\.ckpt")
 STAGING_FOLDER = ".saving"
 """Where a checkpoint is written before it is complete. Beside the checkpoint folder, not in it:
 nerfstudio 1.1.5 takes every name in that folder for a checkpoint and fails on any other."""
-REQUIRED_KEYS = ("step", "pipeline", "optimizers")
+KINDS = {"step": int, "pipeline": dict, "optimizers": dict}
+"""What a checkpoint has to hold."""
 
 
 def register_safe_globals() -> None:
-    """Let torch >= 2.6 load checkpoints that hold numpy scalars, written by numpy 1 or 2.
-
-    nerfstudio's own schedulers leave np.float64 learning rates in the optimizers' state.
-    """
+    """Let torch >= 2.6 load checkpoints that hold numpy scalars, written by numpy 1 or 2: those of
+    nerfstudio's own methods, whose schedulers leave np.float64 learning rates in them."""
     if not hasattr(torch.serialization, "add_safe_globals"):  # torch < 2.4 loads them as they are
         return
     rebuild: Any = np.float64(0.0).__reduce__()[0]  # the function that a pickled scalar names
@@ -38,8 +38,7 @@ def register_safe_globals() -> None:
     torch.serialization.add_safe_globals([*((rebuild, n) for n in names), np.dtype, *dtypes])
 
 
-# At import: ns-eval loads checkpoints without a trainer, but always imports the plugin.
-register_safe_globals()
+register_safe_globals()  # at import: ns-eval has no trainer, but always imports the plugin
 
 
 def checkpoint_path(folder: Path, step: int) -> Path:
@@ -55,9 +54,12 @@ def step_of(path: Path) -> int:
 
 
 def checkpoints_in(folder: Path) -> list[Path]:
-    """Checkpoints of a folder, the newest (highest step) last."""
-    checkpoints = [path for path in folder.iterdir() if CHECKPOINT_NAME.fullmatch(path.name)]
-    return sorted(checkpoints, key=step_of)
+    """Checkpoints of a folder, the newest (highest step) last; none where there is no folder."""
+    paths = folder.iterdir() if folder.is_dir() else ()
+    return sorted((path for path in paths if CHECKPOINT_NAME.fullmatch(path.name)), key=step_of)
+
+
+# --- written -------------------------------------------------------------------------------------
 
 
 def save_atomically(state: dict[str, Any], path: Path) -> None:
@@ -91,6 +93,51 @@ def remove_older(path: Path) -> None:
                 other.unlink()
 
 
+def refuse_to_replace(checkpoints: Path, goes_on_from: Path | None) -> None:
+    """Raise ConfigError where a run would replace the checkpoints of another.
+
+    Args:
+        checkpoints: the run's folder of checkpoints.
+        goes_on_from: the checkpoint that the run starts from; in this folder it is the run's own.
+    """
+    is_own = goes_on_from is not None and goes_on_from.resolve().parent == checkpoints.resolve()
+    saved = checkpoints_in(checkpoints)
+    if saved and not is_own:
+        raise ConfigError(
+            f"{saved[-1]} is of an earlier run, which this one would replace. Give another "
+            "--timestamp, or leave it out for the time of day; --load-dir "
+            f"{checkpoints} goes on with the earlier run."
+        )
+
+
+@contextmanager
+def run_folder(folder: Path) -> Iterator[None]:
+    """Make a folder and those that it is in. If what is done within fails or is interrupted, those
+    that were made are removed again where they are empty; nothing else ever is.
+
+    Raises:
+        ConfigError: the folder cannot be made.
+    """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(
+                f"The run's folder {folder} cannot be made ({error}). Name another place with "
+                "--output-dir."
+            ) from error
+        yield
+    except BaseException:
+        for path in made:  # inner ones first; one that is not empty keeps those around it
+            with suppress(OSError):
+                path.rmdir()
+        raise
+
+
+# --- read ----------------------------------------------------------------------------------------
+
+
 def load_checkpoint(path: Path) -> dict[str, Any]:
     """Read one checkpoint onto the CPU, every byte checked against the file's checksums.
 
@@ -111,18 +158,12 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
             f"The checkpoint {path} is damaged or not a checkpoint ({error}). Give another one "
             "with `--load-checkpoint FILE`."
         ) from error
-    missing = [key for key in REQUIRED_KEYS if not isinstance(state, dict) or key not in state]
-    if missing:
+    held = state if isinstance(state, dict) else {}
+    bad = [name for name, kind in KINDS.items() if not isinstance(held.get(name), kind)]
+    if bad or held["step"] < 0:
         raise CheckpointError(
-            f"{path} is not a checkpoint of a training run: it has no {', '.join(missing)}. Give "
-            "a step-NNNNNNNNN.ckpt that ns-train wrote."
-        )
-    step, parts = state["step"], [state["pipeline"], state["optimizers"]]
-    if type(step) is not int or step < 0 or not all(isinstance(part, dict) for part in parts):
-        raise CheckpointError(
-            f"{path} is not a checkpoint of a training run: its step is {step!r}, its pipeline and "
-            f"optimizers are {' and '.join(type(part).__name__ for part in parts)}. Give another "
-            "one with `--load-checkpoint FILE`."
+            f"{path} is not a checkpoint of a training run: look at its {', '.join(bad) or 'step'}."
+            " Give a step-NNNNNNNNN.ckpt that ns-train wrote."
         )
     return state
 
@@ -132,9 +173,8 @@ def load_newest(folder: Path) -> tuple[Path, dict[str, Any]]:
 
     Says so where a newer one is damaged. Raises CheckpointError where none is left.
     """
-    paths = checkpoints_in(folder)
     failures: list[str] = []
-    for path in reversed(paths):
+    for path in reversed(checkpoints_in(folder)):
         try:
             state = load_checkpoint(path)
         except CheckpointError as error:
@@ -150,15 +190,15 @@ def load_newest(folder: Path) -> tuple[Path, dict[str, Any]]:
     raise CheckpointError(f"No checkpoint to load. {_contents(folder)}")
 
 
-def load_for_evaluation(folder: Path, step: int | None) -> tuple[Path, dict[str, Any]]:
+def load_step(folder: Path, step: int | None) -> tuple[Path, dict[str, Any]]:
     """The checkpoint of `step`, or without one the newest intact one, and its contents.
 
     Raises CheckpointError where there is none.
     """
-    if step is not None or not folder.is_dir():
-        path = checkpoint_path(folder, step or 0)
-        return path, load_checkpoint(path)
-    return load_newest(folder)
+    if step is None:
+        return load_newest(folder)
+    path = checkpoint_path(folder, step)
+    return path, load_checkpoint(path)
 
 
 def checkpoint_folder(load_dir: Path, relative_model_dir: Path) -> Path:
@@ -170,19 +210,17 @@ def checkpoint_folder(load_dir: Path, relative_model_dir: Path) -> Path:
         raise CheckpointError(
             f"--load-dir {load_dir} is a file. Give its folder, or `--load-checkpoint {load_dir}`."
         )
-    if not load_dir.is_dir():
-        raise CheckpointError(
-            f"--load-dir {load_dir} does not exist. Give the folder of checkpoints that ns-train "
-            f"printed as 'Checkpoint Directory', it ends in {relative_model_dir}."
-        )
     for folder in (load_dir, load_dir / relative_model_dir):
-        if folder.is_dir() and checkpoints_in(folder):
+        if checkpoints_in(folder):
             return folder
     levels = ("*", "*/*", "*/*/*")  # experiment / method / timestamp, from outputs downwards
     runs = [run for level in levels for run in load_dir.glob(f"{level}/{relative_model_dir}")]
     newest = max(runs, key=lambda run: run.stat().st_mtime, default=None)
-    hint = f" Did you mean `--load-dir {newest}`?" if newest else ""
-    raise CheckpointError(f"--load-dir {load_dir} holds no checkpoint.{hint} {_contents(load_dir)}")
+    hint = f"Did you mean `--load-dir {newest}`?" if newest else _contents(load_dir)
+    raise CheckpointError(
+        f"--load-dir {load_dir} holds no checkpoint. {hint} Give the folder that ns-train printed "
+        f"as 'Checkpoint Directory'; it ends in {relative_model_dir}."
+    )
 
 
 def _contents(folder: Path) -> str:

@@ -1,10 +1,9 @@
-"""Checkpoint files: survive kills, full disks and damage; nerfstudio reads them."""
+"""Checkpoint files survive kills, full disks and damage; a run's folder is made and taken away."""
 
 from __future__ import annotations
 
 import json
 import os
-import pickletools
 import re
 import subprocess
 import sys
@@ -18,8 +17,8 @@ import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from desplat_ns.errors import CheckpointError
-from desplat_ns.training.checkpoint_files import (
+from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.training.checkpoint import (
     STAGING_FOLDER,
     checkpoint_folder,
     checkpoint_path,
@@ -27,6 +26,7 @@ from desplat_ns.training.checkpoint_files import (
     load_checkpoint,
     load_newest,
     remove_older,
+    run_folder,
     save_atomically,
 )
 
@@ -51,13 +51,6 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / MODELS
 
 
-def test_the_newest_is_the_highest_step_and_comes_back_whole(folder):
-    path, loaded = load_newest(folder)
-    assert path == folder / "step-000000010.ckpt"
-    assert loaded["step"] == 10
-    assert torch.equal(loaded["pipeline"]["w"], torch.full((1000,), 10.0))
-
-
 def test_saving_leaves_nothing_but_the_checkpoint(tmp_path):
     save_atomically(state(3), checkpoint_path(tmp_path / MODELS, 3))
     assert [p.name for p in tmp_path.iterdir()] == [MODELS.name]
@@ -72,29 +65,18 @@ def test_of_older_ones_the_one_before_stays(folder):
     assert sorted(p.name for p in folder.iterdir()) == names
 
 
-def test_a_checkpoint_that_cannot_be_deleted_stays_and_ends_nothing(folder, monkeypatch):
-    def refuse(path: Path) -> None:
-        raise PermissionError(f"{path} is read by another program")
-
-    monkeypatch.setattr(Path, "unlink", refuse)
-    remove_older(folder / "step-000000010.ckpt")
-    assert load_newest(folder)[1]["step"] == 10
-
-
 def test_a_truncated_newest_checkpoint_falls_back_to_the_one_before(folder, capsys):
     truncate(folder / "step-000000010.ckpt")
     path, loaded = load_newest(folder)
     assert path.name == "step-000000002.ckpt"
     assert loaded["step"] == 2
-    said = capsys.readouterr().out.replace("\n", "")
-    assert "step-000000010.ckpt is damaged" in said
-    assert "Going on from" in said
+    assert "step-000000010.ckpt" in capsys.readouterr().out.replace("\n", "")
 
 
 def test_with_every_checkpoint_damaged_the_newest_is_named(folder):
     for path in checkpoints_in(folder):
         truncate(path)
-    with pytest.raises(CheckpointError, match=r"is intact.*step-000000010.ckpt is damaged"):
+    with pytest.raises(CheckpointError, match=r"step-000000010\.ckpt"):
         load_newest(folder)
 
 
@@ -104,7 +86,7 @@ def test_one_flipped_bit_is_noticed(tmp_path):
     damaged = bytearray(path.read_bytes())
     damaged[len(damaged) // 2] ^= 1  # in the middle of the tensor
     path.write_bytes(damaged)
-    with pytest.raises(CheckpointError, match="bad checksum"):
+    with pytest.raises(CheckpointError, match=r"step-000000001\.ckpt"):
         load_checkpoint(path)
 
 
@@ -126,27 +108,24 @@ def test_damage_anywhere_is_either_harmless_or_a_checkpoint_error(folder, where,
         path.unlink()
 
 
-@pytest.mark.parametrize("content", [b"", b"not a checkpoint", b"\x80\x02."])
-def test_a_file_that_is_no_checkpoint_is_named(tmp_path, content):
-    path = tmp_path / "step-000000001.ckpt"
-    path.write_bytes(content)
-    with pytest.raises(CheckpointError, match=r"step-000000001\.ckpt is damaged"):
-        load_checkpoint(path)
-
-
-def test_a_tensor_file_of_another_kind_is_not_taken_for_a_checkpoint(tmp_path):
-    torch.save({"weights": torch.zeros(3)}, tmp_path / "net.ckpt")
-    with pytest.raises(CheckpointError, match="it has no step, pipeline, optimizers"):
-        load_checkpoint(tmp_path / "net.ckpt")
-
-
 @pytest.mark.parametrize(
     "change", [{"step": "9"}, {"step": -1}, {"step": 1.0}, {"pipeline": []}, {"optimizers": None}]
 )
 def test_entries_of_a_wrong_kind_are_not_taken_for_a_checkpoint(tmp_path, change):
     path = tmp_path / "step-000000001.ckpt"
     torch.save({**state(1), **change}, path)
-    with pytest.raises(CheckpointError, match="not a checkpoint of a training run: its step is"):
+    with pytest.raises(CheckpointError, match=next(iter(change))):
+        load_checkpoint(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a checkpoint", b"\x80\x02.", {"weights": 0}])
+def test_another_file_is_not_taken_for_a_checkpoint(tmp_path, content):
+    path = tmp_path / "net.ckpt"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        torch.save(content, path)
+    with pytest.raises(CheckpointError, match=r"net\.ckpt"):
         load_checkpoint(path)
 
 
@@ -155,31 +134,22 @@ def test_a_missing_step_lists_what_is_there(folder):
         load_checkpoint(checkpoint_path(folder, 777))
 
 
-class TestLoadDir:
-    def test_may_be_the_checkpoint_folder_or_the_runs_folder(self, folder):
-        assert checkpoint_folder(folder, MODELS) == folder
-        assert checkpoint_folder(folder.parent, MODELS) == folder
+def test_load_dir_may_be_the_checkpoint_folder_or_the_runs_folder(folder):
+    assert checkpoint_folder(folder, MODELS) == folder
+    assert checkpoint_folder(folder.parent, MODELS) == folder
 
-    def test_above_the_runs_names_the_folder_meant(self, tmp_path):
-        folder = tmp_path / "outputs" / "scene" / "desplat" / "2026-01-01_120000" / MODELS
-        save_atomically(state(1), checkpoint_path(folder, 1))
-        for above in list(folder.parents)[1:4]:
-            with pytest.raises(CheckpointError, match="holds no checkpoint") as error:
-                checkpoint_folder(above, MODELS)
-            assert f"Did you mean `--load-dir {folder}`?" in str(error.value)
 
-    def test_that_is_missing_says_what_to_pass(self, tmp_path):
-        with pytest.raises(CheckpointError, match=r"does not exist.*nerfstudio_models"):
-            checkpoint_folder(tmp_path / "nowhere", MODELS)
-
-    def test_that_is_empty_says_so(self, tmp_path):
-        with pytest.raises(CheckpointError, match="is empty"):
-            checkpoint_folder(tmp_path, MODELS)
-
-    def test_that_is_a_file_names_the_option_for_files(self, folder):
-        path = checkpoint_path(folder, 1)
-        with pytest.raises(CheckpointError, match=re.escape(f"--load-checkpoint {path}")):
-            checkpoint_folder(path, MODELS)
+def test_another_load_dir_is_refused_with_what_to_pass(tmp_path):
+    folder = tmp_path / "outputs" / "scene" / "desplat" / "2026-01-01_120000" / MODELS
+    path = checkpoint_path(folder, 1)
+    save_atomically(state(1), path)
+    for above in list(folder.parents)[1:4]:
+        with pytest.raises(CheckpointError, match=re.escape(f"`--load-dir {folder}`?")):
+            checkpoint_folder(above, MODELS)
+    with pytest.raises(CheckpointError, match="does not exist"):
+        checkpoint_folder(tmp_path / "nowhere", MODELS)
+    with pytest.raises(CheckpointError, match=re.escape(f"--load-checkpoint {path}")):
+        checkpoint_folder(path, MODELS)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -192,7 +162,7 @@ def test_a_full_disk_is_a_checkpoint_error_and_harms_nothing(folder):
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
     try:
-        with pytest.raises(CheckpointError, match=r"could not be written: .*File too large"):
+        with pytest.raises(CheckpointError, match="File too large"):
             save_atomically(state(10, size=1_000_000), checkpoint_path(folder, 10))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
@@ -218,7 +188,7 @@ SAVE_UNTIL_KILLED = """
 import json, os, random, signal, sys, time
 from pathlib import Path
 import torch
-from desplat_ns.training.checkpoint_files import *
+from desplat_ns.training.checkpoint import *
 torch.set_num_threads(1)
 base = Path(sys.argv[1])
 folder = base / "nerfstudio_models"
@@ -263,41 +233,40 @@ def test_a_kill_while_saving_leaves_the_newest_checkpoint_intact(tmp_path):
     assert result["saved"] > 0
 
 
-def test_saving_again_clears_what_a_killed_save_left(folder):
-    staging = folder.parent / STAGING_FOLDER
-    staging.mkdir()
-    (staging / "step-000000011.ckpt").write_bytes(b"half a checkpoint")
-    save_atomically(state(11), checkpoint_path(folder, 11))
-    assert not staging.exists()
-    assert load_newest(folder)[1]["step"] == 11
-
-
-def numpy_names(path: Path) -> set[str]:
-    with zipfile.ZipFile(path) as archive:
-        name = next(n for n in archive.namelist() if n.endswith("data.pkl"))
-        operations = pickletools.genops(archive.read(name))
-        return {
-            str(arg) for op, arg, _ in operations if op.name == "GLOBAL" and "numpy" in str(arg)
-        }
-
-
-def test_checkpoints_with_numpy_scalars_load(tmp_path):
-    path = tmp_path / "step-000000001.ckpt"
-    torch.save({**state(1), "lr": [np.float64(0.1), np.float32(0.5), np.int64(7)]}, path)
-    assert numpy_names(path), "the file does not hold what the test is about"
-    assert load_checkpoint(path)["lr"] == [0.1, 0.5, 7]
-
-
 @pytest.mark.parametrize("module", ["numpy.core.multiarray", "numpy._core.multiarray"])
 def test_numpy_scalars_load_under_the_names_of_numpy_1_and_2(tmp_path, module):
+    """nerfstudio's own methods leave them in checkpoints."""
     path, renamed = tmp_path / "a.ckpt", tmp_path / "b.ckpt"
     torch.save({**state(1), "lr": np.float64(0.1)}, path)
     with zipfile.ZipFile(path) as source, zipfile.ZipFile(renamed, "w") as target:
         for name in source.namelist():
             data = source.read(name)
-            if name.endswith("data.pkl"):
-                for old in (b"numpy.core.multiarray", b"numpy._core.multiarray"):
-                    data = data.replace(b"c" + old + b"\n", b"c" + module.encode() + b"\n")
+            for old in (b"numpy.core.multiarray", b"numpy._core.multiarray"):
+                data = data.replace(b"c" + old + b"\n", b"c" + module.encode() + b"\n")
             target.writestr(name, data)
-    assert any(n.startswith(module + " ") for n in numpy_names(renamed))
     assert load_checkpoint(renamed)["lr"] == 0.1
+
+
+# --- the run's folder ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_a_folder_in_which_setting_up_fails_is_taken_away_and_nothing_else(tmp_path, error):
+    (tmp_path / "outputs").mkdir()
+    with pytest.raises(error), run_folder(tmp_path / "outputs" / "scene" / "run"):
+        raise error
+    assert list((tmp_path / "outputs").iterdir()) == []
+    with pytest.raises(error), run_folder(tmp_path / "outputs" / "run"):
+        (tmp_path / "outputs" / "run" / "log.txt").write_text("kept")
+        raise error
+    assert (tmp_path / "outputs" / "run" / "log.txt").read_text() == "kept"
+    with run_folder(tmp_path / "outputs" / "scene" / "run"):
+        pass
+    assert (tmp_path / "outputs" / "scene" / "run").is_dir()
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "outputs").write_text("a file")
+    with pytest.raises(ConfigError, match="--output-dir"), run_folder(tmp_path / "outputs" / "run"):
+        pytest.fail("went on")
+    assert (tmp_path / "outputs").read_text() == "a file"
