@@ -193,10 +193,11 @@ class DeSplatTrainer(Trainer):
         cost = StepSeconds(*plan.seconds)
         costs = [cost.at(reduction) for reduction in reductions(plan.downscale, plan.steps)]
         schedule = BudgetSchedule(budget, plan, costs, self._seconds, scale or 1.0)
+        size = "full size" if plan.downscale == 1 else f"1/{plan.downscale} of their size"
         announce(
-            f"Budget: {budget:.0f} s, of which {schedule.spent():.0f} are spent. A first step takes"
-            f" {1e3 * cost.at(1):.0f} ms with whole photos: {plan.steps} steps are planned, photos "
-            f"in 1/{plan.downscale} of their size at most. No evaluation on the way."
+            f"Budget: {budget:.0f} s, of which {schedule.spent():.0f} are spent. The first steps "
+            f"took {1e3 * cost.at(plan.downscale):.0f} ms with photos in {size}: {plan.steps} are "
+            "planned. No evaluation on the way."
         )
         return schedule
 

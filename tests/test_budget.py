@@ -77,7 +77,7 @@ def test_a_run_spends_its_budget_on_the_schedules_that_were_planned(config, cloc
     assert plan["seconds"] == pytest.approx((0.4, 0.1))
     assert saved["step"] + 1 == trainer.config.max_num_iterations > plan["steps"] > 30
     said = " ".join(capsys.readouterr().out.split())
-    assert f"of {BUDGET} s were spent" in said and f"{plan['steps']} steps are planned" in said
+    assert f"of {BUDGET} s were spent" in said and f"{plan['steps']} are planned" in said
     text = (trainer.base_dir / "config.yml").read_text()
     model = yaml.load(text, yaml.Loader).pipeline.model
     assert model.schedule_scale == plan["steps"] / 30_000 == trainer.pipeline.model.schedule.scale

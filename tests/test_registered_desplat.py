@@ -167,7 +167,7 @@ def test_a_resumed_run_equals_one_in_one_go_to_the_last_bit(
     with threads(1):
         trainer = set_up(resumed, seed=99)
         trainer.train()
-    assert trainer._loaded_from == resumed.load_checkpoint
+    assert trainer._start_step == saved + 1
     assert_same(last_checkpoint(straight.config), last_checkpoint(resumed))
 
 

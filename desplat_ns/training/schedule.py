@@ -135,9 +135,9 @@ TIMED_STEPS, TIMED_SHARE = 20, 0.05
 it."""
 
 GROWTH = 1.5
-"""Seconds of a step averaged over a run, over those of its first steps at the same photo sizes: the
-set grows by a factor of 2 to 7, and 7 times the Gaussians double a step's CPU time
-(docs/results/accuracy-and-time.md). The clock corrects what it gets wrong."""
+"""Ratio of the seconds of a step averaged over a run to those of its first steps, at the same photo
+size. The set grows by a factor of 2 to 7, and 7 times the Gaussians double a step's CPU time. The
+clock corrects what this gets wrong."""
 
 SAMPLED_STEPS = 1_000
 """Length of the run whose photo sizes stand for those of any length in a plan."""
