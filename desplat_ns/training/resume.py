@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 import torch
 from nerfstudio.engine.optimizers import Optimizers
-from torch import Tensor
-from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
 from desplat_ns.errors import CheckpointError
@@ -61,8 +59,8 @@ def load_optimizers(optimizers: Optimizers, saved: Mapping[str, Any], source: Pa
     """Bring back the optimizers' moments from the checkpoint `source`.
 
     Rates, epsilons and the like stay those of this run's options, except a rate that only the
-    scheduler's history gives. The parameters must have their saved shapes already.
-    Raises CheckpointError, before anything is changed, where groups or shapes do not match.
+    scheduler's history gives. The parameters must have their saved shapes already: the pipeline is
+    loaded first. Raises CheckpointError, before anything is changed, where groups do not match.
     """
     here, there = set(optimizers.optimizers), set(saved)
     if here != there:
@@ -72,8 +70,6 @@ def load_optimizers(optimizers: Optimizers, saved: Mapping[str, Any], source: Pa
             f"{', '.join(sorted(here - there)) or 'nothing'}. Switch on the same "
             "--pipeline.model.effects as in that run's config.yml."
         )
-    for name, optimizer in optimizers.optimizers.items():
-        _check_shapes(name, optimizer, saved[name], source)
     for name, optimizer in optimizers.optimizers.items():
         scheduler = optimizers.schedulers.get(name)
         from_saved = {"params"}
@@ -99,22 +95,3 @@ def load_schedulers(optimizers: Optimizers, saved: Mapping[str, Any], steps_done
             set_position(scheduler, steps_done)
         elif name in saved:
             scheduler.load_state_dict(saved[name])
-
-
-def _check_shapes(name: str, optimizer: Optimizer, saved: Mapping[str, Any], source: Path) -> None:
-    """torch loads moments of any shape and fails steps later; refuse them at once instead."""
-    shapes = [tuple(p.shape) for group in optimizer.param_groups for p in group["params"]]
-    keys = [key for group in saved["param_groups"] for key in group["params"]]
-    moments = [saved["state"].get(key, {}).values() for key in keys]
-    fits = len(shapes) == len(keys) and all(
-        tuple(moment.shape) == shape
-        for shape, of_parameter in zip(shapes, moments, strict=True)
-        for moment in of_parameter
-        if isinstance(moment, Tensor) and moment.ndim > 0
-    )
-    if not fits:
-        raise CheckpointError(
-            f"The optimizer state of the group '{name}' in {source} does not fit this run's "
-            f"parameters of shapes {shapes}. Load it with the scene and the effects that it was "
-            "trained with."
-        )
