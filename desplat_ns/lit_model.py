@@ -18,6 +18,7 @@ from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.errors import BackendUnavailableError
 from desplat_ns.gaussians.activation import RawParameters, activate_static
 from desplat_ns.photo_tourism.appearance import fourier_features
+from desplat_ns.photo_tourism.background import BACKGROUND_DEGREE_INTERVAL
 from desplat_ns.photo_tourism.camera_response import fit_response, squared_radius
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
@@ -156,7 +157,7 @@ class LitModel(SplatfactoModel):
         """Colours [3], or [H, W, 3] where they differ or nerfstudio's commands expect them."""
         if self.image_effects is not None and self.image_effects.background is not None:
             assert embedding is not None
-            degree = self.nominal_step // self.config.sh_degree_interval
+            degree = self.nominal_step // BACKGROUND_DEGREE_INTERVAL
             return self.image_effects.background_of(embedding, view, degree)
         color = self._get_background_color()
         return color if self.training else color.expand(view.height, view.width, 3)

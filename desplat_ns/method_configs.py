@@ -32,17 +32,18 @@ QUICK_VISITS = 25.0
 """Visits of each photo by `desplat-quick`; `desplat` has those of the full rates
 (docs/results/accuracy-and-time.md, "How long to train")."""
 
-PHOTO_TOURISM_STEPS = 200_000
-"""The same for Photo Tourism."""
+PHOTO_TOURISM_STEPS, BACKGROUND_STEPS = 200_000, 100_000
+"""The same for Photo Tourism, and steps in which the background's rates fall: as in the authors'
+code."""
 
 
 def _constant(lr: float) -> dict:
     return {"optimizer": FusedAdamConfig(lr=lr, eps=1e-15), "scheduler": None}
 
 
-def _decaying(lr: float, lr_final: float, warmup_steps: int = 0) -> dict:
+def _decaying(lr: float, lr_final: float, warmup_steps: int = 0, steps: int = STEPS) -> dict:
     decay = ExponentialDecaySchedulerConfig(
-        lr_final=lr_final, max_steps=STEPS, warmup_steps=warmup_steps, lr_pre_warmup=0.0
+        lr_final=lr_final, max_steps=steps, warmup_steps=warmup_steps, lr_pre_warmup=0.0
     )
     return {"optimizer": FusedAdamConfig(lr=lr, eps=1e-15), "scheduler": decay}
 
@@ -61,17 +62,21 @@ def static_optimizers() -> dict:
     }
 
 
-def image_effect_optimizers() -> dict:
-    """B.3, for appearance and background where they are on; the cheaper grades' are ours."""
+def image_effect_optimizers(background_steps: int = STEPS) -> dict:
+    """B.3, for appearance and background where they are on; the cheaper grades' are ours.
+
+    Args:
+        background_steps: in which the background's rates fall.
+    """
     return {
         "camera_responses": _decaying(2e-2, 5e-4),
         "background_coefficients": _decaying(1e-2, 1e-3),
         "appearance_mlp": _constant(5e-4),
         "image_embeddings": _constant(1e-3),
         "appearance_features": _constant(5e-3),
-        "background_encoder": _decaying(2e-3, 1e-4),
-        "background_sh_dc": _decaying(2e-3, 2e-4),
-        "background_sh_rest": _decaying(1e-4, 1e-5),
+        "background_encoder": _decaying(2e-3, 1e-4, steps=background_steps),
+        "background_sh_dc": _decaying(2e-3, 2e-4, steps=background_steps),
+        "background_sh_rest": _decaying(1e-4, 1e-5, steps=background_steps),
     }
 
 
@@ -86,12 +91,7 @@ def separating_distractors() -> DistractorConfig:
         initial_opacity=0.5,
         leak=0.03,
         clearance=0.5,
-        refine_when_next_seen=True,
         refine_visits=5,
-        max_refinements=8,
-        grow_grad=6.0,
-        min_pixels=1.0,
-        cull_to_the_end=True,
     )
 
 
@@ -108,12 +108,7 @@ def desplat_model(effects: EffectsConfig) -> DeSplatModelConfig:
 
 def paper_model(effects: EffectsConfig) -> DeSplatModelConfig:
     """B.3; what it has for Photo Tourism alone are the effects and the number of steps."""
-    return DeSplatModelConfig(
-        effects=effects,
-        distractors=DistractorConfig(cull_to_the_end=True),
-        refine_every=100,
-        cull_to_the_end=True,
-    )
+    return DeSplatModelConfig(effects=effects, refine_every=100, cull_to_the_end=True)
 
 
 def _method(
@@ -123,6 +118,7 @@ def _method(
     steps: int = STEPS,
     full_rate_visits: float = 0.0,
     visits: float = 0.0,
+    background_steps: int = STEPS,
 ) -> MethodSpecification:
     return MethodSpecification(
         config=DeSplatTrainerConfig(
@@ -137,7 +133,7 @@ def _method(
             steps_per_eval_image=100,
             steps_per_eval_all_images=1000,
             pipeline=DeSplatPipelineConfig(datamanager=DeSplatDataManagerConfig(), model=model),
-            optimizers=static_optimizers() | image_effect_optimizers(),
+            optimizers=static_optimizers() | image_effect_optimizers(background_steps),
             vis="viewer",
         ),
         description=description,
@@ -187,6 +183,7 @@ desplat_phototourism_paper = _method(
     "DeSplat with the paper's settings for Photo Tourism (App. B.3), to compare with.",
     paper_model(EffectsConfig(appearance="affine", background="image")),
     steps=PHOTO_TOURISM_STEPS,
+    background_steps=BACKGROUND_STEPS,
 )
 
 desplat_phototourism_a_paper = _method(
@@ -194,4 +191,5 @@ desplat_phototourism_a_paper = _method(
     "As desplat-phototourism-paper, with the appearance model alone (DeSplat-A).",
     paper_model(EffectsConfig(appearance="affine")),
     steps=PHOTO_TOURISM_STEPS,
+    background_steps=BACKGROUND_STEPS,
 )

@@ -41,7 +41,7 @@ class DeSplatModelConfig(StaticModelConfig):
         """As `StaticModelConfig`'s; the distractors' steps follow."""
         run = super().for_run(num_views)
         run.distractors = self.distractors.for_views(
-            num_views, run.refine_every, run.warmup_length, self.schedule_scale or 1.0
+            num_views, run.warmup_length, self.schedule_scale or 1.0
         )
         return run
 
@@ -91,7 +91,8 @@ class DeSplatModel(StaticModel):
             points = self.seed_points[0].to(cameras.device)
         gaussians = DistractorGaussians(config, cameras)
         background = self.effects.background
-        return DistractorLayer(gaussians, config, self.config, cameras, points, background)
+        scale = self.config.schedule_scale or 1.0
+        return DistractorLayer(gaussians, config, self.config, cameras, points, background, scale)
 
     # --- drawing -----------------------------------------------------------------------------
 
@@ -323,7 +324,6 @@ class DeSplatModel(StaticModel):
         """What a checkpoint holds besides parameters: densification's running statistics."""
         state: dict[str, Any] = {"static_strategy": dict(self.strategy_state)}
         if self.layer is not None:
-            state["distractor_clock"] = dict(self.layer.densifier.clock)
             state["regions"] = dict(self.layer.regions)
             state["photos"] = self.layer.witnesses.state()
         return state
@@ -332,6 +332,5 @@ class DeSplatModel(StaticModel):
         """Take up what `get_extra_state` gave."""
         self.strategy_state = to_device(state["static_strategy"], self.device)
         if self.layer is not None:
-            self.layer.densifier.clock.update(state["distractor_clock"])
             self.layer.regions = to_device(state["regions"], self.device)
             self.layer.witnesses.load(state["photos"])

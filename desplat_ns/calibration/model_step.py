@@ -16,15 +16,10 @@ from desplat_ns.backend.protocol import View
 from desplat_ns.backend.registry import BackendName
 from desplat_ns.calibration.scenes import Scene
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.distractors import ViewDistractors, fill_view
+from desplat_ns.gaussians.distractors import PARAMETER_NAMES, ViewDistractors, fill_view
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
 from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.training.optimizers import FusedAdamConfig
-
-NOTHING_MOVES: dict[str, Any] = {
-    f"{name}_lr": 0.0 for name in ("means", "quats", "scales", "rgbs", "opacities")
-}
-"""Learning rates of distractors."""
 
 LATE = 20_000
 """A step with all degrees of the harmonics, after densification."""
@@ -69,7 +64,7 @@ class ModelStep:
         cameras = cameras_of(scene, num_views).to(device)
         config = DeSplatModelConfig(
             effects=EffectsConfig(**asdict(effects)),
-            distractors=DistractorConfig(start="residual", static_alone=True, **NOTHING_MOVES),
+            distractors=DistractorConfig(start="residual", static_alone=True),
         )
         config.num_downscales, config.backend = 0, backend
         torch.manual_seed(0)
@@ -86,6 +81,8 @@ class ModelStep:
             self.model.gauss_params[name].data = value.clone()
         if distractors_per_view > 0:
             self._spread_distractors(scene.view, distractors_per_view, range(num_views))
+        if self.model.layer is not None:
+            self.model.layer.rates_at = lambda _: dict.fromkeys(PARAMETER_NAMES, 0.0)
         self.model.to(device).train()
         self.model.step = LATE
         self.camera = cameras[:1]
@@ -109,9 +106,7 @@ class ModelStep:
         assert distractors is not None
         everywhere = replace(self.model.config.distractors, start="everywhere", per_view=per_view)
         for index in views:
-            distractors.views[index] = ViewDistractors(
-                fill_view(view, everywhere), everywhere.depth
-            )
+            distractors.views[index] = ViewDistractors(fill_view(view, everywhere))
         distractors.total = sum(distractors.counts())
 
     def __call__(self) -> None:

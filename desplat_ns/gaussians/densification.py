@@ -1,8 +1,7 @@
 """Adaptive density control of the distractors: gsplat's DefaultStrategy, for each view's set.
 
-It differs from that of the static scene (`strategy.py`): there is a set for each view, opacity is
-never reset (App. A), sizes are measured against the depth at which distractors start, and what
-makes up too little of the photo is pruned.
+It differs from that of the static scene (`strategy.py`): there is a set for each view, and opacity
+is never reset (App. A).
 """
 
 from __future__ import annotations
@@ -18,12 +17,27 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.activation import RawParameters
-from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractor_config import (
+    CULL_ALPHA,
+    DEPTH,
+    STOP_DENSIFY_AT,
+    DistractorConfig,
+)
 from desplat_ns.gaussians.distractors import ViewDistractors
-from desplat_ns.gaussians.strategy import LAST, crossed, prune, refine, sample
+from desplat_ns.gaussians.strategy import prune, refine, sample
+from desplat_ns.training.run_length import SPLATFACTOS_INTERVAL
 
 RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) >= (1, 5)
 """gsplat 1.5 gives radii as [C, N, 2], 1.4 as [C, N]; each one's strategy takes only its own."""
+
+GROW_GRAD = 6.0
+"""By pixels, distractors are cloned or split where a shift by one pixel changes the loss, summed
+over all pixels, by more than this: in colours times pixels, whatever the size of the image.
+Splatfacto's threshold is of the mean over the image."""
+
+MIN_PIXELS = 1.0
+"""By pixels, distractors that make up less of the image are pruned (`accumulated_weights`): where
+opacity costs nothing, none gets faint."""
 
 
 def strategy_info(rendering: Rendering, view: View) -> dict[str, Any]:
@@ -42,36 +56,41 @@ def strategy_info(rendering: Rendering, view: View) -> dict[str, Any]:
 class DistractorDensifier:
     """Clones, splits and prunes the distractors of one view at a time.
 
-    Every `refine_every` steps refinement falls due: for the view that is drawn then or, with
-    `refine_when_next_seen`, for every view when it is next seen, as nothing new is known of it
-    until then. Adam's moments follow: rows that stay keep theirs, new rows start at zero.
+    Every `every` steps refinement falls due for every view, and each has it when it is next seen,
+    as nothing new is known of it until then; of 40 views each one is refined once in its 10 visits
+    if `every` is 400. Adam's moments follow: rows that stay keep theirs, new rows start at zero.
+
+    With `start` everywhere it goes by Splatfacto's rules and steps; with `residual` by what a
+    distractor makes up of the image.
     """
 
-    def __init__(self, config: DistractorConfig, static: SplatfactoModelConfig):
+    def __init__(self, config: DistractorConfig, static: SplatfactoModelConfig, every: int):
         """Args:
-        config: thresholds of the distractors, with the intervals of this run.
+        config: of the distractors, with the warm-up of this run.
         static: the thresholds that both sets share, and the warm-up before any refinement.
+        every: nominal steps from one refinement to the next.
         """
-        self.config = config
-        self.clock: dict[str, int] = {}
-        """Of the steps that drew distractors, see `crossed`."""
+        self.every = every
         self.start = max(static.warmup_length, config.static_warmup)
-        self.strategy = DefaultStrategy(
-            prune_opa=config.cull_alpha_thresh,
-            grow_grad2d=config.grow_grad or static.densify_grad_thresh,
-            grow_scale3d=static.densify_size_thresh,
-            absgrad=static.use_absgrad,
-        )
-
-    def _is_due(self, step: int, view: ViewDistractors) -> bool:
-        """Whether `view`, which is drawn at `step`, is refined now."""
-        if self.config.refine_when_next_seen:
-            return self._fallen_due(step) > max(view.refinement, self._fallen_due(self.start))
-        return crossed(self.clock, step, self.config.refine_every)
+        self.by_pixels = config.start == "residual"
+        grow = {"absgrad": static.use_absgrad, "grow_scale3d": static.densify_size_thresh}
+        if self.by_pixels:
+            self.strategy = DefaultStrategy(prune_opa=CULL_ALPHA, grow_grad2d=GROW_GRAD, **grow)
+        else:
+            self.strategy = DefaultStrategy(
+                prune_opa=CULL_ALPHA,
+                grow_grad2d=static.densify_grad_thresh,
+                grow_scale2d=static.split_screen_size,
+                prune_scale2d=static.cull_screen_size,
+                prune_scale3d=static.cull_scale_thresh,
+                refine_scale2d_stop_iter=static.stop_screen_size_at,
+                reset_every=static.reset_alpha_every * SPLATFACTOS_INTERVAL,
+                **grow,
+            )
 
     def _fallen_due(self, step: int) -> int:
         """How many refinements have fallen due until `step`."""
-        return step // self.config.refine_every
+        return step // self.every
 
     def before_backward(self, rendering: Rendering) -> None:
         """Keep the gradient of the projected means, which refinement reads."""
@@ -87,33 +106,34 @@ class DistractorDensifier:
         """Sample a step that drew `view`; refine its distractors if that is due.
 
         Args:
-            step: nominal; nothing happens before the warm-up, and nothing but
-                pruning, if that, from `stop_densify_at` on.
+            step: nominal; nothing happens before the warm-up, and nothing but pruning from
+                `STOP_DENSIFY_AT` on.
             info: of the rendering of this view's distractors in this step.
             weights_of: gives what each makes up of the image, in pixels; called only where it
                 is needed.
         """
-        densifying = step < self.config.stop_densify_at
-        if step <= self.start or not (densifying or self.config.cull_to_the_end):
+        if step <= self.start:
             return
+        densifying = step < STOP_DENSIFY_AT
         if densifying:
             self._sample(view, info)
-        if self._is_due(step, view):
+        if self._fallen_due(step) > max(view.refinement, self._fallen_due(self.start)):
             view.refinement = self._fallen_due(step)
-            self._prune_the_small(view, weights_of)
+            view.state["scene_scale"] = DEPTH if self.by_pixels else 1.0
             change = refine if densifying else prune
-            change(self.strategy, view.params, view.optimizers, view.state)
-        self.clock[LAST] = step
+            if self.by_pixels:
+                self._prune_the_small(view, weights_of)
+                change(self.strategy, view.params, view.optimizers, view.state)
+            else:
+                change(self.strategy, view.params, view.optimizers, view.state, step)
 
     def _prune_the_small(
         self,
         view: ViewDistractors,
         weights_of: Callable[[RawParameters], Float[Tensor, " N"]],
     ) -> None:
-        """Remove distractors that make up less than `min_pixels`."""
-        if self.config.min_pixels <= 0:
-            return
-        large = weights_of(view.params) >= self.config.min_pixels
+        """Remove distractors that make up less than `MIN_PIXELS`."""
+        large = weights_of(view.params) >= MIN_PIXELS
         if not bool(large.all()):
             nothing = {name: value.data[:0] for name, value in view.params.items()}
             view.exchange(large.nonzero()[:, 0], nothing)
@@ -121,11 +141,11 @@ class DistractorDensifier:
     def _sample(self, view: ViewDistractors, info: dict[str, Any]) -> None:
         """Gather the gradients of a step.
 
-        With `grow_grad` those of the sum of the loss over all pixels by a shift of one pixel,
-        which do not depend on the image's size. gsplat multiplies by half the width and height,
-        and the loss is a mean over width times height.
+        By pixels those of the sum of the loss over all pixels by a shift of one pixel, which do not
+        depend on the image's size. gsplat multiplies by half the width and height, and the loss is
+        a mean over width times height.
         """
-        if self.config.grow_grad > 0:
+        if self.by_pixels:
             twice_the_pixels = 2 * info["width"] * info["height"]
             info = info | {"width": twice_the_pixels, "height": twice_the_pixels}
         sample(self.strategy, view.params, view.state, info)

@@ -14,7 +14,7 @@ from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.gaussians.adam import adam
-from desplat_ns.gaussians.distractor_config import DistractorConfig, check_options
+from desplat_ns.gaussians.distractor_config import DEPTH, DistractorConfig, check_options
 from desplat_ns.rendering.views import view_of
 
 PARAMETER_NAMES = ("means", "scales", "quats", "rgbs", "opacities")
@@ -29,15 +29,14 @@ class ViewDistractors:
     """The distractors of one training view: raw parameters, an Adam for each kind, and what its
     refinement goes by, in the shapes that gsplat's operations expect."""
 
-    def __init__(self, start: Mapping[str, Tensor], depth: float):
+    def __init__(self, start: Mapping[str, Tensor]):
         """Args:
         start: raw parameters by `PARAMETER_NAMES`, N rows each; N changes as training goes on.
-        depth: world units, against which refinement measures sizes.
         """
         self.params = {name: nn.Parameter(value) for name, value in start.items()}
         self.optimizers: dict[str, Optimizer] = {}
         """By name; empty until the view is trained, so that they are where its parameters are."""
-        self.state: dict[str, Any] = {"grad2d": None, "count": None, "scene_scale": depth}
+        self.state: dict[str, Any] = {"grad2d": None, "count": None, "radii": None}
         """What gsplat's strategy gathers."""
         self.refinement = 0
         """How many refinements had fallen due when the view was refined last."""
@@ -138,7 +137,7 @@ class DistractorGaussians(nn.Module):
         super().__init__()
         check_options(config)
         self.views = [
-            ViewDistractors(fill_view(view_of(cameras[i : i + 1]), config), config.depth)
+            ViewDistractors(fill_view(view_of(cameras[i : i + 1]), config))
             for i in range(len(cameras))
         ]
         self.total = sum(self.counts())
@@ -222,7 +221,7 @@ def distractors_at(
     pixels: Float[Tensor, "n 2"],
     rgbs: Float[Tensor, "n 3"],
 ) -> dict[str, Tensor]:
-    """Raw parameters of distractors at `config.depth` in front of a camera.
+    """Raw parameters of distractors at `DEPTH` in front of a camera.
 
     Each is half as wide as the spacing of `config.per_view` that would cover the image.
 
@@ -233,14 +232,14 @@ def distractors_at(
     n = len(pixels)
     fx, fy, cx, cy = view.K[0, 0], view.K[1, 1], view.K[0, 2], view.K[1, 2]
     x, y = (pixels[:, 0] - cx) / fx, (pixels[:, 1] - cy) / fy
-    in_camera = torch.stack([x, y, torch.ones_like(x)], dim=-1) * config.depth
+    in_camera = torch.stack([x, y, torch.ones_like(x)], dim=-1) * DEPTH
     rotation, translation = view.viewmat[:3, :3], view.viewmat[:3, 3]
     area = view.width * view.height
     spacing = math.sqrt(area / max(config.per_view, 1)) / torch.sqrt(fx * fy).double()
     like = {"dtype": view.K.dtype, "device": view.K.device}
     return {
         "means": (in_camera - translation) @ rotation,
-        "scales": (0.5 * spacing * config.depth).log().to(**like).repeat(n, 3),
+        "scales": (0.5 * spacing * DEPTH).log().to(**like).repeat(n, 3),
         "quats": torch.eye(4, **like)[:1].repeat(n, 1),
         "rgbs": rgbs.to(**like),
         "opacities": torch.full((n, 1), config.initial_opacity, **like).logit(),

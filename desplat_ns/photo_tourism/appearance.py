@@ -34,19 +34,19 @@ FARTHEST = 1e6
 
 
 def fourier_features(points: Float[Tensor, "N 3"], frequencies: int) -> Float[Tensor, "N Z"]:
-    """Sines and cosines of pi 2^m p for m = 1 .. frequencies; Z = 6 frequencies.
+    """Sines and cosines of pi 2^m p for m = 0 .. frequencies - 1; Z = 6 frequencies.
 
     p are the points, centred on their mean and divided by the `CENTRAL_QUANTILE` of their largest
     coordinates, so that most lie within [-1, 1].
 
-    Source: the start of z_i, App. B.3, as WildGaussians (its supplementary) describes it.
+    Source: the start of z_i, App. B.3; the frequencies are those of the authors' code.
     """
     exact = points.double()  # sums of float32's largest numbers fit, too
     centred = exact - exact.mean(dim=0)
     radius = centred.abs().amax(dim=1).sort().values[int(CENTRAL_QUANTILE * (len(points) - 1))]
     unit = centred / radius.clamp(min=torch.finfo(points.dtype).tiny)
     unit = unit.clamp(-FARTHEST, FARTHEST).to(points.dtype)
-    turns = torch.arange(1, frequencies + 1, device=points.device, dtype=points.dtype).exp2()
+    turns = torch.arange(frequencies, device=points.device, dtype=points.dtype).exp2()
     angles = (math.pi * unit[:, :, None] * turns).flatten(1)
     return torch.cat([angles.sin(), angles.cos()], dim=1)
 
@@ -84,6 +84,7 @@ class _Appearance(nn.Module):
     def __init__(self, config: AppearanceConfig, per_gaussian: int, outputs: int):
         super().__init__()
         self.in_bfloat16 = config.mlp_dtype == "bfloat16"
+        self.scale = config.mlp_scale
         width = config.hidden_width
         inputs = config.embedding_dim + per_gaussian
         self.body = hidden_layers(inputs, config.hidden_layers, width)
@@ -95,7 +96,7 @@ class _Appearance(nn.Module):
         own: Sequence[Float[Tensor, "N _"]],
         rows: Int[Tensor, " R"] | None,
     ) -> Float[Tensor, "N outputs"]:
-        """The outputs of the given rows, 0 in all others; of all rows if None.
+        """The outputs of the given rows, times `mlp_scale`; 0 in all others; of all rows if None.
 
         The embedding is the same in every row: its part of layer one is worked out once.
         """
@@ -114,7 +115,7 @@ class _Appearance(nn.Module):
                 self.head(self.body[1:](nn.functional.linear(block, of_gaussian, bias)))
                 for block in inputs.split(at_once)
             ]
-        outputs = torch.cat(blocks).to(inputs.dtype)
+        outputs = self.scale * torch.cat(blocks).to(inputs.dtype)
         if rows is None:
             return outputs
         return outputs.new_zeros(len(own[0]), outputs.shape[1]).index_copy(0, rows, outputs)

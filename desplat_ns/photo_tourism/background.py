@@ -14,6 +14,10 @@ from desplat_ns.photo_tourism.config import BackgroundConfig
 from desplat_ns.photo_tourism.mlp import hidden_layers, zero_head
 from desplat_ns.rendering.compositing import composite_alpha
 
+BACKGROUND_DEGREE_INTERVAL = 500
+"""Nominal steps after which one degree more of its harmonics is learned; as in the authors' code.
+"""
+
 MASK_THRESHOLD = 0.6
 """Share of a pixel's 3 x 3 neighbours that the background has to explain. Eq. 9."""
 
@@ -134,12 +138,11 @@ def background_opacity_loss(
     alpha_s: Float[Tensor, "H W 1"],
     explained: Bool[Tensor, "H W 1"],
 ) -> Float[Tensor, ""]:
-    """L_bg: opacity of both sets where the background explains the photo without them.
+    """L_bg: mean opacity of both sets where the background explains the photo without them; 0 where
+    it explains nothing.
 
-    Divided by the number of all pixels, so that its weight does not depend on the photo's size; the
-    other terms of Eq. 12 are means as well.
-
-    Source: Eq. 9.
+    Source: Eq. 9; its sum over P is a mean in the authors' code and in Splatfacto-W, so that its
+    weight does not depend on the photo's size.
     """
     alpha = composite_alpha(alpha_d, alpha_s)
-    return torch.where(explained, alpha.abs(), 0).mean()
+    return torch.where(explained, alpha.abs(), 0).sum() / explained.sum().clamp(min=1)

@@ -124,8 +124,9 @@ def small_rgb(image: Float[Tensor, "H W _"]) -> Rgb:
 
 
 def marked(photo: Rgb, where: Bool[np.ndarray, "rows columns"]) -> Rgb:
-    """A photo that is dark but where cells of it are set."""
-    light = cv2.resize(where.astype(np.float32), photo.shape[1::-1], interpolation=cv2.INTER_AREA)
+    """A photo that is dark but where cells of it are set, and in gaps of one cell."""
+    closed = cv2.morphologyEx(where.astype(np.float32), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    light = cv2.resize(closed, photo.shape[1::-1], interpolation=cv2.INTER_AREA)
     return (photo * (0.25 + 0.75 * light[..., None])).astype(np.uint8)
 
 

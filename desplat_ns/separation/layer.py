@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import torch
@@ -20,7 +20,7 @@ from desplat_ns.gaussians.activation import (
     keep_colors_in_range,
 )
 from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info
-from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig, rates_at
 from desplat_ns.gaussians.distractors import DistractorGaussians, ViewDistractors
 from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.layers import layered_outputs
@@ -43,6 +43,9 @@ from desplat_ns.training.losses import (
     photometric_loss,
     static_transparency_loss,
 )
+
+STOP_PLACING_AT = 27_000
+"""Nominal step from which none is placed or removed for its place any more."""
 
 LOOK_EVERY = 3
 """In one round of visits in this number the photos are compared with the static scene."""
@@ -94,6 +97,7 @@ class DistractorLayer:
         cameras: Cameras,
         points: Float[Tensor, "P 3"] | None,
         background: BackgroundGrade = "off",
+        scale: float = 1.0,
     ):
         """Says so where there are too few views to judge by.
 
@@ -104,13 +108,16 @@ class DistractorLayer:
             cameras: the training cameras, shape [V].
             points: of the reconstruction, if the scene starts from them.
             background: what lies behind the scene.
+            scale: steps of the run for each nominal one.
         """
         self.gaussians = gaussians
         self.config = config
         self.static = static
         self.num_views = len(cameras)
         self.background = background
-        self.densifier = DistractorDensifier(config, static)
+        every = config.steps_between_refinements(self.num_views, scale)
+        self.densifier = DistractorDensifier(config, static, every)
+        self.rates_at: Callable[[int], Mapping[str, float]] = rates_at
         self.clearance = Clearance(config.clearance, points, cameras)
         self.witnesses = Witnesses(points, cameras)
         self.regions: dict[int, Bool[Tensor, "rows columns"]] = {}
@@ -129,7 +136,7 @@ class DistractorLayer:
         """As `draw`, with what densification needs to be told; None in the warm-up."""
         if step < self.config.static_warmup:
             return None
-        self.gaussians.views[index].begin_step(self.config.rates_at(step))
+        self.gaussians.views[index].begin_step(self.rates_at(step))
         rendering = self.draw(index, rasterize)
         if rendering is not None:
             self.densifier.before_backward(rendering)
@@ -313,7 +320,7 @@ class DistractorLayer:
             self.densifier.after_step(distractors, step, info, weights_of)
         if train_step.regions is not None and train_step.residual_stats is not None:
             self.regions[index] = train_step.regions
-            if step < self.config.stop_placing_at:
+            if step < STOP_PLACING_AT:
                 self._place(train_step, train_step.regions, distractors)
         self.gaussians.total += len(distractors) - before
 

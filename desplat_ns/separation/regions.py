@@ -53,6 +53,10 @@ DETAIL_NOISE = 1e-3
 """Added to both variances, of grey in [0, 1]. What differs less from its surroundings is no detail:
 before a bare wall, nobody can tell a light from a thing."""
 
+SHARED_DETAIL = 0.7
+"""Where the detail of a photo correlates more than this with that of the static scene, it is the
+scene's own in another light, and nothing in the way."""
+
 MOST_CONTRAST = 1.5
 """No light makes a photo's detail so much stronger than the scene's; a ghost that the scene has
 learned from that photo is so much weaker than what stands there."""
@@ -179,7 +183,7 @@ def find_regions(
     if strong.is_cpu and not strong.numpy().any():
         return strong
     alike = shared_detail(comparison.static, comparison.photo)
-    has_foreign_detail = pooled(alike[..., None], grid)[0] <= config.shared_detail
+    has_foreign_detail = pooled(alike[..., None], grid)[0] <= SHARED_DETAIL
     weak = (evidence > config.weak_excess) & has_foreign_detail
     colors = pooled(comparison.photo.permute(1, 2, 0), grid)
     regions = along_edges(outlier_regions(weak, strong & has_foreign_detail), colors)

@@ -92,7 +92,7 @@ def put_in_the_way(step: ModelStep, share: float) -> None:
     step.photo = torch.where(covered, step.photo, model(step.camera)["rgb_static"].detach())
     for index in range(len(distractors.views)):
         placed = distractors_in(cells, view, step.photo, config)
-        distractors.views[index] = ViewDistractors(placed, config.depth)
+        distractors.views[index] = ViewDistractors(placed)
     distractors.total = sum(distractors.counts())
 
 

@@ -58,7 +58,7 @@ def judged(layer: DistractorLayer, train_step: TrainStep, params: Any, memory: A
     excess = comparison.excess.values
     rows, columns = excess.shape
     alike = rules.shared_detail(comparison.static, comparison.photo)
-    is_foreign = pooled(alike[..., None], (columns, rows))[0] <= config.shared_detail
+    is_foreign = pooled(alike[..., None], (columns, rows))[0] <= rules.SHARED_DETAIL
     unexplained = layer.witnesses.unexplained(train_step.index)
     evidence, is_known = rules.evidence_of(comparison.excess, unexplained)
     needed = (rules.PEAK_LEVELS * comparison.excess.level).clamp(

@@ -184,7 +184,7 @@ MUTATIONS = (
              "max(static.warmup_length, config.static_warmup)", "static.warmup_length",
              DENSIFICATION),
     Mutation("placing never stops", "separation/layer.py",
-             "step < self.config.stop_placing_at", "step >= 0",
+             "step < STOP_PLACING_AT", "step >= 0",
              "tests/separation/test_placement.py"),
     Mutation("the composite trains the background", "separation/layer.py",
              "image.detach() if alone else image", "image", GRADIENTS),
