@@ -148,7 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point; the exit status is 1 if a run failed, or if none is named so."""
     parser = parser_of("python -m lab.study", __doc__)
     parser.add_argument("--group", choices=(*GROUPS, "all"), default="separation")
-    parser.add_argument("--only", nargs="+", default=["*"], help="variant-capture: 'off-room*'")
+    parser.add_argument("--only", nargs="+", default=["*"], help="variant-capture: 'off-table*'")
     parser.add_argument("--jobs", type=int, default=1, help="runs beside each other")
     parser.add_argument("--list", action="store_true", help="name the runs without a record; stop")
     parser.add_argument("--table", action="store_true", help="only write the table")

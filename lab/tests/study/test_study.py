@@ -46,21 +46,23 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_runs_are_done_once_and_the_table_has_their_medians(command, tmp_path: Path, capsys):
-    assert command("--only", "*-other15", "--jobs", "2") == 0
+    assert command("--only", "*-other-table20", "--jobs", "2") == 0
     table = (tmp_path / "out" / "table.md").read_text()
-    ours = "| other15 | **`desplat`** | 3,000 | 3 | 0.60 (0.60 - 0.60) | 27.00 (26.00 - 28.00) |"
+    ours = (
+        "| other-table20 | **`desplat`** | 3,000 | 3 | 0.60 (0.60 - 0.60) | 27.00 (26.00 - 28.00) |"
+    )
     assert ours in table
-    assert "ccccccc (12)" in table and "a CPU (12)" in table and "--only '*-other15'" in table
+    assert "ccccccc (12)" in table and "a CPU (12)" in table and "--only '*-other-table20'" in table
     records = load(tmp_path / "r.jsonl")
     capsys.readouterr()
-    assert command("--only", "*-other15", "--list") == 0
+    assert command("--only", "*-other-table20", "--list") == 0
     assert capsys.readouterr().out.strip() == ""
-    assert command("--only", "*-other15") == 0 and load(tmp_path / "r.jsonl") == records
+    assert command("--only", "*-other-table20") == 0 and load(tmp_path / "r.jsonl") == records
 
 
 def test_a_capture_that_is_not_there_leaves_the_others(command, tmp_path: Path, capsys):
-    assert command("--only", "desplat-fox_cluttered", "desplat-room15") == 1
-    assert {record.capture for record in load(tmp_path / "r.jsonl").values()} == {"room15"}
+    assert command("--only", "desplat-fox_cluttered", "desplat-facade8") == 1
+    assert {record.capture for record in load(tmp_path / "r.jsonl").values()} == {"facade8"}
     assert "DESPLAT_NS_DATA" in capsys.readouterr().err
 
 
@@ -77,7 +79,7 @@ def test_every_run_is_there_once_and_its_method_takes_its_options(group: str):
     runs = [run_of(*wanted) for wanted in dict.fromkeys(GROUPS[group])]
     assert len({run.key for run in runs}) == len(runs)
     for run in {run.name: run for run in runs if run.seed == 42}.values():
-        if run.variant.endswith(("other15", "sacre_coeur", "fox")):
+        if run.variant.endswith(("other-table20", "sacre_coeur", "fox")):
             parse(run.method, ["--data", "photos", *run.given])
 
 
