@@ -7,13 +7,13 @@
 #   make fuzz    the properties again and again, with new examples each time (10 minutes; FUZZ_MINUTES=60)
 #   make test-guises   the tests on this machine in the guise of others (hours; GUISES_ARGS='--only avx2')
 #   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
-#   make bench   every backend is timed and the figures written to docs/results/performance.md (15 minutes)
-#   make stability  hard cases measured, docs/dev/stability.md; wrong signs, kills, a long run (2 hours)
-#   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/results/gpu.md (10 minutes, and compiling)
+#   make bench   every backend and a training step are timed (15 minutes)
+#   make stability  hard cases measured; wrong signs, kills, a long run (2 hours)
+#   make gpu     on a machine with a GPU: its tests, parity, step time, training (10 minutes, and compiling)
 #   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
-#   make docs    the site of docs/ into outputs/site; a broken link or a missing picture is an error
+#   make docs    the page of all options and the site of docs/ in outputs/site; a broken link is an error
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
-#   make study   the runs of lab/study that have no record, and their table in outputs/study (hours; resumes)
+#   make study   the runs of lab/study without a record, and their table in outputs/study (hours; resumes)
 #   make smoke   every table of the paper end to end on generated scenes, on the CPU (4 minutes of one core)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
@@ -95,6 +95,7 @@ study: $(STAMP)
 	$(PY) -m lab.study $(STUDY_ARGS)
 
 docs: $(DOCS_STAMP)
+	$(PY) -m lab.options
 	$(PY) -m sphinx -W --keep-going -q -b html docs outputs/site
 	@echo "==> outputs/site/index.html"
 

@@ -157,7 +157,7 @@ def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
         model = config.pipeline.model
         model.effects = EffectsConfig()
         model.num_downscales, model.schedule_scale = 0, 0.02
-        model.distractors = DistractorConfig(per_view=40)
+        model.distractors = DistractorConfig(per_view=40, refine_visits=1)
         return config
 
     return configure

@@ -26,11 +26,11 @@ STEPS = 30_000
 
 FULL_RATE_VISITS = 75.0
 """Visits of each photo for which Splatfacto's learning rates are right. Chosen on generated scenes
-and one real one (docs/results/accuracy-and-time.md, "Learning rates of short runs")."""
+and one real one (docs/results/speed.md, "Learning rates of short runs")."""
 
 QUICK_VISITS = 25.0
 """Visits of each photo by `desplat-quick`; `desplat` has those of the full rates
-(docs/results/accuracy-and-time.md, "How long to train")."""
+(docs/results/speed.md, "How long to train")."""
 
 PHOTO_TOURISM_STEPS, BACKGROUND_STEPS = 200_000, 100_000
 """The same for Photo Tourism, and steps in which the background's rates fall: as in the authors'
@@ -81,8 +81,8 @@ def image_effect_optimizers(background_steps: int = STEPS) -> dict:
 
 
 def separating_distractors() -> DistractorConfig:
-    """What separates in short runs as in long ones: docs/results/separation.md says why and how
-    well."""
+    """What separates in short runs as in long ones: docs/explain/separation.md says why,
+    docs/results/quality.md how well."""
     return DistractorConfig(
         start="residual",
         static_alone=True,

@@ -1,48 +1,151 @@
-"""DeSplat as a nerfstudio model: settings and wiring; formulas are elsewhere."""
+"""DeSplat as a nerfstudio model: a static scene, and distractors for each training view."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import torch
+from gsplat.strategy import DefaultStrategy
 from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackAttributes
+from nerfstudio.model_components.lib_bilagrid import color_correct, total_variation_loss
+from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel, SplatfactoModelConfig
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
+from desplat_ns.backend import BackendName, Rasterizer, resolve
 from desplat_ns.backend.accumulated_weights import accumulated_weights
-from desplat_ns.backend.protocol import Rendering, Splats, View
+from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
+from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
 from desplat_ns.console import list_names
 from desplat_ns.data.training_views import train_index, view_name
-from desplat_ns.errors import DeSplatError
-from desplat_ns.gaussians.activation import RawParameters, activate_distractors
+from desplat_ns.errors import BackendUnavailableError, DeSplatError
+from desplat_ns.gaussians.activation import (
+    RawParameters,
+    activate_distractors,
+    activate_static,
+    resize_rows,
+)
+from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians, to_device
-from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
+from desplat_ns.gaussians.memory import GaussianMemory
+from desplat_ns.gaussians.room import most_in_memory
+from desplat_ns.gaussians.seed_points import check_seed_points, clamp_seed_scales
+from desplat_ns.gaussians.strategy import UNLIMITED, StaticStrategy
+from desplat_ns.losses import (
+    background_opacity_loss,
+    distractor_opacity_loss,
+    explained_by_background,
+    layered_photometric_losses,
+    mean_shown_opacity,
+    photometric_loss,
+    static_transparency_loss,
+)
+from desplat_ns.nerfstudio_quirks import (
+    splatfacto_modules_without_cuda,
+    splatfacto_modules_without_downloads,
+)
+from desplat_ns.photo_tourism.appearance import fourier_features
+from desplat_ns.photo_tourism.background import BACKGROUND_DEGREE_INTERVAL
+from desplat_ns.photo_tourism.camera_response import fit_response, squared_radius
+from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
+from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
+from desplat_ns.photo_tourism.shown_light import ShownLight
+from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
-from desplat_ns.rendering.views import held
+from desplat_ns.rendering.metrics import LazyLpips, image_metrics
+from desplat_ns.rendering.near_plane import sampled, scene_start, stands_clear
+from desplat_ns.rendering.photo_angle import PhotoAngle
+from desplat_ns.rendering.views import held, view_of, views_of
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
-from desplat_ns.static_model import StaticModel, StaticModelConfig
+from desplat_ns.separation.placement import distractor_weight
+from desplat_ns.settings.effects import Effects, EffectsConfig
+from desplat_ns.settings.options import check_ranges, ranged
+from desplat_ns.training.budget import Clock
 from desplat_ns.training.culled import culled_always
-from desplat_ns.training.run_length import photo_downscale
+from desplat_ns.training.run_length import (
+    SPLATFACTOS_INTERVAL,
+    pause_after_reset,
+    photo_downscale,
+    steps_between_refinements,
+)
 from desplat_ns.viewer import LayerControl
 
 
 @dataclass
-class DeSplatModelConfig(StaticModelConfig):
-    """A static scene, and distractors in front of it."""
+class DeSplatModelConfig(SplatfactoModelConfig):
+    """Splatfacto's settings, and those of DeSplat.
+
+    Numbers of steps are nominal, of a run of the method's own length, unless they say otherwise.
+    """
 
     _target: type = field(default_factory=lambda: DeSplatModel)
+    effects: EffectsConfig = field(default_factory=EffectsConfig)
+    """Which effects the scene calls for."""
+    appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
+    """Per-image appearance, where `effects.appearance` has it."""
+    background: BackgroundConfig = field(default_factory=BackgroundConfig)
+    """Background model, where `effects.background` has it."""
+    backend: BackendName = "auto"
+    """Rasterizer. auto takes gsplat on CUDA, and numba on the CPU."""
+    schedule_scale: float | None = None
+    """Steps of the run for each nominal step; by default max-num-iterations over the method's own
+    number, at most 1."""
+    refine_every: int = ranged(0, "[0, inf)")
+    """Steps of the run between two refinements of the static set, at most; 0 for no bound.
+    Splatfacto has 100, in runs of any length."""
+    sh_degree: int = ranged(3, f"[0, {MAX_DEGREE}]")
+    """Degree of the harmonics in which static Gaussians hold their colours."""
+    sh_degree_interval: int = ranged(1000, "[1, inf)")
+    """Steps after which one degree more is learned."""
+    refinements: int = ranged(15, "[1, inf)")
+    """Refinements of the static set in a run, whatever its length: they are as many steps apart as
+    `stop_split_at` has by this number, and at least half a round of the views. See
+    docs/explain/separation.md, "How often Gaussians are refined"."""
+    train_downscale: int = ranged(1, "[1, inf)")
+    """Factor by which photos are smaller in training at least, to the end; a step then costs less.
+    Renderings and evaluation have their full size."""
+    gaussians_per_pixel: float = ranged(0.0, "[0, inf)")
+    """Static Gaussians at most, per pixel of all training photos together: more than the photos can
+    hold in place become floaters. 0 for no such limit, as in the paper. In any case at most as many
+    as fit into memory. A capture that starts with more keeps those, but does not grow."""
+    opacity_prior: float = ranged(0.0, "[0, inf)")
+    """Weight of the mean opacity of the static Gaussians that a photo shows, divided by the number
+    of training photos: the fewer there are, the more it says beside them. What no photo needs fades
+    and is pruned (docs/explain/separation.md, "What the static scene trains on"). 0 in the paper.
+    It counts as 0 where each photo has a light of its own (`effects.appearance`): there the scene
+    fades."""
+    near_plane: float = ranged(0.0, "[0, 1)")
+    """Renderings leave out static Gaussians that are nearer than this share of the depth at which
+    the seed points in the view start, and those before that start that reach the camera
+    (`stands_clear`): what hangs there contradicts no photo, and hides the scene. Training draws
+    them. 0 in the paper: nothing is left out."""
+    cull_to_the_end: bool = False
+    """Prune faint static Gaussians after `stop_split_at` as well. Splatfacto did so when the paper
+    was written (nerfstudio 1.1.4: `continue_cull_post_densification`)."""
     distractors: DistractorConfig = field(default_factory=DistractorConfig)
     """Distractor Gaussians."""
 
     def for_run(self, num_views: int) -> DeSplatModelConfig:
-        """As `StaticModelConfig`'s; the distractors' steps follow."""
-        run = super().for_run(num_views)
-        run.distractors = self.distractors.for_views(
-            num_views, run.warmup_length, self.schedule_scale or 1.0
+        """A copy for one run, its intervals as the number of training views wants them.
+
+        Raises:
+            ConfigError: a setting lies outside its range.
+        """
+        check_ranges(self, "--pipeline.model")
+        run, scale = replace(self), self.schedule_scale or 1.0
+        densification = max(1, round(self.stop_split_at * scale))
+        run.refine_every = steps_between_refinements(
+            num_views, densification, self.refinements, self.refine_every
         )
+        if self.effects.settled().appearance != "off":
+            run.opacity_prior = 0.0
+        run.distractors = self.distractors.for_views(num_views, self.warmup_length, scale)
         return run
 
     def warmup_of(self, num_views: int) -> tuple[int, int]:
@@ -53,35 +156,110 @@ class DeSplatModelConfig(StaticModelConfig):
         return self.distractors.warmup_of(num_views, self.warmup_length, scale)
 
     def downscale_factor(self, step: int) -> int:
-        """As `StaticModelConfig`'s; with a warm-up, small photos are over by the middle of it."""
+        """By how much photos are smaller at a nominal step: with a warm-up, small photos are over
+        by the middle of it. Call it on what `for_run` gave."""
         warmup = self.distractors.static_warmup if self.effects.settled().distractors else 0
         usual = photo_downscale(step, self.num_downscales, self.resolution_schedule, warmup)
         return max(self.train_downscale, usual)
 
+    @property
+    def reset_every(self) -> int:
+        """Nominal steps from one reset of the static opacities to the next; `reset_alpha_every` 0:
+        none."""
+        steps = self.reset_alpha_every * SPLATFACTOS_INTERVAL
+        return steps if steps > 0 else UNLIMITED
 
-class DeSplatModel(StaticModel):
+    def most_gaussians(self, pixels: int, device: str | torch.device) -> int:
+        """Static Gaussians beyond which the set does not grow.
+
+        Args:
+            pixels: of all training photos together.
+            device: in whose memory they have to fit.
+        """
+        wanted = self.gaussians_per_pixel * pixels
+        room = most_in_memory(device)
+        return min(round(wanted), room) if self.gaussians_per_pixel > 0 else room
+
+
+class DeSplatModel(SplatfactoModel):
     """A static scene shared by all views, and distractor Gaussians for each training view."""
 
     config: DeSplatModelConfig
+    lpips: LazyLpips  # pyright: ignore[reportIncompatibleVariableOverride]
+    effects: Effects
+    """Those of this model, all decided."""
+    image_effects: ImageEffects | None
     distractors: DistractorGaussians | None
     """The parameters, where checkpoints look for them."""
+    clock = Clock()
+    """Of the run: all schedules are in its nominal steps."""
+    shown: Tensor
+    """Which static Gaussians [N] the view that was last drawn in training shows."""
+
+    def __init__(self, config: DeSplatModelConfig, *args: Any, **kwargs: Any):
+        self._rasterizer: Rasterizer | None = None
+        super().__init__(config, *args, **kwargs)
 
     def populate_modules(self) -> None:
-        """The static scene, and distractors in front of every training camera."""
-        super().populate_modules()
+        """Static Gaussians at the 3D points, what the effects need, and distractors in front of
+        every training camera."""
+        if not self.config.random_init:
+            check_seed_points(self.seed_points)
+        self.config = config = self.config.for_run(self.num_train_data)
+        self.clock = Clock(config.schedule_scale or 1.0)
+        self.effects = config.effects.settled()
         self.names: list[str] = self.kwargs.get("metadata", {}).get("train_image_names", [])
         self.losses: dict[str, Tensor] = {}
         self.train_step: TrainStep | None = None
         """The step at hand; None if there is none, or if it was dropped."""
         self.is_logged = True
         """Whether anybody is told the figures of the step at hand."""
-        self.distractors, self.layer = None, None
-        if self.effects.distractors:
-            self.layer = self._make_layer()
-            self.distractors = self.layer.gaussians
+        with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
+            super().populate_modules()
+        clamp_seed_scales(self.gauss_params)
+        self._settle_strategy()
+        self._add_image_effects()
+        self.layer = self._make_layer() if self.effects.distractors else None
+        self.distractors = None if self.layer is None else self.layer.gaussians
         num_views = 0 if self.layer is None else self.num_train_data
         angle = (lambda view: self.photo_angle.degrees(view)) if self.has_points else None
-        self.layer_control = LayerControl(num_views, self.config.near_plane, angle)
+        self.layer_control = LayerControl(num_views, config.near_plane, angle)
+
+    def _settle_strategy(self) -> None:
+        """Refinement and resets as this run and this capture want them."""
+        config, cameras = self.config, self.kwargs["metadata"]["train_cameras"]
+        pixels = int((cameras.width * cameras.height).sum())
+        assert isinstance(self.strategy, DefaultStrategy)
+        self.strategy = StaticStrategy.in_place_of(
+            self.strategy,
+            reset_every=config.reset_every,
+            pause_refine_after_reset=pause_after_reset(
+                self.num_train_data, config.reset_every, self.clock.scale
+            ),
+            most=config.most_gaussians(pixels, self.kwargs.get("device", "cpu")),
+            cull_to_the_end=config.cull_to_the_end,
+            verbose=False,
+        )
+
+    def _add_image_effects(self) -> None:
+        """Build what `effects` asks for, once the static Gaussians are there."""
+        config, self.image_effects = self.config, None
+        self.shown_light = ShownLight([])
+        if not wants_image_effects(self.effects):
+            return
+        self.image_effects = ImageEffects(
+            self.effects,
+            config.appearance,
+            config.background,
+            self.num_train_data,
+            config.sh_degree,
+        )
+        if self.image_effects.appearance is not None:
+            frequencies = config.appearance.fourier_frequencies
+            features = fourier_features(self.means.detach(), frequencies)
+            self.gauss_params[FEATURES] = nn.Parameter(features)
+        if self.effects.image_light:
+            self.shown_light = ShownLight(self.kwargs["metadata"].get("train_image_names", []))
 
     def _make_layer(self) -> DistractorLayer:
         cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
@@ -94,7 +272,66 @@ class DeSplatModel(StaticModel):
         scale = self.config.schedule_scale or 1.0
         return DistractorLayer(gaussians, config, self.config, cameras, points, background, scale)
 
-    # --- drawing -----------------------------------------------------------------------------
+    @property
+    def rasterizer(self) -> Rasterizer:
+        """The backend, chosen when first needed.
+
+        Raises:
+            BackendUnavailableError: in training, if the configured backend cannot run here. What
+                was trained elsewhere is rendered with what there is.
+        """
+        if self._rasterizer is None:
+            try:
+                self._rasterizer = resolve(self.config.backend, self.device.type)
+            except BackendUnavailableError:
+                if self.training:
+                    raise
+                return resolve("auto", self.device.type)
+        return self._rasterizer
+
+    @property
+    def memory(self) -> GaussianMemory:
+        """What is remembered of each static Gaussian."""
+        return GaussianMemory(self.strategy_state)
+
+    def get_param_groups(self) -> dict[str, list[nn.Parameter]]:
+        """Splatfacto's groups and those of the effects."""
+        groups = super().get_param_groups()
+        if self.image_effects is not None:
+            groups |= self.image_effects.param_groups()
+        if FEATURES in self.gauss_params:
+            groups[FEATURES] = [self.gauss_params[FEATURES]]
+        return groups
+
+    def view_optimizers(self) -> dict[str, Optimizer]:
+        """Those of the distractors that the step at hand drew, beside nerfstudio's, which hold what
+        all views share."""
+        train_step = self.train_step
+        if self.layer is None or train_step is None:
+            return {}
+        return self.layer.optimizers_of(train_step)
+
+    def view_parameters(self) -> dict[str, list[nn.Parameter]]:
+        """The distractors of all views, by kind."""
+        return {} if self.distractors is None else self.distractors.param_groups()
+
+    def trained_bytes(self) -> int:
+        """Of all parameters, those of every view among them, with Adam's two moments of each."""
+        groups = self.get_param_groups() | self.view_parameters()
+        return sum(3 * p.numel() * p.element_size() for group in groups.values() for p in group)
+
+    def gaussian_groups(self) -> set[str]:
+        """Parameter groups with one row for each Gaussian."""
+        return set(self.gauss_params.keys())
+
+    def get_training_callbacks(
+        self, training_callback_attributes: TrainingCallbackAttributes
+    ) -> list[TrainingCallback]:
+        """Splatfacto's, after making sure that the backend runs: better now than at step 0."""
+        _ = self.rasterizer  # raises where it cannot run
+        return super().get_training_callbacks(training_callback_attributes)
+
+    # --- a step ------------------------------------------------------------------------------
 
     def get_outputs(self, camera: Cameras) -> dict[str, Tensor]:
         """Render one camera.
@@ -147,68 +384,84 @@ class DeSplatModel(StaticModel):
                 outputs[name] = toned[0]
         return outputs
 
-    def near_plane_share(self) -> float:
-        """As the viewer says."""
-        return self.layer_control.near_plane_share()
-
-    def _rasterizer_of(self, view: View) -> Callable[[Splats], Rendering]:
-        """Draws distractors into a view."""
-        settings = self.render_settings(depth=False)
-        return lambda splats: self.rasterizer(splats, view, settings)
-
-    def view_optimizers(self) -> dict[str, Optimizer]:
-        """Those of the distractors that the step at hand drew, beside nerfstudio's, which hold what
-        all views share."""
-        train_step = self.train_step
-        if self.layer is None or train_step is None:
-            return {}
-        return self.layer.optimizers_of(train_step)
-
-    def view_parameters(self) -> dict[str, list[nn.Parameter]]:
-        """The distractors of all views, by kind."""
-        return {} if self.distractors is None else self.distractors.param_groups()
-
-    def trained_bytes(self) -> int:
-        """Of all parameters, those of every view among them, with Adam's two moments of each."""
-        groups = self.get_param_groups() | self.view_parameters()
-        return sum(3 * p.numel() * p.element_size() for group in groups.values() for p in group)
-
-    # --- losses ------------------------------------------------------------------------------
-
     def get_loss_dict(
         self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
     ) -> dict[str, Tensor]:
-        """Eq. 5 and 12: the photometric loss of what was drawn, and the opacity terms.
-
-        docs/results/separation.md says what `distractors.start` and `static_alone` change.
-        """
+        """The terms of Eq. 5 and 12, and those that `distractors.static_alone` and `opacity_prior`
+        add; training adds them up. Outside of training, those of the static scene."""
         if not self.training:
-            return super().get_loss_dict(outputs, batch, metrics_dict)
-        if self.effects.background != "off" or batch["image"].shape[2] == 4:
+            photo = self.photo_of(outputs, batch)
+            mask = self.mask_of(batch, photo.device)
+            return {"main_loss": self._main_loss(outputs["rgb"], photo, mask)} | self._others()
+        step, layer, background = self.train_step, self.layer, self.effects.background
+        assert step is not None
+        if background != "off" or batch["image"].shape[2] == 4:
             outputs = {**outputs, "background": self._photographed_background(outputs)}
         photo = self.photo_of(outputs, batch)
         mask = self.mask_of(batch, photo.device)
+        composite, alpha_s = outputs["rgb"], outputs["accumulation"]
+        alpha_d = outputs.get("alpha_distractor", torch.zeros_like(alpha_s))
         losses: dict[str, Tensor] = {}
-        if self.layer is not None:
-            losses |= self._distractor_losses(self.layer, outputs, photo, mask)
+        owned = None
+        if layer is not None:
+            config, static = layer.config, outputs["rgb_static"]
+            opacities = self.gauss_params["opacities"]
+            photo, in_region = layer.look(step, photo, static, mask, opacities, self.memory)
+            losses["distractor_opacity"] = alpha_d.new_zeros(())
+            if step.distractors is not None:
+                losses["distractor_opacity"] = config.lambda_d * distractor_opacity_loss(
+                    alpha_d, in_region
+                )
+                if config.static_alone:
+                    owned = distractor_weight(alpha_d, in_region)
+                    leak = config.leak if step.number < self.config.stop_split_at else 0.0
+                    losses |= self._separate_losses(static, composite, photo, mask, owned, leak)
+            if background == "off":
+                transparency = static_transparency_loss(alpha_s)
+                losses["static_transparency"] = config.lambda_s * transparency
+            elif background != "image" and owned is not None:  # a photo's own sky: B.3 has 0
+                transparency = static_transparency_loss(alpha_s, owned)
+                losses["static_transparency"] = config.lambda_s * transparency
         if "main_loss" not in losses:
-            losses["main_loss"] = self.photometric_term(outputs["rgb"], photo, mask)
-        if self.effects.background != "off":
-            losses["background_opacity"] = self._background_loss(outputs, photo, mask)
-        losses |= self.regularizers()
+            losses["main_loss"] = self._main_loss(composite, photo, mask)
+        if background != "off":
+            explained = explained_by_background(
+                outputs["background"], photo, self.config.background.max_error
+            )
+            explained = explained if mask is None else explained & mask
+            losses["background_opacity"] = self.config.background.lambda_bg * (
+                background_opacity_loss(alpha_d, alpha_s, explained)
+            )
+        losses |= self._others()
         self.losses = {name: value.detach() for name, value in losses.items()}
         return losses
 
-    def _distractor_losses(
-        self, layer: DistractorLayer, outputs: dict[str, Any], photo: Tensor, mask: Tensor | None
+    def _main_loss(self, image: Tensor, photo: Tensor, mask: Tensor | None) -> Tensor:
+        """L_GS of an image; what is masked is black in it and in the photo."""
+        if mask is not None:
+            image, photo = image * mask, photo * mask
+        return photometric_loss(image, photo, self.config.ssim_lambda)
+
+    def _separate_losses(
+        self,
+        static: Tensor,
+        composite: Tensor,
+        photo: Tensor,
+        mask: Tensor | None,
+        owned: Tensor,
+        leak: float,
     ) -> dict[str, Tensor]:
-        """The layer's terms; the `TrainStep` is filled in."""
-        train_step = self.train_step
-        assert train_step is not None
-        train_step.photo, train_step.static_rgb = photo, outputs["rgb_static"]
-        train_step.composite, train_step.alpha_d = outputs["rgb"], outputs["alpha_distractor"]
-        opacities, alpha_s = self.gauss_params["opacities"], outputs["accumulation"]
-        return layer.losses(train_step, alpha_s, opacities, self.memory, mask)
+        """L_GS of the composite, which moves distractors only, and of the static scene on what they
+        do not own; in masked pixels the composite shows the static scene, as the photo does."""
+        weight = self.config.ssim_lambda
+        if mask is not None:
+            composite = torch.where(mask, composite, static.detach())
+        if self.config.use_bilateral_grid:  # the composite moves the grids everywhere
+            own = photometric_loss(static, photo, weight, owned, leak)
+            main = photometric_loss(composite, photo, weight)
+        else:
+            own, main = layered_photometric_losses(static, composite, photo, weight, owned, leak)
+        return {"main_loss": main, "static_photometric": own}
 
     def _photographed_background(self, outputs: dict[str, Any]) -> Tensor:
         """What the step's photo shows behind everything: what a transparent pixel of it shows."""
@@ -218,51 +471,36 @@ class DeSplatModel(StaticModel):
         background, view = outputs["background"], train_step.view
         return self.apply_camera_response(background, view, embedding).clamp(0, 1)
 
-    def _background_loss(
-        self, outputs: dict[str, Any], photo: Tensor, mask: Tensor | None
-    ) -> Tensor:
-        """The background's term of Eq. 12."""
-        config, alpha_s = self.config.background, outputs["accumulation"]
-        alpha_d = outputs.get("alpha_distractor", torch.zeros_like(alpha_s))
-        explained = explained_by_background(outputs["background"], photo, config.max_error)
-        if mask is not None:
-            explained &= mask
-        return config.lambda_bg * background_opacity_loss(alpha_d, alpha_s, explained)
+    def photo_of(self, outputs: dict[str, Any], batch: dict[str, Any]) -> Tensor:
+        """The photo [H, W, 3] at the step's size; what is transparent shows the background."""
+        return self.composite_with_background(
+            self.get_gt_img(batch["image"]), outputs["background"]
+        )
 
-    def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
-        """Splatfacto's figures, and the number of distractors; none of a training step that is not
-        logged."""
-        if self.training and not self.is_logged:
-            return {}
-        metrics: dict[str, Any] = super().get_metrics_dict(outputs, batch)
-        if self.distractors is not None:
-            metrics["distractor_count"] = self.distractors.total
-        return metrics
+    def mask_of(self, batch: dict[str, Any], device: torch.device) -> Tensor | None:
+        """The user's mask [H, W, 1], True in the pixels that count: where photos are smaller than
+        they are, if at least half of the rectangle counts (`resize_mask`). None if there is none.
+        """
+        if "mask" not in batch:
+            return None
+        return (self._downscale_if_required(batch["mask"]) >= 0.5).to(device)
 
-    def photos_with_distractors(self) -> list[str]:
-        """Names of the training photos in which something was found in the way."""
-        counts = [] if self.distractors is None else self.distractors.counts()
-        return [view_name(self.names, index) for index, count in enumerate(counts) if count > 0]
-
-    def found_in_the_way(self) -> list[str]:
-        """A line that says in which photos; none without distractors."""
-        if self.distractors is None:
-            return []
-        names = self.photos_with_distractors()
-        found = f"Distractors in {len(names)} of {len(self.distractors.views)} photos"
-        return [f"{found}: {list_names(names, 8)}." if names else f"{found}."]
-
-    # --- after a step ------------------------------------------------------------------------
-
-    def view_name(self) -> str:
-        """The training photo of the step at hand."""
-        train_step = self.train_step
-        return "an unknown photo" if train_step is None else view_name(self.names, train_step.index)
-
-    def drop_step(self) -> None:
-        """Throw the step at hand away: `step_post_backward` then does nothing, and nothing of it is
-        remembered. A refinement or reset that was due follows at the next one."""
-        self.train_step = None
+    def _others(self) -> dict[str, Tensor]:
+        """The other terms of Splatfacto (nerfstudio 1.1.5), and what `opacity-prior` charges."""
+        losses, config = {}, self.config
+        if config.use_scale_regularization and self.step % 10 == 0:
+            scales = torch.exp(self.scales)
+            ratio = scales.amax(dim=-1) / scales.amin(dim=-1)
+            losses["scale_reg"] = 0.1 * (ratio - config.max_gauss_ratio).clamp(min=0).mean()
+        if not self.training:
+            return losses
+        self.camera_optimizer.get_loss_dict(losses)
+        if config.use_bilateral_grid:
+            losses["tv_loss"] = 10 * total_variation_loss(self.bil_grids.grids)
+        if config.opacity_prior > 0:
+            weight, opacities = config.opacity_prior / self.num_train_data, self.opacities
+            losses["opacity_prior"] = weight * mean_shown_opacity(opacities, self.shown)
+        return losses
 
     def step_post_backward(self, step: int) -> None:
         """Densify after an optimizer step: the static set, then the set of the view just seen."""
@@ -286,7 +524,11 @@ class DeSplatModel(StaticModel):
 
         Raises DeSplatError where no static Gaussian is left.
         """
-        super().step_post_backward(step)
+        self.strategy.step_post_backward(
+            self.gauss_params, self.optimizers, self.strategy_state, self.nominal_step, self.info
+        )
+        if self.image_effects is not None:
+            self.image_effects.after_step()
         strategy = self.strategy
         if self.nominal_step >= strategy.refine_stop_iter and step % strategy.refine_every == 0:
             self.sweep()
@@ -310,15 +552,300 @@ class DeSplatModel(StaticModel):
         drawn = accumulated_weights(self.rasterizer, splats, self.train_step.view, settings)
         return drawn * self._get_downscale_factor() ** 2
 
-    def gaussian_groups(self) -> set[str]:
-        """Parameter groups with one row for each Gaussian."""
-        return set(self.gauss_params.keys())
+    def view_name(self) -> str:
+        """The training photo of the step at hand."""
+        train_step = self.train_step
+        return "an unknown photo" if train_step is None else view_name(self.names, train_step.index)
+
+    def drop_step(self) -> None:
+        """Throw the step at hand away: `step_post_backward` then does nothing, and nothing of it is
+        remembered. A refinement or reset that was due follows at the next one."""
+        self.train_step = None
+
+    def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
+        """Splatfacto's figures, and the number of distractors; none of a training step that is not
+        logged."""
+        if self.training and not self.is_logged:
+            return {}
+        metrics: dict[str, Any] = super().get_metrics_dict(outputs, batch)
+        if self.distractors is not None:
+            metrics["distractor_count"] = self.distractors.total
+        return metrics
+
+    # --- what is drawn -----------------------------------------------------------------------
+
+    def view_of_camera(self, camera: Cameras, index: int | None) -> View:
+        """The view of a camera; training views have the pose that the pose optimizer found."""
+        assert camera.shape[0] == 1, "one camera at a time"
+        pose = camera.camera_to_worlds
+        if index is not None:
+            camera.metadata = {**(camera.metadata or {}), "cam_idx": index}
+            pose = self.camera_optimizer.apply_to_camera(camera)
+        view = view_of(camera, pose[0], self._get_downscale_factor())
+        self.last_size = (view.height, view.width)
+        return view
+
+    def _get_downscale_factor(self) -> int:
+        """By how much photos are smaller than they are; Splatfacto's hook."""
+        return self.config.downscale_factor(self.nominal_step) if self.training else 1
+
+    def render_settings(self, depth: bool) -> RenderSettings:
+        return RenderSettings(
+            antialiased=self.config.rasterize_mode == "antialiased",
+            depth=depth,
+            absgrad=self.training and self.config.use_absgrad,
+        )
+
+    @property
+    def nominal_step(self) -> int:
+        """Where schedules are in the step at hand."""
+        return self.clock.nominal(self.step)
+
+    def _sh_degree(self) -> int | None:
+        if self.config.sh_degree == 0:
+            return None
+        return min(self.nominal_step // self.config.sh_degree_interval, self.config.sh_degree)
+
+    def render_static(self, view: View, embedding: Tensor | None) -> Rendering:
+        depth = self.config.output_depth_during_training or not self.training
+        params = self.params_in(view)
+        settings, splats = self.render_settings(depth), self._splats(params, None)
+        lit = None if embedding is None else self._lit(splats, params, view)
+        if embedding is not None and lit is not None:
+            splats = lit(embedding)
+        rendering = self.rasterizer(splats, view, settings)
+        if self.training:
+            self.shown, self.info = rendering.visible, strategy_info(rendering, view)
+            self.strategy.step_pre_backward(
+                self.gauss_params, self.optimizers, self.strategy_state, self.step, self.info
+            )
+        return rendering
+
+    def _rasterizer_of(self, view: View) -> Callable[[Splats], Rendering]:
+        """Draws distractors into a view."""
+        settings = self.render_settings(depth=False)
+        return lambda splats: self.rasterizer(splats, view, settings)
+
+    def params_in(self, view: View) -> RawParameters:
+        """All in training; else those in the crop box that do not stand before the camera."""
+        if self.training:
+            return self.gauss_params
+        keep = []
+        if self.crop_box is not None:
+            keep.append(self.crop_box.within(self.means).reshape(-1))
+        share, points = self.layer_control.near_plane_share(), self.points
+        if share > 0 and points is not None:
+            start, shape = scene_start(points, view), (self.means, self.quats, self.scales.exp())
+            keep.append(stands_clear(*shape, view, start, share))
+        if not keep:
+            return self.gauss_params
+        shown = torch.stack(keep).all(dim=0)
+        return {name: value[shown] for name, value in self.gauss_params.items()}
+
+    @cached_property
+    def points(self) -> Tensor | None:
+        """Of the reconstruction [P, 3], as many as say where the scene starts in a view; None if
+        the scene did not start from them."""
+        if not self.has_points:
+            return None
+        assert self.seed_points is not None
+        return sampled(self.seed_points[0]).to(self.device)
+
+    @property
+    def has_points(self) -> bool:
+        """Whether the scene started from a reconstruction's points."""
+        return self.seed_points is not None and not self.config.random_init
+
+    @cached_property
+    def photo_angle(self) -> PhotoAngle:
+        """How far views are from the training photos. Ask for it only if `has_points`."""
+        assert self.points is not None
+        cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
+        return PhotoAngle(self.points, views_of(cameras.to(self.device)))
+
+    # --- the light of an image ---------------------------------------------------------------
+
+    def embedding_of(self, index: int | None) -> Tensor | None:
+        """The image embedding [E] to draw with; None where no effect needs one.
+
+        In training that of training view `index`; else the one chosen to be shown, else that of
+        view `index`, or the average of all if it is None.
+        """
+        if self.image_effects is None:
+            return None
+        if self.training and index is not None:
+            return self.image_effects.of(index)
+        return self.shown_light.embedding(self.image_effects, index)
+
+    def average_embedding(self) -> Tensor:
+        """The mean [E] of the training images' embeddings. Call it only if an effect has some."""
+        assert self.image_effects is not None
+        return self.image_effects.mean()
+
+    def shown_in(self, embedding: Tensor) -> AbstractContextManager[None]:
+        """Within, every image that is drawn outside of training has this embedding [E]."""
+        return self.shown_light.fixed(embedding)
+
+    def background_of(self, view: View, embedding: Tensor | None) -> Tensor:
+        """Colours [3], or [H, W, 3] where they differ or nerfstudio's commands expect them."""
+        if self.image_effects is not None and self.image_effects.background is not None:
+            assert embedding is not None
+            degree = self.nominal_step // BACKGROUND_DEGREE_INTERVAL
+            return self.image_effects.background_of(embedding, view, degree)
+        color = self._get_background_color()
+        return color if self.training else color.expand(view.height, view.width, 3)
+
+    def image_of(
+        self, static: Rendering, background: Tensor, view: View, embedding: Tensor | None
+    ) -> Tensor:
+        """The static scene over the background [H, W, 3], as the image's camera shows it.
+
+        Colours may be beyond 1.
+        """
+        image = over_background(static.rgb, static.alpha, background)
+        return self.apply_camera_response(image, view, embedding)
+
+    def apply_camera_response(self, colors: Tensor, view: View, embedding: Tensor | None) -> Tensor:
+        """Colours of the scene, one [3] or an image [H, W, 3], as the image's camera shows them."""
+        if self.image_effects is None or embedding is None:
+            return colors
+        return self.image_effects.apply_camera_response(colors, view, embedding)
+
+    def as_function_of_embedding(
+        self, view: View, columns: int | None = None
+    ) -> Callable[[Tensor], Tensor]:
+        """The static scene [H, W, 3] seen from `view`, given an image embedding [E].
+
+        Everything else is held constant. Where `columns` is given, only as many of the first ones
+        are right: what they do not show is left out. Where such a Gaussian ended the blending of a
+        pixel unseen, what is behind then shows, by TRANSMITTANCE_MIN / (1 - ALPHA_MAX) at most.
+        """
+        constants = {name: value.detach() for name, value in self.params_in(view).items()}
+        settings, splats = self.render_settings(depth=False), self._splats(constants, None)
+        if columns is not None:
+            weights = accumulated_weights(self.rasterizer, splats, view, settings, columns)
+            constants = {name: value[weights > 0] for name, value in constants.items()}
+            splats = self._splats(constants, None)
+        lit = self._lit(splats, constants, view, frozen=True)
+        static = self.rasterizer(splats, view, settings) if lit is None else None
+
+        def draw(embedding: Tensor) -> Tensor:
+            drawn = static
+            if lit is not None:
+                drawn = self.rasterizer(lit(embedding), view, settings)
+            assert drawn is not None
+            background = self.background_of(view, embedding)
+            return self.image_of(drawn, background, view, embedding).clamp(0, 1)
+
+        return draw
+
+    @torch.no_grad()
+    def embedding_in_closed_form(self, view: View, photo: Tensor, counts: Tensor) -> Tensor:
+        """The numbers of the camera's response [5] that explain a photo [H, W, 3] best in the
+        pixels that `counts` [H, W] names. Call it only if `effects.closed_form`."""
+        splats = self._splats(self.params_in(view), None)
+        static = self.rasterizer(splats, view, self.render_settings(depth=False))
+        background = self.background_of(view, self.average_embedding())
+        image = self.image_of(static, background, view, None)
+        return fit_response(image[counts], photo[counts], squared_radius(view)[counts])
+
+    def _lit(
+        self,
+        splats: Splats,
+        params: RawParameters,
+        view: View,
+        frozen: bool = False,
+    ) -> Callable[[Tensor], Splats] | None:
+        """Gives the static Gaussians in the colours of an embedding, as far as `view` shows them;
+        None if they have the same in all."""
+        if self.image_effects is None or FEATURES not in params:
+            return None
+        return self.image_effects.appearance_in_view(splats, params[FEATURES], view, frozen)
+
+    def _splats(self, params: RawParameters, embedding: Tensor | None) -> Splats:
+        """Static Gaussians in the colours of the image that `embedding` describes."""
+        splats = activate_static(params, self._sh_degree())
+        if self.image_effects is None or embedding is None or FEATURES not in params:
+            return splats
+        return self.image_effects.apply_appearance(splats, params[FEATURES], embedding)
+
+    # --- what others ask ---------------------------------------------------------------------
+
+    def photos_with_distractors(self) -> list[str]:
+        """Names of the training photos in which something was found in the way."""
+        counts = [] if self.distractors is None else self.distractors.counts()
+        return [view_name(self.names, index) for index, count in enumerate(counts) if count > 0]
+
+    def found_in_the_way(self) -> list[str]:
+        """A line that says in which photos; none without distractors."""
+        if self.distractors is None:
+            return []
+        names = self.photos_with_distractors()
+        found = f"Distractors in {len(names)} of {len(self.distractors.views)} photos"
+        return [f"{found}: {list_names(names, 8)}." if names else f"{found}."]
 
     @torch.no_grad()
     def culled_static(self) -> int:
         """Static Gaussians that no view shows, in the average light."""
         embedding = self.average_embedding() if self.image_effects is not None else None
         return int(culled_always(self._splats(self.gauss_params, embedding)).sum())
+
+    def get_image_metrics_and_images(
+        self, outputs: dict[str, Tensor], batch: dict[str, Any]
+    ) -> tuple[dict[str, float], dict[str, Tensor]]:
+        """Figures of one evaluation image, and the photo beside the rendering."""
+        photo = self.photo_of(outputs, batch)
+        figures = image_metrics(outputs["rgb"], photo, self.lpips)
+        if self.config.color_corrected_metrics:
+            corrected = image_metrics(color_correct(outputs["rgb"], photo), photo, self.lpips)
+            figures |= {f"cc_{name}": value for name, value in corrected.items()}
+        return figures, {"img": torch.cat([photo, outputs["rgb"]], dim=1)}
+
+    @torch.no_grad()
+    def shown_splats(self, rows: Tensor | None = None) -> Splats:
+        """The static Gaussians in the light that is shown: what a file can hold of them; those of
+        the given rows only, by number or mask, where there are some."""
+        params: RawParameters = self.gauss_params
+        if rows is not None:
+            params = {name: value[rows] for name, value in params.items()}
+        return self._splats(params, self.embedding_of(None))
+
+    def baked_coefficients(self) -> Tensor:
+        """SH coefficients [N, K, 3] in the light that is shown."""
+        return self.shown_splats().colors
+
+    @property
+    def shs_0(self) -> Tensor:
+        """Zeroth SH coefficients [N, 3] that `ns-export` writes."""
+        baked = FEATURES in self.gauss_params
+        return self.baked_coefficients()[:, 0] if baked else super().shs_0
+
+    @property
+    def shs_rest(self) -> Tensor:
+        """The other SH coefficients [N, K - 1, 3] that `ns-export` writes."""
+        baked = FEATURES in self.gauss_params
+        return self.baked_coefficients()[:, 1:] if baked else super().shs_rest
+
+    @property
+    def colors(self) -> Tensor:
+        """Colours [N, 3] without view dependence, about [0, 1]."""
+        baked = FEATURES in self.gauss_params
+        return SH2RGB(self.baked_coefficients()[:, 0]) if baked else super().colors
+
+    # --- checkpoints -------------------------------------------------------------------------
+
+    def update_to_step(self, step: int) -> None:
+        """Take up a checkpoint's step: it decides on the SH degree."""
+        self.step = step
+
+    def load_state_dict(self, dict: Any, **kwargs: Any) -> Any:
+        """nn.Module's: Splatfacto's replaces the parameters that the optimizers hold."""
+        return nn.Module.load_state_dict(self, dict, **kwargs)
+
+    def _load_from_state_dict(self, state_dict: dict[str, Any], prefix: str, *args: Any) -> None:
+        """torch's hook, called before the children load: take the saved number of Gaussians."""
+        resize_rows(self.gauss_params, state_dict, f"{prefix}gauss_params.")
+        super()._load_from_state_dict(state_dict, prefix, *args)
 
     def get_extra_state(self) -> dict[str, Any]:
         """What a checkpoint holds besides parameters: densification's running statistics."""

@@ -18,8 +18,7 @@ from desplat_ns.errors import CheckpointError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.evaluate import Show, evaluate, evaluate_in_training
 from desplat_ns.evaluation.pictures import save_pictures
-from desplat_ns.lit_model import LitModelConfig
-from desplat_ns.model import DeSplatModel
+from desplat_ns.model import DeSplatModel, DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import (
     give_masks_a_colormap_in_the_viewer,
     load_evaluated_checkpoints_like_resumed_ones,
@@ -57,7 +56,7 @@ class DeSplatPipeline(VanillaPipeline):
     ) -> None:
         """nerfstudio's; a trained model whose backend cannot draw on `device` goes to the CPU."""
         if test_mode != "val":  # else it is trained, on the device that was asked for
-            device = where_to_render(cast(LitModelConfig, config.model).backend, device)
+            device = where_to_render(cast(DeSplatModelConfig, config.model).backend, device)
         super().__init__(config, str(device), test_mode, **kwargs)
         self.datamanager.train_dataset.check_sides(self._model.config.num_downscales)
         self.datamanager.eval_dataset.check_sides(0)

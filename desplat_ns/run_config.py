@@ -23,7 +23,6 @@ from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import write_enumerations_by_value
 from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_finite_options
-from desplat_ns.static_model import StaticModelConfig
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.survey import decided_effects
 from desplat_ns.training.budget import Clock, seconds_of
@@ -81,7 +80,7 @@ class RunConfig(TrainerConfig):
         Once settled it stays, whatever becomes of the numbers of steps.
         Raises ConfigError where it is not a positive number.
         """
-        model = cast(StaticModelConfig, self.pipeline.model)
+        model = cast(DeSplatModelConfig, self.pipeline.model)
         scale = model.schedule_scale
         if scale is None and self.max_num_iterations == 0:
             return 1.0
@@ -160,7 +159,7 @@ class RunConfig(TrainerConfig):
         Raises:
             BackendUnavailableError: the backend cannot run on the run's device.
         """
-        model = cast(StaticModelConfig, self.pipeline.model)
+        model = cast(DeSplatModelConfig, self.pipeline.model)
         return compile_kernels(model.backend, self.machine.device_type)
 
     def decide_effects(self, saved: SavedRun | None, capture: Capture) -> Survey | None:
@@ -178,7 +177,7 @@ class RunConfig(TrainerConfig):
             CaptureError: photos that cannot be surveyed.
         """
         model = self.pipeline.model
-        if not (isinstance(model, StaticModelConfig) and model.effects.auto):
+        if not (isinstance(model, DeSplatModelConfig) and model.effects.auto):
             return None
         if saved is None and not model.effects.is_open:
             return None

@@ -71,7 +71,7 @@ def test_readme_s_way_from_a_capture_to_a_scene_in_a_page_can_be_gone(
 def test_the_python_on_its_page_runs(
     checkout: Path, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    text = (checkout / "docs" / "reference" / "python.md").read_text("utf8")
+    text = (checkout / "docs" / "reference" / "files.md").read_text("utf8")
     blocks = python_blocks(text)
     assert len(blocks) > 5
     monkeypatch.chdir(tmp_path)
@@ -80,12 +80,6 @@ def test_the_python_on_its_page_runs(
         exec(block.replace("outputs/capture/desplat/run/config.yml", str(trained)), names)
     assert names["image"].shape == (120, 160, 3)
     assert set(names["full"]) and all(mask.dtype == bool for mask in names["full"].values())
-    outputs = (checkout / "docs" / "reference" / "outputs.md").read_text("utf8")
-    figures = outputs.split("## The figures of an evaluation")[1]
-    keys = re.findall(r"`(\w+)`", figures.split("| --- |")[-1])
-    of_other_runs = r"lpips\w*|\w+_before|embedding_seconds|\w+_shadows|num_shadow_masks"
-    lacking = [key for key in keys if key not in names["results"]]
-    assert {key for key in lacking if not re.fullmatch(of_other_runs, key)} <= {"results", "_std"}
 
 
 def test_no_program_of_the_package_is_without_a_page(checkout: Path):
@@ -94,57 +88,6 @@ def test_no_program_of_the_package_is_without_a_page(checkout: Path):
     assert (
         set(re.findall(r"^(desplat-\w[\w-]*) = \"desplat_ns.commands", text, re.MULTILINE)) <= known
     )
-
-
-def test_pages_of_the_site_are_all_in_its_index(checkout: Path):
-    """The site is built from these groups; `make docs` fails where a page is in none."""
-    docs = checkout / "docs"
-    linked = set(re.findall(r"\]\(([\w/-]+\.md)\)", (docs / "README.md").read_text("utf8")))
-    there = {path.relative_to(docs).as_posix() for path in docs.rglob("*.md")} - {"README.md"}
-    assert there == linked
-
-
-def slug(heading: str) -> str:
-    """A heading's anchor, as GitHub and the site write it."""
-    words = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).strip().lower()
-    return re.sub(r"[^\w\- ]", "", words).replace(" ", "-")
-
-
-def test_links_to_headings_lead_to_one(checkout: Path):
-    dead = []
-    for page in pages(checkout):
-        for target, anchor in re.findall(r"\]\(([^)#\s]*\.md)?#([\w-]+)\)", page.read_text("utf8")):
-            text = (page.parent / target if target else page).read_text("utf8")
-            if anchor not in map(slug, re.findall(r"^#+ (.*)$", text, re.MULTILINE)):
-                dead.append(f"{page.name}: {target}#{anchor}")
-    assert dead == []
-
-
-def test_sections_that_the_code_cites_are_there(checkout: Path):
-    missing, cited = [], 0
-    for path in [*(checkout / "desplat_ns").rglob("*.py"), *(checkout / "lab").rglob("*.py")]:
-        text = re.sub(r"\s+(# )?", " ", path.read_text("utf8"))
-        for page, section in re.findall(r"(docs/[\w/-]+\.md)(?:, \"([^\"]+)\")?", text):
-            there = checkout / page
-            headings = there.read_text("utf8") if there.exists() else ""
-            cited += 1
-            if page != "docs/results/gpu.md" and f"# {section}" not in headings:
-                missing.append(f"{path.name}: {page} {section}")
-    assert missing == [] and cited > 20
-
-
-def test_functions_of_the_equations_are_there(checkout: Path):
-    text = (checkout / "docs/compare-with-desplat.md").read_text("utf8")
-    rows = re.findall(r"^\| [^|]+ \| `([\w/]+\.py)`(.*)\|$", text, re.MULTILINE)
-    missing = [
-        f"{file}: {name}"
-        for file, names in rows
-        for name in re.findall(r"`(\w+)`", names)
-        if not re.search(
-            rf"(def|class) {name}\b", (checkout / "desplat_ns" / file).read_text("utf8")
-        )
-    ]
-    assert missing == [] and len(rows) > 10
 
 
 @pytest.mark.slow

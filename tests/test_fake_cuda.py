@@ -30,8 +30,16 @@ from desplat_ns.gaussians.densification import DistractorDensifier, strategy_inf
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import PARAMETER_NAMES, ViewDistractors, to_device
 from desplat_ns.gaussians.memory import GaussianMemory
+from desplat_ns.losses import (
+    background_opacity_loss,
+    distractor_opacity_loss,
+    explained_by_background,
+    layered_photometric_losses,
+    mean_shown_opacity,
+    photometric_loss,
+    static_transparency_loss,
+)
 from desplat_ns.photo_tourism.appearance import fourier_features
-from desplat_ns.photo_tourism.background import background_opacity_loss, explained_by_background
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.rendering.compositing import over_background
@@ -42,12 +50,6 @@ from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight, lie_in, uncovered_cells
 from desplat_ns.settings.effects import BackgroundGrade, Effects
-from desplat_ns.training.losses import (
-    distractor_opacity_loss,
-    mean_shown_opacity,
-    photometric_loss,
-    static_transparency_loss,
-)
 from desplat_ns.training.step_guard import sum_of_squares
 
 WIDTH, HEIGHT, N = 60, 40, 50
@@ -99,8 +101,6 @@ def a_layer(background: BackgroundGrade = "off") -> DistractorLayer:
 def a_step(number: int) -> TrainStep:
     step = TrainStep(number, 0, the_view(), rendering(), rendering(9))
     step.photo, step.static_rgb = cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 3)
-    step.composite = cuda(HEIGHT, WIDTH, 3)
-    step.alpha_d = cuda(HEIGHT, WIDTH, 1)
     return step
 
 
@@ -129,9 +129,14 @@ def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number,
     mask = cuda(HEIGHT, WIDTH, 1) > 0.5 if masked else None
     for _ in range(2):
         step = a_step(number)
-        losses = layer.losses(step, cuda(HEIGHT, WIDTH, 1), cuda(N, 1), memory, mask)
+        photo, static, alpha_d = step.photo, step.static_rgb, cuda(HEIGHT, WIDTH, 1)
+        photo, in_region = layer.look(step, photo, static, mask, cuda(N, 1), memory)
+        owned = distractor_weight(alpha_d, in_region)
+        losses = layered_photometric_losses(static, static, photo, 0.2, owned, 0.03)
+        losses += (distractor_opacity_loss(alpha_d, in_region),)
+        losses += (static_transparency_loss(alpha_d, owned),)
         assert step.residual_stats is not None
-        assert_on_cuda(step.residual_stats.usual, step.residual_stats.times_seen, *losses.values())
+        assert_on_cuda(step.residual_stats.usual, step.residual_stats.times_seen, *losses)
         step.residual_stats.keep_in(memory)
     assert (step.regions is None) == (number < CONFIG.static_warmup)
     if step.regions is not None:
@@ -142,12 +147,12 @@ def test_placing_stays_on_the_gpu():
     """`placement` itself asks whether any is to be placed; what it asks, and what it then makes."""
     step, regions = a_step(LATE), cuda(HEIGHT, WIDTH) > 0.5
     assert_on_cuda(lie_in(regions, cuda(7, 3), step.view))
-    assert_on_cuda(uncovered_cells(regions, step.alpha_d, CONFIG))
+    assert_on_cuda(uncovered_cells(regions, cuda(HEIGHT, WIDTH, 1), CONFIG))
 
 
 def distractors_with_moments() -> ViewDistractors:
     """Those of one view, with Adams that have stepped."""
-    view = ViewDistractors({name: cuda(N, width) for name, width in WIDTHS.items()}, 1.0)
+    view = ViewDistractors({name: cuda(N, width) for name, width in WIDTHS.items()})
     for name, parameter in view.params.items():
         view.optimizers[name] = adam = torch.optim.Adam([parameter])
         moments = {key: torch.zeros_like(parameter) for key in ("exp_avg", "exp_avg_sq")}
@@ -155,10 +160,11 @@ def distractors_with_moments() -> ViewDistractors:
     return view
 
 
-def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone():
+@pytest.mark.parametrize("start", ["residual", "everywhere"])
+def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone(start):
     distractors = distractors_with_moments()
-    config = replace(CONFIG, refine_when_next_seen=True)
-    densifier = DistractorDensifier(config, SplatfactoModelConfig(warmup_length=0))
+    config = replace(CONFIG, start=start)
+    densifier = DistractorDensifier(config, SplatfactoModelConfig(warmup_length=0), every=1)
     view, drawn = the_view(), rendering()
     means2d: Any = drawn.means2d
     means2d.absgrad = cuda(1, N, 2)
@@ -168,6 +174,9 @@ def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone():
         densifier.after_step(distractors, LATE, info, lambda params: params["means"][:, 0])
     running = distractors.state
     assert_on_cuda(running["grad2d"], running["count"])
+    assert (running["radii"] is None) == (start == "residual")
+    if running["radii"] is not None:
+        assert_on_cuda(running["radii"])
     assert_on_cuda(to_device(running, torch.device("cuda"))["grad2d"])
 
 

@@ -1,5 +1,6 @@
 """Wiring: which layers are drawn when, what the loss sees, what a checkpoint brings back."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,6 +11,8 @@ from nerfstudio.model_components.lib_bilagrid import color_correct
 from nerfstudio.models.splatfacto import SplatfactoModel
 
 from desplat_ns.errors import BackendUnavailableError, CaptureError, ConfigError, DeSplatError
+from desplat_ns.gaussians import densification
+from desplat_ns.gaussians.densification import DistractorDensifier
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
@@ -131,8 +134,8 @@ def test_distractors_wait_for_the_static_warmup():
 
 
 def test_the_static_warmup_is_counted_in_visits_too():
-    model = make_model(distractors=DistractorConfig(static_warmup=50, max_warmup_visits=2))
-    assert model.config.distractors.static_warmup == 2 * 3
+    model = make_model(distractors=DistractorConfig(static_warmup=50))
+    assert model.config.distractors.static_warmup == 15 * 3
 
 
 def test_a_view_without_distractors_is_rasterized_once(monkeypatch):
@@ -169,10 +172,13 @@ def test_the_static_opacity_is_reset_and_that_of_distractors_is_not():
     assert (torch.sigmoid(distractors_of(model, 0)["opacities"]) > 0.9).all()
 
 
-def test_distractors_that_the_photo_does_not_show_are_pruned():
-    settings = DistractorConfig(per_view=20, min_pixels=0.05)
-    options: dict[str, Any] = {"warmup_length": 0, "densify_grad_thresh": 1e9}
-    model = make_model(distractors=settings, refine_every=1, **options)
+def test_distractors_that_the_photo_does_not_show_are_pruned(monkeypatch):
+    monkeypatch.setattr(densification, "MIN_PIXELS", 0.05)
+    monkeypatch.setattr(densification, "GROW_GRAD", 1e9)
+    model = make_model(warmup_length=0)
+    assert model.layer is not None
+    by_pixels = replace(model.config.distractors, start="residual")
+    model.layer.densifier = DistractorDensifier(by_pixels, model.config, every=1)
     with torch.no_grad():
         distractors_of(model, 0)["opacities"].fill_(2.0)
         distractors_of(model, 0)["means"][3, 0] += 5.0
@@ -185,7 +191,8 @@ def test_distractors_that_the_photo_does_not_show_are_pruned():
 
 
 def test_a_checkpoint_comes_back_into_the_parameters_that_the_optimizers_hold():
-    source = make_model(warmup_length=0, refine_every=1)
+    distractors = DistractorConfig(per_view=20, refine_visits=1)
+    source = make_model(warmup_length=0, refine_every=1, distractors=distractors)
     trainer = Trainer(source)
     for step in range(1, 8):
         trainer.step(step, view=step % 3)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
 import torch
 from nerfstudio.engine.optimizers import Optimizers
 
-from desplat_ns.gaussians import densification, strategy
+from desplat_ns.gaussians import densification, distractor_config, strategy
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.method_configs import separating_distractors
 from desplat_ns.training.budget import Clock
@@ -25,8 +26,9 @@ class At(Clock):
         return self.now
 
 
-def test_thresholds_of_both_sets_are_read_at_the_clock():
-    settings = DistractorConfig(per_view=20, max_warmup_visits=1000, static_warmup=100)
+def test_thresholds_of_both_sets_are_read_at_the_clock(monkeypatch):
+    monkeypatch.setattr(distractor_config, "MAX_WARMUP_VISITS", 1000)
+    settings = DistractorConfig(per_view=20, static_warmup=100)
     model = make_model(sh_degree_interval=50, distractors=settings)
     model.clock = clock = At(0.5)
     assert model.layer is not None
@@ -42,10 +44,9 @@ def test_thresholds_of_both_sets_are_read_at_the_clock():
         assert model._sh_degree() == (2 if clock.now > 50 else 1)
 
 
-def test_distractors_are_densified_until_the_clock_says_so():
-    model = make_model(
-        warmup_length=0, distractors=DistractorConfig(per_view=20, stop_densify_at=10)
-    )
+def test_distractors_are_densified_until_the_clock_says_so(monkeypatch):
+    monkeypatch.setattr(densification, "STOP_DENSIFY_AT", 10)
+    model = make_model(warmup_length=0)
     assert model.layer is not None
     clock, trainer = At(), Trainer(model)
     model.clock = clock
@@ -75,7 +76,8 @@ def test_a_reset_that_time_passes_over_is_made_and_none_is_made_twice():
 
 def test_a_run_of_1000_steps_has_the_events_that_a_hand_counts(monkeypatch):
     """15 refinements in 500 steps are 34 apart; for 50 after each reset nothing is sampled. Eight
-    of the distractors fit in the 455 steps after 15 visits of three photos: 57 apart."""
+    of the distractors fit in the 455 steps after 15 visits of three photos: 1706 of the 13650
+    nominal ones apart."""
     events: dict[str, list[int]] = {name: [] for name in ("refined", "reset", "of view", "pruned")}
 
     def note(module: Any, function: str, name: str) -> None:
@@ -100,8 +102,8 @@ def test_a_run_of_1000_steps_has_the_events_that_a_hand_counts(monkeypatch):
         degrees.append(model._sh_degree())
     assert events["refined"] == [33, 67, 151, 185, 269, 353, 387, 471]
     assert events["reset"] == [0, 100, 200, 300, 400]
-    assert events["of view"] == [57 * n for n in range(1, 9)]
-    assert len(events["pruned"]) == 1000 // 57 - 8
+    assert events["of view"] == [math.ceil(1706 * n / 30) for n in range(1, 9)]
+    assert len(events["pruned"]) == 30_000 // 1706 - 8
     assert [degrees.index(degree) for degree in range(4)] == [0, 34, 67, 100]
 
 

@@ -9,22 +9,14 @@ import psutil
 import pytest
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractor_config import MAX_WARMUP_VISITS, DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.training.budget import Clock
 from desplat_ns.training.run_length import pause_after_reset
 
-SEPARATING = DistractorConfig(
-    static_warmup=6000,
-    max_warmup_visits=15,
-    min_warmup_visits=8,
-    shaping_steps=250,
-    refine_visits=5,
-    max_refinements=8,
-    start="residual",
-)
+SEPARATING = DistractorConfig(static_warmup=6000, refine_visits=5, start="residual")
 
 
 def run_of(steps: int, views: int, **options: Any) -> DeSplatModelConfig:
@@ -128,15 +120,17 @@ def test_memory_is_a_ceiling_whatever_the_capture_could_hold(per_pixel, monkeypa
     ],
 )
 def test_distractors_settle_between_refinements_and_their_number_is_bounded(steps, views, every):
-    nominal = run_of(steps, views, distractors=SEPARATING).distractors.refine_every
+    distractors = run_of(steps, views, distractors=SEPARATING).distractors
+    nominal = distractors.steps_between_refinements(views, steps / 30_000)
     assert nominal == every * 30_000 / steps
 
 
-@pytest.mark.parametrize(("steps", "every"), [(1000, 34), (3000, 100), (30000, 100)])
-def test_the_papers_distractors_are_refined_as_often_as_its_static_set(steps, every):
-    config = run_of(steps, 40, refine_every=100)
-    assert config.refine_every == every
-    assert config.distractors.refine_every == every * 30_000 / steps
+@pytest.mark.parametrize("steps", [1000, 3000, 30000])
+@pytest.mark.parametrize("views", [1, 40, 3000])
+def test_the_papers_distractors_are_refined_once_in_ten_visits_of_each_view(steps, views):
+    distractors = run_of(steps, views, refine_every=100).distractors
+    nominal = distractors.steps_between_refinements(views, steps / 30_000)
+    assert nominal == 10 * views * 30_000 / steps
 
 
 @pytest.mark.parametrize(
@@ -177,7 +171,7 @@ def test_one_view_more_changes_the_sizes_of_photos_by_little(steps):
 
     for views in (*range(3, 60), 399, 400, 401):
         pairs = zip(octaves(views), octaves(views + 1), strict=True)
-        assert sum(abs(a - b) for a, b in pairs) <= SEPARATING.max_warmup_visits / 2 + 1
+        assert sum(abs(a - b) for a, b in pairs) <= MAX_WARMUP_VISITS / 2 + 1
 
 
 @pytest.mark.parametrize(

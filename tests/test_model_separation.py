@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from desplat_ns.backend.ssim import ssim
+from desplat_ns.gaussians import distractor_config
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.views import image_points, view_of
@@ -17,10 +18,14 @@ from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractor
 NO_DENSIFICATION: dict[str, Any] = {"warmup_length": 10_000}
 
 
-def config(**changes: Any) -> DistractorConfig:
+@pytest.fixture(autouse=True)
+def long_warmups(monkeypatch: pytest.MonkeyPatch) -> None:
     """A warm-up of up to 60 steps stays as long as it is: 20 visits of three views."""
+    monkeypatch.setattr(distractor_config, "MAX_WARMUP_VISITS", 20)
+
+
+def config(**changes: Any) -> DistractorConfig:
     values = {"per_view": 120, "initial_opacity": 0.5, "start": "residual", "static_alone": True}
-    values["max_warmup_visits"] = 20
     return DistractorConfig(**values | changes)
 
 

@@ -118,12 +118,6 @@ def required_names(metadata: Message) -> set[str]:
     return {re.split(r"[^\w.-]", line)[0].lower() for line in requirements}
 
 
-def test_every_requirement_has_its_reason(checkout: Path, metadata: Message) -> None:
-    text = (checkout / "docs" / "dev" / "dependencies.md").read_text()
-    explained = {name.lower() for name in re.findall(r"^\| `([\w.-]+)", text, flags=re.MULTILINE)}
-    assert required_names(metadata) == explained
-
-
 PINNED_BY_TORCH = {"cuda-toolkit"}
 """Each build of torch requires one release, by `==`; another pin would exclude the other builds."""
 

@@ -186,12 +186,12 @@ def test_a_checkpoint_holds_what_refinement_and_placing_remember(straight: Run):
     memory = state["pipeline"]["_model._extra_state"]
     views = len(straight.distractors[0])
     of_views = state["pipeline"]["_model.distractors._extra_state"]
-    assert [view["refinement"] for view in of_views] == [2] * views
+    assert all(view["refinement"] > 0 for view in of_views)
     names = {"grad2d", "count", "usual_residual", "times_seen"}
     assert names <= memory["static_strategy"].keys()
-    assert memory["static_strategy"]["visits"] == STEPS
+    assert memory["static_strategy"]["visits"] > views
     assert sorted(memory["photos"]) == list(range(views))
-    assert memory["visits"].keys() == {"without_region", "not_looked_at"}
+    assert sorted(memory["regions"]) == list(range(views))
     for view in of_views:
         assert view["moments"].keys() == {"means", "scales", "quats", "rgbs", "opacities"}
         assert view["state"].keys() >= {"grad2d", "count"}

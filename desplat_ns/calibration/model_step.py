@@ -107,7 +107,6 @@ class ModelStep:
         everywhere = replace(self.model.config.distractors, start="everywhere", per_view=per_view)
         for index in views:
             distractors.views[index] = ViewDistractors(fill_view(view, everywhere))
-        distractors.total = sum(distractors.counts())
 
     def __call__(self) -> None:
         """Draw, weigh, pull back and step; nothing is densified."""

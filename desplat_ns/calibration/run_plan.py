@@ -25,8 +25,8 @@ USUAL_PER_PIXEL = 0.05
 
 MOST_GROWTH = 7
 """Static Gaussians in the end for each point at the start: the most on any capture of
-docs/results/survey.md and docs/results/accuracy-and-time.md, in 1,000 steps (2.4 on
-`fox_cluttered`, 5.6 on `sacre_coeur`, 6.7 on `yard40`)."""
+docs/results/quality.md and docs/results/speed.md, in 1,000 steps (2.4 on `fox_cluttered`, 5.6 on
+`sacre_coeur`, 6.7 on `yard40`)."""
 
 ROUNDS = 2
 

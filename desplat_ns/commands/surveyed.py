@@ -15,8 +15,8 @@ from desplat_ns.datamanager import without_prompts
 from desplat_ns.errors import BackendUnavailableError
 from desplat_ns.files.whole import draft_of, plain_errors, write_whole
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
+from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.settings.effects import Effects
-from desplat_ns.static_model import StaticModelConfig
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.observations import Capture, capture_of
 from desplat_ns.survey.picture import evidence_picture
@@ -75,7 +75,7 @@ def costs_on_this_machine(findings: Survey, capture: Capture) -> dict[str, Any]:
     from desplat_ns.calibration.effects_cost import StepSize, measure  # takes seconds
     from desplat_ns.method_configs import desplat
 
-    model = cast(StaticModelConfig, desplat.config.pipeline.model)
+    model = cast(DeSplatModelConfig, desplat.config.pipeline.model)
     width, height = (int(side.median()) for side in (capture.cameras.width, capture.cameras.height))
     num_photos = len(capture.photos)
     size = StepSize.for_photos(width, height, num_photos, model.gaussians_per_pixel)

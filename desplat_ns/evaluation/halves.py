@@ -14,9 +14,9 @@ from torch import Tensor
 
 from desplat_ns.errors import CaptureError
 from desplat_ns.evaluation.config import EvaluationConfig
+from desplat_ns.losses import photometric_loss
 from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.views import view_of
-from desplat_ns.training.losses import photometric_loss
 
 MIN_WIDTH = 4
 """Pixels of a photo whose halves can be scored: SSIM needs two each way."""

@@ -28,7 +28,7 @@ MAX_FRACTIONAL_BITS = 20
 OFF_BY = 1 / 32
 """Of its scale, by which a Gaussian's place may be off along an axis: as far as the rounding of the
 scale, by 1/32 of its logarithm, moves the Gaussian's edge. Coarser places cost more than all other
-rounding, finer ones gain nothing (docs/results/export.md)."""
+rounding, finer ones gain nothing (docs/results/quality.md)."""
 
 PRECISE = 0.9
 """Of the Gaussians, so many are to be in place so well, by the middle one of their three scales:
@@ -43,7 +43,7 @@ COLOR_SCALE = 0.15
 SH_STEPS = (2, 4)
 """Of 128ths, for degree one and those above: 7 and 6 bits. The reference implementation's 5 and 4
 make a file a third smaller and, where harmonics are small as in short runs, 33 dB of 50
-(docs/results/export.md); readers need not be told."""
+(docs/results/quality.md); readers need not be told."""
 
 
 def spz_bytes(cloud: SplatCloud) -> bytes:

@@ -24,7 +24,7 @@ from desplat_ns.gaussians.distractor_config import (
     DistractorConfig,
 )
 from desplat_ns.gaussians.distractors import ViewDistractors
-from desplat_ns.gaussians.strategy import prune, refine, sample
+from desplat_ns.gaussians.strategy import UNLIMITED, prune, refine, sample
 from desplat_ns.training.run_length import SPLATFACTOS_INTERVAL
 
 RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) >= (1, 5)
@@ -84,7 +84,7 @@ class DistractorDensifier:
                 prune_scale2d=static.cull_screen_size,
                 prune_scale3d=static.cull_scale_thresh,
                 refine_scale2d_stop_iter=static.stop_screen_size_at,
-                reset_every=static.reset_alpha_every * SPLATFACTOS_INTERVAL,
+                reset_every=static.reset_alpha_every * SPLATFACTOS_INTERVAL or UNLIMITED,
                 **grow,
             )
 

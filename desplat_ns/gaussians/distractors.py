@@ -140,12 +140,15 @@ class DistractorGaussians(nn.Module):
             ViewDistractors(fill_view(view_of(cameras[i : i + 1]), config))
             for i in range(len(cameras))
         ]
-        self.total = sum(self.counts())
-        """Number of Gaussians of all views; whoever changes one keeps it."""
 
     def counts(self) -> list[int]:
         """Number of Gaussians of every training view, counted anew."""
         return [len(view) for view in self.views]
+
+    @property
+    def total(self) -> int:
+        """Number of Gaussians of all views."""
+        return sum(self.counts())
 
     def param_groups(self) -> dict[str, list[nn.Parameter]]:
         """The parameters of all views, by kind."""
@@ -184,7 +187,6 @@ class DistractorGaussians(nn.Module):
         own = {key for key, _ in self._keyed(prefix)}
         rest = {key: value for key, value in state_dict.items() if key not in own}
         super()._load_from_state_dict(rest, prefix, *args)
-        self.total = sum(self.counts())
 
     def _keyed(self, prefix: str) -> Iterator[tuple[str, nn.Parameter]]:
         for number, view in enumerate(self.views):

@@ -11,8 +11,7 @@ NUMBERS = 59
 COPIES = 8
 """Of them in a step, float32: values, gradients, Adam's two moments; what is drawn of them and its
 gradients; what the rasterizer keeps, or a refinement makes anew. At the peak 1,875 bytes were
-measured for one more Gaussian (docs/results/accuracy-and-time.md), which is 7.9 times 59
-numbers."""
+measured for one more Gaussian (docs/results/speed.md), which is 7.9 times 59 numbers."""
 
 SHARE = 0.5
 """Of the memory; the rest is for photos, images and other programs."""

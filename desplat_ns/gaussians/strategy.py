@@ -2,8 +2,8 @@
 
 An interval between refinements is no schedule but a sample. A refinement judges by gradients
 averaged since the last one, so the sample must not shrink with the length of a run: over a quarter
-of the views it is mostly noise, and noise is cloned into floaters (docs/results/separation.md, "How
-often, and how many").
+of the views it is mostly noise, and noise is cloned into floaters (docs/explain/separation.md, "How
+often Gaussians are refined").
 """
 
 from __future__ import annotations

@@ -5,21 +5,17 @@ from __future__ import annotations
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.backend.spherical_harmonics import sh_basis
 from desplat_ns.photo_tourism.config import BackgroundConfig
 from desplat_ns.photo_tourism.mlp import hidden_layers, zero_head
-from desplat_ns.rendering.compositing import composite_alpha
 
 BACKGROUND_DEGREE_INTERVAL = 500
 """Nominal steps after which one degree more of its harmonics is learned; as in the authors' code.
 """
-
-MASK_THRESHOLD = 0.6
-"""Share of a pixel's 3 x 3 neighbours that the background has to explain. Eq. 9."""
 
 
 NODES = 96
@@ -114,35 +110,3 @@ class Background(nn.Module):
             "background_sh_dc": list(self.sh_dc.parameters()),
             "background_sh_rest": list(self.sh_rest.parameters()),
         }
-
-
-@torch.no_grad()
-def explained_by_background(
-    background: Float[Tensor, "*background 3"], photo: Float[Tensor, "H W 3"], max_error: float
-) -> Bool[Tensor, "H W 1"]:
-    """The set P: pixels with M > 0.6, M being the share of 3 x 3 pixels of small error.
-
-    The error is the mean absolute difference of the channels, colours in [0, 1]. Beyond the image's
-    border nothing is explained.
-
-    Source: Eq. 10-11, and P below Eq. 9.
-    """
-    error = (background - photo).abs().mean(dim=-1)
-    small = (error <= max_error).to(photo.dtype)
-    share = F.avg_pool2d(small[None, None], 3, 1, 1, count_include_pad=True)
-    return share[0, 0, :, :, None] > MASK_THRESHOLD
-
-
-def background_opacity_loss(
-    alpha_d: Float[Tensor, "H W 1"],
-    alpha_s: Float[Tensor, "H W 1"],
-    explained: Bool[Tensor, "H W 1"],
-) -> Float[Tensor, ""]:
-    """L_bg: mean opacity of both sets where the background explains the photo without them; 0 where
-    it explains nothing.
-
-    Source: Eq. 9; its sum over P is a mean in the authors' code and in Splatfacto-W, so that its
-    weight does not depend on the photo's size.
-    """
-    alpha = composite_alpha(alpha_d, alpha_s)
-    return torch.where(explained, alpha.abs(), 0).sum() / explained.sum().clamp(min=1)

@@ -35,7 +35,7 @@ class AppearanceConfig:
     mlp_dtype: MlpDtype = "float32"
     """Of the MLP's products and of what lies between its layers. bfloat16 has 8 bits of mantissa
     and takes about 0.6 of the time; a processor without instructions for it (a CPU needs
-    avx512_bf16 or AMX) uses float32. docs/results/photo_tourism.md has its errors."""
+    avx512_bf16 or AMX) uses float32. docs/results/speed.md has its errors."""
 
 
 @dataclass

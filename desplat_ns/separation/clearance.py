@@ -18,6 +18,7 @@ from torch.optim import Optimizer
 
 from desplat_ns.backend.constants import ALPHA_CUTOFF
 from desplat_ns.backend.protocol import View
+from desplat_ns.console import announce
 from desplat_ns.rendering.near_plane import sampled, scene_start
 from desplat_ns.rendering.views import image_points, views_of
 
@@ -48,6 +49,13 @@ class Clearance:
         self.depths = [0.0] * len(cameras)
         if share > 0 and points is not None:
             self.depths = [share * start for start in scene_starts(points, cameras)]
+            blind = self.depths.count(0.0)
+            if blind > 0:
+                announce(
+                    f"{blind} of {len(cameras)} training photos show no 3D point: what hangs "
+                    "before their cameras is not removed.",
+                    warning=True,
+                )
 
     @torch.no_grad()
     def hide_near_camera(

@@ -37,31 +37,27 @@ def pooled(image: Float[Tensor, "H W C"], grid: tuple[int, int]) -> Float[Tensor
 
     A pixel counts in each cell by the part of it that lies there. Without gradients.
     """
-    image = image.detach()
+    image, (columns, rows) = image.detach(), grid
     if not image.is_cpu:
-        (height, width), (columns, rows) = image.shape[:2], grid
-        down = _shares(height, rows, image.dtype, image.device)
-        along = _shares(width, columns, image.dtype, image.device)
+        down = _shares(image.shape[0], rows, image.dtype, image.device)
+        along = _shares(image.shape[1], columns, image.dtype, image.device)
         return torch.einsum("rh,hwc,kw->crk", down, image, along)
     cells = cv2.resize(image.contiguous().numpy(), grid, interpolation=cv2.INTER_AREA)
-    return torch.from_numpy(cells.reshape(grid[1], grid[0], -1)).permute(2, 0, 1).contiguous()
+    return torch.from_numpy(cells.reshape(rows, columns, -1)).permute(2, 0, 1).contiguous()
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=256)  # a size of photos needs ten
 def _shares(
     pixels: int, cells: int, dtype: torch.dtype, device: torch.device
 ) -> Float[Tensor, "cells pixels"]:
-    """Weight of each pixel of a line in the mean of each cell."""
-    return line_shares(pixels, cells).to(device, dtype)
-
-
-def line_shares(pixels: int, cells: int) -> Float[Tensor, "cells pixels"]:
-    """The same, in float64 and on the host."""
-    ends = torch.arange(cells + 1, dtype=torch.float64) * (pixels / cells)
-    first = torch.arange(pixels, dtype=torch.float64)
+    """Weight of each pixel of a line in the mean of each cell; made on the device, so that nothing
+    is copied there where photos have many sizes."""
+    like = {"dtype": torch.float64, "device": device}
+    ends = torch.arange(cells + 1, **like) * (pixels / cells)
+    first = torch.arange(pixels, **like)
     least = torch.maximum(ends[:-1, None], first)
     most = torch.minimum(ends[1:, None], first + 1)
-    return (most - least).clamp(min=0) * (cells / pixels)
+    return ((most - least).clamp(min=0) * (cells / pixels)).to(dtype)
 
 
 def counted_cells(mask: Bool[Tensor, "H W 1"]) -> Bool[Tensor, "rows columns"]:

@@ -30,19 +30,12 @@ from desplat_ns.separation.own_sky import own_sky
 from desplat_ns.separation.placement import (
     FEW_VIEWS,
     about_few_views,
-    distractor_weight,
     placement,
 )
 from desplat_ns.separation.regions import StaticView, apply_mask, compare, find_regions
 from desplat_ns.separation.residuals import LEAST_VIEWS, ResidualStats
 from desplat_ns.separation.witness import Witnesses
 from desplat_ns.settings.effects import BackgroundGrade
-from desplat_ns.training.losses import (
-    distractor_opacity_loss,
-    layered_photometric_losses,
-    photometric_loss,
-    static_transparency_loss,
-)
 
 STOP_PLACING_AT = 27_000
 """Nominal step from which none is placed or removed for its place any more."""
@@ -73,10 +66,6 @@ class TrainStep:
     """What the view should look like, in [0, 1]; under the user's mask as the static scene."""
     static_rgb: Float[Tensor, "H W 3"] = field(init=False)
     """The static scene as an image, over the background."""
-    composite: Float[Tensor, "H W 3"] = field(init=False)
-    """The distractors over it."""
-    alpha_d: Float[Tensor, "H W 1"] = field(init=False)
-    """Opacity of the distractors."""
 
     regions: Bool[Tensor, "rows columns"] | None = None
     """Where distractors belong, on the grid of `grid_of`; None in the warm-up."""
@@ -164,82 +153,37 @@ class DistractorLayer:
         alone = self.config.static_alone and train_step.distractors is not None
         return layered_outputs(image.detach() if alone else image, rgb, train_step.distractors)
 
-    def losses(
+    def look(
         self,
         train_step: TrainStep,
-        alpha_s: Float[Tensor, "H W 1"],
+        photo: Float[Tensor, "H W 3"],
+        static: Float[Tensor, "H W 3"],
+        mask: Bool[Tensor, "H W 1"] | None,
         opacities: Float[Tensor, "N 1"],
         memory: GaussianMemory,
-        mask: Bool[Tensor, "H W 1"] | None,
-    ) -> dict[str, Tensor]:
-        """The opacity terms of Eq. 5; with `static_alone` also the photometric ones, of the
-        composite and of the static scene by itself.
+    ) -> tuple[Float[Tensor, "H W 3"], Float[Tensor, "H W 1"] | None]:
+        """Compare the photo of a step with the static scene, if that is due.
 
         Args:
-            alpha_s: opacity of the static scene.
+            static: in the photo's light, in [0, 1].
+            mask: the user's, False in pixels that do not count; None if there is none.
             opacities: of the static Gaussians, logits.
             memory: what they remember; it is read only.
-            mask: the user's, False in pixels that do not count; None if there is none.
+
+        Returns:
+            The photo, under the mask as the static scene; and 1 in pixels of regions, if the view
+            has distractors.
         """
-        config, counted = self.config, None
+        counted = None
         if mask is not None:
-            train_step.photo, counted = apply_mask(train_step.photo, train_step.static_rgb, mask)
+            photo, counted = apply_mask(photo, static, mask)
+        train_step.photo, train_step.static_rgb = photo, static
         train_step.regions = self.regions.get(train_step.index)
         if self._looks(train_step):
             self.update_regions(train_step, opacities, memory, counted)
-        regions, alpha_d = train_step.regions, train_step.alpha_d
-        if train_step.distractors is None:
-            losses = {"distractor_opacity": alpha_d.new_zeros(())}
-            return losses | self._transparency_loss(alpha_s, None)
-        in_region = None
-        if regions is not None:
-            in_region = region_pixels(regions.to(alpha_d.dtype), *alpha_d.shape[:2])
-        opacity = distractor_opacity_loss(alpha_d, in_region)
-        losses = {"distractor_opacity": config.lambda_d * opacity}
-        owned = distractor_weight(alpha_d, in_region) if config.static_alone else None
-        if owned is not None:
-            leak = config.leak if train_step.number < self.static.stop_split_at else 0.0
-            losses |= self._photometric_losses(train_step, owned, leak, mask)
-        return losses | self._transparency_loss(alpha_s, owned)
-
-    def _transparency_loss(
-        self, alpha_s: Float[Tensor, "H W 1"], owned: Float[Tensor, "H W 1"] | None
-    ) -> dict[str, Tensor]:
-        """The static term of Eq. 5: everywhere without a background. Before one the scene may be
-        empty (App. B.3), but not in what distractors own, where no photo says so; with a background
-        of each photo's own that has cost more than it gained.
-
-        Args:
-            owned: by the distractors; None if nothing is left to them alone.
-        """
-        if self.background == "off":
-            where = None
-        elif self.background == "image" or owned is None:
-            return {}
-        else:
-            where = owned
-        transparency = static_transparency_loss(alpha_s, where)
-        return {"static_transparency": self.config.lambda_s * transparency}
-
-    def _photometric_losses(
-        self,
-        train_step: TrainStep,
-        owned: Float[Tensor, "H W 1"],
-        leak: float,
-        mask: Tensor | None,
-    ) -> dict[str, Tensor]:
-        """L_GS of the composite, and of the static scene on what is not owned; in masked pixels the
-        composite shows the static scene, as the photo does."""
-        static, composite, photo = train_step.static_rgb, train_step.composite, train_step.photo
-        weight = self.static.ssim_lambda
-        if mask is not None:
-            composite = torch.where(mask, composite, static.detach())
-        if self.static.use_bilateral_grid:  # the composite moves the grids everywhere
-            own = photometric_loss(static, photo, weight, owned, leak)
-            main = photometric_loss(composite, photo, weight)
-        else:
-            own, main = layered_photometric_losses(static, composite, photo, weight, owned, leak)
-        return {"main_loss": main, "static_photometric": own}
+        if train_step.distractors is None or train_step.regions is None:
+            return photo, None
+        return photo, region_pixels(train_step.regions.to(photo.dtype), *photo.shape[:2])
 
     def _looks(self, train_step: TrainStep) -> bool:
         """Whether the photo is compared with the static scene: in the warm-up, once after it, and
@@ -313,7 +257,6 @@ class DistractorLayer:
         )
         refine_static()
         distractors, step = self.gaussians.views[index], train_step.number
-        before = len(distractors)
         if train_step.distractors is not None:
             keep_colors_in_range(distractors.params)
             info = strategy_info(train_step.distractors, view)
@@ -322,14 +265,13 @@ class DistractorLayer:
             self.regions[index] = train_step.regions
             if step < STOP_PLACING_AT:
                 self._place(train_step, train_step.regions, distractors)
-        self.gaussians.total += len(distractors) - before
 
     @torch.no_grad()
     def _place(self, train_step: TrainStep, regions: Tensor, distractors: ViewDistractors) -> None:
         """Give the view new distractors where they belong, and remove those out of place."""
         means = distractors.params["means"]
-        changed = placement(
-            train_step.view, train_step.photo, train_step.alpha_d, regions, means, self.config
-        )
+        drawn, photo = train_step.distractors, train_step.photo
+        alpha_d = torch.zeros_like(photo[..., :1]) if drawn is None else drawn.alpha.detach()
+        changed = placement(train_step.view, photo, alpha_d, regions, means, self.config)
         if changed is not None:
             distractors.exchange(*changed)

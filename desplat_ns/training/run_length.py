@@ -36,7 +36,7 @@ meanwhile."""
 
 GPU_VISITS = 2
 """A GPU shows photos so many times as often as a CPU, whose hours are dearer. Not measured
-(docs/results/accuracy-and-time.md, "How long to train")."""
+(docs/results/speed.md, "How long to train")."""
 
 
 def steps_for_visits(visits: float, num_views: int, at_most: int) -> int:

@@ -5,7 +5,7 @@ make gpu-build GPU_BUILD_ARGS='--architecture 9.0'
 
 They are compiled by the code that a run on a GPU uses, linked, loaded, and called with every call
 that the gsplat backend makes, recorded: a call that fits ends at gsplat's own check for a CUDA
-tensor. Where no toolkit can be had nothing is compiled, and that is said. docs/dev/gpu_build.md
+tensor. Where no toolkit can be had nothing is compiled, and that is said. docs/dev/environment.md
 says what is known by this, and what only a card can tell.
 """
 

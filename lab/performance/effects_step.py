@@ -14,6 +14,7 @@ import argparse
 from dataclasses import replace
 
 import torch
+from desplat_ns.static_model import StaticModel
 
 from desplat_ns.calibration.model_step import ModelStep
 from desplat_ns.calibration.scenes import Scene, make_scene
@@ -22,7 +23,6 @@ from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.views import view_of
 from desplat_ns.settings.effects import Effects
-from desplat_ns.static_model import StaticModel
 from desplat_ns.studies.machine import describe_machine
 
 SIZES = ((20_000, 480, 270), (100_000, 648, 420))

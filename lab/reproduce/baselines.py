@@ -20,10 +20,10 @@ from torch import Tensor
 from desplat_ns.data.gt_masks import METADATA_KEY, read_gt_mask, shadow_mask_of
 from desplat_ns.data.robustnerf_names import kind_of
 from desplat_ns.errors import CaptureError
+from desplat_ns.losses import photometric_loss
 from desplat_ns.method_configs import desplat
 from desplat_ns.model import DeSplatModel, DeSplatModelConfig
 from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.training.losses import photometric_loss
 
 TRIMMED_SHARE = 0.8
 """Share of a photo's pixels that the robust baseline trusts in every step."""

@@ -1,7 +1,7 @@
 """Generated scenes, small ones, laid out as the published data sets lie on the disk: folders, names
 of files, camera models, and what COLMAP left out.
 
-docs/guides/reproduce.md says where each layout is known from ("What lies where").
+docs/compare-with-desplat.md says where each layout is known from ("What lies where").
 """
 
 from __future__ import annotations

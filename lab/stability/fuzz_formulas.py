@@ -11,6 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from desplat_ns import losses
 from desplat_ns.backend import View
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.gaussians.activation import activate_distractors, clamp_colors, sigmoid
@@ -22,7 +23,6 @@ from desplat_ns.rendering import compositing, metrics
 from desplat_ns.separation import placement as separation
 from desplat_ns.separation import residuals as excess
 from desplat_ns.separation.regions import outlier_regions
-from desplat_ns.training import losses
 from lab.stability.fuzz_files import tensors_of
 from tests.stability.poison import POISON
 

@@ -96,8 +96,7 @@ def test_objects_count_with_shadows_where_the_shadow_mask_leaves_them_out(tmp_pa
 
 
 def test_shadows_make_a_fifth_of_what_is_in_the_way_of_the_cluttered_fox(data_folder):
-    """Whoever covers all of it has 0.81 against objects alone: docs/results/separation.md says
-    so."""
+    """Whoever covers all of it has 0.81 against objects alone: docs/results/quality.md says so."""
     folder = data_folder("fox_cluttered")
     paths: list[Path | None] = list(sorted((folder / "masks").iterdir()))
 

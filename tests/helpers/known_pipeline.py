@@ -33,7 +33,7 @@ class KnownDistractors(DistractorGaussians):
 
     def __init__(self) -> None:
         nn.Module.__init__(self)
-        self.views = [ViewDistractors({"means": torch.zeros(n, 3)}, 1.0) for n in (2, 3)]
+        self.views = [ViewDistractors({"means": torch.zeros(n, 3)}) for n in (2, 3)]
 
 
 class KnownModel(DeSplatModel):

@@ -8,11 +8,14 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.model import DeSplatModel
+from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.small_model import HEIGHT, WIDTH, make_model
 
 
 def model_with(appearance: str = "off", background: str = "off", **config: Any) -> DeSplatModel:
+    """What its networks give counts in full, so that a few steps or small weights show."""
+    config.setdefault("appearance", AppearanceConfig(mlp_scale=1.0))
     effects = EffectsConfig(appearance=appearance, background=background)  # type: ignore[arg-type]
     return make_model(effects=effects, **config)
 

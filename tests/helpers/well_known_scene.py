@@ -52,7 +52,6 @@ class WellKnownScene:
     def train_step(self, number: int, photo: torch.Tensor) -> TrainStep:
         step = TrainStep(number, 0, the_view(), self.drawn)
         step.photo, step.static_rgb = photo, self.rendered()
-        step.alpha_d = torch.zeros(HEIGHT, WIDTH, 1)
         return step
 
     def find(

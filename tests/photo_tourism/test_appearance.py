@@ -19,7 +19,7 @@ from desplat_ns.photo_tourism.appearance import (
 )
 from desplat_ns.photo_tourism.config import AppearanceConfig, has_bfloat16
 
-SMALL = AppearanceConfig(embedding_dim=5, fourier_frequencies=2, hidden_width=7)
+SMALL = AppearanceConfig(embedding_dim=5, fourier_frequencies=2, hidden_width=7, mlp_scale=1.0)
 NUM, BASES, FEATURES = 6, 16, 12
 
 
@@ -98,6 +98,22 @@ def test_eq_6_reads_embedding_features_and_the_zeroth_coefficient():
     torch.testing.assert_close(gamma, 1 + expected[:, 3:])
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.01])
+def test_the_first_step_of_adam_moves_all_tones_by_its_rate_times_the_scale(scale):
+    """Adam's first step is as long as its rate; the weights before the last bias are still 0."""
+    model = AffineAppearance(replace(SMALL, mlp_scale=scale)).double()
+    inputs = numbers(5), numbers(NUM, FEATURES, seed=1), numbers(NUM, 3, seed=2)
+    optimizer = torch.optim.Adam([model.head.bias], lr=5e-4, eps=1e-15)
+    beta, gamma = model.tones(*inputs)
+    assert (beta == 0).all() and (gamma == 1).all()
+    (beta - gamma).sum().backward()
+    optimizer.step()
+    beta, gamma = model.tones(*inputs)
+    moved = torch.full((NUM, 3), 5e-4 * scale, dtype=torch.float64)
+    torch.testing.assert_close(beta, -moved, rtol=1e-9, atol=0)
+    torch.testing.assert_close(gamma - 1, moved, rtol=1e-9, atol=0)
+
+
 def test_sizes_of_b3():
     model = AffineAppearance(AppearanceConfig())
     shapes = [tuple(p.shape) for n, p in model.named_parameters() if n.endswith("weight")]
@@ -120,9 +136,9 @@ def test_fourier_features_of_known_points():
     assert features.shape == (101, 24)
     scale = points[:, 0].abs().sort().values[97]
     x = points[:, 0] / scale
-    for m in range(1, 5):
-        torch.testing.assert_close(features[:, m - 1], torch.sin(torch.pi * 2**m * x))
-        torch.testing.assert_close(features[:, 12 + m - 1], torch.cos(torch.pi * 2**m * x))
+    for place, turns in enumerate((1, 2, 4, 8)):
+        torch.testing.assert_close(features[:, place], torch.sin(torch.pi * turns * x))
+        torch.testing.assert_close(features[:, 12 + place], torch.cos(torch.pi * turns * x))
 
 
 def test_fourier_features_of_coincident_points_are_finite():

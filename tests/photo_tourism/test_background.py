@@ -8,12 +8,11 @@ from torch.autograd import gradcheck
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.backend.spherical_harmonics import C0, sh_basis
+from desplat_ns.losses import background_opacity_loss, explained_by_background
 from desplat_ns.photo_tourism.background import (
     NODES,
     Background,
     background_image,
-    background_opacity_loss,
-    explained_by_background,
     rays,
 )
 from desplat_ns.photo_tourism.config import BackgroundConfig
@@ -124,12 +123,26 @@ def test_the_error_may_reach_the_threshold_and_is_a_mean_over_channels():
     assert not explained_by_background(background, photo, 0.2499)[1, 1]
 
 
-def test_the_loss_is_the_composite_opacity_where_it_is_explained():
-    alpha_d = torch.tensor([[[0.5], [0.1]], [[0.2], [0.0]]], dtype=torch.float64)
-    alpha_s = torch.tensor([[[0.4], [0.9]], [[0.5], [1.0]]], dtype=torch.float64)
-    explained = torch.tensor([[[True], [False]], [[True], [False]]])
-    expected = ((0.5 + 0.5 * 0.4) + (0.2 + 0.8 * 0.5)) / 4
+def test_the_loss_is_the_mean_composite_opacity_where_the_background_explains_the_photo():
+    """All but the last of 4 x 4 pixels' columns is as the background. Of the pixels at the border
+    six neighbours are in the picture, and four of those in a corner: P is eight pixels."""
+    photo = torch.zeros(4, 4, 3, dtype=torch.float64)
+    photo[:, 3] = 1.0
+    explained = explained_by_background(torch.zeros_like(photo), photo, 0.003)
+    rows = [[0, 1, 0, 0], [1, 1, 1, 0], [1, 1, 1, 0], [0, 1, 0, 0]]
+    assert explained[..., 0].int().tolist() == rows
+    alpha_d, alpha_s = torch.zeros(2, 4, 4, 1, dtype=torch.float64)
+    alpha_d[1], alpha_s[:, 1], alpha_s[:, 3] = 0.2, 0.5, 0.9
+    # Column 1: 0.5, and 0.2 + 0.8 * 0.5 in row 1; in that row 0.2 on either side of it.
+    expected = (3 * 0.5 + 0.6 + 2 * 0.2) / 8
     assert float(background_opacity_loss(alpha_d, alpha_s, explained)) == pytest.approx(expected)
+
+
+def test_where_the_background_explains_nothing_the_loss_is_0():
+    alphas = [torch.rand(4, 4, 1, dtype=torch.float64).requires_grad_() for _ in range(2)]
+    loss = background_opacity_loss(alphas[0], alphas[1], torch.zeros(4, 4, 1, dtype=torch.bool))
+    assert loss == 0
+    assert all((grad == 0).all() for grad in torch.autograd.grad(loss, alphas))
 
 
 def test_the_loss_pulls_at_both_opacities():

@@ -2,9 +2,11 @@
 
 import dataclasses
 
+import pytest
 import torch
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.separation import regions
 from desplat_ns.separation.regions import apply_mask, evidence_of
 from desplat_ns.separation.residuals import Excess
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene
@@ -124,24 +126,28 @@ def test_the_evidence_is_at_most_a_multiple_of_what_is_unexplained():
     assert torch.equal(evidence_of(excess, None)[0], values)
 
 
-def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region():
+def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region(
+    monkeypatch: pytest.MonkeyPatch,
+):
     scene = WellKnownScene()
     for _ in range(5):
         scene.find(scene.photo, 40, CONFIG)
     y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
     flare = 0.4 * torch.exp(-((x - 30) ** 2 + (y - 20) ** 2) / 200)[..., None]
-    unasked = dataclasses.replace(CONFIG, shared_detail=1.0)
-    taken = scene.find(scene.photo + flare, 40, unasked).sum()
+    with monkeypatch.context() as unasked:
+        unasked.setattr(regions, "SHARED_DETAIL", 1.0)
+        taken = scene.find(scene.photo + flare, 40, CONFIG).sum()
     assert taken > 800
     assert scene.find(scene.photo + flare, 40, CONFIG).sum() < 0.1 * taken
     assert scene.find(scene.with_an_occluder(), 40, CONFIG)[12:28, 22:38].all()
 
 
-def test_the_advice_to_raise_strong_excess_helps():
+def test_the_advice_to_raise_strong_excess_helps(monkeypatch: pytest.MonkeyPatch):
     """A pale occluder has an excess of 0.18; it has the detail of the scene behind it, which is not
     asked for here, and so no edge to follow."""
+    monkeypatch.setattr(regions, "SHARED_DETAIL", 1.0)
     for strong, is_found in ((0.12, True), (0.4, False)):
-        config = dataclasses.replace(CONFIG, strong_excess=strong, shared_detail=1.0)
+        config = dataclasses.replace(CONFIG, strong_excess=strong)
         scene = WellKnownScene()
         for _ in range(5):
             assert not scene.find(scene.photo, 40, config).any()

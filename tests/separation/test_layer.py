@@ -16,7 +16,7 @@ from tests.helpers.small_model import NUM_VIEWS, Trainer, make_model
 
 
 def a_model(**changes: Any) -> DeSplatModel:
-    values: dict[str, Any] = {"start": "residual", "static_warmup": 2, "stop_placing_at": 1000}
+    values: dict[str, Any] = {"start": "residual", "static_warmup": 2}
     return make_model(distractors=DistractorConfig(per_view=20, **values | changes))
 
 

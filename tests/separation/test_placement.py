@@ -9,6 +9,7 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from desplat_ns.backend.protocol import View
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians
+from desplat_ns.separation import layer
 from desplat_ns.separation.grid import grid_of, region_pixels
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import (
@@ -25,7 +26,7 @@ from tests.helpers.well_known_scene import (
     the_view,
 )
 
-CONFIG = DistractorConfig(per_view=600, start="residual", initial_opacity=0.5, depth=0.5)
+CONFIG = DistractorConfig(per_view=600, start="residual", initial_opacity=0.5)
 """Cells of 2 x 2 pixels."""
 WARMED_UP = dataclasses.replace(CONFIG, static_warmup=5)
 
@@ -138,7 +139,8 @@ class Trained:
     def step(self, number: int, photo: torch.Tensor) -> TrainStep:
         scene, step = self.scene, self.scene.train_step(number, photo)
         none = alpha(0.0)
-        self.layer.losses(step, none, scene.opacities, scene.memory, None)
+        photo, static = step.photo, step.static_rgb
+        self.layer.look(step, photo, static, None, scene.opacities, scene.memory)
         means = torch.zeros(len(scene.opacities), 3)
         params = torch.nn.ParameterDict({"means": means, "opacities": scene.opacities.clone()})
         self.layer.commit(step, params, scene.memory, lambda: None, lambda _: none.flatten())
@@ -167,8 +169,9 @@ def test_in_the_warm_up_views_are_only_remembered():
     assert trained.count == 0
 
 
-def test_once_placing_has_stopped_none_comes_and_none_goes():
-    trained = Trained(dataclasses.replace(WARMED_UP, stop_placing_at=20))
+def test_once_placing_has_stopped_none_comes_and_none_goes(monkeypatch):
+    monkeypatch.setattr(layer, "STOP_PLACING_AT", 20)
+    trained = Trained()
     scene = trained.scene
     for number in range(5):
         trained.step(number, scene.photo)

@@ -1,6 +1,6 @@
 """The catalogue: scenes that are hard on arithmetic, each with what is promised for it.
 
-`docs/dev/stability.md` lists these by name. Every scene holds a second Gaussian, a witness behind
+docs/dev/stability.md derives the bounds. Every scene holds a second Gaussian, a witness behind
 the hard one, so that what a hard Gaussian does to others shows.
 """
 
@@ -34,7 +34,7 @@ class Case:
     """Gaussians that must not be drawn."""
     settings: RenderSettings = CLASSIC
     by_mpmath: bool = True
-    """False: docs/dev/stability.md compares with float64, where 60 digits would take too long."""
+    """False: the truth is float64, where 60 digits would take too long."""
     exact_in_float32: bool = True
     """False: float32 cannot hold the scene, or its bound is above 1; there it is only finite."""
 
@@ -284,4 +284,4 @@ CASES: tuple[Case, ...] = (
     Case("SH coefficients of 1e15", lambda: with_sh(1e15)),
     right("colours beyond [0, 1]", colors=[[50.0, -3.0, 1e4]]),
 )  # fmt: skip
-"""In the order of docs/dev/stability.md."""
+"""All of the catalogue."""

@@ -15,10 +15,10 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.gaussians.activation import MAX_LOG_SCALE, activate_static, clamp_colors, sigmoid
+from desplat_ns.losses import distractor_opacity_loss, photometric_loss
 from desplat_ns.photo_tourism.appearance import AffineAppearance
 from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
-from desplat_ns.training.losses import distractor_opacity_loss, photometric_loss
 
 SSIM_C1, SSIM_C2 = mpf("1e-4"), mpf("9e-4")
 """0.01^2 and 0.03^2 (Wang et al. 2004)."""
@@ -195,7 +195,7 @@ def embeddings_far_out(dtype: torch.dtype) -> tuple[Pair, Pair]:
     as many as there are terms along the way, of the size of the same sums without signs.
     """
     rng = torch.Generator().manual_seed(5)
-    config = AppearanceConfig(embedding_dim=4, fourier_frequencies=1, hidden_width=8)
+    config = AppearanceConfig(embedding_dim=4, fourier_frequencies=1, hidden_width=8, mlp_scale=1.0)
     mlp = AffineAppearance(config).to(dtype)
     for parameter in mlp.parameters():
         parameter.data = torch.randn(parameter.shape, generator=rng).to(dtype)
@@ -264,4 +264,4 @@ FORMULA_CASES = (
     ),
     FormulaCase("opacity free everywhere", "loss and gradient exactly 0", all_opacity_free),
 )
-"""In the order of docs/dev/stability.md."""
+"""All of the catalogue."""

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from desplat_ns.backend.ssim import ssim
-from desplat_ns.training.losses import (
+from desplat_ns.losses import (
     distractor_opacity_loss,
     layered_photometric_losses,
     mean_shown_opacity,

@@ -24,7 +24,7 @@ STEPS, QUICK_STEPS = 1_000, 20
 
 REAL, REAL_STEPS = "fox_cluttered", 3_000
 """A real capture in the folder that DESPLAT_NS_DATA names, at half the size of its photos: what
-docs/results/separation.md has of it is of the CPU."""
+docs/results/quality.md has of it is of the CPU."""
 
 PICTURE = "worst.png"
 """Of the held-out view that is rendered worst, in the part's folder: its photo beside it."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from lab.front.whole_step import SETTLED, Size, WholeStep
 
 from desplat_ns.calibration.timing import Timing
 from desplat_ns.separation import layer
+from lab.front.whole_step import SETTLED, Size, WholeStep
 from lab.performance.distractors_price import (
     AFTER,
     CASES,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 
 import pytest
-from lab.front.whole_step import Size, WholeStep
 
 from desplat_ns.model import DeSplatModel
+from lab.front.whole_step import Size, WholeStep
 from lab.performance.serial_share import PARTS, REST, Stopwatch, parts_of, share_of, speedup
 
 

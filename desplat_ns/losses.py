@@ -1,5 +1,5 @@
-"""The terms of Eq. 5: photometric, for an image or for the static scene alone, and of opacities;
-and the price of what no photo needs.
+"""The terms of Eq. 5 and Eq. 9 to 12, and the price of what no photo needs; `get_loss_dict` of the
+model adds them.
 
 On a CPU the photometric term is compiled (backend/ssim.py); the statements here are its reference.
 """
@@ -7,10 +7,15 @@ On a CPU the photometric term is compiled (backend/ssim.py); the statements here
 from __future__ import annotations
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.ssim import photometric_losses, ssim
+from desplat_ns.rendering.compositing import composite_alpha
+
+EXPLAINED_SHARE = 0.6
+"""Share of a pixel's 3 x 3 neighbours that the background has to explain. Eq. 9."""
 
 
 def photometric_loss(
@@ -27,7 +32,7 @@ def photometric_loss(
     with the rendering itself, as a constant: there is nothing to see where it is owned.
 
     Source: L_GS, the photometric term of Eq. 5 and 12; `owned` is ours
-    (docs/results/separation.md).
+    (docs/explain/separation.md).
     """
     compiled = photometric_losses(photo, owned, ssim_weight, image, leak=leak)
     if compiled is not None:
@@ -70,7 +75,7 @@ def distractor_opacity_loss(
     Args:
         free: 1 in pixels where opacity costs nothing, 0 in others.
 
-    Source: Eq. 5, the term weighted by lambda_d; `free` is ours (docs/results/separation.md).
+    Source: Eq. 5, the term weighted by lambda_d; `free` is ours (docs/explain/separation.md).
     """
     if free is None:
         return alpha_d.mean()
@@ -107,3 +112,35 @@ def mean_shown_opacity(
     """
     shown = visible[:, None].to(opacities)
     return (opacities.sigmoid() * shown).sum() / shown.sum().clamp(min=1)
+
+
+@torch.no_grad()
+def explained_by_background(
+    background: Float[Tensor, "*background 3"], photo: Float[Tensor, "H W 3"], max_error: float
+) -> Bool[Tensor, "H W 1"]:
+    """The set P: pixels with M > 0.6, M being the share of 3 x 3 pixels of small error.
+
+    The error is the mean absolute difference of the channels, colours in [0, 1]. Beyond the image's
+    border nothing is explained.
+
+    Source: Eq. 10-11, and P below Eq. 9.
+    """
+    error = (background - photo).abs().mean(dim=-1)
+    small = (error <= max_error).to(photo.dtype)
+    share = F.avg_pool2d(small[None, None], 3, 1, 1, count_include_pad=True)
+    return share[0, 0, :, :, None] > EXPLAINED_SHARE
+
+
+def background_opacity_loss(
+    alpha_d: Float[Tensor, "H W 1"],
+    alpha_s: Float[Tensor, "H W 1"],
+    explained: Bool[Tensor, "H W 1"],
+) -> Float[Tensor, ""]:
+    """L_bg: mean opacity of both sets where the background explains the photo without them; 0 where
+    it explains nothing.
+
+    Source: Eq. 9; its sum over P is a mean in the authors' code and in Splatfacto-W, so that its
+    weight does not depend on the photo's size.
+    """
+    alpha = composite_alpha(alpha_d, alpha_s)
+    return torch.where(explained, alpha.abs(), 0).sum() / explained.sum().clamp(min=1)
