@@ -13,7 +13,7 @@
 #   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
 #   make docs    the page of all options and the site of docs/ in outputs/site; a broken link is an error
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
-#   make study   the runs behind README's table that are missing (hours; resumes)
+#   make study   the runs of lab/study without a record, and their table in outputs/study (hours; resumes)
 #   make smoke   every table of the paper end to end on generated scenes, on the CPU (4 minutes of one core)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
@@ -22,7 +22,7 @@
 #           WHEELS=folder  GPU_ARGS='--device cpu --quick --output folder'  (make gpu: CONTRIBUTING.md)
 #           GPU_BUILD_ARGS='--architecture 9.0'
 #           GUISES_ARGS='--part arithmetic --only avx2 gpu'  PYTHONS_TESTED='3.10 3.12'
-#           BENCH_ARGS='--quick --output folder'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
+#           BENCH_ARGS='--quick --output folder'  STUDY_ARGS='--group light --jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
 
 VENV ?= .venv
@@ -92,7 +92,7 @@ gpu-build: $(STAMP)
 	$(PY) -m lab.gpu.gpu_build $(GPU_BUILD_ARGS)
 
 study: $(STAMP)
-	$(PY) -m lab.separation $(STUDY_ARGS)
+	$(PY) -m lab.study $(STUDY_ARGS)
 
 docs: $(DOCS_STAMP)
 	$(PY) -m lab.options

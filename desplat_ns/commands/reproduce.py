@@ -14,7 +14,7 @@ from desplat_ns.reproduce.methods import method_of
 from desplat_ns.reproduce.protocols import Smoke
 from desplat_ns.reproduce.tables import TABLES, TableName
 from desplat_ns.settings.options import check_ranges, ranged
-from desplat_ns.studies.executors import ExecutorName, executor_of
+from desplat_ns.studies.executors import Executor, ExecutorName
 
 if TYPE_CHECKING:  # seconds: not before the options are checked
     from desplat_ns.reproduce.grid import Request
@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # seconds: not before the options are checked
 @dataclass
 class Arguments:
     """Train and score what a table of the paper needs, and write it with the paper's figures
-    beside: as Markdown, HTML, CSV, LaTeX and JSON.
+    beside, as Markdown and JSON.
 
     What is done already in the output folder is gone on with; tables of the same runs (A7, A8, A9)
     share them there. `desplat-fetch-data` downloads the data sets.
@@ -66,17 +66,17 @@ class Arguments:
                 f"There is no folder '{self.data}'. Name that with the data sets by --data; "
                 "`desplat-fetch-data` lists what there is and downloads it."
             )
-        executor = executor_of(self.executor, self.jobs, self.ray_address)
+        executor = Executor(self.executor, self.jobs, self.ray_address)
 
         from desplat_ns.reproduce.grid import Request
         from desplat_ns.studies.methods import method_config
 
-        return Request(
-            *(table, self.data, self.output, methods, self.seeds, executor, self.jobs),
-            device=method_config("desplat").machine.device_type,
-            smoke=Smoke() if self.smoke else None,
-            is_here=self.executor == "local" or self.ray_address is None,
+        device = (
+            method_config("desplat").machine.device_type if self.ray_address is None else "cuda"
         )
+        smoke = Smoke() if self.smoke else None
+        places = (self.data, self.output)
+        return Request(table, *places, methods, self.seeds, executor, device, smoke)
 
 
 def main() -> None:
@@ -87,7 +87,7 @@ def main() -> None:
     from desplat_ns.reproduce.grid import reproduce
 
     folder = reproduce(request)
-    announce(f"Written: {folder / 'table.md'}, and .html, .csv, .tex and .json beside it.")
+    announce(f"Written: {folder / 'table.md'}, and table.json beside it.")
 
 
 if __name__ == "__main__":

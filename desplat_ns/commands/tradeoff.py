@@ -15,7 +15,7 @@ from desplat_ns.cores import cores
 from desplat_ns.errors import CaptureError, print_user_errors_plainly
 from desplat_ns.files.lock import only_process_in
 from desplat_ns.settings.options import check_ranges, ranged
-from desplat_ns.studies.executors import ExecutorName, executor_of
+from desplat_ns.studies.executors import Executor, ExecutorName
 from desplat_ns.training.schedule import seconds_of
 
 if TYPE_CHECKING:  # seconds: not before the options are checked
@@ -27,7 +27,7 @@ MOST_JOBS = 8
 
 @dataclass
 class Arguments:
-    """Measure what accuracy costs in time: backends, sizes of photos, lengths, effects.
+    """Measure what accuracy costs in time: lengths, sizes of photos, effects.
 
     A data parser's name and its options, as `ns-train` takes them, may follow; without them the
     capture's layout is recognised, as there. `desplat-tradeoff DATA colmap --help` lists the
@@ -39,7 +39,7 @@ class Arguments:
     time: str = "30min"
     """Wall time for the whole study, earlier sessions included."""
     output: Path = Path("tradeoff")
-    """Folder for the report, its plots, results.json and what is trained. What is there already is
+    """Folder for the report, its plot, records.jsonl and what is trained. What is there already is
     gone on with."""
     jobs: int = ranged(0, "[0, inf)")
     """Trainings beside each other, one thread each; 0: one on a GPU, else one for each core, eight
@@ -61,14 +61,14 @@ class Arguments:
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
 
-        from desplat_ns.studies.capture_info import METHOD
         from desplat_ns.studies.methods import method_config
+        from desplat_ns.studies.plan import METHOD
         from desplat_ns.studies.study import Request
 
         parser = parser or recognised_words(self.data)
         jobs = self.jobs or default_jobs(method_config(METHOD).machine.device_type)
-        executor = executor_of(self.executor, jobs, self.ray_address)
-        return Request(self.data, parser, self.output, seconds, jobs, executor)
+        executor = Executor(self.executor, jobs, self.ray_address)
+        return Request(self.data, parser, self.output, seconds, executor)
 
 
 def recognised_words(data: Path) -> tuple[str, ...]:
@@ -93,26 +93,19 @@ def study(request: Request) -> Path:
     """Do a study as far as its time goes and write its report; where that is.
 
     Raises:
-        DeSplatError: the capture, the time or the folder will not do, or another process is at work
-            in the folder.
+        DeSplatError: the capture or the folder will not do, the first run failed, or another
+            process is at work in the folder.
     """
     from desplat_ns.backend.registry import compile_kernels, default_device
     from desplat_ns.studies.report import write_report
-    from desplat_ns.studies.study import Session, open_study
-
-    def spent() -> float:
-        return session.clock.spent
-
-    def tell(what: str) -> None:
-        say(what)
+    from desplat_ns.studies.study import do_study, open_study
 
     with only_process_in(request.output):
-        results = open_study(request)
         compile_kernels("auto", default_device())  # no part of the time that was given
-        session = Session(request, results, tell)
-        with progress_in_time(request.seconds, spent) as say:
-            session.do()
-        return write_report(request.output, results)
+        work = open_study(request)
+        with progress_in_time(request.seconds, lambda: work.spent) as tell:
+            do_study(work, tell)
+        return write_report(work)
 
 
 def main() -> None:

@@ -8,8 +8,6 @@ from desplat_ns.errors import ConfigError
 from desplat_ns.evaluation.config import ProtocolName
 from desplat_ns.reproduce.protocols import Protocol
 
-EFFECTS = "--pipeline.model.effects"
-
 
 @dataclass(frozen=True)
 class Method:
@@ -20,10 +18,10 @@ class Method:
     """A name that nerfstudio knows, or `module:attribute` of a MethodSpecification."""
     what: str
     """In words."""
-    options: tuple[str, ...] = ()
-    """Of `ns-train`."""
     paper: str = ""
     """The row of the paper's tables that it stands beside; empty for none."""
+    options: tuple[str, ...] = ()
+    """Of `ns-train`."""
     has_light: bool = False
     """Whether it has an embedding for each photo."""
 
@@ -32,58 +30,40 @@ class Method:
         return "right" if protocol.scoring == "half" and not self.has_light else protocol.scoring
 
 
-_STATIC = (f"{EFFECTS}.distractors", "False")
-_W = (*_STATIC, f"{EFFECTS}.appearance", "sh")
+_EFFECTS = "--pipeline.model.effects"
+_STATIC = (f"{_EFFECTS}.distractors", "False")
+_W = (*_STATIC, f"{_EFFECTS}.appearance", "sh")
+_NO_BACKGROUND = (f"{_EFFECTS}.background", "off")
+_PLAIN = "Splatfacto's settings in this package: desplat-paper without distractors"
+_LIT = "this package's defaults for Photo Tourism"
+_B3, _B3_A = "the settings of App. B.3", "the settings of App. B.3 without the background model"
 _W_WHAT = "the appearance model {} of Splatfacto-W, in this package and without its masks"
+_TOURISM = "desplat-phototourism-paper"
 
 METHODS = {
     method.name: method
     for method in (
-        Method("desplat", "desplat", "this package's defaults", paper="DeSplat"),
-        Method("desplat-paper", "desplat-paper", "the settings of App. B.3", paper="DeSplat"),
-        Method(
-            "splatfacto",
-            "desplat-paper",
-            "Splatfacto's settings in this package: desplat-paper without distractors",
-            _STATIC,
-            "Splatfacto",
-        ),
-        Method(
-            "desplat-phototourism",
-            "desplat-phototourism",
-            "this package's defaults for Photo Tourism",
-            paper="DeSplat",
-            has_light=True,
-        ),
-        Method(
-            "desplat-phototourism-paper",
-            "desplat-phototourism-paper",
-            "the settings of App. B.3",
-            paper="DeSplat",
-            has_light=True,
-        ),
-        Method(
-            "desplat-phototourism-a-paper",
-            "desplat-phototourism-a-paper",
-            "the settings of App. B.3 without the background model",
-            paper="DeSplat-A",
-            has_light=True,
-        ),
-        Method(
-            "splatfacto-w",
-            "desplat-phototourism-paper",
-            _W_WHAT.format("and the background"),
-            _W,
-            "Splatfacto-W",
-            has_light=True,
-        ),
-        Method(
-            "splatfacto-w-a",
-            "desplat-phototourism-paper",
-            _W_WHAT.format("alone"),
-            (*_W, f"{EFFECTS}.background", "off"),
-            "Splatfacto-W-A",
-            has_light=True,
+        Method("desplat", "desplat", "this package's defaults", "DeSplat"),
+        Method("desplat-paper", "desplat-paper", _B3, "DeSplat"),
+        Method("splatfacto", "desplat-paper", _PLAIN, "Splatfacto", _STATIC),
+        *(
+            Method(name, method, what, row, options, has_light=True)
+            for name, method, what, row, options in (
+                ("desplat-phototourism", "desplat-phototourism", _LIT, "DeSplat", ()),
+                (_TOURISM, _TOURISM, _B3, "DeSplat", ()),
+                (*["desplat-phototourism-a-paper"] * 2, _B3_A, "DeSplat-A", ()),
+                (
+                    "splatfacto-w",
+                    _TOURISM,
+                    _W_WHAT.format("and the background"),
+                    "Splatfacto-W",
+                    _W,
+                ),
+                (
+                    *("splatfacto-w-a", _TOURISM, _W_WHAT.format("alone"), "Splatfacto-W-A"),
+                    (*_W, *_NO_BACKGROUND),
+                ),
+            )
         ),
     )
 }

@@ -59,102 +59,60 @@ class Protocol:
     """That `desplat-fetch-data` makes for the data set."""
     parser: tuple[str, ...]
     """Name and options of the data parser, as `ns-train` takes them, but for the resolution."""
-    scoring: ProtocolName
-    """Which pixels, and in which light; `half` becomes `right` for models without light."""
-    steps: int
-    methods: tuple[str, ...]
-    """That a table compares, if no others are asked for."""
     said: str
     """What the supplement says of it, and where."""
     scenes: tuple[Scene, ...]
-    lpips_net: LpipsNet = LPIPS_NET
-    """Of the figures that stand beside."""
+    scoring: ProtocolName = "full"
+    """Which pixels, and in which light; `half` becomes `right` for models without light."""
+    steps: int = STEPS
+    methods: tuple[str, ...] = ("desplat", "desplat-paper", "splatfacto")
+    """That a table compares, if no others are asked for."""
 
 
-def _scenes(fetch: str, downscale: int, **folders: str) -> tuple[Scene, ...]:
-    return tuple(
-        Scene(name.replace("_", " "), folder, downscale, fetch) for name, folder in folders.items()
-    )
-
-
-def _crab(number: int) -> Scene:
-    return Scene(f"Crab ({number})", f"crab{number}", 8, "robustnerf")
+def _scenes(fetch: str, downscale: int, names: str) -> tuple[Scene, ...]:
+    """Scenes from words `Name:folder`."""
+    pairs = (word.split(":") for word in names.split())
+    return tuple(Scene(n.replace("_", " "), folder, downscale, fetch) for n, folder in pairs)
 
 
 def _at_ratio(scene: Scene, ratio: float) -> Scene:
     percent = f"{100 * ratio:.0f}"
-    return Scene(
-        f"{scene.name}, {percent}% cluttered",
-        scene.folder,
-        scene.downscale,
-        scene.fetch,
-        ("--train-split-clean-clutter-ratio", str(ratio)),
-        f"{scene.folder}-{percent}",
-    )
+    name, key = f"{scene.name}, {percent}% cluttered", f"{scene.folder}-{percent}"
+    options = ("--train-split-clean-clutter-ratio", str(ratio))
+    return Scene(name, scene.folder, scene.downscale, scene.fetch, options, key)
 
-
-_YODA = Scene("Yoda", "yoda", 8, "robustnerf")
 
 ROBUSTNERF = Protocol(
-    "robustnerf",
-    "RobustNeRF",
-    "robustnerf",
-    ("robustnerf-data",),
-    "full",
-    STEPS,
-    ("desplat", "desplat-paper", "splatfacto"),
+    *("robustnerf", "RobustNeRF", "robustnerf", ("robustnerf-data",)),
     "Five scenes, photos 8 times smaller (B.1); 30,000 steps (B.3). Trained on the cluttered "
     "photos, scored on the `extra` ones.",
-    (
-        *_scenes("robustnerf", 8, Statue="statue", Android="android"),
-        *(_crab(1), _crab(2)),
-        _YODA,
+    _scenes(
+        *("robustnerf", 8),
+        "Statue:statue Android:android Crab_(1):crab1 Crab_(2):crab2 Yoda:yoda",
     ),
 )
 
 ROBUSTNERF_RATIOS = Protocol(
-    "robustnerf-ratios",
-    "RobustNeRF, by the share of cluttered training photos",
-    ROBUSTNERF.folder,
-    ROBUSTNERF.parser,
-    ROBUSTNERF.scoring,
-    STEPS,
-    ROBUSTNERF.methods,
+    *("robustnerf-ratios", "RobustNeRF, by the share of cluttered training photos"),
+    *(ROBUSTNERF.folder, ROBUSTNERF.parser),
     "Crab (2) and Yoda have clean and cluttered photos of the same viewpoints, whose ratio is "
     "varied (B.1, Fig. 9 left); 30,000 steps (B.3).",
-    tuple(_at_ratio(scene, ratio) for scene in (_crab(2), _YODA) for ratio in RATIOS),
+    tuple(_at_ratio(scene, ratio) for scene in ROBUSTNERF.scenes[3:] for ratio in RATIOS),
 )
 
 ON_THE_GO = Protocol(
-    "on-the-go",
-    "NeRF On-the-go",
-    "on-the-go",
-    ("on-the-go-data",),
-    "full",
-    STEPS,
-    ("desplat", "desplat-paper", "splatfacto"),
+    *("on-the-go", "NeRF On-the-go", "on-the-go", ("on-the-go-data",)),
     "Six scenes, photos 8 times smaller, those of Patio 4 times (B.1); 30,000 steps (B.3). "
-    "Trained on `clutter` of "
-    "split.json, scored on `extra`.",
+    "Trained on `clutter` of split.json, scored on `extra`.",
     (
-        *_scenes("on-the-go", 8, Mountain="mountain", Fountain="fountain", Corner="corner"),
-        Scene("Patio", "patio", 4, "on-the-go"),
-        Scene("Spot", "spot", 8, "on-the-go"),
-        Scene("Patio-High", "patio_high", 8, "on-the-go"),
+        *_scenes("on-the-go", 8, "Mountain:mountain Fountain:fountain Corner:corner"),
+        *_scenes("on-the-go", 4, "Patio:patio"),
+        *_scenes("on-the-go", 8, "Spot:spot Patio-High:patio_high"),
     ),
 )
 
 PHOTO_TOURISM = Protocol(
-    "photo-tourism",
-    "Photo Tourism",
-    "phototourism",
-    ("photo-tourism-data",),
-    "half",
-    PHOTO_TOURISM_STEPS,
-    (
-        *("desplat-phototourism", "desplat-phototourism-paper", "desplat-phototourism-a-paper"),
-        *("splatfacto", "splatfacto-w", "splatfacto-w-a"),
-    ),
+    *("photo-tourism", "Photo Tourism", "phototourism", ("photo-tourism-data",)),
     "NeRF-W's split. An embedding is found on the left half of a test photo, in 128 steps of Adam "
     "at 0.01, and the right half is scored (B.1, B.3). 200,000 steps (B.3).",
     (
@@ -162,22 +120,22 @@ PHOTO_TOURISM = Protocol(
         Scene("Sacre Coeur", "sacre_coeur", None, "sacre-coeur"),
         Scene("Trevi Fountain", "trevi_fountain", None, "trevi-fountain"),
     ),
+    scoring="half",
+    steps=PHOTO_TOURISM_STEPS,
+    methods=(
+        *("desplat-phototourism", "desplat-phototourism-paper", "desplat-phototourism-a-paper"),
+        *("splatfacto", "splatfacto-w", "splatfacto-w-a"),
+    ),
 )
 
 MIPNERF360 = Protocol(
-    "mipnerf360",
-    "Mip-NeRF 360",
-    "mipnerf360",
+    *("mipnerf360", "Mip-NeRF 360", "mipnerf360"),
     ("colmap", "--eval-mode", "interval", "--eval-interval", "8"),
-    "full",
-    STEPS,
-    ("desplat", "desplat-paper", "splatfacto"),
     "Seven scenes without distractors, photos of rooms 2 times smaller and those of outdoors 4 "
     "times (B.1); 30,000 steps (B.3). Every eighth photo tests, as is usual on this data set; "
     "counted as nerfstudio counts, by COLMAP's numbers.",
     (
-        *_scenes("mipnerf360", 4, bicycle="bicycle", garden="garden", stump="stump"),
-        *_scenes("mipnerf360", 2, room="room", counter="counter"),
-        *_scenes("mipnerf360", 2, kitchen="kitchen", bonsai="bonsai"),
+        *_scenes("mipnerf360", 4, "bicycle:bicycle garden:garden stump:stump"),
+        *_scenes("mipnerf360", 2, "room:room counter:counter kitchen:kitchen bonsai:bonsai"),
     ),
 )

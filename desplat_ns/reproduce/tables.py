@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from desplat_ns.reproduce.protocols import (
     MIPNERF360,
@@ -25,32 +25,27 @@ class Metric:
 
     name: str
     title: str
-    figure: str
+    score: str
     """Of the evaluation, from which it comes."""
     digits: int = 2
     is_rate: bool = False
-    """Whether it is one over the evaluation's figure."""
+    """Whether it is one over the evaluation's score."""
     is_time: bool = False
     """Whether it is written as minutes:seconds."""
 
-    def of(self, figures: Mapping[str, float | int]) -> float | None:
-        """Its value; None where the evaluation has no such figure."""
-        value = figures.get(self.figure)
+    def of(self, scores: Mapping[str, Any]) -> float | None:
+        """Its value; None where the evaluation has no such score."""
+        value = scores.get(self.score)
         if value is None or (self.is_rate and value <= 0):
             return None
         return 1 / value if self.is_rate else float(value)
 
-    def text(self, value: float | int) -> str:
-        """As tables write it."""
+    def text(self, value: float | int, sign: str = "") -> str:
+        """As tables write it; with `sign` "+" also a positive value has its sign."""
         if not self.is_time:
-            return f"{value:.{self.digits}f}"
+            return f"{value:{sign}.{self.digits}f}"
         minutes, seconds = divmod(round(abs(value)), 60)
-        return f"{'-' * (value < 0)}{minutes}:{seconds:02d}"
-
-    def difference(self, value: float | int) -> str:
-        """The same with its sign."""
-        text = self.text(value)
-        return text if text.startswith("-") else f"+{text}"
+        return f"{'-' if value < 0 else sign}{minutes}:{seconds:02d}"
 
 
 IMAGES = (
@@ -64,22 +59,12 @@ MEMORY = (
     Metric("distractor_mb", "Distractor Gaussians, MB (10^6 bytes)", "distractor_memory_mb"),
 )
 
-TIME = (
-    Metric(
-        "train_seconds",
-        "Training steps, minutes:seconds, without set-up and evaluation",
-        "train_wall_seconds",
-        is_time=True,
-    ),
-)
+_STEPS = "Training steps, minutes:seconds, without set-up and evaluation"
+TIME = (Metric("train_seconds", _STEPS, "train_wall_seconds", is_time=True),)
 
+_SCORED = "Images per second, rendered and scored, as ns-eval counts them (App. C.2)"
 SPEED = (
-    Metric(
-        "fps_with_metrics",
-        "Images per second, rendered and scored, as ns-eval counts them (App. C.2)",
-        "seconds_per_image_with_metrics",
-        is_rate=True,
-    ),
+    Metric("fps_with_metrics", _SCORED, "seconds_per_image_with_metrics", is_rate=True),
     Metric("fps", "Images per second, rendered alone", "seconds_per_image_render", is_rate=True),
 )
 

@@ -1,156 +1,132 @@
-"""Where the runs of a study are done: on this machine, or on a Ray cluster."""
+"""Runs that have no record yet are done and recorded: on this machine, or on a Ray cluster."""
 
 from __future__ import annotations
 
-import socket
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
-from threading import Event, Lock
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal
 
-from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.runs import Command, Record, Run, execute, surroundings
+from desplat_ns.console import announce
+from desplat_ns.errors import ConfigError, DeSplatError
+from desplat_ns.files.lock import IN_USE
+from desplat_ns.studies.machine import code_version, short
+from desplat_ns.studies.records import FILE, Key, Record, load, save
+from desplat_ns.studies.runs import Run, execute, surroundings
 
-ExecutorName = Literal["local", "ray"]
+RUNS = "runs"
+"""What is trained, in a command's output folder."""
 
 RETRIES = 3
 """Times that a run is begun again on Ray if its worker was killed."""
 
-ANSWERS_WITHIN = 10
-"""Seconds."""
-
-Keep = Callable[[Run, Record | Exception], bool]
-"""Takes what became of a run as soon as it is known; whether it was measured."""
+ExecutorName = Literal["local", "ray"]
+Do = Callable[[Run, Path], Record]
+"""Does a run in a folder; see `execute`."""
 
 
-@runtime_checkable
-class Executor(Protocol):
-    """Does runs."""
+@dataclass(frozen=True)
+class Executor:
+    """Where runs are done."""
 
-    def do(self, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
-        """Do all runs and hand over what becomes of each; one that fails leaves the others.
+    name: ExecutorName = "local"
+    jobs: int = 1
+    """Runs beside each other."""
+    address: str | None = None
+    """Of a Ray cluster; without one Ray is started here."""
+    do: Do = execute
+
+    def finish(
+        self,
+        runs: Iterable[Run],
+        file: Path,
+        folder: Path,
+        done: Callable[[Run, Record], None] = lambda run, record: None,
+    ) -> dict[str, str]:
+        """Do all runs that have no record, and record each as it ends.
 
         Args:
-            runs: the next is asked for when there is a place for it, in this process.
+            runs: the next is asked for when there is a place for it.
+            file: of the records.
             folder: of what is trained.
+            done: is told of each run once it is recorded.
 
         Returns:
-            What `keep` said of each.
+            Why a run failed, by its name; that was said, too.
 
         Raises:
-            DeSplatError: runs cannot be done here at all.
+            ConfigError: records cannot be read or written, for instance because the disk is full.
+            DeSplatError: Ray is not installed.
         """
-        ...
+        records, failed = load(file), dict[str, str]()
+        coming = (run for run in runs if run.key not in records)
+        pending: dict[Future[Record], Run] = {}
+        folder.mkdir(parents=True, exist_ok=True)
+        with self._places() as (places, do), ThreadPoolExecutor(places) as pool:
+            while True:
+                while len(pending) < places and (run := next(coming, None)) is not None:
+                    pending[pool.submit(do, run, folder)] = run
+                if not pending:
+                    return failed
+                for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                    run = pending.pop(future)
+                    try:
+                        records[run.key] = record = future.result()
+                    except Exception as error:
+                        kind = (
+                            "" if isinstance(error, DeSplatError) else f"{type(error).__name__}: "
+                        )
+                        failed[run.name] = f"{kind}{error}"
+                        announce(f"{run.name}: {failed[run.name]}", warning=True)
+                    else:
+                        save(file, records.values())
+                        done(run, record)
 
-
-@dataclass(frozen=True)
-class LocalExecutor:
-    """On this machine, some beside each other."""
-
-    jobs: int = 1
-
-    def do(self, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
-        """See `Executor`."""
-        coming, done, asking, over = iter(runs), list[bool](), Lock(), Event()
-
-        def work() -> None:
-            try:
-                while not over.is_set():
-                    with asking:
-                        run = next(coming, None)
-                    if run is None:
-                        return
-                    done.append(keep(run, outcome(run, folder)))
-            except BaseException:  # nobody is to begin another run
-                over.set()
-                raise
-
-        with ThreadPoolExecutor(self.jobs) as pool:
-            workers = [pool.submit(work) for _ in range(self.jobs)]
-            try:
-                for worker in workers:
-                    worker.result()
-            finally:
-                over.set()  # where this thread was interrupted
-        return done
-
-
-@dataclass(frozen=True)
-class RayExecutor:
-    """On a Ray cluster: one that is named, or one on this machine that is started and ended.
-
-    Workers need this package, the photos and `folder` in the same places as this machine.
-    """
-
-    address: str | None = None
-    jobs: int = 1
-    """Workers of a cluster that is started here."""
-
-    def do(self, runs: Iterable[Run], folder: Path, keep: Keep) -> list[bool]:
-        """See `Executor`. A run whose worker was killed is begun again."""
-        ray = import_ray()
-        folder, coming = folder.resolve(), iter(runs)
-        self._check_that_it_answers()
-        ray.init(**self._cluster())
+    @contextmanager
+    def _places(self) -> Iterator[tuple[int, Do]]:
+        """How many runs are done beside each other, and what does one."""
+        if self.name == "local":
+            yield self.jobs, self.do
+            return
+        ray = _import_ray()
+        here: dict[str, Any] = {"num_cpus": self.jobs, "include_dashboard": False}
+        options = here if self.address is None else {"address": self.address}
+        environment = {"env_vars": {"PYTHONPATH": surroundings()["PYTHONPATH"]}}
+        ray.init(runtime_env=environment, log_to_driver=False, **options)
         try:
             resources = ray.cluster_resources()
-            gpus = int(resources.get("GPU", 0))
-            places = max(1, gpus or int(resources.get("CPU", 1)))
-            task = ray.remote(num_cpus=1, num_gpus=min(1, gpus), max_retries=RETRIES)(
-                _outcome_on_worker
-            )
-            pending: dict[Any, Run] = {}
-            done = []
-            while True:
-                for run in islice(coming, places - len(pending)):
-                    pending[task.remote(run, folder)] = run
-                if not pending:
-                    return done
-                (ready, *_), _ = ray.wait(list(pending), num_returns=1)
-                done.append(keep(pending.pop(ready), _fetched(ray, ready)))
+            gpus, cores = (int(resources.get(name, 0)) for name in ("GPU", "CPU"))
+            needs = {"num_cpus": 1, "num_gpus": min(1, gpus), "max_retries": RETRIES}
+            task = ray.remote(**needs)(self.do)
+            yield max(1, gpus or cores), lambda run, at: ray.get(task.remote(run, at.resolve()))
         finally:
             ray.shutdown()
 
-    def _check_that_it_answers(self) -> None:
-        """Ray itself waits for minutes."""
-        host, colon, port = (self.address or "").removeprefix("ray://").rpartition(":")
-        if not colon:  # none, or a name of Ray's own such as auto
-            return
-        try:
-            socket.create_connection((host, int(port)), timeout=ANSWERS_WITHIN).close()
-        except (OSError, ValueError) as error:
-            raise DeSplatError(
-                f"No Ray cluster answers at --ray-address {self.address} ({error}). Start one with "
-                "`ray start --head`, or leave the address out to use this machine."
-            ) from error
 
-    def _cluster(self) -> dict[str, Any]:
-        """Arguments of `ray.init`."""
-        environment = {"PYTHONPATH": surroundings()["PYTHONPATH"]}
-        options = {"runtime_env": {"env_vars": environment}, "log_to_driver": False}
-        if self.address is None:
-            return options | {"num_cpus": self.jobs, "include_dashboard": False}
-        return options | {"address": self.address}
+def open_records(folder: Path) -> dict[Key, Record]:
+    """The records in a command's output folder, which has a file of them from then on.
 
-
-def executor_of(name: ExecutorName, jobs: int, address: str | None) -> Executor:
-    """The executor of a name."""
-    return LocalExecutor(jobs) if name == "local" else RayExecutor(address, jobs)
+    Raises:
+        ConfigError: the folder holds something else, or runs by other code.
+    """
+    there = folder.iterdir() if folder.is_dir() and not (folder / FILE).exists() else ()
+    if any(path.name not in (IN_USE, RUNS) for path in there):
+        raise ConfigError(
+            f"--output is '{folder}', which holds something else. Name a new or empty folder."
+        )
+    records, code = load(folder / FILE), code_version()
+    for other in {record.commit for record in records.values()} - {code}:
+        raise ConfigError(
+            f"'{folder}' holds runs by {short(other)}, and this is {short(code)}: their figures "
+            "are not put together. Name another --output."
+        )
+    save(folder / FILE, records.values())
+    return records
 
 
-def outcome(run: Run, folder: Path, command: Command | None = None) -> Record | Exception:
-    """The record of a run, or why there is none; see `execute`."""
-    try:
-        return execute(run, folder, command)
-    except Exception as error:
-        return error
-
-
-def import_ray() -> Any:
-    """The module. Raises DeSplatError where it is not installed."""
+def _import_ray() -> Any:
     try:
         import ray  # pyright: ignore[reportMissingImports]
     except ImportError as error:
@@ -158,19 +134,3 @@ def import_ray() -> Any:
             "--executor ray needs Ray, which is not installed. Type: pip install 'desplat-ns[ray]'."
         ) from error
     return ray
-
-
-def _outcome_on_worker(run: Run, folder: Path) -> Record | Exception:
-    """As `outcome`; the error says on which machine."""
-    result = outcome(run, folder)
-    if isinstance(result, Exception):
-        return DeSplatError(f"On the Ray worker {socket.gethostname()}: {result}")
-    return result
-
-
-def _fetched(ray: Any, reference: Any) -> Record | Exception:
-    """What a task gave back, or why it gave nothing."""
-    try:
-        return ray.get(reference)
-    except ray.exceptions.RayError as error:
-        return DeSplatError(f"Ray gave up on it ({type(error).__name__}): {error}")

@@ -4,7 +4,27 @@ from __future__ import annotations
 
 import copy
 import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+
+from desplat_ns.errors import CaptureError, DeSplatError
+
+
+@dataclass(frozen=True)
+class Content:
+    """What the data parser finds in a capture."""
+
+    photos: int
+    """Of the training split."""
+    held_out: int
+    """Photos to score."""
+    width: int
+    height: int
+    """Pixels of the median training photo."""
+    points: int = 0
+    """To start from; with none, training starts at random."""
 
 
 def method_config(method: str) -> Any:
@@ -24,7 +44,7 @@ def method_config(method: str) -> Any:
     return copy.deepcopy(all_methods[method])
 
 
-def parse(method: str, options: list[str]) -> Any:
+def parse(method: str, options: Sequence[str]) -> Any:
     """The configuration that `ns-train` makes of a method and options.
 
     Raises:
@@ -35,3 +55,35 @@ def parse(method: str, options: list[str]) -> Any:
     config = method_config(method)
     kind = (tyro.conf.SuppressFixed, tyro.conf.FlagConversionOff)  # as nerfstudio 1.1.5
     return tyro.cli(type(config), default=config, args=options, config=kind)
+
+
+def split_of(method: str, data: Path, parser: Sequence[str], split: str) -> Any:
+    """nerfstudio's DataparserOutputs of a capture's split, `train` or `test`.
+
+    Args:
+        parser: name and options of the data parser; none for the method's own.
+
+    Raises:
+        CaptureError: it cannot be read, or no photo is in the split.
+        SystemExit: the data parser's name or an option is not understood; tyro has said which.
+    """
+    manager = parse(method, ["--data", str(data), *parser]).pipeline.datamanager
+    manager.data = data
+    try:
+        outputs = manager.settle_dataparser().setup().get_dataparser_outputs(split)
+    except (DeSplatError, ValueError, IndexError, OSError) as error:
+        raise CaptureError(f"'{data}' has no {split} split that can be read: {error}") from error
+    if len(outputs.cameras) == 0:
+        raise CaptureError(
+            f"'{data}' has no photo of the {split} split. Name a data parser that holds photos "
+            "out, for instance: colmap --eval-mode interval --eval-interval 8."
+        )
+    return outputs
+
+
+def content_of(train: Any, test: Any) -> Content:
+    """What is in two splits."""
+    cameras, points = train.cameras, train.metadata.get("points3D_xyz")
+    size = int(cameras.width.median()), int(cameras.height.median())
+    number = 0 if points is None else len(points)
+    return Content(len(cameras), len(test.cameras), *size, number)

@@ -1,156 +1,129 @@
-"""The report of a study: one HTML file that needs no other, and the plots beside it."""
+"""The page of a study: one HTML file that needs no other, and its plots beside it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from statistics import median
 from typing import Any
 
-import numpy as np
-from PIL import Image
-
-from desplat_ns.files.pages import data_address, inline_svg, template
+from desplat_ns.files.pages import (
+    chart,
+    inline_svg,
+    plain_logarithmic,
+    svg_of,
+    template,
+)
 from desplat_ns.files.whole import plain_errors, write_whole
-from desplat_ns.studies.machine import short
-from desplat_ns.studies.plan import BASE, SEEDS, compared
-from desplat_ns.studies.plots import MORE, draw_all
-from desplat_ns.studies.results import RUNS, Results
+from desplat_ns.studies.machine import describe_machine
+from desplat_ns.studies.plan import BASE, compared
+from desplat_ns.studies.study import Study
 from desplat_ns.studies.summary import (
     NEEDED,
     SIGNIFICANT,
     Measured,
-    Spread,
-    best_within,
-    decibels_to_tell,
-    finals,
-    least_ratio,
+    bought,
     measured,
     on_front,
-    soonest_at,
-    times_to_tell,
     verdicts,
 )
-from desplat_ns.studies.train_and_score import PICTURES
 
 FILE = "report.html"
 TEMPLATE = Path(__file__).with_name("report.html.jinja")
 
-PICTURE_SIDE, PICTURE_QUALITY = 900, 85
-"""Pixels of the longer side, and JPEG's, of pictures in the report."""
+COLUMNS = {
+    "psnr": ("PSNR, dB", ".2f"),
+    "ssim": ("SSIM", ".3f"),
+    "lpips": ("LPIPS", ".3f"),
+    "mask_iou": ("mask IoU", ".3f"),
+    "train_wall_seconds": ("wall, s", ".0f"),
+    "train_cpu_seconds": ("CPU, s", ".0f"),
+    "num_static_gaussians": ("static", ",.0f"),
+    "num_distractor_gaussians": ("distractors", ",.0f"),
+}
+"""Scores in the table: their names there, and how they are written."""
+
+COLOURS = ("#0b6e99", "#c4452d", "#4f8a3b", "#8b5fbf", "#d08a1d", "#2a9d8f", "#a23b72", "#6b705c")
+MARKERS = "osD^vPXhd"
 
 
-def write_report(folder: Path, results: Results) -> Path:
+def write_report(study: Study) -> Path:
     """Draw the plots and write the report; where it is. Raises ConfigError where it cannot."""
-    points = measured_of(results)
+    folder, points = study.request.output, measured(study.planned, study.records)
     with plain_errors(folder):
-        plots = draw_all(folder, points)
-    defaults = [point for point in points if point.variant == BASE]
-    within = [(seconds, best_within(seconds, defaults)) for seconds in times_to_tell(defaults)]
-    reached = [(db, soonest_at(db, defaults)) for db in decibels_to_tell(defaults)]
-    claims = [said for said in verdicts(finals(points)) if said and "no claim" not in said]
+        plot = draw(folder, points) if points else ""
+    base = [point for point in points if point.variant == BASE]
+    columns = {
+        name: column for name, column in COLUMNS.items() if any(p.values(name) for p in points)
+    }
     text = template(TEMPLATE, spread=spread).render(
-        capture=results.capture,
-        effects=results.capture.effects.words or "none",
-        results=results,
+        capture=study.capture,
+        effects=study.capture.effects.words or "none",
+        study=study,
         seeds=NEEDED,
         significant=SIGNIFICANT,
-        comparisons=len(claims),
-        least_ratio=least_ratio(len(claims)),
-        rows=training_rows(points, results),
-        more=[MORE[name] for name in names_of(points)],
-        within=[(seconds, point) for seconds, point in within if point is not None],
-        reached=[(db, point) for db, point in reached if point is not None],
-        on_the_front=front_in_words(points),
-        plots={name: inline_svg((folder / f"{name}.svg").read_text("utf8")) for name in plots},
-        pictures=pictures_of(folder, points),
-        code=short(results.code),
+        head=[title for title, _ in columns.values()],
+        rows=rows_of(points, columns, study),
+        within=bought(base),
+        plot=inline_svg(plot) if plot else "",
+        machine=describe_machine(),
     )
     with plain_errors(folder):
         write_whole(folder / FILE, text.encode())
     return folder / FILE
 
 
-def measured_of(results: Results) -> list[Measured]:
-    """What its trainings say, in the order of the plan."""
-    if results.plan is None:
-        return []
-    return measured(results.plan.runs(results.capture), results.training)
-
-
-def training_rows(points: Sequence[Measured], results: Results) -> list[dict[str, Any]]:
-    """Whole runs in words: the base's lengths first, then other variants at the comparison's."""
-    ends = sorted(finals(points), key=lambda point: (point.variant != BASE, point.steps))
-    variants, front, said = compared(results.capture.effects), on_front(ends), verdicts(ends)
+def rows_of(
+    points: Sequence[Measured], columns: dict[str, tuple[str, str]], study: Study
+) -> list[dict[str, Any]]:
+    """The rows of the table in words."""
+    variants, said, best = compared(study.capture.effects), verdicts(points), on_front(points)
     return [
         {
             "what": variants[point.variant].what,
             "steps": point.steps,
-            "psnr": spread(point.psnr, ".2f"),
-            "more": [_figure(point, name, ".3f") for name in names_of(ends)],
-            "wall": spread(point.wall, ".0f"),
-            "cpu": _figure(point, "train_cpu_seconds", ".0f"),
-            "static": _figure(point, "num_static_gaussians", ",.0f", alone=True),
-            "distractors": _figure(point, "num_distractor_gaussians", ",.0f", alone=True),
-            "seeds": len(point.seeds),
+            "cells": [spread(point.values(name), form) for name, (_, form) in columns.items()],
+            "seeds": len(point.scores),
             "verdict": said[index],
-            "is_on_front": index in front,
-            "is_base": point.variant == BASE,
+            "is_on_front": index in best,
         }
-        for index, point in enumerate(ends)
+        for index, point in enumerate(points)
     ]
 
 
-def names_of(points: Sequence[Measured]) -> list[str]:
-    """Those of `MORE` that were measured of any run."""
-    return [name for name in MORE if any(name in point.figures for point in points)]
-
-
-def spread(values: Spread, form: str) -> str:
-    """Median, and the range of several seeds."""
-    text = format(values.median, form)
-    if len(values.values) == 1:
-        return text
-    return f"{text} ({values.least:{form}} to {values.most:{form}})"
-
-
-def _figure(point: Measured, name: str, form: str, alone: bool = False) -> str:
-    values = point.figures.get(name)
-    if values is None:
+def spread(values: Sequence[float | int], form: str) -> str:
+    """Median, and the range of several values; empty where there is none."""
+    if not values:
         return ""
-    return format(values.median, form) if alone else spread(values, form)
+    text = format(median(values), form)
+    several = len(values) > 1
+    return f"{text} ({min(values):{form}} to {max(values):{form}})" if several else text
 
 
-def front_in_words(points: Sequence[Measured]) -> str:
-    """Whether the defaults are worth their time, and what beats them if they are not."""
-    ends = finals(points)
-    if not ends:
-        return ""
-    front = on_front(ends)
-    beaten = [o for i, o in enumerate(ends) if o.variant == BASE and i not in front]
-    if not beaten:
-        return "Every length of the defaults lies on the front."
-    better = {ends[i].variant for i in front if ends[i].variant != BASE}
-    lengths = ", ".join(f"{p.steps:,}" for p in sorted(beaten, key=lambda p: p.steps))
-    return (
-        f"The defaults at {lengths} steps lie behind the front, by medians. On it are also: "
-        f"{', '.join(sorted(better)) or 'other lengths of the defaults alone'}. The table says "
-        "what may be claimed of each."
-    )
+def draw(folder: Path, points: Sequence[Measured]) -> str:
+    """Draw PSNR over the training time as training.svg and training.png; the SVG. Bars reach from
+    the least to the largest of the seeds."""
+    with chart("training", (6.6, 4.4)) as axes:
+        axes.set(xlabel="training time, s of wall time", ylabel="PSNR of right halves, dB")
+        plain_logarithmic(axes.xaxis)
+        for index, variant in enumerate(dict.fromkeys(point.variant for point in points)):
+            mine = [point for point in points if point.variant == variant]
+            (x, across), (y, along) = (_bars(mine, name) for name in ("train_wall_seconds", "psnr"))
+            form = MARKERS[index % len(MARKERS)] + "-" * (variant == BASE)
+            color = COLOURS[index % len(COLOURS)]
+            axes.errorbar(x, y, along, across, form, color=color, label=variant, capsize=2)
+        axes.legend(frameon=False, fontsize=8, ncols=2)
+        text = svg_of(axes)
+        (folder / "training.svg").write_text(text, "utf8")
+        axes.figure.savefig(folder / "training.png", dpi=130, metadata={"Software": None})
+    return text
 
 
-def pictures_of(folder: Path, points: Sequence[Measured]) -> list[dict[str, str]]:
-    """The first held-out photo beside its rendering, by the shortest and by the best run."""
-    ends = [point for point in finals(points) if point.variant == BASE]
-    if not ends:
-        return []
-    shortest = min(ends, key=lambda point: point.steps)
-    best = max(ends, key=lambda point: point.psnr.median)
-    shown = []
-    for steps in dict.fromkeys((shortest.steps, best.steps)):
-        name = f"{BASE}-{steps}-{SEEDS[0]}"
-        found_pictures = sorted((folder / RUNS / name / PICTURES).glob("eval_img_*.png"))
-        if found_pictures:
-            pixels = np.asarray(Image.open(found_pictures[0]).convert("RGB"))
-            data = data_address(pixels, PICTURE_SIDE, PICTURE_QUALITY, "JPEG")
-            shown.append({"steps": f"{steps:,}", "data": data})
-    return shown
+def _bars(
+    points: Sequence[Measured], name: str
+) -> tuple[list[float | int], list[list[float | int]]]:
+    """Medians, and how far the least and the largest are from them."""
+    values = [sorted(point.values(name)) for point in points]
+    middles = [median(seeds) for seeds in values]
+    pairs = list(zip(middles, values, strict=True))
+    return middles, [[m - seeds[0] for m, seeds in pairs], [seeds[-1] - m for m, seeds in pairs]]

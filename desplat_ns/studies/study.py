@@ -1,29 +1,28 @@
-"""A study of a capture, training after training; ended at any time, it goes on where it was."""
+"""A study of a capture, run after run. Ended at any time, it goes on where it was."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
 from pathlib import Path
-from threading import Lock
 
 from desplat_ns.console import announce
-from desplat_ns.errors import ConfigError, DeSplatError
-from desplat_ns.studies.capture_info import METHOD, describe_capture
-from desplat_ns.studies.executors import Executor
-from desplat_ns.studies.methods import method_config
-from desplat_ns.studies.pace import (
-    Clock,
+from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
+from desplat_ns.studies.executors import RUNS, Executor, open_records
+from desplat_ns.studies.methods import content_of, method_config, split_of
+from desplat_ns.studies.plan import (
+    METHOD,
+    Capture,
     Pace,
-    first_pace,
+    first_run,
     fitting,
-    plan_for,
+    planned,
+    steps_that_fit,
 )
-from desplat_ns.studies.plan import BACKEND, TrainingPlan, compared
-from desplat_ns.studies.results import RUNS, Results
-from desplat_ns.studies.runs import Record, Run, log_of, remove_checkpoints
+from desplat_ns.studies.records import FILE, Key, Record
+from desplat_ns.studies.runs import Run
+from desplat_ns.survey.survey import decided_effects
 
 
 @dataclass(frozen=True)
@@ -36,114 +35,100 @@ class Request:
     output: Path
     seconds: float
     """Of wall time, for the whole study."""
-    jobs: int
-    """Runs beside each other."""
     executor: Executor
 
 
-def open_study(request: Request) -> Results:
+@dataclass
+class Study:
+    """The work on a study from one start of the command to its end."""
+
+    request: Request
+    capture: Capture
+    records: dict[Key, Record]
+    planned: list[Run] = field(default_factory=list)
+    failed: dict[str, str] = field(default_factory=dict)
+    """Why a run has no record, by its name."""
+
+    def __post_init__(self) -> None:
+        earlier = sum(record.seconds for record in self.records.values())
+        self._began = time.monotonic() - earlier / self.request.executor.jobs
+
+    @property
+    def spent(self) -> float:
+        """Seconds of wall time. Of earlier sessions those of the runs count."""
+        return time.monotonic() - self._began
+
+    @property
+    def left_out(self) -> list[str]:
+        """Names of runs for which no time was left."""
+        names = (run.name for run in self.planned if run.key not in self.records)
+        return [name for name in names if name not in self.failed]
+
+
+def open_study(request: Request) -> Study:
     """What an output folder holds of this study, or a new one.
 
     Raises:
         CaptureError: the capture cannot be read, or nothing of it is held out.
         ConfigError: the folder holds another study, or something else.
     """
-    results = Results.load(request.output)
-    if results is None:
-        started = time.monotonic()
-        capture = describe_capture(request.data, request.parser, request.output)
-        return Results(capture, time.monotonic() - started, request.jobs)
-    capture = results.capture
-    if (capture.data, capture.parser) != (str(request.data.resolve()), request.parser):
-        options = " ".join((capture.data, *capture.parser))
-        raise ConfigError(
-            f"{request.output} holds the study of another capture or data parser: {options}. "
-            "Name another --output, or that capture to go on with it."
-        )
-    results.jobs = request.jobs
-    return results
-
-
-class Session:
-    """The work on a study from one start of the command to its end."""
-
-    def __init__(self, request: Request, results: Results, tell: Callable[[str], None]) -> None:
-        """Args:
-        tell: is told what is being done.
-        """
-        self.results, self.clock = results, Clock(request.seconds, results.spent)
-        self._folder, self._executor, self._tell = request.output, request.executor, tell
-        self._runs = (request.output / RUNS).resolve()
-        self._keeping = Lock()
-        self.results.left_out = []
-        self.save()
-
-    def save(self) -> None:
-        """Write results.json. Raises ConfigError where that cannot be done."""
-        self.results.spent = round(self.clock.spent, 1)
-        self.results.save(self._folder)
-
-    def do(self) -> None:
-        """The runs of the plan that are not done and for which time is left.
-
-        Raises:
-            ConfigError: not even one fits.
-        """
-        self._tell("timing of training steps")
-        results, config = self.results, method_config(METHOD)
-        pace = first_pace(results.capture, config.machine.device_type)
-        if results.plan is None:
-            names = tuple(name for name in compared(results.capture.effects) if name != BACKEND)
-            most = config.nominal_num_iterations
-            results.plan = plan_for(
-                self.clock.left, results.jobs, pace, results.capture, names, most
+    records, data = open_records(request.output), request.data.resolve()
+    for record in records.values():
+        if record.capture != str(data):
+            raise ConfigError(
+                f"'{request.output}' holds the study of '{record.capture}'. Name another --output, "
+                "or that capture to go on with it."
             )
-        runs = results.plan.runs(results.capture)
-        done = {run for run in runs if run.name in results.training}
-        for run in done:
-            pace.add(run, results.training[run.name].figures["run_wall_seconds"])
-        self._announce_plan(results.plan, len(runs), len(done))
-        self._runs.mkdir(parents=True, exist_ok=True)
-        coming = self._noted(fitting(runs, done, pace, self.clock))
-        self._executor.do(coming, self._runs, partial(self._keep, pace))
-        settled = results.training.keys() | results.failed.keys()
-        results.left_out = [run.name for run in runs if run.name not in settled]
-        self.save()
+    return Study(request, describe_capture(data, request.parser), records)
 
-    def _noted(self, runs: Iterable[Run]) -> Iterator[Run]:
+
+def do_study(study: Study, tell: Callable[[str], None]) -> None:
+    """Do the runs that are not done and for which time is left.
+
+    Args:
+        tell: is told what is being done.
+
+    Raises:
+        DeSplatError: the first run failed.
+        ConfigError: records cannot be written.
+    """
+    request, capture = study.request, study.capture
+    folder = (request.output / RUNS).resolve()
+
+    def done(run: Run, record: Record) -> None:
+        study.records[run.key] = record
+        psnr, seconds = record.scores["psnr"], record.scores["train_wall_seconds"]
+        announce(f"{run.name}: {psnr:.2f} dB after {seconds:.0f} s of training")
+
+    def told(runs: Iterable[Run]) -> Iterator[Run]:
         for run in runs:
-            self._tell(f"training: {run.variant.name}, {run.steps:,} steps, seed {run.seed}")
+            tell(f"training: {run.name}")
             yield run
 
-    def _keep(self, pace: Pace, run: Run, outcome: Record | Exception) -> bool:
-        """Record a run and make room; False if it failed, which is said.
+    def finish(runs: Iterable[Run]) -> dict[str, str]:
+        return request.executor.finish(told(runs), request.output / FILE, folder, done)
 
-        Raises:
-            ConfigError: nothing can be written, for instance because the disk is full.
-        """
-        with self._keeping:  # runs beside each other share the results
-            if isinstance(outcome, Exception):
-                self._fail(run.name, outcome)
-                self.save()
-                return False
-            pace.add(run, outcome.figures["run_wall_seconds"])
-            self.results.training[run.name] = outcome
-            self.results.failed.pop(run.name, None)
-            self.save()
-        psnr, seconds = outcome.figures["psnr"], outcome.figures["train_wall_seconds"]
-        announce(f"{run.name}: {psnr:.2f} dB after {seconds:.0f} s of training")
-        remove_checkpoints(run.name, self._runs)
-        return True
+    study.planned = [first_run(capture)]
+    for failure in finish(study.planned).values():
+        raise DeSplatError(f"The first run failed. {failure}")
+    most = method_config(METHOD).nominal_num_iterations
+    seconds, pace = request.seconds * request.executor.jobs, Pace(study.planned, study.records)
+    steps = steps_that_fit(seconds, pace, capture, most)
+    study.planned = planned(capture, steps, most)
+    count = sum(run.key in study.records for run in study.planned)
+    announce(
+        f"Variants are compared at {steps:,} steps. Planned runs: {len(study.planned)}; done: "
+        f"{count}. Of the others those are done that fit into the time."
+    )
+    study.failed = finish(
+        fitting(study.planned, study.records, lambda: request.seconds - study.spent)
+    )
 
-    def _announce_plan(self, plan: TrainingPlan, number: int, done: int) -> None:
-        went_on = f", {done} of which are done" if done else ""
-        announce(
-            f"Variants are compared at {plan.steps:,} steps. Planned: {number} trainings{went_on}; "
-            "as many as fit are done."
-        )
 
-    def _fail(self, name: str, error: Exception) -> None:
-        log = f"{type(error).__name__}: {error} Its log: {log_of(name, self._runs)}"
-        said = str(error) if isinstance(error, DeSplatError) else log
-        self.results.failed[name] = said
-        announce(f"{name}: {said}", warning=True)
+def describe_capture(data: Path, parser: tuple[str, ...]) -> Capture:
+    """Read a capture and survey it. Raises CaptureError, SystemExit as `split_of`."""
+    if not data.exists():
+        raise CaptureError(f"There is no folder {data}. Check the path to the capture.")
+    train, test = (split_of(METHOD, data, parser, split) for split in ("train", "test"))
+    effects, _ = decided_effects(method_config(METHOD).pipeline.model.effects, train)
+    return Capture(data, parser, content_of(train, test), effects.settled())

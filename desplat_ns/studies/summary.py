@@ -1,4 +1,4 @@
-"""What the trainings of a study say: medians over seeds, what pays, and what may be claimed."""
+"""What the runs of a study say: medians over seeds, what pays, and which differences are real."""
 
 from __future__ import annotations
 
@@ -6,100 +6,57 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, median, stdev
+from typing import Any
 
 from desplat_ns.studies.plan import BASE
-from desplat_ns.studies.runs import Figures, Record, Run
+from desplat_ns.studies.records import Key, Record
+from desplat_ns.studies.runs import Run
 
-CostAndError = tuple[float, float]
+CostAndError = tuple[float | int, float | int]
 """The less of both the better."""
 
 NICE_SECONDS = (5, 10, 15, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200)
 """Training times for which the best that was reached is told."""
 
 NEEDED = 3
-"""Seeds that both sides of a claim have: `p_value` is that of so many."""
+"""Seeds that both sides of a claim have: `p_value` is that of three."""
 
 SIGNIFICANT = 0.05
 """A difference is claimed where p, corrected for the number of comparisons, is no larger."""
 
 
 @dataclass(frozen=True)
-class Spread:
-    """A figure of several seeds."""
-
-    values: tuple[float, ...]
-
-    @property
-    def median(self) -> float:
-        return median(self.values)
-
-    @property
-    def least(self) -> float:
-        return min(self.values)
-
-    @property
-    def most(self) -> float:
-        return max(self.values)
-
-
-@dataclass(frozen=True)
 class Measured:
-    """A variant at a number of steps, or the same on its way to them."""
+    """A variant at a length."""
 
     variant: str
     steps: int
-    """Of the run."""
-    done: int
-    """Steps after which it was scored."""
-    seeds: tuple[int, ...]
-    figures: Mapping[str, Spread]
-    """By name, in the order of the seeds; what not every seed has is left out."""
+    scores: Mapping[int, Mapping[str, Any]]
+    """By seed."""
+
+    def values(self, name: str) -> list[float | int]:
+        """A score of each seed that has it."""
+        return [row[name] for row in self.scores.values() if name in row]
 
     @property
-    def is_final(self) -> bool:
-        return self.done == self.steps
+    def psnr(self) -> float | int:
+        """Median over the seeds, dB."""
+        return median(self.values("psnr"))
 
     @property
-    def psnr(self) -> Spread:
-        """Of right halves, dB."""
-        return self.figures["psnr"]
-
-    @property
-    def psnr_by_seed(self) -> dict[int, float]:
-        """dB."""
-        return dict(zip(self.seeds, self.psnr.values, strict=True))
-
-    @property
-    def wall(self) -> Spread:
-        """Seconds of training."""
-        return self.figures["train_wall_seconds"]
+    def wall(self) -> float | int:
+        """Median over the seeds, seconds of the training steps."""
+        return median(self.values("train_wall_seconds"))
 
 
-def measured(runs: Sequence[Run], records: Mapping[str, Record]) -> list[Measured]:
-    """All variants and lengths of which a seed was measured, in the order of the plan, each on its
-    way and in the end."""
-    by_cell: dict[tuple[str, int], dict[int, Mapping[int, Figures]]] = {}
+def measured(runs: Iterable[Run], records: Mapping[Key, Record]) -> list[Measured]:
+    """What has a record of at least one seed: the base's lengths, then the other variants."""
+    scores: dict[tuple[str, int], dict[int, Mapping[str, Any]]] = {}
     for run in runs:
-        record = records.get(run.name)
-        if record is not None:
-            points = {int(point["step"]): point for point in record.curve}
-            points[run.steps] = record.figures
-            by_cell.setdefault((run.variant.name, run.steps), {})[run.seed] = points
-    return [
-        Measured(variant, steps, done, tuple(seeds), _spreads([p[done] for p in seeds.values()]))
-        for (variant, steps), seeds in by_cell.items()
-        for done in sorted(set.intersection(*(set(points) for points in seeds.values())))
-    ]
-
-
-def _spreads(figures: Sequence[Figures]) -> dict[str, Spread]:
-    names = [name for name in figures[0] if all(name in row for row in figures)]
-    return {name: Spread(tuple(float(row[name]) for row in figures)) for name in names}
-
-
-def finals(points: Iterable[Measured]) -> list[Measured]:
-    """Whole runs alone."""
-    return [point for point in points if point.is_final]
+        if (record := records.get(run.key)) is not None:
+            scores.setdefault((run.variant, run.steps), {})[run.seed] = record.scores
+    points = [Measured(*cell, by_seed) for cell, by_seed in scores.items()]
+    return sorted(points, key=lambda point: (point.variant != BASE, point.steps))
 
 
 def front(points: Sequence[CostAndError]) -> set[int]:
@@ -119,53 +76,32 @@ def front(points: Sequence[CostAndError]) -> set[int]:
 
 
 def on_front(points: Sequence[Measured]) -> set[int]:
-    """Indices of those that no other beats: less time for as many dB, by medians."""
-    return front([(point.wall.median, -point.psnr.median) for point in points])
+    """Indices of the points for which no other has as many dB in less time, by medians."""
+    return front([(point.wall, -point.psnr) for point in points])
 
 
-def best_within(seconds: float | int, points: Iterable[Measured]) -> Measured | None:
-    """The most dB that were reached in a training time; None if nothing was."""
-    in_time = [point for point in points if point.wall.median <= seconds]
-    return max(in_time, key=lambda point: point.psnr.median, default=None)
+def bought(points: Sequence[Measured]) -> list[tuple[int, Measured]]:
+    """The most dB that were reached in some training times, one of them above all measured."""
+    shown, number = list[tuple[int, Measured]](), 0
+    for seconds in NICE_SECONDS:
+        in_time = [point for point in points if point.wall <= seconds]
+        if len(in_time) > number:
+            shown.append((seconds, max(in_time, key=lambda point: point.psnr)))
+        number = len(in_time)
+    return shown
 
 
-def soonest_at(decibels: float | int, points: Iterable[Measured]) -> Measured | None:
-    """What reached so many dB first; None if nothing did."""
-    enough = [point for point in points if point.psnr.median >= decibels]
-    return min(enough, key=lambda point: point.wall.median, default=None)
+# --- which differences are real ------------------------------------------------------------------
 
 
-def times_to_tell(points: Sequence[Measured]) -> list[int]:
-    """Training times between the least and the largest that was measured, and one above."""
-    walls = [point.wall.median for point in points]
-    if not walls:
-        return []
-    times = [seconds for seconds in NICE_SECONDS if min(walls) <= seconds <= max(walls)]
-    above = [seconds for seconds in NICE_SECONDS if seconds > max(walls)]
-    return times + above[:1]
-
-
-def decibels_to_tell(points: Sequence[Measured]) -> list[int]:
-    """Whole dB that were reached, the upper six."""
-    values = [point.psnr.median for point in points]
-    if not values:
-        return []
-    return list(range(int(min(values)) + 1, int(max(values)) + 1))[-6:]
-
-
-# --- what may be claimed -------------------------------------------------------------------------
-
-
-def differences(point: Measured, base: Measured) -> tuple[float, ...]:
-    """PSNR less the base's with the same seed, dB, of the seeds that both have: a seed's noise that
-    both share is in neither."""
-    ours, theirs = point.psnr_by_seed, base.psnr_by_seed
-    return tuple(ours[seed] - theirs[seed] for seed in ours if seed in theirs)
+def differences(point: Measured, base: Measured) -> list[float]:
+    """PSNR less the base's with the same seed, dB, of the seeds that both have."""
+    common = [seed for seed in point.scores if seed in base.scores]
+    return [point.scores[seed]["psnr"] - base.scores[seed]["psnr"] for seed in common]
 
 
 def p_value(gains: Sequence[float]) -> float:
-    """Of a paired t-test, two-sided: how often three differences would be as far from 0 for their
-    scatter if there was none, provided that they are normally distributed.
+    """p of a paired t-test, two-sided, of three differences.
 
     With two degrees of freedom Student's distribution has a closed form,
     P(|T| >= t) = 1 - t / sqrt(t^2 + 2).
@@ -179,8 +115,8 @@ def p_value(gains: Sequence[float]) -> float:
 
 
 def corrected(p_values: Sequence[float]) -> list[float]:
-    """For their number (Holm 1979): if each that is at most q is claimed, there is a false claim
-    among them in at most a share q of such studies, whatever depends on what."""
+    """p values for their number (Holm 1979): with a claim where the result is at most q, there is a
+    false claim among them in at most a share q of such studies."""
     adjusted, largest = [0.0] * len(p_values), 0.0
     for rank, i in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
         largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[i]))
@@ -189,31 +125,23 @@ def corrected(p_values: Sequence[float]) -> list[float]:
 
 
 def verdicts(points: Sequence[Measured]) -> list[str]:
-    """What may be said of each whole run against the base at as many steps, in their order; empty
+    """What may be said of each point against the base at as many steps, in their order; empty
     where there is nothing to compare it with."""
     base = {point.steps: point for point in points if point.variant == BASE}
-    pairs = {
-        i: differences(point, base[point.steps])
-        for i, point in enumerate(points)
-        if point.variant != BASE and point.steps in base
-    }
-    tested = [i for i, pair in pairs.items() if len(pair) == NEEDED]
-    p = dict(zip(tested, corrected([p_value(pairs[i]) for i in tested]), strict=True))
-    return [_verdict(pairs.get(i, ()), p.get(i)) for i in range(len(points))]
+    gains = [
+        [] if p.variant == BASE or p.steps not in base else differences(p, base[p.steps])
+        for p in points
+    ]
+    tested = [i for i, pairs in enumerate(gains) if len(pairs) == NEEDED]
+    p = dict(zip(tested, corrected([p_value(gains[i]) for i in tested]), strict=True))
+    return [_verdict(pairs, p.get(i)) for i, pairs in enumerate(gains)]
 
 
-def _verdict(pair: Sequence[float], p: float | None) -> str:
-    if not pair:
+def _verdict(gains: Sequence[float], p: float | None) -> str:
+    if not gains:
         return ""
-    said = f"{fmean(pair):+.2f} dB"
+    said = f"{fmean(gains):+.2f} dB"
     if p is None:
-        return f"{said}, {len(pair)} of {NEEDED} seeds: no claim"
+        return f"{said}, {len(gains)} of {NEEDED} seeds: no claim"
     value = "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
     return f"{said}, {value}" if p <= SIGNIFICANT else f"{said}, not told apart ({value})"
-
-
-def least_ratio(comparisons: int) -> float:
-    """How many times its standard deviation over the seeds the clearest of several differences has
-    to be, to be claimed: `p_value` solved for t, over the root of the number of seeds."""
-    inside = 1 - SIGNIFICANT / max(1, comparisons)
-    return inside * math.sqrt(2 / (1 - inside**2) / NEEDED)

@@ -1,3 +1,3 @@
-"""Methods that `desplat` is compared with. It may import `lab.grid` and all of
-`desplat_ns`.
+"""Methods that `desplat` is compared with, and the data sets of the paper's tables in small. It may
+import `lab.synthetic` and all of `desplat_ns`.
 """

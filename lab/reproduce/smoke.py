@@ -9,9 +9,11 @@ steps at 48 pixels. A figure that a table lacks is an error.
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import sys
 import time
+from contextlib import redirect_stderr, redirect_stdout
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -19,6 +21,9 @@ from desplat_ns.console import announce
 from desplat_ns.files.pages import time_in_words
 from desplat_ns.reproduce.protocols import Smoke
 from desplat_ns.reproduce.tables import TABLES, TableName
+from desplat_ns.studies.executors import Executor
+from desplat_ns.studies.records import Record
+from desplat_ns.studies.runs import PICTURES, Run, execute
 from lab.reproduce.data_sets import write_data_sets
 
 FOLDER = Path("outputs/smoke")
@@ -32,18 +37,35 @@ GROUPS: tuple[tuple[TableName, ...], ...] = (
 """What goes into one output folder: those of A7 to A9 share the runs of the first two."""
 
 
+def here(run: Run, folder: Path) -> Record:
+    """Do a run in this process, so that nothing is imported and compiled anew for each. Nothing
+    keeps runs from one another's leftovers."""
+    from nerfstudio.utils import writer
+
+    from desplat_ns.studies.train_and_score import train_and_score
+
+    def command(line: list[str], log: Path) -> None:
+        results, _, method, *options = line[3:]
+        for kept in (writer.EVENT_WRITERS, writer.EVENT_STORAGE, writer.GLOBAL_BUFFER):
+            kept.clear()  # nerfstudio 1.1.5 keeps those of earlier runs
+        with log.open("w") as file, redirect_stdout(file), redirect_stderr(file):
+            record = train_and_score(method, options, log.with_name(PICTURES))
+        Path(results).write_text(json.dumps(record))
+
+    return execute(run, folder, command)
+
+
 def run_tables(folder: Path, names: tuple[TableName, ...]) -> list[str]:
     """What went wrong, in words; says how long each table took."""
     from desplat_ns.reproduce.grid import Request, reproduce
     from desplat_ns.reproduce.methods import METHODS
-    from lab.reproduce.here import InThisProcess
 
     wrong = []
     for name in names:
         table, began, wall = TABLES[name], time.process_time(), time.monotonic()
         methods = tuple(METHODS[method] for method in table.methods)
         places = (folder / "data", folder / f"tables-{names[0]}")
-        request = Request(table, *places, methods, 1, InThisProcess(), 1, "cpu", smoke=SHORT)
+        request = Request(table, *places, methods, 1, Executor(do=here), "cpu", SHORT)
         wrong += missing_figures(name, reproduce(request))
         seconds, wall = time.process_time() - began, time.monotonic() - wall
         announce(f"{name}: {seconds:.0f} s of CPU time, {wall:.0f} s on the clock.")
@@ -52,10 +74,7 @@ def run_tables(folder: Path, names: tuple[TableName, ...]) -> list[str]:
 
 def missing_figures(name: TableName, folder: Path) -> list[str]:
     """Which figures a written table lacks, but for LPIPS where its weights cannot be had."""
-    import json
-
-    table = TABLES[name]
-    content = json.loads((folder / "table.json").read_text())
+    table, content = TABLES[name], json.loads((folder / "table.json").read_text())
     there = {(cell["scene"], cell["method"], cell["metric"]) for cell in content["cells"]}
     has_lpips = bool(content["conditions"]["LPIPS net"])
     return [

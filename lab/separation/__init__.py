@@ -1,4 +1,4 @@
-"""How well static scene and distractors are told apart: docs/results/separation.md, `make study`.
+"""How well static scene and distractors are told apart: real passers-by, small things, pictures.
 
 It may import all of `desplat_ns`.
 """

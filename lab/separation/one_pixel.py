@@ -2,6 +2,8 @@
 
 Every view sees the same static colour s through its own distractor of colour r and opacity a, and
 compares c = a r + (1 - a) s with its photo y. In a few views y is an occluder's colour.
+
+python -m lab.separation.one_pixel        (draws docs/explain/one_pixel.png)
 """
 
 from __future__ import annotations
@@ -10,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
+
+from lab.documents import DOCS
 
 VIEWS, OCCLUDED = 40, 8
 TRUTH, OCCLUDER = 0.3, 0.9
@@ -123,3 +127,7 @@ def draw(path: Path) -> None:
         axes.grid(True, alpha=0.25)
     panels[1].legend(frameon=False, fontsize=7)
     figure.savefig(path, dpi=110, metadata={"Software": None})
+
+
+if __name__ == "__main__":
+    draw(DOCS / "explain" / "one_pixel.png")

@@ -28,10 +28,10 @@ from torch import Tensor
 from desplat_ns.data.images import read_image, read_mask, resize_image, resize_mask, write_image
 from desplat_ns.separation.grid import grid_of, pooled
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
+from desplat_ns.studies.records import markdown_table
 from desplat_ns.studies.runs import QUIET
 from desplat_ns.studies.train_and_score import train_and_score
 from lab.arguments import parser_of
-from lab.grid.tables import table
 from lab.separation.small_rules import FOUND, iou, judged, lost_by
 from lab.separation.small_things import make
 
@@ -240,7 +240,7 @@ def report(results: Sequence[dict[str, Any]]) -> str:
     rows = [_row(key, groups[key]) for key in sorted(groups, key=lambda k: (k[0] != "plain", k))]
     rows.append(_row(("all", None, None), [sight for group in groups.values() for sight in group]))
     names = ["kind", "size", "photos", "found", "median IoU", "ghost", "first found", "lost by"]
-    return f"{table(head, runs)}\n\n{table(names, rows)}"
+    return f"{markdown_table(head, runs)}\n\n{markdown_table(names, rows)}"
 
 
 def _row(key: tuple[str, float | None, int | None], sights: list[dict[str, Any]]) -> list[str]:

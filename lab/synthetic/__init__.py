@@ -7,24 +7,18 @@ Inside this package arrays put coordinates first ("3 N"): numpy is fastest that 
 
 from __future__ import annotations
 
-from lab.synthetic.daylight import Daylight, DaylightSpec
+from lab.synthetic.daylight import DaylightSpec
 from lab.synthetic.layouts import write_scene
-from lab.synthetic.light import Light, apply_light
 from lab.synthetic.occluders import OccluderSpec
 from lab.synthetic.scene import Frame, Scene, make_scene
-from lab.synthetic.sky import Sky
 from lab.synthetic.spec import SceneSpec
 
 __all__ = [
-    "Daylight",
     "DaylightSpec",
     "Frame",
-    "Light",
     "OccluderSpec",
     "Scene",
     "SceneSpec",
-    "Sky",
-    "apply_light",
     "make_scene",
     "write_scene",
 ]

@@ -5,30 +5,80 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
 from desplat_ns.errors import ConfigError
+from lab.synthetic.arrays import f32
 from lab.synthetic.cameras import PinholeCamera
-from lab.synthetic.light import Light, apply_light
 from lab.synthetic.render import AMBIENT, DIRECT, SUN, Samples, Sun, to_pixels, to_uint8
-from lab.synthetic.sky import Sky
 from lab.synthetic.textures import Color
 
 TINT_SPREAD = 0.04
 """Each channel of a photo's tint differs from its kind's by up to this fraction."""
 
-SKY_SPREAD = 0.08
-"""Each channel of a photo's sky is darker than its kind's by up to this fraction, ..."""
+SKY_SPREAD, HAZE = 0.08, 0.3
+"""Each channel of a photo's sky is darker than its kind's by up to the first fraction, and its
+zenith lies up to the second on the way to the horizon's colour."""
 
-HAZE = 0.3
-"""... and its zenith lies up to this far on the way to the horizon's colour."""
+CLOUDED, CLOUD = 1 / 3, (0.25, 1.25)
+"""Share of the photos with a sun of their own in which a cloud is before it, and its factors on the
+sun's light and on the light from the sky."""
 
 
-CLOUDED = 1 / 3
-"""Share of the photos with a sun of their own in which a cloud is before it: ..."""
+@dataclass(frozen=True)
+class Light:
+    """What `apply_light` does to a photo; the default changes nothing. All values are above 0."""
 
-CLOUD = (0.25, 1.25)
-"""... by these factors on the sun's light and on the light from the sky."""
+    gain: float = 1.0
+    """Exposure: factor on all channels."""
+    tint: Color = (1.0, 1.0, 1.0)
+    """White balance: factor on each channel."""
+    gamma: float = 1.0
+    """Contrast: above 1 darkens the shadows more than the lights, below 1 lifts them."""
+
+    def scaled(self, strength: float) -> Light:
+        """The way from no change (strength 0) to this light (1), in equal ratios."""
+        r, g, b = (channel**strength for channel in self.tint)
+        return Light(self.gain**strength, (r, g, b), self.gamma**strength)
+
+
+def apply_light(rgb: Float[np.ndarray, "H W 3"], light: Light) -> Float[np.ndarray, "H W 3"]:
+    """`photo = clip(gain * tint * rgb ** gamma, 0, 1)`, channel by channel.
+
+    `rgb` in [0, 1] is the photo under canonical light. Gain and tint are an affine toning of each
+    channel; gamma is not, so a model with one affine toning per photo cannot fit it exactly.
+    """
+    factor = f32(light.tint) * np.float32(light.gain)
+    return np.clip(factor * rgb ** np.float32(light.gamma), 0, 1)
+
+
+@dataclass(frozen=True)
+class Sky:
+    """Colours of one photo's sky under canonical light, in [0, 1]; a function of the direction."""
+
+    horizon: Color
+    zenith: Color
+    glow: Color
+    """Added to the horizon's colour on the brighter side of the sky."""
+    azimuth: float = 0.0
+    """Radians from the x axis to the middle of the brighter side, about the vertical."""
+
+    def toward(self, directions: Float[np.ndarray, "3 *R"]) -> Float[np.ndarray, "3 *R"]:
+        """Colours in world directions of any length.
+
+        For a unit direction d with height z, and the horizontal unit vector b to the brighter side:
+        `horizon + (zenith - horizon) z (2 - z) + glow ((1 + b.d) / 2)^2`: a polynomial of degree
+        2, so spherical harmonics of degree 2 represent it exactly. Below the horizon (z < 0) the
+        second term is left out.
+        """
+        x, y, z = directions / np.sqrt((directions * directions).sum(axis=0))
+        rise = np.maximum(z, 0) * (2 - z)
+        along = x * np.float32(np.cos(self.azimuth)) + y * np.float32(np.sin(self.azimuth))
+        side = ((1 + along) / 2) ** 2
+        horizon, zenith, glow = (
+            f32(color).reshape(3, *[1] * z.ndim) for color in (self.horizon, self.zenith, self.glow)
+        )
+        return horizon + (zenith - horizon) * rise + glow * side
 
 
 @dataclass(frozen=True)
@@ -62,14 +112,13 @@ KINDS = {
         sky=Sky((0.9, 0.7, 0.62), (0.42, 0.46, 0.78), (0.1, 0.14, 0.04)),
     ),
 }
-"""To add a kind, name it here."""
+"""As many photos are of each."""
 
 
 @dataclass(frozen=True)
 class Daylight:
     """What one photo was taken in."""
 
-    kind: str
     light: Light
     sky: Sky | None
     """None: the sky of a scene without daylight, under this light."""
@@ -81,39 +130,32 @@ class Daylight:
 class DaylightSpec:
     """Which daylight the photos are taken in, and how much of it shows."""
 
-    kinds: tuple[str, ...] = ("noon", "overcast", "dusk")
-    """As many photos of each; a kind named twice is twice as frequent."""
     strength: float = 1.0
     """Of the light, from 0 (the same in all photos) to 1. The sky does not depend on it."""
     sky: bool = True
     """Whether every photo has a sky of its own."""
     sun: float = 0.0
-    """Degrees to either side by which photos differ in where the sun stands; a third of them has
-    clouds before it. Shadows move and change then: no factor on a photo's colours undoes that."""
+    """Degrees to either side by which photos differ in where the sun stands, up to 180; a third of
+    them has clouds before it. Shadows move and change then: no factor on a photo's colours undoes
+    that."""
     plain_sky: Color | None = None
     """A sky of this one colour in all photos, whatever `sky` is, before each photo's light."""
 
     def __post_init__(self) -> None:
-        unknown = sorted(set(self.kinds) - set(KINDS))
-        if unknown or not self.kinds:
+        if not (0 <= self.strength <= 1 and 0 <= self.sun <= 180):
             raise ConfigError(
-                f"Daylight of the kinds {unknown or '(none)'} is not known. Use some of "
-                f"{sorted(KINDS)}."
+                f"Daylight's strength is {self.strength} and its sun {self.sun}. Choose them from "
+                "0 to 1, and from 0 to 180 degrees."
             )
-        if not 0 <= self.strength <= 1:
-            raise ConfigError(f"Daylight's strength is {self.strength}. Choose it from 0 to 1.")
-        if not 0 <= self.sun <= 180:
-            raise ConfigError(f"Daylight's sun is {self.sun}. Choose it from 0 to 180 degrees.")
 
 
 def draw_daylights(spec: DaylightSpec, count: int, rng: np.random.Generator) -> list[Daylight]:
     """The daylight of `count` photos: every kind equally often, in random order."""
-    order = rng.permutation(np.arange(count) % len(spec.kinds))
-    return [_draw_daylight(spec, spec.kinds[index], rng) for index in order]
+    order, kinds = rng.permutation(np.arange(count) % len(KINDS)), list(KINDS.values())
+    return [_draw_daylight(spec, kinds[index], rng) for index in order]
 
 
-def _draw_daylight(spec: DaylightSpec, name: str, rng: np.random.Generator) -> Daylight:
-    kind = KINDS[name]
+def _draw_daylight(spec: DaylightSpec, kind: DaylightKind, rng: np.random.Generator) -> Daylight:
     tint = _scaled(kind.tint, 1 - TINT_SPREAD, 1 + TINT_SPREAD, rng)
     light = Light(rng.uniform(*kind.gain), tint, rng.uniform(*kind.gamma))
     horizon, zenith = (
@@ -126,7 +168,7 @@ def _draw_daylight(spec: DaylightSpec, name: str, rng: np.random.Generator) -> D
         sky = Sky(spec.plain_sky, spec.plain_sky, (0.0, 0.0, 0.0))
     shown = sky if spec.sky or spec.plain_sky is not None else None
     sun = _draw_sun(spec.sun, rng) if spec.sun > 0 else None
-    return Daylight(name, light.scaled(spec.strength), shown, sun)
+    return Daylight(light.scaled(spec.strength), shown, sun)
 
 
 def _draw_sun(degrees: float, rng: np.random.Generator) -> Sun:

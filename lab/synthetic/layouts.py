@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,12 +24,10 @@ def write_scene(spec: SceneSpec, folder: Path) -> Scene:
 
     Layout `robustnerf`: `images/{clean,clutter,extra}_NNNN.png` and `sparse/0/*.bin` (COLMAP).
     Layout `phototourism`: `dense/images/photo_NNNN.png` (training photos with occluders, then the
-    extras as test photos), `dense/sparse/*.bin`, `yard.tsv` (NeRF-W's split: filename, id, split,
-    dataset), and beside them the training photos' twins in `clean/`.
+    extras as test photos), `dense/sparse/*.bin` and `yard.tsv` (NeRF-W's split: filename, id,
+    split, dataset).
 
-    In both: `masks/NAME.png` for each training photo with occluders (255 = occluder) and
-    `scene.json` (the spec). With daylight: `light.json` (each photo's `Daylight`) and the
-    evaluation photos without it in `unlit/`.
+    In both: `masks/NAME.png` for each training photo with occluders (255 = occluder).
     Raises ConfigError where `folder` already holds pictures, and as `make_scene`.
     """
     dense = folder / "dense" if spec.layout == "phototourism" else folder
@@ -42,17 +39,12 @@ def write_scene(spec: SceneSpec, folder: Path) -> Scene:
     scene = make_scene(spec)
     if spec.layout == "phototourism":
         _write_capture(scene, scene.clutter, dense / "images", dense / "sparse")
-        _write_images(scene.clean, folder / "clean")
         _write_split(scene, folder / f"{NAME}.tsv")
     else:
         photos = scene.clutter + scene.clean
         _write_capture(scene, photos, dense / "images", dense / "sparse" / "0")
     for frame in scene.clutter:
         write_image(folder / "masks" / f"{frame.name}.png", frame.mask)
-    _write_images(scene.unlit, folder / "unlit")
-    if spec.daylight is not None:
-        _write_light(scene, folder / "light.json")
-    (folder / "scene.json").write_text(json.dumps(spec.to_dict(), indent=2) + "\n")
     return replace(scene, folder=folder)
 
 
@@ -93,12 +85,3 @@ def _write_split(scene: Scene, path: Path) -> None:
         table.writerow(["filename", "id", "split", "dataset"])
         for image_id, (name, split) in enumerate(rows, start=1):
             table.writerow([f"{name}.png", image_id, split, NAME])
-
-
-def _write_light(scene: Scene, path: Path) -> None:
-    frames = scene.clean + scene.clutter + scene.extra
-    known = {frame.name: asdict(frame.daylight) for frame in frames if frame.daylight is not None}
-    for light in known.values():
-        if light["sun"] is None:
-            del light["sun"]
-    path.write_text(json.dumps(known, indent=2) + "\n")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,16 +12,7 @@ from jaxtyping import Float
 from desplat_ns.errors import ConfigError
 from lab.synthetic.cameras import PinholeCamera
 from lab.synthetic.primitives import Box, Capsule, Primitive, Sphere
-from lab.synthetic.textures import (
-    BARE_WALL,
-    Checker,
-    Color,
-    Dots,
-    Grained,
-    Plain,
-    Stripes,
-    Texture,
-)
+from lab.synthetic.textures import Checker, Color, Dots, Grained, Plain, Stripes, Texture
 
 _TRIES = 60
 """Occluders proposed for one view before the coverage asked for counts as out of reach."""
@@ -38,27 +29,6 @@ class OccluderSpec:
     this and the middle of both limits."""
     max_fraction: float = 0.45
     """One that would lift the covered fraction above this is left out."""
-    faint: float = 0.0
-    """Share of the occluders that have nearly the colour of what is behind them."""
-    lingering: float = 0.0
-    """Chance that those of one view still stand where they are in the next, others beside them."""
-
-    def __post_init__(self) -> None:
-        unknown = sorted(set(self.kinds) - set(KINDS))
-        if unknown or not self.kinds:
-            raise ConfigError(
-                f"Occluder kinds {unknown or '(none)'} are not known. Use some of {sorted(KINDS)}."
-            )
-        if not 0 <= self.min_fraction <= self.max_fraction <= 1:
-            raise ConfigError(
-                f"Occluders cannot cover from {self.min_fraction} to {self.max_fraction} of a "
-                "view. Choose 0 <= min_fraction <= max_fraction <= 1."
-            )
-        if not (0 <= self.faint <= 1 and 0 <= self.lingering < 1):
-            raise ConfigError(
-                f"faint is {self.faint} and lingering {self.lingering}. Choose 0 <= faint <= 1 and "
-                "0 <= lingering < 1."
-            )
 
 
 def _color(rng: np.random.Generator) -> Color:
@@ -138,14 +108,6 @@ KINDS: dict[str, Callable[[PinholeCamera, float, np.random.Generator], list[Prim
 """To add a kind, write a function like these and name it here."""
 
 
-def paled(parts: list[Primitive], rng: np.random.Generator) -> list[Primitive]:
-    """The same solids in nearly the colour of a bare wall."""
-    r, g, b = (np.array(BARE_WALL) + rng.uniform(-0.12, 0.08) + rng.uniform(-0.03, 0.03, 3)).clip(
-        0, 1
-    )
-    return [replace(part, texture=Plain((r, g, b))) for part in parts]  # pyright: ignore
-
-
 class Effect(NamedTuple):
     """What a list of occluders does to a view."""
 
@@ -161,21 +123,15 @@ def occluders_for_view(
     view: int,
     effect: Callable[[list[Primitive]], Effect],
     rng: np.random.Generator,
-    staying: Sequence[Primitive] = (),
 ) -> list[Primitive]:
     """Occluders of the training view with index `view`.
 
     They come one by one, each at its own place across the image, until they cover as much as
     `spec` asks for. What would hide worn-out points is refused, less and less strictly.
 
-    Args:
-        staying: those of the view before that are still there, unless they cover too much of this.
-
     Raises ConfigError where `spec` cannot be met.
     """
-    chosen, covered = [*staying], effect([*staying]).covered if staying else 0.0
-    if covered > spec.max_fraction:
-        chosen, covered = [], 0.0
+    chosen, covered = list[Primitive](), 0.0
     wanted = rng.uniform(spec.min_fraction, (spec.min_fraction + spec.max_fraction) / 2)
     for turn in range(_TRIES):
         if covered >= wanted:
@@ -184,8 +140,6 @@ def occluders_for_view(
         across = (0.5 + view * 0.7548776662 + turn * 0.5698402910) % 1
         kind = spec.kinds[rng.integers(len(spec.kinds))]
         new = KINDS[kind](camera, across, rng)
-        if spec.faint > 0 and rng.random() < spec.faint:
-            new = paled(new, rng)
         proposed = chosen + new
         now = effect(proposed)
         if covered < now.covered <= spec.max_fraction and now.worn_out <= (turn / _TRIES) ** 3:

@@ -10,9 +10,7 @@ from jaxtyping import Bool, Float
 
 from lab.synthetic.arrays import dot, f32
 from lab.synthetic.cameras import PinholeCamera
-from lab.synthetic.lamps import mirrored
 from lab.synthetic.primitives import Primitive
-from lab.synthetic.textures import Glossy
 
 _SUN = f32([-0.3, -0.65, 0.8])
 SUN = _SUN / np.linalg.norm(_SUN)
@@ -114,9 +112,6 @@ def draw(
         mine = owner == index
         points = origin[:, :, 0] + depth[mine] * directions[:, mine]
         rgb[:, mine] = shade(primitives[index], points, casters, sun)
-        if isinstance(primitives[index].texture, Glossy):
-            rgb[:, mine] += reflection(primitives[index], points, directions[:, mine])
-            rgb[:, mine] = np.clip(rgb[:, mine], 0, 1)
     return Samples(rgb, depth, owner >= 0)
 
 
@@ -153,16 +148,6 @@ def shade(
         lit[lit] = ~in_shadow(points[:, lit], casters, sun, primitive)
     light = sun.ambient * (0.8 + 0.2 * normals[2]) + sun.direct * np.where(lit, toward_sun, 0)
     return np.clip(primitive.texture(uv) * light, 0, 1)
-
-
-def reflection(
-    primitive: Primitive, points: Float[np.ndarray, "3 N"], directions: Float[np.ndarray, "3 N"]
-) -> Float[np.ndarray, "3 N"]:
-    """Light that a glossy surface mirrors into the camera, which `directions` come from."""
-    assert isinstance(primitive.texture, Glossy)
-    normals, _ = primitive.surface(points)
-    rays = directions / np.sqrt(dot(directions, directions))
-    return np.float32(primitive.texture.share) * mirrored(rays - 2 * dot(rays, normals) * normals)
 
 
 def in_shadow(

@@ -2,24 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from desplat_ns.errors import ConfigError
-from lab.synthetic.cameras import PinholeCamera, arc
+from lab.synthetic import facade, table, yard
+from lab.synthetic.cameras import IN_THE_YARD, PinholeCamera, Stand, arc
 from lab.synthetic.daylight import Daylight, develop, draw_daylights
 from lab.synthetic.occluders import Effect, occluders_for_view
-from lab.synthetic.places import PLACES
-from lab.synthetic.points import FEW_VIEWS, PointCloud, mean_colors, sample_points
+from lab.synthetic.points import BARE, FEW_VIEWS, PointCloud, mean_colors, sample_points
 from lab.synthetic.primitives import Primitive
 from lab.synthetic.render import Samples, draw, sky, to_pixels
 from lab.synthetic.spec import SceneSpec
 
-LEAST_SKY = 0.01
-"""A sky that fills less than this fraction of the photos is a mistake in the spec."""
+
+@dataclass(frozen=True)
+class Place:
+    """One kind of static scene."""
+
+    things: Callable[[], list[Primitive]]
+    """What casts shadows."""
+    around: Callable[[float], list[Primitive]]
+    """What is around it, with walls of a height in metres where the place has walls."""
+    stand: Stand = IN_THE_YARD
+    bare: float | None = None
+    """See `sample_pixels`."""
+
+
+PLACES = {
+    "yard": Place(yard.furniture, yard.walls_and_ground, bare=BARE),
+    "facade": Place(facade.house_and_trees, lambda _: facade.lawn_and_path(), facade.STAND),
+    "table": Place(table.table_and_toy, lambda _: table.room_behind(), table.STAND),
+}
 
 
 @dataclass(frozen=True)
@@ -53,8 +70,6 @@ class Scene:
     extra: list[Frame]
     points: PointCloud
     """Its views are the training views, then the extras; occluders are left out of account."""
-    unlit: list[Frame] = field(default_factory=list)
-    """With daylight: the extras as they are without, under canonical light and a plain sky."""
     folder: Path | None = None
     """Where it was written, if it was."""
 
@@ -132,16 +147,6 @@ def _draw_static(
     return drawings
 
 
-def _check_sky(spec: SceneSpec, drawings: list[_Drawing]) -> None:
-    share = float(np.mean([np.isinf(drawing.centers.depth).mean() for drawing in drawings]))
-    if spec.daylight is not None and spec.daylight.sky and share < LEAST_SKY:
-        raise ConfigError(
-            f"daylight asks for a sky of each photo's own, and the sky fills {share:.1%} of the "
-            f"photos: wall_height is {spec.wall_height}. Lower it (2.6 lets the sky in), or "
-            "choose DaylightSpec(sky=False)."
-        )
-
-
 class _Crowd:
     """Places the occluders, view by view, so that most of the views that see a point show it."""
 
@@ -150,8 +155,6 @@ class _Crowd:
         sightings = points.is_seen[: spec.num_views].sum(axis=0)
         self.views_left = (sightings - 1) // 2
         """How many more views may hide each point."""
-        self.last: list[Primitive] = []
-        """Occluders of the view before."""
 
     def _effect(self, view: int, new: Bool[np.ndarray, "H W"]) -> Effect:
         worn_out = self.points.hidden_by(view, new) & (self.views_left <= 0)
@@ -160,16 +163,13 @@ class _Crowd:
     def join(self, view: int, name: str, drawing: _Drawing) -> Frame:
         """The twin of a clean picture: occluders are drawn over its samples."""
         spec, camera = self.spec, drawing.camera
-        stay = spec.occluders.lingering > spec.rng(10, view).random()
         chosen = occluders_for_view(
             spec.occluders,
             camera,
             view,
             lambda parts: self._effect(view, draw(parts, camera, 1, drawing.centers).is_new),
             spec.rng(2, view),
-            self.last if stay else (),
         )
-        self.last = chosen
         samples = draw(chosen, camera, spec.supersample, drawing.own)
         coverage = to_pixels(samples.is_new[None].astype(np.float32), spec.supersample)[..., 0]
         self.views_left -= self.points.hidden_by(view, coverage > 0)
@@ -189,12 +189,10 @@ def make_scene(spec: SceneSpec) -> Scene:
 
     Poses, points and occluders are the same with and without daylight: it changes colours only.
 
-    Raises ConfigError where the occluders asked for cannot be placed, and where a sky is asked for
-    that no photo shows.
+    Raises ConfigError where the occluders asked for cannot be placed.
     """
     train, extra = make_cameras(spec)
     drawings = _draw_static(spec, train, spec.rng(8)) + _draw_static(spec, extra, spec.rng(9))
-    _check_sky(spec, drawings)
     names = [_name(spec, "clean", i) for i in range(len(train))]
     names += [_name(spec, "extra", i) for i in range(len(extra))]
     plain = [d.frame(n, spec.supersample, None) for n, d in zip(names, drawings, strict=True)]
@@ -205,14 +203,14 @@ def make_scene(spec: SceneSpec) -> Scene:
         crowd.join(i, _name(spec, "clutter", i), d) for i, d in enumerate(drawings[: len(train)])
     ]
     if spec.daylight is None:
-        clean, extras, unlit = plain[: len(train)], plain[len(train) :], []
+        clean, extras = plain[: len(train)], plain[len(train) :]
     else:
         lit = [
             d.frame(n, spec.supersample, d.daylight) for n, d in zip(names, drawings, strict=True)
         ]
-        clean, extras, unlit = lit[: len(train)], lit[len(train) :], plain[len(train) :]
+        clean, extras = lit[: len(train)], lit[len(train) :]
         points = replace(points, rgb=mean_colors(points, [frame.image for frame in lit]))
-    scene = Scene(spec, clean, clutter, extras, points, unlit)
+    scene = Scene(spec, clean, clutter, extras, points)
     return _without_lost_points(scene) if spec.layout == "phototourism" else scene
 
 

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from desplat_ns.errors import ConfigError
 from lab.synthetic.daylight import DaylightSpec
 from lab.synthetic.occluders import OccluderSpec
-from lab.synthetic.places import PLACES
 
 LAYOUTS = ("robustnerf", "phototourism")
-
-_OFF_BY_DEFAULT = ("daylight", "other_sizes", "layout", "place")
+PLACES = ("yard", "facade", "table")
 
 
 @dataclass(frozen=True)
@@ -51,31 +48,18 @@ class SceneSpec:
     layout: str = "robustnerf"
     """How the files are arranged and named: `robustnerf` or `phototourism`, see `write_scene`."""
     place: str = "yard"
-    """`yard`, where everything has texture; `room`: bare walls around glossy things; `grove`:
-    trees whose bark and leaves are as fine as a pixel, with the sky around; `facade`: a house
-    behind a lawn; `table`: things on a table, with a room far behind."""
+    """`yard`, where everything has texture; `facade`: a house behind a lawn; `table`: things on a
+    table, with a room far behind."""
 
     def __post_init__(self) -> None:
-        if self.num_views < 3 or self.num_extras < 1:
+        sides = (side for size in self.sizes for side in size)
+        if self.num_views < 3 or self.num_extras < 1 or self.supersample < 1 or min(sides) < 16:
             raise ConfigError(
-                f"A scene of {self.num_views} views and {self.num_extras} extras is too small: "
-                "set num_views to 3 or more and num_extras to 1 or more."
+                "A scene needs num_views of 3 or more, num_extras and supersample of 1 or more, "
+                "and pictures of 16 x 16 pixels or more."
             )
-        if min(self.width, self.height) < 16 or self.supersample < 1:
-            raise ConfigError(
-                f"Pictures of {self.width}x{self.height} with supersample {self.supersample} "
-                "cannot be drawn: set width and height to 16 or more, supersample to 1 or more."
-            )
-        for width, height in self.other_sizes:
-            if min(width, height) < 16:
-                raise ConfigError(
-                    f"other_sizes asks for pictures of {width}x{height}, which cannot be drawn: "
-                    "16x16 is the least."
-                )
-        if self.layout not in LAYOUTS:
-            raise ConfigError(f"layout is {self.layout!r}. Choose one of {', '.join(LAYOUTS)}.")
-        if self.place not in PLACES:
-            raise ConfigError(f"place is {self.place!r}. Choose one of {', '.join(PLACES)}.")
+        if self.layout not in LAYOUTS or self.place not in PLACES:
+            raise ConfigError(f"layout is one of {LAYOUTS}, place one of {PLACES}.")
 
     @classmethod
     def tiny(cls, seed: int = 0) -> SceneSpec:
@@ -95,27 +79,6 @@ class SceneSpec:
             other_sizes=((120, 160), (144, 108)),
             layout="phototourism",
         )
-
-    @classmethod
-    def bare_room(cls, num_views: int, seed: int = 0) -> SceneSpec:
-        """All around glossy things between bare walls; some occluders are faint, some linger."""
-        return cls(
-            num_views=num_views,
-            num_extras=8,
-            width=160,
-            height=120,
-            arc_degrees=360.0 * (1 - 1 / num_views),
-            wall_height=5.0,
-            occluders=OccluderSpec(faint=0.25, lingering=0.2),
-            seed=seed,
-            place="room",
-        )
-
-    @classmethod
-    def fine_grove(cls, num_views: int, seed: int = 0) -> SceneSpec:
-        """All around a tree, outdoors."""
-        room = cls.bare_room(num_views, seed)
-        return replace(room, place="grove", occluders=OccluderSpec())
 
     @classmethod
     def facade(cls, num_views: int, seed: int = 0) -> SceneSpec:
@@ -153,20 +116,3 @@ class SceneSpec:
     def rng(self, *purpose: int) -> np.random.Generator:
         """A generator of its own for each purpose: one more draw here changes nothing there."""
         return np.random.default_rng([self.seed, *purpose])
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for a file; what was added later and is off is left out."""
-        default = {f.name: f.default for f in fields(self)}
-        is_off = {name for name in _OFF_BY_DEFAULT if getattr(self, name) == default[name]}
-        record = {name: value for name, value in asdict(self).items() if name not in is_off}
-        for name in ("faint", "lingering"):
-            if record["occluders"][name] == 0:
-                del record["occluders"][name]
-        if record.get("daylight") is not None:
-            off = {"sun": 0.0, "plain_sky": None}
-            record["daylight"] = {
-                name: value
-                for name, value in record["daylight"].items()
-                if name not in off or value != off[name]
-            }
-        return record

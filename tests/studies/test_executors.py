@@ -1,134 +1,92 @@
-"""Runs on Ray are those of this machine; a killed worker costs time and nothing else."""
+"""Runs without a record are done and recorded, wherever they are done."""
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
 
-from desplat_ns.errors import DeSplatError
-from desplat_ns.studies import executors
-from desplat_ns.studies.executors import (
-    Executor,
-    LocalExecutor,
-    RayExecutor,
-    executor_of,
-    import_ray,
-)
-from desplat_ns.studies.runs import Record, Run, Variant
-from lab.synthetic import Scene
+from desplat_ns.errors import ConfigError, DeSplatError
+from desplat_ns.studies.executors import Executor, open_records
+from desplat_ns.studies.records import FILE, Record, load
+from desplat_ns.studies.runs import Run
+from tests.helpers.made_up_runs import made_up
 
-GIVEN = ("--pipeline.model.effects.auto", "False")
-PLAIN = Variant("plain", options=GIVEN)
+RUNS = [Run("a", "desplat", (), 9, seed, Path("/photos")) for seed in range(4)]
 
 
-@dataclass(frozen=True)
-class KillsOnce(Run):
-    """The first process that asks for its options is killed on the spot, unless it is the study's
-    own."""
-
-    marker: Path = Path()
-    study: int = 0
-
-    @property
-    def options(self) -> tuple[str, ...]:
-        if os.getpid() != self.study and not self.marker.exists():
-            self.marker.touch()
-            os.kill(os.getpid(), signal.SIGKILL)
-        return super().options
+def failing(run: Run, folder: Path) -> Record:
+    if run.seed == 1:
+        raise DeSplatError("too dark")
+    return made_up(run, folder)
 
 
-RUNS = [Run(PLAIN, 12, seed, Path("/absent"), ("colmap",)) for seed in (42, 43)]
+def test_runs_are_recorded_and_those_that_fail_leave_the_others(tmp_path: Path):
+    done = []
+    executor = Executor(jobs=2, do=failing)
+    failed = executor.finish(RUNS, tmp_path / FILE, tmp_path, lambda run, _: done.append(run.seed))
+    assert failed == {"a-9-1": "too dark"} and sorted(done) == [0, 2, 3]
+    assert {record.seed for record in load(tmp_path / FILE).values()} == {0, 2, 3}
+    again = Executor(do=made_up)
+    assert again.finish(RUNS, tmp_path / FILE, tmp_path, lambda run, _: done.append(run.seed)) == {}
+    assert done[3:] == [1], "nothing is done twice"
 
 
-def outcomes(executor: Executor, runs: list[Run], folder: Path) -> dict[int, Record | Exception]:
-    """What becomes of each run, by its seed."""
-    by_seed: dict[int, Record | Exception] = {}
-
-    def keep(run: Run, outcome: Record | Exception) -> bool:
-        by_seed[run.seed] = outcome
-        return isinstance(outcome, Record)
-
-    folder.mkdir()
-    done = executor.do(runs, folder, keep)
-    assert sorted(done) == sorted(isinstance(outcome, Record) for outcome in by_seed.values())
-    return by_seed
-
-
-def test_ray_gives_what_this_machine_gives_and_begins_anew_when_a_worker_is_killed(
-    tiny_scene: Scene, tmp_path: Path
-):
-    pytest.importorskip("ray", reason="Ray is not installed (pip install 'desplat-ns[ray]')")
-    assert tiny_scene.folder is not None
-    tiny, absent = Run(PLAIN, 12, 42, tiny_scene.folder, ("robustnerf-data",)), RUNS[1]
-    here = outcomes(LocalExecutor(2), [tiny, absent], tmp_path / "here")
-    marker = tmp_path / "killed"
-    deadly = KillsOnce(**vars(tiny), marker=marker, study=os.getpid())
-    there = outcomes(RayExecutor(jobs=2), [deadly, absent], tmp_path / "there")
-    assert marker.exists()
-    mine, other = here[42], there[42]
-    assert isinstance(mine, Record) and isinstance(other, Record), (mine, other)
-    same = {name for name in mine.figures if "seconds" not in name}
-    assert {n: mine.figures[n] for n in same} == {n: other.figures[n] for n in same}
-    for by_seed, where in ((here, ""), (there, "On the Ray worker ")):
-        assert str(by_seed[43]).startswith(where)
-        assert "There is no capture at /absent" in str(by_seed[43])
-
-
-def test_a_study_without_ray_says_what_to_install(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(DeSplatError, match=r"pip install 'desplat-ns\[ray\]'"):
-        RayExecutor().do(RUNS, tmp_path, lambda *_: True)
-    with pytest.raises(DeSplatError, match="not installed"):
-        import_ray()
-
-
-def test_an_address_at_which_no_cluster_answers_is_named(monkeypatch, tmp_path):
-    pytest.importorskip("ray", reason="Ray is not installed (pip install 'desplat-ns[ray]')")
-    with pytest.raises(DeSplatError, match=r"--ray-address 127\.0\.0\.1:1 "):
-        RayExecutor("127.0.0.1:1").do(RUNS[:1], tmp_path, lambda *_: True)
-
-
-def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(monkeypatch, tmp_path):
+def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(tmp_path: Path):
     """So that who gives the runs may go by the clock."""
     events = []
-    runs = [replace(RUNS[0], seed=seed) for seed in range(3)]
 
     def coming():
-        for run in runs:
+        for run in RUNS:
             events.append(("asked", run.seed))
             yield run
 
-    def keep(run: Run, outcome: Record | Exception) -> bool:
+    def keep(run: Run, record: Record) -> None:
         events.append(("done", run.seed))
-        return run.seed != 1
 
-    monkeypatch.setattr(executors, "outcome", lambda run, folder: DeSplatError("no"))
-    assert LocalExecutor(1).do(coming(), tmp_path, keep) == [True, False, True]
-    assert events == [(what, seed) for seed in range(3) for what in ("asked", "done")]
+    Executor(do=made_up).finish(coming(), tmp_path / FILE, tmp_path, keep)
+    assert events == [(what, seed) for seed in range(4) for what in ("asked", "done")]
 
 
-def test_no_further_run_begins_once_a_record_cannot_be_kept(monkeypatch, tmp_path):
-    asked = []
+def test_no_further_run_begins_once_a_record_cannot_be_written(tmp_path: Path, monkeypatch):
+    begun = []
 
-    def coming():
-        for seed in range(100):
-            asked.append(seed)
-            yield replace(RUNS[0], seed=seed)
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
 
-    def keep(run: Run, outcome: Record | Exception) -> bool:
-        raise DeSplatError("the disk is full")
+    def do(run: Run, folder: Path) -> Record:
+        begun.append(run)
+        monkeypatch.setattr("os.fsync", full)
+        return made_up(run, folder)
 
-    monkeypatch.setattr(executors, "outcome", lambda run, folder: DeSplatError("no"))
-    with pytest.raises(DeSplatError, match="the disk is full"):
-        LocalExecutor(2).do(coming(), tmp_path, keep)
-    assert len(asked) <= 2
+    with pytest.raises(ConfigError, match="No space"):
+        Executor(do=do).finish(RUNS, tmp_path / FILE, tmp_path)
+    assert len(begun) == 1
 
 
-def test_executors_have_names():
-    assert executor_of("local", 3, None) == LocalExecutor(3)
-    assert executor_of("ray", 2, "here:1") == RayExecutor("here:1", 2)
+def test_a_folder_with_something_else_or_of_other_code_is_refused(tmp_path: Path):
+    assert open_records(tmp_path / "new") == {}
+    (tmp_path / "photo.png").touch()
+    with pytest.raises(ConfigError, match="something else"):
+        open_records(tmp_path)
+    Executor(do=made_up).finish(RUNS, tmp_path / FILE, tmp_path)
+    assert len(open_records(tmp_path)) == 4
+    text = (tmp_path / FILE).read_text()
+    (tmp_path / FILE).write_text(text.replace('"commit": "', '"commit": "other'))
+    with pytest.raises(ConfigError, match="other"):
+        open_records(tmp_path)
+
+
+def test_a_study_without_ray_says_what_to_install(monkeypatch, tmp_path: Path):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(DeSplatError, match=r"desplat-ns\[ray\]"):
+        Executor("ray").finish(RUNS, tmp_path / FILE, tmp_path)
+
+
+def test_ray_gives_what_this_machine_gives(tmp_path: Path):
+    pytest.importorskip("ray", reason="Ray is not installed (pip install 'desplat-ns[ray]')")
+    failed = Executor("ray", 2, do=failing).finish(RUNS, tmp_path / FILE, tmp_path)
+    assert list(failed) == ["a-9-1"] and "too dark" in failed["a-9-1"]
+    Executor(do=failing).finish(RUNS, tmp_path / "here.jsonl", tmp_path)
+    assert load(tmp_path / FILE) == load(tmp_path / "here.jsonl")

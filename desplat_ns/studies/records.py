@@ -1,0 +1,83 @@
+"""What was measured: a file of JSON lines, one for each run, and tables of them in Markdown.
+
+A record is history: it names its commit and the options given. Later code or defaults do not touch
+it. To measure a run anew, delete its line.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from desplat_ns.errors import ConfigError
+from desplat_ns.files.whole import plain_errors, write_whole
+
+FILE = "records.jsonl"
+"""Name of the file in a command's output folder."""
+
+Key = tuple[str, str, str, int]
+"""Method, options, capture and seed: what tells a run from all others."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """A run that was measured."""
+
+    commit: str
+    """Of the code, as `machine.code_version` gives it."""
+    date: str
+    """Day on which the run ended, ISO 8601, UTC."""
+    method: str
+    """A name that nerfstudio knows, or `module:attribute` of a MethodSpecification."""
+    options: str
+    """Of `ns-train`, the data parser's included; without the seed and the folders."""
+    capture: str
+    seed: int
+    scores: Mapping[str, Any]
+    """Numbers and texts of the evaluation, by its names."""
+    seconds: float | int
+    """Wall time of the process from its start to its end."""
+    device: str
+    """Name of the GPU, or of the processor."""
+
+    @property
+    def key(self) -> Key:
+        """What tells its run from all others."""
+        return self.method, self.options, self.capture, self.seed
+
+
+def load(path: Path) -> dict[Key, Record]:
+    """The records of a file, none if there is no file; the later one of two of a run counts.
+
+    Raises:
+        ConfigError: the file holds something else, or cannot be read.
+    """
+    try:
+        lines = path.read_text("utf8").splitlines() if path.exists() else []
+        records = [Record(**json.loads(line)) for line in lines]
+    except (ValueError, TypeError, OSError) as error:
+        raise ConfigError(f"'{path}' is damaged ({error}). Name another --output.") from error
+    return {record.key: record for record in records}
+
+
+def save(path: Path, records: Iterable[Record]) -> None:
+    """Write a file of records, whole or not at all. Raises ConfigError where it cannot."""
+    text = "".join(f"{json.dumps(asdict(record))}\n" for record in records)
+    with plain_errors(path):
+        write_whole(path, text.encode())
+
+
+def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:
+    """A Markdown table. Bars within cells are escaped.
+
+    Args:
+        align: `l` or `r` for each column; by default the first is left, all others right.
+    """
+    align = align or "l" + "r" * (len(head) - 1)
+    rule = ["---" if side == "l" else "---:" for side in align]
+    cells = ([cell.replace("|", "\\|") for cell in row] for row in (head, *rows))
+    first, *others = (f"| {' | '.join(row)} |" for row in cells)
+    return "\n".join([first, f"| {' | '.join(rule)} |", *others])
