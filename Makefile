@@ -7,9 +7,9 @@
 #   make fuzz    the properties again and again, with new examples each time (10 minutes; FUZZ_MINUTES=60)
 #   make test-guises   the tests on this machine in the guise of others (hours; GUISES_ARGS='--only avx2')
 #   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
-#   make bench   every backend and a training step are timed (15 minutes)
-#   make stability  hard cases measured; wrong signs, kills, a long run (2 hours)
-#   make gpu     on a machine with a GPU: its tests, parity, step time, training (10 minutes, and compiling)
+#   make bench   backends, training steps and dials timed, one table in outputs/bench.md (15 minutes)
+#   make stability  hard cases measured, docs/dev/stability.md; wrong signs, kills, a long run (2 hours)
+#   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/results/gpu.md (10 minutes, and compiling)
 #   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
 #   make docs    the page of all options and the site of docs/ in outputs/site; a broken link is an error
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
@@ -22,7 +22,7 @@
 #           WHEELS=folder  GPU_ARGS='--device cpu --quick --output folder'  (make gpu: CONTRIBUTING.md)
 #           GPU_BUILD_ARGS='--architecture 9.0'
 #           GUISES_ARGS='--part arithmetic --only avx2 gpu'  PYTHONS_TESTED='3.10 3.12'
-#           BENCH_ARGS='--quick --output folder'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
+#           BENCH_ARGS='--quick'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
 
 VENV ?= .venv
@@ -69,7 +69,7 @@ demo: $(STAMP)
 	CUDA_VISIBLE_DEVICES= $(PY) demo/run.py $(DEMO_ARGS)
 
 bench: $(STAMP)
-	$(PY) -m lab.performance $(BENCH_ARGS)
+	$(PY) -m lab.bench $(BENCH_ARGS)
 
 stability: $(STAMP)
 	$(PY) -m lab.stability.mutations

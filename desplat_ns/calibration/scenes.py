@@ -72,12 +72,6 @@ class Scene:
             *(t.to(device, dtype).requires_grad_() for t in tensors_of(splats)), sh_degree=SH_DEGREE
         )
 
-    def view_as(self, dtype: torch.dtype = torch.float32, device: str = "cpu") -> View:
-        """The view with its matrices in `dtype`."""
-        view = self.view
-        matrices = (view.viewmat.to(device, dtype), view.K.to(device, dtype))
-        return View(*matrices, view.width, view.height)
-
 
 PARAMETERS = ("means", "quats", "scales", "opacities", "colors")
 
@@ -87,23 +81,16 @@ def tensors_of(splats: Splats) -> list[Tensor]:
     return [getattr(splats, name) for name in PARAMETERS]
 
 
-def make_scene(
-    count: int, width: int, height: int, *, sized_for: tuple[int, int, int] | None = None
-) -> Scene:
-    """`count` Gaussians before a camera of `width` x `height` pixels; the same for the same call.
-
-    Args:
-        sized_for: (count, width, height) of the scene whose Gaussians these resemble in size, in
-            world units; by default this one's own.
-    """
+def make_scene(count: int, width: int, height: int) -> Scene:
+    """`count` Gaussians before a camera of `width` x `height` pixels; the same for the same
+    call."""
     rng = torch.Generator().manual_seed(GENERATOR_SEED)
-    other_count, other_width, other_height = sized_for or (count, width, height)
-    pixels = COVER * math.sqrt(other_width * other_height / other_count)
+    pixels = COVER * math.sqrt(width * height / count)
     x, y, depth = _places(count, height / width, rng)
     size = torch.exp(SIZE_SPREAD * torch.randn(count, generator=rng)) * pixels
     axes = torch.exp(AXIS_SPREAD * torch.randn(count, 3, generator=rng))
     axes[:, 2] *= FLATNESS
-    scales = (size * depth / (FOCAL * other_width))[:, None] * axes
+    scales = (size * depth / (FOCAL * width))[:, None] * axes
     viewmat = _camera()
     in_camera = torch.stack([x * depth, y * depth, depth], dim=-1)
     params = {

@@ -36,10 +36,6 @@ class Timing:
     def wall_ms(self) -> float:
         return statistics.median(self.wall)
 
-    @property
-    def cpu_range(self) -> tuple[float, float]:
-        return min(self.cpu), max(self.cpu)
-
     def add(self, call: Callable[[], object]) -> None:
         """Time one call."""
         cpu, wall = time.process_time(), time.perf_counter()
@@ -48,22 +44,20 @@ class Timing:
         self.cpu.append(1e3 * (time.process_time() - cpu))
 
 
-def time_in_turns(
-    cases: Mapping[str, Callable[[], object]], rounds: int, slow_rounds: int | None = None
-) -> dict[str, Timing]:
-    """Time all cases, `rounds` turns each (`slow_rounds` for the slow ones), after a first call."""
+def time_in_turns(cases: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, Timing]:
+    """Time all cases, `rounds` turns each, after a first call."""
     seconds = {name: _first_call(call) for name, call in cases.items()}
     timings = {name: Timing() for name in cases}
     gc.collect()
     gc.disable()
     try:
-        for turn in range(rounds):
+        for _ in range(rounds):
             for name, call in cases.items():
                 if seconds[name] <= SLOW:
                     call()
                     for _ in range(REPEATS):
                         timings[name].add(call)
-                elif turn < (slow_rounds or rounds):
+                else:
                     timings[name].add(call)
             gc.collect(0)  # what these calls left: nothing else is as young
     finally:
@@ -84,11 +78,6 @@ def all_cores() -> int:
     from desplat_ns.backend.numba_kernels.runtime import numba_config  # numba is large
 
     return min(cores(), numba_config.NUMBA_NUM_THREADS)
-
-
-def thread_counts() -> list[int]:
-    """One, and all."""
-    return sorted({1, all_cores()})
 
 
 @contextmanager

@@ -1,28 +1,15 @@
 from __future__ import annotations
 
-import pytest
 import torch
 
 from desplat_ns.backend import RenderSettings
 from desplat_ns.backend.projection import project
 from desplat_ns.calibration.scenes import PARAMETERS, make_scene
-from lab.performance.pairs import count_pairs
 
 
 def test_the_same_call_makes_the_same_scene():
     first, second = make_scene(100, 64, 48), make_scene(100, 64, 48)
     assert all(torch.equal(first.params[name], second.params[name]) for name in first.params)
-
-
-@pytest.mark.slow
-def test_the_pairs_are_those_that_the_docstring_states():
-    pairs = count_pairs(make_scene(20_000, 480, 270))
-    for count, stated in (
-        (pairs.square, 27e6),
-        (pairs.listed, 17e6),
-        (pairs.contributing, 5.5e6),
-    ):
-        assert abs(count / stated - 1) < 0.05
 
 
 def test_a_fifth_of_the_gaussians_has_its_centre_outside():
@@ -32,13 +19,6 @@ def test_a_fifth_of_the_gaussians_has_its_centre_outside():
     inside = ((x > 0) & (x < 480) & (y > 0) & (y < 270)).double().mean()
     # the deviation of a share of 5000 draws is 0.006
     assert abs(float(inside) - 0.8) < 0.03
-
-
-def test_sized_for_keeps_sizes_when_numbers_change():
-    large = make_scene(4000, 64, 48, sized_for=(100, 64, 48))
-    small = make_scene(100, 64, 48)
-    medians = [s.params["scales"].mean() for s in (large, small)]
-    assert abs(float(medians[0] - medians[1])) < 0.3  # logarithms; sizes of its own: ln(6.3) = 1.8
 
 
 def test_leaves_are_float32_numbers_in_any_dtype():
