@@ -5,7 +5,7 @@
 #   make test-quick  those that take a second at most and train nothing (a minute)
 #   make test-lab  the tests of lab/, where the project measures itself
 #   make fuzz    the properties again and again, with new examples each time (10 minutes; FUZZ_MINUTES=60)
-#   make test-guises   the tests on this machine in the guise of others (hours; GUISES_ARGS='--only avx2')
+#   make test-avx2  the quick tests of what computes, as on a processor that has AVX2 and no more
 #   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
 #   make bench   backends, training steps and dials timed, one table in outputs/bench.md (15 minutes)
 #   make stability  hard cases measured, docs/dev/stability.md; wrong signs, kills, a long run (2 hours)
@@ -21,7 +21,7 @@
 # Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
 #           WHEELS=folder  GPU_ARGS='--device cpu --quick --output folder'  (make gpu: CONTRIBUTING.md)
 #           GPU_BUILD_ARGS='--architecture 9.0'
-#           GUISES_ARGS='--part arithmetic --only avx2 gpu'  PYTHONS_TESTED='3.10 3.12'
+#           PYTHONS_TESTED='3.10 3.12'
 #           BENCH_ARGS='--quick'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
 
@@ -34,7 +34,6 @@ BENCH_ARGS ?=
 STUDY_ARGS ?=
 SMOKE_ARGS ?=
 FUZZ_MINUTES ?= 10
-GUISES_ARGS ?=
 PYTHONS_TESTED ?= 3.10 3.11 3.12
 GPU_ARGS ?=
 GPU_BUILD_ARGS ?=
@@ -43,6 +42,9 @@ WHEELS ?=
 GPU_VENV ?= outputs/gpu-venv
 
 PY := $(VENV)/bin/python
+# Of tests/: where a processor's instructions can decide how a test ends.
+COMPUTING := backend calibration evaluation gaussians photo_tourism rendering separation survey training
+COMPUTING += stability test_same_bits.py
 # One process for each core, four at most, and torch on one thread in each.
 PYTEST := OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --maxprocesses 4 --dist worksteal
 STAMP := $(VENV)/.installed
@@ -55,7 +57,7 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 # Python keeps what it compiled: else each process that a test starts compiles nerfstudio anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo bench docs fuzz gpu gpu-build smoke stability study viewer test test-quick test-lab test-guises test-pythons check
+.PHONY: demo bench docs fuzz gpu gpu-build smoke stability study viewer test test-quick test-lab test-avx2 test-pythons check
 .PHONY: lint clean distclean env help
 .DEFAULT_GOAL := help
 
@@ -122,13 +124,16 @@ fuzz: $(STAMP)
 	    $(PY) -m pytest -m hypothesis --hypothesis-profile=fuzz $(or $(PYTEST_ARGS),tests lab/tests) || exit 1; \
 	done
 
-test-guises: $(STAMP)
-	$(PY) -m lab.guises $(GUISES_ARGS)
+# Kernels are compiled anew for the other processor: three minutes, the first time.
+test-avx2: $(STAMP)
+	ATEN_CPU_CAPABILITY=avx2 ONEDNN_MAX_CPU_ISA=AVX2 NUMBA_CPU_NAME=haswell \
+	NUMBA_CPU_FEATURES=+avx2,+bmi,+bmi2,+f16c,+fma,+lzcnt,+movbe,+popcnt \
+	    $(PYTEST) -m "not slow" $(wildcard $(addprefix tests/,$(COMPUTING))) $(PYTEST_ARGS)
 
 test-pythons:
 	@for version in $(PYTHONS_TESTED); do \
 	    $(MAKE) env VENV=.venv-$$version PYTHON=python$$version && \
-	    .venv-$$version/bin/python -m lab.guises --only as-is $(GUISES_ARGS) || exit 1; \
+	    .venv-$$version/bin/python -m pytest tests lab/tests $(PYTEST_ARGS) || exit 1; \
 	done
 
 lint: $(STAMP)
