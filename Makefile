@@ -9,9 +9,8 @@
 #   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
 #   make bench   backends, training steps and dials timed, one table in outputs/bench.md (15 minutes)
 #   make stability  hard cases measured, docs/dev/stability.md; wrong signs, kills, a long run (2 hours)
-#   make gpu     on a machine with a GPU: its tests, parity, step time, training; docs/results/gpu.md (10 minutes, and compiling)
-#   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
-#   make docs    the page of all options and the site of docs/ in outputs/site; a broken link is an error
+#   make gpu     on a machine with a GPU: parity, step time, waits, training, tests; docs/results/gpu.md (10 minutes, and compiling)
+#   make docs    the site of docs/ into outputs/site; a broken link or a missing picture is an error
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
 #   make study   the runs behind README's table that are missing (hours; resumes)
 #   make smoke   every table of the paper end to end on generated scenes, on the CPU (4 minutes of one core)
@@ -19,8 +18,6 @@
 #   make clean   removes what was built (make distclean: the environment as well)
 #
 # Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
-#           WHEELS=folder  GPU_ARGS='--device cpu --quick --output folder'  (make gpu: CONTRIBUTING.md)
-#           GPU_BUILD_ARGS='--architecture 9.0'
 #           PYTHONS_TESTED='3.10 3.12'
 #           BENCH_ARGS='--quick'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
@@ -36,10 +33,7 @@ SMOKE_ARGS ?=
 FUZZ_MINUTES ?= 10
 PYTHONS_TESTED ?= 3.10 3.11 3.12
 GPU_ARGS ?=
-GPU_BUILD_ARGS ?=
 VIEWER_ARGS ?=
-WHEELS ?=
-GPU_VENV ?= outputs/gpu-venv
 
 PY := $(VENV)/bin/python
 # Of tests/: where a processor's instructions can decide how a test ends.
@@ -57,7 +51,7 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 # Python keeps what it compiled: else each process that a test starts compiles nerfstudio anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo bench docs fuzz gpu gpu-build smoke stability study viewer test test-quick test-lab test-avx2 test-pythons check
+.PHONY: demo bench docs fuzz gpu smoke stability study viewer test test-quick test-lab test-avx2 test-pythons check
 .PHONY: lint clean distclean env help
 .DEFAULT_GOAL := help
 
@@ -79,19 +73,8 @@ stability: $(STAMP)
 	$(PY) -m lab.stability.soak
 	$(PY) -m lab.stability
 
-# With WHEELS=folder nothing is fetched: the environment is made of that folder and of what the Python
-# at hand has. The time that takes counts towards the ten minutes.
-gpu: $(if $(WHEELS),,$(STAMP))
-ifneq ($(WHEELS),)
-	@started=$$(date +%s) && \
-	    $(or $(PYTHON),python3) -m lab.gpu.environment "$(WHEELS)" "$(GPU_VENV)" && \
-	    "$(GPU_VENV)/bin/python" -m lab.gpu --started $$started $(GPU_ARGS)
-else
+gpu: $(STAMP)
 	$(PY) -m lab.gpu $(GPU_ARGS)
-endif
-
-gpu-build: $(STAMP)
-	$(PY) -m lab.gpu.gpu_build $(GPU_BUILD_ARGS)
 
 study: $(STAMP)
 	$(PY) -m lab.separation $(STUDY_ARGS)
