@@ -8,7 +8,7 @@
 #   make test-avx2  the quick tests of what computes, as on a processor that has AVX2 and no more
 #   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
 #   make bench   backends, training steps and dials timed, one table in outputs/bench.md (15 minutes)
-#   make stability  hard cases measured, docs/dev/stability.md; wrong signs, kills, a long run (2 hours)
+#   make stability  hard cases, kills, broken lines, a long run: outputs/stability.md (2 hours)
 #   make gpu     on a machine with a GPU: parity, step time, waits, training, tests; docs/results/gpu.md (10 minutes, and compiling)
 #   make docs    the site of docs/ into outputs/site; a broken link or a missing picture is an error
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
@@ -19,7 +19,7 @@
 #
 # Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
 #           PYTHONS_TESTED='3.10 3.12'
-#           BENCH_ARGS='--quick'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
+#           BENCH_ARGS='--quick'  STABILITY_ARGS='--only catalogue'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
 
 VENV ?= .venv
@@ -28,6 +28,7 @@ PYTHONS = $(or $(PYTHON),python3.11 python3.12 python3.10 python3)
 PYTEST_ARGS ?=
 DEMO_ARGS ?=
 BENCH_ARGS ?=
+STABILITY_ARGS ?=
 STUDY_ARGS ?=
 SMOKE_ARGS ?=
 FUZZ_MINUTES ?= 10
@@ -68,10 +69,7 @@ bench: $(STAMP)
 	$(PY) -m lab.bench $(BENCH_ARGS)
 
 stability: $(STAMP)
-	$(PY) -m lab.stability.mutations
-	$(PY) -m lab.stability.faults
-	$(PY) -m lab.stability.soak
-	$(PY) -m lab.stability
+	$(PY) -m lab.stability $(STABILITY_ARGS)
 
 gpu: $(STAMP)
 	$(PY) -m lab.gpu $(GPU_ARGS)
