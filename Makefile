@@ -10,7 +10,7 @@
 #   make bench   backends, training steps and dials timed, one table in outputs/bench.md (15 minutes)
 #   make stability  hard cases, kills, broken lines, a long run: outputs/stability.md (2 hours)
 #   make gpu     on a machine with a GPU: parity, step time, waits, training, tests; docs/results/gpu.md (10 minutes, and compiling)
-#   make docs    the site of docs/ into outputs/site; a broken link or a missing picture is an error
+#   make docs    the page of all options and the site of docs/ in outputs/site; a broken link is an error
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
 #   make study   the runs behind README's table that are missing (hours; resumes)
 #   make smoke   every table of the paper end to end on generated scenes, on the CPU (4 minutes of one core)
@@ -18,8 +18,8 @@
 #   make clean   removes what was built (make distclean: the environment as well)
 #
 # Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
-#           PYTHONS_TESTED='3.10 3.12'
-#           BENCH_ARGS='--quick'  STABILITY_ARGS='--only catalogue'  STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
+#           PYTHONS_TESTED='3.10 3.12'  BENCH_ARGS='--quick'  STABILITY_ARGS='--only catalogue'
+#           STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
 
 VENV ?= .venv
@@ -33,7 +33,6 @@ STUDY_ARGS ?=
 SMOKE_ARGS ?=
 FUZZ_MINUTES ?= 10
 PYTHONS_TESTED ?= 3.10 3.11 3.12
-GPU_ARGS ?=
 
 PY := $(VENV)/bin/python
 # Of tests/: where a processor's instructions can decide how a test ends.
@@ -56,7 +55,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,24s/^# \{0,1\}//p' Makefile
+	@sed -n '3,/^$$/s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -71,7 +70,7 @@ stability: $(STAMP)
 	$(PY) -m lab.stability $(STABILITY_ARGS)
 
 gpu: $(STAMP)
-	$(PY) -m lab.gpu $(GPU_ARGS)
+	$(PY) -m lab.gpu
 
 study: $(STAMP)
 	$(PY) -m lab.separation $(STUDY_ARGS)
