@@ -17,10 +17,10 @@ import json
 import math
 import os
 import re
+import shutil
 import statistics
 import subprocess
 import sys
-import tempfile
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -377,15 +377,15 @@ def page(job: Job, record: Figures) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point; 1 where a part failed or was not begun."""
     parser = parser_of("python -m lab.gpu", __doc__)
-    parser.add_argument("--output", type=Path, default=OUTPUTS / "gpu", help="of gpu.json")
+    parser.add_argument("--output", type=Path, default=OUTPUTS / "gpu", help="(%(default)s)")
     output: Path = parser.parse_args(arguments).output
     output.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix="desplat-gpu-") as work:
-        job = Job("cuda" if torch.cuda.is_available() else "cpu", Path(work))
-        if not job.is_real:
-            print("torch sees no CUDA device: kernels and tests are skipped, sizes are tiny")
-        with stand_in(job):
-            record = run(job, output / "gpu.json")
+    shutil.rmtree(output / "work", ignore_errors=True)  # of an earlier call
+    job = Job("cuda" if torch.cuda.is_available() else "cpu", output / "work")
+    if not job.is_real:
+        print("torch sees no CUDA device: kernels and tests are skipped, sizes are tiny")
+    with stand_in(job):
+        record = run(job, output / "gpu.json")
     text = page(job, record)
     print(text)
     write_whole((RESULTS if job.is_real else output) / "gpu.md", text.encode())

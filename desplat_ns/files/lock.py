@@ -1,4 +1,4 @@
-"""A folder, or a file, on which one process works at a time."""
+"""A folder in which one process works at a time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from filelock import FileLock, Timeout, UnixFileLock
 from desplat_ns.errors import ConfigError
 
 IN_USE = ".in-use"
-"""Name of a folder's lock, and how that of a file ends. It holds the number of the process."""
+"""Name of a folder's lock file. It holds the number of the process."""
 
 
 @contextmanager
@@ -31,13 +31,6 @@ def only_process_in(folder: Path) -> Iterator[None]:
         if made:
             with suppress(OSError):
                 folder.rmdir()  # where it is empty
-
-
-@contextmanager
-def only_process_writing(file: Path) -> Iterator[None]:
-    """As `only_process_in` for a file; others in its folder are free."""
-    with _held(file.with_name(f".{file.name}{IN_USE}")):
-        yield
 
 
 @contextmanager

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.files.lock import IN_USE, only_process_in, only_process_writing
-from tests.helpers.other_process import running, tried
+from desplat_ns.files.lock import IN_USE, only_process_in
+from tests.helpers.other_process import running
 
 HOLDING = "from pathlib import Path; from desplat_ns.files.lock import *\nwith {}:\n    wait()"
 
@@ -66,15 +66,6 @@ def test_a_process_that_this_one_started_does_not_keep_the_lock(tmp_path: Path):
         assert sleeper.poll() is None
         sleeper.kill()
         sleeper.wait()
-
-
-def test_a_file_is_locked_by_itself(tmp_path: Path, checkout: Path):
-    file = tmp_path / "records.json"
-    with only_process_writing(file):
-        assert "is at work" in tried(f"only_process_writing(Path({str(file)!r}))", checkout)
-        other = tmp_path / "others.json"
-        assert tried(f"only_process_writing(Path({str(other)!r}))", checkout) == "free"
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_was_made_and_stayed_empty_is_gone_and_others_stay(tmp_path: Path):
