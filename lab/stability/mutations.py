@@ -66,7 +66,7 @@ MUTATIONS = (
              "score = luminance * structure", "score = luminance + structure", FORMULAS),
     Mutation("quaternions of length 0", "backend/inputs.py",
              "(norm2 > MIN_QUAT_NORM**2)", "(norm2 >= 0)", f"{STABILITY} -k torch"),
-    Mutation("a sign in the transparency", "training/losses.py",
+    Mutation("a sign in the transparency", "losses.py",
              "return 1 - alpha_s.sum()", "return 1 + alpha_s.sum()", FORMULAS),
     Mutation("opacities add up", "rendering/compositing.py",
              "return alpha_d + (1 - alpha_d) * alpha_s", "return alpha_d + alpha_s",
