@@ -13,6 +13,7 @@ threads (`numba.set_num_threads`, or the environment variable NUMBA_NUM_THREADS)
 
 from __future__ import annotations
 
+import gc
 from dataclasses import replace
 from typing import TypeVar
 
@@ -21,6 +22,7 @@ import torch
 
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
 from desplat_ns.backend.inputs import check_inputs, finite_colors
+from desplat_ns.backend.numba_kernels import runtime
 from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, Lists, tile_lists
 from desplat_ns.backend.numba_kernels.ellipses import FEATURES, TILE
 from desplat_ns.backend.numba_kernels.passes import Frame, backward_frame, draw_frame, sum_rows
@@ -169,3 +171,26 @@ def _backward(
         )
         sum_rows(lists, grads, width, sums.reshape(-1), new_counter(), num_workers())
     return sums
+
+
+def compile_all() -> None:
+    """Launch every kernel in a process that compiles them; `runtime` starts one where it must.
+
+    What a kernel becomes may depend on what the process has compiled before (a product of three
+    numbers is taken in another order), so they are always compiled in the order of this step.
+    """
+    from desplat_ns.backend.over import in_range, over
+    from desplat_ns.backend.ssim import ssim
+
+    runtime.compiles_here = True
+    gc.disable()  # a tenth faster, for a process that ends soon
+    shapes = ((1, 3), (1, 4), (1, 3), (1,), (1, 4, 3))
+    means, *others = (torch.ones(shape, requires_grad=True) for shape in shapes)
+    photo, matrix = torch.zeros(16, 16, 3), torch.diag(torch.tensor([16.0, 16.0, 1.0]))
+    drawn = NumbaRasterizer()(
+        Splats(means, *others, sh_degree=1),
+        View(torch.eye(4), matrix, 16, 16),
+        RenderSettings(antialiased=True, depth=True, absgrad=True),
+    )
+    image = in_range(over(drawn.rgb, drawn.alpha, torch.zeros(3)))
+    (drawn.alpha + ssim(image, photo)).sum().backward()

@@ -31,7 +31,7 @@ from desplat_ns.backend.numba_kernels.ellipses import (
     ellipse,
     tile_rows,
 )
-from desplat_ns.backend.numba_kernels.runtime import kernel, new_counter, num_workers, take
+from desplat_ns.backend.numba_kernels.runtime import kernel, new_counter, num_workers, part, take
 
 CHUNK = 512
 """Gaussians that one worker bins at a time."""
@@ -125,12 +125,12 @@ def _sorted(keys, other):
     return keys
 
 
-@kernel()
+@part()
 def _digit(key, digit):
     return np.int64((key >> np.uint64(32 + BITS * digit)) & np.uint64((1 << BITS) - 1))
 
 
-@kernel()
+@part()
 def _write_records(gaussians, ids, records, stride, start, stop):
     """Gather mean, conic, opacity and features of the ranks start ... stop - 1."""
     means2d, conics, depths, opacities, colors, channels = gaussians
@@ -147,7 +147,7 @@ def _write_records(gaussians, ids, records, stride, start, stop):
             records[base + FEATURES + channels] = depths[i]
 
 
-@kernel()
+@part()
 def _count_tiles(e, grid, counts, chunk, edges, row):
     """Count the tiles of an ellipse into counts[chunk]; return how many there are.
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from desplat_ns.backend.numba_kernels.runtime import kernel
+from desplat_ns.backend.numba_kernels.runtime import part
 
 PLANES = 19
 
@@ -62,7 +62,7 @@ class Camera(NamedTuple):
     least_norm2: np.float32
 
 
-@kernel()
+@part()
 def camera_of(c):
     """The Camera of the numbers that `projection.make_camera` lists."""
     return Camera(
@@ -72,22 +72,22 @@ def camera_of(c):
     )  # fmt: skip
 
 
-@kernel(fastmath=_CONTRACT, inline="always")
+@part(fastmath=_CONTRACT, inline="always")
 def _dot3(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel(fastmath=_CONTRACT, inline="always")
+@part(fastmath=_CONTRACT, inline="always")
 def _cross(a, b):
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@kernel(fastmath=_CONTRACT, inline="always")
+@part(fastmath=_CONTRACT, inline="always")
 def _to_camera(row, x, y, z):
     return row[0] * x + row[1] * y + row[2] * z + row[3]
 
 
-@kernel(fastmath=_CONTRACT, inline="always")
+@part(fastmath=_CONTRACT, inline="always")
 def _rotation(w, x, y, z):
     """Columns of the rotation matrix of a unit quaternion."""
     return (
@@ -97,14 +97,14 @@ def _rotation(w, x, y, z):
     )
 
 
-@kernel(fastmath=_CONTRACT, inline="always")
+@part(fastmath=_CONTRACT, inline="always")
 def _pixel_row(axis, camera, slope, per_z):
     """A row of J W: how this pixel coordinate moves with the world position."""
     w, d, f = camera.world[axis], camera.world[2], camera.focal[axis] * per_z
     return (f * (w[0] - slope * d[0]), f * (w[1] - slope * d[1]), f * (w[2] - slope * d[2]))
 
 
-@kernel(fastmath=_CONTRACT, inline="always")
+@part(fastmath=_CONTRACT, inline="always")
 def _axes(s, n, camera):
     """(x, y, z, 1/z), (slopes), rotation, length of the quaternion, rows of J W, of J W R, of M."""
     px, py, pz = s[X + n], s[Y + n], s[Z + n]
@@ -128,7 +128,7 @@ def _axes(s, n, camera):
     return place, (slope_x, slope_y), columns, norm2, (row_x, row_y), (turned_x, turned_y), (a, b)
 
 
-@kernel(fastmath=_CONTRACT, inline="always")
+@part(fastmath=_CONTRACT, inline="always")
 def _shape(a, b, eps):
     """xx, xy, yy with the low-pass, the minors, their squares' sum, and the determinant."""
     xx, xy, yy = _dot3(a, a) + eps, _dot3(a, b), _dot3(b, b) + eps
@@ -137,7 +137,7 @@ def _shape(a, b, eps):
     return xx, xy, yy, minors, sharp, sharp + eps * (xx + yy - eps)
 
 
-@kernel(fastmath=_CONTRACT, inline="always")
+@part(fastmath=_CONTRACT, inline="always")
 def _is_usable(s, n, place, norm2, camera):
     """Written so that every NaN makes it False."""
     x, y, z, _ = place
@@ -151,7 +151,7 @@ def _is_usable(s, n, place, norm2, camera):
     return good
 
 
-@kernel(fastmath=_CONTRACT)
+@part(fastmath=_CONTRACT)
 def project_batch(s, camera):
     """Fill the planes of what is projected; radius 0 where culled."""
     for n in range(_LANES):
@@ -177,7 +177,7 @@ def project_batch(s, camera):
         s[RADIUS + n] = radius if usable else _ZERO
 
 
-@kernel(fastmath=_CONTRACT, inline="always")
+@part(fastmath=_CONTRACT, inline="always")
 def _backward_shape(s, n, a, b, camera):
     """Gradients by the rows of M, and by the opacity, from those by conic and opacity."""
     xx, xy, yy, minors, sharp, det = _shape(a, b, camera.eps2d)
@@ -211,7 +211,7 @@ def _backward_shape(s, n, a, b, camera):
     return v_a, v_b, v_opacity * kept
 
 
-@kernel(fastmath=_CONTRACT, inline="always")
+@part(fastmath=_CONTRACT, inline="always")
 def _backward_quat(s, n, norm2, g0, g1, g2):
     """Gradient by the quaternion, of any length, from those by the columns of the rotation."""
     per = _ONE / np.sqrt(norm2)
@@ -230,7 +230,7 @@ def _backward_quat(s, n, norm2, g0, g1, g2):
     )  # fmt: skip
 
 
-@kernel(fastmath=_CONTRACT, inline="always")
+@part(fastmath=_CONTRACT, inline="always")
 def _backward_row(axis, camera, slope, per_z, v):
     """Gradients by the slope and by 1/z of a row of J W."""
     w, d, f = camera.world[axis], camera.world[2], camera.focal[axis]
@@ -238,7 +238,7 @@ def _backward_row(axis, camera, slope, per_z, v):
     return -f * per_z * _dot3(v, d), by_per_z
 
 
-@kernel(fastmath=_CONTRACT, inline="always")
+@part(fastmath=_CONTRACT, inline="always")
 def _backward_place(s, n, camera, place, slopes, v_rows):
     """Gradient by the mean in world coordinates."""
     x, y, _, per_z = place
@@ -257,7 +257,7 @@ def _backward_place(s, n, camera, place, slopes, v_rows):
     )
 
 
-@kernel(fastmath=_CONTRACT)
+@part(fastmath=_CONTRACT)
 def backward_batch(s, camera):
     """Replace the planes of the parameters by their gradients."""
     for n in range(_LANES):

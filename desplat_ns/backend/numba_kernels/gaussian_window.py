@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from desplat_ns.backend.numba_kernels.runtime import kernel
+from desplat_ns.backend.numba_kernels.runtime import part
 
 WINDOW = 11
 """Pixels across the window; its standard deviation is 1.5 (Wang et al., and pytorch_msssim)."""
@@ -54,7 +54,7 @@ P1, P2, P3 = (np.uint64(k * STRIDE) for k in range(1, 4))
 NEXT, OF_Q, OF_R = np.uint64(IMAGE), np.uint64(SLOPES), np.uint64(2 * SLOPES)
 
 
-@kernel(fastmath=LOOSE)
+@part(fastmath=LOOSE)
 def blur(a, i, step):
     """The symmetric window over a[i], a[i + step], ... a[i + 10 step]."""
     s1, s2, s3, s4, s5 = step, step + step, step * _N3, step * _N4, step * _N5
@@ -64,18 +64,18 @@ def blur(a, i, step):
     return near + far + _W0 * (a[i - s5] + a[i + s5])
 
 
-@kernel(fastmath=LOOSE)
+@part(fastmath=LOOSE)
 def _squares(a, i):
     x, y = a[i], a[NEXT + i]
     return x * x + y * y
 
 
-@kernel(fastmath=LOOSE)
+@part(fastmath=LOOSE)
 def _product(a, i):
     return a[i] * a[NEXT + i]
 
 
-@kernel(fastmath=LOOSE)
+@part(fastmath=LOOSE)
 def _blur_squares(a, i):
     """As `blur`, down x^2 + y^2."""
     i, s = i + _DOWN * _N5, _DOWN
@@ -86,7 +86,7 @@ def _blur_squares(a, i):
     return near + far + _W0 * (_squares(a, i - s * _N5) + _squares(a, i + s * _N5))
 
 
-@kernel(fastmath=LOOSE)
+@part(fastmath=LOOSE)
 def _blur_product(a, i):
     """As `blur`, down x y."""
     i, s = i + _DOWN * _N5, _DOWN
@@ -97,7 +97,7 @@ def _blur_product(a, i):
     return near + far + _W0 * (_product(a, i - s * _N5) + _product(a, i + s * _N5))
 
 
-@kernel(fastmath=LOOSE)
+@part(fastmath=LOOSE)
 def moments(s, v, row, columns):
     """Means of x, y, x^2 + y^2, x y down the window from a scratch row on, into the rows of v."""
     first = np.uint64(row * STRIDE)
@@ -109,7 +109,7 @@ def moments(s, v, row, columns):
         v[P3 + j] = _blur_product(s, i)
 
 
-@kernel(fastmath=LOOSE)
+@part(fastmath=LOOSE)
 def blur_slopes(slopes, v, row, columns):
     """P, Q, R down the window from a scratch row on, into the rows of v."""
     first = np.uint64(row * STRIDE)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from desplat_ns.backend.numba_kernels.runtime import kernel, take
+from desplat_ns.backend.numba_kernels.runtime import kernel, part, take
 
 CHANNELS = 3
 
@@ -25,18 +25,18 @@ _ZERO, _ONE = np.float32(0), np.float32(1)
 _1, _2, _3 = np.uint64(1), np.uint64(2), np.uint64(CHANNELS)
 
 
-@kernel()
+@part()
 def _is_within(value):
     return (value > _ZERO) & (value < _ONE)
 
 
-@kernel()
+@part()
 def _cut(value, is_cut):
     """In [0, 1] where colours are cut; NaN stays."""
     return (_ZERO if value < _ZERO else _ONE if value > _ONE else value) if is_cut else value
 
 
-@kernel()
+@part()
 def _put(top, alpha, below, step, is_cut, out, first, end):
     """Colours of the pixels from `first` to before `end`; the next one is `step` on in `below`."""
     for p in range(np.uint64(first), np.uint64(end)):
@@ -57,7 +57,7 @@ def put_over(top, alpha, below, out, is_cut, counter, workers):
             first = take(counter) * PIXELS
 
 
-@kernel()
+@part()
 def _pull_cut(grad, top, alpha, below, step, by_top, first, end):
     """v of the pixels from `first` to before `end`, where colours are cut."""
     for p in range(np.uint64(first), np.uint64(end)):
@@ -69,14 +69,14 @@ def _pull_cut(grad, top, alpha, below, step, by_top, first, end):
         by_top[i + _2] = grad[i + _2] if is_blue else _ZERO
 
 
-@kernel()
+@part()
 def _pull_alpha(v, below, step, by_alpha, first, end):
     for p in range(np.uint64(first), np.uint64(end)):
         i, k = _3 * p, step * p
         by_alpha[p] = -(v[i] * below[k] + v[i + _1] * below[k + _1] + v[i + _2] * below[k + _2])
 
 
-@kernel()
+@part()
 def _pull_below(v, alpha, by_below, first, end):
     for p in range(np.uint64(first), np.uint64(end)):
         i, clear = _3 * p, _ONE - alpha[p]
@@ -102,7 +102,7 @@ def pull_under(grad, top, alpha, below, by_top, by_alpha, by_below, counter, wor
             first = take(counter) * PIXELS
 
 
-@kernel()
+@part()
 def _within(grad, image, out, first, end):
     for i in range(np.uint64(first), np.uint64(end)):
         out[i] = grad[i] if _is_within(image[i]) else _ZERO

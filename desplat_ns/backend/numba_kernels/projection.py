@@ -35,6 +35,7 @@ from desplat_ns.backend.numba_kernels.runtime import (
     launching,
     new_counter,
     num_workers,
+    part,
     take,
 )
 from desplat_ns.backend.protocol import View
@@ -57,7 +58,7 @@ def make_camera(view: View, antialiased: bool) -> np.ndarray:
     return np.array([*numbers, MIN_QUAT_NORM**2], np.float32)
 
 
-@kernel()
+@part()
 def _load(values, width, first, number, s, plane):
     """Rows first ... of a flat [N, width] array into `width` planes, from `plane` on."""
     for k in range(number):
@@ -65,7 +66,7 @@ def _load(values, width, first, number, s, plane):
             s[plane + LANE * column + k] = values[(first + k) * width + column]
 
 
-@kernel()
+@part()
 def _store(values, width, first, number, s, plane, radii):
     """The reverse; rows of culled Gaussians become 0."""
     for k in range(number):

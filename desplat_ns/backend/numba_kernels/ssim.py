@@ -45,7 +45,7 @@ from desplat_ns.backend.numba_kernels.gaussian_window import (
     blur_slopes,
     moments,
 )
-from desplat_ns.backend.numba_kernels.runtime import kernel, take
+from desplat_ns.backend.numba_kernels.runtime import kernel, part, take
 
 BAND = 4
 """Blocks that a worker goes down at a time. Above the first it scores MARGIN rows that another one
@@ -57,7 +57,7 @@ _C1, _C2 = np.float32(0.01**2), np.float32(0.03**2)
 _ZERO, _ONE, _TWO = np.float32(0), np.float32(1), np.float32(2)
 
 
-@kernel()
+@part()
 def _copy_in(source, length, row, column, rows, columns, s):
     """Copy a part of an image whose rows are `length` long into scratch rows."""
     for r in range(rows):
@@ -66,7 +66,7 @@ def _copy_in(source, length, row, column, rows, columns, s):
             s[to + j] = source[first + j]
 
 
-@kernel()
+@part()
 def _spread(owned, length, row, column, columns, o):
     """A part of a row of `owned`, which has a number for each pixel, for each number of an image;
     0 where `owned` is empty."""
@@ -80,7 +80,7 @@ def _spread(owned, length, row, column, columns, o):
             o[CHANNELS * p + np.uint64(k)] = owned[first + p]
 
 
-@kernel()
+@part()
 def _blend_in(y, owned, length, row, column, rows, columns, s, o):
     """As `_copy_in`, of y behind x, which is in the scratch rows; x where it is owned."""
     if owned.size == 0:
@@ -93,7 +93,7 @@ def _blend_in(y, owned, length, row, column, rows, columns, s, o):
             s[NEXT + to + j] = o[j] * s[to + j] + (_ONE - o[j]) * y[first + j]
 
 
-@kernel()
+@part()
 def _is_asked_for(wanted, down, across, row, column):
     """Whether any of so many blocks from (row, column) on is wanted; with none named, all are."""
     if wanted.size == 0:
@@ -105,7 +105,7 @@ def _is_asked_for(wanted, down, across, row, column):
     return False
 
 
-@kernel(fastmath=LOOSE)
+@part(fastmath=LOOSE)
 def _scores(v, s, at, first, end):
     """Sum of SSIM over windows of a row; their P, Q, R go into the three rows of s."""
     total = np.float32(0)
@@ -125,13 +125,13 @@ def _scores(v, s, at, first, end):
     return total
 
 
-@kernel()
+@part()
 def _clear(values, first, end):
     for i in range(np.uint64(first), np.uint64(end)):
         values[i] = _ZERO
 
 
-@kernel()
+@part()
 def _score(images, length, windows, block, first, scratch):
     """Sum of SSIM over a block's windows; P, Q, R of these, and of those from row `first` on.
 
@@ -159,7 +159,7 @@ def _score(images, length, windows, block, first, scratch):
     return total
 
 
-@kernel()
+@part()
 def _go_on(slopes):
     """P, Q, R of the last windows of a block become those above the next one."""
     for k in range(0, 3 * SLOPES, SLOPES):
@@ -167,7 +167,7 @@ def _go_on(slopes):
             slopes[i] = slopes[i + np.uint64(ROWS * STRIDE)]
 
 
-@kernel(fastmath=LOOSE)
+@part(fastmath=LOOSE)
 def _mix(v, x, y, o, kept, gradient, at, columns, scale, scale_l1):
     """One row of the gradient of a block, from P, Q, R blurred down the window; gives its L1."""
     first, total = np.uint64(at), np.float32(0)
@@ -184,7 +184,7 @@ def _mix(v, x, y, o, kept, gradient, at, columns, scale, scale_l1):
     return total
 
 
-@kernel()
+@part()
 def _differentiate(images, length, block, rates, scratch, gradient):
     """The gradient of a block, and its L1."""
     (x, y, owned), (row, rows, column, columns), (_, v, slopes, o) = images, block, scratch
@@ -198,7 +198,7 @@ def _differentiate(images, length, block, rates, scratch, gradient):
     return total
 
 
-@kernel()
+@part()
 def _go_down(images, shape, wanted, rates, blocks, strip, scratch, sums, gradient):
     """Work on the blocks of a strip from one to before another."""
     (height, length), (similarity, difference) = shape, sums
