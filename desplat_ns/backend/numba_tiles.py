@@ -179,7 +179,6 @@ def compile_all() -> None:
     What a kernel becomes may depend on what the process has compiled before (a product of three
     numbers is taken in another order), so they are always compiled in the order of this step.
     """
-    from desplat_ns.backend.over import in_range, over
     from desplat_ns.backend.ssim import ssim
 
     runtime.compiles_here = True
@@ -192,5 +191,4 @@ def compile_all() -> None:
         View(torch.eye(4), matrix, 16, 16),
         RenderSettings(antialiased=True, depth=True, absgrad=True),
     )
-    image = in_range(over(drawn.rgb, drawn.alpha, torch.zeros(3)))
-    (drawn.alpha + ssim(image, photo)).sum().backward()
+    (drawn.alpha + ssim(drawn.rgb, photo)).sum().backward()

@@ -58,7 +58,8 @@ def _key() -> str:
     a kernel for as long as its own file stays the same: before 0.68 the time of its last change.)
     """
     here = Path(__file__).parent
-    processor = cpu_target.target_context.codegen().magic_tuple()
+    context: Any = cpu_target.target_context
+    processor = context.codegen().magic_tuple()
     state = hashlib.sha256(f"{numba.__version__} {sys.version} {processor}".encode())
     for path in (*sorted(here.glob("*.py")), here.parent / "spherical_harmonics.py"):
         state.update(f"{path.name} {path.stat().st_mtime_ns}".encode() + path.read_bytes())
@@ -133,9 +134,8 @@ def part(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     def decorate(function: Callable[..., Any]) -> Any:
         # Run-time type checkers wrap every function of the package; numba needs the bare one.
         function = inspect.unwrap(function)
-        return numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(
-            function
-        )
+        common: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+        return numba.njit(**common, **options)(function)
 
     return decorate
 
