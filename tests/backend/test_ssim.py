@@ -92,16 +92,6 @@ def test_images_smaller_than_the_window_are_scored(monkeypatch):
     assert not calls
 
 
-def test_without_numba_the_value_is_the_same(monkeypatch):
-
-    pred, target = images(20, 20)
-    calls = fast_calls(monkeypatch)
-    fast = ssim(pred, target).item()
-    assert calls
-    monkeypatch.setattr(fast_ssim, "_kernels", lambda: None)
-    assert ssim(pred, target).item() == pytest.approx(fast, abs=FLAT)
-
-
 def test_images_of_different_shapes_are_refused():
     pred, target = images(20, 20)
     # Without jaxtyping's hook, which tests run with, it is a ValueError.
