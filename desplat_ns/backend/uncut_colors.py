@@ -1,7 +1,7 @@
 """View-dependent colours before they are cut off at 0: what Eq. 7 of DeSplat tones.
 
-By the kernels of the `numba` backend where they apply, else in plain torch: any device, any float
-dtype, differentiable in the camera.
+Float32 by the kernels of the `numba` backend on a CPU and by gsplat's on CUDA, else in plain torch:
+any device, any float dtype. Differentiable in the camera.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from desplat_ns.backend.gsplat_build import unavailable_reason
 from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import sh_basis
 
@@ -26,8 +27,14 @@ def uncut_colors(
     assert splats.sh_degree is not None
     center = view.center
     means, coefficients = splats.means, splats.colors
-    is_plain = means.device.type == "cpu" and means.dtype == coefficients.dtype == torch.float32
-    if is_plain and not center.requires_grad:
+    is_float32 = means.dtype == coefficients.dtype == torch.float32
+    if is_float32 and means.device.type == "cuda" and unavailable_reason() is None:
+        from gsplat import spherical_harmonics
+
+        colors = spherical_harmonics(splats.sh_degree, means - center, coefficients, masks=shown)
+        # Rows that are not shown hold whatever was in the memory.
+        return torch.where(shown[:, None], colors + 0.5, 0.0), coefficients[:, 0]
+    if is_float32 and means.device.type == "cpu" and not center.requires_grad:
         from desplat_ns.backend.numba_kernels.sh import EvaluateColors
 
         return EvaluateColors.apply(
