@@ -195,7 +195,7 @@ def embeddings_far_out(dtype: torch.dtype) -> tuple[Pair, Pair]:
     as many as there are terms along the way, of the size of the same sums without signs.
     """
     rng = torch.Generator().manual_seed(5)
-    config = AppearanceConfig(embedding_dim=4, fourier_frequencies=1, hidden_width=8)
+    config = AppearanceConfig(embedding_dim=4, fourier_frequencies=1, hidden_width=8, mlp_scale=1.0)
     mlp = AffineAppearance(config).to(dtype)
     for parameter in mlp.parameters():
         parameter.data = torch.randn(parameter.shape, generator=rng).to(dtype)
