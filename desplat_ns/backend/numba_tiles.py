@@ -1,14 +1,13 @@
 """The `numba` backend: Gaussian splatting on a CPU, fast enough to train with.
 
-    project      projection.py, ewa.py     the formulas of backend/projection.py, compiled
-    colour       sh.py                     spherical harmonics and their gradients
-    bin          binning.py, ellipses.py   exact ellipse/tile lists, front to back
-    draw, backward passes.py, pixels.py      tile kernels with an analytic backward pass
+    project         projection.py             the formulas of backend/projection.py, compiled
+    colour          sh.py                     spherical harmonics and their gradients
+    bin             binning.py, ellipses.py   exact ellipse/tile lists, front to back
+    draw, backward  passes.py, pixels.py      tile kernels with an analytic backward pass
 
-All of them are in `numba_kernels`.
-
-Everything is float32, sums over tiles excepted (float64), and gives the same bits for any number of
-threads (`numba.set_num_threads`, or the environment variable NUMBA_NUM_THREADS).
+All of them are in `numba_kernels`. Everything is float32, sums over tiles excepted (float64), and
+gives the same bits for any number of threads (`numba.set_num_threads`, or the environment variable
+NUMBA_NUM_THREADS).
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ from desplat_ns.backend.numba_kernels.runtime import (
     launching,
     new_counter,
     num_workers,
-    scratch,
 )
 from desplat_ns.backend.numba_kernels.sh import EvaluateColors
 from desplat_ns.backend.projection import ProjectedSplats, project
@@ -67,31 +65,24 @@ class NumbaRasterizer:
                 "`--pipeline.model.backend gsplat`."
             )
         projected = _project(_in_float32(splats), _in_float32(view), settings)
-        return rasterize(projected, view.width, view.height, settings)
-
-
-def rasterize(
-    projected: ProjectedSplats, width: int, height: int, settings: RenderSettings
-) -> Rendering:
-    """Draw projected Gaussians, float32 on the CPU."""
-    grid = Grid(width, height, -(-width // TILE), -(-height // TILE))
-    rgb, alpha, depth = _Rasterize.apply(
-        projected.means2d,
-        projected.conics,
-        projected.depths,
-        projected.opacities,
-        projected.colors,
-        projected.radii,
-        grid,
-        settings,
-    )  # type: ignore[misc]  # torch does not annotate Function.apply
-    return Rendering(
-        rgb=rgb,
-        alpha=alpha,
-        depth=depth / alpha.clamp(min=1e-10) if settings.depth else None,
-        means2d=projected.means2d,
-        radii=projected.radii,
-    )
+        grid = Grid(view.width, view.height, -(-view.width // TILE), -(-view.height // TILE))
+        rgb, alpha, depth = _Rasterize.apply(
+            projected.means2d,
+            projected.conics,
+            projected.depths,
+            projected.opacities,
+            projected.colors,
+            projected.radii,
+            grid,
+            settings,
+        )  # type: ignore[misc]  # torch does not annotate Function.apply
+        return Rendering(
+            rgb=rgb,
+            alpha=alpha,
+            depth=depth / alpha.clamp(min=1e-10) if settings.depth else None,
+            means2d=projected.means2d,
+            radii=projected.radii,
+        )
 
 
 def _project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedSplats:
@@ -165,7 +156,7 @@ def _backward(
     width = GEOMETRY + stride - FEATURES
     sums = np.zeros((n, width), np.float32)
     with launching():
-        grads = scratch(lists.ranks.size * width)
+        grads = np.empty(lists.ranks.size * width, np.float32)
         backward_frame(
             lists, stride, grid, *frames, channels, _LIMITS, grads, new_counter(), num_workers()
         )

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from pytorch_msssim import ssim as msssim_ssim
@@ -29,8 +29,7 @@ def ssim(pred: Float[Tensor, "H W C"], target: Float[Tensor, "H W C"]) -> Float[
     if pred.shape != target.shape:
         raise ValueError(f"pred has shape {tuple(pred.shape)}, target {tuple(target.shape)}.")
     if _is_fast(pred, target):
-        (loss,) = _Photometric.apply(target, None, 0.0, 1.0, pred)
-        return 1 - loss
+        return 1 - _compiled(target, None, 0.0, 1.0, pred)[0]
     return _similarities([pred], [target])[0]
 
 
@@ -57,7 +56,7 @@ def photometric_losses(
     (docs/results/separation.md).
     """
     if all(_is_fast(image, photo) for image in images):
-        return _Photometric.apply(photo, owned, leak, ssim_weight, *images)  # type: ignore[no-any-return]
+        return _compiled(photo, owned, leak, ssim_weight, *images)
     differences, targets = [(image - photo).abs() for image in images], [photo for _ in images]
     if owned is not None:
         differences[0] = (1 - (1 - leak) * owned) * differences[0]
@@ -65,6 +64,12 @@ def photometric_losses(
     similarities = _similarities(images, targets)
     pairs = zip(differences, similarities, strict=True)
     return tuple((1 - ssim_weight) * d.mean() + ssim_weight * (1 - s) for d, s in pairs)
+
+
+def _compiled(*arguments: Any) -> tuple[Float[Tensor, ""], ...]:
+    from desplat_ns.backend.numba_kernels.ssim import Photometric  # numba is large
+
+    return Photometric.apply(*arguments)  # type: ignore[no-any-return]
 
 
 def _similarities(
@@ -87,81 +92,3 @@ def _is_fast(image: Tensor, target: Tensor) -> bool:
     is_float32 = all(t.device.type == "cpu" and t.dtype == torch.float32 for t in (image, target))
     is_fixed = not (target.requires_grad and torch.is_grad_enabled())
     return is_float32 and is_fixed and image.shape[2] == 3 and min(image.shape[:2]) >= WINDOW
-
-
-class _Photometric(torch.autograd.Function):
-    """The gradient is worked out with the value: the two share most of the work."""
-
-    @staticmethod
-    def forward(ctx, photo, owned, leak, ssim_weight, first, second=None):  # type: ignore[override]
-        sums = _Sums(first, ssim_weight, leak)
-        gradients = [sums.differentiate(first, photo, owned)]
-        losses = [sums.loss()]
-        if second is not None:
-            wanted = None if owned is None else sums.blocks_of(owned)
-            gradients.append(sums.differentiate(second, photo, None, wanted))
-            losses.append(sums.loss())
-        ctx.save_for_backward(*gradients)
-        return tuple(losses)
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, *grads):  # type: ignore[override]
-        by_image = zip(grads, ctx.saved_tensors, strict=True)
-        scaled = (saved if grad == 1 else grad * saved for grad, saved in by_image)
-        return None, None, None, None, *scaled
-
-
-class _Sums:
-    """SSIM and L1 of an image, summed over the kernels' blocks."""
-
-    def __init__(self, image: Float[Tensor, "H W 3"], ssim_weight: float, leak: float):
-        from desplat_ns.backend.numba_kernels import ssim as kernels  # numba is large
-
-        self.shape = height, length = image.shape[0], image.shape[1] * kernels.CHANNELS
-        self.kernels = kernels
-        down, across = -(-height // kernels.ROWS), -(-length // kernels.COLUMNS)
-        self.similarity, self.difference = np.empty((down, across)), np.empty((down, across))
-        windows = (height - kernels.MARGIN) * (length - kernels.SIDE)
-        self.per_window = ssim_weight / windows
-        self.per_number = (1 - ssim_weight) / (height * length)
-        self.constant, self.kept = ssim_weight, np.float32(1 - leak)
-
-    def blocks_of(self, owned: Float[Tensor, "H W 1"]) -> np.ndarray:
-        """Blocks of pixels [down, across] in which anything is owned."""
-        pixels, height = owned[..., 0].numpy(), self.kernels.ROWS
-        rows = [pixels[row : row + height].max(axis=0) for row in range(0, len(pixels), height)]
-        columns = np.arange(self.difference.shape[1]) * (
-            self.kernels.COLUMNS // self.kernels.CHANNELS
-        )
-        return (np.maximum.reduceat(np.stack(rows), columns, axis=1) > 0).astype(np.uint8)
-
-    def differentiate(
-        self, image: Tensor, photo: Tensor, owned: Tensor | None, wanted: np.ndarray | None = None
-    ) -> Tensor:
-        """Take up the sums of an image, where they are wanted, and give the gradient of `loss`."""
-        from desplat_ns.backend.numba_kernels.runtime import (
-            flat,
-            launching,
-            new_counter,
-            num_workers,
-        )
-
-        if wanted is None:
-            wanted = np.empty((0, 0), np.uint8)
-        weights = np.empty(0, np.float32) if owned is None else flat(owned)
-        rates = self.kept, np.float32(-self.per_window), np.float32(self.per_number)
-        images, sums = (flat(image), flat(photo), weights), (self.similarity, self.difference)
-        gradient = torch.empty(image.shape)
-        with launching():
-            self.kernels.score_image(
-                *(images, self.shape, wanted, rates, sums, flat(gradient)),
-                *(new_counter(), num_workers()),
-            )
-        return gradient
-
-    def loss(self) -> Float[Tensor, ""]:
-        """(1 - w) L1 + w (1 - SSIM)."""
-        similarity, difference = float(self.similarity.sum()), float(self.difference.sum())
-        value = self.constant - self.per_window * similarity + self.per_number * difference
-        return torch.tensor(value)

@@ -19,7 +19,7 @@ def composite_color(
     lies behind it.
     Source: c = c_d + (1 - alpha_d) c_s, DeSplat, Sec. 3.
     """
-    return torch.addcmul(rgb_d, 1 - alpha_d, rgb_s)
+    return rgb_d + (1 - alpha_d) * rgb_s
 
 
 def composite_alpha(
@@ -41,7 +41,7 @@ def over_background(
 
     With `composite_alpha` the background's weight is (1 - alpha_d) (1 - alpha_s), DeSplat, Sec. 3.
     """
-    return torch.addcmul(rgb, 1 - alpha, background)
+    return rgb + (1 - alpha) * background
 
 
 def in_range(image: Float[Tensor, "H W C"]) -> Float[Tensor, "H W C"]:

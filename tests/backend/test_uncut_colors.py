@@ -7,9 +7,8 @@ import dataclasses
 import pytest
 import torch
 
-from desplat_ns.backend.projection import view_colors
+from desplat_ns.backend.projection import uncut_colors, view_colors
 from desplat_ns.backend.protocol import Splats, View
-from desplat_ns.backend.uncut_colors import uncut_colors
 
 NUM = 90
 

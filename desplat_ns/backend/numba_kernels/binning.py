@@ -200,14 +200,6 @@ def _count(
 
 
 @kernel()
-def _running_sum(numbers):
-    """numbers[i] becomes the sum of numbers[: i + 1]; returns the last."""
-    for i in range(1, numbers.size):
-        numbers[i] += numbers[i - 1]
-    return numbers[-1]
-
-
-@kernel()
 def _sum_up(counts, first_entry):
     """Turn counts[chunk, tile] into first places, by tile, then chunk."""
     total = 0
@@ -286,9 +278,9 @@ def tile_lists(
     first_entry = np.empty(counts.shape[1] + 1, np.int32)
     common = (records, stride, cutoff, grid, first_row)
     _measure(gaussians, ids, *common, new_counter(), num_workers())
-    edges = np.empty(2 * _running_sum(first_row), np.int32)
+    edges = np.empty(2 * np.cumsum(first_row, out=first_row)[-1], np.int32)
     _count(*common, edges, counts, first_slot, outlines, new_counter(), num_workers())
-    _running_sum(first_slot)
+    np.cumsum(first_slot, out=first_slot)
     number = _sum_up(counts, first_entry)
     ranks, entries = np.empty((2, number), np.int32)
     row_ranges = np.empty(2 * BLOCKS * number, np.uint8)

@@ -214,18 +214,6 @@ def new_counter() -> np.ndarray:
     return np.zeros(1, np.int64)
 
 
-_scratch = np.empty(0, np.float32)
-
-
-def scratch(size: int) -> np.ndarray:
-    """`size` float32 of any value, from one buffer that every caller gets: use them up within one
-    `launching`. Fresh memory for each step would have to be mapped, page by page, each time."""
-    global _scratch
-    if _scratch.size < size:
-        _scratch = np.empty(size + size // 4, np.float32)
-    return _scratch[:size]
-
-
 def _instruction(function: Callable[..., Any]) -> Any:
     return intrinsic(inspect.unwrap(function))
 

@@ -32,7 +32,7 @@ from desplat_ns.backend.spherical_harmonics import MAX_DEGREE, legendre, norm
 
 BATCH = 64
 LANE = BATCH + 16
-"""As in `ewa`."""
+"""As in `projection`."""
 
 _POWERS = MAX_DEGREE + 1
 """Planes of x^0 ... x^4, then as many of y and of z."""

@@ -19,7 +19,6 @@ from desplat_ns.backend.numba_kernels.runtime import (
     fma,
     kernel,
     prefetch,
-    scratch,
     take,
 )
 from desplat_ns.rendering.compositing import composite_color
@@ -123,14 +122,6 @@ def test_prefetching_beyond_the_array_does_no_harm():
     for at in (0, 2, -1_000_000_000, 1_000_000_000):
         call_prefetch(array, at)
     assert array.tolist() == [0, 1, 2]
-
-
-def test_scratch_memory_is_kept_and_grows_where_it_must():
-    first = scratch(1000)
-    assert first.size == 1000 and first.dtype == np.float32
-    assert np.shares_memory(first, scratch(10))
-    larger = scratch(3 * numba_runtime._scratch.size)
-    assert np.shares_memory(larger, scratch(1000))
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another allocator")
