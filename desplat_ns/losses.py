@@ -1,7 +1,5 @@
 """The terms of Eq. 5 and Eq. 9 to 12, and the price of what no photo needs; `get_loss_dict` of the
 model adds them.
-
-On a CPU the photometric term is compiled (backend/ssim.py); the statements here are its reference.
 """
 
 from __future__ import annotations
@@ -11,7 +9,7 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from desplat_ns.backend.ssim import photometric_losses, ssim
+from desplat_ns.backend.ssim import photometric_losses
 from desplat_ns.rendering.compositing import composite_alpha
 
 EXPLAINED_SHARE = 0.6
@@ -34,14 +32,7 @@ def photometric_loss(
     Source: L_GS, the photometric term of Eq. 5 and 12; `owned` is ours
     (docs/explain/separation.md).
     """
-    compiled = photometric_losses(photo, owned, ssim_weight, image, leak=leak)
-    if compiled is not None:
-        return compiled[0]
-    difference, target = (image - photo).abs(), photo
-    if owned is not None:
-        difference = (1 - (1 - leak) * owned) * difference
-        target = torch.lerp(photo, image.detach(), owned)
-    return (1 - ssim_weight) * difference.mean() + ssim_weight * (1 - ssim(image, target))
+    return photometric_losses(photo, owned, ssim_weight, image, leak=leak)[0]
 
 
 def layered_photometric_losses(
@@ -58,13 +49,8 @@ def layered_photometric_losses(
         composite: equals `static` where nothing is owned. For what it is made of has no gradient
             there either, most of the second term is the first one's: on a CPU it is taken from it.
     """
-    compiled = photometric_losses(photo, owned, ssim_weight, static, composite, leak=leak)
-    if compiled is not None:
-        return compiled[0], compiled[1]
-    return (
-        photometric_loss(static, photo, ssim_weight, owned, leak),
-        photometric_loss(composite, photo, ssim_weight),
-    )
+    own, main = photometric_losses(photo, owned, ssim_weight, static, composite, leak=leak)
+    return own, main
 
 
 def distractor_opacity_loss(

@@ -139,7 +139,7 @@ def test_a_trained_run_whose_backend_cannot_draw_on_the_gpu_is_rendered_on_the_c
     config = tiny_run(tmp_path)
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(
-        "desplat_ns.backend.gsplat_kernels.kernels.unavailable_reason", lambda: "has no nvcc."
+        "desplat_ns.backend.gsplat_build.unavailable_reason", lambda: "has no nvcc."
     )
     pipeline = config.pipeline.setup(device=torch.device("cuda"), test_mode="test")
     assert pipeline.device.type == "cpu"

@@ -2,9 +2,9 @@
 
 python -m desplat_ns.backend.compile_kernels
 
-numba's take a minute of one core for each CPU, gsplat's half an hour for each kind of GPU.
-What is compiled already is left as it is; what failed is tried again. Without this, the first run
-that needs them has them compiled.
+numba's take a minute of one core for each CPU, gsplat's half an hour for each kind of GPU. What is
+compiled already is left as it is. Without this, the first run that needs them has them compiled.
+Where no GPU is seen, TORCH_CUDA_ARCH_LIST names the one that gsplat's are compiled for.
 """
 
 from __future__ import annotations
@@ -12,32 +12,24 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import time
 from collections.abc import Sequence
 
 import torch
 
-from desplat_ns.backend.gsplat_kernels import kernels
-from desplat_ns.backend.registry import available, compile_kernels
+from desplat_ns.backend import gsplat_build
+from desplat_ns.backend.registry import compile_kernels
+
+BACKENDS = ("numba", "gsplat")
 
 
-def compile_numba() -> str | None:
-    """Have the kernels compiled; why they cannot run here, if they cannot."""
-    reason = available("cpu")["numba"]
-    if reason is None:
+def unavailable(name: str) -> str | None:
+    """Have a backend's kernels compiled; why there are none, if there are none."""
+    if name == "numba":
         compile_kernels("numba", "cpu")
-    return reason
-
-
-def compile_gsplat() -> str | None:
-    """Compile and load gsplat's; why there are none, if there are none."""
-    if not torch.cuda.is_available() and not os.environ.get("TORCH_CUDA_ARCH_LIST"):
-        return "draws on CUDA devices, and torch sees none. TORCH_CUDA_ARCH_LIST names another's."
-    kernels.try_again()
-    return kernels.unavailable_reason()
-
-
-COMPILERS = {"numba": compile_numba, "gsplat": compile_gsplat}
+        return None
+    if torch.cuda.is_available() or os.environ.get("TORCH_CUDA_ARCH_LIST"):
+        return gsplat_build.unavailable_reason()
+    return "draws on CUDA devices, and torch sees none."
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,17 +39,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("backend", nargs="?", choices=COMPILERS, help="alone; else both")
+    parser.add_argument("backend", nargs="?", choices=BACKENDS, help="alone; else both")
     asked: str | None = parser.parse_args(arguments).backend
-    failed = False
-    for name in [asked] if asked else COMPILERS:
-        began = time.monotonic()
-        reason = COMPILERS[name]()
-        spent = f"{time.monotonic() - began:.0f} s"
-        print(f"{name}: " + (f"kernels are there ({spent})" if reason is None else reason))
-        optional = name == "gsplat" and not torch.cuda.is_available() and not asked
-        failed |= reason is not None and not optional
-    return int(failed)
+    reasons = {name: unavailable(name) for name in ([asked] if asked else BACKENDS)}
+    for name, reason in reasons.items():
+        print(f"{name}: {reason or 'kernels are there'}")
+    return int(any(reasons.values()) and bool(asked or torch.cuda.is_available()))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ ALPHA_CUTOFF = 1.0 / 255.0
 
 ALPHA_MAX = 0.999
 """Opacity of one Gaussian at one pixel is clamped here, forward and backward, so that
-1 / (1 - alpha) stays bounded. gsplat 1.4 and 1.5 use this value."""
+1 / (1 - alpha) stays bounded. gsplat's value."""
 
 TRANSMITTANCE_MIN = 1e-4
 """Blending stops before the Gaussian that would bring the transmittance down to this value, or

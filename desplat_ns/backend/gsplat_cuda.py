@@ -1,15 +1,12 @@
 """The `gsplat` backend: gsplat's CUDA kernels. The only module that imports gsplat's rasterizer.
 
 Departs from the exact backends in one thing: gsplat cuts every Gaussian off at the square of 3
-sigma, where an opaque one still has an alpha of 0.011. Its kernels are had by `gsplat_kernels`.
+sigma, where an opaque one still has an alpha of 0.011. `gsplat_build` has its kernels compiled.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import torch
-from jaxtyping import Int
 from torch import Tensor
 
 from desplat_ns.backend.constants import EPS2D, FAR_PLANE, NEAR_PLANE
@@ -19,7 +16,7 @@ from desplat_ns.errors import BackendUnavailableError
 
 
 class GsplatRasterizer:
-    """gsplat 1.4 or 1.5, float32 on CUDA."""
+    """gsplat 1.4.0, float32 on CUDA."""
 
     name = "gsplat"
 
@@ -36,7 +33,6 @@ class GsplatRasterizer:
         _check_cuda_float32(splats.means)
         if len(splats.means) == 0:
             return _empty(splats, view, settings)
-        # By keyword: 1.5 put `segmented` in the middle of 1.4's parameters.
         image, alpha, info = rasterization(
             means=_with_unsound_behind(splats, view),
             quats=splats.quats,
@@ -61,17 +57,8 @@ class GsplatRasterizer:
             alpha=alpha[0],
             depth=image[0, ..., -1:] if settings.depth else None,
             means2d=info["means2d"],
-            radii=_one_radius(info),
+            radii=info["radii"][0],
         )
-
-
-def _one_radius(info: dict[str, Any]) -> Int[Tensor, " N"]:
-    """gsplat 1.4 gives radii [1, N], 1.5 one for each axis, [1, N, 2]: the longer one."""
-    radii = info["radii"][0]
-    if radii.ndim == 2:
-        # 1.5 culls where either axis is 0.
-        radii = radii.amax(dim=-1) * (radii > 0).all(dim=-1)
-    return radii.to(torch.int32)
 
 
 def _with_unsound_behind(splats: Splats, view: View) -> Tensor:

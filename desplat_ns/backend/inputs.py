@@ -49,7 +49,7 @@ def finite_colors(
     flat = colors.flatten()
     if colors.device.type == "cpu" and torch.dot(flat, flat).isfinite():
         return None
-    return colors.flatten(1).square().sum(-1).isfinite()
+    return torch.linalg.vector_norm(colors.flatten(1), dim=-1).isfinite()
 
 
 def check_inputs(splats: Splats, view: View) -> None:

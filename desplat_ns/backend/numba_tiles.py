@@ -1,18 +1,18 @@
 """The `numba` backend: Gaussian splatting on a CPU, fast enough to train with.
 
-    project      projection.py, ewa.py     the formulas of backend/projection.py, compiled
-    colour       sh.py                     spherical harmonics and their gradients
-    bin          binning.py, ellipses.py   exact ellipse/tile lists, front to back
-    draw, backward passes.py, pixels.py      tile kernels with an analytic backward pass
+    project         projection.py             the formulas of backend/projection.py, compiled
+    colour          sh.py                     spherical harmonics and their gradients
+    bin             binning.py, ellipses.py   exact ellipse/tile lists, front to back
+    draw, backward  passes.py, pixels.py      tile kernels with an analytic backward pass
 
-All of them are in `numba_kernels`.
-
-Everything is float32, sums over tiles excepted (float64), and gives the same bits for any number of
-threads (`numba.set_num_threads`, or the environment variable NUMBA_NUM_THREADS).
+All of them are in `numba_kernels`. Everything is float32, sums over tiles excepted (float64), and
+gives the same bits for any number of threads (`numba.set_num_threads`, or the environment variable
+NUMBA_NUM_THREADS).
 """
 
 from __future__ import annotations
 
+import gc
 from dataclasses import replace
 from typing import TypeVar
 
@@ -21,6 +21,7 @@ import torch
 
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
 from desplat_ns.backend.inputs import check_inputs, finite_colors
+from desplat_ns.backend.numba_kernels import runtime
 from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, Lists, tile_lists
 from desplat_ns.backend.numba_kernels.ellipses import FEATURES, TILE
 from desplat_ns.backend.numba_kernels.passes import Frame, backward_frame, draw_frame, sum_rows
@@ -31,7 +32,6 @@ from desplat_ns.backend.numba_kernels.runtime import (
     launching,
     new_counter,
     num_workers,
-    scratch,
 )
 from desplat_ns.backend.numba_kernels.sh import EvaluateColors
 from desplat_ns.backend.projection import ProjectedSplats, project
@@ -65,31 +65,24 @@ class NumbaRasterizer:
                 "`--pipeline.model.backend gsplat`."
             )
         projected = _project(_in_float32(splats), _in_float32(view), settings)
-        return rasterize(projected, view.width, view.height, settings)
-
-
-def rasterize(
-    projected: ProjectedSplats, width: int, height: int, settings: RenderSettings
-) -> Rendering:
-    """Draw projected Gaussians, float32 on the CPU."""
-    grid = Grid(width, height, -(-width // TILE), -(-height // TILE))
-    rgb, alpha, depth = _Rasterize.apply(
-        projected.means2d,
-        projected.conics,
-        projected.depths,
-        projected.opacities,
-        projected.colors,
-        projected.radii,
-        grid,
-        settings,
-    )  # type: ignore[misc]  # torch does not annotate Function.apply
-    return Rendering(
-        rgb=rgb,
-        alpha=alpha,
-        depth=depth / alpha.clamp(min=1e-10) if settings.depth else None,
-        means2d=projected.means2d,
-        radii=projected.radii,
-    )
+        grid = Grid(view.width, view.height, -(-view.width // TILE), -(-view.height // TILE))
+        rgb, alpha, depth = _Rasterize.apply(
+            projected.means2d,
+            projected.conics,
+            projected.depths,
+            projected.opacities,
+            projected.colors,
+            projected.radii,
+            grid,
+            settings,
+        )  # type: ignore[misc]  # torch does not annotate Function.apply
+        return Rendering(
+            rgb=rgb,
+            alpha=alpha,
+            depth=depth / alpha.clamp(min=1e-10) if settings.depth else None,
+            means2d=projected.means2d,
+            radii=projected.radii,
+        )
 
 
 def _project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedSplats:
@@ -163,9 +156,30 @@ def _backward(
     width = GEOMETRY + stride - FEATURES
     sums = np.zeros((n, width), np.float32)
     with launching():
-        grads = scratch(lists.ranks.size * width)
+        grads = np.empty(lists.ranks.size * width, np.float32)
         backward_frame(
             lists, stride, grid, *frames, channels, _LIMITS, grads, new_counter(), num_workers()
         )
         sum_rows(lists, grads, width, sums.reshape(-1), new_counter(), num_workers())
     return sums
+
+
+def compile_all() -> None:
+    """Launch every kernel in a process that compiles them; `runtime` starts one where it must.
+
+    What a kernel becomes may depend on what the process has compiled before (a product of three
+    numbers is taken in another order), so they are always compiled in the order of this step.
+    """
+    from desplat_ns.backend.ssim import ssim
+
+    runtime.compiles_here = True
+    gc.disable()  # a tenth faster, for a process that ends soon
+    shapes = ((1, 3), (1, 4), (1, 3), (1,), (1, 4, 3))
+    means, *others = (torch.ones(shape, requires_grad=True) for shape in shapes)
+    photo, matrix = torch.zeros(16, 16, 3), torch.diag(torch.tensor([16.0, 16.0, 1.0]))
+    drawn = NumbaRasterizer()(
+        Splats(means, *others, sh_degree=1),
+        View(torch.eye(4), matrix, 16, 16),
+        RenderSettings(antialiased=True, depth=True, absgrad=True),
+    )
+    (drawn.alpha + ssim(drawn.rgb, photo)).sum().backward()

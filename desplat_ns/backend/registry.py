@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import importlib
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache
 from typing import Literal, get_args
 
 import torch
@@ -21,16 +18,15 @@ BACKEND_NAMES: tuple[str, ...] = get_args(BackendName)
 ON_THE_CPU = "Or put `CUDA_VISIBLE_DEVICES=` before the command: it then runs on the CPU."
 """What helps any command where a GPU cannot be used; most have no option for the device."""
 
+_CLASSES = {
+    "gsplat": ("desplat_ns.backend.gsplat_cuda", "GsplatRasterizer"),
+    "numba": ("desplat_ns.backend.numba_tiles", "NumbaRasterizer"),
+    "torch": ("desplat_ns.backend.torch_tiles", "TorchRasterizer"),
+}
+"""Where each backend lives. It is imported when it is asked for."""
 
-@dataclass(frozen=True)
-class _Entry:
-    """Where a backend lives and what it needs. Nothing of it is imported before it is asked for."""
-
-    module: str
-    class_name: str
-    unavailable_reason: Callable[[str], str | None]
-    """Of a device type ("cpu", "cuda"): why it cannot run there and what to do, as one sentence or
-    two; None where it can."""
+FASTEST = {"cuda": "gsplat", "cpu": "numba"}
+"""What `auto` is on a device type; `torch` on others."""
 
 
 def _gsplat_unavailable(device: str) -> str | None:
@@ -44,33 +40,27 @@ def _gsplat_unavailable(device: str) -> str | None:
             f"renders on CUDA and the model is on the {device}. Add `--machine.device-type cuda`, "
             "or `--pipeline.model.backend numba`."
         )
-    from desplat_ns.backend.gsplat_kernels.kernels import unavailable_reason
+    from desplat_ns.backend.gsplat_build import unavailable_reason
 
     reason = unavailable_reason()
     return None if reason is None else f"{reason}\n{ON_THE_CPU}"
 
 
-def _numba_unavailable(device: str) -> str | None:
-    if device != "cpu":
+def unavailable_reason(name: str, device: str) -> str | None:
+    """Why a backend cannot run on a device type ("cpu", "cuda") and what to do; None where it can.
+
+    On CUDA `auto` is gsplat or none: without its kernels the torch backend would be slow in
+    silence, and numba with the model on the CPU would leave the GPU idle for hours, in every run,
+    where one command and half an hour of compiling, once, are all that is missing.
+    """
+    if name == "gsplat":
+        return _gsplat_unavailable(device)
+    if name == "numba" and device != "cpu":
         return (
             f"renders on the CPU and the model is on {device}. Add `--machine.device-type cpu`, or "
             "`--pipeline.model.backend gsplat`."
         )
-    try:
-        importlib.import_module("desplat_ns.backend.numba_tiles")
-    except ImportError as error:
-        return f"could not be imported ({error}). `pip install numba` brings it."
     return None
-
-
-_BACKENDS: dict[str, _Entry] = {
-    "gsplat": _Entry("desplat_ns.backend.gsplat_cuda", "GsplatRasterizer", _gsplat_unavailable),
-    "numba": _Entry("desplat_ns.backend.numba_tiles", "NumbaRasterizer", _numba_unavailable),
-    "torch": _Entry("desplat_ns.backend.torch_tiles", "TorchRasterizer", lambda device: None),
-}
-
-FASTEST_FIRST: dict[str, tuple[BackendName, ...]] = {"cuda": ("gsplat",), "cpu": ("numba", "torch")}
-"""Which ones `auto` tries on a device type."""
 
 
 def default_device() -> str:
@@ -80,12 +70,11 @@ def default_device() -> str:
 
 def available(device: str | None = None) -> dict[str, str | None]:
     """For each backend None where it can run on a device type, else why and what to do."""
-    device = device or default_device()
-    return {name: entry.unavailable_reason(device) for name, entry in _BACKENDS.items()}
+    return {name: unavailable_reason(name, device or default_device()) for name in _CLASSES}
 
 
 def resolve(name: BackendName, device: str | None = None) -> Rasterizer:
-    """The rasterizer called `name`; `auto` is the fastest that can run on the device type.
+    """The rasterizer called `name`; `auto` is the fastest that there is for the device type.
 
     Args:
         device: "cpu" or "cuda", where the splats will be; by default what this machine has.
@@ -94,39 +83,15 @@ def resolve(name: BackendName, device: str | None = None) -> Rasterizer:
         BackendUnavailableError: `name` is unknown, or cannot run there.
     """
     device = device or default_device()
-    if name == "auto":
-        return resolve(_fastest(device), device)
-    if name not in _BACKENDS:
+    taken = FASTEST.get(device, "torch") if name == "auto" else name
+    if taken not in _CLASSES:
         choices = ", ".join(BACKEND_NAMES)
         raise BackendUnavailableError(f"There is no backend '{name}'. Choose one of: {choices}.")
-    entry = _BACKENDS[name]
-    reason = entry.unavailable_reason(device)
+    reason = unavailable_reason(taken, device)
     if reason is not None:
-        raise BackendUnavailableError(f"Backend '{name}' {reason}")
-    return getattr(importlib.import_module(entry.module), entry.class_name)()
-
-
-@cache
-def _fastest(device: str) -> BackendName:
-    """The first backend that can run; says once which one that is, and why not a faster one.
-
-    On CUDA that is gsplat or none. Without its kernels the torch backend would be slow in silence,
-    and numba with the model on the CPU would leave the GPU idle for hours, in every run, where one
-    command and half an hour of compiling, once, are all that is missing.
-
-    Raises:
-        BackendUnavailableError: on CUDA, if gsplat cannot run; says what to type for either.
-    """
-    from nerfstudio.utils.rich_utils import CONSOLE
-
-    passed_over = []
-    for name in FASTEST_FIRST.get(device, ("torch",)):
-        reason = _BACKENDS[name].unavailable_reason(device)
-        if reason is None:
-            CONSOLE.log(f"Rasterizer backend: {name}.", *passed_over)
-            return name
-        passed_over.append(f"\nBackend '{name}' {reason}")
-    raise BackendUnavailableError("".join(passed_over).strip())
+        raise BackendUnavailableError(f"Backend '{taken}' {reason}")
+    module, class_name = _CLASSES[taken]
+    return getattr(importlib.import_module(module), class_name)()
 
 
 def compile_kernels(name: BackendName, device: str) -> float:
@@ -154,7 +119,7 @@ def rendering_device(name: BackendName, device: str) -> tuple[str, str]:
         return device, ""
     if name == "numba":
         return "cpu", "its backend is numba"
-    reason = _BACKENDS["gsplat"].unavailable_reason(device)
+    reason = unavailable_reason("gsplat", device)
     if reason is None:
         return device, ""
     return "cpu", f"backend 'gsplat' {reason.removesuffix(ON_THE_CPU).strip()}"

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import gsplat
 from gsplat.strategy import DefaultStrategy
 from jaxtyping import Float
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
@@ -27,9 +26,6 @@ from desplat_ns.gaussians.distractors import ViewDistractors
 from desplat_ns.gaussians.strategy import UNLIMITED, prune, refine, sample
 from desplat_ns.training.schedule import SPLATFACTOS_INTERVAL
 
-RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) >= (1, 5)
-"""gsplat 1.5 gives radii as [C, N, 2], 1.4 as [C, N]; each one's strategy takes only its own."""
-
 GROW_GRAD = 6.0
 """By pixels, distractors are cloned or split where a shift by one pixel changes the loss, summed
 over all pixels, by more than this: in colours times pixels, whatever the size of the image.
@@ -41,11 +37,10 @@ opacity costs nothing, none gets faint."""
 
 
 def strategy_info(rendering: Rendering, view: View) -> dict[str, Any]:
-    """A rendering as gsplat's DefaultStrategy reads it, in the shapes of the installed gsplat."""
-    radii = rendering.radii[None]
+    """A rendering as gsplat's DefaultStrategy reads it."""
     return {
         "means2d": rendering.means2d,
-        "radii": radii[..., None].expand(-1, -1, 2) if RADII_PER_AXIS else radii,
+        "radii": rendering.radii[None],
         "width": view.width,
         "height": view.height,
         "n_cameras": 1,

@@ -56,8 +56,6 @@ def sample(
     gradients[:, 0] *= info["width"] / 2.0 * info["n_cameras"]
     gradients[:, 1] *= info["height"] / 2.0 * info["n_cameras"]
     is_visible = radii > 0
-    if radii.ndim == 2:
-        is_visible, radii = is_visible.all(dim=-1), radii.amax(dim=-1)
     names = ["grad2d", "count"] + (["radii"] if strategy.refine_scale2d_stop_iter > 0 else [])
     for name in names:
         if state[name] is None:
@@ -102,7 +100,7 @@ class StaticStrategy(DefaultStrategy):
     Its settings are nominal steps but for `refine_every`: it refines when so many steps of the run
     were sampled. The `pause_refine_after_reset` steps after a
     reset of the opacities, in which the scene recovers, are not sampled; so the sample is the same
-    however close resets are. (gsplat 1.5.3 never resets: `0 & step > 0` in its condition.)
+    however close resets are.
     """
 
     most: int = UNLIMITED

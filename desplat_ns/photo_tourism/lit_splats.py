@@ -13,9 +13,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from desplat_ns.backend.inputs import finite_colors
+from desplat_ns.backend.projection import uncut_colors
 from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
-from desplat_ns.backend.uncut_colors import uncut_colors
 from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance, toned_color
 from desplat_ns.rendering.in_view import in_view
 

@@ -6,9 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from desplat_ns.backend.over import in_range
 from desplat_ns.backend.protocol import Rendering
-from desplat_ns.rendering.compositing import composite_color
+from desplat_ns.rendering.compositing import composite_color, in_range
 
 MASK_THRESHOLD = 0.5
 """A pixel counts as covered where the distractors' opacity is greater. App. C.1."""
@@ -54,7 +53,7 @@ def layered_outputs(
         composite, rgb_d, alpha_d = rgb, nothing, nothing[..., :1]
     else:
         rgb_d, alpha_d = distractor.rgb, distractor.alpha
-        composite = composite_color(rgb_d, alpha_d, image, cut=True)
+        composite = in_range(composite_color(rgb_d, alpha_d, image))
     return {
         "rgb_composite": composite,
         "rgb_distractor": rgb_d,

@@ -25,14 +25,12 @@ from torch import Tensor
 
 from desplat_ns.backend import (
     Rasterizer,
-    blending,
     numba_tiles,
     projection,
     registry,
     resolve,
     torch_tiles,
 )
-from desplat_ns.backend import tile_lists as torch_lists
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
 from desplat_ns.backend.numba_kernels.pixels import Limits
 from desplat_ns.backend.protocol import Rendering, RenderSettings, View
@@ -114,9 +112,7 @@ def replacements(setting: Setting) -> list[Replacement]:
     limits = Limits(np.float32(ALPHA_MAX), np.float32(setting.cutoff), np.float32(setting.stop))
     return [
         (projection, "REACH_SIGMAS", math.sqrt(2 * math.log(1 / setting.cutoff))),
-        (blending, "ALPHA_CUTOFF", setting.cutoff),
-        (torch_lists, "ALPHA_CUTOFF", setting.cutoff),
-        (blending, "TRANSMITTANCE_MIN", setting.stop),
+        (torch_tiles, "ALPHA_CUTOFF", setting.cutoff),
         (torch_tiles, "TRANSMITTANCE_MIN", setting.stop),
         (numba_tiles, "ALPHA_CUTOFF", setting.cutoff),
         (numba_tiles, "_LIMITS", limits),

@@ -21,12 +21,13 @@ from tests.backend.scenes import TestScene, random_scene
 
 REAL_SIGNATURE = inspect.signature(gsplat.rendering.rasterization)
 
+RADII = torch.tensor([[3, 0]], dtype=torch.int32)
+
 
 class FakeGsplat:
     """Stands in for gsplat's `rasterization` and keeps what it was given."""
 
-    def __init__(self, radii: torch.Tensor):
-        self.radii = radii
+    def __init__(self) -> None:
         self.arguments: dict[str, Any] = {}
 
     def __call__(self, **arguments: Any) -> tuple[torch.Tensor, torch.Tensor, dict[str, Any]]:
@@ -36,7 +37,7 @@ class FakeGsplat:
         channels = 4 if arguments["render_mode"] == "RGB+ED" else 3
         image = torch.arange(channels).expand(1, height, width, channels).float()
         means2d = arguments["means"][None, :, :2]
-        return image, torch.ones(1, height, width, 1), {"means2d": means2d, "radii": self.radii}
+        return image, torch.ones(1, height, width, 1), {"means2d": means2d, "radii": RADII}
 
 
 def scene_of(count: int) -> TestScene:
@@ -45,7 +46,7 @@ def scene_of(count: int) -> TestScene:
 
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> FakeGsplat:
-    fake = FakeGsplat(torch.tensor([[3, 0]], dtype=torch.int32))
+    fake = FakeGsplat()
     monkeypatch.setattr(gsplat.rendering, "rasterization", fake)
     monkeypatch.setattr(gsplat_cuda, "_check_cuda_float32", lambda means: None)
     return fake
@@ -78,18 +79,9 @@ def test_colour_and_depth_are_taken_apart(fake):
     assert got.rgb[0, 0].tolist() == [0, 1, 2]
     assert got.depth is not None and got.depth[0, 0].tolist() == [3]
     assert got.alpha.shape == (5, 7, 1) and got.means2d.shape == (1, 2, 2)
+    assert got.radii.tolist() == [3, 0]
     without = GsplatRasterizer()(scene.splats, scene.view, RenderSettings())
     assert without.depth is None and without.rgb.shape == (5, 7, 3)
-
-
-@pytest.mark.parametrize(
-    "radii", [[[3, 0]], [[[3, 2], [0, 0]]], [[[1, 3], [0, 5]]]], ids=["1.4", "1.5", "1.5 culled"]
-)
-def test_radii_of_both_versions_become_one_for_each_gaussian(fake, radii):
-    fake.radii = torch.tensor(radii, dtype=torch.int32)
-    scene = scene_of(2)
-    got = GsplatRasterizer()(scene.splats, scene.view, RenderSettings())
-    assert got.radii.tolist() == [3, 0]
 
 
 def test_unsound_gaussians_are_moved_behind_the_camera(fake):

@@ -2,32 +2,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from functools import partial
-from types import SimpleNamespace
 from typing import Any
 
 import jaxtyping
 import pytest
 import torch
 
-from desplat_ns.backend import BACKEND_NAMES, available, registry, resolve
+from desplat_ns.backend import BACKEND_NAMES, available, compile_kernels, registry, resolve
+from desplat_ns.backend.numba_kernels import runtime
 from desplat_ns.errors import BackendUnavailableError
-
-
-def hinder(monkeypatch: pytest.MonkeyPatch, **reasons: str | None) -> None:
-    """Pretend that these backends cannot (text) or can (None) run here."""
-    table = {
-        name: registry._Entry(e.module, e.class_name, partial(lambda n, _: reasons.get(n), name))
-        for name, e in registry._BACKENDS.items()
-    }
-    monkeypatch.setattr(registry, "_BACKENDS", table)
-    registry._fastest.cache_clear()
-
-
-@pytest.fixture(autouse=True)
-def _fresh_choice():
-    yield
-    registry._fastest.cache_clear()
 
 
 def test_each_backend_is_resolved_under_its_own_name():
@@ -55,14 +38,17 @@ def test_a_backend_of_the_other_device_says_what_to_type(monkeypatch):
         resolve("gsplat", "cpu")
 
 
-KERNELS = "desplat_ns.backend.gsplat_kernels.kernels.unavailable_reason"
+KERNELS = "desplat_ns.backend.gsplat_build.unavailable_reason"
 
 
 def test_auto_follows_the_device(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(KERNELS, lambda: None)
-    assert registry._fastest("cuda") == "gsplat"
-    assert registry._fastest("cpu") == "numba"
+    assert [resolve("auto", device).name for device in ("cuda", "cpu", "mps")] == [
+        "gsplat",
+        "numba",
+        "torch",
+    ]
 
 
 def test_on_cuda_without_kernels_auto_draws_with_nothing_slow_but_says_what_to_do(monkeypatch):
@@ -99,27 +85,38 @@ def test_a_trained_model_is_rendered_where_something_fast_draws(
     assert registry.rendering_device(backend, "cpu") == ("cpu", "")
 
 
-def test_kernels_that_are_compiled_take_seconds_that_are_told(monkeypatch):
-    clock = iter([10.0, 250.0])
-    monkeypatch.setattr(registry, "time", SimpleNamespace(monotonic=lambda: next(clock)))
-    hinder(monkeypatch, gsplat=None)
-    assert registry.compile_kernels("gsplat", "cuda") == 240.0
-
-
-def test_numbas_kernels_are_there_when_a_run_begins(monkeypatch):
-    from desplat_ns.backend.numba_kernels import runtime
-
+@pytest.mark.parametrize(("name", "device"), [("numba", "cpu"), ("auto", "cuda")])
+def test_kernels_are_there_when_a_run_begins(monkeypatch, name, device):
     compiled = []
-    monkeypatch.setattr(runtime, "_is_ready", False)
-    monkeypatch.setattr(runtime, "before_first_launch", [lambda: compiled.append(True)])
-    assert 0 <= registry.compile_kernels("numba", "cpu") < 60
-    assert compiled == [True]
+    monkeypatch.setattr(runtime, "_prepare", lambda: compiled.append("cpu"))
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(KERNELS, lambda: compiled.append("cuda"))
+    assert 0 <= registry.compile_kernels(name, device) < 60
+    assert compiled == [device]
 
 
-def test_a_numba_that_is_missing_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "desplat_ns.backend.numba_tiles", None)
-    with pytest.raises(BackendUnavailableError, match="pip install numba"):
-        resolve("numba", "cpu")
+@pytest.fixture
+def on_a_gpu(monkeypatch):
+    """What `compile_kernels` compiles on a machine with a GPU whose kernels fail."""
+    compiled = []
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(runtime, "_prepare", lambda: compiled.append("numba"))
+    monkeypatch.setattr(KERNELS, lambda: compiled.append("gsplat") or "has no nvcc.")
+    return compiled
+
+
+def test_the_command_compiles_both_and_fails_where_one_that_the_machine_needs_does(on_a_gpu):
+    assert compile_kernels.main([]) == 1
+    assert on_a_gpu == ["numba", "gsplat"]
+    assert compile_kernels.main(["numba"]) == 0
+
+
+def test_a_machine_without_a_gpu_lacks_nothing_unless_gsplats_are_asked_for(on_a_gpu, monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.delenv("TORCH_CUDA_ARCH_LIST", raising=False)
+    assert compile_kernels.main([]) == 0
+    assert compile_kernels.main(["gsplat"]) == 1
+    assert on_a_gpu == ["numba"]
 
 
 def test_an_unknown_name_lists_the_known_ones():
@@ -130,27 +127,6 @@ def test_an_unknown_name_lists_the_known_ones():
             resolve(unknown)
     finally:
         jaxtyping.config.update("jaxtyping_disable", False)
-
-
-@pytest.mark.parametrize(
-    ("reasons", "chosen"),
-    [
-        ({"gsplat": "no", "numba": "no"}, "torch"),
-        ({"gsplat": "no", "numba": None}, "numba"),
-    ],
-)
-def test_auto_takes_the_fastest_that_can_run(monkeypatch, reasons, chosen):
-    hinder(monkeypatch, **reasons)
-    assert registry._fastest("cpu") == chosen
-
-
-def test_auto_says_once_which_backend_it_took_and_why_not_a_faster_one(monkeypatch, capfd):
-    hinder(monkeypatch, gsplat="needs CUDA.", numba="is not installed.")
-    for _ in range(3):
-        assert resolve("auto").name == "torch"
-    said = capfd.readouterr().out
-    assert said.count("Rasterizer backend: torch.") == 1
-    assert said.count("Backend 'numba' is not installed.") == 1
 
 
 @pytest.mark.slow

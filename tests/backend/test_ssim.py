@@ -4,7 +4,7 @@ import pytest
 import torch
 from pytorch_msssim import ssim as msssim_ssim
 
-from desplat_ns.backend import ssim as fast_ssim
+from desplat_ns.backend.numba_kernels import ssim as kernels
 from desplat_ns.backend.ssim import ssim
 
 SIZES = [(11, 11), (11, 40), (12, 13), (26, 27), (37, 171), (27, 340)]
@@ -65,9 +65,15 @@ def test_strided_images_give_the_same():
 def fast_calls(monkeypatch) -> list[int]:
     """Counts the calls that the compiled kernels answer."""
     calls: list[int] = []
-    score = fast_ssim._Sums.differentiate
-    monkeypatch.setattr(fast_ssim._Sums, "differentiate", lambda *a: calls.append(1) or score(*a))
+    score = kernels.score_image
+    monkeypatch.setattr(kernels, "score_image", lambda *a: calls.append(1) or score(*a))
     return calls
+
+
+def test_float32_on_a_cpu_takes_the_kernels(monkeypatch):
+    calls = fast_calls(monkeypatch)
+    ssim(*images(16, 16))
+    assert calls == [1]
 
 
 @pytest.mark.parametrize("kind", ["float64", "one channel", "differentiable target"])
@@ -90,16 +96,6 @@ def test_images_smaller_than_the_window_are_scored(monkeypatch):
     pred, target = images(10, 30)
     assert ssim(pred, target).item() == pytest.approx(exact(pred, target).item(), abs=FLAT)
     assert not calls
-
-
-def test_without_numba_the_value_is_the_same(monkeypatch):
-
-    pred, target = images(20, 20)
-    calls = fast_calls(monkeypatch)
-    fast = ssim(pred, target).item()
-    assert calls
-    monkeypatch.setattr(fast_ssim, "_kernels", lambda: None)
-    assert ssim(pred, target).item() == pytest.approx(fast, abs=FLAT)
 
 
 def test_images_of_different_shapes_are_refused():

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from desplat_ns.rendering.compositing import (
     composite_alpha,
     composite_color,
+    in_range,
     over_background,
 )
 
@@ -68,3 +69,11 @@ def test_gradients_agree_with_finite_differences():
         return over_background(both, composite_alpha(alpha_d, alpha_s), background)
 
     assert torch.autograd.gradcheck(final, inputs)
+
+
+def test_colours_are_cut_to_the_range_and_have_a_gradient_within():
+    colors = torch.tensor([[[-1.0, 0.0, 0.5], [1.0, 1.5, 0.25]]], requires_grad=True)
+    cut = in_range(colors)
+    assert cut.flatten().tolist() == [0.0, 0.0, 0.5, 1.0, 1.0, 0.25]
+    (slope,) = torch.autograd.grad(cut.sum(), colors)
+    assert slope.flatten().tolist() == [0, 0, 1, 0, 0, 1]

@@ -23,10 +23,6 @@ OPS = 16
 """Roundings in a chain: camera coordinates (4), quotient and pixel (4), rotation from a quaternion
 (10), a covariance or a conic (12), SH (16)."""
 
-REACH = 15.0
-"""Pixels: twice the distance from a tile's centre to its outermost pixel centre. The torch backend
-writes the exponent as a polynomial about the tile's centre."""
-
 
 @dataclass
 class Magnitudes:
@@ -115,8 +111,8 @@ def project(scene: TestScene, settings: RenderSettings) -> Magnitudes:
     d = pixel_centres(scene.size) - near.mean[:, None]
     g = torch.einsum("nij,npj->npi", conic, d)
     sigma = 0.5 * (g * d).sum(-1).clamp(min=0)
-    wide, g = d.abs() + REACH, g.abs()
-    form = torch.einsum("npi,nij,npj->np", wide, conic.abs(), wide)
+    g = g.abs()
+    form = torch.einsum("npi,nij,npj->np", d.abs(), conic.abs(), d.abs())
     rho = (g * near.shift[:, None]).sum(-1) + (g.sum(-1) * extent[:, None]) * (2 * sigma).sqrt()
     rho = rho + sigma * (1 + lost)[:, None] + form + 1
     pull = sharpness.square()[:, None] * d.square().sum(-1) * size[:, None]

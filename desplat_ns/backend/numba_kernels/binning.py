@@ -31,7 +31,7 @@ from desplat_ns.backend.numba_kernels.ellipses import (
     ellipse,
     tile_rows,
 )
-from desplat_ns.backend.numba_kernels.runtime import kernel, new_counter, num_workers, take
+from desplat_ns.backend.numba_kernels.runtime import kernel, new_counter, num_workers, part, take
 
 CHUNK = 512
 """Gaussians that one worker bins at a time."""
@@ -125,12 +125,12 @@ def _sorted(keys, other):
     return keys
 
 
-@kernel()
+@part()
 def _digit(key, digit):
     return np.int64((key >> np.uint64(32 + BITS * digit)) & np.uint64((1 << BITS) - 1))
 
 
-@kernel()
+@part()
 def _write_records(gaussians, ids, records, stride, start, stop):
     """Gather mean, conic, opacity and features of the ranks start ... stop - 1."""
     means2d, conics, depths, opacities, colors, channels = gaussians
@@ -147,7 +147,7 @@ def _write_records(gaussians, ids, records, stride, start, stop):
             records[base + FEATURES + channels] = depths[i]
 
 
-@kernel()
+@part()
 def _count_tiles(e, grid, counts, chunk, edges, row):
     """Count the tiles of an ellipse into counts[chunk]; return how many there are.
 
@@ -197,14 +197,6 @@ def _count(
                 outlines[at + 6] = e.top_y
                 outlines[at + 7] = tile_rows(e, grid)[0]
             chunk = take(counter)
-
-
-@kernel()
-def _running_sum(numbers):
-    """numbers[i] becomes the sum of numbers[: i + 1]; returns the last."""
-    for i in range(1, numbers.size):
-        numbers[i] += numbers[i - 1]
-    return numbers[-1]
 
 
 @kernel()
@@ -286,9 +278,9 @@ def tile_lists(
     first_entry = np.empty(counts.shape[1] + 1, np.int32)
     common = (records, stride, cutoff, grid, first_row)
     _measure(gaussians, ids, *common, new_counter(), num_workers())
-    edges = np.empty(2 * _running_sum(first_row), np.int32)
+    edges = np.empty(2 * np.cumsum(first_row, out=first_row)[-1], np.int32)
     _count(*common, edges, counts, first_slot, outlines, new_counter(), num_workers())
-    _running_sum(first_slot)
+    np.cumsum(first_slot, out=first_slot)
     number = _sum_up(counts, first_entry)
     ranks, entries = np.empty((2, number), np.int32)
     row_ranges = np.empty(2 * BLOCKS * number, np.uint8)

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from desplat_ns.backend.numba_kernels.runtime import kernel
+from desplat_ns.backend.numba_kernels.runtime import part
 
 TILE = 16
 """Width and height of a tile in pixels. 16 was measured faster than 8 and 32."""
@@ -78,7 +78,7 @@ class Ellipse(NamedTuple):
     top_y: np.float64
 
 
-@kernel()
+@part()
 def ellipse(records, base, cutoff):
     """The visible ellipse in float64; where it is degenerate, one without bounds."""
     a = np.float64(records[base + CONIC_A])
@@ -99,7 +99,7 @@ def ellipse(records, base, cutoff):
     return Ellipse(mean_x, mean_y, *axes)
 
 
-@kernel()
+@part()
 def shadow(low, high, slope, extent, root, bend, top):
     """Shadow of the ellipse between two offsets across the axis; (1, 0) if there is none."""
     low, high = max(low, -extent), min(high, extent)
@@ -112,7 +112,7 @@ def shadow(low, high, slope, extent, root, bend, top):
     return left, right
 
 
-@kernel()
+@part()
 def pixels(mean, low, high, first, end):
     """Pixels of [first, end) whose centres lie in mean + [low, high], as (start, stop)."""
     start = math.ceil(min(max(mean + low - 0.5, np.float64(first)), np.float64(end)))
@@ -120,7 +120,7 @@ def pixels(mean, low, high, first, end):
     return np.int64(start), np.int64(stop)
 
 
-@kernel()
+@part()
 def columns(e, ty, grid):
     """Pixel columns (start, stop) that the ellipse covers in the ty-th row of tiles."""
     low = ty * TILE + 0.5 - e.mean_y
@@ -131,14 +131,14 @@ def columns(e, ty, grid):
     return pixels(e.mean_x, left, right, 0, grid.width)
 
 
-@kernel()
+@part()
 def tile_rows(e, grid):
     """Rows of tiles (first, end) within the ellipse's height."""
     first, stop = pixels(e.mean_y, -e.extent_y, e.extent_y, 0, grid.height)
     return first // TILE, max((stop + TILE - 1) // TILE, first // TILE)
 
 
-@kernel()
+@part()
 def block_rows(s, number, left, low, high, row_ranges, first, end):
     """Rows that the gathered outlines cover in one block of columns, in pairs; `shadow` for
     vectors.

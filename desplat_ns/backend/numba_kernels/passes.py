@@ -35,7 +35,7 @@ from desplat_ns.backend.numba_kernels.pixels import (
     gather_more,
     write_row,
 )
-from desplat_ns.backend.numba_kernels.runtime import kernel, prefetch, take
+from desplat_ns.backend.numba_kernels.runtime import kernel, part, prefetch, take
 
 ROWS_CHUNK = 512
 """Gaussians whose rows one worker sums at a time."""
@@ -66,14 +66,14 @@ class Frame(NamedTuple):
     """[tiles * AREA] place in the tile's list of the last Gaussian drawn, -1 if none."""
 
 
-@kernel()
+@part()
 def _fetch(rows, number, stride):
     """Ask for both ends of a row of `stride` numbers, which may lie in two cache lines."""
     prefetch(rows, number * stride)
     prefetch(rows, number * stride + stride - 1)
 
 
-@kernel()
+@part()
 def _row_range(ranges, entry, block):
     """Pixels of a tile, (start, stop), that an entry must look at in one block of columns."""
     entries = ranges.size // (2 * BLOCKS)
@@ -81,7 +81,7 @@ def _row_range(ranges, entry, block):
     return first + BLOCK * np.int64(ranges[at]), first + BLOCK * np.int64(ranges[at + entries])
 
 
-@kernel()
+@part()
 def _run(run, tile, grid):
     """Image column and row of the first pixel of the run-th BLOCK pixels of a tile.
 
@@ -91,7 +91,7 @@ def _run(run, tile, grid):
     return column, (tile // grid.tiles_x) * TILE + run % TILE
 
 
-@kernel()
+@part()
 def _pixels_of(run, tile, grid):
     """Of a run: its first place in the tile, the image's, and how many pixels are in the image.
 
@@ -102,7 +102,7 @@ def _pixels_of(run, tile, grid):
     return np.uint64(run * BLOCK), np.uint64(y * grid.width + x), np.uint64(number)
 
 
-@kernel()
+@part()
 def _open_tile(s, tile, grid):
     """Clear the planes of a tile; pixels outside the image are finished from the start."""
     s[:] = 0
@@ -117,7 +117,7 @@ def _open_tile(s, tile, grid):
             s[LAST + p] = np.float32(-1)
 
 
-@kernel()
+@part()
 def _all_finished(s):
     open_pixels = 0
     for p in range(np.uint64(AREA)):
@@ -125,7 +125,7 @@ def _all_finished(s):
     return open_pixels == 0
 
 
-@kernel()
+@part()
 def _draw_tile(s, tile, lists, stride, limits):
     """Draw the list of a tile front to back until every pixel is finished."""
     records, ranks, row_ranges = lists.records, lists.ranks, lists.row_ranges
@@ -145,7 +145,7 @@ def _draw_tile(s, tile, lists, stride, limits):
             return
 
 
-@kernel()
+@part()
 def _write_tile(s, tile, grid, frame, channels):
     """Copy the planes of a tile into the frame."""
     colors, depth, alpha, transmittance, last = frame
@@ -166,7 +166,7 @@ def _write_tile(s, tile, grid, frame, channels):
                 depth[at + k] = s[F0 + np.uint64(PLANE * channels) + p + k]
 
 
-@kernel()
+@part()
 def _write_empty_tile(tile, grid, frame, channels):
     """What is seen where nothing is. The backward pass does not come here."""
     colors, depth, alpha = frame.colors, frame.depth, frame.alpha
@@ -179,7 +179,7 @@ def _write_empty_tile(tile, grid, frame, channels):
             depth[first:end] = 0
 
 
-@kernel()
+@part()
 def _is_empty(tile, lists):
     return lists.first_entry[tile] == lists.first_entry[tile + 1]
 
@@ -200,7 +200,7 @@ def draw_frame(lists, stride, grid, frame, channels, limits, counter, workers):
             tile = take(counter)
 
 
-@kernel()
+@part()
 def _reopen_tile(s, tile, grid, frame, pulled, channels):
     """Load the end state of a tile and dL/d(frame); return the place of its last drawn Gaussian."""
     _open_tile(s, tile, grid)
@@ -225,7 +225,7 @@ def _reopen_tile(s, tile, grid, frame, pulled, channels):
     return furthest
 
 
-@kernel()
+@part()
 def _backward_tile(s, tile, furthest, lists, stride, limits, grads):
     """Walk the list of a tile back to front; each entry writes its own row of gradients."""
     records, ranks, row_ranges = lists.records, lists.ranks, lists.row_ranges

@@ -42,7 +42,7 @@ from desplat_ns.backend.numba_kernels.ellipses import (
     PAIR,
     TILE,
 )
-from desplat_ns.backend.numba_kernels.runtime import float_of_bits, fma, kernel, nearest
+from desplat_ns.backend.numba_kernels.runtime import float_of_bits, fma, nearest, part
 
 AREA = TILE * TILE
 """Pixels of a tile."""
@@ -92,7 +92,7 @@ class Limits(NamedTuple):
     transmittance_min: np.float32
 
 
-@kernel()
+@part()
 def _exp2(power):
     """2^power for power <= 0, within 2 units in the last place above 2^-40; as small below."""
     whole = nearest(power)
@@ -107,7 +107,7 @@ def _exp2(power):
     return value * float_of_bits(exponent << np.int32(23))
 
 
-@kernel()
+@part()
 def _falloff_at(s, p, mean_x, mean_y, a, b, c):
     """(exp(-sigma), k g_x, k g_y, d_x, d_y) at pixel p, from k times the conic, k = -log2(e) / 2.
 
@@ -119,7 +119,7 @@ def _falloff_at(s, p, mean_x, mean_y, a, b, c):
     return _exp2(min(fma(dx, gx, dy * gy), _ZERO)), gx, gy, dx, dy
 
 
-@kernel()
+@part()
 def _shape(records, base):
     """Mean, k times the conic, and opacity of a record."""
     return (
@@ -132,12 +132,12 @@ def _shape(records, base):
     )
 
 
-@kernel()
+@part()
 def _four(values, at):
     return values[at], values[at + 1], values[at + 2], values[at + 3]
 
 
-@kernel(fastmath={"nsz"}, forceinline=True)
+@part(fastmath={"nsz"}, forceinline=True)
 def blend(s, records, base, place, start, stop, limits):
     """Draw one Gaussian, with its first four features, over pixels start ... stop - 1: PAIRs."""
     mean_x, mean_y, a, b, c, opacity = _shape(records, base)
@@ -163,7 +163,7 @@ def blend(s, records, base, place, start, stop, limits):
         s[F3 + p] = fma(weight, f3, s[F3 + p])
 
 
-@kernel(fastmath=_LOOSE)
+@part(fastmath=_LOOSE)
 def blend_more(s, records, base, stride, start, stop):
     """Draw the features after the fourth of the Gaussian that `blend` has just drawn."""
     for k in range(4, stride - FEATURES):
@@ -172,7 +172,7 @@ def blend_more(s, records, base, stride, start, stop):
             s[plane + p] += s[WEIGHT + p] * value
 
 
-@kernel(fastmath=_LOOSE)
+@part(fastmath=_LOOSE)
 def gather_more(s, records, base, stride, start, stop):
     """Leave u and what features after the fourth add to q in the plane Q."""
     for p in range(np.uint64(start), np.uint64(stop)):
@@ -183,7 +183,7 @@ def gather_more(s, records, base, stride, start, stop):
             s[Q + p] += s[plane + p] * value
 
 
-@kernel(fastmath=_LOOSE, forceinline=True)
+@part(fastmath=_LOOSE, forceinline=True)
 def backward(s, records, base, place, start, stop, limits, sums):
     """Step back over one Gaussian at pixels start ... stop - 1, which are PAIRs; add to its `sums`
     and return them.
@@ -222,7 +222,7 @@ def backward(s, records, base, place, start, stop, limits, sums):
     return sum_x, sum_y, abs_x, abs_y, xx, xy, yy, total, v0, v1, v2, v3
 
 
-@kernel()
+@part()
 def write_row(sums, opacity, grads, row):
     """Turn the sums of `backward` into the gradients of an entry."""
     sum_x, sum_y, abs_x, abs_y, xx, xy, yy, total, v0, v1, v2, v3 = sums
@@ -232,7 +232,7 @@ def write_row(sums, opacity, grads, row):
         grads[row + k] = entry[k]
 
 
-@kernel(fastmath=_LOOSE)
+@part(fastmath=_LOOSE)
 def backward_more(s, stride, start, stop, grads, row):
     """Add what features after the fourth get, from the weights that `backward` has just left."""
     for k in range(4, stride - FEATURES):

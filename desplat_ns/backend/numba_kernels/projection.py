@@ -1,9 +1,19 @@
-"""Projection for the numba backend: the formulas of `ewa` over all Gaussians, in parallel.
+"""The projection of `projection.py`, compiled: same formulas, same culling, analytic gradients.
 
-Gradients of culled Gaussians are 0, whatever comes back for them.
+With M = J W R diag(s), 2 x 3 with rows A and B (J W: how the pixel moves with the world position),
+
+    xx, xy, yy = A.A + eps, A.B, B.B + eps,    m = A x B,    det = m.m + eps (xx + yy - eps),
+    conic      = (up yy, -xy, up xx) / det.
+
+The backward pass follows the same chain from its end. Gaussians are worked on in batches that lie
+in planes (see `pixels`), so that one vector instruction serves eight of them; lanes of culled
+ones may hold anything, NaN included, and are left out where results are written. Gradients of
+culled Gaussians are 0, whatever comes back for them.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -12,34 +22,300 @@ import torch
 from desplat_ns.backend import projection
 from desplat_ns.backend.constants import EPS2D, FAR_PLANE, NEAR_PLANE
 from desplat_ns.backend.inputs import MIN_QUAT_NORM
-from desplat_ns.backend.numba_kernels.ewa import (
-    BATCH,
-    CONIC_A,
-    DEPTH,
-    LANE,
-    MEAN_X,
-    OPACITY,
-    OUT_OPACITY,
-    PLANES,
-    QW,
-    RADIUS,
-    SX,
-    X,
-    backward_batch,
-    camera_of,
-    project_batch,
-)
 from desplat_ns.backend.numba_kernels.runtime import (
     flat,
     kernel,
     launching,
     new_counter,
     num_workers,
+    part,
     take,
 )
 from desplat_ns.backend.protocol import View
 
-_ZERO = np.float32(0)
+PLANES = 19
+
+BATCH = 64
+"""Gaussians worked on together."""
+
+LANE = BATCH + 16
+"""Distance between planes (see `pixels.PLANE`)."""
+
+(
+    X, Y, Z, QW, QX, QY, QZ, SX, SY, SZ, OPACITY,
+    MEAN_X, MEAN_Y, CONIC_A, CONIC_B, CONIC_C, DEPTH, OUT_OPACITY, RADIUS,
+) = (np.uint64(LANE * k) for k in range(PLANES))  # fmt: skip
+"""Where the planes start: the parameters, then what is projected (or its gradients)."""
+
+_LANES = np.uint64(BATCH)
+
+_CONTRACT = {"contract", "nsz"}
+"""Fused multiply-add is welcome; NaN and infinities must stay what they are."""
+
+_ZERO, _HALF, _ONE, _TWO = (np.float32(x) for x in (0, 0.5, 1, 2))
+
+
+class Camera(NamedTuple):
+    """A view, the settings and the limits of `projection.py`, all float32."""
+
+    world: tuple[tuple[np.float32, ...], ...]
+    """Rows of [R | t], world to camera."""
+    focal: tuple[np.float32, ...]
+    center: tuple[np.float32, ...]
+    size: tuple[np.float32, ...]
+    slopes_low: tuple[np.float32, ...]
+    slopes_high: tuple[np.float32, ...]
+    near: np.float32
+    far: np.float32
+    eps2d: np.float32
+    antialiased: np.float32
+    """1 or 0."""
+    up: np.float32
+    max_pixels: np.float32
+    reach: np.float32
+    least_ratio: np.float32
+    least_norm2: np.float32
+
+
+@part()
+def camera_of(c):
+    """The Camera of the numbers that `projection.make_camera` lists."""
+    return Camera(
+        ((c[0], c[1], c[2], c[3]), (c[4], c[5], c[6], c[7]), (c[8], c[9], c[10], c[11])),
+        (c[12], c[13]), (c[14], c[15]), (c[16], c[17]), (c[18], c[19]), (c[20], c[21]),
+        c[22], c[23], c[24], c[25], c[26], c[27], c[28], c[29], c[30],
+    )  # fmt: skip
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _dot3(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _cross(a, b):
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _to_camera(row, x, y, z):
+    return row[0] * x + row[1] * y + row[2] * z + row[3]
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _rotation(w, x, y, z):
+    """Columns of the rotation matrix of a unit quaternion."""
+    return (
+        (_ONE - _TWO * (y * y + z * z), _TWO * (x * y + w * z), _TWO * (x * z - w * y)),
+        (_TWO * (x * y - w * z), _ONE - _TWO * (x * x + z * z), _TWO * (y * z + w * x)),
+        (_TWO * (x * z + w * y), _TWO * (y * z - w * x), _ONE - _TWO * (x * x + y * y)),
+    )
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _pixel_row(axis, camera, slope, per_z):
+    """A row of J W: how this pixel coordinate moves with the world position."""
+    w, d, f = camera.world[axis], camera.world[2], camera.focal[axis] * per_z
+    return (f * (w[0] - slope * d[0]), f * (w[1] - slope * d[1]), f * (w[2] - slope * d[2]))
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _axes(s, n, camera):
+    """(x, y, z, 1/z), (slopes), rotation, length of the quaternion, rows of J W, of J W R, of M."""
+    px, py, pz = s[X + n], s[Y + n], s[Z + n]
+    x, y = _to_camera(camera.world[0], px, py, pz), _to_camera(camera.world[1], px, py, pz)
+    z = _to_camera(camera.world[2], px, py, pz)
+    per_z = _ONE / z
+    slope_x = min(max(x * per_z, camera.slopes_low[0]), camera.slopes_high[0])
+    slope_y = min(max(y * per_z, camera.slopes_low[1]), camera.slopes_high[1])
+    qw, qx, qy, qz = s[QW + n], s[QX + n], s[QY + n], s[QZ + n]
+    norm2 = qw * qw + qx * qx + qy * qy + qz * qz
+    per = _ONE / np.sqrt(norm2)
+    columns = _rotation(qw * per, qx * per, qy * per, qz * per)
+    row_x = _pixel_row(0, camera, slope_x, per_z)
+    row_y = _pixel_row(1, camera, slope_y, per_z)
+    turned_x = (_dot3(row_x, columns[0]), _dot3(row_x, columns[1]), _dot3(row_x, columns[2]))
+    turned_y = (_dot3(row_y, columns[0]), _dot3(row_y, columns[1]), _dot3(row_y, columns[2]))
+    sx, sy, sz = s[SX + n], s[SY + n], s[SZ + n]
+    a = (turned_x[0] * sx, turned_x[1] * sy, turned_x[2] * sz)
+    b = (turned_y[0] * sx, turned_y[1] * sy, turned_y[2] * sz)
+    place = (x, y, z, per_z)
+    return place, (slope_x, slope_y), columns, norm2, (row_x, row_y), (turned_x, turned_y), (a, b)
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _shape(a, b, eps):
+    """xx, xy, yy with the low-pass, the minors, their squares' sum, and the determinant."""
+    xx, xy, yy = _dot3(a, a) + eps, _dot3(a, b), _dot3(b, b) + eps
+    minors = _cross(a, b)
+    sharp = _dot3(minors, minors)
+    return xx, xy, yy, minors, sharp, sharp + eps * (xx + yy - eps)
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _is_usable(s, n, place, norm2, camera):
+    """Written so that every NaN makes it False."""
+    x, y, z, _ = place
+    pixels = max(camera.focal[0], camera.focal[1]) / max(z, camera.near)
+    most = camera.max_pixels
+    good = (abs(x) * pixels < most) & (abs(y) * pixels < most)
+    good &= (abs(s[SX + n]) * pixels < most) & (abs(s[SY + n]) * pixels < most)
+    good &= (abs(s[SZ + n]) * pixels < most) & (norm2 > camera.least_norm2)
+    good &= (norm2 < np.float32(np.inf)) & (abs(s[OPACITY + n]) < np.float32(np.inf))
+    good &= (z >= camera.near) & (z <= camera.far)
+    return good
+
+
+@part(fastmath=_CONTRACT)
+def project_batch(s, camera):
+    """Fill the planes of what is projected; radius 0 where culled."""
+    for n in range(_LANES):
+        place, _, _, norm2, _, _, rows = _axes(s, n, camera)
+        xx, xy, yy, _, sharp, det = _shape(rows[0], rows[1], camera.eps2d)
+        usable = _is_usable(s, n, place, norm2, camera)
+        per_det = _ONE / det
+        kept = np.sqrt(max(sharp * per_det, camera.least_ratio))
+        mean_x = camera.focal[0] * (place[0] * place[3]) + camera.center[0]
+        mean_y = camera.focal[1] * (place[1] * place[3]) + camera.center[1]
+        half = _HALF * (xx - yy)
+        spread = np.sqrt(max(half * half + xy * xy, np.float32(0.01)))
+        sigma = np.sqrt(_HALF * (xx + yy) + spread)
+        radius = np.ceil(np.float32(3) * sigma)
+        reach = max(radius, camera.reach * sigma)
+        usable &= (mean_x + reach > _ZERO) & (mean_x - reach < camera.size[0])
+        usable &= (mean_y + reach > _ZERO) & (mean_y - reach < camera.size[1])
+        s[MEAN_X + n], s[MEAN_Y + n], s[DEPTH + n] = mean_x, mean_y, place[2]
+        s[CONIC_A + n] = camera.up * yy * per_det
+        s[CONIC_B + n] = -xy * per_det
+        s[CONIC_C + n] = camera.up * xx * per_det
+        s[OUT_OPACITY + n] = s[OPACITY + n] * (kept if camera.antialiased > _ZERO else _ONE)
+        s[RADIUS + n] = radius if usable else _ZERO
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _backward_shape(s, n, a, b, camera):
+    """Gradients by the rows of M, and by the opacity, from those by conic and opacity."""
+    xx, xy, yy, minors, sharp, det = _shape(a, b, camera.eps2d)
+    per_det = _ONE / det
+    va, vb, vc = s[CONIC_A + n] * camera.up, s[CONIC_B + n], s[CONIC_C + n] * camera.up
+    v_xx, v_xy, v_yy = vc * per_det, -vb * per_det, va * per_det
+    v_det = -(v_yy * yy + v_xy * xy + v_xx * xx) * per_det
+    ratio = sharp * per_det
+    is_filtered = camera.antialiased > _ZERO
+    kept = np.sqrt(max(ratio, camera.least_ratio)) if is_filtered else _ONE
+    v_opacity = s[OUT_OPACITY + n]
+    moves = is_filtered & (ratio > camera.least_ratio)
+    v_ratio = _HALF * v_opacity * s[OPACITY + n] / kept if moves else _ZERO
+    v_det -= v_ratio * ratio * per_det
+    v_sharp = v_ratio * per_det + v_det
+    v_xx, v_yy = _TWO * (v_xx + camera.eps2d * v_det), _TWO * (v_yy + camera.eps2d * v_det)
+    # m = a x b, so dL/da = b x dL/dm and dL/db = dL/dm x a.
+    v_sharp = _TWO * v_sharp
+    v_minors = (v_sharp * minors[0], v_sharp * minors[1], v_sharp * minors[2])
+    by_a, by_b = _cross(b, v_minors), _cross(v_minors, a)
+    v_a = (
+        by_a[0] + v_xx * a[0] + v_xy * b[0],
+        by_a[1] + v_xx * a[1] + v_xy * b[1],
+        by_a[2] + v_xx * a[2] + v_xy * b[2],
+    )
+    v_b = (
+        by_b[0] + v_yy * b[0] + v_xy * a[0],
+        by_b[1] + v_yy * b[1] + v_xy * a[1],
+        by_b[2] + v_yy * b[2] + v_xy * a[2],
+    )
+    return v_a, v_b, v_opacity * kept
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _backward_quat(s, n, norm2, g0, g1, g2):
+    """Gradient by the quaternion, of any length, from those by the columns of the rotation."""
+    per = _ONE / np.sqrt(norm2)
+    w, x, y, z = s[QW + n] * per, s[QX + n] * per, s[QY + n] * per, s[QZ + n] * per
+    vw = _TWO * (x * (g1[2] - g2[1]) + y * (g2[0] - g0[2]) + z * (g0[1] - g1[0]))
+    vx = w * (g1[2] - g2[1]) + y * (g1[0] + g0[1]) + z * (g2[0] + g0[2])
+    vx = _TWO * (vx - _TWO * x * (g1[1] + g2[2]))
+    vy = w * (g2[0] - g0[2]) + x * (g1[0] + g0[1]) + z * (g2[1] + g1[2])
+    vy = _TWO * (vy - _TWO * y * (g0[0] + g2[2]))
+    vz = w * (g0[1] - g1[0]) + x * (g2[0] + g0[2]) + y * (g2[1] + g1[2])
+    vz = _TWO * (vz - _TWO * z * (g0[0] + g1[1]))
+    along = w * vw + x * vx + y * vy + z * vz
+    return (
+        per * (vw - along * w), per * (vx - along * x),
+        per * (vy - along * y), per * (vz - along * z),
+    )  # fmt: skip
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _backward_row(axis, camera, slope, per_z, v):
+    """Gradients by the slope and by 1/z of a row of J W."""
+    w, d, f = camera.world[axis], camera.world[2], camera.focal[axis]
+    by_per_z = f * (_dot3(v, w) - slope * _dot3(v, d))
+    return -f * per_z * _dot3(v, d), by_per_z
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _backward_place(s, n, camera, place, slopes, v_rows):
+    """Gradient by the mean in world coordinates."""
+    x, y, _, per_z = place
+    v_slope_x, v_x = _backward_row(0, camera, slopes[0], per_z, v_rows[0])
+    v_slope_y, v_y = _backward_row(1, camera, slopes[1], per_z, v_rows[1])
+    # A clamped slope does not move with the mean.
+    u = (v_slope_x if slopes[0] == x * per_z else _ZERO) + camera.focal[0] * s[MEAN_X + n]
+    v = (v_slope_y if slopes[1] == y * per_z else _ZERO) + camera.focal[1] * s[MEAN_Y + n]
+    v_per_z = v_x + v_y + u * x + v * y
+    gx, gy, gz = u * per_z, v * per_z, s[DEPTH + n] - v_per_z * per_z * per_z
+    w0, w1, w2 = camera.world
+    return (
+        w0[0] * gx + w1[0] * gy + w2[0] * gz,
+        w0[1] * gx + w1[1] * gy + w2[1] * gz,
+        w0[2] * gx + w1[2] * gy + w2[2] * gz,
+    )
+
+
+@part(fastmath=_CONTRACT)
+def backward_batch(s, camera):
+    """Replace the planes of the parameters by their gradients."""
+    for n in range(_LANES):
+        place, slopes, columns, norm2, rows, turned, m = _axes(s, n, camera)
+        v_a, v_b, v_opacity = _backward_shape(s, n, m[0], m[1], camera)
+        sx, sy, sz = s[SX + n], s[SY + n], s[SZ + n]
+        v_sx = v_a[0] * turned[0][0] + v_b[0] * turned[1][0]
+        v_sy = v_a[1] * turned[0][1] + v_b[1] * turned[1][1]
+        v_sz = v_a[2] * turned[0][2] + v_b[2] * turned[1][2]
+        v_a = (v_a[0] * sx, v_a[1] * sy, v_a[2] * sz)
+        v_b = (v_b[0] * sx, v_b[1] * sy, v_b[2] * sz)
+        r, q = rows[0], rows[1]
+        g0 = (
+            r[0] * v_a[0] + q[0] * v_b[0],
+            r[1] * v_a[0] + q[1] * v_b[0],
+            r[2] * v_a[0] + q[2] * v_b[0],
+        )
+        g1 = (
+            r[0] * v_a[1] + q[0] * v_b[1],
+            r[1] * v_a[1] + q[1] * v_b[1],
+            r[2] * v_a[1] + q[2] * v_b[1],
+        )
+        g2 = (
+            r[0] * v_a[2] + q[0] * v_b[2],
+            r[1] * v_a[2] + q[1] * v_b[2],
+            r[2] * v_a[2] + q[2] * v_b[2],
+        )
+        c0, c1, c2 = columns
+        v_row_x = (
+            c0[0] * v_a[0] + c1[0] * v_a[1] + c2[0] * v_a[2],
+            c0[1] * v_a[0] + c1[1] * v_a[1] + c2[1] * v_a[2],
+            c0[2] * v_a[0] + c1[2] * v_a[1] + c2[2] * v_a[2],
+        )
+        v_row_y = (
+            c0[0] * v_b[0] + c1[0] * v_b[1] + c2[0] * v_b[2],
+            c0[1] * v_b[0] + c1[1] * v_b[1] + c2[1] * v_b[2],
+            c0[2] * v_b[0] + c1[2] * v_b[1] + c2[2] * v_b[2],
+        )
+        v_mean = _backward_place(s, n, camera, place, slopes, (v_row_x, v_row_y))
+        v_quat = _backward_quat(s, n, norm2, g0, g1, g2)
+        s[X + n], s[Y + n], s[Z + n] = v_mean
+        s[QW + n], s[QX + n], s[QY + n], s[QZ + n] = v_quat
+        s[SX + n], s[SY + n], s[SZ + n], s[OPACITY + n] = v_sx, v_sy, v_sz, v_opacity
 
 
 def make_camera(view: View, antialiased: bool) -> np.ndarray:
@@ -57,7 +333,7 @@ def make_camera(view: View, antialiased: bool) -> np.ndarray:
     return np.array([*numbers, MIN_QUAT_NORM**2], np.float32)
 
 
-@kernel()
+@part()
 def _load(values, width, first, number, s, plane):
     """Rows first ... of a flat [N, width] array into `width` planes, from `plane` on."""
     for k in range(number):
@@ -65,7 +341,7 @@ def _load(values, width, first, number, s, plane):
             s[plane + LANE * column + k] = values[(first + k) * width + column]
 
 
-@kernel()
+@part()
 def _store(values, width, first, number, s, plane, radii):
     """The reverse; rows of culled Gaussians become 0."""
     for k in range(number):

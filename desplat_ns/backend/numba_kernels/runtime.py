@@ -1,8 +1,8 @@
-"""How kernels are compiled and launched: the cache, threads, and four instructions numba lacks.
+"""How kernels are compiled and launched: the cache, threads, and five instructions numba lacks.
 
-- Kernels live at module level, so that numba can cache them on disk (it cannot for closures). Where
-  no cache folder can be written they are compiled anew in each process instead of failing.
-- Other processes compile what the cache lacks (`compiling`), and every process that works loads it.
+- Compiled kernels are kept in a folder of their own for each state of their sources, numba, Python
+  and processor (`FOLDER`), so that a kernel whose callee changed is never loaded. Another process
+  compiles all of them, in one order, before the first launch; every process that works loads them.
 - Numbers that may differ between installations are arguments of the kernels, never globals: a
   cached kernel would keep the old value.
 - A kernel loops over `num_workers()` workers with `prange`; each takes its next piece of work from
@@ -13,9 +13,12 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import importlib.util
 import inspect
 import os
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -25,9 +28,11 @@ from typing import Any
 
 import numba
 import numpy as np
+from filelock import FileLock
 from llvmlite import ir
 from numba import types
 from numba.core import config as _numba_config
+from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 from torch import Tensor
 
@@ -41,16 +46,43 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 """mallopt(3): bytes at the heap's end above which they are given back; bytes from which a block is
 mapped by itself, to be given back when it is freed."""
 
-_NEWEST_SOURCE = max(path.stat().st_mtime for path in Path(__file__).parent.glob("*.py"))
+COMPILE = "from desplat_ns.backend.numba_tiles import compile_all; compile_all()"
+"""What the process that compiles runs."""
 
-kernels: list[Any] = []
-"""Every kernel: those that Python launches (`launches`) and those that are parts of them."""
+compiles_here = False
+"""Whether this process is the one that compiles."""
 
-before_first_launch: list[Callable[[], None]] = []
-"""What is done once in each process that launches a kernel: `compiling` enters itself here."""
 
-_is_ready = False
-"""Whether this process has seen to it that its kernels are compiled."""
+def _key() -> str:
+    """What compiled kernels depend on. `spherical_harmonics` has a constant of theirs. (numba keeps
+    a kernel for as long as its own file stays the same: before 0.68 the time of its last change.)
+    """
+    here = Path(__file__).parent
+    context: Any = cpu_target.target_context
+    processor = context.codegen().magic_tuple()
+    state = hashlib.sha256(f"{numba.__version__} {sys.version} {processor}".encode())
+    for path in (*sorted(here.glob("*.py")), here.parent / "spherical_harmonics.py"):
+        state.update(f"{path.name} {path.stat().st_mtime_ns}".encode() + path.read_bytes())
+    return state.hexdigest()[:16]
+
+
+def _folder() -> Path | None:
+    """Where compiled kernels are kept: in NUMBA_CACHE_DIR if it is set, else beside the sources,
+    else in the user's cache; None where nothing can be written."""
+    user = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    roots = [Path(__file__).parent / "__pycache__", Path(user, "desplat_ns")]
+    if numba_config.CACHE_DIR:
+        roots = [Path(numba_config.CACHE_DIR)]
+    for folder in (root / f"kernels-{_key()}" for root in roots):
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return folder
+    return None
+
+
+FOLDER = _folder()
+"""Of the compiled kernels."""
 
 
 def _prefer_safe_threads() -> None:
@@ -82,45 +114,89 @@ def _keep_freed_memory() -> None:
         mallopt(_TRIM_THRESHOLD, (1 << 31) - 1)
 
 
-def kernel(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """`numba.njit` with the disk cache on where a cache folder can be written, else without."""
+def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """`numba.njit` of a function that Python launches; it is kept in `FOLDER`."""
 
-    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        # Run-time type checkers wrap every function of the package; numba needs the bare one.
-        function = inspect.unwrap(function)
-        common: dict[str, Any] = {"nogil": True, "error_model": "numpy", **options}
-        common["no_cfunc_wrapper"] = True  # C calls none
-        try:
-            dispatcher = numba.njit(cache=True, **common)(function)
-            _drop_stale(dispatcher.stats.cache_path)
-        except RuntimeError:  # "cannot cache function ...: no locator available"
-            dispatcher = numba.njit(**common)(function)
-        kernels.append(dispatcher)
+    def decorate(function: Callable[..., Any]) -> Any:
+        dispatcher = part(**options)(function)
+        if FOLDER is not None:
+            before, numba_config.CACHE_DIR = numba_config.CACHE_DIR, str(FOLDER)
+            dispatcher.enable_caching()
+            numba_config.CACHE_DIR = before
         return dispatcher
 
     return decorate
 
 
-@cache
-def _drop_stale(folder: str) -> None:
-    """Remove cached kernels older than any file of kernels: numba looks at a kernel's own only."""
-    for index in Path(folder).glob("*.nbi"):
-        with suppress(OSError):
-            if index.stat().st_mtime < _NEWEST_SOURCE:
-                index.unlink()
+def part(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """`numba.njit` of a function that kernels call."""
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        # Run-time type checkers wrap every function of the package; numba needs the bare one.
+        function = inspect.unwrap(function)
+        common: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+        return numba.njit(**common, **options)(function)
+
+    return decorate
 
 
 @contextmanager
 def launching() -> Iterator[None]:
-    """Hold the launch lock; the first launch of a process has missing kernels compiled."""
-    global _is_ready
+    """Hold the launch lock; before the first launch of a process all kernels are compiled."""
     with _LAUNCH_LOCK:
-        if not _is_ready:
-            _is_ready = True
-            _keep_freed_memory()
-            for prepare in before_first_launch:
-                prepare()
+        _prepare()
         yield
+
+
+@cache
+def _prepare() -> None:
+    _keep_freed_memory()
+    if not compiles_here:
+        have_compiled()
+
+
+def have_compiled() -> None:
+    """Have all kernels compiled into `FOLDER`, unless they are there. It takes a minute.
+
+    Another process does it: one that compiled kernels would go on with others than those it keeps.
+    Of the loop that `prange` splits off it takes the copy from before the last optimization, which
+    is slower and rounds differently.
+    """
+    try:
+        if FOLDER is None:
+            raise OSError("no folder can be written; NUMBA_CACHE_DIR names another")
+        if not (FOLDER / "complete").exists():
+            with FileLock(FOLDER / "lock"):
+                if not (FOLDER / "complete").exists():
+                    _compile_into(FOLDER)
+    except (OSError, NotImplementedError, subprocess.CalledProcessError) as error:
+        why = getattr(error, "stderr", None) or str(error)
+        _say(
+            "The numba kernels are compiled in this process, which takes a minute in each, and may "
+            f"round differently: {why.strip().splitlines()[-1]}"
+        )
+
+
+def _compile_into(folder: Path) -> None:
+    """Have another process compile into a folder what is kept when it is complete."""
+    _say("Compiling the numba kernels for this CPU, once: about a minute.")
+    for path in folder.rglob("*.nb?"):  # of a process that was ended
+        path.unlink()
+    places = os.pathsep.join(map(os.path.abspath, sys.path))  # "" is the folder at hand
+    subprocess.run(
+        [sys.executable, "-c", COMPILE],
+        env={**os.environ, "PYTHONPATH": places, "PYTHONSAFEPATH": "1"},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    (folder / "complete").touch()
+
+
+def _say(line: str) -> None:
+    with suppress(OSError):  # a log on a full disk is no reason to stop
+        print(line, file=sys.stderr, flush=True)
 
 
 def num_workers() -> int:
@@ -136,18 +212,6 @@ def flat(tensor: Tensor) -> np.ndarray:
 def new_counter() -> np.ndarray:
     """A fresh counter for `take`."""
     return np.zeros(1, np.int64)
-
-
-_scratch = np.empty(0, np.float32)
-
-
-def scratch(size: int) -> np.ndarray:
-    """`size` float32 of any value, from one buffer that every caller gets: use them up within one
-    `launching`. Fresh memory for each step would have to be mapped, page by page, each time."""
-    global _scratch
-    if _scratch.size < size:
-        _scratch = np.empty(size + size // 4, np.float32)
-    return _scratch[:size]
 
 
 def _instruction(function: Callable[..., Any]) -> Any:

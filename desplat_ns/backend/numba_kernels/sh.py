@@ -25,13 +25,14 @@ from desplat_ns.backend.numba_kernels.runtime import (
     launching,
     new_counter,
     num_workers,
+    part,
     take,
 )
 from desplat_ns.backend.spherical_harmonics import MAX_DEGREE, legendre, norm
 
 BATCH = 64
 LANE = BATCH + 16
-"""As in `ewa`."""
+"""As in `projection`."""
 
 _POWERS = MAX_DEGREE + 1
 """Planes of x^0 ... x^4, then as many of y and of z."""
@@ -82,7 +83,7 @@ def sh_terms(degree: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(places, np.int64).reshape(-1, 4), np.array(coefficients, np.float32)
 
 
-@kernel(fastmath=_LOOSE)
+@part(fastmath=_LOOSE)
 def _directions(means, center, first, number, s):
     """Powers of the unit directions from the camera, and 1 / |r|."""
     for k in range(BATCH):
@@ -107,12 +108,12 @@ def _directions(means, center, first, number, s):
                 s[plane + n] = s[plane - np.uint64(LANE) + n] * s[base + np.uint64(LANE) + n]
 
 
-@kernel()
+@part()
 def _plane(axis, power):
     return np.uint64(LANE * (_POWERS * axis + power))
 
 
-@kernel(fastmath=_LOOSE)
+@part(fastmath=_LOOSE)
 def _harmonics(places, coefficients, bases, s):
     """Fill the planes of the harmonics."""
     for k in range(LANE * _BASIS, LANE * (_BASIS + bases)):
@@ -124,7 +125,7 @@ def _harmonics(places, coefficients, bases, s):
             s[to + n] += coefficients[term] * (s[x + n] * s[y + n] * s[z + n])
 
 
-@kernel(fastmath=_LOOSE)
+@part(fastmath=_LOOSE)
 def _slopes(places, coefficients, s):
     """dL/dd from the planes of f_k . v."""
     for axis in range(3):
@@ -171,7 +172,7 @@ def _evaluate(means, values, radii, center, places, coefficients, sizes, out, co
             first = take(counter) * BATCH
 
 
-@kernel(fastmath=_LOOSE)
+@part(fastmath=_LOOSE)
 def _backward_values(values, out, grad, i, sizes, s, plane, v_values):
     """Gradients of the coefficients of the i-th Gaussian; f_k . v takes the place of B_k."""
     stored, used, is_cut = sizes
@@ -214,7 +215,7 @@ def _backward(
             first = take(counter) * BATCH
 
 
-@kernel()
+@part()
 def _backward_direction(s, k, is_seen, at, v_means):
     """Gradient by the mean, from dL/dd of the k-th direction."""
     gx, gy, gz = s[_GRAD[0] + k], s[_GRAD[1] + k], s[_GRAD[2] + k]

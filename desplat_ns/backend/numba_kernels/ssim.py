@@ -16,36 +16,71 @@ A worker goes down a strip of COLUMNS numbers, ROWS rows at a time: it sums SSIM
 whose P, Q, R stay in the processor's caches, and blurs these, with those of the windows above, to
 the gradient of the rows. Written to memory and read again they took a third of the time. Images are
 read as they lie in memory, [H, W, 3]: a row is 3 W numbers, neighbours of one channel 3 apart. They
-are copied into scratch rows, over which `gaussian_window` has the window.
+are copied into scratch rows.
+
+Scratch rows have one fixed length, STRIDE: only then can the compiler see that nothing overlaps,
+and use vectors. Rows of y lie IMAGE numbers behind those of x; rows of Q and of R lie SLOPES and
+2 SLOPES behind those of P. Products are made anew in each window: to keep them in rows of their own
+takes a tenth to a sixth more time.
 """
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
+import torch
+from torch import Tensor
 
-from desplat_ns.backend.numba_kernels.gaussian_window import (
-    ALONG,
-    CHANNELS,
-    COLUMNS,
-    IMAGE,
-    LOOSE,
-    MARGIN,
-    NEXT,
-    OF_Q,
-    OF_R,
-    P1,
-    P2,
-    P3,
-    ROWS,
-    SIDE,
-    SLOPES,
-    STRIDE,
-    blur,
-    blur_slopes,
-    moments,
+from desplat_ns.backend.numba_kernels.runtime import (
+    flat,
+    kernel,
+    launching,
+    new_counter,
+    num_workers,
+    part,
+    take,
 )
-from desplat_ns.backend.numba_kernels.runtime import kernel, take
+
+WINDOW = 11
+"""Pixels across the window; its standard deviation is 1.5 (Wang et al., and pytorch_msssim)."""
+
+CHANNELS = 3
+
+MARGIN = WINDOW - 1
+"""Rows that the window needs beyond those it yields."""
+
+SIDE = MARGIN * CHANNELS
+"""The same along a row."""
+
+ROWS, COLUMNS = 16, 480
+"""Size of the block that comes out."""
+
+STRIDE = 544
+"""Length of a scratch row: COLUMNS + 2 SIDE, and not near a power of two (see `pixels.PLANE`)."""
+
+IMAGE = (ROWS + 2 * MARGIN) * STRIDE
+"""Length of the scratch rows of one image."""
+
+SLOPES = (ROWS + MARGIN) * STRIDE
+"""The same of P, of Q and of R."""
+
+_TAPS = [math.exp(-((k - 5) ** 2) / (2 * 1.5**2)) for k in range(WINDOW)]
+_W0, _W1, _W2, _W3, _W4, _W5 = (np.float32(t / math.fsum(_TAPS)) for t in _TAPS[:6])
+
+LOOSE = {"reassoc", "contract", "nsz"}
+"""What the compiler may do with sums here."""
+
+ALONG = np.uint64(CHANNELS)
+"""From a number to that of the next pixel."""
+
+_DOWN = np.uint64(STRIDE)
+_N2, _N3, _N4, _N5 = (np.uint64(k) for k in range(2, 6))
+P1, P2, P3 = (np.uint64(k * STRIDE) for k in range(1, 4))
+"""Where the second, third and fourth of several rows begin."""
+
+NEXT, OF_Q, OF_R = np.uint64(IMAGE), np.uint64(SLOPES), np.uint64(2 * SLOPES)
 
 BAND = 4
 """Blocks that a worker goes down at a time. Above the first it scores MARGIN rows that another one
@@ -57,7 +92,72 @@ _C1, _C2 = np.float32(0.01**2), np.float32(0.03**2)
 _ZERO, _ONE, _TWO = np.float32(0), np.float32(1), np.float32(2)
 
 
-@kernel()
+@part(fastmath=LOOSE)
+def blur(a, i, step):
+    """The symmetric window over a[i], a[i + step], ... a[i + 10 step]."""
+    s1, s2, s3, s4, s5 = step, step + step, step * _N3, step * _N4, step * _N5
+    i = i + s5
+    near = _W5 * a[i] + _W4 * (a[i - s1] + a[i + s1]) + _W3 * (a[i - s2] + a[i + s2])
+    far = _W2 * (a[i - s3] + a[i + s3]) + _W1 * (a[i - s4] + a[i + s4])
+    return near + far + _W0 * (a[i - s5] + a[i + s5])
+
+
+@part(fastmath=LOOSE)
+def _squares(a, i):
+    x, y = a[i], a[NEXT + i]
+    return x * x + y * y
+
+
+@part(fastmath=LOOSE)
+def _product(a, i):
+    return a[i] * a[NEXT + i]
+
+
+@part(fastmath=LOOSE)
+def _blur_squares(a, i):
+    """As `blur`, down x^2 + y^2."""
+    i, s = i + _DOWN * _N5, _DOWN
+    near = _W5 * _squares(a, i) + _W4 * (_squares(a, i - s) + _squares(a, i + s))
+    near += _W3 * (_squares(a, i - s * _N2) + _squares(a, i + s * _N2))
+    far = _W2 * (_squares(a, i - s * _N3) + _squares(a, i + s * _N3))
+    far += _W1 * (_squares(a, i - s * _N4) + _squares(a, i + s * _N4))
+    return near + far + _W0 * (_squares(a, i - s * _N5) + _squares(a, i + s * _N5))
+
+
+@part(fastmath=LOOSE)
+def _blur_product(a, i):
+    """As `blur`, down x y."""
+    i, s = i + _DOWN * _N5, _DOWN
+    near = _W5 * _product(a, i) + _W4 * (_product(a, i - s) + _product(a, i + s))
+    near += _W3 * (_product(a, i - s * _N2) + _product(a, i + s * _N2))
+    far = _W2 * (_product(a, i - s * _N3) + _product(a, i + s * _N3))
+    far += _W1 * (_product(a, i - s * _N4) + _product(a, i + s * _N4))
+    return near + far + _W0 * (_product(a, i - s * _N5) + _product(a, i + s * _N5))
+
+
+@part(fastmath=LOOSE)
+def moments(s, v, row, columns):
+    """Means of x, y, x^2 + y^2, x y down the window from a scratch row on, into the rows of v."""
+    first = np.uint64(row * STRIDE)
+    for j in range(np.uint64(columns)):
+        i = first + j
+        v[j] = blur(s, i, _DOWN)
+        v[P1 + j] = blur(s, i + NEXT, _DOWN)
+        v[P2 + j] = _blur_squares(s, i)
+        v[P3 + j] = _blur_product(s, i)
+
+
+@part(fastmath=LOOSE)
+def blur_slopes(slopes, v, row, columns):
+    """P, Q, R down the window from a scratch row on, into the rows of v."""
+    first = np.uint64(row * STRIDE)
+    for j in range(np.uint64(columns)):
+        v[j] = blur(slopes, first + j, _DOWN)
+        v[P1 + j] = blur(slopes, OF_Q + first + j, _DOWN)
+        v[P2 + j] = blur(slopes, OF_R + first + j, _DOWN)
+
+
+@part()
 def _copy_in(source, length, row, column, rows, columns, s):
     """Copy a part of an image whose rows are `length` long into scratch rows."""
     for r in range(rows):
@@ -66,7 +166,7 @@ def _copy_in(source, length, row, column, rows, columns, s):
             s[to + j] = source[first + j]
 
 
-@kernel()
+@part()
 def _spread(owned, length, row, column, columns, o):
     """A part of a row of `owned`, which has a number for each pixel, for each number of an image;
     0 where `owned` is empty."""
@@ -80,7 +180,7 @@ def _spread(owned, length, row, column, columns, o):
             o[CHANNELS * p + np.uint64(k)] = owned[first + p]
 
 
-@kernel()
+@part()
 def _blend_in(y, owned, length, row, column, rows, columns, s, o):
     """As `_copy_in`, of y behind x, which is in the scratch rows; x where it is owned."""
     if owned.size == 0:
@@ -93,7 +193,7 @@ def _blend_in(y, owned, length, row, column, rows, columns, s, o):
             s[NEXT + to + j] = o[j] * s[to + j] + (_ONE - o[j]) * y[first + j]
 
 
-@kernel()
+@part()
 def _is_asked_for(wanted, down, across, row, column):
     """Whether any of so many blocks from (row, column) on is wanted; with none named, all are."""
     if wanted.size == 0:
@@ -105,7 +205,7 @@ def _is_asked_for(wanted, down, across, row, column):
     return False
 
 
-@kernel(fastmath=LOOSE)
+@part(fastmath=LOOSE)
 def _scores(v, s, at, first, end):
     """Sum of SSIM over windows of a row; their P, Q, R go into the three rows of s."""
     total = np.float32(0)
@@ -125,13 +225,13 @@ def _scores(v, s, at, first, end):
     return total
 
 
-@kernel()
+@part()
 def _clear(values, first, end):
     for i in range(np.uint64(first), np.uint64(end)):
         values[i] = _ZERO
 
 
-@kernel()
+@part()
 def _score(images, length, windows, block, first, scratch):
     """Sum of SSIM over a block's windows; P, Q, R of these, and of those from row `first` on.
 
@@ -159,7 +259,7 @@ def _score(images, length, windows, block, first, scratch):
     return total
 
 
-@kernel()
+@part()
 def _go_on(slopes):
     """P, Q, R of the last windows of a block become those above the next one."""
     for k in range(0, 3 * SLOPES, SLOPES):
@@ -167,7 +267,7 @@ def _go_on(slopes):
             slopes[i] = slopes[i + np.uint64(ROWS * STRIDE)]
 
 
-@kernel(fastmath=LOOSE)
+@part(fastmath=LOOSE)
 def _mix(v, x, y, o, kept, gradient, at, columns, scale, scale_l1):
     """One row of the gradient of a block, from P, Q, R blurred down the window; gives its L1."""
     first, total = np.uint64(at), np.float32(0)
@@ -184,7 +284,7 @@ def _mix(v, x, y, o, kept, gradient, at, columns, scale, scale_l1):
     return total
 
 
-@kernel()
+@part()
 def _differentiate(images, length, block, rates, scratch, gradient):
     """The gradient of a block, and its L1."""
     (x, y, owned), (row, rows, column, columns), (_, v, slopes, o) = images, block, scratch
@@ -198,7 +298,7 @@ def _differentiate(images, length, block, rates, scratch, gradient):
     return total
 
 
-@kernel()
+@part()
 def _go_down(images, shape, wanted, rates, blocks, strip, scratch, sums, gradient):
     """Work on the blocks of a strip from one to before another."""
     (height, length), (similarity, difference) = shape, sums
@@ -247,3 +347,51 @@ def score_image(images, shape, wanted, rates, sums, gradient, counter, workers):
             blocks = first, min(first + BAND, down)
             _go_down(images, shape, wanted, rates, blocks, piece % strips, scratch, sums, gradient)
             piece = take(counter)
+
+
+class Photometric(torch.autograd.Function):
+    """(photo, what is owned or None, leak, weight of SSIM, one image or two) -> the loss of each;
+    see `backend/ssim.py`. The gradient is worked out with the value: they share most of the work.
+    """
+
+    @staticmethod
+    def forward(ctx, photo, owned, leak, ssim_weight, *images):  # type: ignore[override]
+        height, length = photo.shape[0], photo.shape[1] * CHANNELS
+        per_window = ssim_weight / ((height - MARGIN) * (length - SIDE))
+        per_number = (1 - ssim_weight) / (height * length)
+        rates = np.float32(1 - leak), np.float32(-per_window), np.float32(per_number)
+        similarity, difference = np.empty((2, -(-height // ROWS), -(-length // COLUMNS)))
+        nothing, everywhere = np.empty(0, np.float32), np.empty((0, 0), np.uint8)
+        losses, gradients = [], []
+        for place, image in enumerate(images):
+            weights, wanted = nothing, everywhere
+            if owned is not None and place == 0:
+                weights = flat(owned)
+            elif owned is not None:
+                wanted = _blocks_of(owned, similarity.shape[1])
+            gradient = torch.empty(photo.shape)
+            with launching():
+                score_image(
+                    *((flat(image), flat(photo), weights), (height, length), wanted, rates),
+                    *((similarity, difference), flat(gradient), new_counter(), num_workers()),
+                )
+            value = ssim_weight - per_window * similarity.sum() + per_number * difference.sum()
+            losses.append(torch.tensor(float(value)))
+            gradients.append(gradient)
+        ctx.save_for_backward(*gradients)
+        return tuple(losses)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, *grads):  # type: ignore[override]
+        by_image = zip(grads, ctx.saved_tensors, strict=True)
+        scaled = (saved if grad == 1 else grad * saved for grad, saved in by_image)
+        return None, None, None, None, *scaled
+
+
+def _blocks_of(owned: Tensor, across: int) -> np.ndarray:
+    """Blocks [down, across] in which anything is owned, of pixels [H, W, 1]."""
+    pixels = owned[..., 0].numpy()
+    rows = [pixels[row : row + ROWS].max(axis=0) for row in range(0, len(pixels), ROWS)]
+    columns = np.arange(across) * (COLUMNS // CHANNELS)
+    return (np.maximum.reduceat(np.stack(rows), columns, axis=1) > 0).astype(np.uint8)

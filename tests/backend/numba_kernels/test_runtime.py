@@ -2,62 +2,84 @@ from __future__ import annotations
 
 import os
 import platform
+import shutil
 import threading
+from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
 import torch
+from numba.core.dispatcher import Dispatcher
 
+from desplat_ns.backend import RenderSettings, resolve
+from desplat_ns.backend.numba_kernels import binning, passes, projection, sh, ssim
 from desplat_ns.backend.numba_kernels import runtime as numba_runtime
 from desplat_ns.backend.numba_kernels.runtime import (
     fma,
     kernel,
-    launching,
     prefetch,
-    scratch,
     take,
 )
+from desplat_ns.losses import layered_photometric_losses
+from desplat_ns.rendering.compositing import composite_color
+from tests.backend.scenes import random_scene
+
+KERNELS = (binning, passes, projection, sh, ssim)
+
+
+def test_a_step_loads_every_kernel_and_compiles_none():
+    """What `compile_all` launches has the types that steps launch, and nothing is left out."""
+    leaves = random_scene(0, count=3, sh_degree=2, channels=3).to(torch.float32)
+    for settings in (RenderSettings(), RenderSettings(True, True, True)):
+        drawn = resolve("numba", "cpu")(leaves.splats, leaves.view, settings)
+        image = composite_color(drawn.rgb, drawn.alpha, torch.zeros_like(drawn.rgb))
+        owned = (drawn.alpha > 0.5).float()
+        photo = image.detach() + 0.1
+        torch.stack(layered_photometric_losses(image, image, photo, 0.2, owned)).sum().backward()
+    everything = [value for module in KERNELS for value in vars(module).values()]
+    kernels = [k for k in everything if isinstance(k, Dispatcher) and k.stats.cache_path]
+    assert len(kernels) > 10
+    assert [k for k in kernels if k.stats.cache_misses or len(k.stats.cache_hits) != 1] == []
+
+
+def test_a_changed_callee_is_another_folder_whatever_its_time(monkeypatch, tmp_path):
+    here = Path(numba_runtime.__file__).parent
+    shutil.copytree(here, tmp_path / here.name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy2(here.parent / "spherical_harmonics.py", tmp_path)
+    monkeypatch.setattr(numba_runtime, "__file__", str(tmp_path / here.name / "runtime.py"))
+    before, callee = numba_runtime._key(), tmp_path / here.name / "ellipses.py"
+    times = callee.stat().st_atime_ns, callee.stat().st_mtime_ns
+    callee.write_text(callee.read_text().replace("SLACK = 2e-5", "SLACK = 3e-5"))
+    os.utime(callee, ns=times)
+    assert numba_runtime._key() != before
+
+
+def test_a_folder_is_complete_when_all_are_compiled_and_not_before(monkeypatch, tmp_path, capsys):
+    left = tmp_path / "of_a_process_that_was_ended.nbi"
+    left.touch()
+    monkeypatch.setattr(numba_runtime, "FOLDER", tmp_path)
+    monkeypatch.setattr(numba_runtime, "COMPILE", "raise ValueError('no compiler')")
+    numba_runtime.have_compiled()
+    assert not (tmp_path / "complete").exists() and not left.exists()
+    assert "ValueError: no compiler" in capsys.readouterr().err
+    monkeypatch.setattr(numba_runtime, "COMPILE", "")
+    numba_runtime.have_compiled()
+    assert (tmp_path / "complete").exists()
+    monkeypatch.setattr(numba_runtime, "_compile_into", None)
+    numba_runtime.have_compiled()
 
 
 def double(x):
     return 2 * x
 
 
-@pytest.mark.filterwarnings("ignore::numba.NumbaPerformanceWarning")
-def test_a_kernel_works_where_no_cache_folder_can_be_written(monkeypatch):
-    compile_ = numba.njit
-
-    def refuse_to_cache(*args, cache=False, **options):
-        if cache:
-            raise RuntimeError("cannot cache function 'double': no locator available")
-        return compile_(*args, **options)
-
-    monkeypatch.setattr(numba, "njit", refuse_to_cache)
-    monkeypatch.setattr(numba_runtime, "kernels", kernels := [])
-    assert kernel(parallel=True)(double)(4) == 8
-    assert kernels[0].stats.cache_path is None
-
-
-def test_copies_older_than_any_file_of_kernels_are_dropped(tmp_path):
-    old, new = tmp_path / "module.double.nbi", tmp_path / "module.treble.nbi"
-    for path, age in ((old, -10), (new, 10)):
-        path.touch()
-        when = numba_runtime._NEWEST_SOURCE + age
-        os.utime(path, (when, when))
-    numba_runtime._drop_stale(str(tmp_path))
-    assert not old.exists()
-    assert new.exists()
-
-
-def test_the_first_launch_of_a_process_has_missing_kernels_compiled_and_no_later_one(monkeypatch):
-    asked = []
-    monkeypatch.setattr(numba_runtime, "_is_ready", False)
-    monkeypatch.setattr(numba_runtime, "before_first_launch", [lambda: asked.append(True)])
-    for _ in range(2):
-        with launching():
-            pass
-    assert asked == [True]
+def test_where_no_folder_can_be_written_it_is_said_and_a_kernel_works(monkeypatch, capsys):
+    monkeypatch.setattr(numba_runtime, "FOLDER", None)
+    numba_runtime.have_compiled()
+    assert "NUMBA_CACHE_DIR" in capsys.readouterr().err
+    doubled = kernel()(double)
+    assert doubled(4) == 8 and doubled.stats.cache_path is None
 
 
 @numba.njit(nogil=True)
@@ -100,14 +122,6 @@ def test_prefetching_beyond_the_array_does_no_harm():
     for at in (0, 2, -1_000_000_000, 1_000_000_000):
         call_prefetch(array, at)
     assert array.tolist() == [0, 1, 2]
-
-
-def test_scratch_memory_is_kept_and_grows_where_it_must():
-    first = scratch(1000)
-    assert first.size == 1000 and first.dtype == np.float32
-    assert np.shares_memory(first, scratch(10))
-    larger = scratch(3 * numba_runtime._scratch.size)
-    assert np.shares_memory(larger, scratch(1000))
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another allocator")
