@@ -5,12 +5,11 @@
 #   make test-quick  those that take a second at most and train nothing (a minute)
 #   make test-lab  the tests of lab/, where the project measures itself
 #   make fuzz    the properties again and again, with new examples each time (10 minutes; FUZZ_MINUTES=60)
-#   make test-guises   the tests on this machine in the guise of others (hours; GUISES_ARGS='--only avx2')
+#   make test-avx2  the quick tests of what computes, as on a processor that has AVX2 and no more
 #   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
-#   make bench   every backend and a training step are timed (15 minutes)
-#   make stability  hard cases measured; wrong signs, kills, a long run (2 hours)
-#   make gpu     on a machine with a GPU: its tests, parity, step time, training (10 minutes, and compiling)
-#   make gpu-build  gsplat's CUDA kernels compiled and checked where there is no GPU (33 minutes of one core)
+#   make bench   backends, training steps and dials timed, one table in outputs/bench.md (15 minutes)
+#   make stability  hard cases, kills, broken lines, a long run: outputs/stability.md (2 hours)
+#   make gpu     on a machine with a GPU: parity, step time, waits, training, tests; docs/results/gpu.md (10 minutes, and compiling)
 #   make docs    the page of all options and the site of docs/ in outputs/site; a broken link is an error
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
 #   make study   the runs of lab/study without a record, and their table in outputs/study (hours; resumes)
@@ -19,10 +18,8 @@
 #   make clean   removes what was built (make distclean: the environment as well)
 #
 # Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
-#           WHEELS=folder  GPU_ARGS='--device cpu --quick --output folder'  (make gpu: CONTRIBUTING.md)
-#           GPU_BUILD_ARGS='--architecture 9.0'
-#           GUISES_ARGS='--part arithmetic --only avx2 gpu'  PYTHONS_TESTED='3.10 3.12'
-#           BENCH_ARGS='--quick --output folder'  STUDY_ARGS='--group light --jobs 2'  (with DESPLAT_NS_DATA=folder)
+#           PYTHONS_TESTED='3.10 3.12'  BENCH_ARGS='--quick'  STABILITY_ARGS='--only catalogue'
+#           STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
 
 VENV ?= .venv
@@ -31,18 +28,16 @@ PYTHONS = $(or $(PYTHON),python3.11 python3.12 python3.10 python3)
 PYTEST_ARGS ?=
 DEMO_ARGS ?=
 BENCH_ARGS ?=
+STABILITY_ARGS ?=
 STUDY_ARGS ?=
 SMOKE_ARGS ?=
 FUZZ_MINUTES ?= 10
-GUISES_ARGS ?=
 PYTHONS_TESTED ?= 3.10 3.11 3.12
-GPU_ARGS ?=
-GPU_BUILD_ARGS ?=
-VIEWER_ARGS ?=
-WHEELS ?=
-GPU_VENV ?= outputs/gpu-venv
 
 PY := $(VENV)/bin/python
+# Of tests/: where a processor's instructions can decide how a test ends.
+COMPUTING := backend evaluation gaussians photo_tourism rendering separation survey training
+COMPUTING += stability test_same_bits.py
 # One process for each core, four at most, and torch on one thread in each.
 PYTEST := OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --maxprocesses 4 --dist worksteal
 STAMP := $(VENV)/.installed
@@ -55,12 +50,12 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 # Python keeps what it compiled: else each process that a test starts compiles nerfstudio anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo bench docs fuzz gpu gpu-build smoke stability study viewer test test-quick test-lab test-guises test-pythons check
+.PHONY: demo bench docs fuzz gpu smoke stability study viewer test test-quick test-lab test-avx2 test-pythons check
 .PHONY: lint clean distclean env help
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,24s/^# \{0,1\}//p' Makefile
+	@sed -n '3,/^$$/s/^# \{0,1\}//p' Makefile
 
 env: $(STAMP)
 
@@ -69,27 +64,13 @@ demo: $(STAMP)
 	CUDA_VISIBLE_DEVICES= $(PY) demo/run.py $(DEMO_ARGS)
 
 bench: $(STAMP)
-	$(PY) -m lab.performance $(BENCH_ARGS)
+	$(PY) -m lab.bench $(BENCH_ARGS)
 
 stability: $(STAMP)
-	$(PY) -m lab.stability.mutations
-	$(PY) -m lab.stability.faults
-	$(PY) -m lab.stability.soak
-	$(PY) -m lab.stability
+	$(PY) -m lab.stability $(STABILITY_ARGS)
 
-# With WHEELS=folder nothing is fetched: the environment is made of that folder and of what the Python
-# at hand has. The time that takes counts towards the ten minutes.
-gpu: $(if $(WHEELS),,$(STAMP))
-ifneq ($(WHEELS),)
-	@started=$$(date +%s) && \
-	    $(or $(PYTHON),python3) -m lab.gpu.environment "$(WHEELS)" "$(GPU_VENV)" && \
-	    "$(GPU_VENV)/bin/python" -m lab.gpu --started $$started $(GPU_ARGS)
-else
-	$(PY) -m lab.gpu $(GPU_ARGS)
-endif
-
-gpu-build: $(STAMP)
-	$(PY) -m lab.gpu.gpu_build $(GPU_BUILD_ARGS)
+gpu: $(STAMP)
+	$(PY) -m lab.gpu
 
 study: $(STAMP)
 	$(PY) -m lab.study $(STUDY_ARGS)
@@ -102,9 +83,9 @@ docs: $(DOCS_STAMP)
 smoke: $(STAMP)
 	CUDA_VISIBLE_DEVICES= OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(PY) -m lab.reproduce.smoke $(SMOKE_ARGS)
 
-# Needs node and npm; what comes has to be what lab/viewer/pins.json says.
-viewer: $(STAMP)
-	$(PY) -m lab.viewer $(VIEWER_ARGS)
+# Needs node and npm, which refuses what is not as lab/viewer/package-lock.json says.
+viewer:
+	cd lab/viewer && npm ci --ignore-scripts --no-audit --no-fund && npm run build
 
 test: $(STAMP)
 	$(PYTEST) $(PYTEST_ARGS)
@@ -122,13 +103,16 @@ fuzz: $(STAMP)
 	    $(PY) -m pytest -m hypothesis --hypothesis-profile=fuzz $(or $(PYTEST_ARGS),tests lab/tests) || exit 1; \
 	done
 
-test-guises: $(STAMP)
-	$(PY) -m lab.guises $(GUISES_ARGS)
+# Kernels are compiled anew for the other processor: three minutes, the first time.
+test-avx2: $(STAMP)
+	ATEN_CPU_CAPABILITY=avx2 ONEDNN_MAX_CPU_ISA=AVX2 NUMBA_CPU_NAME=haswell \
+	NUMBA_CPU_FEATURES=+avx2,+bmi,+bmi2,+f16c,+fma,+lzcnt,+movbe,+popcnt \
+	    $(PYTEST) -m "not slow" $(wildcard $(addprefix tests/,$(COMPUTING))) $(PYTEST_ARGS)
 
 test-pythons:
 	@for version in $(PYTHONS_TESTED); do \
 	    $(MAKE) env VENV=.venv-$$version PYTHON=python$$version && \
-	    .venv-$$version/bin/python -m lab.guises --only as-is $(GUISES_ARGS) || exit 1; \
+	    .venv-$$version/bin/python -m pytest tests lab/tests $(PYTEST_ARGS) || exit 1; \
 	done
 
 lint: $(STAMP)

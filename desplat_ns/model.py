@@ -66,10 +66,9 @@ from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
 from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.settings.options import check_ranges, ranged
-from desplat_ns.training.budget import Clock
-from desplat_ns.training.culled import culled_always
-from desplat_ns.training.run_length import (
+from desplat_ns.training.schedule import (
     SPLATFACTOS_INTERVAL,
+    Schedule,
     pause_after_reset,
     photo_downscale,
     steps_between_refinements,
@@ -191,8 +190,8 @@ class DeSplatModel(SplatfactoModel):
     image_effects: ImageEffects | None
     distractors: DistractorGaussians | None
     """The parameters, where checkpoints look for them."""
-    clock = Clock()
-    """Of the run: all schedules are in its nominal steps."""
+    schedule = Schedule()
+    """Of the run: all that changes with its steps is in its nominal steps."""
     shown: Tensor
     """Which static Gaussians [N] the view that was last drawn in training shows."""
 
@@ -206,7 +205,7 @@ class DeSplatModel(SplatfactoModel):
         if not self.config.random_init:
             check_seed_points(self.seed_points)
         self.config = config = self.config.for_run(self.num_train_data)
-        self.clock = Clock(config.schedule_scale or 1.0)
+        self.schedule = Schedule(config.schedule_scale or 1.0)
         self.effects = config.effects.settled()
         self.names: list[str] = self.kwargs.get("metadata", {}).get("train_image_names", [])
         self.losses: dict[str, Tensor] = {}
@@ -234,7 +233,7 @@ class DeSplatModel(SplatfactoModel):
             self.strategy,
             reset_every=config.reset_every,
             pause_refine_after_reset=pause_after_reset(
-                self.num_train_data, config.reset_every, self.clock.scale
+                self.num_train_data, config.reset_every, self.schedule.scale
             ),
             most=config.most_gaussians(pixels, self.kwargs.get("device", "cpu")),
             cull_to_the_end=config.cull_to_the_end,
@@ -310,19 +309,6 @@ class DeSplatModel(SplatfactoModel):
         if self.layer is None or train_step is None:
             return {}
         return self.layer.optimizers_of(train_step)
-
-    def view_parameters(self) -> dict[str, list[nn.Parameter]]:
-        """The distractors of all views, by kind."""
-        return {} if self.distractors is None else self.distractors.param_groups()
-
-    def trained_bytes(self) -> int:
-        """Of all parameters, those of every view among them, with Adam's two moments of each."""
-        groups = self.get_param_groups() | self.view_parameters()
-        return sum(3 * p.numel() * p.element_size() for group in groups.values() for p in group)
-
-    def gaussian_groups(self) -> set[str]:
-        """Parameter groups with one row for each Gaussian."""
-        return set(self.gauss_params.keys())
 
     def get_training_callbacks(
         self, training_callback_attributes: TrainingCallbackAttributes
@@ -599,7 +585,7 @@ class DeSplatModel(SplatfactoModel):
     @property
     def nominal_step(self) -> int:
         """Where schedules are in the step at hand."""
-        return self.clock.nominal(self.step)
+        return self.schedule.nominal(self.step)
 
     def _sh_degree(self) -> int | None:
         if self.config.sh_degree == 0:
@@ -783,12 +769,6 @@ class DeSplatModel(SplatfactoModel):
         names = self.photos_with_distractors()
         found = f"Distractors in {len(names)} of {len(self.distractors.views)} photos"
         return [f"{found}: {list_names(names, 8)}." if names else f"{found}."]
-
-    @torch.no_grad()
-    def culled_static(self) -> int:
-        """Static Gaussians that no view shows, in the average light."""
-        embedding = self.average_embedding() if self.image_effects is not None else None
-        return int(culled_always(self._splats(self.gauss_params, embedding)).sum())
 
     def get_image_metrics_and_images(
         self, outputs: dict[str, Tensor], batch: dict[str, Any]

@@ -64,6 +64,17 @@ class DeSplatPipeline(VanillaPipeline):
         give_masks_a_colormap_in_the_viewer()
         load_evaluated_checkpoints_like_resumed_ones()
 
+    def start_model_anew(self) -> None:
+        """Make the model again, by the settings as they are now; it has learned nothing."""
+        old = self._model
+        self._model = self.config.model.setup(
+            scene_box=old.scene_box,
+            num_train_data=old.num_train_data,
+            seed_points=old.seed_points,
+            **old.kwargs,
+        )
+        self._model.to(old.device)
+
     @property
     def model(self) -> DeSplatModel:
         """The model; nerfstudio's would look for several processes, and there is one."""

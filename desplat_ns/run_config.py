@@ -5,7 +5,6 @@ schedules, its effects, its steps. config.yml then has them.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +13,6 @@ from typing import Any, cast
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.engine.trainer import TrainerConfig
 
-from desplat_ns.backend.registry import compile_kernels
-from desplat_ns.calibration.budgeted_run import BudgetedRun
 from desplat_ns.console import announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.errors import ConfigError
@@ -25,21 +22,9 @@ from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_finite_options
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.survey import decided_effects
-from desplat_ns.training.budget import Clock, seconds_of
-from desplat_ns.training.checkpoint_files import (
-    checkpoint_folder,
-    checkpoint_path,
-    load_checkpoint,
-    load_newest,
-)
+from desplat_ns.training.checkpoint import checkpoint_folder, load_checkpoint, load_step
 from desplat_ns.training.checkpoint_record import SceneRecord
-from desplat_ns.training.run_length import (
-    GPU_VISITS,
-    early_rate_factor,
-    rate_factor,
-    schedule_scale,
-    steps_for_visits,
-)
+from desplat_ns.training.schedule import GPU_VISITS, schedule_scale, seconds_of, steps_for_visits
 
 SavedRun = tuple[Path, dict[str, Any]]
 """A checkpoint's file and what it holds."""
@@ -64,16 +49,13 @@ class RunConfig(TrainerConfig):
     """Visits of each photo, steps over photos, for which the learning rates are meant; fewer than
     40 photos count as 40. A run with fewer visits multiplies the rates of the static Gaussians, by
     4 at most; 0: they are as they are given."""
-    max_skipped_steps: int = 10
-    """A step whose loss or gradient is not finite is skipped; after so many, in all, the run is
-    saved and stops."""
-
     budget: str = ""
-    """Wall time for the run, for example 10min: start-up, training and saving. Steps and the size
-    of photos are then chosen, at most `max_num_iterations` steps, and corrected on the way. What
-    kernels take that are compiled first, once for each machine, does not count."""
+    """Wall time for the run, for example 10min: start-up, training and saving. The first steps are
+    timed, and decide how many there will be, at most `max_num_iterations`, and how large photos
+    are; then schedules follow the clock. Compiling kernels, once for each machine, does not count.
+    """
 
-    def resolve_schedule_scale(self) -> float:
+    def resolve_schedule_scale(self) -> None:
         """Settle the model's `schedule_scale`, from the numbers of steps where it is None; not yet
         where the photos decide how many there are.
 
@@ -81,25 +63,23 @@ class RunConfig(TrainerConfig):
         Raises ConfigError where it is not a positive number.
         """
         model = cast(DeSplatModelConfig, self.pipeline.model)
+        if model.schedule_scale is None and self.max_num_iterations != 0:
+            model.schedule_scale = schedule_scale(
+                self.max_num_iterations, self.nominal_num_iterations
+            )
         scale = model.schedule_scale
-        if scale is None and self.max_num_iterations == 0:
-            return 1.0
-        if scale is None:
-            scale = schedule_scale(self.max_num_iterations, self.nominal_num_iterations)
-            model.schedule_scale = scale
-        if not (math.isfinite(scale) and scale > 0):
+        if scale is not None and not (math.isfinite(scale) and scale > 0):
             raise ConfigError(
                 f"--pipeline.model.schedule-scale is {scale}; it has to be above 0, for example "
                 "0.1 for schedules a tenth as long. Leave it out to derive it from the number of "
                 "steps."
             )
-        return scale
 
     def save_config(self) -> None:
-        """Settle the schedule scale; nothing is written yet, see `write_config`.
+        """Check what can be checked at once; nothing is written yet, see `write_config`.
 
         ns-train calls it before it starts any process. Raises ConfigError where there would be
-        several.
+        several, or where the schedule scale is not a positive number.
         """
         self._refuse_several_processes()
         self.resolve_schedule_scale()
@@ -122,8 +102,7 @@ class RunConfig(TrainerConfig):
             ConfigError: an option is no finite number or no time, or the capture has no use for it;
                 or there would be several processes, or scaled gradients.
         """
-        self._refuse_several_processes()
-        self.resolve_schedule_scale()
+        self.save_config()
         check_finite_options(self)
         if self.budget:
             seconds_of(self.budget)
@@ -153,14 +132,14 @@ class RunConfig(TrainerConfig):
                 "would drift apart. Leave both at 1."
             )
 
-    def compile_kernels(self) -> float:
-        """Have the backend's kernels compiled. Returns the seconds that took.
-
-        Raises:
-            BackendUnavailableError: the backend cannot run on the run's device.
-        """
-        model = cast(DeSplatModelConfig, self.pipeline.model)
-        return compile_kernels(model.backend, self.machine.device_type)
+    def saved_run(self) -> SavedRun | None:
+        """What --load-checkpoint or --load-dir names. Raises CheckpointError."""
+        if self.load_dir is not None:
+            folder = checkpoint_folder(self.load_dir, self.relative_model_dir)
+            return load_step(folder, self.load_step)
+        if self.load_checkpoint is not None:
+            return self.load_checkpoint, load_checkpoint(self.load_checkpoint)
+        return None
 
     def decide_effects(self, saved: SavedRun | None, capture: Capture) -> Survey | None:
         """With `effects.auto` those of the checkpoint, or those that the capture calls for;
@@ -189,12 +168,9 @@ class RunConfig(TrainerConfig):
         return None
 
     def settle_length(self, capture: Capture) -> None:
-        """Where no number of steps is given, as many as the photos of a capture ask for; config.yml
-        then has them."""
-        if self.max_num_iterations != 0:
-            return
-        self.max_num_iterations = self.nominal_num_iterations
-        if self.visits > 0 and not self.budget:
+        """Where no number of steps is given, as many as the photos of a capture ask for, or with a
+        budget the method's own number at most; config.yml then has them."""
+        if self.max_num_iterations == 0 and self.visits > 0 and not self.budget:
             photos = len(capture().cameras)
             visits = self.visits * (1 if self.machine.device_type == "cpu" else GPU_VISITS)
             steps = steps_for_visits(visits, photos, self.nominal_num_iterations)
@@ -203,82 +179,5 @@ class RunConfig(TrainerConfig):
                 f"{steps} steps: {photos} photos, {steps / photos:.3g} visits of each. "
                 "--max-num-iterations gives another number."
             )
+        self.max_num_iterations = self.max_num_iterations or self.nominal_num_iterations
         self.resolve_schedule_scale()
-
-    def plan_budget(
-        self, saved: SavedRun | None, capture: Capture, started: float
-    ) -> BudgetedRun | None:
-        """With a budget, settle the number of steps; config.yml then has it.
-
-        Args:
-            saved: what the run goes on from.
-            capture: whose steps are timed.
-            started: when the process was.
-
-        Raises:
-            ConfigError: nothing can be trained in it, or the saved run had none.
-        """
-        model = self.pipeline.model
-        if not self.budget:
-            return None
-        assert isinstance(model, DeSplatModelConfig)
-        if saved is not None and "budget" not in saved[1]:
-            raise ConfigError(
-                f"--budget goes on only with a run that had one, and that of {saved[0]} had none. "
-                "Leave --budget out and give --max-num-iterations, the total of steps."
-            )
-        budgeted = BudgetedRun(
-            seconds_of(self.budget),
-            started,
-            capture(),
-            model,
-            (self.max_num_iterations, self.nominal_num_iterations),
-            self.machine.device_type,
-            None if saved is None else saved[1]["budget"],
-        )
-        self.max_num_iterations = budgeted.state.steps
-        self.steps_per_eval_batch = self.steps_per_eval_image = 0
-        self.steps_per_eval_all_images = 0
-        return budgeted
-
-    def rate_factor(self, photos: int, steps: int) -> float:
-        """By how much learning rates are raised in a run; said where they are."""
-        factor = rate_factor(photos, steps, self.full_rate_visits)
-        if factor != 1.0:
-            full = steps_for_visits(self.full_rate_visits, photos, sys.maxsize)
-            announce(
-                f"Learning rates are {factor:.3g} times as high: the run has {steps} steps, and "
-                f"with {photos} photos they are meant for {full}."
-            )
-        return factor
-
-    def early_rates(
-        self, photos: int, raised_by: float, clock: Clock
-    ) -> Callable[[int], float] | None:
-        """What multiplies the rates, `raised_by` so much already, at a step (`early_rate_factor`);
-        None for 1 at all steps, and said where it is not."""
-        warmup, wanted = cast(DeSplatModelConfig, self.pipeline.model).warmup_of(photos)
-        highest = early_rate_factor(0, warmup, wanted)
-        if highest <= raised_by:
-            return None
-        announce(
-            f"Learning rates are {highest:.3g} times as high until step {warmup * clock.scale:.0f},"
-            f" where the warm-up ends with {photos} photos, and fall until step "
-            f"{wanted * clock.scale:.0f}."
-        )
-        return lambda step: max(
-            1.0, early_rate_factor(clock.nominal(step), warmup, wanted) / raised_by
-        )
-
-    def saved_run(self) -> SavedRun | None:
-        """What --load-checkpoint or --load-dir names. Raises CheckpointError."""
-        if self.load_dir is not None:
-            folder = checkpoint_folder(self.load_dir, self.relative_model_dir)
-            if self.load_step is None:
-                return load_newest(folder)
-            path = checkpoint_path(folder, self.load_step)
-        elif self.load_checkpoint is not None:
-            path = self.load_checkpoint
-        else:
-            return None
-        return path, load_checkpoint(path)

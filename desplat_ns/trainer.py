@@ -6,17 +6,22 @@ nerfstudio's loop does the training; here is only what it leaves open.
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass, field
+import sys
+import time
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
+from statistics import median
 from typing import Any, Literal, cast
 
+import psutil
+import torch
 from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.engine.trainer import Trainer
 from nerfstudio.utils.decorators import check_main_thread
 from nerfstudio.utils.misc import step_check
 
-from desplat_ns.calibration.budgeted_run import BudgetedRun, process_started
+from desplat_ns.backend.registry import compile_kernels
 from desplat_ns.console import announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.errors import CaptureError, CheckpointError
@@ -26,18 +31,31 @@ from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.run_config import RunConfig, SavedRun
 from desplat_ns.survey.survey import write_findings
 from desplat_ns.training import resume
-from desplat_ns.training.checkpoint_files import (
+from desplat_ns.training.checkpoint import (
     checkpoint_path,
+    refuse_to_replace,
     remove_older,
+    run_folder,
     save_atomically,
 )
-from desplat_ns.training.optimizers import SHORT_RUN_GROUPS, raised_rates
-from desplat_ns.training.run_folder import refuse_to_replace, run_folder
-from desplat_ns.training.schedules import checked_schedules, follow, multiply_rates
+from desplat_ns.training.optimizers import follow, optimizer_options
+from desplat_ns.training.schedule import (
+    TIMED_SHARE,
+    TIMED_STEPS,
+    BudgetPlan,
+    BudgetSchedule,
+    StepSeconds,
+    early_rate_factor,
+    plan_budget,
+    rate_factor,
+    saved_plan,
+    seconds_of,
+)
 from desplat_ns.training.step_guard import (
     GuardedOptimizers,
     StepGuard,
     check_parameters,
+    parameters_of,
 )
 from desplat_ns.training.stop_signals import EndAtOnce, on_stop_signal
 
@@ -64,15 +82,17 @@ class DeSplatTrainer(Trainer):
     ) -> None:
         super().__init__(config, local_rank, world_size)
         train_on_where_logs_cannot_be_written()
-        self._guard = StepGuard(config.max_skipped_steps)
+        self._guard = StepGuard()
         self._steps_done = 0
-        self._loaded_from: Path | None = None
         self._saved: SavedRun | None = None
         self._saved_rng: dict[str, Any] | None = None
         self._waiting_in_viewer = self._stop_is_asked = False
         self._started = process_started()
-        self._budgeted: BudgetedRun | None = None
+        self._plan: BudgetPlan | None = None
+        self._budget: BudgetSchedule | None = None
         self._budget_is_up = False
+
+    # --- before the first step ---------------------------------------------------------------
 
     def setup(self, test_mode: Literal["test", "val", "inference"] = "val") -> None:
         """nerfstudio's, once it is decided which effects the run has. Whatever fails here leaves no
@@ -85,52 +105,140 @@ class DeSplatTrainer(Trainer):
             ConfigError: a budget in which nothing can be trained, or a folder that holds another
                 run.
         """
-        self._saved = self.config.saved_run()
+        config = self.config
+        self._saved = config.saved_run()
         refuse_to_replace(self.checkpoint_dir, None if self._saved is None else self._saved[0])
-        self._started += self.config.compile_kernels()  # no part of a budget
-        manager = cast(DeSplatDataManagerConfig, self.config.pipeline.datamanager)
+        device = config.machine.device_type
+        self._started += compile_kernels(self._model_config.backend, device)  # no part of a budget
+        manager = cast(DeSplatDataManagerConfig, config.pipeline.datamanager)
         capture = cache(partial(training_split, manager))
-        findings = self.config.decide_effects(self._saved, capture)
-        self.config.settle_length(capture)
-        self._budgeted = self.config.plan_budget(self._saved, capture, self._started)
+        findings = config.decide_effects(self._saved, capture)
+        config.settle_length(capture)
+        if config.budget and self._saved is not None:
+            budget, most = seconds_of(config.budget), config.max_num_iterations
+            self._settle(saved_plan(*self._saved, budget, self._seconds(), most))
         with run_folder(self.base_dir):
             super().setup(test_mode)
-            self.config.write_config()
+            config.write_config()
         if findings is not None:
             write_findings(findings, self.base_dir)
 
+    @property
+    def _model_config(self) -> Any:
+        """The `DeSplatModelConfig` of the run, before the number of photos is known to it."""
+        return self.config.pipeline.model
+
     def setup_optimizers(self) -> Optimizers:
         """Optimizers whose learning rates go by the clock of the run, as the model does."""
-        config, budget = self.config, self._budgeted
-        model = self.pipeline.model
-        if budget is not None:
-            budget.attach(model)
-        if model.clock.scale != 1.0:
-            announce(f"Schedules are scaled by {model.clock.scale:g}, for this run's length.")
-        steps = config.max_num_iterations if budget is None else budget.state.steps
-        photos = len(self.pipeline.datamanager.train_image_names)
-        raise_by = config.rate_factor(photos, steps)
-        raised = raised_rates(config.optimizers, raise_by)
-        groups = self.pipeline.get_param_groups()
-        optimizers = GuardedOptimizers(
-            checked_schedules(raised),
-            groups,
+        config, photos = self.config, len(self.pipeline.datamanager.train_image_names)
+        if config.budget:
+            self._budget = self._begin_budget(seconds_of(config.budget), photos)
+            self.pipeline.model.schedule = self._budget
+        schedule = self.pipeline.model.schedule
+        raised = rate_factor(photos, config.max_num_iterations, config.full_rate_visits)
+        warmup, wanted = self._model_config.warmup_of(photos)
+        highest = early_rate_factor(0, warmup, wanted)
+        if max(raised, highest) > 1:
+            until = f", falling until step {wanted * schedule.scale:.0f}" * (highest > raised)
+            announce(
+                f"Learning rates are {max(raised, highest):.3g} times as high{until}: "
+                f"{config.max_num_iterations} steps on {photos} photos are few."
+            )
+
+        def early(step: int) -> float:
+            return max(1.0, early_rate_factor(schedule.nominal(step), warmup, wanted) / raised)
+
+        optimizers = self._guarded_optimizers(raised)
+        follow(optimizers, schedule, early if highest > raised else None)
+        return optimizers
+
+    def _guarded_optimizers(self, raised_by: float = 1.0) -> GuardedOptimizers:
+        return GuardedOptimizers(
+            optimizer_options(self.config.optimizers, raised_by),
+            self.pipeline.get_param_groups(),
             self._may_step,
             lambda: self.pipeline.model.view_optimizers(),
         )
-        for scheduler in optimizers.schedulers.values():
-            follow(scheduler, model.clock)
-        early = config.early_rates(photos, raise_by, model.clock)
-        if early is not None:
-            multiply_rates(optimizers, SHORT_RUN_GROUPS, early)
-        return optimizers
 
     def _may_step(self) -> bool:
         """Whether the step at hand is sound; too many that were not, and the run stops."""
-        may = self._guard.is_finite(self.step, self.pipeline.model, self.optimizers)
+        model, optimizers = self.pipeline.model, self.optimizers.optimizers
+        judged = (*optimizers.values(), *model.view_optimizers().values())
+        losses = model.losses.values()
+        if self._guard.is_sound(self.step, model.view_name(), losses, judged):
+            return True
+        model.drop_step()
         if self._guard.exhausted:
             self.stop_training = True
-        return may
+        return False
+
+    # --- a budget ----------------------------------------------------------------------------
+
+    def _begin_budget(self, budget: float, photos: int) -> BudgetSchedule:
+        """The clock of a run; a new one is planned by its first steps."""
+
+        def reductions(downscale: int, steps: int) -> list[int]:
+            scale = min(1.0, steps / self.config.nominal_num_iterations)
+            run = replace(self._model_config, train_downscale=downscale, schedule_scale=scale)
+            run = run.for_run(photos)
+            return [run.downscale_factor(round(step / scale)) for step in range(steps)]
+
+        if self._plan is None:
+            least, most = self._model_config.train_downscale, self.config.max_num_iterations
+            cost = self._time_steps(TIMED_SHARE * budget)
+            self._settle(plan_budget(budget, self._seconds(), cost, reductions, least, most))
+            self.pipeline.start_model_anew()
+        assert self._plan is not None
+        plan, scale = self._plan, self._model_config.schedule_scale
+        cost = StepSeconds(*plan.seconds)
+        costs = [cost.at(reduction) for reduction in reductions(plan.downscale, plan.steps)]
+        schedule = BudgetSchedule(budget, plan, costs, self._seconds, scale or 1.0)
+        size = "full size" if plan.downscale == 1 else f"1/{plan.downscale} of their size"
+        announce(
+            f"Budget: {budget:.0f} s, of which {schedule.spent():.0f} are spent. The first steps "
+            f"took {1e3 * cost.at(plan.downscale):.0f} ms with photos in {size}: {plan.steps} are "
+            "planned. No evaluation on the way."
+        )
+        return schedule
+
+    def _settle(self, plan: BudgetPlan) -> None:
+        """Give the run the length and the size of photos of a plan; config.yml has them then."""
+        config, self._plan = self.config, plan
+        config.max_num_iterations, self._model_config.train_downscale = plan.steps, plan.downscale
+        self._model_config.schedule_scale = min(1.0, plan.steps / config.nominal_num_iterations)
+        config.steps_per_eval_batch = config.steps_per_eval_image = 0
+        config.steps_per_eval_all_images = 0
+
+    def _time_steps(self, most_seconds: float) -> StepSeconds:
+        """Seconds of the first steps, with photos of full and of half their size in turns. The
+        first of each size, which reads photos and loads kernels, does not count.
+
+        The model is to be made anew afterwards: it had the settings of a run of another length.
+        """
+        timed: tuple[list[float], list[float]] = ([], [])
+        model = self.pipeline.model
+        least, model.config.num_downscales = model.config.train_downscale, 0
+        self.optimizers = self._guarded_optimizers()
+        self.optimizers.is_logged = model.is_logged = False
+        for step in range(TIMED_STEPS):
+            model.config.train_downscale, began = least * (1 + step % 2), self._seconds()
+            self.pipeline.train()
+            model.step_cb(self.optimizers, step)
+            super().train_iteration(step)
+            model.step_post_backward(step)
+            if self.device != "cpu":
+                torch.cuda.synchronize()
+            timed[step % 2].append(self._seconds() - began)
+            if step >= 3 and sum(timed[0][1:] + timed[1][1:]) > most_seconds:
+                break
+        larger, smaller = (median(seconds[1:]) for seconds in timed)
+        return StepSeconds.through(larger, smaller, least)
+
+    def _seconds(self) -> float:
+        """Since the command began, without compiling."""
+        return time.monotonic() - self._started
+
+    # --- the loop ----------------------------------------------------------------------------
 
     def train(self) -> None:
         """Train until `max_num_iterations` steps are done in all, those of the checkpoint included.
@@ -140,15 +248,21 @@ class DeSplatTrainer(Trainer):
         Raises:
             CaptureError: a photo cannot be read any more; what is trained is saved before.
         """
-        remaining = self.config.max_num_iterations - self._steps_done
-        if self._budgeted is not None:  # by its clock, whatever had been planned
+        whole = self.config
+        remaining = whole.max_num_iterations - self._steps_done
+        if self._budget is not None:  # by its clock, whatever had been planned
             remaining = UNLIMITED
         if remaining <= 0:
-            self._say_nothing_is_left()
+            announce(
+                f"Nothing left to train: {self._steps_done} steps are done and "
+                f"--max-num-iterations, the total, is {whole.max_num_iterations}. To train on, "
+                "give a larger --max-num-iterations. To evaluate or render, use the config.yml of "
+                "the run that wrote the checkpoint; nothing was saved for this one.",
+                warning=True,
+            )
             return
         if self._saved_rng is not None:
             resume.restore_rng(self._saved_rng)
-        whole = self.config
         # nerfstudio 1.1.5 trains as many steps *more*; only its loop is to see the smaller number
         self.config = copy.copy(whole)
         self.config.max_num_iterations = remaining
@@ -163,20 +277,22 @@ class DeSplatTrainer(Trainer):
             raise
         finally:
             self.config = whole
-            if self._budgeted is not None:
+            if self._budget is not None:
                 whole.max_num_iterations = self._steps_done
 
     def train_iteration(self, step: int) -> Any:
         """One step; counts it as done once it is. Figures and rates are worked out where logged."""
         is_logged = step_check(step, self.config.logging.steps_per_log, run_at_zero=True)
-        self.pipeline.model.is_logged = is_logged
-        self.optimizers.is_logged = is_logged
+        self.pipeline.model.is_logged = self.optimizers.is_logged = is_logged
         result = super().train_iteration(step)
         self._steps_done = step + 1
         if self._stop_is_asked:  # nerfstudio clears `stop_training` once its viewer is filled
             self.stop_training = True
-        if self._budgeted is not None and self._budgeted.after_step(step):
-            self.stop_training = self._budget_is_up = True
+        if self._budget is not None:
+            kept = [p for each in self.optimizers.optimizers.values() for p in parameters_of(each)]
+            with_moments = sum(3 * p.numel() * p.element_size() for p in kept)
+            if self._budget.after_step(step, with_moments):
+                self.stop_training = self._budget_is_up = True
         return result
 
     def eval_iteration(self, step: int) -> None:
@@ -201,84 +317,6 @@ class DeSplatTrainer(Trainer):
             raise
         finally:
             resume.restore_rng(state)
-
-    @check_main_thread
-    def save_checkpoint(self, step: int) -> None:
-        """Save the state after `step`, whole or not at all; only afterwards older ones go, but for
-        the one before.
-
-        Where it cannot be written on the way, that is said and training goes on: hours of it are
-        worth more than one save. Raises CheckpointError where the run's last one cannot, and
-        TrainingError where no training could go on from it.
-        """
-        path = checkpoint_path(self.checkpoint_dir, step)
-        model, folder, skipped = self.pipeline.model, self.checkpoint_dir, self._guard.skipped_last
-        check_parameters(model, self.optimizers, step, folder, skipped)
-        try:
-            save_atomically(self._state(step), path)
-        except CheckpointError as error:
-            if self.training_state == "completed":  # nerfstudio sets it before the last save
-                raise
-            every = self.config.steps_per_save
-            announce(f"{error} Training goes on; the next try is in {every} steps.", warning=True)
-            return
-        if self.config.save_only_latest_checkpoint:
-            remove_older(path)
-        if self._budgeted is not None and self.training_state == "completed":
-            self._budgeted.say_cost(step + 1)
-
-    def _state(self, step: int) -> dict[str, Any]:
-        """nerfstudio's checkpoint, and the keys `rng` and `sampler` that make resume exact."""
-        state = {
-            "step": step,
-            "pipeline": self.pipeline.state_dict(),
-            "optimizers": {k: v.state_dict() for k, v in self.optimizers.optimizers.items()},
-            "schedulers": {k: v.state_dict() for k, v in self.optimizers.schedulers.items()},
-            "scalers": self.grad_scaler.state_dict(),
-            "rng": resume.rng_state(),
-            "sampler": self.pipeline.datamanager.sampler_state(),
-        }
-        if self._budgeted is not None:
-            state["budget"] = self._budgeted.saved(step + 1)
-        return state
-
-    def _load_checkpoint(self) -> None:
-        """Go on from --load-checkpoint or --load-dir, if given. Raises CheckpointError."""
-        saved, self._saved = self._saved, None
-        if saved is None:
-            announce("No checkpoint given: training from scratch.")
-            return
-        path, state = saved
-        self.pipeline.load_pipeline(state["pipeline"], state["step"])
-        resume.load_optimizers(self.optimizers, state["optimizers"], path)
-        steps_done = state["step"] + 1
-        if self.config.load_scheduler:
-            resume.load_schedulers(self.optimizers, state.get("schedulers", {}), steps_done)
-        self._load_randomness(state)
-        if "budget" in state and self._budgeted is None:
-            announce(
-                "This run had a budget. Without --budget it goes on as one of "
-                f"{self.config.max_num_iterations} steps.",
-                warning=True,
-            )
-        self._start_step = self._steps_done = steps_done
-        self._loaded_from = path
-        announce(f"Going on from {path}, {steps_done} steps are done.")
-
-    def _load_randomness(self, state: dict[str, Any]) -> None:
-        """The order of the views now, the generators when training starts."""
-        if "sampler" in state:
-            self.pipeline.datamanager.load_sampler_state(state["sampler"])
-        self._saved_rng = state.get("rng")
-
-    def _say_nothing_is_left(self) -> None:
-        announce(
-            f"Nothing left to train: {self._loaded_from} has {self._steps_done} steps done "
-            f"and --max-num-iterations, the total, is {self.config.max_num_iterations}. To train "
-            "on, give a larger --max-num-iterations. To evaluate or render, use the config.yml of "
-            "the run that wrote the checkpoint; nothing was saved for this one.",
-            warning=True,
-        )
 
     def _after_train(self) -> None:
         """Save and report; raise the guard's error if it stopped the run.
@@ -316,3 +354,77 @@ class DeSplatTrainer(Trainer):
             raise EndAtOnce
         announce(f"Stopping after this step; {name} again to stop at once.", warning=True)
         self._stop_is_asked = self.stop_training = True
+
+    # --- checkpoints -------------------------------------------------------------------------
+
+    @check_main_thread
+    def save_checkpoint(self, step: int) -> None:
+        """Save the state after `step`, whole or not at all; only afterwards older ones go, but for
+        the one before.
+
+        Where it cannot be written on the way, that is said and training goes on: hours of it are
+        worth more than one save. Raises CheckpointError where the run's last one cannot, and
+        TrainingError where no training could go on from it.
+        """
+        path = checkpoint_path(self.checkpoint_dir, step)
+        gaussians = dict(self.pipeline.model.gauss_params.items())
+        check_parameters(gaussians, self.optimizers.optimizers, step, self.checkpoint_dir)
+        try:
+            save_atomically(self._state(step), path)
+        except CheckpointError as error:
+            if self.training_state == "completed":  # nerfstudio sets it before the last save
+                raise
+            every = self.config.steps_per_save
+            announce(f"{error} Training goes on; the next try is in {every} steps.", warning=True)
+            return
+        if self.config.save_only_latest_checkpoint:
+            remove_older(path)
+        if self._budget is not None and self.training_state == "completed":
+            announce(
+                f"Budget: {self._budget.spent():.0f} of {self._budget.budget:.0f} s were spent, for"
+                f" {step + 1} steps; {self._budget.plan.steps} had been planned."
+            )
+
+    def _state(self, step: int) -> dict[str, Any]:
+        """nerfstudio's checkpoint, and the keys `rng` and `sampler` that make resume exact."""
+        state = {
+            "step": step,
+            "pipeline": self.pipeline.state_dict(),
+            "optimizers": {k: v.state_dict() for k, v in self.optimizers.optimizers.items()},
+            "schedulers": {k: v.state_dict() for k, v in self.optimizers.schedulers.items()},
+            "scalers": self.grad_scaler.state_dict(),
+            "rng": resume.rng_state(),
+            "sampler": self.pipeline.datamanager.sampler_state(),
+        }
+        return state if self._plan is None else state | {"budget": asdict(self._plan)}
+
+    def _load_checkpoint(self) -> None:
+        """Go on from --load-checkpoint or --load-dir, if given. Raises CheckpointError."""
+        saved, self._saved = self._saved, None
+        if saved is None:
+            announce("No checkpoint given: training from scratch.")
+            return
+        path, state = saved
+        self.pipeline.load_pipeline(state["pipeline"], state["step"])
+        resume.load_optimizers(self.optimizers, state["optimizers"], path)
+        self._start_step = self._steps_done = state["step"] + 1
+        if self.config.load_scheduler:
+            schedulers = state.get("schedulers", {})
+            resume.load_schedulers(self.optimizers, schedulers, self._steps_done)
+        if "sampler" in state:  # the order of the views now, the generators when training starts
+            self.pipeline.datamanager.load_sampler_state(state["sampler"])
+        self._saved_rng = state.get("rng")
+        if "budget" in state and self._budget is None:
+            announce(
+                "This run had a budget. Without --budget it goes on as one of "
+                f"{self.config.max_num_iterations} steps.",
+                warning=True,
+            )
+        announce(f"Going on from {path}, {self._steps_done} steps are done.")
+
+
+def process_started() -> float:
+    """When the command began, by the monotonic clock; now, if this is no command of its own."""
+    is_command = Path(sys.argv[0]).stem.startswith("ns-train")
+    age = time.time() - psutil.Process().create_time() if is_command else 0.0
+    return time.monotonic() - max(0.0, age)

@@ -22,7 +22,7 @@ from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.report.pictures import training_photos
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
-from desplat_ns.training.checkpoint_files import load_newest
+from desplat_ns.training.checkpoint import load_newest
 from tests.helpers.lenses import BARREL, distort
 from tests.helpers.registered import set_up
 from tests.helpers.stub_run import assert_same

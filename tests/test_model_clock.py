@@ -12,17 +12,17 @@ from nerfstudio.engine.optimizers import Optimizers
 from desplat_ns.gaussians import densification, distractor_config, strategy
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.method_configs import separating_distractors
-from desplat_ns.training.budget import Clock
+from desplat_ns.training.schedule import Schedule
 from tests.gaussians.test_strategy import Scene
 from tests.helpers.small_model import Trainer, camera, make_model
 
 
-class At(Clock):
+class At(Schedule):
     """A clock that somebody sets."""
 
     now = 0.0
 
-    def at(self, step: int) -> int | float:
+    def position(self, step: int) -> int | float:
         return self.now
 
 
@@ -30,7 +30,7 @@ def test_thresholds_of_both_sets_are_read_at_the_clock(monkeypatch):
     monkeypatch.setattr(distractor_config, "MAX_WARMUP_VISITS", 1000)
     settings = DistractorConfig(per_view=20, static_warmup=100)
     model = make_model(sh_degree_interval=50, distractors=settings)
-    model.clock = clock = At(0.5)
+    model.schedule = clock = At(0.5)
     assert model.layer is not None
     optimizers = Optimizers({}, {})
     for clock.now in (49.7, 50.1):
@@ -49,7 +49,7 @@ def test_distractors_are_densified_until_the_clock_says_so(monkeypatch):
     model = make_model(warmup_length=0)
     assert model.layer is not None
     clock, trainer = At(), Trainer(model)
-    model.clock = clock
+    model.schedule = clock
     sampled = []
     for clock.now in (5.0, 9.4, 9.6):
         before = model.layer.gaussians.views[0].state.get("count")
@@ -63,7 +63,7 @@ def test_distractors_are_densified_until_the_clock_says_so(monkeypatch):
 def test_a_reset_that_time_passes_over_is_made_and_none_is_made_twice():
     """Steps at which a clock may stand: it goes by seconds."""
     model = make_model(reset_alpha_every=1, warmup_length=10**6)
-    model.clock = clock = At()
+    model.schedule = clock = At()
     trainer, reset = Trainer(model), []
     for clock.now in (10, 40, 80, 130, 130, 170, 210, 290, 300, 300, 310):
         with torch.no_grad():

@@ -13,8 +13,7 @@ from desplat_ns.gaussians.distractor_config import MAX_WARMUP_VISITS, Distractor
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.training.budget import Clock
-from desplat_ns.training.run_length import pause_after_reset
+from desplat_ns.training.schedule import Schedule, pause_after_reset
 
 SEPARATING = DistractorConfig(static_warmup=6000, refine_visits=5, start="residual")
 
@@ -165,7 +164,7 @@ def test_one_view_more_changes_the_sizes_of_photos_by_little(steps):
 
     @cache
     def octaves(views: int) -> list[int]:
-        config, clock = run_of(steps, views, distractors=SEPARATING), Clock(steps / 30_000)
+        config, clock = run_of(steps, views, distractors=SEPARATING), Schedule(steps / 30_000)
         sizes = (config.downscale_factor(clock.nominal(step)) for step in range(steps // 4))
         return [size.bit_length() for size in sizes]
 

@@ -13,7 +13,7 @@ from nerfstudio.configs.method_configs import all_methods
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.datamanager import training_split
-from desplat_ns.training.schedules import set_position
+from desplat_ns.training.optimizers import set_position
 from lab.synthetic import Scene
 from tests.helpers.registered import set_up
 

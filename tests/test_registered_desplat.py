@@ -15,11 +15,11 @@ import torch
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocation
 
 from desplat_ns.backend.numba_kernels.runtime import numba_config
-from desplat_ns.calibration.timing import threads
-from desplat_ns.training.checkpoint_files import checkpoint_path, load_checkpoint
+from desplat_ns.training.checkpoint import checkpoint_path, load_checkpoint
 from lab.synthetic import Scene, write_scene
 from tests.helpers.registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up
 from tests.helpers.stub_run import assert_same
+from tests.helpers.threads import threads
 
 pytestmark = pytest.mark.slow
 
@@ -167,7 +167,7 @@ def test_a_resumed_run_equals_one_in_one_go_to_the_last_bit(
     with threads(1):
         trainer = set_up(resumed, seed=99)
         trainer.train()
-    assert trainer._loaded_from == resumed.load_checkpoint
+    assert trainer._start_step == saved + 1
     assert_same(last_checkpoint(straight.config), last_checkpoint(resumed))
 
 

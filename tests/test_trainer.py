@@ -16,7 +16,7 @@ from nerfstudio.utils import writer
 from desplat_ns.errors import BackendUnavailableError, CheckpointError, ConfigError
 from desplat_ns.method_configs import desplat
 from desplat_ns.trainer import DeSplatTrainerConfig
-from desplat_ns.training.checkpoint_files import checkpoints_in, load_checkpoint
+from desplat_ns.training.checkpoint import checkpoints_in, load_checkpoint
 from tests.helpers.stub_run import (
     StubModelConfig,
     StubPipeline,

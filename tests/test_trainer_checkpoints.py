@@ -52,7 +52,7 @@ def test_a_checkpoint_with_other_groups_is_refused_and_unharmed(config):
     trainer = second.setup()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(StubPipeline, "load_pipeline", lambda *_: None)
-        with pytest.raises(CheckpointError, match=r"no optimizer state for extra.*effects"):
+        with pytest.raises(CheckpointError, match="extra"):
             trainer.setup()
     assert {p: p.read_bytes() for p in config.get_checkpoint_dir().iterdir()} == before
 

@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 import pytest
 
 from desplat_ns.errors import CheckpointError
-from desplat_ns.training.checkpoint_files import STAGING_FOLDER, checkpoints_in
+from desplat_ns.training.checkpoint import STAGING_FOLDER, checkpoints_in
 from tests.helpers.stub_run import config as config
 from tests.helpers.stub_run import resumed, set_up, train
 

@@ -9,7 +9,7 @@ import signal
 import pytest
 import torch
 
-from desplat_ns.training.checkpoint_files import checkpoints_in, load_checkpoint
+from desplat_ns.training.checkpoint import checkpoints_in, load_checkpoint
 from tests.helpers.stub_run import StubPipelineConfig, assert_same, resumed, set_up, train
 from tests.helpers.stub_run import config as config
 

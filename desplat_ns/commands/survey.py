@@ -35,8 +35,6 @@ class Arguments:
     """Folder for survey.json (the findings) and survey.png (a sheet of the evidence)."""
     overwrite: bool = False
     """Replace these two files if they are there."""
-    measure_costs: bool = True
-    """Whether to time training steps with and without what is called for."""
     verbose: bool = False
     """Whether to print every figure with its threshold; survey.json has them in any case."""
 
@@ -61,7 +59,7 @@ class Arguments:
         from desplat_ns.commands.surveyed import survey_capture
 
         chosen = data_parser("desplat-survey", parser) if parser else None
-        return survey_capture(self.data, self.output, self.measure_costs, chosen, self.verbose)
+        return survey_capture(self.data, self.output, chosen, self.verbose)
 
 
 def main() -> None:

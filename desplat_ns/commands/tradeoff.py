@@ -16,7 +16,7 @@ from desplat_ns.errors import CaptureError, print_user_errors_plainly
 from desplat_ns.files.lock import only_process_in
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.studies.executors import Executor, ExecutorName
-from desplat_ns.training.budget import seconds_of
+from desplat_ns.training.schedule import seconds_of
 
 if TYPE_CHECKING:  # seconds: not before the options are checked
     from desplat_ns.studies.study import Request

@@ -6,6 +6,6 @@ is their table. `masks` draws the training photos' distractor masks through each
 `photos` says over which photo each lies. `export.export_splats` and
 `export.export_masks` do the whole.
 
-May import `runs`, `model`, `pipeline`, `datamanager`, `photo_tourism`, `training`,
+May import `runs`, `model`, `pipeline`, `datamanager`, `photo_tourism`, `gaussians`,
 `rendering`, `data`, `backend`, `files`, `console` and `errors`.
 """

@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from desplat_ns.backend.constants import ALPHA_CUTOFF
+from desplat_ns.backend.constants import ALPHA_CUTOFF, FAR_PLANE
+from desplat_ns.backend.inputs import is_finite
 from desplat_ns.backend.protocol import Splats
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.splat_cloud import MAX_DEGREE, SplatCloud
+from desplat_ns.gaussians.activation import MAX_LOG_SCALE
 from desplat_ns.photo_tourism.lit_splats import as_harmonics
-from desplat_ns.training.culled import culled_always
+
+TOO_WIDE = math.exp(MAX_LOG_SCALE) / 2
+"""World units. Wider Gaussians are culled in every view."""
 
 
+@torch.no_grad()
 def shown_anywhere(splats: Splats) -> Bool[Tensor, " N"]:
-    """Which Gaussians some view may show: none that a backend culls always, and none that is
-    fainter than a pixel's cut-off everywhere."""
-    return ~culled_always(splats) & (splats.opacities >= ALPHA_CUTOFF)
+    """Which Gaussians some view may show: none that are broken, beyond the far plane, wider than
+    `TOO_WIDE`, or fainter than a pixel's cut-off."""
+    near = splats.means.abs().amax(-1) < FAR_PLANE
+    drawn = near & (splats.scales.amax(-1) <= TOO_WIDE) & (splats.opacities >= ALPHA_CUTOFF)
+    return is_finite(splats) & drawn
 
 
 def baked(splats: Splats, antialiased: bool) -> SplatCloud:

@@ -25,7 +25,7 @@ from desplat_ns.gaussians.distractor_config import (
 )
 from desplat_ns.gaussians.distractors import ViewDistractors
 from desplat_ns.gaussians.strategy import UNLIMITED, prune, refine, sample
-from desplat_ns.training.run_length import SPLATFACTOS_INTERVAL
+from desplat_ns.training.schedule import SPLATFACTOS_INTERVAL
 
 RADII_PER_AXIS = tuple(int(part) for part in gsplat.__version__.split(".")[:2]) >= (1, 5)
 """gsplat 1.5 gives radii as [C, N, 2], 1.4 as [C, N]; each one's strategy takes only its own."""

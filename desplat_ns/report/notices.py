@@ -14,7 +14,7 @@ from desplat_ns.report.failure_case import Failure
 from desplat_ns.report.next_photos import Alone, in_words
 from desplat_ns.report.pictures import Rgb, TrainingPhoto, marked
 from desplat_ns.separation.placement import FEW_VIEWS, about_few_views
-from desplat_ns.training.run_length import steps_for_visits
+from desplat_ns.training.schedule import steps_for_visits
 
 ENOUGH_VISITS = 150.0
 """Of each photo; after these at most a decibel was gained where it was measured."""

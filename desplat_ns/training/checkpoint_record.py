@@ -14,9 +14,8 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class SceneRecord:
-    """Which effects and photos a checkpoint was trained with.
-
-    Plain values only, so that `torch.load(weights_only=True)` reads them."""
+    """What a checkpoint was trained with, in plain values: `torch.load(weights_only=True)` reads
+    them."""
 
     effects: dict[str, Any]
     """The switches in `pipeline.model.effects`."""
@@ -39,8 +38,8 @@ class SceneRecord:
         if not isinstance(state, Mapping) or "format" not in state:
             raise CheckpointError(
                 "The checkpoint holds no record of its scene, so it was not saved by `desplat`. "
-                "Needed: a checkpoint of a `desplat` run. Pass that run's folder "
-                "`.../desplat/<timestamp>/nerfstudio_models` to `--load-dir`."
+                "Pass a `desplat` run's folder `.../desplat/<timestamp>/nerfstudio_models` to "
+                "`--load-dir`."
             )
         names = {field.name for field in fields(cls)}
         if state["format"] != FORMAT or not names <= set(state):
@@ -53,48 +52,34 @@ class SceneRecord:
 
 def check_same_scene(saved: SceneRecord, here: SceneRecord) -> None:
     """Raise CheckpointError, saying what differs, unless `saved` can be loaded into `here`."""
-    _check_effects(saved.effects, here.effects)
-    if saved.sh_degree != here.sh_degree:
+    options = [
+        (f"effects.{name.replace('_', '-')}", saved.effects.get(name), value)
+        for name, value in sorted(here.effects.items())
+    ]
+    options.append(("sh-degree", saved.sh_degree, here.sh_degree))
+    differing = [(name, was, now) for name, was, now in options if was != now]
+    if differing:
+        trained = ", ".join(f"{name} {was} (here {now})" for name, was, now in differing)
+        switches = " ".join(f"--pipeline.model.{name} {was}" for name, was, _ in differing)
+        raise CheckpointError(f"The checkpoint was trained with {trained}. Add `{switches}`.")
+    if saved.train_images and here.train_images and saved.train_images != here.train_images:
         raise CheckpointError(
-            f"The checkpoint has spherical harmonics of degree {saved.sh_degree}, this run of "
-            f"degree {here.sh_degree}. Add `--pipeline.model.sh-degree {saved.sh_degree}`."
+            f"The checkpoint {_difference(saved.train_images, here.train_images)}. Pass the "
+            "`--data` and the split options that it was trained with, or drop `--load-dir` to "
+            "train from the start."
         )
-    if saved.train_images and here.train_images:
-        _check_images(saved.train_images, here.train_images)
 
 
-def _check_effects(saved: Mapping[str, Any], here: Mapping[str, Any]) -> None:
-    differing = [name for name in sorted(here) if saved.get(name) != here[name]]
-    if not differing:
-        return
-    trained = ", ".join(f"{name} {saved.get(name)}" for name in differing)
-    run = ", ".join(f"{name} {here[name]}" for name in differing)
-    switches = " ".join(
-        f"--pipeline.model.effects.{name.replace('_', '-')} {saved.get(name)}" for name in differing
-    )
-    raise CheckpointError(
-        f"The checkpoint was trained with other effects: {trained}; this run has {run}. "
-        f"Add `{switches}`, or load a checkpoint of a run like this one."
-    )
-
-
-def _check_images(saved: list[str], here: list[str]) -> None:
-    if saved == here:
-        return
-    advice = (
-        "Pass the `--data` and the split options that the checkpoint was trained with, or drop "
-        "`--load-dir` to train from the start."
-    )
+def _difference(saved: list[str], here: list[str]) -> str:
     only_saved, only_here = sorted({*saved} - {*here}), sorted({*here} - {*saved})
     if not only_saved and not only_here:
-        raise CheckpointError(
-            "The checkpoint was trained on the same photos in another order, and each training "
-            f"view's distractors would land in another view. {advice}"
+        return (
+            "was trained on the same photos in another order, and each view's distractors would "
+            "land in another view"
         )
     example = only_saved[0] if only_saved else only_here[0]
     side = "the checkpoint" if only_saved else "this run"
-    raise CheckpointError(
-        f"The checkpoint belongs to another scene or split: it was trained on {len(saved)} photos, "
-        f"this run has {len(here)}; {len(only_saved) + len(only_here)} names differ, the first "
-        f"being '{example}', which only {side} has. {advice}"
+    return (
+        f"belongs to another scene or split: it was trained on {len(saved)} photos, this run has "
+        f"{len(here)}; '{example}' is a photo of {side} alone"
     )

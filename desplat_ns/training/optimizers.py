@@ -1,43 +1,117 @@
-"""The optimizers of a run, as nerfstudio's configurations."""
+"""The optimizers of a run: nerfstudio's, with rates that follow the run's schedule."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
-from nerfstudio.engine.optimizers import AdamOptimizerConfig
+from nerfstudio.engine.optimizers import AdamOptimizerConfig, Optimizers
+from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
 from torch import nn
 from torch.optim import Optimizer
+from torch.optim.lr_scheduler import LambdaLR
 
+from desplat_ns.console import announce
+from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians.adam import adam
+from desplat_ns.training.schedule import Schedule
 
 SHORT_RUN_GROUPS = ("means", "scales", "quats", "features_dc", "features_rest")
-"""Groups whose rates are raised in short runs: the static set's. Its opacities have rates for short
-runs already, and distractors have visits of their own."""
-
-
-def raised_rates(optimizers: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """A copy of a TrainerConfig's `optimizers` in which the rates of `SHORT_RUN_GROUPS` are
-    multiplied; where a rate decays, what it decays to stays."""
-    raised = dict(optimizers)
-    for name in SHORT_RUN_GROUPS:
-        if name in raised and factor != 1.0:
-            optimizer = copy(raised[name]["optimizer"])
-            optimizer.lr *= factor
-            raised[name] = {**raised[name], "optimizer": optimizer}
-    return raised
+"""Groups whose rates are raised in short runs: the static set's. The rate of its opacities suits
+short runs already, and distractors are trained by visits of their own."""
 
 
 @dataclass
 class FusedAdamConfig(AdamOptimizerConfig):
-    """nerfstudio's Adam with one switch more."""
-
-    fused: bool = True
-    """Let torch update moments and parameters in one pass (a third of the time on a CPU). Where it
-    cannot, it takes several passes, to the same values up to rounding."""
+    """nerfstudio's Adam, fused where torch can (`adam`)."""
 
     def setup(self, params: list[nn.Parameter]) -> Optimizer:
         """The optimizer of one group of parameters."""
-        return adam(params, self.lr, self.fused, eps=self.eps, weight_decay=self.weight_decay)
+        return adam(params, self.lr, eps=self.eps, weight_decay=self.weight_decay)
+
+
+def optimizer_options(optimizers: Mapping[str, Any], factor: float = 1.0) -> dict[str, Any]:
+    """A copy of a TrainerConfig's `optimizers`, checked; a group whose rate is 0 is frozen, and has
+    no schedule.
+
+    Args:
+        factor: on the rates of `SHORT_RUN_GROUPS`; a rate that decays still ends at `lr_final`.
+
+    Raises:
+        ConfigError: a rate of an exponential decay is not positive, or its warm-up does not end
+            before the decay.
+    """
+    checked = dict(optimizers)
+    for name, group in optimizers.items():
+        optimizer, decay = group["optimizer"], group["scheduler"]
+        if isinstance(decay, ExponentialDecaySchedulerConfig):
+            _check_decay(name, optimizer.lr, decay)
+            decay = decay if optimizer.lr != 0 else None
+        if name in SHORT_RUN_GROUPS and factor != 1.0:
+            optimizer = copy(optimizer)
+            optimizer.lr *= factor
+        checked[name] = {**group, "optimizer": optimizer, "scheduler": decay}
+    return checked
+
+
+def _check_decay(name: str, lr: float, decay: ExponentialDecaySchedulerConfig) -> None:
+    option = f"--optimizers.{name}.scheduler"
+    if lr < 0 or (decay.lr_final is not None and decay.lr_final <= 0):
+        raise ConfigError(
+            f"An exponential decay runs between positive learning rates; found lr {lr} and "
+            f"lr-final {decay.lr_final}. Give a positive {option}.lr-final, or lr 0 to freeze the "
+            "group."
+        )
+    if decay.warmup_steps >= decay.max_steps:
+        raise ConfigError(
+            f"{option}.warmup-steps is {decay.warmup_steps}; it has to be below max-steps, "
+            f"{decay.max_steps}."
+        )
+
+
+def follow(
+    optimizers: Optimizers, schedule: Schedule, early: Callable[[int], float] | None = None
+) -> None:
+    """Let all rates go by the nominal steps of a schedule from now on.
+
+    Rates are Python floats then: numpy scalars, which nerfstudio 1.1.5 returns, end up in the
+    checkpoint, and torch >= 2.6 refuses to load it. A scheduler that is not made of functions of
+    the step (torch's LambdaLR) keeps the run's own steps, which is said.
+
+    Args:
+        early: factor on the rates of `SHORT_RUN_GROUPS` at a step of the run.
+    """
+    for name, optimizer in optimizers.optimizers.items():
+        factor = early if name in SHORT_RUN_GROUPS else None
+        if factor is not None and name not in optimizers.schedulers:
+            optimizers.schedulers[name] = LambdaLR(optimizer, lambda step: 1.0)
+        scheduler = optimizers.schedulers.get(name)
+        if isinstance(scheduler, LambdaLR):
+            curves: list[Any] = list(scheduler.lr_lambdas)
+            scheduler.lr_lambdas = [_read_at(schedule, curve, factor) for curve in curves]
+            set_position(scheduler, scheduler.last_epoch)
+        elif scheduler is not None:
+            kind = type(scheduler).__name__
+            announce(f"{kind} goes by the steps of the run itself.", warning=True)
+
+
+def _read_at(
+    schedule: Schedule, curve: Callable[[int], float], factor: Callable[[int], float] | None
+) -> Callable[[int], float]:
+    if factor is None:
+        return lambda step: float(curve(schedule.nominal(step)))
+    return lambda step: float(curve(schedule.nominal(step))) * factor(step)
+
+
+def set_position(scheduler: LambdaLR, steps_done: int) -> None:
+    """Put a scheduler, and the rates of its optimizer, where they are after a number of steps."""
+    scheduler.last_epoch, scheduler._step_count = steps_done, steps_done + 1
+    rates = [
+        base * curve(steps_done)
+        for base, curve in zip(scheduler.base_lrs, scheduler.lr_lambdas, strict=True)
+    ]
+    for group, rate in zip(scheduler.optimizer.param_groups, rates, strict=True):
+        group["lr"] = rate
+    scheduler._last_lr = rates

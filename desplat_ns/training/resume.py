@@ -1,6 +1,6 @@
 """Saves and restores what a run needs, besides the model, to go on as if it had never stopped.
 
-Moments and learning rates of the optimizers, positions on the schedules, random generators.
+Moments of the optimizers, positions on the schedules, random generators.
 """
 
 from __future__ import annotations
@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 import torch
 from nerfstudio.engine.optimizers import Optimizers
-from torch import Tensor
-from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
 from desplat_ns.errors import CheckpointError
-from desplat_ns.training.schedules import set_position
+from desplat_ns.training.optimizers import set_position
 
 
 def rng_state() -> dict[str, Any]:
@@ -61,19 +59,24 @@ def load_optimizers(optimizers: Optimizers, saved: Mapping[str, Any], source: Pa
     """Bring back the optimizers' moments from the checkpoint `source`.
 
     Rates, epsilons and the like stay those of this run's options, except a rate that only the
-    scheduler's history gives. The parameters must have their saved shapes already.
-    Raises CheckpointError, before anything is changed, where groups or shapes do not match.
+    scheduler's history gives. The parameters must have their saved shapes already: the pipeline is
+    loaded first. Raises CheckpointError, before anything is changed, where groups do not match.
     """
-    _check_groups(optimizers, saved, source)
-    for name, optimizer in optimizers.optimizers.items():
-        _check_shapes(name, optimizer, saved[name], source)
+    here, there = set(optimizers.optimizers), set(saved)
+    if here != there:
+        raise CheckpointError(
+            f"The checkpoint {source} was trained with other effects: it alone has "
+            f"{', '.join(sorted(there - here)) or 'nothing'}, this run alone "
+            f"{', '.join(sorted(here - there)) or 'nothing'}. Switch on the same "
+            "--pipeline.model.effects as in that run's config.yml."
+        )
     for name, optimizer in optimizers.optimizers.items():
         scheduler = optimizers.schedulers.get(name)
-        kept = (
-            {"params"} if scheduler is None or isinstance(scheduler, LambdaLR) else {"params", "lr"}
-        )
+        from_saved = {"params"}
+        if scheduler is not None and not isinstance(scheduler, LambdaLR):
+            from_saved.add("lr")
         options = [
-            {key: value for key, value in group.items() if key not in kept}
+            {key: value for key, value in group.items() if key not in from_saved}
             for group in optimizer.param_groups
         ]
         optimizer.load_state_dict(saved[name])
@@ -92,39 +95,3 @@ def load_schedulers(optimizers: Optimizers, saved: Mapping[str, Any], steps_done
             set_position(scheduler, steps_done)
         elif name in saved:
             scheduler.load_state_dict(saved[name])
-
-
-def _check_groups(optimizers: Optimizers, saved: Mapping[str, Any], source: Path) -> None:
-    lacking = sorted(set(optimizers.optimizers) - set(saved))
-    unknown = sorted(set(saved) - set(optimizers.optimizers))
-    if not lacking and not unknown:
-        return
-    differences = [f"no optimizer state for {', '.join(lacking)}"] if lacking else []
-    differences += (
-        [f"state for {', '.join(unknown)}, which this run does not train"] if unknown else []
-    )
-    raise CheckpointError(
-        f"The checkpoint {source} was trained with other effects: it has "
-        f"{' and '.join(differences)}. "
-        "Switch on the same --pipeline.model.effects as in that run's config.yml."
-    )
-
-
-def _check_shapes(name: str, optimizer: Optimizer, saved: Mapping[str, Any], source: Path) -> None:
-    """torch loads moments of any shape and fails steps later; refuse them at once instead."""
-    parameters = [p for group in optimizer.param_groups for p in group["params"]]
-    keys = [key for group in saved["param_groups"] for key in group["params"]]
-    if len(keys) != len(parameters):
-        raise CheckpointError(
-            f"The checkpoint {source} has {len(keys)} tensors in the group '{name}', this run has "
-            f"{len(parameters)}. Load it with the scene and the effects it was trained with."
-        )
-    for key, parameter in zip(keys, parameters, strict=True):
-        for moment, value in saved["state"].get(key, {}).items():
-            is_moment = isinstance(value, Tensor) and value.ndim > 0
-            if is_moment and value.shape != parameter.shape:
-                raise CheckpointError(
-                    f"The checkpoint {source} has {moment} of shape {tuple(value.shape)} in the "
-                    f"group '{name}', its parameter has {tuple(parameter.shape)}: the file does "
-                    "not fit itself or this scene. Give another one with `--load-checkpoint FILE`."
-                )

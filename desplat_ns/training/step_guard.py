@@ -1,4 +1,4 @@
-"""Catches losses, gradients and parameters that are not finite before they are learned or saved.
+"""Keeps losses, gradients and parameters that are not finite from being learned or saved.
 
 A step is judged between its backward pass and its optimizer step. If it is unsound, nothing of it
 stays: not in parameters and moments, not in what densification and placement remember.
@@ -6,89 +6,32 @@ stays: not in parameters and moments, not in what densification and placement re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 from functools import reduce
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.utils import writer
 from torch import Tensor, nn
 from torch.cuda.amp.grad_scaler import GradScaler
 from torch.optim import Optimizer
 
+from desplat_ns.backend.constants import FAR_PLANE
 from desplat_ns.console import announce
-from desplat_ns.errors import ConfigError, TrainingError
-from desplat_ns.training.checkpoint_files import checkpoints_in
-from desplat_ns.training.culled import too_many_culled
+from desplat_ns.errors import TrainingError
 
-ADVICE = (
-    "Look at that photo and its pose, give a lower --optimizers.GROUP.optimizer.lr for a group "
-    "that is named, or try --pipeline.model.backend torch to rule out the rasterizer"
-)
+MOST_SKIPPED = 10
+"""A run stops after this number of skipped steps one after the other: no photo is learned then."""
 
-
-@dataclass(frozen=True)
-class Fault:
-    """What was not finite in a step."""
-
-    losses: tuple[str, ...]
-    groups: tuple[str, ...]
-    """Parameter groups with an unsound gradient."""
-
-    def __str__(self) -> str:
-        parts = []
-        if self.losses:
-            parts.append(f"the loss ({', '.join(self.losses)})")
-        if self.groups:
-            parts.append(f"the gradient of {', '.join(self.groups)}")
-        return " and ".join(parts)
-
-
-def sum_of_squares(tensors: list[Tensor]) -> Float[Tensor, ""]:
-    """Sum of squares of all values: not finite if one of them is not, or is so large (1.8e19 in
-    float32) that Adam's second moment would stay infinite and the parameter never move again."""
-    return reduce(torch.add, [torch.dot(t.flatten(), t.flatten()) for t in tensors])
-
-
-def gradients_of(optimizers: Mapping[str, Optimizer]) -> dict[str, list[Tensor]]:
-    """The gradients of a step, by parameter group; groups without any are left out."""
-    by_group = {
-        name: [
-            p.grad
-            for group in optimizer.param_groups
-            for p in group["params"]
-            if p.grad is not None
-        ]
-        for name, optimizer in optimizers.items()
-    }
-    return {name: gradients for name, gradients in by_group.items() if gradients}
-
-
-@torch.no_grad()
-def find_fault(
-    losses: Mapping[str, Float[Tensor, ""]], gradients: Mapping[str, list[Tensor]]
-) -> Fault | None:
-    """What is not finite in a step, None if all is finite; that takes one pass over the memory.
-
-    Args:
-        losses: terms of the loss, by name.
-        gradients: by parameter group.
-    """
-    sizes = {name: sum_of_squares(of_group) for name, of_group in gradients.items()}
-    values = [*losses.values(), *sizes.values()]
-    if not values or bool(reduce(torch.add, values).isfinite()):
-        return None
-    bad_losses = tuple(name for name, value in losses.items() if not bool(value.isfinite()))
-    bad_groups = tuple(name for name, size in sizes.items() if not bool(size.isfinite()))
-    return Fault(bad_losses, bad_groups) if bad_losses or bad_groups else None
+MOST_BROKEN_SHARE = 0.5
+"""A static scene of which more than this share can be drawn in no view is not saved."""
 
 
 class GuardedOptimizers(Optimizers):
-    """Optimizers that step only if the step at hand is finite, with those of the drawn view."""
+    """Optimizers that step only if the step at hand is sound, with those of the drawn view."""
 
     def __init__(
         self,
@@ -111,8 +54,8 @@ class GuardedOptimizers(Optimizers):
         of_view = self._of_view()  # first: a step that is dropped has no view any more
         if self._may_step():
             super().optimizer_scaler_step_some(grad_scaler, param_groups)
-            for name in gradients_of(of_view):
-                grad_scaler.step(of_view[name])
+            for optimizer in of_view.values():
+                grad_scaler.step(optimizer)
             return
         for optimizer in (*self.optimizers.values(), *of_view.values()):
             optimizer.zero_grad()
@@ -130,136 +73,99 @@ class GuardedOptimizers(Optimizers):
             writer.put_scalar(name=f"learning_rate/{name}", scalar=rate, step=step)
 
 
-@runtime_checkable
-class GuardedModel(Protocol):
-    """What guards ask of a model."""
+def parameters_of(optimizer: Optimizer) -> list[Tensor]:
+    """All parameters that an optimizer moves."""
+    return [parameter for group in optimizer.param_groups for parameter in group["params"]]
 
-    losses: dict[str, Tensor]
-    """The terms of the step at hand, by name."""
 
-    @property
-    def num_points(self) -> int:
-        """Number of static Gaussians."""
-        ...
-
-    def view_name(self) -> str:
-        """The training photo of the step at hand."""
-        ...
-
-    def drop_step(self) -> None:
-        """Forget the step at hand."""
-        ...
-
-    def gaussian_groups(self) -> set[str]:
-        """Parameter groups with one row for each Gaussian."""
-        ...
-
-    def view_optimizers(self) -> Mapping[str, Optimizer]:
-        """Optimizers of what belongs to the view of the step at hand alone."""
-        ...
-
-    def view_parameters(self) -> Mapping[str, Sequence[Tensor]]:
-        """What belongs to single views, of all of them; one row for each Gaussian."""
-        ...
-
-    def culled_static(self) -> int:
-        """Static Gaussians that no view shows."""
-        ...
+def sum_of_squares(tensors: list[Tensor]) -> Float[Tensor, ""]:
+    """Sum of squares of all values: not finite if one of them is not, or is so large (1.8e19 in
+    float32) that Adam's second moment would stay infinite and the parameter never move again."""
+    return reduce(torch.add, [torch.dot(t.flatten(), t.flatten()) for t in tensors])
 
 
 class StepGuard:
-    """Judges steps, and counts those that were skipped."""
+    """Judges steps, and counts those that were skipped one after the other."""
 
-    def __init__(self, max_skipped: int):
-        """`max_skipped`: so many skipped steps, in all, and the run is to stop.
-
-        In all and not in a row: one photo that always fails would never make a row.
-        Raises ConfigError where it is below 1.
-        """
-        if max_skipped < 1:
-            raise ConfigError(
-                f"--max-skipped-steps is {max_skipped}; it has to be 1 (stop at the first) or more."
-            )
-        self.max_skipped = max_skipped
-        self.skipped = 0
-        self.skipped_last = False
+    def __init__(self) -> None:
+        self.in_a_row = 0
+        self._photos: set[str] = set()
         self._last = ""
 
     @property
     def exhausted(self) -> bool:
         """Whether the run is to stop."""
-        return self.skipped >= self.max_skipped
+        return self.in_a_row >= MOST_SKIPPED
 
-    def is_finite(self, step: int, model: GuardedModel, optimizers: Optimizers) -> bool:
-        """Whether the optimizers may take `step`; if not, that is said and the model drops it."""
-        judged = gradients_of({**optimizers.optimizers, **model.view_optimizers()})
-        fault = find_fault(model.losses, judged)
-        self.skipped_last = fault is not None
-        if fault is None:
+    @torch.no_grad()
+    def is_sound(
+        self, step: int, photo: str, losses: Iterable[Tensor], optimizers: Iterable[Optimizer]
+    ) -> bool:
+        """Whether the loss and all gradients of a step are finite, which takes one pass over the
+        memory; said once for each photo if not.
+
+        Args:
+            photo: drawn in the step.
+            losses: terms of the loss.
+            optimizers: of all parameters.
+        """
+        gradients = [p.grad for each in optimizers for p in parameters_of(each)]
+        gradients = [gradient for gradient in gradients if gradient is not None]
+        values = [*losses, *([sum_of_squares(gradients)] if gradients else [])]
+        if not values or bool(reduce(torch.add, values).isfinite()):
+            self.in_a_row = 0
             return True
-        self.skipped += 1
-        photo = model.view_name()
-        self._last = f"At step {step}, in the photo {photo}: {fault} is not finite"
-        announce(
-            f"{self._last}. The step is skipped ({self.skipped} of at most "
-            f"{self.max_skipped}); nothing has changed.",
-            warning=True,
-        )
-        model.drop_step()
+        self.in_a_row += 1
+        self._last = f"At step {step}, in the photo {photo}, the loss or a gradient is not finite"
+        if photo not in self._photos:
+            self._photos.add(photo)
+            what = "The step is skipped, and so are others of this photo if they are like it."
+            announce(f"{self._last}. {what}", warning=True)
         return False
 
     def error(self, saved: Path) -> TrainingError:
         """Why the run stopped, and what to do. `saved`: the checkpoint of the sound state."""
         return TrainingError(
-            f"{self.skipped} steps were skipped because a loss or gradient was not finite. The "
-            f"last: {self._last}. The state without these steps is saved as {saved}. {ADVICE}; "
-            f"then go on with `--load-checkpoint {saved}`. --max-skipped-steps, now "
-            f"{self.max_skipped}, says when to stop."
+            f"{self.in_a_row} steps one after the other were skipped. {self._last}. The state "
+            f"without these steps is saved as {saved}. Give a lower --optimizers.GROUP.optimizer.lr"
+            ", or try --pipeline.model.backend torch to rule out the rasterizer; then go on with "
+            f"`--load-checkpoint {saved}`."
         )
 
 
 def check_parameters(
-    model: GuardedModel, optimizers: Optimizers, step: int, folder: Path, strict: bool
+    gaussians: Mapping[str, Tensor], optimizers: Mapping[str, Optimizer], step: int, folder: Path
 ) -> None:
     """Refuse to save parameters from which no training can go on.
 
-    Gaussians may be culled, as long as most are not: each is a row of its own. All else (networks,
-    embeddings, poses) must be finite.
-
     Args:
+        gaussians: raw parameters of the static set, a row for each Gaussian. A broken row is never
+            drawn and never moves again, so some may be broken.
+        optimizers: of these and of all else (networks, embeddings, poses), which has to be finite.
         folder: of the run's checkpoints.
-        strict: nothing may be culled either: where the last step was skipped, that may be why.
 
     Raises:
-        TrainingError: what is not finite, and which checkpoint is the newest.
+        TrainingError: what is not finite.
     """
-    per_gaussian = set() if strict else model.gaussian_groups()
-    groups: dict[str, Sequence[Tensor]] = {
-        name: list(_parameters(optimizer))
-        for name, optimizer in optimizers.optimizers.items()
-        if name not in per_gaussian
-    }
-    if strict:
-        groups = {**groups, **model.view_parameters()}
-    bad = [n for n, group in groups.items() if not all(bool(p.isfinite().all()) for p in group)]
-    fault = f"The parameters {', '.join(bad)} are not finite" if bad else None
-    if fault is None:
-        fault = too_many_culled(model.culled_static(), model.num_points)
-    if fault is None:
-        return
-    saved = checkpoints_in(folder) if folder.is_dir() else []
-    newest = (
-        f"The newest checkpoint, {saved[-1]}, is untouched: go on from it with "
-        f"`--load-checkpoint {saved[-1]}`"
-        if saved
-        else "There is no earlier checkpoint: start anew"
-    )
-    raise TrainingError(
-        f"{fault} after step {step}, although every loss and gradient was. This state is not "
-        f"saved. {newest}, and a lower --optimizers.GROUP.optimizer.lr."
-    )
+    fault, broken = None, _broken_rows(gaussians)
+    if float(broken.double().mean()) > MOST_BROKEN_SHARE:
+        fault = f"{int(broken.sum())} of {len(broken)} static Gaussians can be drawn in no view"
+    for name, optimizer in optimizers.items():
+        is_finite = all(bool(p.isfinite().all()) for p in parameters_of(optimizer))
+        if name not in gaussians and not is_finite:
+            fault = f"The parameters {name} are not finite"
+    if fault is not None:
+        raise TrainingError(
+            f"{fault} after step {step}, although every loss and gradient was finite. This state "
+            f"is not saved; checkpoints in {folder} are untouched. Go on from the newest with "
+            f"`--load-dir {folder}`, or start anew, with a lower --optimizers.GROUP.optimizer.lr."
+        )
 
 
-def _parameters(optimizer: Optimizer) -> Iterator[Tensor]:
-    for group in optimizer.param_groups:
-        yield from group["params"]
+@torch.no_grad()
+def _broken_rows(gaussians: Mapping[str, Tensor]) -> Bool[Tensor, " N"]:
+    """Gaussians that are not finite, or lie beyond the far plane of every view."""
+    away = gaussians["means"].abs().amax(1) >= FAR_PLANE
+    return reduce(
+        torch.logical_or, (~g.flatten(1).isfinite().all(1) for g in gaussians.values()), away
+    )

@@ -17,9 +17,8 @@ class EndAtOnce(Exception):
 
 @contextmanager
 def on_stop_signal(stop: Callable[[str], None]) -> Iterator[None]:
-    """Within, the first of `STOP_SIGNALS` calls `stop` with its name; the next ends the process.
-
-    If `stop` raises EndAtOnce, the first one ends it already.
+    """Within, the first of `STOP_SIGNALS` calls `stop` with its name; the next ends the process, as
+    the first one does if `stop` raises EndAtOnce.
 
     Outside of the main thread, which alone gets signals, nothing is caught.
     """

@@ -2,8 +2,8 @@
 
     python -m lab.stability.kills KILLS            prints what became of it as JSON
 
-The lives are forked from one process that has imported and compiled everything, by training a few
-steps itself: else each took many seconds to begin.
+The lives are forked from one process that has imported and compiled everything by training a few
+steps itself; without that each life would take many seconds to begin.
 """
 
 from __future__ import annotations
@@ -13,71 +13,45 @@ import json
 import os
 import random
 import signal
+import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
-from nerfstudio.configs.method_configs import all_methods
-from nerfstudio.scripts import train
-from nerfstudio.utils import writer
-
-from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.trainer import DeSplatTrainer
 from desplat_ns.training.checkpoint_files import (
     STAGING_FOLDER,
     checkpoints_in,
     load_checkpoint,
     step_of,
 )
+from nerfstudio.configs.method_configs import all_methods
+from nerfstudio.scripts import train
+from nerfstudio.utils import writer
+from torch.utils._pytree import tree_flatten
+
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.settings.effects import EffectsConfig
+from desplat_ns.trainer import DeSplatTrainer
+from lab.documents import CHECKOUT
 from lab.synthetic import SceneSpec, write_scene
 
+KILLS = 20
 STEPS, STEPS_PER_SAVE = 240, 2
-"""Twice as many as twenty lives come to: where steps take 20 ms, those killed within a second of
-their start have trained, too."""
+"""Twice the steps that twenty lives take, so that the last life is killed in training as well."""
 MOST_STEPS = 5
-"""A life is killed after 0 to so many of its steps, and up to two steps' time later."""
+"""A life is killed after 0 to 5 of its steps, and up to two steps' time later."""
 STARTING = 5
-"""Every so many lives are killed before they have trained: while they load."""
-
-
-@dataclass(frozen=True)
-class Kill:
-    """One life's end."""
-
-    training: bool
-    """Whether it came to train."""
-    steps_done: int
-    """Steps of the whole run that it, or those before it, had finished."""
-    steps_kept: int
-    """Steps in the newest checkpoint afterwards."""
-    while_saving: bool
-    """A checkpoint was half written."""
-
-
-@dataclass(frozen=True)
-class Report:
-    """The whole run."""
-
-    steps: int
-    steps_per_save: int
-    kills: list[Kill]
-    damaged: int
-    """Checkpoints that could not be loaded, over all lives."""
-    most_files: int
-    """Checkpoints and half-written ones that lay there at once, at most."""
-    same_bits: bool
-    """Whether the run ended where an uninterrupted one does."""
-    seconds: float
+"""Every fifth life is killed before it has trained, while it loads."""
+MOST_FILES = 3
+"""Checkpoints that may lie in a run's folder: the newest, the one before, one half written."""
 
 
 class Telling(DeSplatTrainer):
-    """Says through a pipe when training starts, and after each step how many are done."""
+    """Says through a pipe when training starts, and after each step how many steps are done."""
 
     pipe = -1
 
@@ -119,7 +93,7 @@ class Life:
         return bool(data)
 
     def end(self, number: int | None) -> int:
-        """Kill it, or wait for its end; its exit status."""
+        """Kill it with a signal, or wait for its end; its exit status."""
         if number is not None:
             os.kill(self.process, number)
         while self.hear():
@@ -128,19 +102,24 @@ class Life:
         return os.waitpid(self.process, 0)[1]
 
 
-def configured(scene: Path, output: Path, timestamp: str) -> Any:
-    """`ns-train desplat` with distractors, refinements from the start, saved often."""
+def configured(scene: Path, output: Path, timestamp: str, trainer: type) -> Any:
+    """`ns-train desplat` on a scene of `SceneSpec.tiny`, without a survey and evaluations."""
     config: Any = copy.deepcopy(all_methods["desplat"])
-    config._target = Telling
+    config._target, config.vis = trainer, "tensorboard"
     config.pipeline.datamanager.dataparser = RobustNerfDataParserConfig(data=scene)
-    config.max_num_iterations, config.vis = STEPS, "tensorboard"
-    config.steps_per_eval_image, config.steps_per_eval_all_images = 0, 0
-    config.steps_per_save = STEPS_PER_SAVE
-    config.output_dir, config.experiment_name, config.timestamp = output, "killed", timestamp
+    config.steps_per_eval_image = config.steps_per_eval_all_images = 0
+    config.output_dir, config.experiment_name, config.timestamp = output, "stability", timestamp
     model = config.pipeline.model
-    model.effects = EffectsConfig()
-    model.num_downscales, model.schedule_scale = 0, 0.02
-    model.distractors = DistractorConfig(per_view=40)
+    model.effects, model.num_downscales, model.distractors.per_view = EffectsConfig(), 0, 40
+    return config
+
+
+def saved_often(scene: Path, output: Path, timestamp: str, trainer: type = Telling) -> Any:
+    """The same with distractors and refinements from the first steps on."""
+    config = configured(scene, output, timestamp, trainer)
+    config.max_num_iterations, config.steps_per_save = STEPS, STEPS_PER_SAVE
+    config.pipeline.model.schedule_scale = 0.02
+    config.pipeline.model.distractors = DistractorConfig(per_view=40)
     return config
 
 
@@ -166,41 +145,44 @@ def kill_once(config: Any, rng: random.Random, starting: bool, step_seconds: flo
     return life
 
 
-def kill_runs(kills: int, folder: Path, seed: int = 0) -> Report:
-    """Train on a generated scene, killed so many times and resumed each time."""
+def kill_runs(kills: int, folder: Path, seed: int = 0) -> dict[str, Any]:
+    """Train on a generated scene, killed `kills` times and resumed each time.
+
+    Returns:
+        By `kills` for each life whether it has trained, the steps of the whole run that it or those
+        before it had finished, and the steps in the newest checkpoint afterwards; by `damaged` the
+        number of checkpoints that could not be loaded; by `most_files` how many checkpoints and
+        half-written ones lay in the run's folder at once; by `same_bits` whether the run ended
+        where an uninterrupted one does.
+    """
     write_scene(SceneSpec.tiny(), folder / "scene")
-    warm_up(configured(folder / "scene", folder, "warm-up"))
+    warm_up = saved_often(folder / "scene", folder, "warm-up", DeSplatTrainer)
+    warm_up.max_num_iterations = 15
+    train.main(warm_up)
     started, rng = time.perf_counter(), random.Random(seed)
-    straight = configured(folder / "scene", folder, "straight")
+    straight = saved_often(folder / "scene", folder, "straight")
     assert Life(straight).end(None) == 0
     step_seconds = (time.perf_counter() - started) / STEPS
-    config = configured(folder / "scene", folder, "killed")
-    killed: list[Kill] = []
+    config = saved_often(folder / "scene", folder, "killed")
+    killed: list[tuple[bool, int, int]] = []
     damaged, most_files, done = 0, 0, 0
     for i in range(kills):
         life = kill_once(config, rng, i % STARTING == STARTING - 1, step_seconds)
         done = max([done, *life.steps])
         kept, bad = loadable(config.get_checkpoint_dir())
-        half = list((config.get_base_dir() / STAGING_FOLDER).glob("*"))
-        killed.append(Kill(bool(life.steps), done, kept, bool(half)))
+        killed.append((bool(life.steps), done, kept))
         damaged, done = damaged + bad, kept
+        half = list((config.get_base_dir() / STAGING_FOLDER).glob("*"))
         whole = list(config.get_checkpoint_dir().glob("*"))
         most_files = max(most_files, len(whole) + len(half))
     assert Life(resumed(config)).end(None) == 0
     ends = [load_checkpoint(checkpoints_in(c.get_checkpoint_dir())[-1]) for c in (straight, config)]
-    seconds = time.perf_counter() - started
-    return Report(STEPS, STEPS_PER_SAVE, killed, damaged, most_files, same(*ends), seconds)
-
-
-def warm_up(config: Any) -> None:
-    """Train here: what is imported and compiled on the way is there for all lives."""
-    config._target = DeSplatTrainer
-    config.max_num_iterations = 15
-    train.main(config)
+    found = {"kills": killed, "damaged": damaged, "most_files": most_files}
+    return {**found, "same_bits": same(*ends)}
 
 
 def loadable(folder: Path) -> tuple[int, int]:
-    """Steps in the newest checkpoint, and how many checkpoints are damaged; all are tried."""
+    """Steps in the newest checkpoint, and the number of damaged checkpoints; all are tried."""
     newest, bad = 0, 0
     for path in checkpoints_in(folder) if folder.is_dir() else []:
         try:
@@ -213,12 +195,35 @@ def loadable(folder: Path) -> tuple[int, int]:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Equality to the last bit, all the way down."""
-    if isinstance(a, dict):
-        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
-    if isinstance(a, (list, tuple)):
-        return len(a) == len(b) and all(map(same, a, b))
-    return torch.equal(a, b) if isinstance(a, torch.Tensor) else a == b
+    """Equality of nested dicts and lists of tensors to the last bit."""
+    (ours, our_tree), (theirs, their_tree) = tree_flatten(a), tree_flatten(b)
+    pairs = zip(ours, theirs, strict=False)
+    equal = (torch.equal(x, y) if isinstance(x, torch.Tensor) else x == y for x, y in pairs)
+    return our_tree == their_tree and all(equal)
+
+
+def in_a_process(kills: int = KILLS) -> dict[str, Any]:
+    """`kill_runs` in a process of its own on one thread, as lives are forked."""
+    command = [sys.executable, "-m", "lab.stability.kills", str(kills)]
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    done = subprocess.run(
+        command, stdout=subprocess.PIPE, check=True, cwd=CHECKOUT, env=environment
+    )
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def measured() -> tuple[str, bool]:
+    """A sentence on what 20 kills cost, and whether that is what is promised."""
+    found = in_a_process()
+    lost = [done - kept for _, done, kept in found["kills"]]
+    text = (
+        f"{len(lost)} kills of a run of {STEPS} steps that saves every {STEPS_PER_SAVE} lost "
+        f"{max(lost)} steps at most and {sum(lost)} in all; {found['damaged']} checkpoints were "
+        f"damaged, {found['most_files']} lay in the folder at most, and the run ended "
+        f"{'to the last bit' if found['same_bits'] else 'NOT'} where an uninterrupted one ends."
+    )
+    is_kept = max(lost) <= STEPS_PER_SAVE and found["most_files"] <= MOST_FILES
+    return text, is_kept and found["damaged"] == 0 and found["same_bits"]
 
 
 if __name__ == "__main__":
@@ -226,5 +231,5 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as work:
         stdout = os.dup(1)
         os.dup2(2, 1)  # nerfstudio prints; the answer stands alone
-        answer = json.dumps(asdict(kill_runs(int(sys.argv[1]), Path(work))))
+        answer = json.dumps(kill_runs(int(sys.argv[1]), Path(work)))
         os.write(stdout, answer.encode() + b"\n")

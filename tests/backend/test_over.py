@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from desplat_ns.backend import over as module
+from desplat_ns.backend.numba_kernels.runtime import numba_config
 from desplat_ns.backend.over import in_range, over
-from desplat_ns.calibration.timing import all_cores, threads
+from tests.helpers.threads import threads
 
 EPS = torch.finfo(torch.float32).eps
 VALUES = st.floats(-2, 2, width=32)
@@ -62,7 +63,7 @@ def test_colours_and_gradients_are_those_of_the_formula(size, below, cut):
             assert torch.equal(a, b)
 
 
-@pytest.mark.skipif(all_cores() < 2, reason="needs two cores")
+@pytest.mark.skipif(numba_config.NUMBA_NUM_THREADS < 2, reason="numba has one thread only")
 def test_the_bits_are_the_same_for_any_number_of_threads():
     inputs, results = of_size(200, 200, False), []
     for number in (1, 2):

@@ -1,18 +1,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 
-from desplat_ns.commands import surveyed
 from desplat_ns.commands.parser_words import parse
 from desplat_ns.commands.survey import Arguments
 from desplat_ns.commands.surveyed import survey_capture
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.errors import BackendUnavailableError, CaptureError, ConfigError
-from desplat_ns.settings.effects import Effects
+from desplat_ns.errors import CaptureError, ConfigError
 from tests.helpers.quick_command import check_quick_command
 
 
@@ -23,15 +20,11 @@ def test_a_capture_is_found_and_the_findings_are_written(tiny_scene, tmp_path, c
     written = json.loads((tmp_path / "out" / "survey.json").read_text())
     assert written["appearance"]["decision"] == findings.appearance.decision
     assert (tmp_path / "out" / "survey.png").stat().st_size > 1000
-    steps = written["on_this_machine"]["steps"]
-    assert steps[0]["ratio"] == 1 and steps[0]["effects"] == asdict(Effects(distractors=False))
-    assert steps[-1]["effects"] == {"distractors": True, **findings.decisions()}
-    assert all(step["milliseconds"] > 0 for step in steps)
 
 
 def test_a_data_parser_chooses_the_photos(tiny_scene, tmp_path):
     parser = RobustNerfDataParserConfig(train_split_clean_clutter_ratio=0.0)
-    findings = survey_capture(tiny_scene.folder, tmp_path, False, parser)
+    findings = survey_capture(tiny_scene.folder, tmp_path, parser)
     assert findings.num_photos == tiny_scene.spec.num_views
     assert parser.data == tiny_scene.folder
 
@@ -40,7 +33,7 @@ def test_a_data_parser_chooses_the_photos(tiny_scene, tmp_path):
 def test_the_command_takes_a_parser_by_its_name(tiny_scene, tmp_path):
     for parser in ("colmap", "robustnerf-data"):
         folder = str(tiny_scene.folder)
-        options = ["--output", str(tmp_path / parser), "--no-measure-costs", "--overwrite"]
+        options = ["--output", str(tmp_path / parser), "--overwrite"]
         for given in (
             [folder, *options, parser],
             [*options, parser, "--data", folder],
@@ -58,7 +51,7 @@ def test_findings_that_are_there_are_replaced_only_if_that_is_asked_for(
     tiny_scene, tmp_path, name: str
 ):
     (tmp_path / name).write_text("before")
-    arguments = Arguments(tiny_scene.folder, tmp_path, measure_costs=False)
+    arguments = Arguments(tiny_scene.folder, tmp_path)
     with pytest.raises(ConfigError, match=rf"{name}' already.*--overwrite"):
         arguments.survey(())
     assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
@@ -77,7 +70,7 @@ def test_findings_that_cannot_be_written_whole_leave_the_earlier_ones(
     (tmp_path / "survey.json").write_text("before")
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(ConfigError, match=r"No space left.*--output"):
-        survey_capture(tiny_scene.folder, tmp_path, measure_costs=False)
+        survey_capture(tiny_scene.folder, tmp_path)
     assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
 
 
@@ -108,15 +101,3 @@ def test_help_and_mistakes_import_nothing_heavy(
     arguments: list[str], status: int, words: str, checkout: Path
 ):
     check_quick_command("survey", arguments, status, words, checkout)
-
-
-def test_where_nothing_draws_on_the_gpu_the_survey_is_saved_all_the_same(
-    tiny_scene, tmp_path, monkeypatch, capsys
-):
-    def costs(*_: object) -> None:
-        raise BackendUnavailableError("Backend 'gsplat' has no CUDA kernels here.")
-
-    monkeypatch.setattr(surveyed, "costs_on_this_machine", costs)
-    survey_capture(tiny_scene.folder, tmp_path)
-    assert "not measured. Backend 'gsplat' has no CUDA kernels" in capsys.readouterr().out
-    assert "appearance" in json.loads((tmp_path / "survey.json").read_text())

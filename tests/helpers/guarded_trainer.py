@@ -27,7 +27,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
 class GuardedTrainer:
     """nerfstudio's order of things in a step, around the model of test_model.py."""
 
-    def __init__(self, model: DeSplatModel, max_skipped: int = 10):
+    def __init__(self, model: DeSplatModel):
         self.model, self.step_at_hand = model, 0
         self.scaler = torch.cuda.amp.GradScaler(enabled=False)
         groups = {name: params for name, params in model.get_param_groups().items() if params}
@@ -36,12 +36,17 @@ class GuardedTrainer:
             name: {"optimizer": FusedAdamConfig(lr=rate), "scheduler": None}
             for name, rate in rates.items()
         }
-        self.guard = StepGuard(max_skipped)
+        self.guard = StepGuard()
         self.optimizers = GuardedOptimizers(options, groups, self._may_step, model.view_optimizers)
         self.photo = torch.rand(20, 24, 3, generator=torch.Generator().manual_seed(1))
 
     def _may_step(self) -> bool:
-        return self.guard.is_finite(self.step_at_hand, self.model, self.optimizers)
+        model, optimizers = self.model, self.optimizers.optimizers
+        judged = (*optimizers.values(), *model.view_optimizers().values())
+        if self.guard.is_sound(self.step_at_hand, model.view_name(), model.losses.values(), judged):
+            return True
+        model.drop_step()
+        return False
 
     def step(self, step: int, spoil: Any = None, photo: Tensor | None = None) -> None:
         model, self.step_at_hand = self.model, step

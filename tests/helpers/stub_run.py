@@ -21,7 +21,7 @@ from nerfstudio.utils import writer
 from torch.nn import Parameter
 
 from desplat_ns.trainer import DeSplatTrainerConfig
-from desplat_ns.training.budget import Clock
+from desplat_ns.training.schedule import Schedule
 
 NOMINAL = 24
 
@@ -29,8 +29,8 @@ NOMINAL = 24
 class StubDatamanager:
     """Draws training views without replacement, as the real one does."""
 
-    def __init__(self) -> None:
-        self.train_image_names = [f"{number}.png" for number in range(5)]
+    def __init__(self, photos: int) -> None:
+        self.train_image_names = [f"{number}.png" for number in range(photos)]
         self.train_dataset = [0, 1, 2, 3, 4]
         self.eval_dataset = None
         self.left: list[int] = []
@@ -50,12 +50,12 @@ class StubDatamanager:
 
 
 class StubModel:
-    """What the trainer's guards ask of a model: one photo, nothing to forget, nothing culled."""
+    """What the trainer asks of a model: one photo, nothing to forget."""
 
     def __init__(self, scale: float | None = None) -> None:
-        self.clock = Clock(scale or 1.0)
+        self.schedule = Schedule(scale or 1.0)
         self.losses: dict[str, torch.Tensor] = {}
-        self.num_points = 1
+        self.gauss_params = {"means": torch.zeros(1, 3)}
 
     def view_name(self) -> str:
         return "a.jpg"
@@ -63,17 +63,8 @@ class StubModel:
     def drop_step(self) -> None:
         pass
 
-    def gaussian_groups(self) -> set[str]:
-        return set()
-
     def view_optimizers(self) -> dict[str, torch.optim.Optimizer]:
         return {}
-
-    def view_parameters(self) -> dict[str, list[torch.Tensor]]:
-        return {}
-
-    def culled_static(self) -> int:
-        return 0
 
     def found_in_the_way(self) -> list[str]:
         return ["Distractors in 1 of 5 photos: 3.png."]
@@ -90,7 +81,7 @@ class StubPipeline(Pipeline):
         self.groups = torch.nn.ParameterDict(
             {name: Parameter(torch.ones(config.size)) for name in config.groups}
         )
-        self.datamanager: Any = StubDatamanager()
+        self.datamanager: Any = StubDatamanager(config.photos)
         self._model: Any = StubModel(config.model.schedule_scale)
         self.at_step: Callable[[int], None] = lambda step: None
         self.trained: list[int] = []
@@ -148,6 +139,7 @@ class StubPipelineConfig(VanillaPipelineConfig):
     model: Any = field(default_factory=StubModelConfig)
     groups: tuple[str, ...] = ("means", "scales")
     size: int = 4
+    photos: int = 5
 
 
 def decay() -> dict[str, Any]:

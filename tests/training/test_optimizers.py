@@ -1,23 +1,44 @@
-"""Fused Adam: the same steps as the plain one, where torch has it."""
+"""Optimizers: fused Adam, and rates that follow nominal steps in Python floats."""
+
+from __future__ import annotations
 
 import copy
+import math
+import sys
+from typing import Any
 
+import numpy as np
 import pytest
 import torch
+from nerfstudio.engine.optimizers import AdamOptimizerConfig, Optimizers
+from nerfstudio.engine.schedulers import (
+    CosineDecaySchedulerConfig,
+    ExponentialDecaySchedulerConfig,
+    MultiStepSchedulerConfig,
+)
 from torch import nn
 
+from desplat_ns.errors import ConfigError
 from desplat_ns.method_configs import desplat
 from desplat_ns.training.optimizers import (
     SHORT_RUN_GROUPS,
     FusedAdamConfig,
-    raised_rates,
+    follow,
+    optimizer_options,
 )
+from desplat_ns.training.schedule import Schedule
+
+RTOL = 16 * sys.float_info.epsilon
+"""Logs, an exponential, a product and a quotient: a few roundings each."""
 
 
-def stepped(fused: bool) -> torch.Tensor:
+# --- Adam ----------------------------------------------------------------------------------------
+
+
+def stepped(make: Any) -> torch.Tensor:
     rng = torch.Generator().manual_seed(3)
     parameter = nn.Parameter(torch.randn(50, 3, generator=rng))
-    optimizer = FusedAdamConfig(lr=0.05, eps=1e-15, fused=fused).setup([parameter])
+    optimizer = make([parameter])
     for _ in range(10):
         parameter.grad = torch.randn(50, 3, generator=rng)
         optimizer.step()
@@ -25,8 +46,10 @@ def stepped(fused: bool) -> torch.Tensor:
 
 
 def test_fused_steps_are_those_of_plain_adam():
+    ours = stepped(FusedAdamConfig(lr=0.05, eps=1e-9, weight_decay=0.1).setup)
+    plain = stepped(lambda p: torch.optim.Adam(p, lr=0.05, eps=1e-9, weight_decay=0.1, fused=False))
     # Ten steps of at most lr, a few roundings each of numbers of order 1.
-    assert torch.allclose(stepped(True), stepped(False), rtol=0, atol=10 * 8 * 2**-23)
+    assert torch.allclose(ours, plain, rtol=0, atol=10 * 8 * 2**-23)
 
 
 def test_the_method_asks_for_the_fused_one():
@@ -36,32 +59,101 @@ def test_the_method_asks_for_the_fused_one():
         assert optimizer.defaults["eps"] == 1e-15
 
 
-def test_where_torch_has_none_plain_adam_is_taken(monkeypatch):
+def refusing(monkeypatch: pytest.MonkeyPatch, error: RuntimeError) -> None:
+    """Let torch's fused Adam fail."""
     plain = torch.optim.Adam
 
-    def refusing(params, fused=None, **options):
+    def make(params: Any, fused: Any = None, **options: Any) -> Any:
         if fused:
-            raise RuntimeError("`fused=True` requires all the params to be floating point Tensors")
+            raise error
         return plain(params, **options)
 
-    monkeypatch.setattr(torch.optim, "Adam", refusing)
+    monkeypatch.setattr(torch.optim, "Adam", make)
+
+
+def test_where_torch_has_no_fused_adam_the_plain_one_is_taken(monkeypatch):
+    refusing(monkeypatch, RuntimeError("`fused=True` requires all the params to be floating point"))
     optimizer = FusedAdamConfig(lr=0.1).setup([nn.Parameter(torch.zeros(1))])
     assert not optimizer.defaults["fused"]
 
 
-def test_options_reach_adam():
-    optimizer = FusedAdamConfig(lr=0.1, eps=1e-9, weight_decay=0.5).setup(
-        [nn.Parameter(torch.zeros(1))]
-    )
-    defaults = {name: optimizer.defaults[name] for name in ("lr", "eps", "weight_decay")}
-    assert defaults == {"lr": 0.1, "eps": 1e-9, "weight_decay": 0.5}
-    with pytest.raises(ValueError, match="learning rate"):
-        FusedAdamConfig(lr=-1.0).setup([nn.Parameter(torch.zeros(1))])
+def test_a_lack_of_memory_is_not_taken_for_a_lack_of_fused_adam(monkeypatch):
+    refusing(monkeypatch, torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2 GiB"))
+    with pytest.raises(torch.OutOfMemoryError):
+        FusedAdamConfig(lr=0.1).setup([nn.Parameter(torch.zeros(1))])
+
+
+# --- rates ---------------------------------------------------------------------------------------
+
+
+def decay(**options: Any) -> ExponentialDecaySchedulerConfig:
+    return ExponentialDecaySchedulerConfig(**{"lr_final": 1e-6, "max_steps": 100} | options)
+
+
+def learning_rates(config: Any, lr: float, steps: int, scale: float | None = 1.0) -> list[float]:
+    """The rates that an optimizer gets over the first `steps` steps; by its own steps for None."""
+    group = {"optimizer": AdamOptimizerConfig(lr=lr), "scheduler": config}
+    parameters = {"means": [torch.nn.Parameter(torch.zeros(1))]}
+    optimizers = Optimizers(optimizer_options({"means": group}), parameters)
+    optimizer, rates = optimizers.optimizers["means"], []
+    if scale is not None:
+        follow(optimizers, Schedule(scale))
+    for _ in range(steps):
+        rates.append(optimizer.param_groups[0]["lr"])
+        optimizer.step()
+        for scheduler in optimizers.schedulers.values():
+            scheduler.step()
+    return rates
+
+
+def test_a_decay_takes_the_worked_out_values_at_nominal_steps():
+    """A tenth of the method's steps; the warm-up ends at nominal step 20."""
+    config = decay(lr_pre_warmup=0.0, lr_final=1e-3, warmup_steps=20, max_steps=60)
+    rates = learning_rates(config, 1e-1, 8, scale=0.1)
+    first = [0.0, 0.1 * math.sqrt(0.5)]  # sin(45 degrees)
+    assert rates == pytest.approx([*first, 1e-1, 10**-1.5, 1e-2, 10**-2.5, 1e-3, 1e-3], rel=RTOL)
+    assert {type(rate) for rate in rates} == {float}
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        decay(warmup_steps=7, lr_pre_warmup=1e-8),
+        decay(lr_final=None),
+        CosineDecaySchedulerConfig(warm_up_end=5, max_steps=100),
+    ],
+)
+def test_a_short_run_samples_the_schedule_of_the_long_one(config):
+    long, short = (learning_rates(config, 1e-3, *of) for of in ((41, None), (21, 0.5)))
+    np.testing.assert_allclose(short, long[::2], rtol=RTOL)
+
+
+def test_a_rate_of_zero_freezes_its_group():
+    assert learning_rates(decay(), 0.0, 5) == [0.0] * 5
+
+
+@pytest.mark.parametrize(
+    ("lr", "options", "named"),
+    [
+        (1e-3, {"lr_final": 0.0}, "means.scheduler.lr-final"),
+        (-1e-3, {}, "means.scheduler.lr-final"),
+        (1e-3, {"warmup_steps": 100}, "means.scheduler.warmup-steps"),
+    ],
+)
+def test_a_decay_that_cannot_be_followed_is_refused_with_the_option_to_set(lr, options, named):
+    with pytest.raises(ConfigError, match=named):
+        learning_rates(decay(**options), lr, 1)
+
+
+def test_a_scheduler_that_is_no_function_of_the_step_keeps_the_runs_steps_and_that_is_said(capsys):
+    config = MultiStepSchedulerConfig(milestones=(2, 4), gamma=0.5)
+    assert learning_rates(config, 1.0, 5, scale=0.5) == [1.0, 1.0, 0.5, 0.5, 0.25]
+    assert "MultiStepLR" in capsys.readouterr().out
 
 
 def test_only_the_static_sets_rates_are_raised_and_the_originals_stay():
     before = copy.deepcopy(desplat.config.optimizers)
-    raised = raised_rates(desplat.config.optimizers, 3.0)
+    raised = optimizer_options(desplat.config.optimizers, 3.0)
     assert desplat.config.optimizers == before
     assert set(raised) == set(before) >= set(SHORT_RUN_GROUPS)
     for name, group in raised.items():
@@ -69,4 +161,4 @@ def test_only_the_static_sets_rates_are_raised_and_the_originals_stay():
         factor = 3.0 if name in SHORT_RUN_GROUPS else 1.0
         assert group["optimizer"].lr == pytest.approx(factor * rate)
         assert group["scheduler"] == before[name]["scheduler"]
-    assert raised_rates(before, 1.0) == before
+    assert optimizer_options(before) == before

@@ -100,19 +100,11 @@ def test_moments_and_rates_come_back_exactly(scheduler):
     (a,), (b,) = theirs.state.values(), ours.state.values()
     for moment in ("exp_avg", "exp_avg_sq", "step"):
         assert torch.equal(a[moment], b[moment])
+    before = second.parameters["means"][0].detach().clone()
     run(first, 3)
     run(second, 3)
+    assert (second.parameters["means"][0] < before).all()  # those of the model move
     assert ours.param_groups[0]["lr"] == theirs.param_groups[0]["lr"]
-
-
-def test_after_loading_the_optimizer_still_moves_the_models_parameters():
-    first, second = build(), build()
-    run(first, 2)
-    load_optimizers(second, saved(first)[0], FILE)
-    parameter = second.parameters["means"][0]
-    before = parameter.detach().clone()
-    run(second, 1)
-    assert (parameter < before).all()
 
 
 def test_a_schedule_that_the_checkpoint_lacks_starts_at_the_steps_done():
@@ -127,21 +119,8 @@ def test_a_schedule_that_the_checkpoint_lacks_starts_at_the_steps_done():
 
 def test_other_groups_are_named_in_both_directions():
     moments = saved(build(name="distractors"))[0]
-    with pytest.raises(CheckpointError, match="no optimizer state for means and state for distrac"):
+    with pytest.raises(CheckpointError, match=r"distractors.*means"):
         load_optimizers(build(), moments, FILE)
-
-
-def test_moments_of_another_shape_are_refused_before_anything_changes():
-    first, second = build(sizes=(3, 5)), build(sizes=(3, 4))
-    run(first, 1)
-    with pytest.raises(CheckpointError, match=r"exp_avg of shape \(5, 2\).*has \(4, 2\)"):
-        load_optimizers(second, saved(first)[0], FILE)
-    assert not second.optimizers["means"].state
-
-
-def test_another_number_of_tensors_in_a_group_is_refused():
-    with pytest.raises(CheckpointError, match="has 2 tensors in the group 'means', this run has 1"):
-        load_optimizers(build(), saved(build(sizes=(3, 5)))[0], FILE)
 
 
 def test_a_parameter_without_rows_needs_no_moments():

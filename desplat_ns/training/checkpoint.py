@@ -1,0 +1,231 @@
+"""Checkpoint files: written so that a kill or a full disk never costs what was saved before.
+
+The files are nerfstudio's (`step-000000299.ckpt`): `ns-eval` and the other commands read them.
+"""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from desplat_ns.console import announce, list_names
+from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.files.whole import draft_of
+
+CHECKPOINT_NAME = re.compile(r"step-(\d+)\.ckpt")
+STAGING_FOLDER = ".saving"
+"""Where a checkpoint is written before it is complete. Beside the checkpoint folder, not in it:
+nerfstudio 1.1.5 takes every name in that folder for a checkpoint and fails on any other."""
+KINDS = {"step": int, "pipeline": dict, "optimizers": dict}
+"""What a checkpoint has to hold."""
+
+
+def register_safe_globals() -> None:
+    """Let torch >= 2.6 load checkpoints that hold numpy scalars, written by numpy 1 or 2: those of
+    nerfstudio's own methods, whose schedulers leave np.float64 learning rates in them."""
+    if not hasattr(torch.serialization, "add_safe_globals"):  # torch < 2.4 loads them as they are
+        return
+    rebuild: Any = np.float64(0.0).__reduce__()[0]  # the function that a pickled scalar names
+    names = ("numpy.core.multiarray.scalar", "numpy._core.multiarray.scalar")
+    dtypes = [type(np.dtype(kind)) for kind in ("f8", "f4", "f2", "i8", "i4", "u8", "u4", "?")]
+    torch.serialization.add_safe_globals([*((rebuild, n) for n in names), np.dtype, *dtypes])
+
+
+register_safe_globals()  # at import: ns-eval has no trainer, but always imports the plugin
+
+
+def checkpoint_path(folder: Path, step: int) -> Path:
+    """The file that holds the state after `step` (counted from 0) in `folder`."""
+    return folder / f"step-{step:09d}.ckpt"
+
+
+def step_of(path: Path) -> int:
+    """The step in a checkpoint's file name."""
+    match = CHECKPOINT_NAME.fullmatch(path.name)
+    assert match is not None, path
+    return int(match.group(1))
+
+
+def checkpoints_in(folder: Path) -> list[Path]:
+    """Checkpoints of a folder, the newest (highest step) last; none where there is no folder."""
+    paths = folder.iterdir() if folder.is_dir() else ()
+    return sorted((path for path in paths if CHECKPOINT_NAME.fullmatch(path.name)), key=step_of)
+
+
+# --- written -------------------------------------------------------------------------------------
+
+
+def save_atomically(state: dict[str, Any], path: Path) -> None:
+    """Write `state` to `path`, so that `path` is at any moment the old file, the new one or absent.
+
+    Raises CheckpointError where it cannot be written; nothing saved before is touched then.
+    """
+    staging = path.parent.resolve().parent / STAGING_FOLDER
+    try:
+        with draft_of(path, staging) as draft, draft.open("wb") as file:
+            torch.save(state, file)
+    except (OSError, RuntimeError) as error:
+        # torch's zip writer reports a failed write as RuntimeError, the OSError is its context
+        reason = error.__context__ if isinstance(error.__context__, OSError) else error
+        raise CheckpointError(
+            f"The checkpoint {path} could not be written: {reason}. Checkpoints saved before are "
+            f"untouched. Free some space there (or choose another place with --output-dir), then "
+            f"go on with `--load-dir {path.parent}`."
+        ) from error
+
+
+def remove_older(path: Path) -> None:
+    """Delete the checkpoints beside `path`, which must be complete, but for the one before it: that
+    is gone on from if `path` gets damaged."""
+    assert path.exists(), path
+    others = [other for other in checkpoints_in(path.parent) if other != path]
+    before = [other for other in others if step_of(other) < step_of(path)]
+    for other in others:
+        if other not in before[-1:]:
+            with suppress(OSError):  # another program reads it, or has removed it
+                other.unlink()
+
+
+def refuse_to_replace(checkpoints: Path, goes_on_from: Path | None) -> None:
+    """Raise ConfigError where a run would replace the checkpoints of another.
+
+    Args:
+        checkpoints: the run's folder of checkpoints.
+        goes_on_from: the checkpoint that the run starts from; in this folder it is the run's own.
+    """
+    is_own = goes_on_from is not None and goes_on_from.resolve().parent == checkpoints.resolve()
+    saved = checkpoints_in(checkpoints)
+    if saved and not is_own:
+        raise ConfigError(
+            f"{saved[-1]} is of an earlier run, which this one would replace. Give another "
+            "--timestamp, or leave it out for the time of day; --load-dir "
+            f"{checkpoints} goes on with the earlier run."
+        )
+
+
+@contextmanager
+def run_folder(folder: Path) -> Iterator[None]:
+    """Make a folder and those that it is in. If what is done within fails or is interrupted, those
+    that were made are removed again where they are empty; nothing else ever is.
+
+    Raises:
+        ConfigError: the folder cannot be made.
+    """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(
+                f"The run's folder {folder} cannot be made ({error}). Name another place with "
+                "--output-dir."
+            ) from error
+        yield
+    except BaseException:
+        for path in made:  # inner ones first; one that is not empty keeps those around it
+            with suppress(OSError):
+                path.rmdir()
+        raise
+
+
+# --- read ----------------------------------------------------------------------------------------
+
+
+def load_checkpoint(path: Path) -> dict[str, Any]:
+    """Read one checkpoint onto the CPU, every byte checked against the file's checksums.
+
+    Raises CheckpointError where it is missing, damaged or not a checkpoint.
+    """
+    if not path.is_file():
+        raise CheckpointError(f"There is no checkpoint {path}. {_contents(path.parent)}")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            damaged = archive.testzip()
+        if damaged is not None:
+            raise zipfile.BadZipFile(f"bad checksum in {damaged}")
+        state = torch.load(path, map_location="cpu", weights_only=True)
+    except (PermissionError, MemoryError):
+        raise
+    except Exception as error:  # damaged bytes raise whatever the unpickler stumbles over
+        raise CheckpointError(
+            f"The checkpoint {path} is damaged or not a checkpoint ({error}). Give another one "
+            "with `--load-checkpoint FILE`."
+        ) from error
+    held = state if isinstance(state, dict) else {}
+    bad = [name for name, kind in KINDS.items() if not isinstance(held.get(name), kind)]
+    if bad or held["step"] < 0:
+        raise CheckpointError(
+            f"{path} is not a checkpoint of a training run: look at its {', '.join(bad) or 'step'}."
+            " Give a step-NNNNNNNNN.ckpt that ns-train wrote."
+        )
+    return state
+
+
+def load_newest(folder: Path) -> tuple[Path, dict[str, Any]]:
+    """The newest intact checkpoint of `folder` and its contents.
+
+    Says so where a newer one is damaged. Raises CheckpointError where none is left.
+    """
+    failures: list[str] = []
+    for path in reversed(checkpoints_in(folder)):
+        try:
+            state = load_checkpoint(path)
+        except CheckpointError as error:
+            failures.append(str(error))
+            continue
+        for failure in failures:
+            announce(failure, warning=True)
+        if failures:
+            announce(f"Going on from {path}, the newest intact one.", warning=True)
+        return path, state
+    if failures:
+        raise CheckpointError(f"No checkpoint in {folder} is intact. {failures[0]}")
+    raise CheckpointError(f"No checkpoint to load. {_contents(folder)}")
+
+
+def load_step(folder: Path, step: int | None) -> tuple[Path, dict[str, Any]]:
+    """The checkpoint of `step`, or without one the newest intact one, and its contents.
+
+    Raises CheckpointError where there is none.
+    """
+    if step is None:
+        return load_newest(folder)
+    path = checkpoint_path(folder, step)
+    return path, load_checkpoint(path)
+
+
+def checkpoint_folder(load_dir: Path, relative_model_dir: Path) -> Path:
+    """The folder of checkpoints that `--load-dir` means: itself, or that inside a run's folder.
+
+    Raises CheckpointError, with what to pass instead, where there is none.
+    """
+    if load_dir.is_file():
+        raise CheckpointError(
+            f"--load-dir {load_dir} is a file. Give its folder, or `--load-checkpoint {load_dir}`."
+        )
+    for folder in (load_dir, load_dir / relative_model_dir):
+        if checkpoints_in(folder):
+            return folder
+    levels = ("*", "*/*", "*/*/*")  # experiment / method / timestamp, from outputs downwards
+    runs = [run for level in levels for run in load_dir.glob(f"{level}/{relative_model_dir}")]
+    newest = max(runs, key=lambda run: run.stat().st_mtime, default=None)
+    hint = f"Did you mean `--load-dir {newest}`?" if newest else _contents(load_dir)
+    raise CheckpointError(
+        f"--load-dir {load_dir} holds no checkpoint. {hint} Give the folder that ns-train printed "
+        f"as 'Checkpoint Directory'; it ends in {relative_model_dir}."
+    )
+
+
+def _contents(folder: Path) -> str:
+    """What lies in `folder`, for a message."""
+    if not folder.is_dir():
+        return f"The folder {folder} does not exist."
+    names = sorted(path.name for path in folder.iterdir())
+    return f"{folder} holds {list_names(names, 5)}." if names else f"{folder} is empty."

@@ -1,0 +1,342 @@
+"""When things happen in a run: its length, its nominal steps, the clock of a budget.
+
+Schedules (learning rates, photo sizes, refinements, resets) are functions of the nominal step, a
+step of a run of the method's own length. A shorter run goes through the same nominal steps in fewer
+steps of its own; their ratio is the scale, in (0, 1].
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+import numpy as np
+
+from desplat_ns.errors import ConfigError
+
+SPLATFACTOS_INTERVAL = 100
+"""Steps. Splatfacto's interval between two refinements, in which it also counts its resets."""
+
+COUNTED_VIEWS = 40
+"""A capture with fewer views is trained for as many steps, and at the same rates, as one with this
+number: a scene takes shape in steps, because a step of Adam is as long as its rate."""
+
+GPU_VISITS = 2
+"""Factor on the visits of each photo on a GPU, whose steps are cheaper. Not measured."""
+
+MOST_RATE_FACTOR = 4.0
+"""Largest factor on learning rates: a factor of 6 gave no better scenes."""
+
+
+# --- length --------------------------------------------------------------------------------------
+
+
+def schedule_scale(max_num_iterations: int, nominal: int) -> float:
+    """Steps of the run for each nominal step, at most 1; `nominal` is the method's own number.
+
+    Raises ConfigError where either is below 1.
+    """
+    if max_num_iterations < 1 or nominal < 1:
+        raise ConfigError(
+            f"A run needs at least one step: --max-num-iterations is {max_num_iterations} and "
+            f"--nominal-num-iterations is {nominal}. Give both a value of 1 or more."
+        )
+    return min(1.0, max_num_iterations / nominal)
+
+
+def steps_for_visits(visits: float, num_views: int, at_most: int) -> int:
+    """Steps in which each view is drawn `visits` times, fewer than `COUNTED_VIEWS` views more
+    often; `at_most` steps."""
+    return max(1, min(at_most, math.ceil(visits * max(num_views, COUNTED_VIEWS))))
+
+
+def steps_between_refinements(
+    num_views: int, densification: int, refinements: int, at_most: int
+) -> int:
+    """Steps of the run from one refinement of the static set to the next, half a round of the views
+    at least: gradients averaged over fewer views are mostly noise.
+
+    Args:
+        densification: steps of the run until which the set is refined.
+        refinements: wanted number of refinements in that time.
+        at_most: upper bound on the result; 0 for none.
+    """
+    every = max(num_views // 2, math.ceil(densification / refinements))
+    return min(every, at_most) if at_most > 0 else every
+
+
+def pause_after_reset(num_views: int, reset_every: int, scale: float) -> int:
+    """Nominal steps after a reset of the opacities in which no gradients are sampled, because the
+    scene recovers: a round of the views and 100 steps of the run, as in Splatfacto, but at most
+    half of the `reset_every` nominal steps between two resets."""
+    return min(round((num_views + SPLATFACTOS_INTERVAL) / scale), reset_every // 2)
+
+
+def photo_downscale(step: int, num_downscales: int, every: int, warmup: int = 0) -> int:
+    """Factor by which photos are reduced at a nominal step: 2^num_downscales, halved every `every`
+    steps.
+
+    Args:
+        warmup: nominal steps in which the static scene trains alone. Photos have at least half of
+            their size from its middle on: in smaller ones occluders do not stand out.
+    """
+    if step >= num_downscales * every:
+        return 1
+    if warmup == 0 or num_downscales == 1:
+        return 2 ** (num_downscales - step // every)
+    early = max(1, min(every, warmup // (2 * (num_downscales - 1))))
+    return 2 ** max(1, num_downscales - step // early)
+
+
+def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
+    """Factor, 1 to `MOST_RATE_FACTOR`, on the learning rates of a run of `steps` steps that sees
+    photos seldom: rates for many visits leave a short run far from where it is heading.
+
+    Args:
+        full_visits: visits of each photo for which the rates are meant; 0 for a factor of 1.
+    """
+    full = full_visits * max(num_views, COUNTED_VIEWS)
+    return min(MOST_RATE_FACTOR, max(1.0, full / steps))
+
+
+def early_rate_factor(step: int, warmup: int, wanted: int) -> float:
+    """Factor, 1 to `MOST_RATE_FACTOR`, on the learning rates at a step of a run whose warm-up has
+    fewer steps than a scene needs to take shape: wanted / warmup until it ends, then falling to 1
+    at step `wanted`, where the warm-up of a run on more photos ends."""
+    return min(MOST_RATE_FACTOR, max(1.0, wanted / max(step, warmup, 1)))
+
+
+# --- position ------------------------------------------------------------------------------------
+
+
+class Schedule:
+    """The position in the schedules at each step of a run of a given length."""
+
+    def __init__(self, scale: float = 1.0):
+        """`scale`: steps of the run for each nominal step."""
+        self.scale = scale
+
+    def nominal(self, step: int) -> int:
+        """The nominal step that belongs to a step of the run."""
+        return round(self.position(step) / self.scale)
+
+    def position(self, step: int) -> int | float:
+        """The same in steps of the planned length: without a budget the step itself."""
+        return step
+
+
+TIMED_STEPS, TIMED_SHARE = 20, 0.05
+"""First steps that are timed where a run has a budget; fewer where they take more than a share of
+it."""
+
+GROWTH = 1.5
+"""Ratio of the seconds of a step averaged over a run to those of its first steps, at the same photo
+size. The set grows by a factor of 2 to 7, and 7 times the Gaussians double a step's CPU time. The
+clock corrects what this gets wrong."""
+
+SAMPLED_STEPS = 1_000
+"""Length of the run whose photo sizes stand for those of any length in a plan."""
+
+STEPS_WANTED, SMALLEST = 500, 4
+"""Photos are trained on at half or a quarter of their size, no smaller, where fewer steps fit."""
+
+FEWEST_STEPS = 200
+"""A budget for fewer steps is refused, unless fewer are asked for."""
+
+END_SECONDS, BYTES_A_SECOND = 3.0, 100e6
+"""Reserved for the end of the process; least speed at which its last checkpoint is written."""
+
+
+@dataclass(frozen=True)
+class StepSeconds:
+    """Seconds of a training step, by the size of its photo: fixed + whole_photo / reduction^2."""
+
+    fixed: float
+    whole_photo: float
+
+    @classmethod
+    def through(cls, larger: float, smaller: float, reduction: int = 1) -> StepSeconds:
+        """From the seconds of a step with photos reduced by `reduction` and by twice that."""
+        pixels = min(max(0.0, (larger - smaller) * 4 / 3), larger)
+        return cls(larger - pixels, pixels * reduction**2)
+
+    def at(self, reduction: int) -> float:
+        """Seconds of a step whose photo is smaller by a factor."""
+        return self.fixed + self.whole_photo / reduction**2
+
+
+@dataclass
+class BudgetPlan:
+    """What a budget was found to hold, and what is spent of it; a checkpoint keeps all of it."""
+
+    steps: int
+    """Planned length of the run, which its schedules have."""
+    downscale: int
+    """Factor by which photos are smaller in the whole run, at least."""
+    most: int
+    """Steps beyond which the run does not go on."""
+    seconds: tuple[float, float]
+    """Of a first step: the fields of `StepSeconds`."""
+    spent: float = 0.0
+    """Seconds of this run, earlier processes included."""
+    reached: float = 0.0
+    """Position in the schedules, in planned steps."""
+
+
+def plan_budget(
+    budget: float,
+    spent: float,
+    cost: StepSeconds,
+    reductions: Callable[[int, int], Sequence[int]],
+    downscale: int,
+    most: int,
+) -> BudgetPlan:
+    """How many steps fit into a budget, and with photos of which size.
+
+    Args:
+        budget, spent: seconds, in all and until now.
+        cost: of the first steps.
+        reductions: gives the reduction of the photo in each step of a run, of the least reduction
+            and the number of steps.
+        downscale: the least reduction.
+        most: steps, at most.
+
+    Raises:
+        ConfigError: fewer than `FEWEST_STEPS` fit, and more are wanted.
+    """
+    while True:
+        a_step = GROWTH * fmean(cost.at(each) for each in reductions(downscale, SAMPLED_STEPS))
+        steps = min(most, int((budget - spent - END_SECONDS) / a_step))
+        if steps >= min(STEPS_WANTED, most) or downscale >= SMALLEST:
+            break
+        downscale *= 2
+    fewest = min(FEWEST_STEPS, most)
+    if steps < fewest:
+        needed = spent + END_SECONDS + 1.2 * fewest * a_step
+        raise ConfigError(
+            f"--budget is {budget:.0f} s, of which {spent:.0f} s are spent. A step takes "
+            f"{1e3 * a_step:.0f} ms here with photos {downscale} times smaller, so that only "
+            f"{max(0, steps)} fit, and a run needs {fewest}. Give {needed:.0f}s or more, or "
+            "smaller photos (the data parser's --downscale-factor)."
+        )
+    return BudgetPlan(steps, downscale, most, (cost.fixed, cost.whole_photo))
+
+
+def saved_plan(
+    path: Path, state: Mapping[str, Any], budget: float, spent: float, most: int
+) -> BudgetPlan:
+    """The plan in the checkpoint that a run goes on from.
+
+    Args:
+        path, state: the checkpoint's file and contents.
+        budget, spent: seconds, in all and of this process.
+        most: steps, at most; a larger number in the checkpoint stays.
+
+    Raises:
+        ConfigError: that run had no budget, or nothing is left of it.
+    """
+    if "budget" not in state:
+        raise ConfigError(
+            f"--budget goes on only with a run that had one, and that of {path} had none. "
+            "Leave --budget out and give --max-num-iterations, the total of steps."
+        )
+    plan = BudgetPlan(**state["budget"])
+    plan.most = max(plan.most, most)
+    spent, reached = plan.spent + spent, round(plan.reached)
+    if reached >= plan.steps or spent + END_SECONDS >= budget:
+        raise ConfigError(
+            f"There is nothing left to train: {spent:.0f} of {budget:.0f} s are spent, and "
+            f"{reached} of {plan.steps} planned steps are done. A run that was stopped goes on "
+            "with a larger --budget (the total); one that came to its end has had its schedules."
+        )
+    return plan
+
+
+class BudgetSchedule(Schedule):
+    """Maps elapsed time to a position in the schedules.
+
+    After each step the position advances by the fraction of the remaining time that the step used:
+    by that fraction of the expected cost of the planned steps ahead. So a machine as fast as
+    expected goes through the plan step by step, one half as fast takes two planned steps at once,
+    and the schedules end when the budget does.
+    """
+
+    def __init__(
+        self,
+        budget: float,
+        plan: BudgetPlan,
+        costs: Iterable[float],
+        seconds: Callable[[], float],
+        scale: float = 1.0,
+    ):
+        """Args:
+        budget: seconds in all.
+        plan: is changed as time goes on.
+        costs: expected seconds of each planned step; only their ratios count.
+        seconds: gives the seconds since this process began.
+        scale: planned steps for each nominal step.
+        """
+        super().__init__(scale)
+        self.budget, self.plan, self.reserve = budget, plan, END_SECONDS
+        self._costs = np.cumsum([0.0, *costs])
+        self._numbers = np.arange(len(self._costs))
+        self._seconds, self._before = seconds, plan.spent
+        self._last = (-1, 0.0)
+        """The last step that was done in this process, and its position."""
+
+    def position(self, step: int) -> float:
+        """The position at the step at hand; of the one just done its own."""
+        return self._last[1] if step <= self._last[0] else self.plan.reached
+
+    def spent(self) -> float:
+        """Seconds, earlier processes included."""
+        return self._before + self._seconds()
+
+    def after_step(self, step: int, saved_bytes: int = 0) -> bool:
+        """Advance once a step of the run is done. Returns whether the run is over.
+
+        The first step of a process, in which photos are read and kernels loaded, advances by one
+        planned step however long it took. Where the number of steps ends the run, not the time, the
+        position advances so far that the schedules end with it.
+
+        Args:
+            saved_bytes: what the last checkpoint will hold.
+        """
+        plan, now = self.plan, self.spent()
+        self.reserve = END_SECONDS + saved_bytes / BYTES_A_SECOND
+        left, used = self.budget - self.reserve - plan.spent, now - plan.spent
+        ahead = plan.steps - plan.reached
+        by_time = self._planned_steps(min(1.0, used / left) if left > 0 else 1.0)
+        moved = max(1.0 if self._last[0] < 0 else by_time, ahead / max(1, plan.most - step))
+        self._last, plan.spent = (step, plan.reached), now
+        plan.reached += min(moved, ahead)
+        is_at_end = plan.steps - plan.reached < 0.5 or step + 1 >= plan.most
+        return is_at_end or now >= self.budget - self.reserve
+
+    def _planned_steps(self, share: float) -> float:
+        """Planned steps whose expected cost is a share of the cost of all steps ahead."""
+        done = np.interp(self.plan.reached, self._numbers, self._costs)
+        target = done + share * (self._costs[-1] - done)
+        return float(np.interp(target, self._costs, self._numbers)) - self.plan.reached
+
+
+def seconds_of(text: str, option: str = "--budget") -> float:
+    """Seconds of a time such as 10min, 90s, 1h30min; a number alone is seconds.
+
+    Raises ConfigError, naming the `option`, where it is not understood or not above 0.
+    """
+    number, given = r"(\d+\.?\d*|\.\d+)", "".join(text.split())
+    given += "s" * bool(re.fullmatch(number, given))
+    match = re.fullmatch(rf"(?:{number}h)?(?:{number}m(?:in)?)?(?:{number}s)?", given)
+    parts = [float(part or 0) for part in match.groups()] if match else [0.0] * 3
+    seconds = sum(part * each for part, each in zip(parts, (3600, 60, 1), strict=True))
+    if not seconds > 0:
+        raise ConfigError(
+            f"{option} is '{text}'; it has to be a time above 0 such as 10min, 90s or 1h30min."
+        )
+    return seconds

@@ -1,0 +1,272 @@
+"""Checkpoint files survive kills, full disks and damage; a run's folder is made and taken away."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.training.checkpoint import (
+    STAGING_FOLDER,
+    checkpoint_folder,
+    checkpoint_path,
+    checkpoints_in,
+    load_checkpoint,
+    load_newest,
+    remove_older,
+    run_folder,
+    save_atomically,
+)
+
+MODELS = Path("nerfstudio_models")
+
+
+def state(step: int, size: int = 1000) -> dict[str, Any]:
+    """A checkpoint whose every number tells its step."""
+    return {"step": step, "pipeline": {"w": torch.full((size,), float(step))}, "optimizers": {}}
+
+
+def truncate(path: Path) -> None:
+    """Cut a file in half, as a copy that was broken off leaves it."""
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A run's checkpoint folder with steps 1, 2 and 10."""
+    for step in (1, 2, 10):
+        save_atomically(state(step), checkpoint_path(tmp_path / MODELS, step))
+    return tmp_path / MODELS
+
+
+def test_saving_leaves_nothing_but_the_checkpoint(tmp_path):
+    save_atomically(state(3), checkpoint_path(tmp_path / MODELS, 3))
+    assert [p.name for p in tmp_path.iterdir()] == [MODELS.name]
+    assert [p.name for p in (tmp_path / MODELS).iterdir()] == ["step-000000003.ckpt"]
+
+
+def test_of_older_ones_the_one_before_stays(folder):
+    (folder / "notes.txt").write_text("mine")
+    save_atomically(state(7), checkpoint_path(folder, 7))  # after 10: of another run
+    remove_older(checkpoint_path(folder, 7))
+    names = ["notes.txt", "step-000000002.ckpt", "step-000000007.ckpt"]
+    assert sorted(p.name for p in folder.iterdir()) == names
+
+
+def test_a_truncated_newest_checkpoint_falls_back_to_the_one_before(folder, capsys):
+    truncate(folder / "step-000000010.ckpt")
+    path, loaded = load_newest(folder)
+    assert path.name == "step-000000002.ckpt"
+    assert loaded["step"] == 2
+    assert "step-000000010.ckpt" in capsys.readouterr().out.replace("\n", "")
+
+
+def test_with_every_checkpoint_damaged_the_newest_is_named(folder):
+    for path in checkpoints_in(folder):
+        truncate(path)
+    with pytest.raises(CheckpointError, match=r"step-000000010\.ckpt"):
+        load_newest(folder)
+
+
+def test_one_flipped_bit_is_noticed(tmp_path):
+    path = checkpoint_path(tmp_path / MODELS, 1)
+    save_atomically(state(1, size=100_000), path)
+    damaged = bytearray(path.read_bytes())
+    damaged[len(damaged) // 2] ^= 1  # in the middle of the tensor
+    path.write_bytes(damaged)
+    with pytest.raises(CheckpointError, match=r"step-000000001\.ckpt"):
+        load_checkpoint(path)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
+@given(where=st.integers(0, 2**30), bit=st.integers(0, 7), cut=st.booleans())
+def test_damage_anywhere_is_either_harmless_or_a_checkpoint_error(folder, where, bit, cut):
+    whole = (folder / "step-000000010.ckpt").read_bytes()
+    at = where % len(whole)
+    damaged = whole[:at] if cut else whole[:at] + bytes([whole[at] ^ 1 << bit]) + whole[at + 1 :]
+    path = folder / "step-000000099.ckpt"
+    path.write_bytes(damaged)
+    try:
+        loaded = load_checkpoint(path)
+    except CheckpointError as error:
+        assert "step-000000099.ckpt" in str(error)
+    else:
+        assert torch.equal(loaded["pipeline"]["w"], torch.full((1000,), 10.0))
+    finally:
+        path.unlink()
+
+
+@pytest.mark.parametrize(
+    "change", [{"step": "9"}, {"step": -1}, {"step": 1.0}, {"pipeline": []}, {"optimizers": None}]
+)
+def test_entries_of_a_wrong_kind_are_not_taken_for_a_checkpoint(tmp_path, change):
+    path = tmp_path / "step-000000001.ckpt"
+    torch.save({**state(1), **change}, path)
+    with pytest.raises(CheckpointError, match=next(iter(change))):
+        load_checkpoint(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a checkpoint", b"\x80\x02.", {"weights": 0}])
+def test_another_file_is_not_taken_for_a_checkpoint(tmp_path, content):
+    path = tmp_path / "net.ckpt"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        torch.save(content, path)
+    with pytest.raises(CheckpointError, match=r"net\.ckpt"):
+        load_checkpoint(path)
+
+
+def test_a_missing_step_lists_what_is_there(folder):
+    with pytest.raises(CheckpointError, match=r"no checkpoint .*777.*step-000000001\.ckpt"):
+        load_checkpoint(checkpoint_path(folder, 777))
+
+
+def test_load_dir_may_be_the_checkpoint_folder_or_the_runs_folder(folder):
+    assert checkpoint_folder(folder, MODELS) == folder
+    assert checkpoint_folder(folder.parent, MODELS) == folder
+
+
+def test_another_load_dir_is_refused_with_what_to_pass(tmp_path):
+    folder = tmp_path / "outputs" / "scene" / "desplat" / "2026-01-01_120000" / MODELS
+    path = checkpoint_path(folder, 1)
+    save_atomically(state(1), path)
+    for above in list(folder.parents)[1:4]:
+        with pytest.raises(CheckpointError, match=re.escape(f"`--load-dir {folder}`?")):
+            checkpoint_folder(above, MODELS)
+    with pytest.raises(CheckpointError, match="does not exist"):
+        checkpoint_folder(tmp_path / "nowhere", MODELS)
+    with pytest.raises(CheckpointError, match=re.escape(f"--load-checkpoint {path}")):
+        checkpoint_folder(path, MODELS)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_a_full_disk_is_a_checkpoint_error_and_harms_nothing(folder):
+    resource = pytest.importorskip("resource", reason="needs a file size limit to fill the disk")
+    before = contents(folder)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    try:
+        with pytest.raises(CheckpointError, match="File too large"):
+            save_atomically(state(10, size=1_000_000), checkpoint_path(folder, 10))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert contents(folder) == before
+    assert not (folder.parent / STAGING_FOLDER).exists()
+
+
+def test_an_interrupted_save_harms_nothing(folder, monkeypatch):
+    before = contents(folder)
+
+    def interrupted(_: Any, file: Any) -> None:
+        file.write(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(torch, "save", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        save_atomically(state(10), checkpoint_path(folder, 10))
+    assert contents(folder) == before
+    assert not (folder.parent / STAGING_FOLDER).exists()
+
+
+SAVE_UNTIL_KILLED = """
+import json, os, random, signal, sys, time
+from pathlib import Path
+import torch
+from desplat_ns.training.checkpoint import *
+torch.set_num_threads(1)
+base = Path(sys.argv[1])
+folder = base / "nerfstudio_models"
+rounds, hits, first = 0, 0, 0
+random.seed(0)
+while rounds < 200 and (rounds < 8 or hits < 3 or first == 0):
+    child = os.fork()
+    if child == 0:
+        for step in range(first, 10**9):
+            weights = torch.full((300_000,), float(step))
+            state = {"step": step, "pipeline": {"w": weights}, "optimizers": {}}
+            save_atomically(state, checkpoint_path(folder, step))
+            remove_older(checkpoint_path(folder, step))
+    time.sleep(random.uniform(0.02, 0.08) * (1 + rounds // 8))  # a busy machine takes longer
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    rounds += 1
+    hits += (base / STAGING_FOLDER).exists()
+    if not folder.exists():
+        continue
+    names = [p.name for p in folder.iterdir()]
+    assert len(names) <= 3, names
+    newest = max((int(n[n.find("-") + 1 : n.find(".")]) for n in names), default=None)  # nerfstudio
+    if newest is None:
+        continue
+    state = load_checkpoint(checkpoint_path(folder, newest))
+    assert state["step"] == newest >= first, (newest, first)
+    assert torch.equal(state["pipeline"]["w"], torch.full((300_000,), float(newest)))
+    first = newest
+print(json.dumps({"rounds": rounds, "hits": hits, "saved": first}))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="kills forked processes, needs POSIX")
+def test_a_kill_while_saving_leaves_the_newest_checkpoint_intact(tmp_path):
+    command = [sys.executable, "-c", SAVE_UNTIL_KILLED, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout.splitlines()[-1])
+    assert result["hits"] >= 3, f"no kill hit a save: {result}"
+    assert result["saved"] > 0
+
+
+@pytest.mark.parametrize("module", ["numpy.core.multiarray", "numpy._core.multiarray"])
+def test_numpy_scalars_load_under_the_names_of_numpy_1_and_2(tmp_path, module):
+    """nerfstudio's own methods leave them in checkpoints."""
+    path, renamed = tmp_path / "a.ckpt", tmp_path / "b.ckpt"
+    torch.save({**state(1), "lr": np.float64(0.1)}, path)
+    with zipfile.ZipFile(path) as source, zipfile.ZipFile(renamed, "w") as target:
+        for name in source.namelist():
+            data = source.read(name)
+            for old in (b"numpy.core.multiarray", b"numpy._core.multiarray"):
+                data = data.replace(b"c" + old + b"\n", b"c" + module.encode() + b"\n")
+            target.writestr(name, data)
+    assert load_checkpoint(renamed)["lr"] == 0.1
+
+
+# --- the run's folder ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_a_folder_in_which_setting_up_fails_is_taken_away_and_nothing_else(tmp_path, error):
+    (tmp_path / "outputs").mkdir()
+    with pytest.raises(error), run_folder(tmp_path / "outputs" / "scene" / "run"):
+        raise error
+    assert list((tmp_path / "outputs").iterdir()) == []
+    with pytest.raises(error), run_folder(tmp_path / "outputs" / "run"):
+        (tmp_path / "outputs" / "run" / "log.txt").write_text("kept")
+        raise error
+    assert (tmp_path / "outputs" / "run" / "log.txt").read_text() == "kept"
+    with run_folder(tmp_path / "outputs" / "scene" / "run"):
+        pass
+    assert (tmp_path / "outputs" / "scene" / "run").is_dir()
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "outputs").write_text("a file")
+    with pytest.raises(ConfigError, match="--output-dir"), run_folder(tmp_path / "outputs" / "run"):
+        pytest.fail("went on")
+    assert (tmp_path / "outputs").read_text() == "a file"

@@ -1,0 +1,220 @@
+"""A run's length, its rates and its clock; what a budget holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from desplat_ns.errors import ConfigError
+from desplat_ns.training.schedule import (
+    END_SECONDS,
+    FEWEST_STEPS,
+    GROWTH,
+    MOST_RATE_FACTOR,
+    STEPS_WANTED,
+    BudgetPlan,
+    BudgetSchedule,
+    Schedule,
+    StepSeconds,
+    early_rate_factor,
+    plan_budget,
+    rate_factor,
+    saved_plan,
+    schedule_scale,
+    seconds_of,
+    steps_for_visits,
+)
+
+
+def test_the_scale_is_the_ratio_of_steps_and_never_above_one():
+    assert schedule_scale(3000, 30000) == 0.1
+    assert schedule_scale(30000, 30000) == schedule_scale(60000, 30000) == 1.0
+    for steps, nominal in ((0, 30000), (-1, 30000), (100, 0)):
+        with pytest.raises(ConfigError, match="--max-num-iterations"):
+            schedule_scale(steps, nominal)
+
+
+def test_visits_make_steps_up_to_the_methods_own_number():
+    assert steps_for_visits(25.0, 40, 30_000) == 1_000
+    assert steps_for_visits(0.51, 50, 30_000) == 26
+    assert steps_for_visits(150.0, 1_700, 30_000) == 30_000
+    assert steps_for_visits(25.0, 8, 30_000) == steps_for_visits(25.0, 0, 30_000) == 1_000
+    assert steps_for_visits(0.001, 8, 30_000) == 1
+
+
+@given(views=st.integers(0, 5_000), steps=st.integers(1, 10**6), more=st.integers(0, 10**6))
+def test_a_longer_run_never_has_higher_rates(views, steps, more):
+    short, long = (rate_factor(views, n, 100.0) for n in (steps, steps + more))
+    assert 1.0 <= long <= short <= MOST_RATE_FACTOR
+    assert rate_factor(views, steps, 0.0) == 1.0
+
+
+def test_rates_are_as_much_higher_as_the_warm_up_is_shorter_until_it_would_have_ended():
+    at = {0: 2.5, 120: 2.5, 150: 2.0, 299: 300 / 299, 300: 1.0, 3_000: 1.0}
+    assert {step: early_rate_factor(step, 120, 300) for step in at} == at
+    assert early_rate_factor(0, 10, 300) == MOST_RATE_FACTOR
+    assert early_rate_factor(0, 300, 300) == early_rate_factor(0, 0, 0) == 1.0
+
+
+@given(steps=st.integers(1, 30_000), step=st.integers(0, 30_000))
+def test_no_two_steps_of_a_run_are_the_same_nominal_one(steps, step):
+    schedule = Schedule(steps / 30_000)
+    assert schedule.nominal(step + 1) > schedule.nominal(step)
+    assert schedule.nominal(steps) == 30_000
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("10min", 600), ("90s", 90), ("90", 90), ("1h30min", 5400), ("1.5h", 5400), ("2m 5s", 125)],
+)
+def test_times_are_read_with_their_units(text, seconds):
+    assert seconds_of(text) == seconds
+
+
+@pytest.mark.parametrize(
+    "text", ["", "0", "-3s", "soon", "1..2s", "10 parsecs", "5s1h", "nan", "1h30", "2m 5"]
+)
+def test_what_is_no_time_is_refused(text):
+    with pytest.raises(ConfigError, match="--budget"):
+        seconds_of(text)
+
+
+# --- a plan --------------------------------------------------------------------------------------
+
+
+def planned(budget: float, cost: StepSeconds, most: int = 30_000, spent: float = 0.0) -> BudgetPlan:
+    """A plan with photos of one size throughout."""
+    return plan_budget(budget, spent, cost, lambda least, steps: [least] * steps, 1, most)
+
+
+@pytest.mark.parametrize("least", [1, 2])
+def test_the_cost_of_pixels_is_what_halving_a_photo_saves(least):
+    cost = StepSeconds(0.02, 0.08)
+    found = StepSeconds.through(cost.at(least), cost.at(2 * least), least)
+    assert (found.fixed, found.whole_photo) == pytest.approx((0.02, 0.08))
+    by_chance = StepSeconds.through(0.05, 0.06)
+    assert (by_chance.fixed, by_chance.whole_photo) == (0.05, 0.0)
+
+
+def test_a_plan_has_the_steps_that_fit_and_smaller_photos_where_too_few_do():
+    fixed, pixels = StepSeconds(0.1, 0.0), StepSeconds(0.0, 0.2)
+    plan = planned(2000 * 0.1 * GROWTH + 10 + END_SECONDS, fixed, spent=10.0)
+    assert plan.steps == pytest.approx(2000, abs=1) and plan.downscale == 1
+    assert planned(1e6, fixed).steps == 30_000
+    half = planned(0.2 * GROWTH * STEPS_WANTED / 2 + END_SECONDS, pixels)
+    assert half.downscale == 2 and half.steps == pytest.approx(2 * STEPS_WANTED, abs=1)
+
+
+def test_a_budget_that_holds_no_run_is_refused_with_one_that_does():
+    cost = StepSeconds(0.1, 0.0)
+    with pytest.raises(ConfigError, match=r"Give (\d+)s or more") as refused:
+        planned(0.1 * FEWEST_STEPS * 0.9, cost)
+    enough = float(str(refused.value).split("Give ")[1].split("s or")[0])
+    assert planned(enough, cost).steps >= FEWEST_STEPS
+    assert planned(20.0, cost, most=20).steps == 20  # few are asked for
+
+
+def test_a_saved_plan_is_gone_on_with_unless_nothing_is_left():
+    plan = BudgetPlan(2000, 1, 2500, (0.1, 0.2), spent=60.0, reached=900.0)
+    state = {"budget": asdict(plan)}
+    assert saved_plan(Path("a.ckpt"), state, 120.0, 5.0, 1) == plan
+    for budget, reached in ((60.0, 900.0), (120.0, 2000.0)):
+        with pytest.raises(ConfigError, match="nothing left"):
+            saved_plan(Path(), {"budget": asdict(plan) | {"reached": reached}}, budget, 5.0, 1)
+    with pytest.raises(ConfigError, match="--budget"):
+        saved_plan(Path("a.ckpt"), {}, 120.0, 5.0, 1)
+
+
+# --- the clock -----------------------------------------------------------------------------------
+
+
+class Machine:
+    """A clock that runs as fast as its steps cost."""
+
+    def __init__(self, start: float, seconds: Callable[[int, float], float]):
+        self.now, self.seconds = start, seconds
+
+    def clock(self, budget: float, plan: BudgetPlan) -> BudgetSchedule:
+        return BudgetSchedule(budget, plan, [0.05] * plan.steps, lambda: self.now)
+
+    def train(self, clock: BudgetSchedule, step: int = 0) -> int:
+        """Steps done when the clock says that it is over."""
+        while True:
+            self.now += self.seconds(step, self.now)
+            step += 1
+            if clock.after_step(step - 1):
+                return step
+
+
+def a_plan(steps: int, most: int = 10**6, **options: float) -> BudgetPlan:
+    return BudgetPlan(steps, 1, most, (0.05, 0.0), **options)
+
+
+@pytest.mark.slow
+@given(pace=st.floats(0.3, 3), slower=st.floats(0.5, 3), at=st.floats(0.1, 0.9))
+def test_schedules_and_time_end_together(pace, slower, at):
+    """Also where the machine is faster or slower than measured, and changes on the way: but for
+    the last step, or half a planned one."""
+    budget, steps = 120.0, int((120 - 10) / 0.05)
+    a_planned = (budget - END_SECONDS - 10) / (steps - 1)
+    longest = 0.05 * pace * max(1.0, slower)
+    machine = Machine(10.0, lambda _, now: 0.05 * pace * (slower if now > at * budget else 1))
+    clock = machine.clock(budget, a_plan(steps))
+    machine.train(clock)
+    assert abs(machine.now - (budget - END_SECONDS)) <= max(longest, 0.5 * a_planned) + 1e-9
+    assert steps - clock.plan.reached < 0.5 or clock.spent() >= budget - END_SECONDS
+
+
+@given(steps=st.integers(2, 400), small=st.floats(0.01, 1), at=st.floats(0, 1))
+def test_a_machine_as_expected_goes_through_the_plan_step_by_step(steps, small, at):
+    """Also where steps differ in what they cost."""
+    costs = [(small if step < at * steps else 1.0) for step in range(steps)]
+    now = 0.0
+    clock = BudgetSchedule(sum(costs) + END_SECONDS, a_plan(steps), costs, lambda: now, 0.02)
+    for step, cost in enumerate(costs):
+        assert clock.position(step) == pytest.approx(step, abs=1e-6)
+        assert clock.nominal(step) == round(clock.position(step) / 0.02)
+        now += cost
+        assert clock.after_step(step) == (step + 1 == steps)
+        assert clock.position(step) == pytest.approx(step, abs=1e-6)  # until the next one begins
+
+
+@pytest.mark.parametrize(("budget", "most"), [(100.0, 2500), (1000.0, 2000)])
+def test_a_run_ends_at_the_most_steps_and_its_schedules_with_it(budget, most):
+    machine = Machine(0.0, lambda _, __: 0.01)
+    clock = machine.clock(budget, a_plan(2000, most))
+    assert machine.train(clock) == most
+    assert clock.plan.reached == pytest.approx(2000, abs=1)
+
+
+def test_a_first_step_that_reads_the_photos_is_taken_for_no_pace():
+    """It takes 30 s, the others what is expected of them; also where a run goes on."""
+    for first, spent, reached in ((0, 0.0, 0.0), (1000, 60.0, 900.0)):
+        machine = Machine(10.0, lambda step, _, first=first: 30.0 if step == first else 0.05)
+        clock = machine.clock(120.0, a_plan(2000, spent=spent, reached=reached))
+        assert clock.position(first) == reached
+        steps = machine.train(clock, first) - first
+        assert steps == pytest.approx((120 - END_SECONDS - spent - 40) / 0.05, abs=2)
+        assert spent + machine.now == pytest.approx(120 - END_SECONDS, abs=0.06)
+
+
+@pytest.mark.parametrize("loading", [109.0, 500.0])
+def test_a_budget_that_is_up_once_photos_are_read_ends_the_run(loading):
+    """What time is left after reading takes the schedules to their end, if any is left at all."""
+    machine = Machine(5.0, lambda step, _: loading if step == 0 else 0.05)
+    steps = machine.train(machine.clock(120.0, a_plan(2000)))
+    assert steps == pytest.approx(1 + max(0.0, 120 - END_SECONDS - 5 - loading) / 0.05, abs=1)
+
+
+def test_a_large_checkpoint_ends_the_run_as_much_earlier_as_it_takes_to_write():
+    machine = Machine(0.0, lambda _, __: 0.05)
+    clock = machine.clock(120.0, a_plan(2000))
+    step = 0
+    while not clock.after_step(step, saved_bytes=10**9):
+        step, machine.now = step + 1, machine.now + 0.05
+    assert machine.now == pytest.approx(120 - END_SECONDS - 10, abs=0.1)
