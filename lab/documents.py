@@ -6,9 +6,9 @@ from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DOCS = CHECKOUT / "docs"
-RESULTS, DEV, RESEARCH = DOCS / "results", DOCS / "dev", DOCS / "research"
+RESULTS = DOCS / "results"
 RECORDS = DOCS / "records"
-"""What was measured, as JSON; pages are written from it."""
+"""What was measured, a line of JSON for each run."""
 
 OUTPUTS = CHECKOUT / "outputs"
 """What studies train, a folder each; git ignores it."""

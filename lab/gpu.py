@@ -50,11 +50,11 @@ from desplat_ns.nerfstudio_quirks import splatfacto_modules_without_downloads
 from desplat_ns.rendering.metrics import psnr, ssim
 from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.studies.machine import code_version, describe_machine, device_name
+from desplat_ns.studies.records import markdown_table
 from lab.arguments import parser_of
 from lab.bench.drawing import TODAY, Drawing, contenders, errors_of
 from lab.bench.scenes import make_scene
 from lab.documents import CHECKOUT, OUTPUTS, RESULTS
-from lab.grid.tables import table
 from lab.synthetic import SceneSpec, write_scene
 
 SECONDS = 570
@@ -364,8 +364,8 @@ def page(job: Job, record: Figures) -> str:
         f"`make gpu` at commit {machine['Commit']}, {machine['Date']}, on {record['of']['device']}"
         f", torch {torch.__version__}, CUDA {torch.version.cuda}, gsplat {machine['gsplat']}.",
         "" if job.is_real else "**The CPU stood in with tiny sizes: the figures mean nothing.**",
-        table(["", *METHODS], rows),
-        table(head, errors),
+        markdown_table(["", *METHODS], rows),
+        markdown_table(head, errors),
         f"gsplat's kernels were compiled or loaded in {seconds} s." if seconds else "",
         f"`pytest -m gpu`: {tested['summary']}" if tested else "",
         *(f"- failed: `{name}`" for name in tested.get("failed", ())),

@@ -21,8 +21,8 @@ from desplat_ns.data.on_the_go import on_the_go_dataparser
 from desplat_ns.data.robustnerf import robustnerf_dataparser
 from desplat_ns.layouts.dataparser import desplat_dataparser
 from desplat_ns.photo_tourism.dataparser import photo_tourism_dataparser
+from desplat_ns.studies.records import markdown_table
 from lab.documents import DOCS
-from lab.grid.tables import text_table
 
 REPORT = DOCS / "reference" / "options.md"
 TEMPLATE = Path(__file__).with_name("options.md.template")
@@ -168,13 +168,14 @@ def table(rows: list[Option], others: Mapping[str, Any] | None = None) -> str:
             other = others.get(option.name, option.default)
             cells.append("" if other == option.default else in_words(other))
         lines.append([*cells, option.meaning])
-    return text_table(("option", "default", "meaning") if others is None else HEADS, lines)
+    head = ("option", "default", "meaning") if others is None else HEADS
+    return markdown_table(head, lines, "l" * len(head))
 
 
 def methods_table() -> str:
     """The registered methods in their own words."""
     rows = [(f"`{method.config.method_name}`", method.description) for method in METHODS]
-    return text_table(("method", "what it is"), rows)
+    return markdown_table(("method", "what it is"), rows, "ll")
 
 
 def training_table(part: str) -> str:

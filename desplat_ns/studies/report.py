@@ -24,7 +24,6 @@ from desplat_ns.studies.summary import (
     Measured,
     bought,
     measured,
-    on_front,
     verdicts,
 )
 
@@ -77,7 +76,7 @@ def rows_of(
     points: Sequence[Measured], columns: dict[str, tuple[str, str]], study: Study
 ) -> list[dict[str, Any]]:
     """The rows of the table in words."""
-    variants, said, best = compared(study.capture.effects), verdicts(points), on_front(points)
+    variants, said = compared(study.capture.effects), verdicts(points)
     return [
         {
             "what": variants[point.variant].what,
@@ -85,7 +84,6 @@ def rows_of(
             "cells": [spread(point.values(name), form) for name, (_, form) in columns.items()],
             "seeds": len(point.scores),
             "verdict": said[index],
-            "is_on_front": index in best,
         }
         for index, point in enumerate(points)
     ]

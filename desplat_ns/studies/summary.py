@@ -12,9 +12,6 @@ from desplat_ns.studies.plan import BASE
 from desplat_ns.studies.records import Key, Record
 from desplat_ns.studies.runs import Run
 
-CostAndError = tuple[float | int, float | int]
-"""The less of both the better."""
-
 NICE_SECONDS = (5, 10, 15, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200)
 """Training times for which the best that was reached is told."""
 
@@ -57,27 +54,6 @@ def measured(runs: Iterable[Run], records: Mapping[Key, Record]) -> list[Measure
             scores.setdefault((run.variant, run.steps), {})[run.seed] = record.scores
     points = [Measured(*cell, by_seed) for cell, by_seed in scores.items()]
     return sorted(points, key=lambda point: (point.variant != BASE, point.steps))
-
-
-def front(points: Sequence[CostAndError]) -> set[int]:
-    """Indices of the points that no other dominates, the Pareto front.
-
-    A point dominates another if it is no worse in either and better in one. Equal points share
-    their fate. NaN is no figure: such a point is on no front and dominates none.
-    """
-    known = [i for i, point in enumerate(points) if not any(map(math.isnan, point))]
-    indices: set[int] = set()
-    least, last = math.inf, None
-    for i in sorted(known, key=lambda i: points[i]):
-        if points[i][1] < least or last is None or points[i] == last:
-            indices.add(i)
-            least, last = points[i][1], points[i]
-    return indices
-
-
-def on_front(points: Sequence[Measured]) -> set[int]:
-    """Indices of the points for which no other has as many dB in less time, by medians."""
-    return front([(point.wall, -point.psnr) for point in points])
 
 
 def bought(points: Sequence[Measured]) -> list[tuple[int, Measured]]:

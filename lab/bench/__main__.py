@@ -17,6 +17,7 @@ import torch
 from desplat_ns.files.whole import write_whole
 from desplat_ns.settings.effects import Effects
 from desplat_ns.studies.machine import describe_machine
+from desplat_ns.studies.records import markdown_table
 from lab.arguments import parser_of
 from lab.bench.drawing import (
     DIALS,
@@ -35,7 +36,6 @@ from lab.bench.model_step import ModelStep
 from lab.bench.scenes import Scene, make_scene
 from lab.bench.timing import Timing, threads, time_in_turns
 from lab.documents import OUTPUTS
-from lab.grid.tables import table
 
 SIZES = ((10_000, 240, 180), (20_000, 480, 270), (50_000, 1200, 800))
 """Gaussians, width and height."""
@@ -147,7 +147,7 @@ def text_of(rows: Sequence[Row], missing: dict[str, str]) -> str:
     where = describe_machine()
     made = f"`make bench` at commit {where['Commit']}, {where['Date']}, on {where['Processor']}"
     absent = "".join(f"\n\nNot measured: `{name}` {reason}" for name, reason in missing.items())
-    return f"{made}, torch {where['torch']}.\n\n{table(head, lines)}{absent}\n"
+    return f"{made}, torch {where['torch']}.\n\n{markdown_table(head, lines)}{absent}\n"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import torch
 
-from lab.grid.tables import table
+from desplat_ns.studies.records import markdown_table
 from lab.stability import precise
 from tests.backend.scenes import Backend
 from tests.stability.cases import CASES, CULLED, RIGHT, Case
@@ -60,7 +60,7 @@ def scene_table(cases: Sequence[Case]) -> tuple[str, bool]:
                 " / ".join(f"{share:.3f}" for share in shares),
             ]
         )
-    return table(["case", "promise", "rho", *BACKENDS, "share"], rows), is_kept
+    return markdown_table(["case", "promise", "rho", *BACKENDS, "share"], rows), is_kept
 
 
 def errors(outcome: Outcome) -> str:
@@ -81,4 +81,6 @@ def formula_table(formulas: Sequence[FormulaCase]) -> tuple[str, bool]:
             row.append(" / ".join(f"{pair.error:.0e}" for pair in pairs))
             row.append(" / ".join(f"{pair.share:.2f}" for pair in pairs))
         rows.append(row)
-    return table(["input", "promise", "float32", "share", "float64", "share"], rows), is_kept
+    return markdown_table(
+        ["input", "promise", "float32", "share", "float64", "share"], rows
+    ), is_kept

@@ -15,8 +15,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from desplat_ns.studies.records import markdown_table
 from lab.documents import CHECKOUT
-from lab.grid.tables import table
 
 TIMEOUT = 600
 """Seconds; a test that hangs has noticed, too."""
@@ -138,4 +138,4 @@ def measured() -> tuple[str, bool]:
             is_kept &= is_noticed
             rows.append([mutation.name, said])
             print(f"{mutation.name}: {said}", flush=True)
-    return table(["change", "noticed first by"], rows), is_kept
+    return markdown_table(["change", "noticed first by"], rows), is_kept

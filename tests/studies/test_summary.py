@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import pytest
@@ -13,13 +12,10 @@ from scipy import stats
 from desplat_ns.studies.plan import BASE, SEEDS
 from desplat_ns.studies.runs import Run
 from desplat_ns.studies.summary import (
-    CostAndError,
     Measured,
     bought,
     corrected,
-    front,
     measured,
-    on_front,
     p_value,
     verdicts,
 )
@@ -85,21 +81,3 @@ def test_seeds_come_together():
 def test_time_and_quality_are_told_from_what_was_measured():
     points = [point((20.2,), 6.0), point((22.4,), 40.0), point((22.0,), 50.0)]
     assert [(seconds, best.psnr) for seconds, best in bought(points)] == [(10, 20.2), (60, 22.4)]
-    assert on_front(points) == {0, 1}
-
-
-# Few different numbers, so that ties occur.
-figure = st.integers(1, 6).map(float) | st.floats(0.1, 10)
-clouds = st.lists(st.tuples(figure, figure), max_size=12)
-
-
-@given(clouds)
-def test_no_point_of_the_front_is_dominated_and_every_other_is(points: list[CostAndError]):
-    best = front(points)
-    for i, (cost, error) in enumerate(points):
-        others = (o for o in points if o != (cost, error))
-        assert (i in best) == (not any(o[0] <= cost and o[1] <= error for o in others))
-
-
-def test_what_is_no_number_is_on_no_front_and_hides_nothing():
-    assert front([(math.nan, 0.0), (1.0, math.nan), (2.0, 3.0)]) == {2}
