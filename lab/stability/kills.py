@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from desplat_ns.training.checkpoint_files import (
+from desplat_ns.training.checkpoint import (
     STAGING_FOLDER,
     checkpoints_in,
     load_checkpoint,
