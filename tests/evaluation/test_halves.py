@@ -50,7 +50,7 @@ def test_what_is_fitted_is_what_is_scored(model):
     view = model.view_of_camera(held_out(), None)
     with torch.no_grad():
         image = model.as_function_of_embedding(view)(model.image_effects.of(1))
-    assert torch.equal(image, photo_in_the_light_of(model, 1))
+    torch.testing.assert_close(image, photo_in_the_light_of(model, 1), atol=1e-6, rtol=0)
 
 
 def test_a_fit_is_adam_on_the_loss_alone():

@@ -3,6 +3,8 @@ from __future__ import annotations
 import os
 import platform
 import shutil
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -21,6 +23,7 @@ from desplat_ns.backend.numba_kernels.runtime import (
     prefetch,
     take,
 )
+from desplat_ns.backend.numba_tiles import compile_all
 from desplat_ns.losses import layered_photometric_losses
 from desplat_ns.rendering.compositing import composite_color
 from tests.backend.scenes import random_scene
@@ -28,8 +31,16 @@ from tests.backend.scenes import random_scene
 KERNELS = (binning, passes, projection, sh, ssim)
 
 
-def test_a_step_loads_every_kernel_and_compiles_none():
-    """What `compile_all` launches has the types that steps launch, and nothing is left out."""
+def test_a_step_loads_every_kernel_and_compiles_none(checkout: Path):
+    """What `compile_all` launches has the types that steps launch, and nothing is left out; in a
+    process of its own, as this one may have compiled them."""
+    compile_all()
+    code = "from tests.backend.numba_kernels.test_runtime import take_a_step; take_a_step()"
+    subprocess.run([sys.executable, "-c", code], cwd=checkout, check=True)
+
+
+def take_a_step() -> None:
+    """Draw and pull back, and see that every kernel came from the cache."""
     leaves = random_scene(0, count=3, sh_degree=2, channels=3).to(torch.float32)
     for settings in (RenderSettings(), RenderSettings(True, True, True)):
         drawn = resolve("numba", "cpu")(leaves.splats, leaves.view, settings)
