@@ -17,8 +17,9 @@ _SAME_SURFACE = 0.015
 FEW_VIEWS = 3
 """Points seen in fewer views than this are dropped, as COLMAP drops short tracks."""
 
-BARE = 2.0
-"""What a place without structure counts as where points are sought."""
+BARE, BARE_INDOORS = 2.0, 0.02
+"""What a place without structure counts as where points are sought; on bare walls none are found.
+"""
 
 FAINT = 1.5
 """Of 255 per pixel: corners fainter than this are not found again in other photos."""

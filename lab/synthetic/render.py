@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from lab.synthetic.arrays import dot, f32
 from lab.synthetic.cameras import PinholeCamera
 from lab.synthetic.primitives import Primitive
+from lab.synthetic.textures import Glossy
 
 _SUN = f32([-0.3, -0.65, 0.8])
 SUN = _SUN / np.linalg.norm(_SUN)
@@ -18,6 +19,13 @@ SUN = _SUN / np.linalg.norm(_SUN)
 
 AMBIENT, DIRECT = 0.6, 0.6
 """Light from the sky on a surface that faces up, and from the sun at a right angle."""
+
+
+LAMPS = ((0.5, 0.3, 0.8), (-0.7, 0.1, 0.7), (0.0, -0.8, 0.5))
+"""Directions to lamps that glossy things mirror."""
+
+SHARPNESS = 60.0
+"""Exponent of a lamp's reflection (Phong): a highlight some 20 degrees wide."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +120,9 @@ def draw(
         mine = owner == index
         points = origin[:, :, 0] + depth[mine] * directions[:, mine]
         rgb[:, mine] = shade(primitives[index], points, casters, sun)
+        if isinstance(primitives[index].texture, Glossy):
+            rgb[:, mine] += reflection(primitives[index], points, directions[:, mine])
+            rgb[:, mine] = np.clip(rgb[:, mine], 0, 1)
     return Samples(rgb, depth, owner >= 0)
 
 
@@ -148,6 +159,25 @@ def shade(
         lit[lit] = ~in_shadow(points[:, lit], casters, sun, primitive)
     light = sun.ambient * (0.8 + 0.2 * normals[2]) + sun.direct * np.where(lit, toward_sun, 0)
     return np.clip(primitive.texture(uv) * light, 0, 1)
+
+
+def reflection(
+    primitive: Primitive, points: Float[np.ndarray, "3 N"], directions: Float[np.ndarray, "3 N"]
+) -> Float[np.ndarray, "3 N"]:
+    """Light that a glossy surface mirrors into the camera, which `directions` come from."""
+    assert isinstance(primitive.texture, Glossy)
+    normals, _ = primitive.surface(points)
+    rays = directions / np.sqrt(dot(directions, directions))
+    return np.float32(primitive.texture.share) * mirrored(rays - 2 * dot(rays, normals) * normals)
+
+
+def mirrored(directions: Float[np.ndarray, "3 N"]) -> Float[np.ndarray, "3 N"]:
+    """Light in [0, 1] that comes from unit directions: dim walls, and lamps."""
+    light = np.repeat(0.25 + 0.15 * directions[2:], 3, axis=0)
+    for lamp in LAMPS:
+        toward = f32(lamp) / np.float32(np.linalg.norm(lamp))
+        light = light + np.maximum(dot(directions, toward[:, None]), 0) ** np.float32(SHARPNESS)
+    return np.clip(light, 0, 1).astype(np.float32)
 
 
 def in_shadow(

@@ -11,7 +11,7 @@ from lab.synthetic.daylight import DaylightSpec
 from lab.synthetic.occluders import OccluderSpec
 
 LAYOUTS = ("robustnerf", "phototourism")
-PLACES = ("yard", "facade", "table")
+PLACES = ("yard", "room", "grove", "facade", "table")
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,9 @@ class SceneSpec:
     layout: str = "robustnerf"
     """How the files are arranged and named: `robustnerf` or `phototourism`, see `write_scene`."""
     place: str = "yard"
-    """`yard`, where everything has texture; `facade`: a house behind a lawn; `table`: things on a
-    table, with a room far behind."""
+    """`yard`, where everything has texture; `room`: bare walls around glossy things; `grove`:
+    trees whose bark and leaves are as fine as a pixel, with the sky around; `facade`: a house
+    behind a lawn; `table`: things on a table, with a room far behind."""
 
     def __post_init__(self) -> None:
         sides = (side for size in self.sizes for side in size)

@@ -151,3 +151,15 @@ class Grained:
         cells = uv / f32(self.scale)[:, None]
         noise = 0.6 * value_noise(cells, self.seed) + 0.4 * value_noise(3 * cells, self.seed + 1)
         return self.base(uv) * (1 + np.float32(self.strength) * (0.4 - noise.astype(np.float32)))
+
+
+@dataclass(frozen=True)
+class Glossy:
+    """Another texture under varnish: `render.shade` adds what it reflects."""
+
+    base: Texture
+    share: float
+    """Of the light that comes from where the surface mirrors the camera's ray."""
+
+    def __call__(self, uv: Float[np.ndarray, "2 N"]) -> Float[np.ndarray, "3 N"]:
+        return self.base(uv)
