@@ -21,12 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from desplat_ns.training.checkpoint import (
-    STAGING_FOLDER,
-    checkpoints_in,
-    load_checkpoint,
-    step_of,
-)
 from nerfstudio.configs.method_configs import all_methods
 from nerfstudio.scripts import train
 from nerfstudio.utils import writer
@@ -36,6 +30,12 @@ from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.trainer import DeSplatTrainer
+from desplat_ns.training.checkpoint import (
+    STAGING_FOLDER,
+    checkpoints_in,
+    load_checkpoint,
+    step_of,
+)
 from lab.documents import CHECKOUT
 from lab.synthetic import SceneSpec, write_scene
 
