@@ -22,11 +22,7 @@ TIMEOUT = 600
 """Seconds; a test that hangs has noticed, too."""
 
 STABILITY = " ".join(f"tests/stability/test_stability_{n}.py" for n in ("catalogue", "properties"))
-PIXELS, EWA, SH, ELLIPSES = (
-    f"tests/backend/numba_kernels/test_{name}.py {STABILITY} -k numba"
-    for name in ("pixels", "projection", "sh", "ellipses")
-)
-"""The kernels' own tests first: they compile little."""
+NUMBA = f"tests/backend/test_contract.py {STABILITY} -k numba"
 FORMULAS = f"{STABILITY} tests/training/test_losses.py -k 'not torch and not numba'"
 
 
@@ -43,25 +39,27 @@ class Mutation:
     """Arguments of pytest: where it should be noticed."""
 
 
-_PIXELS, _EWA, _SSIM = (f"backend/numba_kernels/{name}.py" for name in ("pixels", "ewa", "ssim"))
+_PIXELS, _PROJECTION, _SSIM = (
+    f"backend/numba_kernels/{name}.py" for name in ("pixels", "projection", "ssim")
+)
 
 MUTATIONS = (
     Mutation("1 / (1 + alpha)", _PIXELS,
-             "per_clear = _ONE / (_ONE - alpha)", "per_clear = _ONE / (_ONE + alpha)", PIXELS),
+             "per_clear = _ONE / (_ONE - alpha)", "per_clear = _ONE / (_ONE + alpha)", NUMBA),
     Mutation("a gradient through the clamp of alpha", _PIXELS,
-             "h if drawn & (raw <= alpha_max) else _ZERO", "h if drawn else _ZERO", PIXELS),
+             "h if drawn & (raw <= alpha_max) else _ZERO", "h if drawn else _ZERO", NUMBA),
     Mutation("a sign in what lies behind", _PIXELS,
-             "later + weight * q", "later - weight * q", PIXELS),
-    Mutation("low-pass in the determinant", _EWA,
-             "sharp + eps * (xx + yy - eps)", "sharp + eps * (xx + yy + eps)", EWA),
-    Mutation("a sign in the gradient by depth", _EWA,
-             "s[DEPTH + n] - v_per_z", "s[DEPTH + n] + v_per_z", EWA),
-    Mutation("sizes not limited", _EWA, "(abs(s[SX + n]) * pixels < most)",
-             "(abs(s[SX + n]) * pixels > -most)", EWA),
+             "later + weight * q", "later - weight * q", NUMBA),
+    Mutation("low-pass in the determinant", _PROJECTION,
+             "sharp + eps * (xx + yy - eps)", "sharp + eps * (xx + yy + eps)", NUMBA),
+    Mutation("a sign in the gradient by depth", _PROJECTION,
+             "s[DEPTH + n] - v_per_z", "s[DEPTH + n] + v_per_z", NUMBA),
+    Mutation("sizes not limited", _PROJECTION, "(abs(s[SX + n]) * pixels < most)",
+             "(abs(s[SX + n]) * pixels > -most)", NUMBA),
     Mutation("a harmonic's slope", "backend/numba_kernels/sh.py",
-             "per * (gx - along * x)", "per * (gx + along * x)", SH),
+             "per * (gx - along * x)", "per * (gx + along * x)", NUMBA),
     Mutation("ellipses too small", "backend/numba_kernels/ellipses.py",
-             "np.sqrt(2 * s * c / det)", "np.sqrt(s * c / det)", ELLIPSES),
+             "np.sqrt(2 * s * c / det)", "np.sqrt(s * c / det)", NUMBA),
     Mutation("luminance plus structure", _SSIM,
              "score = luminance * structure", "score = luminance + structure", FORMULAS),
     Mutation("quaternions of length 0", "backend/inputs.py",
