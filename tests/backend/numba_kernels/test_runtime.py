@@ -23,7 +23,6 @@ from desplat_ns.backend.numba_kernels.runtime import (
     prefetch,
     take,
 )
-from desplat_ns.backend.numba_tiles import compile_all
 from desplat_ns.losses import layered_photometric_losses
 from desplat_ns.rendering.compositing import composite_color
 from tests.backend.scenes import random_scene
@@ -34,7 +33,7 @@ KERNELS = (binning, passes, projection, sh, ssim)
 def test_a_step_loads_every_kernel_and_compiles_none(checkout: Path):
     """What `compile_all` launches has the types that steps launch, and nothing is left out; in a
     process of its own, as this one may have compiled them."""
-    compile_all()
+    numba_runtime.have_compiled()
     code = "from tests.backend.numba_kernels.test_runtime import take_a_step; take_a_step()"
     subprocess.run([sys.executable, "-c", code], cwd=checkout, check=True)
 
