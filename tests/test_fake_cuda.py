@@ -94,7 +94,7 @@ def a_layer(background: BackgroundGrade = "off") -> DistractorLayer:
         keep=lambda *_: None, unexplained=lambda _: torch.rand(HEIGHT // 2, WIDTH // 2)
     )
     layer.witnesses = witnesses
-    layer.config, layer.num_views, layer.static = CONFIG, 8, SplatfactoModelConfig()
+    layer.config, layer.num_views = CONFIG, 8
     return layer
 
 

@@ -13,7 +13,8 @@ from torch.utils._pytree import tree_leaves
 
 from desplat_ns.separation.layer import LOOK_EVERY
 from desplat_ns.settings.effects import Effects
-from tests.helpers.model_step import LATE, ModelStep, make_scene
+from lab.bench.model_step import LATE, ModelStep
+from lab.bench.scenes import make_scene
 
 FEW, MANY = 23, 2003
 """Primes, which are the size of nothing else in a step."""
@@ -53,7 +54,7 @@ def _is_tensor(value: Any) -> bool:
 def work_of_a_step(effects: Effects, views: int) -> tuple[Counter[Any], Counter[Any]]:
     """Operations of torch, and calls of Python's and C's functions, of a step that draws, weighs,
     pulls back, steps and refines nothing; the photo shows the static scene."""
-    step = ModelStep(make_scene(100), effects, views)
+    step = ModelStep(make_scene(100, 48, 32), effects, views, backend="torch")
     model = step.model.eval()
     step.photo = model.get_outputs_for_camera(step.camera)["rgb"].clone()
     model.train()

@@ -16,10 +16,10 @@ from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocati
 
 from desplat_ns.backend.numba_kernels.runtime import numba_config
 from desplat_ns.training.checkpoint import checkpoint_path, load_checkpoint
+from lab.bench.timing import threads
 from lab.synthetic import Scene, write_scene
 from tests.helpers.registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up
 from tests.helpers.stub_run import assert_same
-from tests.helpers.threads import threads
 
 pytestmark = pytest.mark.slow
 

@@ -3,7 +3,7 @@
 `surveyed` is what `survey` does once its options are checked, `parser_words` reads the name and the
 options of a data parser behind a command's own.
 
-May import `scene`, `method_configs`, `pipeline`, `static_model`, `evaluation`,
+May import `scene`, `method_configs`, `pipeline`, `evaluation`,
 `survey`, `photo_tourism`, `layouts`, `datamanager`, `runs`, `studies`, `reproduce`, `report`,
 `export`, `process`, `fetch`, `training`, `data`, `backend`, `settings`, `files`, `console`, `cores`
 and `errors`.

@@ -101,7 +101,6 @@ class DistractorLayer:
         """
         self.gaussians = gaussians
         self.config = config
-        self.static = static
         self.num_views = len(cameras)
         self.background = background
         every = config.steps_between_refinements(self.num_views, scale)

@@ -13,7 +13,7 @@ from desplat_ns.errors import ConfigError
 from desplat_ns.export.baked import baked
 from desplat_ns.rendering.views import view_of
 from tests.helpers.clouds import drawn
-from tests.helpers.lit_model import held_out, model_with, moved
+from tests.helpers.relit_model import held_out, model_with, moved
 
 COLORS = 1e-4
 """float32 beside float64: networks of some hundred sums, colours of some tens."""

@@ -15,7 +15,7 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.camera_response import CENTRED, camera_response, squared_radius
 from desplat_ns.photo_tourism.image_effects import FEATURES
 from desplat_ns.settings.effects import EffectsConfig
-from tests.helpers.lit_model import held_out, model_with, moved
+from tests.helpers.relit_model import held_out, model_with, moved
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, make_model
 
 OF_NETWORKS = {"appearance_mlp", "image_embeddings", "background_encoder", "background_sh_dc"}

@@ -10,7 +10,7 @@ from desplat_ns.export.baked import baked
 from desplat_ns.rendering.views import view_of
 from desplat_ns.scene.contents import AVERAGE
 from desplat_ns.scene.lights import light_of, other_lights, standing_for_all
-from tests.helpers.lit_model import held_out, model_with, moved
+from tests.helpers.relit_model import held_out, model_with, moved
 
 
 def on_a_line(*places: float) -> torch.Tensor:
