@@ -14,6 +14,7 @@ from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.errors import print_user_errors_plainly
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig
 from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.trainer import DeSplatTrainerConfig
@@ -99,6 +100,7 @@ def desplat_model(effects: EffectsConfig) -> DeSplatModelConfig:
     """What works in runs of any length."""
     return DeSplatModelConfig(
         effects=effects,
+        appearance=AppearanceConfig(mlp_scale=1.0),
         distractors=separating_distractors(),
         gaussians_per_pixel=0.05,
         opacity_prior=0.2,

@@ -30,8 +30,8 @@ class AppearanceConfig:
     hidden_width: int = ranged(128, "[1, 16384]")
     """Units in each hidden layer. B.3."""
     mlp_scale: float = ranged(0.01, "(0, inf)")
-    """Times which the MLP's output counts. The authors' code has 0.01, which B.3's learning rate of
-    the MLP is meant for."""
+    """Factor of the MLP's output. The authors' code has 0.01, made for 200,000 steps; short runs
+    need 1."""
     mlp_dtype: MlpDtype = "float32"
     """Of the MLP's products and of what lies between its layers. bfloat16 has 8 bits of mantissa
     and takes about 0.6 of the time; a processor without instructions for it (a CPU needs
