@@ -61,7 +61,7 @@ SECONDS = 570
 """After which no further part begins; compiling gsplat's kernels does not count."""
 
 METHODS = ("splatfacto", "desplat", "desplat-paper")
-TRAINED = ("splatfacto", "desplat-paper")
+TRAINED = METHODS
 
 RUN, LATE = 30_000, 20_000
 """Length of a run, and its step at which steps are timed and waits are counted: all degrees of the
