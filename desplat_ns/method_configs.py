@@ -13,7 +13,7 @@ from nerfstudio.plugins.types import MethodSpecification
 from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.errors import print_user_errors_plainly
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig
 from desplat_ns.settings.effects import EffectsConfig

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,14 +12,13 @@ from gsplat.strategy import DefaultStrategy
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackAttributes
 from nerfstudio.model_components.lib_bilagrid import color_correct, total_variation_loss
-from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel, SplatfactoModelConfig
+from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
-from desplat_ns.backend import BackendName, Rasterizer, resolve
+from desplat_ns.backend import Rasterizer, resolve
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
-from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
 from desplat_ns.console import list_names
 from desplat_ns.data.training_views import train_index, view_name
 from desplat_ns.errors import BackendUnavailableError, DeSplatError
@@ -31,12 +29,10 @@ from desplat_ns.gaussians.activation import (
     resize_rows,
 )
 from desplat_ns.gaussians.densification import strategy_info
-from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians, to_device
 from desplat_ns.gaussians.memory import GaussianMemory
-from desplat_ns.gaussians.room import most_in_memory
 from desplat_ns.gaussians.seed_points import check_seed_points, clamp_seed_scales
-from desplat_ns.gaussians.strategy import UNLIMITED, StaticStrategy
+from desplat_ns.gaussians.strategy import StaticStrategy
 from desplat_ns.losses import (
     background_opacity_loss,
     distractor_opacity_loss,
@@ -46,6 +42,7 @@ from desplat_ns.losses import (
     photometric_loss,
     static_transparency_loss,
 )
+from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_cuda,
     splatfacto_modules_without_downloads,
@@ -53,8 +50,7 @@ from desplat_ns.nerfstudio_quirks import (
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.background import BACKGROUND_DEGREE_INTERVAL
 from desplat_ns.photo_tourism.camera_response import fit_response, squared_radius
-from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
-from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects, wants_image_effects
+from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
@@ -64,120 +60,12 @@ from desplat_ns.rendering.photo_angle import PhotoAngle
 from desplat_ns.rendering.views import held, view_of, views_of
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
-from desplat_ns.settings.effects import Effects, EffectsConfig
-from desplat_ns.settings.options import check_ranges, ranged
+from desplat_ns.settings.effects import Effects
 from desplat_ns.training.schedule import (
-    SPLATFACTOS_INTERVAL,
     Schedule,
     pause_after_reset,
-    photo_downscale,
-    steps_between_refinements,
 )
 from desplat_ns.viewer import LayerControl
-
-
-@dataclass
-class DeSplatModelConfig(SplatfactoModelConfig):
-    """Splatfacto's settings, and those of DeSplat.
-
-    Numbers of steps are nominal, of a run of the method's own length, unless they say otherwise.
-    """
-
-    _target: type = field(default_factory=lambda: DeSplatModel)
-    effects: EffectsConfig = field(default_factory=EffectsConfig)
-    """Which effects the scene calls for."""
-    appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
-    """Per-image appearance, where `effects.appearance` has it."""
-    background: BackgroundConfig = field(default_factory=BackgroundConfig)
-    """Background model, where `effects.background` has it."""
-    backend: BackendName = "auto"
-    """Rasterizer. auto takes gsplat on CUDA, and numba on the CPU."""
-    schedule_scale: float | None = None
-    """Steps of the run for each nominal step; by default max-num-iterations over the method's own
-    number, at most 1."""
-    refine_every: int = ranged(0, "[0, inf)")
-    """Steps of the run between two refinements of the static set, at most; 0 for no bound.
-    Splatfacto has 100, in runs of any length."""
-    sh_degree: int = ranged(3, f"[0, {MAX_DEGREE}]")
-    """Degree of the harmonics in which static Gaussians hold their colours."""
-    sh_degree_interval: int = ranged(1000, "[1, inf)")
-    """Steps after which one degree more is learned."""
-    refinements: int = ranged(15, "[1, inf)")
-    """Refinements of the static set in a run, whatever its length: they are as many steps apart as
-    `stop_split_at` has by this number, and at least half a round of the views. See
-    docs/explain/separation.md, "How often Gaussians are refined"."""
-    train_downscale: int = ranged(1, "[1, inf)")
-    """Factor by which photos are smaller in training at least, to the end; a step then costs less.
-    Renderings and evaluation have their full size."""
-    gaussians_per_pixel: float = ranged(0.0, "[0, inf)")
-    """Static Gaussians at most, per pixel of all training photos together: more than the photos can
-    hold in place become floaters. 0 for no such limit, as in the paper. In any case at most as many
-    as fit into memory. A capture that starts with more keeps those, but does not grow."""
-    opacity_prior: float = ranged(0.0, "[0, inf)")
-    """Weight of the mean opacity of the static Gaussians that a photo shows, divided by the number
-    of training photos: the fewer there are, the more it says beside them. What no photo needs fades
-    and is pruned (docs/explain/separation.md, "What the static scene trains on"). 0 in the paper.
-    It counts as 0 where each photo has a light of its own (`effects.appearance`): there the scene
-    fades."""
-    near_plane: float = ranged(0.0, "[0, 1)")
-    """Renderings leave out static Gaussians that are nearer than this share of the depth at which
-    the seed points in the view start, and those before that start that reach the camera
-    (`stands_clear`): what hangs there contradicts no photo, and hides the scene. Training draws
-    them. 0 in the paper: nothing is left out."""
-    cull_to_the_end: bool = False
-    """Prune faint static Gaussians after `stop_split_at` as well. Splatfacto did so when the paper
-    was written (nerfstudio 1.1.4: `continue_cull_post_densification`)."""
-    distractors: DistractorConfig = field(default_factory=DistractorConfig)
-    """Distractor Gaussians."""
-
-    def for_run(self, num_views: int) -> DeSplatModelConfig:
-        """A copy for one run, its intervals as the number of training views wants them.
-
-        Raises:
-            ConfigError: a setting lies outside its range.
-        """
-        check_ranges(self, "--pipeline.model")
-        run, scale = replace(self), self.schedule_scale or 1.0
-        densification = max(1, round(self.stop_split_at * scale))
-        run.refine_every = steps_between_refinements(
-            num_views, densification, self.refinements, self.refine_every
-        )
-        if self.effects.settled().appearance != "off":
-            run.opacity_prior = 0.0
-        run.distractors = self.distractors.for_views(num_views, self.warmup_length, scale)
-        return run
-
-    def warmup_of(self, num_views: int) -> tuple[int, int]:
-        """`DistractorConfig.warmup_of` a run; no steps without distractors."""
-        if not self.effects.settled().distractors:
-            return 0, 0
-        scale = self.schedule_scale or 1.0
-        return self.distractors.warmup_of(num_views, self.warmup_length, scale)
-
-    def downscale_factor(self, step: int) -> int:
-        """By how much photos are smaller at a nominal step: with a warm-up, small photos are over
-        by the middle of it. Call it on what `for_run` gave."""
-        warmup = self.distractors.static_warmup if self.effects.settled().distractors else 0
-        usual = photo_downscale(step, self.num_downscales, self.resolution_schedule, warmup)
-        return max(self.train_downscale, usual)
-
-    @property
-    def reset_every(self) -> int:
-        """Nominal steps from one reset of the static opacities to the next; `reset_alpha_every` 0:
-        none."""
-        steps = self.reset_alpha_every * SPLATFACTOS_INTERVAL
-        return steps if steps > 0 else UNLIMITED
-
-    def most_gaussians(self, pixels: int, device: str | torch.device) -> int:
-        """Static Gaussians beyond which the set does not grow.
-
-        Args:
-            pixels: of all training photos together.
-            device: in whose memory they have to fit.
-        """
-        wanted = self.gaussians_per_pixel * pixels
-        room = most_in_memory(device)
-        return min(round(wanted), room) if self.gaussians_per_pixel > 0 else room
 
 
 class DeSplatModel(SplatfactoModel):
@@ -187,7 +75,7 @@ class DeSplatModel(SplatfactoModel):
     lpips: LazyLpips  # pyright: ignore[reportIncompatibleVariableOverride]
     effects: Effects
     """Those of this model, all decided."""
-    image_effects: ImageEffects | None
+    image_effects: ImageEffects
     distractors: DistractorGaussians | None
     """The parameters, where checkpoints look for them."""
     schedule = Schedule()
@@ -242,10 +130,7 @@ class DeSplatModel(SplatfactoModel):
 
     def _add_image_effects(self) -> None:
         """Build what `effects` asks for, once the static Gaussians are there."""
-        config, self.image_effects = self.config, None
-        self.shown_light = ShownLight([])
-        if not wants_image_effects(self.effects):
-            return
+        config = self.config
         self.image_effects = ImageEffects(
             self.effects,
             config.appearance,
@@ -257,8 +142,7 @@ class DeSplatModel(SplatfactoModel):
             frequencies = config.appearance.fourier_frequencies
             features = fourier_features(self.means.detach(), frequencies)
             self.gauss_params[FEATURES] = nn.Parameter(features)
-        if self.effects.image_light:
-            self.shown_light = ShownLight(self.kwargs["metadata"].get("train_image_names", []))
+        self.shown_light = ShownLight(self.names if self.effects.image_light else [])
 
     def _make_layer(self) -> DistractorLayer:
         cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
@@ -295,9 +179,7 @@ class DeSplatModel(SplatfactoModel):
 
     def get_param_groups(self) -> dict[str, list[nn.Parameter]]:
         """Splatfacto's groups and those of the effects."""
-        groups = super().get_param_groups()
-        if self.image_effects is not None:
-            groups |= self.image_effects.param_groups()
+        groups = super().get_param_groups() | self.image_effects.param_groups()
         if FEATURES in self.gauss_params:
             groups[FEATURES] = [self.gauss_params[FEATURES]]
         return groups
@@ -340,7 +222,7 @@ class DeSplatModel(SplatfactoModel):
         static = self.render_static(view, embedding)
         background = self.background_of(view, embedding)
         image = self.image_of(static, background, view, embedding)
-        background = self.apply_camera_response(background, view, embedding).clamp(0, 1)
+        background = self._photographed(background, view, embedding)
         outputs = static_outputs(static, image, background)
         if self.layer is not None:
             outputs["rgb_static"] = outputs["rgb"]
@@ -382,7 +264,9 @@ class DeSplatModel(SplatfactoModel):
         step, layer, background = self.train_step, self.layer, self.effects.background
         assert step is not None
         if background != "off" or batch["image"].shape[2] == 4:
-            outputs = {**outputs, "background": self._photographed_background(outputs)}
+            light = self.embedding_of(step.index)
+            behind = self._photographed(outputs["background"], step.view, light)
+            outputs = {**outputs, "background": behind}
         photo = self.photo_of(outputs, batch)
         mask = self.mask_of(batch, photo.device)
         composite, alpha_s = outputs["rgb"], outputs["accumulation"]
@@ -449,13 +333,9 @@ class DeSplatModel(SplatfactoModel):
             own, main = layered_photometric_losses(static, composite, photo, weight, owned, leak)
         return {"main_loss": main, "static_photometric": own}
 
-    def _photographed_background(self, outputs: dict[str, Any]) -> Tensor:
-        """What the step's photo shows behind everything: what a transparent pixel of it shows."""
-        train_step = self.train_step
-        assert train_step is not None
-        embedding = self.embedding_of(train_step.index)
-        background, view = outputs["background"], train_step.view
-        return self.apply_camera_response(background, view, embedding).clamp(0, 1)
+    def _photographed(self, background: Tensor, view: View, embedding: Tensor) -> Tensor:
+        """What a photo shows behind everything, in [0, 1]."""
+        return self.image_effects.apply_camera_response(background, view, embedding).clamp(0, 1)
 
     def photo_of(self, outputs: dict[str, Any], batch: dict[str, Any]) -> Tensor:
         """The photo [H, W, 3] at the step's size; what is transparent shows the background."""
@@ -513,8 +393,7 @@ class DeSplatModel(SplatfactoModel):
         self.strategy.step_post_backward(
             self.gauss_params, self.optimizers, self.strategy_state, self.nominal_step, self.info
         )
-        if self.image_effects is not None:
-            self.image_effects.after_step()
+        self.image_effects.after_step()
         strategy = self.strategy
         if self.nominal_step >= strategy.refine_stop_iter and step % strategy.refine_every == 0:
             self.sweep()
@@ -592,14 +471,10 @@ class DeSplatModel(SplatfactoModel):
             return None
         return min(self.nominal_step // self.config.sh_degree_interval, self.config.sh_degree)
 
-    def render_static(self, view: View, embedding: Tensor | None) -> Rendering:
+    def render_static(self, view: View, embedding: Tensor) -> Rendering:
         depth = self.config.output_depth_during_training or not self.training
-        params = self.params_in(view)
-        settings, splats = self.render_settings(depth), self._splats(params, None)
-        lit = None if embedding is None else self._lit(splats, params, view)
-        if embedding is not None and lit is not None:
-            splats = lit(embedding)
-        rendering = self.rasterizer(splats, view, settings)
+        splats = self._in_light(self.params_in(view), view)(embedding)
+        rendering = self.rasterizer(splats, view, self.render_settings(depth))
         if self.training:
             self.shown, self.info = rendering.visible, strategy_info(rendering, view)
             self.strategy.step_pre_backward(
@@ -651,51 +526,37 @@ class DeSplatModel(SplatfactoModel):
 
     # --- the light of an image ---------------------------------------------------------------
 
-    def embedding_of(self, index: int | None) -> Tensor | None:
-        """The image embedding [E] to draw with; None where no effect needs one.
+    def embedding_of(self, index: int | None) -> Tensor:
+        """The image embedding [E] to draw with, empty where images do not differ.
 
         In training that of training view `index`; else the one chosen to be shown, else that of
         view `index`, or the average of all if it is None.
         """
-        if self.image_effects is None:
-            return None
         if self.training and index is not None:
             return self.image_effects.of(index)
         return self.shown_light.embedding(self.image_effects, index)
-
-    def average_embedding(self) -> Tensor:
-        """The mean [E] of the training images' embeddings. Call it only if an effect has some."""
-        assert self.image_effects is not None
-        return self.image_effects.mean()
 
     def shown_in(self, embedding: Tensor) -> AbstractContextManager[None]:
         """Within, every image that is drawn outside of training has this embedding [E]."""
         return self.shown_light.fixed(embedding)
 
-    def background_of(self, view: View, embedding: Tensor | None) -> Tensor:
+    def background_of(self, view: View, embedding: Tensor) -> Tensor:
         """Colours [3], or [H, W, 3] where they differ or nerfstudio's commands expect them."""
-        if self.image_effects is not None and self.image_effects.background is not None:
-            assert embedding is not None
+        if self.image_effects.background is not None:
             degree = self.nominal_step // BACKGROUND_DEGREE_INTERVAL
             return self.image_effects.background_of(embedding, view, degree)
         color = self._get_background_color()
         return color if self.training else color.expand(view.height, view.width, 3)
 
     def image_of(
-        self, static: Rendering, background: Tensor, view: View, embedding: Tensor | None
+        self, static: Rendering, background: Tensor, view: View, embedding: Tensor
     ) -> Tensor:
         """The static scene over the background [H, W, 3], as the image's camera shows it.
 
         Colours may be beyond 1.
         """
         image = over_background(static.rgb, static.alpha, background)
-        return self.apply_camera_response(image, view, embedding)
-
-    def apply_camera_response(self, colors: Tensor, view: View, embedding: Tensor | None) -> Tensor:
-        """Colours of the scene, one [3] or an image [H, W, 3], as the image's camera shows them."""
-        if self.image_effects is None or embedding is None:
-            return colors
-        return self.image_effects.apply_camera_response(colors, view, embedding)
+        return self.image_effects.apply_camera_response(image, view, embedding)
 
     def as_function_of_embedding(
         self, view: View, columns: int | None = None
@@ -706,20 +567,19 @@ class DeSplatModel(SplatfactoModel):
         are right: what they do not show is left out. Where such a Gaussian ended the blending of a
         pixel unseen, what is behind then shows, by TRANSMITTANCE_MIN / (1 - ALPHA_MAX) at most.
         """
-        constants = {name: value.detach() for name, value in self.params_in(view).items()}
-        settings, splats = self.render_settings(depth=False), self._splats(constants, None)
+        params = {name: value.detach() for name, value in self.params_in(view).items()}
+        settings = self.render_settings(depth=False)
         if columns is not None:
+            splats = activate_static(params, self._sh_degree())
             weights = accumulated_weights(self.rasterizer, splats, view, settings, columns)
-            constants = {name: value[weights > 0] for name, value in constants.items()}
-            splats = self._splats(constants, None)
-        lit = self._lit(splats, constants, view, frozen=True)
-        static = self.rasterizer(splats, view, settings) if lit is None else None
+            params = {name: value[weights > 0] for name, value in params.items()}
+        lit = self._in_light(params, view, frozen=True)
+        drawn = None
 
         def draw(embedding: Tensor) -> Tensor:
-            drawn = static
-            if lit is not None:
+            nonlocal drawn
+            if drawn is None or FEATURES in params:
                 drawn = self.rasterizer(lit(embedding), view, settings)
-            assert drawn is not None
             background = self.background_of(view, embedding)
             return self.image_of(drawn, background, view, embedding).clamp(0, 1)
 
@@ -729,31 +589,21 @@ class DeSplatModel(SplatfactoModel):
     def embedding_in_closed_form(self, view: View, photo: Tensor, counts: Tensor) -> Tensor:
         """The numbers of the camera's response [5] that explain a photo [H, W, 3] best in the
         pixels that `counts` [H, W] names. Call it only if `effects.closed_form`."""
-        splats = self._splats(self.params_in(view), None)
-        static = self.rasterizer(splats, view, self.render_settings(depth=False))
-        background = self.background_of(view, self.average_embedding())
-        image = self.image_of(static, background, view, None)
+        average = self.image_effects.mean()
+        static = self.render_static(view, average)
+        background = self.background_of(view, average)
+        image = over_background(static.rgb, static.alpha, background)
         return fit_response(image[counts], photo[counts], squared_radius(view)[counts])
 
-    def _lit(
-        self,
-        splats: Splats,
-        params: RawParameters,
-        view: View,
-        frozen: bool = False,
-    ) -> Callable[[Tensor], Splats] | None:
-        """Gives the static Gaussians in the colours of an embedding, as far as `view` shows them;
-        None if they have the same in all."""
-        if self.image_effects is None or FEATURES not in params:
-            return None
-        return self.image_effects.appearance_in_view(splats, params[FEATURES], view, frozen)
-
-    def _splats(self, params: RawParameters, embedding: Tensor | None) -> Splats:
-        """Static Gaussians in the colours of the image that `embedding` describes."""
+    def _in_light(
+        self, params: RawParameters, view: View, frozen: bool = False
+    ) -> Callable[[Tensor], Splats]:
+        """Static Gaussians in the colours of an embedding [E], for what `view` shows of them;
+        frozen: nothing but the embedding gets a gradient."""
         splats = activate_static(params, self._sh_degree())
-        if self.image_effects is None or embedding is None or FEATURES not in params:
-            return splats
-        return self.image_effects.apply_appearance(splats, params[FEATURES], embedding)
+        if FEATURES not in params:
+            return lambda embedding: splats
+        return self.image_effects.appearance_in_view(splats, params[FEATURES], view, frozen)
 
     # --- what others ask ---------------------------------------------------------------------
 
@@ -788,7 +638,12 @@ class DeSplatModel(SplatfactoModel):
         params: RawParameters = self.gauss_params
         if rows is not None:
             params = {name: value[rows] for name, value in params.items()}
-        return self._splats(params, self.embedding_of(None))
+        splats = activate_static(params, self._sh_degree())
+        if FEATURES not in params:
+            return splats
+        return self.image_effects.apply_appearance(
+            splats, params[FEATURES], self.embedding_of(None)
+        )
 
     def baked_coefficients(self) -> Tensor:
         """SH coefficients [N, K, 3] in the light that is shown."""

@@ -18,7 +18,8 @@ from desplat_ns.errors import CheckpointError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.evaluate import Show, evaluate, evaluate_in_training
 from desplat_ns.evaluation.pictures import save_pictures
-from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.model import DeSplatModel
+from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import (
     give_masks_a_colormap_in_the_viewer,
     load_evaluated_checkpoints_like_resumed_ones,

@@ -16,7 +16,7 @@ from nerfstudio.engine.trainer import TrainerConfig
 from desplat_ns.console import announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.errors import ConfigError
-from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import write_enumerations_by_value
 from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_finite_options

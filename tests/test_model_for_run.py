@@ -11,7 +11,7 @@ import pytest
 from desplat_ns.errors import ConfigError
 from desplat_ns.gaussians.distractor_config import MAX_WARMUP_VISITS, DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
-from desplat_ns.model import DeSplatModelConfig
+from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.training.schedule import Schedule, pause_after_reset
 

@@ -32,7 +32,7 @@ def reaches_the_background(model: DeSplatModel, name: str) -> bool:
     model.train()
     model.optimizers = trainer.optimizers
     losses = model.get_loss_dict(model(camera(0)), {"image": trainer.photo})
-    assert model.image_effects is not None and model.image_effects.background is not None
+    assert model.image_effects.background is not None
     parameters = list(model.image_effects.background.parameters())
     gradients = torch.autograd.grad(losses[name], parameters, allow_unused=True)
     return any(gradient is not None and bool(gradient.any()) for gradient in gradients)

@@ -98,7 +98,7 @@ def embedding_from_left_half(
         lambda embedding: photometric_loss(
             left_half(draw(embedding)) * weight, target, ssim_weight
         ),
-        model.average_embedding(),
+        model.image_effects.mean(),
         config.steps,
         config.learning_rate,
     )

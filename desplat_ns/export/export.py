@@ -148,7 +148,7 @@ def shown_in(model: DeSplatModel, light: str | None) -> Any:
     if light is None:
         return nullcontext()
     effects = model.image_effects
-    if effects is None or effects.appearance is None:
+    if effects.appearance is None:
         raise ConfigError(
             f"--light is '{light}', but the Gaussians of this run have the same colours in the "
             "light of every photo. Leave it out."

@@ -192,8 +192,3 @@ class ImageEffects(nn.Module):
         if self.appearance is not None:
             groups["appearance_mlp"] = list(self.appearance.parameters())
         return groups if self.background is None else groups | self.background.param_groups()
-
-
-def wants_image_effects(effects: Effects) -> bool:
-    """Whether any of the effects is on."""
-    return effects.appearance != "off" or effects.background != "off"

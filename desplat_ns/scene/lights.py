@@ -52,12 +52,11 @@ def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
         view: for the background: its mean colour there stands for it.
     """
     effects = model.image_effects
-    if effects is None or effects.appearance is None or not model.names:
+    if effects.appearance is None or not model.names:
         return []
     photos = even_subset(len(model.names), MOST_PHOTOS)
     embeddings = [effects.of(photo) for photo in photos]
     shown = model.embedding_of(None)
-    assert shown is not None
     among = rows.nonzero()[:, 0]
     some = among[even_subset(len(among), MOST_GAUSSIANS)]
     first, *others = (_colors(model, some, embedding) for embedding in (shown, *embeddings))
@@ -94,7 +93,6 @@ def _colors(model: DeSplatModel, rows: Tensor, embedding: Tensor) -> Tensor:
 
 
 def _baked(model: DeSplatModel, rows: Tensor, view: View, photos: Sequence[int]) -> Iterator[Light]:
-    assert model.image_effects is not None
     for photo in photos:
         embedding = model.image_effects.of(photo)
         with model.shown_in(embedding):
@@ -103,7 +101,7 @@ def _baked(model: DeSplatModel, rows: Tensor, view: View, photos: Sequence[int])
 
 
 def mean_background(
-    model: DeSplatModel, view: View, embedding: Tensor | None
+    model: DeSplatModel, view: View, embedding: Tensor
 ) -> tuple[float, float, float]:
     """Colour in [0, 1] that stands for what is behind everything in a view."""
     colors = model.background_of(view, embedding).reshape(-1, 3)

@@ -16,7 +16,8 @@ from desplat_ns.backend.protocol import View
 from desplat_ns.backend.registry import BackendName
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import PARAMETER_NAMES, ViewDistractors, fill_view
-from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.model import DeSplatModel
+from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.training.optimizers import FusedAdamConfig
 from lab.bench.scenes import Scene

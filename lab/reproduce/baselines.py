@@ -22,7 +22,8 @@ from desplat_ns.data.robustnerf_names import kind_of
 from desplat_ns.errors import CaptureError
 from desplat_ns.losses import photometric_loss
 from desplat_ns.method_configs import desplat
-from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.model import DeSplatModel
+from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.settings.effects import EffectsConfig
 
 TRIMMED_SHARE = 0.8

@@ -57,7 +57,6 @@ def test_images_do_not_influence_each_other(model):
 
 def test_figures_are_the_right_halfs(model, monkeypatch):
     """A photo that is right on the left and wrong on the right scores as wrong."""
-    assert model.image_effects is not None
     photo = photo_in_the_light_of(model, 1)
     mean = model.image_effects.mean()
     protocol, known = by_left_half(model, SHORT), model.image_effects.of(1).detach()

@@ -50,7 +50,6 @@ def test_a_file_looks_like_the_static_scene_in_the_light_that_is_shown(appearanc
 
 def test_the_light_of_one_photo_is_baked_when_it_is_shown():
     model = moved(model_with("affine")).eval()
-    assert model.image_effects is not None
     of_each = []
     for photo in (0, 1):
         with model.shown_in(model.image_effects.of(photo)):

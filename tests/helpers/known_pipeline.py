@@ -13,6 +13,8 @@ from torch import nn
 
 from desplat_ns.gaussians.distractors import DistractorGaussians, ViewDistractors
 from desplat_ns.model import DeSplatModel
+from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
+from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline, DeSplatPipelineConfig
 from desplat_ns.rendering.metrics import LazyLpips, image_metrics
@@ -48,7 +50,7 @@ class KnownModel(DeSplatModel):
         nn.Module.__init__(self)
         self.config: Any
         self.config, self.effects = SimpleNamespace(sh_degree=3), effects
-        self.image_effects = None
+        self.image_effects = ImageEffects(Effects(), AppearanceConfig(), BackgroundConfig(), 1, 3)
         self.gauss_params = nn.ParameterDict({"means": torch.zeros(points, 3)})
         self.distractors = KnownDistractors() if effects.distractors else None
         self.layer_control = LayerControl(2 if effects.distractors else 0)

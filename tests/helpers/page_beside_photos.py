@@ -50,9 +50,10 @@ def page_beside_photos(run: LoadedRun, folder: Path) -> Beside:
             page.resize(camera.view.width, camera.view.height)
             settle(page, f"scenePage.goTo({index})")
             with torch.no_grad():
-                static = model.render_static(camera.view, None)
-                background = model.background_of(camera.view, None)
-                ours = model.image_of(static, background, camera.view, None).clamp(0, 1).numpy()
+                static = model.render_static(camera.view, model.embedding_of(None))
+                light = model.embedding_of(None)
+                background = model.background_of(camera.view, light)
+                ours = model.image_of(static, background, camera.view, light).clamp(0, 1).numpy()
             picture, photo = shown(page), camera.photo / 255
             of_ours.append(psnr(picture, ours))
             below_ours.append(psnr(ours, photo) - psnr(picture, photo))

@@ -22,7 +22,6 @@ def model_with(appearance: str = "off", background: str = "off", **config: Any) 
 
 def moved(model: DeSplatModel) -> DeSplatModel:
     """As if trained: embeddings that differ, heads that are not zero."""
-    assert model.image_effects is not None
     generator = torch.Generator().manual_seed(5)
     for parameter in model.image_effects.parameters():
         parameter.data += 0.2 * torch.randn(parameter.shape, generator=generator)
@@ -36,6 +35,5 @@ def held_out(width: int = WIDTH) -> Cameras:
 
 
 def photo_in_the_light_of(model: DeSplatModel, view: int, width: int = WIDTH) -> torch.Tensor:
-    assert model.image_effects is not None
     with model.shown_light.fixed(model.image_effects.of(view)):
         return model.get_outputs_for_camera(held_out(width))["rgb"]

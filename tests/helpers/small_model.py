@@ -9,7 +9,8 @@ from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import SceneBox
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.model import DeSplatModel, DeSplatModelConfig
+from desplat_ns.model import DeSplatModel
+from desplat_ns.model_config import DeSplatModelConfig
 
 WIDTH, HEIGHT, NUM_VIEWS = 24, 20, 3
 

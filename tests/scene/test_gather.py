@@ -104,7 +104,7 @@ def test_in_a_browser_it_looks_as_the_model_renders_it(run: LoadedRun, tmp_path:
         for index, camera in enumerate(contents.cameras):
             settle(page, f"scenePage.goTo({index})")
             with torch.no_grad():
-                static = model.render_static(camera.view, None)
+                static = model.render_static(camera.view, model.embedding_of(None))
             background = np.asarray(contents.background, np.float32)
             ours = static.rgb.numpy() + (1 - static.alpha.numpy()) * background
             decibels.append(psnr(shown(page), ours.clip(0, 1)))

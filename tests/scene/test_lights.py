@@ -52,7 +52,6 @@ def test_each_light_has_the_colours_that_are_baked_for_its_photo(appearance: str
     assert 1 <= len(lights) <= 3 and len({light.name for light in lights}) == len(lights)
     for light in lights:
         photo = [text_of(name) for name in model.names].index(light.name)
-        assert model.image_effects is not None
         with model.shown_in(model.image_effects.of(photo)):
             whole = baked(model.shown_splats().rows(rows), antialiased=False)
         assert np.allclose(light.harmonics, whole.harmonics, atol=1e-5)

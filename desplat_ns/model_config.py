@@ -1,0 +1,127 @@
+"""The settings of a DeSplat model, and what they are in a run of a given length and capture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+
+import torch
+from nerfstudio.models.splatfacto import SplatfactoModelConfig
+
+from desplat_ns.backend import BackendName
+from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.room import most_in_memory
+from desplat_ns.gaussians.strategy import UNLIMITED
+from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
+from desplat_ns.settings.effects import EffectsConfig
+from desplat_ns.settings.options import check_ranges, ranged
+from desplat_ns.training.schedule import (
+    SPLATFACTOS_INTERVAL,
+    photo_downscale,
+    steps_between_refinements,
+)
+
+
+@dataclass
+class DeSplatModelConfig(SplatfactoModelConfig):
+    """Splatfacto's settings, and those of DeSplat.
+
+    Numbers of steps are nominal, of a run of the method's own length, unless they say otherwise.
+    """
+
+    _target: type = field(default_factory=lambda: import_module("desplat_ns.model").DeSplatModel)
+    effects: EffectsConfig = field(default_factory=EffectsConfig)
+    """Which effects the scene calls for."""
+    appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
+    """Per-image appearance, where `effects.appearance` has it."""
+    background: BackgroundConfig = field(default_factory=BackgroundConfig)
+    """Background model, where `effects.background` has it."""
+    backend: BackendName = "auto"
+    """Rasterizer. auto takes gsplat on CUDA, and numba on the CPU."""
+    schedule_scale: float | None = None
+    """Steps of the run for each nominal step; by default max-num-iterations over the method's own
+    number, at most 1."""
+    refine_every: int = ranged(0, "[0, inf)")
+    """Steps of the run between two refinements of the static set, at most; 0 for no bound.
+    Splatfacto has 100, in runs of any length."""
+    sh_degree: int = ranged(3, f"[0, {MAX_DEGREE}]")
+    """Degree of the harmonics in which static Gaussians hold their colours."""
+    sh_degree_interval: int = ranged(1000, "[1, inf)")
+    """Steps after which one degree more is learned."""
+    refinements: int = ranged(15, "[1, inf)")
+    """Refinements of the static set in a run, whatever its length: they are as many steps apart as
+    `stop_split_at` has by this number, and at least half a round of the views. See
+    docs/explain/separation.md, "How often Gaussians are refined"."""
+    train_downscale: int = ranged(1, "[1, inf)")
+    """Factor by which photos are smaller in training at least, to the end; a step then costs less.
+    Renderings and evaluation have their full size."""
+    gaussians_per_pixel: float = ranged(0.0, "[0, inf)")
+    """Static Gaussians at most, per pixel of all training photos together: more than the photos can
+    hold in place become floaters. 0 for no such limit, as in the paper. In any case at most as many
+    as fit into memory. A capture that starts with more keeps those, but does not grow."""
+    opacity_prior: float = ranged(0.0, "[0, inf)")
+    """Weight of the mean opacity of the static Gaussians that a photo shows, divided by the number
+    of training photos: the fewer there are, the more it says beside them. What no photo needs fades
+    and is pruned (docs/explain/separation.md, "What the static scene trains on"). 0 in the paper.
+    It counts as 0 where each photo has a light of its own (`effects.appearance`): there the scene
+    fades."""
+    near_plane: float = ranged(0.0, "[0, 1)")
+    """Renderings leave out static Gaussians that are nearer than this share of the depth at which
+    the seed points in the view start, and those before that start that reach the camera
+    (`stands_clear`): what hangs there contradicts no photo, and hides the scene. Training draws
+    them. 0 in the paper: nothing is left out."""
+    cull_to_the_end: bool = False
+    """Prune faint static Gaussians after `stop_split_at` as well. Splatfacto did so when the paper
+    was written (nerfstudio 1.1.4: `continue_cull_post_densification`)."""
+    distractors: DistractorConfig = field(default_factory=DistractorConfig)
+    """Distractor Gaussians."""
+
+    def for_run(self, num_views: int) -> DeSplatModelConfig:
+        """A copy for one run, its intervals as the number of training views wants them.
+
+        Raises:
+            ConfigError: a setting lies outside its range.
+        """
+        check_ranges(self, "--pipeline.model")
+        run, scale = replace(self), self.schedule_scale or 1.0
+        densification = max(1, round(self.stop_split_at * scale))
+        run.refine_every = steps_between_refinements(
+            num_views, densification, self.refinements, self.refine_every
+        )
+        if self.effects.settled().appearance != "off":
+            run.opacity_prior = 0.0
+        run.distractors = self.distractors.for_views(num_views, self.warmup_length, scale)
+        return run
+
+    def warmup_of(self, num_views: int) -> tuple[int, int]:
+        """`DistractorConfig.warmup_of` a run; no steps without distractors."""
+        if not self.effects.settled().distractors:
+            return 0, 0
+        scale = self.schedule_scale or 1.0
+        return self.distractors.warmup_of(num_views, self.warmup_length, scale)
+
+    def downscale_factor(self, step: int) -> int:
+        """By how much photos are smaller at a nominal step: with a warm-up, small photos are over
+        by the middle of it. Call it on what `for_run` gave."""
+        warmup = self.distractors.static_warmup if self.effects.settled().distractors else 0
+        usual = photo_downscale(step, self.num_downscales, self.resolution_schedule, warmup)
+        return max(self.train_downscale, usual)
+
+    @property
+    def reset_every(self) -> int:
+        """Nominal steps from one reset of the static opacities to the next; `reset_alpha_every` 0:
+        none."""
+        steps = self.reset_alpha_every * SPLATFACTOS_INTERVAL
+        return steps if steps > 0 else UNLIMITED
+
+    def most_gaussians(self, pixels: int, device: str | torch.device) -> int:
+        """Static Gaussians beyond which the set does not grow.
+
+        Args:
+            pixels: of all training photos together.
+            device: in whose memory they have to fit.
+        """
+        wanted = self.gaussians_per_pixel * pixels
+        room = most_in_memory(device)
+        return min(round(wanted), room) if self.gaussians_per_pixel > 0 else room
