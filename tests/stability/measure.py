@@ -107,7 +107,8 @@ def run(case: Case, backend: Backend, exact: Truth | None = None) -> Outcome:
     leaves, got = backend.render(case.make(), case.settings)
     image = features(got)
     (image * factor.to(image)).sum().backward()
-    gradients = {name: getattr(leaves, name).grad for name in PARAMETERS}
+    gradients = {name: getattr(leaves, name).grad.cpu() for name in PARAMETERS}
+    image = image.detach().cpu()
     finite = all(bool(t.isfinite().all()) for t in (image, *gradients.values()))
     keep = [i for i in range(len(leaves.means)) if i not in case.culled]
     gone = list(case.culled)
@@ -130,7 +131,7 @@ def compare(
 ) -> tuple[float, float, float, float]:
     """Value error and share, gradient error and share."""
     want = torch.from_numpy(exact.values)
-    error = (image.detach().double() - want).abs() * bounds.safe[:, None]
+    error = (image.double() - want).abs() * bounds.safe[:, None]
     size = want.abs().amax(0).clamp(min=1e-300)
     value_share = share(error, bounds.values)
     value_error = (error / size).max().item()

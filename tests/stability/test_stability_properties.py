@@ -54,7 +54,7 @@ def drawn(backend: Backend, scene: TestScene, settings: RenderSettings = DEPTH):
     image = features(got)
     rng = torch.Generator().manual_seed(1)
     (image * torch.rand(image.shape, generator=rng).to(image)).sum().backward()
-    return image.detach(), {name: getattr(leaves, name).grad for name in PARAMETERS}
+    return image.detach().cpu(), {name: getattr(leaves, name).grad.cpu() for name in PARAMETERS}
 
 
 def check_same(backend: Backend, first: TestScene, other: TestScene, got: Tensor, want: Tensor):
@@ -156,7 +156,7 @@ def test_the_composite_is_one_rasterization_with_the_distractors_in_front(backen
     rgb = composite_color(d.rgb, d.alpha, s.rgb)
     alpha = composite_alpha(d.alpha, s.alpha)
     image, _ = drawn(backend, scene)
-    got = torch.cat([rgb, alpha], dim=-1).reshape(-1, 4).detach()
+    got = torch.cat([rgb, alpha], dim=-1).reshape(-1, 4).detach().cpu()
     check_same(backend, scene, scene, torch.cat([got, image[:, 4:]], dim=-1), image)
 
 
