@@ -62,10 +62,12 @@ class GsplatRasterizer:
 
 
 def _with_unsound_behind(splats: Splats, view: View) -> Tensor:
-    """Means, those of Gaussians that gsplat would turn into NaN moved behind the camera."""
+    """Means, those of Gaussians that gsplat would turn into NaN moved behind the camera: also where
+    the determinant of a covariance, of the order of a scale's fourth power, overflows."""
     rotation, translation = view.viewmat[:3, :3].detach(), view.viewmat[:3, 3].detach()
     behind = -rotation[2] - translation @ rotation  # of (0, 0, -1), before the camera's axes
-    return torch.where(is_finite(splats)[:, None], splats.means, behind)
+    sound = is_finite(splats) & splats.scales.detach().pow(4).sum(-1).isfinite()
+    return torch.where(sound[:, None], splats.means, behind)
 
 
 def _check_cuda_float32(means: Tensor) -> None:
