@@ -44,7 +44,7 @@ from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
-from desplat_ns.report.failure_case import coverage_of, seen_and_unlike
+from desplat_ns.report.disputed import seen_and_unlike, unlike_in
 from desplat_ns.separation.clearance import Clearance
 from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
@@ -225,8 +225,8 @@ def test_exchanging_distractors_stays_on_the_gpu():
 
 def test_where_a_view_is_unlike_the_scene_stays_on_the_gpu(regions_by_cell):
     photo, static, alpha_d = cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 1)
-    coverage = coverage_of("a.jpg", the_view(), alpha_d, photo, static, CONFIG)
-    assert_on_cuda(coverage.covered, coverage.view.K, *seen_and_unlike(cuda(N, 3), coverage))
+    unlike = unlike_in("a.jpg", the_view(), alpha_d, photo, static, CONFIG)
+    assert_on_cuda(unlike.cells, unlike.view.K, *seen_and_unlike(cuda(N, 3), unlike))
 
 
 def test_clearance_stays_on_the_gpu():
