@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from desplat_ns.console import list_names
-from desplat_ns.evaluation.records import gaussian_counts
+from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.runs.loading import LoadedRun
 from desplat_ns.settings.effects import Effects
 

@@ -41,7 +41,7 @@ def test_all_else_stays_bit_identical(model):
 @pytest.mark.slow
 def test_the_light_of_a_photo_is_found_again(model):
     photo = photo_in_the_light_of(model, 2)
-    config = EvaluationConfig(steps=128, learning_rate=0.05)
+    config = EvaluationConfig(steps=48, learning_rate=0.1)
     scored, _ = by_left_half(model, config).score(held_out(), {"image": photo}, "a")
     assert scored.metrics["psnr"] > scored.metrics["psnr_before"] + 6
 
@@ -89,12 +89,3 @@ def test_the_narrowest_photo_is_scored(model):
     batch = {"image": torch.rand(HEIGHT, 4, 3)}
     scored, _ = by_left_half(model, SHORT).score(held_out(4), batch, "a")
     assert scored.metrics["psnr"] > 0
-
-
-def test_the_protocol_says_how_the_light_was_found():
-    by_adam = by_left_half(moved(model_with("affine")).eval(), SHORT)
-    assert "6 steps of Adam at 0.05" in by_adam.describe()
-    at_once = by_left_half(model_with("camera").eval(), SHORT)
-    assert "closed form" in at_once.describe()
-    with_sky = by_left_half(model_with("camera", background="image").eval(), SHORT)
-    assert "6 steps of Adam" in with_sky.describe()
