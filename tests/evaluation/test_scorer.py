@@ -41,7 +41,7 @@ def test_all_else_stays_bit_identical(model):
 @pytest.mark.slow
 def test_the_light_of_a_photo_is_found_again(model):
     photo = photo_in_the_light_of(model, 2)
-    config = EvaluationConfig(steps=48, learning_rate=0.1)
+    config = EvaluationConfig(steps=128, learning_rate=0.05)
     scored, _ = by_left_half(model, config).score(held_out(), {"image": photo}, "a")
     assert scored.metrics["psnr"] > scored.metrics["psnr_before"] + 6
 
