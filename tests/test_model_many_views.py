@@ -87,7 +87,6 @@ def work_of_a_step(effects: Effects, views: int) -> tuple[Counter[Any], Counter[
     "effects",
     [
         Effects(distractors=True),
-        Effects(distractors=True, appearance="camera", background="constant"),
         Effects(distractors=True, appearance="affine", background="image"),
     ],
     ids=lambda effects: f"{effects.appearance}-{effects.background}",

@@ -66,18 +66,6 @@ def test_gaussians_start_in_the_colours_of_their_points():
     assert torch.equal(model.seed_points[1], COLORS)
 
 
-def test_without_spherical_harmonics_colours_go_through_the_sigmoid():
-    model = _model((_points(), COLORS), sh_degree=0)
-    assert torch.allclose(torch.sigmoid(model.features_dc), COLORS / 255, atol=1e-6)
-
-
-def test_every_parameter_is_trainable_and_in_upstreams_order():
-    model = _model((_points(), COLORS))
-    names = ["means", "scales", "quats", "features_dc", "features_rest", "opacities"]
-    assert sorted(model.gauss_params.keys()) == sorted(names)
-    assert all(p.requires_grad and p.dtype == torch.float32 for p in model.gauss_params.values())
-
-
 def test_training_never_moves_the_data_parsers_own_points():
     points = _points()
     model = _model((points, COLORS))
