@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +14,8 @@ import torch
 import yaml
 from PIL import Image
 
-from tests.helpers.stub_run import assert_same
-
 if TYPE_CHECKING:
-    from nerfstudio.engine.trainer import TrainerConfig
+    pass
 
 pytestmark = pytest.mark.slow
 
@@ -69,29 +66,6 @@ def test_a_checkpoint_holds_gaussians_and_their_scene_and_no_metric_network(chec
     assert state["_extra_state"]["effects"] == effects
     assert len(state["_extra_state"]["train_images"]) == NUM_TRAIN
     assert not [key for key in state if "lpips" in key]
-
-
-def test_resuming_brings_optimizers_back_and_goes_on(
-    tiny_run: Callable[[Path], TrainerConfig], trained: Path, checkpoint: dict, tmp_path: Path
-):
-    config: Any = tiny_run(tmp_path)
-    config.load_dir = trained.parent / "nerfstudio_models"
-    config.max_num_iterations = STEPS + 2
-    trainer: Any = config.setup(local_rank=0, world_size=1)
-    trainer.setup()
-    assert "means" in trainer.optimizers.optimizers
-    key = "_model.distractors._extra_state"
-    assert_same(trainer.pipeline.state_dict()[key], checkpoint["pipeline"][key])
-    assert any(view["moments"] for view in checkpoint["pipeline"][key])
-    for name, optimizer in trainer.optimizers.optimizers.items():
-        saved = checkpoint["optimizers"][name]["state"]
-        state = optimizer.state_dict()["state"]
-        assert saved.keys() == state.keys()
-        for index, moments in saved.items():
-            assert torch.equal(state[index]["exp_avg"].cpu(), moments["exp_avg"])
-            assert torch.equal(state[index]["exp_avg_sq"].cpu(), moments["exp_avg_sq"])
-    trainer.train()
-    assert (trainer.checkpoint_dir / f"step-{STEPS + 1:09d}.ckpt").exists()
 
 
 # --- ns-eval ------------------------------------------------------------------------------------

@@ -104,29 +104,6 @@ def test_distractors_wait_for_the_static_warmup():
     assert trainer.step(5)["outputs"]["alpha_distractor"].any()
 
 
-def test_a_view_without_distractors_is_rasterized_once(monkeypatch):
-    model = make_model()
-    trainer = Trainer(model)
-    drawn: list[int] = []
-    rasterize = model.rasterizer
-
-    class Counting:
-        name = "counting"
-
-        def __call__(self, splats, view, settings):
-            drawn.append(len(splats.means))
-            return rasterize(splats, view, settings)
-
-    monkeypatch.setattr(model, "_rasterizer", Counting())
-    trainer.step(0)
-    assert drawn == [30, 20]
-    for parameter in distractors_of(model, 0).values():
-        parameter.data, parameter.grad = parameter.data[:0], None
-    drawn.clear()
-    trainer.step(1)
-    assert drawn == [30]
-
-
 def test_the_static_opacity_is_reset_and_that_of_distractors_is_not():
     config = {"refine_every": 1, "warmup_length": 0, "cull_alpha_thresh": 0.1}
     model = make_model(reset_alpha_every=4, schedule_scale=0.01, **config)  # nominal step 400

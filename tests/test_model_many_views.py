@@ -41,14 +41,12 @@ class Operations(TorchDispatchMode):
 
     def __torch_dispatch__(self, func, types, args=(), kwargs=None):  # type: ignore[override]
         result = func(*args, **(kwargs or {}))
-        shapes = [tuple(t.shape) for t in tree_leaves((args, kwargs, result)) if _is_tensor(t)]
+        shapes = [
+            tuple(t.shape) for t in tree_leaves((args, kwargs, result)) if isinstance(t, Tensor)
+        ]
         named = tuple(tuple("V" if n == self._views else n for n in shape) for shape in shapes)
         self.counts[str(func), named] += 1
         return result
-
-
-def _is_tensor(value: Any) -> bool:
-    return isinstance(value, Tensor)
 
 
 def work_of_a_step(effects: Effects, views: int) -> tuple[Counter[Any], Counter[Any]]:

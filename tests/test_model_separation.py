@@ -12,7 +12,6 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.views import image_points, view_of
 from desplat_ns.separation.placement import distractor_weight
 from desplat_ns.settings.effects import EffectsConfig
-from tests.helpers.guarded_trainer import GuardedTrainer, everywhere
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
 NO_DENSIFICATION: dict[str, Any] = {"warmup_length": 10_000}
@@ -73,19 +72,17 @@ def test_distractors_appear_where_one_photo_differs_and_nowhere_else():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("masked", [slice(0, 11)])
-def test_no_distractor_is_placed_where_the_users_mask_leaves_a_photo_out(masked):
-    """Left of the middle, or everywhere; what is seen to the right of a mask still counts."""
+def test_no_distractor_is_placed_where_the_users_mask_leaves_a_photo_out():
+    """Left of the middle; what is seen to the right of a mask still counts."""
     model = a_dense_model(static_warmup=60)
     trainer = Crossing(model)
     for step in range(60):
         trainer.visit(step, 1 + step % 2)
     trainer.mask = torch.ones(HEIGHT, WIDTH, 1)
-    trainer.mask[:, masked] = 0
+    trainer.mask[:, :11] = 0
     trainer.visit(60, 0)
     u, _, _ = image_points(distractors_of(model, 0)["means"].detach(), view_of(camera(0)))
-    assert ((u * WIDTH).round(decimals=3) >= masked.stop).all()
-    assert (len(u) > 0) == (masked.stop < WIDTH)
+    assert len(u) > 0 and ((u * WIDTH).round(decimals=3) >= 11).all()
 
 
 def test_alone_the_static_scene_gets_no_gradient_from_the_composite():
@@ -206,16 +203,3 @@ def test_nothing_is_learned_from_a_dropped_step():
     assert model.memory.number("visits") == 3
     trainer.step(4, 0)
     assert model.memory.number("visits") == 4
-
-
-def test_the_log_counts_distractors_as_refinement_and_placement_leave_them():
-    model = everywhere()
-    trainer, counted = GuardedTrainer(model), set()
-    assert model.distractors is not None
-    for step in range(9):
-        trainer.step(step)
-        assert model.distractors.total == sum(model.distractors.counts())
-        counted.add(model.distractors.total)
-    assert len(counted) > 1
-    metrics = model.get_metrics_dict(model(camera(0)), {"image": trainer.photo})
-    assert metrics["distractor_count"] == model.distractors.total
