@@ -95,7 +95,7 @@ def test_the_timed_steps_leave_a_model_that_has_learned_nothing(config, clock):
     trainer = set_up(config)
     model = trainer.pipeline.model
     assert torch.equal(model.gauss_params["means"].data.cpu(), model.seed_points[0].cpu())
-    assert clock.now > 2 + 6 * 0.5 and trainer._steps_done == 0
+    assert clock.now > 2 + 4 * 0.5 and trainer._steps_done == 0
 
 
 def test_photos_are_smaller_where_too_few_steps_of_whole_ones_would_fit(config, clock):
