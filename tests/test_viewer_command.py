@@ -14,7 +14,8 @@ import torch
 
 pytestmark = pytest.mark.slow
 
-NUM_TRAIN, SIZE = 6, (48, 32)
+
+SIZE = (48, 32)
 
 
 class _Started(Exception):

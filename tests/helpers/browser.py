@@ -1,4 +1,4 @@
-"""A headless Chromium, driven through its DevTools protocol; a scene's page in it."""
+"""A headless Chromium, driven through its DevTools protocol."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from PIL import Image
 
@@ -183,42 +182,3 @@ def _address(profile: Path, process: subprocess.Popen[bytes]) -> str:
                 return pages[0]["webSocketDebuggerUrl"]
         time.sleep(0.1)
     pytest.skip(f"the browser did not start (exit status {process.poll()})")
-
-
-# --- a scene's page -------------------------------------------------------------------------
-
-BARE = "<style id=bare>header, footer { display: none !important }</style>"
-"""The stage alone, so that it is as large as the window."""
-
-
-def opened(page: Page, path: Path) -> None:
-    """Open a scene's page, and wait until it shows the scene or says why not."""
-    page.open(path.as_uri())
-    page.wait_for("!!globalThis.scenePage || document.body.classList.contains('failed')")
-
-
-def bare(page: Page) -> None:
-    """Show the stage alone."""
-    page.value(f"document.head.insertAdjacentHTML('beforeend', '{BARE}')")
-
-
-def settle(page: Page, action: str = "") -> None:
-    """Do something on the page, and wait until what follows is drawn."""
-    page.value(f"{action}; scenePage.redraw()")
-    page.wait_for("scenePage.settled()")
-
-
-def shown(page: Page) -> np.ndarray:
-    """What is in the window [H, W, 3], in [0, 1]."""
-    return np.asarray(page.picture()) / 255
-
-
-@contextmanager
-def bare_scene(path: Path, text: str, width: int, height: int) -> Iterator[Page]:
-    """The stage of a page alone, of this size."""
-    path.write_text(text)
-    with headless_page(webgl=True) as page:
-        page.resize(width, height)
-        opened(page, path)
-        bare(page)
-        yield page

@@ -9,15 +9,7 @@ import pytest
 
 from desplat_ns.export.splat_cloud import SplatCloud
 from desplat_ns.scene.page import html_of
-from tests.helpers.browser import (
-    Page,
-    bare,
-    bare_scene,
-    headless_page,
-    opened,
-    settle,
-    shown,
-)
+from tests.helpers.browser import Page, headless_page
 from tests.helpers.scene import (
     HEIGHT,
     PHOTO,
@@ -30,6 +22,7 @@ from tests.helpers.scene import (
     psnr,
     red_disc,
 )
+from tests.helpers.scene_in_browser import bare, bare_scene, opened, settle, shown
 
 pytestmark = pytest.mark.slow
 
