@@ -45,7 +45,7 @@ from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.layers import layered_outputs, static_outputs
 from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
-from desplat_ns.separation.placement import distractor_weight, lie_in, uncovered_cells
+from desplat_ns.separation.placement import distractor_weight
 from desplat_ns.settings.effects import BackgroundGrade, Effects
 from desplat_ns.training.step_guard import sum_of_squares
 
@@ -137,13 +137,6 @@ def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number,
     assert (step.regions is None) == (number < CONFIG.static_warmup)
     if step.regions is not None:
         assert_on_cuda(step.regions)
-
-
-def test_placing_stays_on_the_gpu():
-    """`placement` itself asks whether any is to be placed; what it asks, and what it then makes."""
-    step, regions = a_step(LATE), cuda(HEIGHT, WIDTH) > 0.5
-    assert_on_cuda(lie_in(regions, cuda(7, 3), step.view))
-    assert_on_cuda(uncovered_cells(regions, cuda(HEIGHT, WIDTH, 1), CONFIG))
 
 
 def distractors_with_moments() -> ViewDistractors:

@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
-from nerfstudio.data.scene_box import OrientedBox
 
 from desplat_ns.errors import BackendUnavailableError, CaptureError, ConfigError, DeSplatError
 from desplat_ns.gaussians import densification
@@ -174,15 +173,6 @@ def test_a_corrected_pose_is_that_of_training_views_only():
         model.camera_optimizer.pose_adjustment[:, 0] = 0.3
     assert not torch.allclose(model.get_outputs_for_camera(camera(1))["rgb"], straight["rgb"])
     assert torch.equal(model.get_outputs_for_camera(camera())["rgb"], held_out["rgb"])
-
-
-def test_a_crop_box_leaves_out_what_lies_beyond_it():
-    model = make_model().eval()
-    box = OrientedBox(R=torch.eye(3), T=torch.tensor([0.5, 0.0, 0.0]), S=torch.ones(3))
-    right = model.get_outputs_for_camera(camera(), obb_box=box)["accumulation"]
-    assert right[:, WIDTH // 2 :].sum() > 3 * right[:, : WIDTH // 2].sum()
-    nowhere = OrientedBox(R=torch.eye(3), T=torch.full((3,), 9.0), S=torch.ones(3))
-    assert not model.get_outputs_for_camera(camera(), obb_box=nowhere)["accumulation"].any()
 
 
 def test_an_empty_static_scene_ends_the_run():

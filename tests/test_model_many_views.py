@@ -16,7 +16,7 @@ from desplat_ns.settings.effects import Effects
 from lab.bench.model_step import LATE, ModelStep
 from lab.bench.scenes import make_scene
 
-FEW, MANY = 23, 2003
+FEW, MANY = 23, 503
 """Primes, which are the size of nothing else in a step."""
 
 LOOKED_AT = next(

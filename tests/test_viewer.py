@@ -15,8 +15,7 @@ from nerfstudio.viewer.utils import parse_object
 from nerfstudio.viewer.viewer import Viewer
 from nerfstudio.viewer.viewer_elements import ViewerElement
 from torch import nn
-from viser import ViserServer
-from viser._viser import CameraHandle, ClientHandle, _CameraHandleState
+from viser import ClientHandle, ViserServer
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.photo_tourism.shown_light import ShownLight
@@ -144,43 +143,12 @@ def _cameras() -> Cameras:
     return Cameras(poses, fx=30.0, fy=40.0, cx=15.0, cy=30.0, width=30, height=60)
 
 
-class _Browser(ClientHandle):
-    """viser's own camera of a browser that has just opened the page; keeps what is sent to it."""
-
-    def __init__(self) -> None:
-        self.sent: list[Any] = []
-        connection: Any = SimpleNamespace(queue_message=self.sent.append)
-        self._websock_connection = connection
-        self.camera = CameraHandle(self)
-        corner, up = np.array([3.0, 3.0, 3.0]), np.array([0.0, 0.0, 1.0])
-        self.camera._state = _CameraHandleState(
-            client=self,
-            wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
-            position=corner,
-            fov=1.3,
-            aspect=1.5,
-            look_at=np.zeros(3),
-            up_direction=up,
-            update_timestamp=1.0,
-            camera_cb=[],
-        )
-
-    def atomic(self) -> nullcontext:
-        return nullcontext()
-
-
-def _opened(cameras: Cameras) -> _Browser:
-    """A browser that has opened the viewer of these training photos."""
-    browser, viewer = _Browser(), Viewer.__new__(Viewer)
-    server: Any = SimpleNamespace(on_client_connect=lambda show: show(browser))
-    viewer.viser_server = server
-    FirstPhotoView(cameras)._setup(viewer)
-    return browser
-
-
 def test_the_viewer_opens_where_the_first_training_photo_was_taken():
     cameras = _cameras()
+    browser: Any = ClientHandle.__new__(ClientHandle)
+    browser.atomic, browser.camera = nullcontext, SimpleNamespace(aspect=1.5)
+    FirstPhotoView(cameras).show(browser)
     viewer: Any = SimpleNamespace(ready=False, current_camera_idx=0)
-    state = Viewer.get_camera_state(viewer, _opened(cameras))
+    state = Viewer.get_camera_state(viewer, browser)
     assert torch.allclose(state.c2w.float(), cameras.camera_to_worlds[0], atol=1e-6)
     assert state.fov == pytest.approx(2 * math.atan(30 / 40))  # from top to bottom
