@@ -1,7 +1,6 @@
 """What a run of a length, on a number of views, makes of the settings."""
 
 from dataclasses import replace
-from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,11 +8,10 @@ import psutil
 import pytest
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.gaussians.distractor_config import MAX_WARMUP_VISITS, DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model import DeSplatModelConfig
 from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.training.schedule import Schedule
 
 SEPARATING = DistractorConfig(static_warmup=6000, refine_visits=5, start="residual")
 
@@ -113,23 +111,6 @@ def test_photos_have_half_their_size_by_the_middle_of_the_warm_up():
     config = run_of(30000, 40, distractors=SEPARATING)
     sizes = [config.downscale_factor(step) for step in range(7000)]
     assert [sizes.index(factor) for factor in (4, 2, 1)] == [0, 300, 6000]  # warm-up: 600
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("unchecked_types")
-@pytest.mark.parametrize("steps", [1000, 3000])
-def test_one_view_more_changes_the_sizes_of_photos_by_little(steps):
-    """Sum over all steps of |log2| of the ratio of the two factors: steps at another size."""
-
-    @cache
-    def octaves(views: int) -> list[int]:
-        config, clock = run_of(steps, views, distractors=SEPARATING), Schedule(steps / 30_000)
-        sizes = (config.downscale_factor(clock.nominal(step)) for step in range(steps // 4))
-        return [size.bit_length() for size in sizes]
-
-    for views in (*range(3, 60), 399, 400, 401):
-        pairs = zip(octaves(views), octaves(views + 1), strict=True)
-        assert sum(abs(a - b) for a, b in pairs) <= MAX_WARMUP_VISITS / 2 + 1
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,10 @@ from typing import Any
 
 import pytest
 import torch
-import torchmetrics.image.lpip as torchmetrics_lpip
 import yaml
 from nerfstudio.data.scene_box import SceneBox
 from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel, SplatfactoModelConfig
 from nerfstudio.viewer import control_panel
-from torchmetrics import Metric
 
 from desplat_ns import nerfstudio_quirks
 from desplat_ns.nerfstudio_quirks import (
@@ -47,15 +45,6 @@ def test_lpips_waits_until_it_is_needed_and_stays_out_of_the_checkpoint():
     assert isinstance(model.lpips, LazyLpips)
     assert model.lpips.reason is None
     assert not [key for key in model.state_dict() if "lpips" in key]
-
-
-def test_torchmetrics_is_itself_again_afterwards():
-    real = torchmetrics_lpip.LearnedPerceptualImagePatchSimilarity
-    assert issubclass(real, Metric)
-    with pytest.raises(KeyError), splatfacto_modules_without_downloads():
-        assert torchmetrics_lpip.LearnedPerceptualImagePatchSimilarity is LazyLpips
-        raise KeyError
-    assert torchmetrics_lpip.LearnedPerceptualImagePatchSimilarity is real
 
 
 def test_gaussians_start_in_the_colours_of_their_points():
