@@ -17,20 +17,26 @@ from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.training import schedule
 from desplat_ns.training.checkpoint import load_newest
 
-BUDGET = 40
+BUDGET = 24
 
 
 @pytest.fixture
 def clock(monkeypatch) -> SimpleNamespace:
     """A clock that goes on where photos are drawn, by what its size costs, and by what photos take
-    to load: some 60 steps fit, 40 of them planned."""
-    clock = SimpleNamespace(now=0.0, fixed=0.4, pixels=0.1, loading=2.0)
+    to load: some 30 steps fit, 20 of them planned."""
+    clock = SimpleNamespace(now=0.0, fixed=0.5, pixels=0.2, loading=2.0, compiling=0.0)
+
+    def compile_kernels(*_: Any) -> float:
+        clock.now += clock.compiling
+        return clock.compiling
+
     monkeypatch.setattr(trainer_module, "time", SimpleNamespace(monotonic=lambda: clock.now))
     monkeypatch.setattr(trainer_module, "process_started", lambda: 0.0)
-    monkeypatch.setattr(trainer_module, "compile_kernels", lambda *_: 0.0)  # by another clock
+    monkeypatch.setattr(trainer_module, "compile_kernels", compile_kernels)
+    monkeypatch.setattr(schedule, "END_SECONDS", 0.5)
     monkeypatch.setattr(trainer_module, "TIMED_STEPS", 6)
-    monkeypatch.setattr(schedule, "FEWEST_STEPS", 20)  # photos are tiny, and so are these runs
-    monkeypatch.setattr(schedule, "STEPS_WANTED", 30)
+    monkeypatch.setattr(schedule, "FEWEST_STEPS", 12)  # photos are tiny, and so are these runs
+    monkeypatch.setattr(schedule, "STEPS_WANTED", 16)
     losses, load = DeSplatPipeline.get_train_loss_dict, DeSplatDataManager._load_images
 
     def slow_losses(self: Any, step: int) -> Any:
@@ -70,14 +76,14 @@ def newest(trainer: Any) -> dict[str, Any]:
     return load_newest(trainer.checkpoint_dir)[1]
 
 
-def test_a_run_spends_its_budget_on_the_schedules_that_were_planned(config, clock, capsys):
+def test_a_run_spends_its_budget_on_the_schedules_that_were_planned(config, clock):
+    clock.compiling = 300.0  # is no part of the budget
     trainer = train(config)
+    clock.now -= 300.0
     assert 0.9 * BUDGET <= clock.now <= BUDGET
     saved, plan = newest(trainer), newest(trainer)["budget"]
-    assert plan["seconds"] == pytest.approx((0.4, 0.1))
-    assert saved["step"] + 1 == trainer.config.max_num_iterations > plan["steps"] > 30
-    said = " ".join(capsys.readouterr().out.split())
-    assert f"of {BUDGET} s were spent" in said and f"{plan['steps']} are planned" in said
+    assert plan["seconds"] == pytest.approx((0.5, 0.2))
+    assert saved["step"] + 1 == trainer.config.max_num_iterations > plan["steps"] > 15
     text = (trainer.base_dir / "config.yml").read_text()
     model = yaml.load(text, yaml.Loader).pipeline.model
     assert model.schedule_scale == plan["steps"] / 30_000 == trainer.pipeline.model.schedule.scale
@@ -89,7 +95,7 @@ def test_the_timed_steps_leave_a_model_that_has_learned_nothing(config, clock):
     trainer = set_up(config)
     model = trainer.pipeline.model
     assert torch.equal(model.gauss_params["means"].data.cpu(), model.seed_points[0].cpu())
-    assert clock.now > 2 + 6 * 0.4 and trainer._steps_done == 0
+    assert clock.now > 2 + 4 * 0.5 and trainer._steps_done == 0
 
 
 def test_photos_are_smaller_where_too_few_steps_of_whole_ones_would_fit(config, clock):
@@ -110,18 +116,7 @@ def test_a_machine_that_gets_slower_brings_the_schedules_to_their_end(config, cl
     assert plan["reached"] == pytest.approx(plan["steps"], abs=3)  # a step moves two or three
 
 
-def test_what_kernels_take_to_compile_is_no_part_of_the_budget(config, clock, monkeypatch):
-    def compile_kernels(backend: str, device: str) -> float:
-        assert (backend, device) == ("auto", config.machine.device_type)
-        clock.now += 300
-        return 300.0
-
-    monkeypatch.setattr(trainer_module, "compile_kernels", compile_kernels)
-    train(config)
-    assert 0.9 * BUDGET <= clock.now - 300 <= BUDGET
-
-
-@pytest.mark.parametrize("stopped_at", [10, 50])
+@pytest.mark.parametrize("stopped_at", [8, 20])
 def test_a_stopped_run_goes_on_and_counts_what_was_spent(config, clock, stopped_at):
     """Also after more steps than had been planned, and if photos load slowly the second time."""
     first = set_up(config)
@@ -130,36 +125,12 @@ def test_a_stopped_run_goes_on_and_counts_what_was_spent(config, clock, stopped_
     first.train()
     spent = newest(first)["budget"]["spent"]
     assert spent == pytest.approx(clock.now) and spent < 0.9 * BUDGET
-    clock.now, clock.loading = 0.0, 5.0
+    clock.now, clock.loading = 0.0, 2.5
     second = train(config, load_dir=first.checkpoint_dir, timestamp="on")
     assert 0.9 * BUDGET <= spent + clock.now <= BUDGET
     assert newest(second)["budget"]["seconds"] == newest(first)["budget"]["seconds"]
     with pytest.raises(ConfigError, match="nothing left"):
         train(config, load_dir=second.checkpoint_dir, timestamp="more")
-
-
-def test_going_on_without_the_budget_is_said(config, clock, capsys):
-    first = train(config)
-    steps = newest(first)["step"] + 3
-    options = {"load_dir": first.checkpoint_dir, "max_num_iterations": steps}
-    assert newest(train(config, budget="", timestamp="on", **options))["step"] + 1 == steps
-    assert "This run had a budget." in " ".join(capsys.readouterr().out.split())
-
-
-@pytest.mark.parametrize("stopped", [False, True])
-def test_the_viewer_stays_open_when_the_time_is_up_and_not_when_the_run_is_stopped(
-    config, clock, stopped
-):
-    trainer = set_up(config)
-    losses = trainer.pipeline.get_train_loss_dict
-
-    def stops(step: int) -> Any:
-        trainer.stop_training |= stopped and step == 10
-        return losses(step)
-
-    trainer.pipeline.get_train_loss_dict = stops
-    trainer.train()
-    assert trainer._waiting_in_viewer != stopped
 
 
 def test_a_budget_that_is_no_time_is_refused_before_anything_is_read(config):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +16,6 @@ from tests.helpers.registered import EIGHT_VIEWS
 def documented(checkout: Path) -> list[Documented]:
     """Every command on every page."""
     return [call for page in pages(checkout) for call in commands(page, page.read_text("utf8"))]
-
-
-def test_commands_are_found_with_their_continuations_and_without_comments():
-    text = "# T\n\n    ns-eval --load-config a \\\n        --output-path b   # c\n\nns-train x\n"
-    (command,) = commands(Path("p.md"), text)
-    assert (command.line, command.program) == (3, "ns-eval")
-    assert command.words == ("ns-eval", "--load-config", "a", "--output-path", "b")
 
 
 @pytest.mark.slow
@@ -88,15 +79,3 @@ def test_no_program_of_the_package_is_without_a_page(checkout: Path):
     assert (
         set(re.findall(r"^(desplat-\w[\w-]*) = \"desplat_ns.commands", text, re.MULTILINE)) <= known
     )
-
-
-@pytest.mark.slow
-def test_a_command_runs_as_a_module(checkout: Path):
-    done = subprocess.run(
-        [sys.executable, "-m", "desplat_ns.commands.evaluate", "--help"],
-        cwd=checkout,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert "--load-config" in done.stdout

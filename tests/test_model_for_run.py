@@ -1,7 +1,6 @@
 """What a run of a length, on a number of views, makes of the settings."""
 
 from dataclasses import replace
-from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,11 +8,10 @@ import psutil
 import pytest
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.gaussians.distractor_config import MAX_WARMUP_VISITS, DistractorConfig
+from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.training.schedule import Schedule, pause_after_reset
 
 SEPARATING = DistractorConfig(static_warmup=6000, refine_visits=5, start="residual")
 
@@ -25,27 +23,11 @@ def run_of(steps: int, views: int, **options: Any) -> DeSplatModelConfig:
     return whole.for_run(views)
 
 
-def test_schedules_stay_in_nominal_steps_in_a_run_of_any_length():
-    short, long = (
-        run_of(steps, 100, distractors=DistractorConfig(static_warmup=5000))
-        for steps in (3000, 30000)
-    )
-    apart = {"schedule_scale", "refine_every", "distractors"}
-    assert {k for k, v in vars(short).items() if v != vars(long)[k]} == apart
-    ours, theirs = vars(short.distractors), vars(long.distractors)
-    apart = {"static_warmup"}  # by visits
-    assert {name for name in ours if ours[name] != theirs[name]} == apart
-    assert short.distractors.static_warmup == 5000
-
-
 @pytest.mark.parametrize(
     ("steps", "views", "every"),
     [
         (1000, 8, 34),  # a fifteenth of 500
-        (1000, 60, 34),
         (1000, 100, 50),  # half a round
-        (3000, 60, 100),
-        (30000, 40, 1000),
         (30000, 3000, 1500),
         (60000, 40, 1000),
     ],
@@ -54,68 +36,47 @@ def test_a_refinement_has_half_a_round_and_a_fifteenth_of_the_time(steps, views,
     assert run_of(steps, views).refine_every == every
 
 
-def test_refine_every_is_a_bound():
-    assert run_of(30000, 400, refine_every=100).refine_every == 100  # the paper's
-    assert run_of(1000, 8, refine_every=100).refine_every == 34
-    assert run_of(3000, 40, refine_every=5).refine_every == 5
-    assert run_of(3000, 40, refinements=3).refine_every == 500
-
-
 @pytest.mark.parametrize(
     ("option", "value"),
-    [("refine_every", -1), ("refinements", 0), ("gaussians_per_pixel", -0.1)],
+    [
+        ("refine_every", -1),
+        ("refinements", 0),
+        ("gaussians_per_pixel", -0.1),
+        ("train_downscale", 0),
+    ],
 )
 def test_settings_that_cannot_be_are_refused(option, value):
     with pytest.raises(ConfigError, match=option.replace("_", "-")):
         run_of(3000, 40, **{option: value})
 
 
-@pytest.mark.parametrize("every", [10, 100, 1000])
+@pytest.mark.parametrize("every", [10, 1000])
 def test_resets_keep_their_place_whatever_the_interval(every):
     for steps in (1000, 3000, 30000, 60000):
         assert run_of(steps, 40, refine_every=every).reset_every == 3000
     assert run_of(3000, 40, reset_alpha_every=0).reset_every == UNLIMITED
 
 
-@pytest.mark.parametrize("steps", [60, 100, 250, 1000, 3000, 30000])
-@pytest.mark.parametrize("views", [3, 40, 2000])
-def test_half_of_the_time_between_two_resets_at_least_is_sampled(steps, views):
-    config = run_of(steps, views)
-    pause = pause_after_reset(views, config.reset_every, steps / 30_000)
-    assert 0 < pause <= config.reset_every / 2
-    if steps >= 3000 and views == 40:
-        assert pause == 140 * 30_000 / steps  # Splatfacto's, in steps of the run
-
-
-def test_the_capture_says_how_many_gaussians_it_can_hold():
-    config = DeSplatModelConfig(gaussians_per_pixel=0.025)
-    assert config.most_gaussians(40 * 135 * 240, "cpu") == 32_400
-
-
-@pytest.mark.parametrize("per_pixel", [0.0, 0.05])
-def test_memory_is_a_ceiling_whatever_the_capture_could_hold(per_pixel, monkeypatch):
+def test_memory_is_a_ceiling_whatever_the_capture_could_hold(monkeypatch):
     """2,000 photos of 1600 x 1200 could hold 192 million; 16 GB have room for a few."""
     memory = SimpleNamespace(total=16 * 10**9)
     monkeypatch.setattr(psutil, "virtual_memory", lambda: memory)
-    most = DeSplatModelConfig(gaussians_per_pixel=per_pixel).most_gaussians(
-        2000 * 1600 * 1200, "cpu"
-    )
+    config = DeSplatModelConfig(gaussians_per_pixel=0.05)
+    assert config.most_gaussians(40 * 135 * 240, "cpu") == 64_800
+    most = config.most_gaussians(2000 * 1600 * 1200, "cpu")
     parameters_and_moments = 3 * 59 * 4  # bytes: no run can do with fewer
     assert most * parameters_and_moments < memory.total / 2
     assert 10**6 < most < 10**7
     memory.total *= 2
-    doubled = DeSplatModelConfig(gaussians_per_pixel=per_pixel).most_gaussians(10**12, "cpu")
-    assert doubled == pytest.approx(2 * most, abs=1)
+    assert config.most_gaussians(10**12, "cpu") == pytest.approx(2 * most, abs=1)
 
 
 @pytest.mark.parametrize(
     ("steps", "views", "every"),
     [
         (1000, 8, 47.5),  # eight refinements from step 120 to 500
-        (1000, 60, 300),  # five visits
         (3000, 40, 200),  # five visits
         (30000, 40, 1800),  # eight refinements in 14,400 steps
-        (30000, 400, 2000),
     ],
 )
 def test_distractors_settle_between_refinements_and_their_number_is_bounded(steps, views, every):
@@ -124,8 +85,7 @@ def test_distractors_settle_between_refinements_and_their_number_is_bounded(step
     assert nominal == every * 30_000 / steps
 
 
-@pytest.mark.parametrize("steps", [1000, 3000, 30000])
-@pytest.mark.parametrize("views", [1, 40, 3000])
+@pytest.mark.parametrize(("steps", "views"), [(1000, 1), (30000, 3000)])
 def test_the_papers_distractors_are_refined_once_in_ten_visits_of_each_view(steps, views):
     distractors = run_of(steps, views, refine_every=100).distractors
     nominal = distractors.steps_between_refinements(views, steps / 30_000)
@@ -138,9 +98,6 @@ def test_the_papers_distractors_are_refined_once_in_ten_visits_of_each_view(step
         (3000, 12, 180),  # 15 visits of each
         (3000, 25, 300),  # 250 steps once it may be refined
         (3000, 40, 320),  # 8 visits of each
-        (30000, 40, 600),  # 15 visits of each
-        (30000, 60, 750),  # 250 steps once it may be refined
-        (30000, 200, 1600),  # 8 visits of each
         (30000, 1000, 6000),
         (1000, 40, 200),  # a thirtieth of 6000
     ],
@@ -154,23 +111,6 @@ def test_photos_have_half_their_size_by_the_middle_of_the_warm_up():
     config = run_of(30000, 40, distractors=SEPARATING)
     sizes = [config.downscale_factor(step) for step in range(7000)]
     assert [sizes.index(factor) for factor in (4, 2, 1)] == [0, 300, 6000]  # warm-up: 600
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("unchecked_types")
-@pytest.mark.parametrize("steps", [1000, 3000, 30000])
-def test_one_view_more_changes_the_sizes_of_photos_by_little(steps):
-    """Sum over all steps of |log2| of the ratio of the two factors: steps at another size."""
-
-    @cache
-    def octaves(views: int) -> list[int]:
-        config, clock = run_of(steps, views, distractors=SEPARATING), Schedule(steps / 30_000)
-        sizes = (config.downscale_factor(clock.nominal(step)) for step in range(steps // 4))
-        return [size.bit_length() for size in sizes]
-
-    for views in (*range(3, 60), 399, 400, 401):
-        pairs = zip(octaves(views), octaves(views + 1), strict=True)
-        assert sum(abs(a - b) for a, b in pairs) <= MAX_WARMUP_VISITS / 2 + 1
 
 
 @pytest.mark.parametrize(
@@ -188,17 +128,3 @@ def test_without_a_warm_up_photos_keep_splatfactos_sizes(options):
     config = config.for_run(40)
     sizes = [config.downscale_factor(step) for step in (0, 2999, 3000, 5999, 6000)]
     assert sizes == ([1] * 5 if config.num_downscales == 0 else [4, 4, 2, 2, 1])
-
-
-def test_photos_are_smaller_to_the_end_where_that_is_wanted_and_else_as_before():
-    usual, smaller = run_of(3000, 40), run_of(3000, 40, train_downscale=2)
-    sizes = [usual.downscale_factor(step) for step in range(0, 30000, 500)]
-    assert sizes[0] == 4 and sizes[-1] == 1
-    assert [smaller.downscale_factor(step) for step in range(0, 30000, 500)] == [
-        max(2, size) for size in sizes
-    ]
-
-
-def test_photos_cannot_be_larger_in_training_than_they_are():
-    with pytest.raises(ConfigError, match="train-downscale` is 0; it has to be 1 or more"):
-        run_of(3000, 40, train_downscale=0)

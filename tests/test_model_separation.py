@@ -12,7 +12,6 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.views import image_points, view_of
 from desplat_ns.separation.placement import distractor_weight
 from desplat_ns.settings.effects import EffectsConfig
-from tests.helpers.guarded_trainer import GuardedTrainer, everywhere
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
 NO_DENSIFICATION: dict[str, Any] = {"warmup_length": 10_000}
@@ -34,7 +33,7 @@ def a_dense_model(**changes: Any) -> DeSplatModel:
     side = torch.linspace(-1.5, 1.5, 12)
     x, y = torch.meshgrid(side, side, indexing="ij")
     points = torch.stack([x, y, torch.zeros_like(x)], dim=-1).reshape(-1, 3)
-    return make_model(points, distractors=config(**changes), **NO_DENSIFICATION)
+    return make_model(points, backend="numba", distractors=config(**changes), **NO_DENSIFICATION)
 
 
 class Crossing(Trainer):
@@ -73,19 +72,17 @@ def test_distractors_appear_where_one_photo_differs_and_nowhere_else():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("masked", [slice(0, 11), slice(0, WIDTH)])
-def test_no_distractor_is_placed_where_the_users_mask_leaves_a_photo_out(masked):
-    """Left of the middle, or everywhere; what is seen to the right of a mask still counts."""
+def test_no_distractor_is_placed_where_the_users_mask_leaves_a_photo_out():
+    """Left of the middle; what is seen to the right of a mask still counts."""
     model = a_dense_model(static_warmup=60)
     trainer = Crossing(model)
     for step in range(60):
         trainer.visit(step, 1 + step % 2)
     trainer.mask = torch.ones(HEIGHT, WIDTH, 1)
-    trainer.mask[:, masked] = 0
+    trainer.mask[:, :11] = 0
     trainer.visit(60, 0)
     u, _, _ = image_points(distractors_of(model, 0)["means"].detach(), view_of(camera(0)))
-    assert ((u * WIDTH).round(decimals=3) >= masked.stop).all()
-    assert (len(u) > 0) == (masked.stop < WIDTH)
+    assert len(u) > 0 and ((u * WIDTH).round(decimals=3) >= 11).all()
 
 
 def test_alone_the_static_scene_gets_no_gradient_from_the_composite():
@@ -173,29 +170,6 @@ def test_before_a_background_the_scene_may_be_empty_but_in_what_distractors_own(
     assert "static_transparency" not in Trainer(model).step(0)["losses"]
 
 
-@pytest.mark.parametrize(("background", "static_alone"), [("image", True), ("sh", False)])
-def test_before_a_sky_of_each_photos_own_and_in_the_paper_it_may_be_empty_anywhere(
-    background, static_alone
-):
-    distractors = config(start="everywhere", static_alone=static_alone)
-    model = make_model(distractors=distractors, effects=EffectsConfig(background=background))
-    losses = Trainer(model).step(0)["losses"]
-    assert losses["distractor_opacity"] > 0
-    assert "static_transparency" not in losses
-
-
-def test_a_mask_over_everything_leaves_the_static_scene_nothing_to_fit():
-    model = a_dense_model(start="everywhere", static_warmup=0)
-    trainer = Trainer(model)
-    trainer.step(0)
-    outputs = model(camera(0))
-    mask = torch.zeros(HEIGHT, WIDTH, 1)
-    losses = model.get_loss_dict(outputs, {"image": trainer.photo, "mask": mask})
-    assert losses["static_photometric"].item() == pytest.approx(0.0, abs=1e-6)
-    plain = model.get_loss_dict(outputs, {"image": trainer.photo})
-    assert plain["static_photometric"] > 0.01
-
-
 def test_what_views_remember_follows_densification_and_checkpoints():
     points = torch.rand(60, 3) - 0.5
     options: dict[str, Any] = {"warmup_length": 2, "refine_every": 3, "densify_grad_thresh": 1e-9}
@@ -229,28 +203,3 @@ def test_nothing_is_learned_from_a_dropped_step():
     assert model.memory.number("visits") == 3
     trainer.step(4, 0)
     assert model.memory.number("visits") == 4
-
-
-def test_the_log_counts_distractors_as_refinement_and_placement_leave_them():
-    model = everywhere()
-    trainer, counted = GuardedTrainer(model), set()
-    assert model.distractors is not None
-    for step in range(9):
-        trainer.step(step)
-        assert model.distractors.total == sum(model.distractors.counts())
-        counted.add(model.distractors.total)
-    assert len(counted) > 1
-    metrics = model.get_metrics_dict(model(camera(0)), {"image": trainer.photo})
-    assert metrics["distractor_count"] == model.distractors.total
-
-
-def test_figures_are_those_of_logged_steps_and_of_every_evaluation():
-    model, photo = everywhere(), {"image": torch.rand(HEIGHT, WIDTH, 3)}
-    model.optimizers = {}
-    outputs = model.train()(camera(0))
-    assert {"psnr", "gaussian_count", "distractor_count"} <= set(
-        model.get_metrics_dict(outputs, photo)
-    )
-    model.is_logged = False
-    assert model.get_metrics_dict(outputs, photo) == {}
-    assert "psnr" in model.eval().get_metrics_dict(outputs, photo)

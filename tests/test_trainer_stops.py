@@ -29,18 +29,6 @@ def test_a_run_told_to_stop_saves_the_step_it_finished(config):
     assert train(second).pipeline.trained == [8, 9, 10, 11]
 
 
-def test_a_run_told_to_stop_while_the_viewer_is_filled_does_one_step(config, monkeypatch):
-    trainer = set_up(config)
-
-    def fill_viewer() -> None:
-        os.kill(os.getpid(), signal.SIGTERM)
-
-    monkeypatch.setattr(trainer, "_init_viewer_state", fill_viewer)
-    trainer.train()
-    assert trainer.pipeline.trained == [0]
-    assert checkpoints_in(config.get_checkpoint_dir())[-1].name == "step-000000000.ckpt"
-
-
 def test_an_evaluation_that_fails_ends_the_run_and_what_is_trained_is_saved(config, monkeypatch):
     monkeypatch.setattr(config, "steps_per_eval_all_images", 3)
     trainer = set_up(config)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
@@ -14,19 +13,15 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.viewer.utils import parse_object
 from nerfstudio.viewer.viewer import Viewer
-from nerfstudio.viewer.viewer_elements import ViewerControl, ViewerElement
+from nerfstudio.viewer.viewer_elements import ViewerElement
 from torch import nn
-from viser import ViserServer
-from viser._viser import CameraHandle, ClientHandle, _CameraHandleState
+from viser import ClientHandle, ViserServer
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline
-from desplat_ns.viewer import LAYERS, FirstPhotoView, LayerControl
+from desplat_ns.viewer import FirstPhotoView, LayerControl
 from tests.helpers.small_model import make_model
-
-CONTROLS = "Custom Elements/model"
-"""The folder in the viewer."""
 
 
 def _outputs() -> dict[str, torch.Tensor]:
@@ -89,13 +84,6 @@ def test_a_line_says_how_far_the_view_is_from_the_photos():
     assert next(angles) == 5.0
 
 
-@pytest.mark.parametrize("layer", [name for name in LAYERS if name != "static"])
-def test_a_layer_asks_for_the_distractors_of_the_chosen_view(layer: str):
-    control = LayerControl(5)
-    control.layer.value, control.view.value = layer, 3
-    assert control.train_idx() == 3
-
-
 def test_the_chosen_view_never_lies_beyond_the_last():
     control = LayerControl(1)
     control.layer.value, control.view.value = "composite", 1
@@ -128,46 +116,19 @@ def test_while_suspended_an_open_viewers_choice_does_not_count():
     assert control.train_idx() == 0
 
 
-def test_an_error_does_not_leave_the_control_suspended():
-    control = LayerControl(5)
-    control.layer.value = "composite"
-    with pytest.raises(KeyError), control.suspended():
-        raise KeyError
-    assert control.train_idx() == 0
-
-
-def _pipeline(num_views: int, images: Sequence[str] = ()) -> DeSplatPipeline:
+def test_nerfstudios_viewer_finds_all_controls_on_the_pipeline():
     pipeline = DeSplatPipeline.__new__(DeSplatPipeline)
     nn.Module.__init__(pipeline)
-    model = make_model()
-    model.layer_control = LayerControl(num_views)
-    model.shown_light = ShownLight(images)
-    pipeline._model = model
-    return pipeline
-
-
-def test_nerfstudios_viewer_finds_both_controls_on_the_pipeline():
-    controls = parse_object(_pipeline(5), ViewerElement, "Custom Elements")
-    assert {path for path, _ in controls} == {
-        f"{CONTROLS}/layer_control/{name}" for name in ("layer", "view")
-    }
-
-
-def test_nerfstudios_viewer_finds_the_line():
-    pipeline = _pipeline(0)
-    pipeline.model.layer_control = LayerControl(0, photo_angle=lambda view: 7.0)
+    pipeline._model = model = make_model()
+    model.layer_control = LayerControl(5, photo_angle=lambda view: 7.0)
+    model.shown_light = ShownLight(["a.jpg", "b.jpg"])
     controls = parse_object(pipeline, ViewerElement, "Custom Elements")
-    assert [path for path, _ in controls] == [f"{CONTROLS}/layer_control/angle"]
-
-
-def test_an_appearance_model_adds_three_controls():
-    controls = parse_object(_pipeline(0, ["a.jpg", "b.jpg"]), ViewerElement, "Custom Elements")
-    names = ("first", "second", "share")
-    assert {path for path, _ in controls} == {f"{CONTROLS}/shown_light/{name}" for name in names}
-
-
-def test_no_controls_are_shown_where_there_are_no_distractors():
-    assert parse_object(_pipeline(0), ViewerElement, "Custom Elements") == []
+    assert {path.removeprefix("Custom Elements/model/") for path, _ in controls} == {
+        *(f"layer_control/{name}" for name in ("layer", "view", "angle")),
+        *(f"shown_light/{name}" for name in ("first", "second", "share")),
+    }
+    model.layer_control, model.shown_light = LayerControl(0), ShownLight([])
+    assert parse_object(pipeline, ViewerElement, "Custom Elements") == []
 
 
 # --- where it opens ------------------------------------------------------------------------------
@@ -182,56 +143,12 @@ def _cameras() -> Cameras:
     return Cameras(poses, fx=30.0, fy=40.0, cx=15.0, cy=30.0, width=30, height=60)
 
 
-class _Browser(ClientHandle):
-    """viser's own camera of a browser that has just opened the page; keeps what is sent to it."""
-
-    def __init__(self) -> None:
-        self.sent: list[Any] = []
-        connection: Any = SimpleNamespace(queue_message=self.sent.append)
-        self._websock_connection = connection
-        self.camera = CameraHandle(self)
-        corner, up = np.array([3.0, 3.0, 3.0]), np.array([0.0, 0.0, 1.0])
-        self.camera._state = _CameraHandleState(
-            client=self,
-            wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
-            position=corner,
-            fov=1.3,
-            aspect=1.5,
-            look_at=np.zeros(3),
-            up_direction=up,
-            update_timestamp=1.0,
-            camera_cb=[],
-        )
-
-    def atomic(self) -> nullcontext:
-        return nullcontext()
-
-
-def _opened(cameras: Cameras) -> _Browser:
-    """A browser that has opened the viewer of these training photos."""
-    browser, viewer = _Browser(), Viewer.__new__(Viewer)
-    server: Any = SimpleNamespace(on_client_connect=lambda show: show(browser))
-    viewer.viser_server = server
-    FirstPhotoView(cameras)._setup(viewer)
-    return browser
-
-
 def test_the_viewer_opens_where_the_first_training_photo_was_taken():
     cameras = _cameras()
+    browser: Any = ClientHandle.__new__(ClientHandle)
+    browser.atomic, browser.camera = nullcontext, SimpleNamespace(aspect=1.5)
+    FirstPhotoView(cameras).show(browser)
     viewer: Any = SimpleNamespace(ready=False, current_camera_idx=0)
-    state = Viewer.get_camera_state(viewer, _opened(cameras))
+    state = Viewer.get_camera_state(viewer, browser)
     assert torch.allclose(state.c2w.float(), cameras.camera_to_worlds[0], atol=1e-6)
     assert state.fov == pytest.approx(2 * math.atan(30 / 40))  # from top to bottom
-
-
-def test_the_browser_is_told():
-    kinds = {type(message).__name__ for message in _opened(_cameras()).sent}
-    names = ("Position", "LookAt", "UpDirection", "Fov")
-    assert kinds == {f"SetCamera{what}Message" for what in names}
-
-
-def test_nerfstudios_viewer_finds_it_on_the_pipeline():
-    pipeline = _pipeline(5)
-    pipeline.first_photo_view = FirstPhotoView(_cameras())
-    controls = parse_object(pipeline, ViewerControl, "Custom Elements")
-    assert [control for _, control in controls] == [pipeline.first_photo_view]

@@ -117,7 +117,7 @@ class Page:
         files = find_run(self.load_config)
         check_new_file(self.output, self.overwrite)
 
-        from desplat_ns.scene.scene import write_scene  # seconds
+        from desplat_ns.scene.gather import write_scene  # seconds
 
         write_scene(
             files,

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+import platform
+import statistics
+from collections.abc import Callable, Iterable, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from nerfstudio.cameras.cameras import Cameras
-from torch import Tensor
+from torch import Tensor, nn
 
+import desplat_ns
 from desplat_ns.console import progress_over
-from desplat_ns.errors import CaptureError
+from desplat_ns.errors import CaptureError, DeSplatError
 from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
 from desplat_ns.evaluation.mask_scores import score_masks
-from desplat_ns.evaluation.records import (
-    ScoredImage,
-    check_finite,
-    gaussian_counts,
-    per_image,
-    summarize,
-    versions,
-)
-from desplat_ns.evaluation.scorer import Scorer
+from desplat_ns.evaluation.scorer import ScoredImage, Scorer
+from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.model import DeSplatModel
 
 Image = tuple[Cameras, dict[str, Any]]
@@ -29,6 +27,9 @@ Image = tuple[Cameras, dict[str, Any]]
 
 Show = Callable[[int, dict[str, Tensor]], None]
 """Gets the number of an image and its pictures [H, W, 3] in [0, 1] by name."""
+
+PACKAGES = ("nerfstudio", "gsplat", "torch", "numpy", "numba")
+"""Packages that a figure may depend on."""
 
 
 def evaluate_in_training(
@@ -69,7 +70,14 @@ def evaluate(
     if images:  # compilation and caches are no part of the time per image
         model.get_outputs_for_camera(images[0][0])
     scored = _score(scorer, images, names, show)
-    check_finite(scored)
+    bad = [i.name for i in scored if not all(math.isfinite(v) for v in i.metrics.values())]
+    if bad:
+        raise DeSplatError(
+            f"The renderings of {len(bad)} of {len(scored)} images hold values that are not "
+            f"finite, the first being '{bad[0]}'. Training has diverged; evaluate an earlier "
+            "checkpoint by setting `load_step` in the run's config.yml, or train with lower "
+            "learning rates."
+        )
     results: dict[str, Any] = {**summarize(scored, True)}
     results |= gaussian_counts(model.gauss_params, model.distractors)
     if model.distractors is not None:
@@ -77,7 +85,10 @@ def evaluate(
     results["backend"], results["device"] = model.rasterizer.name, str(model.device)
     results["versions"], reason = versions(), model.lpips.reason
     results |= {"lpips_net": model.lpips.net} if reason is None else {"lpips_reason": reason}
-    results["protocol"], results["images"] = scorer.describe(), per_image(scored)
+    results["protocol"] = scorer.describe()
+    results["images"] = [
+        {"name": i.name, "width": i.width, "height": i.height} | i.metrics for i in scored
+    ]
     return results
 
 
@@ -106,3 +117,48 @@ def _score(
             show(index, pictures)
             advance()
     return scored
+
+
+def summarize(images: Sequence[ScoredImage], with_std: bool) -> dict[str, int | float]:
+    """Means over images of every metric and time, plus `*_std` (n - 1) of two images or more, and
+    the PSNR of the worst.
+
+    Figures that are not finite are left out: they would not be JSON.
+    """
+    result: dict[str, int | float] = {}
+    for key in images[0].metrics:
+        values = [float(image.metrics[key]) for image in images if key in image.metrics]
+        if not all(math.isfinite(value) for value in values):
+            continue
+        result[key] = statistics.fmean(values)
+        if with_std and len(values) > 1:
+            result[f"{key}_std"] = statistics.stdev(values)
+        if with_std and key == "psnr":
+            result["psnr_worst"] = min(values)
+    result["num_images"] = len(images)
+    result["seconds_per_image_render"] = statistics.fmean(i.render_seconds for i in images)
+    result["seconds_per_image_with_metrics"] = statistics.fmean(i.total_seconds for i in images)
+    return result
+
+
+def gaussian_counts(
+    static: nn.ParameterDict, distractors: DistractorGaussians | None
+) -> dict[str, int | float]:
+    """How many static and distractor Gaussians there are, and the MB (10^6 bytes) they take."""
+    views = [] if distractors is None else distractors.views
+
+    def mb(parameters: Iterable[Tensor]) -> float:
+        return sum(p.numel() * p.element_size() for p in parameters) / 1e6
+
+    return {
+        "num_static_gaussians": len(static["means"]),
+        "num_distractor_gaussians": sum(len(view) for view in views),
+        "static_memory_mb": mb(static.values()),
+        "distractor_memory_mb": mb(p for view in views for p in view.params.values()),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, this package and those that a figure may depend on."""
+    own = {"python": platform.python_version(), "desplat_ns": desplat_ns.__version__}
+    return own | {package: version(package) for package in PACKAGES}

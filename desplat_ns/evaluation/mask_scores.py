@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import statistics
+from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from jaxtyping import Bool
@@ -15,25 +15,6 @@ from desplat_ns.console import progress_over
 from desplat_ns.data.gt_masks import read_gt_mask, shadow_mask_of
 from desplat_ns.rendering.metrics import mask_iou, mean_alpha_outside
 from desplat_ns.rendering.views import is_distorted
-
-
-@dataclass
-class _Scores:
-    """What each view scored against one kind of truth."""
-
-    ious: list[float] = field(default_factory=list)
-    outside: list[float] = field(default_factory=list)
-    """Of the views that are not covered wholly."""
-
-    def add(self, outputs: dict[str, Tensor], truth: Bool[Tensor, "H W 1"]) -> None:
-        self.ious.append(mask_iou(outputs["distractor_mask"], truth))
-        alpha = mean_alpha_outside(outputs["alpha_distractor"], truth)
-        self.outside += [] if alpha is None else [alpha]
-
-    def means(self, suffix: str) -> dict[str, int | float]:
-        """By name, of the views that have a score; `suffix`: of the names."""
-        means = {"mask_iou": self.ious, "alpha_outside_masks": self.outside}
-        return {name + suffix: statistics.fmean(of) for name, of in means.items() if of}
 
 
 def score_masks(
@@ -59,21 +40,28 @@ def score_masks(
     masks = [(camera, path) for camera, path in masks if not is_distorted(camera)]
     if not masks:
         return {}
-    objects, with_shadows = _Scores(), _Scores()
+    scores: dict[str, list[float]] = defaultdict(list)
+    num_shadow_masks = 0
+
+    def add(suffix: str, outputs: dict[str, Tensor], truth: Bool[Tensor, "H W 1"]) -> None:
+        scores["mask_iou" + suffix].append(mask_iou(outputs["distractor_mask"], truth))
+        outside = mean_alpha_outside(outputs["alpha_distractor"], truth)
+        if outside is not None:
+            scores["alpha_outside_masks" + suffix].append(outside)
+
     with progress_over(len(masks), "Scoring distractor masks...") as advance:
         for camera, path in masks:
-            outputs = draw(camera)
+            outputs, shadows = draw(camera), shadow_mask_of(path)
             truth = _truth(path, outputs)
-            objects.add(outputs, truth)
-            shadows = shadow_mask_of(path)
+            add("", outputs, truth)
             if shadows is not None:
-                with_shadows.add(outputs, truth | _truth(shadows, outputs))
+                add("_with_shadows", outputs, truth | _truth(shadows, outputs))
+                num_shadow_masks += 1
             advance()
-    scores = objects.means("") | {"num_masks": len(masks)}
-    if with_shadows.ious:
-        scores |= with_shadows.means("_with_shadows")
-        scores["num_shadow_masks"] = len(with_shadows.ious)
-    return scores
+    counts = {"num_masks": len(masks)}
+    if num_shadow_masks:
+        counts["num_shadow_masks"] = num_shadow_masks
+    return {name: statistics.fmean(values) for name, values in scores.items()} | counts
 
 
 def _truth(path: Path, outputs: dict[str, Tensor]) -> Bool[Tensor, "H W 1"]:

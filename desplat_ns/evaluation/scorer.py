@@ -13,10 +13,24 @@ from torch import Tensor
 
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import embedding_from_left_half, right_half
-from desplat_ns.evaluation.records import ScoredImage
 from desplat_ns.model import DeSplatModel
 
 Region = Literal["full image", "right half"]
+
+
+@dataclass
+class ScoredImage:
+    """One evaluated image."""
+
+    name: str
+    width: int
+    height: int
+    metrics: dict[str, float]
+    """As the model's `get_image_metrics_and_images` gives them."""
+    render_seconds: float
+    """Rendering alone."""
+    total_seconds: float
+    """Rendering and metrics."""
 
 
 @dataclass

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from torch import Tensor
 
+from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.console import announce, progress_over
 from desplat_ns.data.images import write_image
 from desplat_ns.errors import ConfigError
-from desplat_ns.export.baked import baked, shown_anywhere
-from desplat_ns.export.coordinates import moved, similarity_to
 from desplat_ns.export.formats import Frame, Naming, format_of
-from desplat_ns.export.masks import dilated, distractor_mask
-from desplat_ns.export.photos import mask_names, training_photos
-from desplat_ns.export.splat_cloud import SplatCloud
-from desplat_ns.export.surroundings import Surroundings, surroundings_of
+from desplat_ns.export.gltf import glb_bytes
+from desplat_ns.export.masks import dilated, distractor_mask, mask_names, training_photos
+from desplat_ns.export.ply import ply_bytes
+from desplat_ns.export.splat_cloud import SplatCloud, baked, moved, shown_anywhere, similarity_to
+from desplat_ns.export.spz import placed, spz_bytes
 from desplat_ns.files.whole import plain_errors, whole_folder, write_whole
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import parse_light
@@ -30,8 +31,21 @@ from desplat_ns.rendering.views import view_of
 from desplat_ns.runs.files import RunFiles
 from desplat_ns.runs.loading import even_subset, load_run
 
+WRITERS: dict[str, Callable[[SplatCloud], bytes]] = {
+    ".ply": ply_bytes,
+    ".spz": spz_bytes,
+    ".glb": glb_bytes,
+}
+"""By the endings of `formats.FORMATS`."""
+
 MOST_CROP_VIEWS = 100
 """Training views that are looked through to find how far the cameras look."""
+
+SIDE = 64
+"""Pixels of the longer side of the renderings whose depth is looked at."""
+
+COVERED = 0.5
+"""Opacity from which a pixel shows something at a depth."""
 
 
 def export_splats(
@@ -49,57 +63,35 @@ def export_splats(
         CheckpointError: no checkpoint is intact.
         ConfigError: an unknown light, nothing left to write, or nowhere to write it.
     """
-    kind = format_of(output)
+    kind, ending = format_of(output), output.suffix.lower()
     pipeline = load_run(files).pipeline
-    model = pipeline.model
     cloud, _ = static_cloud(pipeline, crop, light)
     outputs = pipeline.datamanager.train_dataparser_outputs
     transform = outputs.dataparser_transform.numpy()
     to_file = similarity_to(frame, transform, outputs.dataparser_scale, kind.upright_axes)
-    cloud, left_out = kind.fitting(moved(cloud, to_file))
-    content = kind.bytes_of(cloud)
+    cloud, left_out = moved(cloud, to_file), []
+    if ending == ".spz":
+        near, left_out = placed(cloud)
+        cloud = cloud.rows(near)
+    content = WRITERS[ending](cloud)
     with plain_errors(output):
         write_whole(output, content)
     announce(
         f"Saved {output}: {kind.name}, {len(cloud)} Gaussians with harmonics of degree "
         f"{cloud.degree}, {len(content) / 1e6:.2f} MB."
     )
-    for what in (*left_out, *_left_out(model, cloud, kind.keeps_antialiasing)):
+    if pipeline.model.effects.background != "off":
+        left_out.append(
+            "The background behind the scene (the sky) is no Gaussians and is not in the file."
+        )
+    if cloud.antialiased and not kind.keeps_antialiasing:
+        left_out.append(
+            "The run was trained with `rasterize-mode antialiased`, which this format cannot say: "
+            "switch antialiasing on in the viewer, or write .spz."
+        )
+    for what in left_out:
         announce(what, warning=True)
     return cloud
-
-
-def static_cloud(
-    pipeline: DeSplatPipeline, crop: float | None, light: str | None
-) -> tuple[SplatCloud, Bool[Tensor, " N"]]:
-    """The static Gaussians that a file is to hold, in the coordinates of training, and which of the
-    model's they are; says what was left out.
-
-    Args: see `desplat-export splats --help`.
-
-    Raises:
-        ConfigError: an unknown light, or nothing left.
-    """
-    model = pipeline.model
-    with shown_in(model, light):
-        visible = _visible(pipeline)
-        splats, settings = model.shown_splats(), model.render_settings(depth=False)
-        if not bool(visible.any()):
-            raise ConfigError(
-                f"Of {model.num_points} static Gaussians no training camera shows any: there is "
-                "nothing to export. Train longer, or take an earlier checkpoint."
-            )
-        cloud, unseen = baked(splats.rows(visible), settings.antialiased), int((~visible).sum())
-        rows = visible & shown_anywhere(splats)
-        announce(
-            f"{len(cloud)} of {model.num_points} static Gaussians can be seen; {unseen} are left "
-            "out that no training camera shows, nor a view half-way between two."
-        )
-        if crop is None:
-            return cloud, rows
-        kept = _near(cloud, _surroundings(pipeline), crop)
-        rows[rows.clone()] = torch.from_numpy(kept).to(rows.device)
-        return cloud.rows(kept), rows
 
 
 def export_masks(
@@ -143,6 +135,52 @@ def export_masks(
     return shares
 
 
+def static_cloud(
+    pipeline: DeSplatPipeline, crop: float | None, light: str | None
+) -> tuple[SplatCloud, Bool[Tensor, " N"]]:
+    """The static Gaussians that a file is to hold, in the coordinates of training, and which of the
+    model's they are; says what was left out.
+
+    Args: see `desplat-export splats --help`.
+
+    Raises:
+        ConfigError: an unknown light, or nothing left.
+    """
+    model = pipeline.model
+    cameras = pipeline.datamanager.train_dataset.cameras.to(pipeline.device)
+    with shown_in(model, light), torch.no_grad():
+        splats, settings = model.shown_splats(), model.render_settings(depth=False)
+        # Other viewers have no near plane: Gaussians right before a camera would be in their way.
+        near_plane = model.config.near_plane
+        visible = seen_by_any(splats, allowed_views(cameras), model.points, near_plane)
+        if not bool(visible.any()):
+            raise ConfigError(
+                f"Of {model.num_points} static Gaussians no training camera shows any: there is "
+                "nothing to export. Train longer, or take an earlier checkpoint."
+            )
+        cloud, unseen = baked(splats.rows(visible), settings.antialiased), int((~visible).sum())
+        rows = visible & shown_anywhere(splats)
+        announce(
+            f"{len(cloud)} of {model.num_points} static Gaussians can be seen; {unseen} are left "
+            "out that no training camera shows, nor a view half-way between two."
+        )
+        if crop is None:
+            return cloud, rows
+        with_depth = model.render_settings(depth=True)
+        views = [view_of(cameras[i : i + 1]) for i in even_subset(len(cameras), MOST_CROP_VIEWS)]
+        kept = within(
+            cloud.means, views, lambda view: model.rasterizer(splats, view, with_depth), crop
+        )
+    if not kept.any():
+        raise ConfigError(
+            f"--crop {crop:g} leaves none of {len(cloud)} Gaussians. Give a larger number; 2 "
+            "keeps what is up to twice as far away as the cameras look."
+        )
+    announce(f"--crop {crop:g} keeps {kept.sum()} of them and leaves out {(~kept).sum()}.")
+    rows[rows.clone()] = torch.from_numpy(kept).to(rows.device)
+    return cloud.rows(kept), rows
+
+
 def shown_in(model: DeSplatModel, light: str | None) -> Any:
     """Within, the light that was asked for is shown; None: the one that is shown anyway."""
     if light is None:
@@ -159,48 +197,44 @@ def shown_in(model: DeSplatModel, light: str | None) -> Any:
     return model.shown_in(torch.stack([share * effects.of(i) for i, share in mix]).sum(dim=0))
 
 
-@torch.no_grad()
-def _visible(pipeline: DeSplatPipeline) -> Tensor:
-    """Which static Gaussians [N] an allowed view shows: other viewers have no near plane, so that
-    what hangs before a camera would be in their way."""
-    model = pipeline.model
-    views = allowed_views(pipeline.datamanager.train_dataset.cameras.to(pipeline.device))
-    return seen_by_any(model.shown_splats(), views, model.points, model.config.near_plane)
+def within(
+    means: Float[np.ndarray, "N 3"],
+    views: Iterable[View],
+    rasterize: Callable[[View], Rendering],
+    factor: float,
+) -> Bool[np.ndarray, " N"]:
+    """Which points lie no farther from some camera than `factor` times its `reach_of`.
 
+    Args:
+        rasterize: the static scene with its depth.
 
-@torch.no_grad()
-def _surroundings(pipeline: DeSplatPipeline) -> Surroundings:
-    """Where the training cameras stand and how far they look."""
-    model = pipeline.model
-    cameras = pipeline.datamanager.train_dataset.cameras.to(pipeline.device)
-    splats, settings = model.shown_splats(), model.render_settings(depth=True)
-    chosen = even_subset(len(cameras), MOST_CROP_VIEWS)
-    views = (view_of(cameras[i : i + 1]) for i in chosen)
-    return surroundings_of(views, lambda view: model.rasterizer(splats, view, settings))
-
-
-def _near(cloud: SplatCloud, surroundings: Surroundings, factor: float) -> Bool[np.ndarray, " N"]:
-    """Which Gaussians `--crop` keeps."""
-    kept = surroundings.within(cloud.means, factor)
-    if not kept.any():
+    Raises:
+        ConfigError: no view shows anything.
+    """
+    kept, is_known = np.zeros(len(means), bool), False
+    for view in views:
+        reach = reach_of(view, rasterize)
+        if reach is not None:
+            place, is_known = view.center.double().cpu().numpy(), True
+            kept |= np.square(means - place).sum(axis=1) <= (factor * reach) ** 2
+    if not is_known:
         raise ConfigError(
-            f"--crop {factor:g} leaves none of {len(cloud)} Gaussians. Give a larger number; 2 "
-            "keeps what is up to twice as far away as the cameras look."
+            "No training view shows anything solid, so how far the cameras look is not known. "
+            "Train longer, or leave out --crop."
         )
-    announce(f"--crop {factor:g} keeps {kept.sum()} of them and leaves out {(~kept).sum()}.")
     return kept
 
 
-def _left_out(model: DeSplatModel, cloud: SplatCloud, keeps_antialiasing: bool) -> list[str]:
-    """What the file cannot hold of this run."""
-    lines = []
-    if model.effects.background != "off":
-        lines.append(
-            "The background behind the scene (the sky) is no Gaussians and is not in the file."
-        )
-    if cloud.antialiased and not keeps_antialiasing:
-        lines.append(
-            "The run was trained with `rasterize-mode antialiased`, which this format cannot say: "
-            "switch antialiasing on in the viewer, or write .spz."
-        )
-    return lines
+def reach_of(view: View, rasterize: Callable[[View], Rendering]) -> float | None:
+    """Median depth of what a small version of a view shows, world units; None if that is nothing.
+
+    Args:
+        rasterize: the static scene with its depth.
+    """
+    factor = max(view.width, view.height) / SIDE
+    scale = torch.tensor([1 / factor, 1 / factor, 1.0]).to(view.K)
+    width, height = (max(1, round(side / factor)) for side in (view.width, view.height))
+    rendering = rasterize(View(view.viewmat, view.K * scale[:, None], width, height))
+    assert rendering.depth is not None
+    depths = rendering.depth[rendering.alpha > COVERED]
+    return float(depths.median()) if len(depths) > 0 else None

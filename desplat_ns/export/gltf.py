@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from jaxtyping import UInt8
 
 from desplat_ns import __version__
 from desplat_ns.backend.spherical_harmonics import C0
@@ -23,12 +22,10 @@ EXTENSION = "KHR_gaussian_splatting"
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", b"JSON", b"BIN\0"
 
 COMPONENTS = {np.dtype("<f4"): 5126, np.dtype("u1"): 5121}
-"""glTF's numbers of component types."""
-
 KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
-
 POINTS = 0
-"""glTF's number of that kind of primitive; what does not know the extension draws points."""
+"""glTF's numbers of component types and of a primitive; what does not know the extension draws
+points."""
 
 
 def glb_bytes(cloud: SplatCloud) -> bytes:
@@ -43,7 +40,8 @@ def glb_bytes(cloud: SplatCloud) -> bytes:
 def _attributes(cloud: SplatCloud) -> Iterator[tuple[str, np.ndarray]]:
     """The columns of a point primitive; each is a whole number of 4 bytes long."""
     yield "POSITION", cloud.means.astype("<f4")
-    yield "COLOR_0", _point_colors(cloud)
+    colors = np.column_stack([C0 * cloud.harmonics[:, 0] + 0.5, cloud.opacities])
+    yield "COLOR_0", np.rint(colors * 255).clip(0, 255).astype(np.uint8)  # for points
     yield f"{EXTENSION}:ROTATION", xyzw(cloud.quats).astype("<f4")
     yield f"{EXTENSION}:SCALE", cloud.scales.astype("<f4")
     yield f"{EXTENSION}:OPACITY", cloud.opacities.astype("<f4")[:, None]
@@ -53,23 +51,12 @@ def _attributes(cloud: SplatCloud) -> Iterator[tuple[str, np.ndarray]]:
             yield name, np.ascontiguousarray(cloud.harmonics[:, degree**2 + i], "<f4")
 
 
-def _point_colors(cloud: SplatCloud) -> UInt8[np.ndarray, "N 4"]:
-    """Colours and opacities for what draws points only."""
-    colors = C0 * cloud.harmonics[:, 0] + 0.5
-    rgba = np.concatenate([colors, cloud.opacities[:, None]], axis=1)
-    return np.rint(rgba * 255).clip(0, 255).astype(np.uint8)
-
-
 def _document(attributes: Mapping[str, np.ndarray], length: int) -> dict[str, Any]:
     """glTF's JSON: one mesh of one primitive, with an accessor and a view for each attribute."""
     accessors, views, offset = [], [], 0
     for i, (name, values) in enumerate(attributes.items()):
-        accessor = {
-            "bufferView": i,
-            "componentType": COMPONENTS[values.dtype],
-            "count": len(values),
-            "type": KINDS[values.shape[1]],
-        }
+        accessor = {"bufferView": i, "componentType": COMPONENTS[values.dtype]}
+        accessor |= {"count": len(values), "type": KINDS[values.shape[1]]}
         if values.dtype == np.uint8:
             accessor["normalized"] = True
         if name == "POSITION":  # glTF asks for these of positions

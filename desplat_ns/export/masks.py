@@ -1,19 +1,191 @@
-"""Distractor masks over the photos as they lie on disk, grown and coloured as others want them.
+"""Distractor masks over the photos as they lie on disk: at their full size, bent by their lens,
+under the names that others look for.
 
-Letters in shapes: H x W pixels of the photo.
+Renderings are made through a pinhole; photos were taken through a lens. Letters in shapes: H x W
+pixels of the photo, h x w of the pinhole's image.
 """
 
 from __future__ import annotations
 
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
+from nerfstudio.cameras.cameras import Cameras, CameraType
 
-from desplat_ns.export.lens import pinhole_of
-from desplat_ns.export.photos import Photo
+from desplat_ns.console import list_names
+from desplat_ns.data.colmap import DeSplatColmapDataParser
+from desplat_ns.data.images import image_size
+from desplat_ns.data.training_views import image_names
+from desplat_ns.datamanager import DeSplatDataManager
+from desplat_ns.errors import ConfigError
+from desplat_ns.export.formats import Naming
 from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.layers import MASK_THRESHOLD
+from desplat_ns.rendering.views import is_distorted
+
+WIDEST = 5.0
+"""Tangent of the angle from the optical axis beyond which a pinhole is not drawn (79 degrees)."""
+
+MARGIN = 1
+"""Pixels around what is seen, for interpolation at the border."""
+
+CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
+"""When inverting a lens model stops; OpenCV's default of 5 rounds is off by pixels in corners."""
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A training photo before it was reduced or undistorted for training."""
+
+    index: int
+    """Which training view it is."""
+    name: str
+    """Its path below the folder of the photos, with forward slashes."""
+    camera: Cameras
+    """[1], at the photo's full size, with its distortion."""
+
+
+def training_photos(manager: DeSplatDataManager) -> Iterator[Photo]:
+    """All training photos in the order of their views.
+
+    Raises:
+        CaptureError: a photo that cannot be read any more.
+    """
+    outputs = manager.train_dataparser_outputs
+    folder = _folder(manager)
+    originals = [original_of(path.absolute(), folder) for path in outputs.image_filenames]
+    below = all(path.is_relative_to(folder) for path in originals)
+    names = (
+        [path.relative_to(folder).as_posix() for path in originals]
+        if below
+        else image_names(originals)
+    )
+    for index, (path, name) in enumerate(zip(originals, names, strict=True)):
+        camera = outputs.cameras[index : index + 1]
+        yield Photo(index, name, _at_size(camera, *image_size(path)))
+
+
+def _folder(manager: DeSplatDataManager) -> Path:
+    """Where COLMAP's names of the photos begin; `images` for captures without COLMAP."""
+    parser = manager.dataparser
+    data = Path(parser.config.data).absolute()
+    if isinstance(parser, DeSplatColmapDataParser):
+        return data / parser.images_path
+    return (data.parent if data.suffix == ".json" else data) / "images"
+
+
+def _at_size(camera: Cameras, width: int, height: int) -> Cameras:
+    """The same camera [1] with more pixels."""
+    x_ratio = width / float(camera.width)
+    y_ratio = height / float(camera.height)
+    return Cameras(
+        camera_to_worlds=camera.camera_to_worlds,
+        fx=camera.fx * x_ratio,
+        fy=camera.fy * y_ratio,
+        cx=camera.cx * x_ratio,
+        cy=camera.cy * y_ratio,
+        width=torch.full_like(camera.width, width),
+        height=torch.full_like(camera.height, height),
+        distortion_params=camera.distortion_params,
+        camera_type=camera.camera_type,
+    )
+
+
+def original_of(path: Path, folder: Path) -> Path:
+    """The photo in its full size: the one in `folder` where `path` is a copy in a folder beside it
+    (images_2 for images), if it is there; else `path`."""
+    if path.is_relative_to(folder.parent):
+        beside, *rest = path.relative_to(folder.parent).parts
+        original = folder.joinpath(*rest)
+        is_copy = re.fullmatch(re.escape(folder.name) + r"_\d+", beside) is not None
+        if rest and is_copy and original.is_file():
+            return original
+    return path
+
+
+def mask_names(photos: Sequence[str], naming: Naming) -> list[str]:
+    """Names of the masks of photos, as paths below the masks' folder.
+
+    Args:
+        photos: as paths below the photos' folder.
+
+    Raises:
+        ConfigError: two photos would have the same mask.
+    """
+    if naming == "colmap":
+        return [f"{photo}.png" for photo in photos]
+    names = [str(PurePosixPath(photo).with_suffix(".png")) for photo in photos]
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ConfigError(
+            f"--names {naming} calls the masks of several photos the same: {list_names(twice)}. "
+            "Add `--names colmap`, which keeps the photos' endings."
+        )
+    return names
+
+
+@dataclass(frozen=True)
+class Pinhole:
+    """A pinhole camera that sees what a photo shows, and where the photo's pixels are in it."""
+
+    camera: Cameras
+    """[1]"""
+    places: Float[np.ndarray, "H W 2"] | None
+    """x and y of the photo's pixel centres in the pinhole's image, from its corner, in pixels; None
+    where they are the same pixels."""
+
+    def to_photo(self, image: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "H W"]:
+        """An image of the pinhole's as the lens shows it; 0 where the pinhole sees nothing."""
+        if self.places is None:
+            return image
+        x, y = np.moveaxis(self.places.astype(np.float32) - 0.5, -1, 0)
+        return cv2.remap(image, x, y, cv2.INTER_LINEAR)
+
+
+def pinhole_of(camera: Cameras) -> Pinhole:
+    """The pinhole that sees all that the photo of a camera [1] shows, at the same focal lengths."""
+    if not is_distorted(camera):
+        return Pinhole(camera, None)
+    rays = _slopes(camera)
+    rays = np.where(np.isfinite(rays) & (np.abs(rays) <= WIDEST), rays, np.nan)
+    least, most = np.nanmin(rays, axis=(0, 1)), np.nanmax(rays, axis=(0, 1))
+    focal = np.array([float(camera.fx), float(camera.fy)])
+    cx, cy = center = MARGIN - least * focal
+    width, height = np.ceil((most - least) * focal).astype(int) + 2 * MARGIN
+    pinhole = Cameras(
+        camera.camera_to_worlds,
+        camera.fx,
+        camera.fy,
+        float(cx),
+        float(cy),
+        int(width),
+        int(height),
+    )
+    return Pinhole(pinhole, np.nan_to_num(rays * focal + center, nan=-2.0))
+
+
+def _slopes(camera: Cameras) -> Float[np.ndarray, "H W 2"]:
+    """x / z and y / z of the rays through the photo's pixel centres, in OpenCV's axes."""
+    height, width = int(camera.height), int(camera.width)
+    rows, columns = np.mgrid[:height, :width]
+    pixels = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2) + 0.5
+    matrix = camera.get_intrinsics_matrices()[0].double().numpy()
+    assert camera.distortion_params is not None
+    k1, k2, k3, k4, p1, p2 = camera.distortion_params[0].double().tolist()
+    if int(camera.camera_type) == CameraType.FISHEYE.value:
+        lens = np.array([k1, k2, k3, k4])
+        slopes = cv2.fisheye.undistortPoints(pixels, matrix, lens, criteria=CRITERIA)
+    else:
+        lens = np.array([k1, k2, p1, p2, k3])
+        slopes = cv2.undistortPointsIter(pixels, matrix, lens, np.eye(3), np.eye(3), CRITERIA)
+    return slopes.reshape(height, width, 2)
 
 
 @torch.no_grad()

@@ -1,4 +1,4 @@
-"""The Gaussians of a file: what every format can hold, and nothing of nerfstudio.
+"""The Gaussians of a file: taken from a model in one light, and moved to a file's coordinates.
 
 Letters in shapes: N Gaussians, K spherical-harmonics bases.
 """
@@ -6,13 +6,31 @@ Letters in shapes: N Gaussians, K spherical-harmonics bases.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float
+from nerfstudio.cameras.camera_utils import quaternion_from_matrix
+from torch import Tensor
+
+from desplat_ns.backend.constants import ALPHA_CUTOFF, FAR_PLANE
+from desplat_ns.backend.inputs import is_finite
+from desplat_ns.backend.protocol import Splats
+from desplat_ns.backend.spherical_harmonics import sh_basis
+from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.export.formats import Axes, Frame
+from desplat_ns.gaussians.activation import MAX_LOG_SCALE
+from desplat_ns.photo_tourism.lit_splats import as_harmonics
 
 MAX_DEGREE = 3
 """Of the spherical harmonics that PLY, SPZ and glTF readers take."""
+
+TOO_WIDE = math.exp(MAX_LOG_SCALE) / 2
+"""World units. Wider Gaussians are culled in every view."""
+
+ORTHOGONAL_TOLERANCE = 1e-4
+"""How far a transform's columns may be from orthonormal: it comes as float32, a product of two."""
 
 
 @dataclass(frozen=True)
@@ -42,16 +60,146 @@ class SplatCloud:
 
     def rows(self, chosen: Bool[np.ndarray, " N"]) -> SplatCloud:
         """The chosen Gaussians only."""
-        return replace(
-            self,
-            means=self.means[chosen],
-            quats=self.quats[chosen],
-            scales=self.scales[chosen],
-            opacities=self.opacities[chosen],
-            harmonics=self.harmonics[chosen],
-        )
+        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "antialiased"}
+        return replace(self, **{name: values[chosen] for name, values in arrays.items()})
 
 
 def xyzw(quats: Float[np.ndarray, "N 4"]) -> Float[np.ndarray, "N 4"]:
     """Quaternions wxyz in the order of glTF and SPZ."""
     return np.roll(quats, -1, axis=1)
+
+
+@torch.no_grad()
+def shown_anywhere(splats: Splats) -> Bool[Tensor, " N"]:
+    """Which Gaussians some view may show: none that are broken, beyond the far plane, wider than
+    `TOO_WIDE`, or fainter than a pixel's cut-off."""
+    near = splats.means.abs().amax(-1) < FAR_PLANE
+    drawn = near & (splats.scales.amax(-1) <= TOO_WIDE) & (splats.opacities >= ALPHA_CUTOFF)
+    return is_finite(splats) & drawn
+
+
+def baked(splats: Splats, antialiased: bool) -> SplatCloud:
+    """Gaussians of a model as a file holds them, those that are `shown_anywhere`.
+
+    Args:
+        splats: activated, with the colours of one light.
+        antialiased: as `SplatCloud.antialiased`.
+
+    Raises:
+        ConfigError: nothing is left.
+    """
+    shown = shown_anywhere(splats)
+    if not shown.any():
+        raise ConfigError(
+            f"Of {len(shown)} static Gaussians no view shows any: there is nothing to export. "
+            "Train longer, or take an earlier checkpoint."
+        )
+    splats = splats.rows(shown)
+    quats = torch.nn.functional.normalize(splats.quats, dim=-1)
+    values = (splats.means.double(), quats, splats.scales, splats.opacities)
+    means, quats, scales, opacities = (value.detach().cpu().numpy() for value in values)
+    return SplatCloud(means, quats, scales, opacities, harmonics_of(splats), antialiased)
+
+
+def harmonics_of(splats: Splats) -> Float[np.ndarray, "N K 3"]:
+    """Coefficients as a file holds them: without those that are not evaluated yet, and those above
+    degree `MAX_DEGREE`."""
+    splats = as_harmonics(splats)
+    assert splats.sh_degree is not None
+    bases = (min(splats.sh_degree, MAX_DEGREE) + 1) ** 2
+    return splats.colors[:, :bases].detach().cpu().numpy()
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """p -> scale * turn p + shift."""
+
+    turn: Float[np.ndarray, "3 3"]
+    """Orthogonal; a reflection, of determinant -1, is one."""
+    scale: float
+    shift: Float[np.ndarray, "3"]
+
+
+def similarity_to(
+    frame: Frame,
+    transform: Float[np.ndarray, "3 4"],
+    scale: float,
+    upright_axes: Axes,
+) -> Similarity:
+    """From the coordinates of training to those of a file.
+
+    training: as it is. upright: the capture's scale, the scene's up as the file's up, the origin of
+    training. capture: the capture's own coordinates, to lay over its points.
+
+    Args:
+        transform: the dataparser's: the capture's coordinates to those of training, before scaling.
+        scale: the dataparser's.
+        upright_axes: from nerfstudio's axes (z up) to the file's.
+
+    Raises:
+        CaptureError: the transform bends or stretches, so Gaussians cannot follow it.
+    """
+    if frame == "training":
+        return Similarity(np.eye(3), 1.0, np.zeros(3))
+    matrix = np.asarray(transform, np.float64)
+    stretch = np.cbrt(abs(np.linalg.det(matrix[:, :3])))
+    turn = matrix[:, :3] / stretch
+    if not np.allclose(turn @ turn.T, np.eye(3), atol=ORTHOGONAL_TOLERANCE):
+        raise CaptureError(
+            "The capture's own coordinates differ from those of training by more than a turn, a "
+            "shift and a scale (`applied_transform` in its transforms.json?), which Gaussians "
+            "cannot follow. Add `--frame training`."
+        )
+    unscaled = 1 / (float(scale) * stretch)
+    if frame == "upright":
+        return Similarity(np.asarray(upright_axes, np.float64), unscaled, np.zeros(3))
+    return Similarity(turn.T, unscaled, -turn.T @ matrix[:, 3] / stretch)
+
+
+def moved(cloud: SplatCloud, by: Similarity) -> SplatCloud:
+    """The same scene in other coordinates: what a camera that moves along sees does not change."""
+    return replace(
+        cloud,
+        means=cloud.means @ (by.scale * by.turn.T) + by.shift,
+        quats=_turned_quats(cloud.quats, by.turn),
+        scales=(cloud.scales * by.scale).astype(np.float32),
+        harmonics=turned_harmonics(cloud.harmonics, by.turn),
+    )
+
+
+def turned_harmonics(
+    harmonics: Float[np.ndarray, "N K 3"], turn: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "N K 3"]:
+    """Coefficients c' with sum_k c'_k Y_k(turn d) = sum_k c_k Y_k(d) for every direction d.
+
+    A turn mixes the harmonics of one degree only, linearly: the mixing matrix is solved for from
+    more directions than there are harmonics, in float64.
+    """
+    degree = round(harmonics.shape[1] ** 0.5) - 1
+    if degree == 0:
+        return harmonics
+    directions = _spread_directions(4 * harmonics.shape[1])
+    there = sh_basis(degree, torch.from_numpy(directions)).numpy()
+    after = sh_basis(degree, torch.from_numpy(directions @ turn.T)).numpy()
+    mixing = np.linalg.lstsq(after, there, rcond=None)[0]
+    return np.einsum("jk,nkc->njc", mixing.astype(harmonics.dtype), harmonics)
+
+
+def _spread_directions(count: int) -> Float[np.ndarray, "count 3"]:
+    """Unit vectors spread evenly over the sphere: a Fibonacci lattice."""
+    steps = np.arange(count) + 0.5
+    z = 1 - 2 * steps / count
+    angle = np.pi * (1 + 5**0.5) * steps
+    radius = np.sqrt(1 - z**2)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+
+
+def _turned_quats(
+    quats: Float[np.ndarray, "N 4"], turn: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "N 4"]:
+    """Quaternions of turn R. An ellipsoid is its own mirror image through its centre, so that a
+    reflection may be taken as the turn with the opposite sign."""
+    w, x, y, z = quaternion_from_matrix(turn * np.sign(np.linalg.det(turn)))
+    left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    turned = quats @ left.T
+    return (turned / np.linalg.norm(turned, axis=1, keepdims=True)).astype(np.float32)

@@ -52,22 +52,14 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
     Largest errors: of a coordinate half a step, 2^-bits / 2 (see `fractional_bits`): the larger of
     2^-21 and 1.2e-7 (1 / LARGEST) of the largest coordinate. 1/32 of a scale's logarithm (between
     e^-10 and e^5.9), 1/510 of an opacity, 1/76 of a zeroth coefficient (within 3.3), 1/64 of the
-    others (of degree one 1/128; within 1). How large that is beside Gaussians: see `fitting`.
+    others (of degree one 1/128; within 1). How large that is beside Gaussians: see `placed`.
 
     Raises:
         ConfigError: coordinates are too large for the format.
     """
     bits = fractional_bits(cloud.means)
-    header = struct.pack(
-        "<IIIBBBB",
-        MAGIC,
-        VERSION,
-        len(cloud),
-        cloud.degree,
-        bits,
-        ANTIALIASED if cloud.antialiased else 0,
-        0,
-    )
+    flags = ANTIALIASED if cloud.antialiased else 0
+    header = struct.pack("<IIIBBBB", MAGIC, VERSION, len(cloud), cloud.degree, bits, flags, 0)
     attributes = (
         _fixed_point(cloud.means, bits),
         _bytes(cloud.opacities * 255),
@@ -84,12 +76,6 @@ def color_bytes(cloud: SplatCloud) -> UInt8[np.ndarray, " B"]:
     """The bytes of a file, unpacked, that depend on the light: zeroth coefficients of all
     Gaussians, then the others, as they follow one another there. B = 3 N K."""
     return np.concatenate([_zeroth(cloud).ravel(), _others(cloud).ravel()])
-
-
-def fitting(cloud: SplatCloud) -> tuple[SplatCloud, list[str]]:
-    """The Gaussians that are `placed` precisely enough, and what to tell a user."""
-    near, lines = placed(cloud)
-    return cloud.rows(near), lines
 
 
 def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], list[str]]:
@@ -179,11 +165,8 @@ def _zeroth(cloud: SplatCloud) -> UInt8[np.ndarray, "N 3"]:
 
 
 def _others(cloud: SplatCloud) -> UInt8[np.ndarray, "N K 3"]:
-    return _harmonics(cloud.harmonics[:, 1:])
-
-
-def _harmonics(rest: Float[np.ndarray, "N K 3"]) -> UInt8[np.ndarray, "N K 3"]:
     """128ths around 128, rounded to whole steps of `SH_STEPS`."""
+    rest = cloud.harmonics[:, 1:]
     step = np.where(np.arange(rest.shape[1]) < 3, *SH_STEPS)[:, None]
     return (np.rint(rest * 128 / step) * step + 128).clip(0, 255).astype(np.uint8)
 

@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.files.encoding import Picture, fitted_into
-from desplat_ns.files.pages import template
-from desplat_ns.report.charts import svg
-from desplat_ns.report.cost import Cost
-from desplat_ns.report.effect_reasons import EffectReason
-from desplat_ns.report.history import History
+from desplat_ns.files.pages import chart as new_chart
+from desplat_ns.files.pages import inline_svg, plain_logarithmic, svg_of, template
 from desplat_ns.report.notices import Notice
 from desplat_ns.report.pictures import ERROR_COLORS, ERROR_TOP, HeldOutPhoto, TrainingPhoto
+from desplat_ns.report.recorded import Chart, Cost, EffectReason, History
 
 TEMPLATE = Path(__file__).with_name("page.html.jinja")
 
@@ -27,7 +25,6 @@ BESIDE = 0.6
 """Pictures that are shown at half the width get this share of the pixels' side."""
 
 OPTION = re.compile(r"--[a-z][\w.-]*\w")
-"""An option in a text."""
 
 SCORES = {
     "psnr": "PSNR {:.2f} dB",
@@ -35,6 +32,16 @@ SCORES = {
     "lpips": "LPIPS {:.3f}",
     "angle": "{:.0f}° from the photos",
 }
+
+CHART_SIZE = (4.8, 2.8)
+"""Inches, where letters have 10 points."""
+
+COLOURS = {"#0b6e99": "var(--accent)", "#c2571a": "var(--second)", "#000000": "var(--soft)"}
+"""Of the first curve, the second, and the axes: as drawn, and as the page calls them, light or
+dark."""
+
+FEW = 12
+"""Points of a curve, up to which each has a mark."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +54,6 @@ class Contents:
     held_out: Sequence[HeldOutPhoto]
     results: Mapping[str, Any]
     """Of the evaluation; empty without one."""
-    trusted: str
-    """Which views can be trusted, in words; may be empty."""
     history: History
     reasons: Sequence[EffectReason]
     machine: Mapping[str, str]
@@ -71,8 +76,7 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") ->
     photos = [*training, *contents.held_out]
     pictures = [_pictures(photo) for photo in photos]
     told = [Picture(one.picture, BESIDE) for one in contents.notices if one.picture is not None]
-    every = [*told, *(picture for shown in pictures for picture in shown.values())]
-    encoded = fitted_into(every, budget)
+    encoded = fitted_into([*told, *(p for shown in pictures for p in shown.values())], budget)
     sources = iter(encoded.sources)
     noticed = [(one, next(sources) if one.picture is not None else "") for one in contents.notices]
     shown = [
@@ -105,6 +109,26 @@ def _pictures(photo: TrainingPhoto | HeldOutPhoto) -> dict[str, Picture]:
         shown |= {"distractors": Picture(photo.distractors, BESIDE)}
         shown |= {"mask": Picture(photo.mask, BESIDE)}
     return shown
+
+
+def svg(chart: Chart) -> str:
+    """A chart over the steps; the names of its curves are the page's to write."""
+    with new_chart(chart.title, CHART_SIZE) as axes:
+        if chart.is_logarithmic:
+            plain_logarithmic(axes.yaxis)
+        else:
+            axes.yaxis.set_major_formatter("{x:,.10g}")
+        axes.xaxis.set_major_formatter("{x:,.10g}")
+        for points, colour in zip(chart.curves.values(), COLOURS, strict=False):
+            steps, values = zip(*points, strict=True)
+            mark = "o" if len(points) <= FEW else ""
+            axes.plot(steps, values, color=colour, marker=mark, markersize=4)
+        axes.locator_params(axis="x", nbins=5)
+        axes.figure.set_facecolor("none")
+        axes.set_facecolor("none")
+        drawn = inline_svg(svg_of(axes))
+    drawn = re.sub(r' clip-path="[^"]*"', "", drawn)  # all curves lie within the axes
+    return re.sub("|".join(COLOURS), lambda match: COLOURS[match[0]], drawn)
 
 
 def typed(text: str) -> str:

@@ -21,7 +21,7 @@ from desplat_ns.files.pages import shrunk
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.metrics import psnr
 from desplat_ns.rendering.views import is_distorted, view_of
-from desplat_ns.report.failure_case import Coverage, coverage_of
+from desplat_ns.report.disputed import Unlike, unlike_in
 from desplat_ns.separation.regions import apply_mask
 
 Rgb = UInt8[np.ndarray, "_ _ 3"]
@@ -46,10 +46,11 @@ class TrainingPhoto:
     static: Rgb
     """The static scene in the photo's light."""
     distractors: Rgb | None = None
-    """On a chequered ground; None if the effect is off."""
+    """On a chequered ground; this and the next three are None if the effect is off."""
     mask: Rgb | None = None
     covered: float | None = None
     """Share of the photo inside the mask, in [0, 1]."""
+    unlike: Unlike | None = None
 
 
 @dataclass(frozen=True)
@@ -63,10 +64,8 @@ class HeldOutPhoto:
     figures: Mapping[str, float]
 
 
-def training_photos(
-    pipeline: DeSplatPipeline, chosen: Sequence[int]
-) -> Iterator[tuple[TrainingPhoto, Coverage | None]]:
-    """Training photos taken apart, and where distractors cover them (None if the effect is off).
+def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterator[TrainingPhoto]:
+    """Training photos taken apart.
 
     Raises:
         CaptureError: a photo that cannot be read any more.
@@ -85,23 +84,26 @@ def training_photos(
             camera = dataset.cameras[index : index + 1].to(pipeline.device)
             outputs = model.get_outputs_for_camera(camera)
             photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
-            name, coverage = manager.train_image_names[index], None
+            name, unlike = manager.train_image_names[index], None
             if "alpha_distractor" in outputs:
-                alpha_d, static = outputs["alpha_distractor"], outputs["rgb_static"]
-                seen, config = photo, model.config.distractors
+                alpha_d, static, seen = outputs["alpha_distractor"], outputs["rgb_static"], photo
                 if "mask" in batch:
                     seen, _ = apply_mask(photo, static, batch["mask"].to(photo.device))
-                coverage = coverage_of(name, view_of(camera), alpha_d, seen, static, config)
-            yield _taken_apart(name, photo, outputs), coverage
+                config = model.config.distractors
+                unlike = unlike_in(name, view_of(camera), alpha_d, seen, static, config)
+            yield _taken_apart(name, photo, outputs, unlike)
             advance()
 
 
 def _taken_apart(
-    name: str, photo: Float[Tensor, "H W 3"], outputs: Mapping[str, Tensor]
+    name: str,
+    photo: Float[Tensor, "H W 3"],
+    outputs: Mapping[str, Tensor],
+    unlike: Unlike | None,
 ) -> TrainingPhoto:
     size = photo.shape[1], photo.shape[0]
     small = small_rgb(photo)
-    if "alpha_distractor" not in outputs:
+    if unlike is None:
         quality = psnr(outputs["rgb"], photo)
         return TrainingPhoto(name, size, quality, small, small_rgb(outputs["rgb"]))
     rgb_d, alpha_d = (outputs[key].cpu().numpy() for key in ("rgb_distractor", "alpha_distractor"))
@@ -115,6 +117,7 @@ def _taken_apart(
         shrunk(to_rgb8(over_checkerboard(rgb_d, alpha_d, max(8, max(size) // 48))), LARGEST_SIDE),
         small_rgb(mask.float()),
         float(mask.float().mean()),
+        unlike,
     )
 
 

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.evaluation.records import gaussian_counts
 from desplat_ns.files.whole import plain_errors, write_whole
-from desplat_ns.report.angles import angles_of, in_words
-from desplat_ns.report.cost import cost_of, from_here
-from desplat_ns.report.effect_reasons import effect_reasons, read_survey
-from desplat_ns.report.failure_case import failure_case
-from desplat_ns.report.history import read_history
-from desplat_ns.report.next_photos import seen_alone
+from desplat_ns.report.disputed import disputed_places
 from desplat_ns.report.notices import notices
 from desplat_ns.report.page import Contents, html_of
 from desplat_ns.report.pictures import held_out_photos, training_photos
+from desplat_ns.report.recorded import (
+    cost_of,
+    effect_reasons,
+    from_here,
+    read_history,
+    read_survey,
+)
+from desplat_ns.report.views import angles_of_held_out, seen_alone
 from desplat_ns.runs.files import RunFiles
 from desplat_ns.runs.loading import LoadedRun, even_subset, load_run
 from desplat_ns.scene.gather import gather as scene_contents
@@ -45,31 +48,27 @@ def gather(
     pipeline, files = run.pipeline, run.files
     model = pipeline.model
     history = read_history(files.events)
-    num_photos = len(pipeline.datamanager.train_image_names)
-    pairs = list(training_photos(pipeline, even_subset(num_photos, most_training)))
-    photos = [photo for photo, _ in pairs]
+    cost = cost_of(run, history.seconds)
+    photos = list(training_photos(pipeline, even_subset(cost.num_photos, most_training)))
     results, held_out = held_out_photos(pipeline, most_held_out)
-    angles = angles_of(pipeline)
-    held_out = [angles.added_to(photo) for photo in held_out]
-    counts = gaussian_counts(model.gauss_params, model.distractors)
-    cost = cost_of(run, history.seconds, num_photos, counts)
-    in_the_way = model.photos_with_distractors()
-    reasons = effect_reasons(model.effects, read_survey(files.survey), num_photos, in_the_way)
-    failure, by_others = None, False
-    if model.layer is not None:
-        config = model.layer.config
-        coverages = [coverage for _, coverage in pairs if coverage is not None]
-        failure = failure_case(config, model.means, coverages)
-        by_others = config.start == "residual"
+    angles = angles_of_held_out(pipeline) if held_out else {}
+    held_out = [
+        replace(photo, figures={**photo.figures, "angle": angles[photo.name]})
+        if photo.name in angles
+        else photo
+        for photo in held_out
+    ]
+    survey, in_the_way = read_survey(files.survey), model.photos_with_distractors()
+    reasons = effect_reasons(model.effects, survey, cost.num_photos, in_the_way)
+    distractors = None if model.layer is None else model.layer.config
+    disputed = disputed_places(model.means, [p.unlike for p in photos if p.unlike is not None])
     alone = seen_alone(pipeline)
-    said = notices(cost, reasons, photos, results, failure, by_others, alone)
     return Contents(
         cost,
-        said,
+        notices(cost, reasons, photos, results, distractors, disputed, alone),
         photos,
         held_out,
         results,
-        in_words(angles),
         history,
         reasons,
         machine,

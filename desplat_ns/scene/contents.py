@@ -13,9 +13,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.export.coordinates import Similarity
 from desplat_ns.export.formats import Y_UP
-from desplat_ns.export.splat_cloud import SplatCloud
+from desplat_ns.export.splat_cloud import Similarity, SplatCloud
 
 AVERAGE = "the photos' average"
 """Whose light is shown where none was chosen."""

@@ -5,21 +5,20 @@ from __future__ import annotations
 import base64
 import gzip
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Float, Int
 
-from desplat_ns.export.coordinates import moved, turned_harmonics
-from desplat_ns.export.splat_cloud import SplatCloud
-from desplat_ns.export.spz import color_bytes, fitting, placed, spz_bytes
+from desplat_ns.errors import ConfigError
+from desplat_ns.export.splat_cloud import SplatCloud, moved, turned_harmonics
+from desplat_ns.export.spz import color_bytes, placed, spz_bytes
 from desplat_ns.files.encoding import Picture, fitted_into
 from desplat_ns.files.pages import template
 from desplat_ns.scene.contents import TO_PAGE, Contents
-from desplat_ns.scene.reduction import Fitted, fitted
 
 HERE = Path(__file__).parent
 TEMPLATE = HERE / "page.html.jinja"
@@ -34,6 +33,12 @@ PICTURES_SHARE, PICTURES_MOST = 0.4, 9_000_000
 
 BASE64 = 3 / 4
 """Bytes that a character of the page holds."""
+
+LEAST = 100
+"""Gaussians: with fewer there is no scene to speak of."""
+
+MARGIN = 0.97
+"""Of the bytes that are there: a reduced file's Gaussians take a little more each."""
 
 LIGHTS_FRAME = 500
 """Bytes for a light beside its colours and its name, which is there twice and may be escaped."""
@@ -57,8 +62,9 @@ def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
         shown = {"index": index, "photo": next(sources), "distractors": ""}
         cameras.append({**camera.as_json(), **shown})
         if camera.distractors is not None:
-            near = fitting(moved(camera.distractors, TO_PAGE))[0]
-            cameras[-1]["distractors"] = _text(spz_bytes(near))
+            taken_out = moved(camera.distractors, TO_PAGE)
+            taken_out = taken_out.rows(placed(taken_out)[0])
+            cameras[-1]["distractors"] = _text(spz_bytes(taken_out))
     renderings = [(name, next(sources)) for name, _ in contents.pictures]
     near, left_out = placed(contents.cloud)
     cloud = contents.cloud.rows(near)
@@ -138,3 +144,51 @@ def _reduced(scene: Fitted, count: int) -> str:
 
 def _text(content: bytes) -> str:
     return base64.b64encode(content).decode()
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A cloud as a file, and what was left out for it."""
+
+    content: bytes
+    """SPZ."""
+    rows: Bool[np.ndarray, " N"]
+    """Which of the cloud's Gaussians are kept."""
+    share: float
+    """Of the photos that what is kept makes up, in [0, 1]: blending weights over their sum."""
+
+    @property
+    def kept(self) -> int:
+        """How many."""
+        return int(self.rows.sum())
+
+
+def fitted(
+    cloud: SplatCloud, most: int, weigh: Callable[[SplatCloud], Float[np.ndarray, " N"]]
+) -> Fitted:
+    """The cloud as SPZ of at most so many bytes.
+
+    Args:
+        weigh: gives what each Gaussian makes up of the photos; called where not all fit.
+
+    Raises:
+        ConfigError: next to none fit.
+    """
+    content = spz_bytes(cloud)
+    if len(content) <= most:
+        return Fitted(content, np.ones(len(cloud), bool), 1.0)
+    weights = weigh(cloud)
+    order, count = np.argsort(-weights, kind="stable"), len(cloud)
+    chosen = np.ones(count, bool)
+    while len(content) > most:
+        count = int(count * min(MARGIN * most / len(content), 0.99))
+        if count < LEAST:
+            raise ConfigError(
+                f"Of {len(cloud)} Gaussians fewer than {LEAST} fit into {max(most, 0) / 1e6:.2f} "
+                "MB, which is what the page has left for them. Give it more with --megabytes, or "
+                "fewer photos with --training-photos and --held-out-photos."
+            )
+        chosen[:] = False
+        chosen[order[:count]] = True
+        content = spz_bytes(cloud.rows(chosen))
+    return Fitted(content, chosen, float(weights[order[:count]].sum() / weights.sum()))

@@ -36,7 +36,6 @@ def test_the_page_of_a_run_has_every_photo_with_its_layers(page: str):
     assert sum(alt.endswith(", error map") for alt in alts) == NUM_TEST
     assert page.count('<input type="range"') == NUM_TRAIN
     assert len(re.findall(r"SSIM [.0-9]+, \d+° from the photos", page)) == NUM_TEST
-    assert "Training photos that stand most alone" in page
 
 
 @pytest.mark.slow

@@ -65,9 +65,9 @@ def test_a_fit_is_adam_on_the_loss_alone():
     assert torch.equal(fitted, reference.detach())
 
 
-@pytest.mark.parametrize("width", [1, 2, 3])
+@pytest.mark.parametrize("width", [1, 3])
 def test_a_photo_without_halves_is_refused(model, width):
-    with pytest.raises(CaptureError, match=f"{width} pixels wide"):
+    with pytest.raises(CaptureError, match="--protocol"):
         embedding_from_left_half(model, held_out(width), torch.rand(HEIGHT, width, 3), SHORT)
 
 

@@ -88,12 +88,3 @@ def test_the_narrowest_photo_is_scored(model):
     batch = {"image": torch.rand(HEIGHT, 4, 3)}
     scored, _ = by_left_half(model, SHORT).score(held_out(4), batch, "a")
     assert scored.metrics["psnr"] > 0
-
-
-def test_the_protocol_says_how_the_light_was_found():
-    by_adam = by_left_half(moved(model_with("affine")).eval(), SHORT)
-    assert "6 steps of Adam at 0.05" in by_adam.describe()
-    at_once = by_left_half(model_with("camera").eval(), SHORT)
-    assert "closed form" in at_once.describe()
-    with_sky = by_left_half(model_with("camera", background="image").eval(), SHORT)
-    assert "6 steps of Adam" in with_sky.describe()

@@ -1,106 +1,87 @@
-"""Files of a run on real photos, read back by others and drawn by the capture's own cameras."""
+"""Files of a run lie where the capture's own cameras look; a crop keeps what is near to them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import PIL.Image
 import pycolmap
 import pytest
 import torch
 
-from desplat_ns.backend.protocol import View
-from tests.helpers.clouds import drawn
-from tests.helpers.page_beside_photos import LEAST_PSNR as LEAST_PAGE
-from tests.helpers.page_beside_photos import MOST_BELOW, page_beside_photos, short_run
+from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.errors import ConfigError
+from desplat_ns.export.export import SIDE, export_splats, within
+from desplat_ns.runs.files import find_run
+from desplat_ns.runs.loading import load_run
+from desplat_ns.viewer import LayerControl
+from tests.helpers.clouds import drawn, view
+from tests.helpers.scene import psnr
 from tests.helpers.splat_readers import read_splats
 
-pytestmark = [pytest.mark.slow, pytest.mark.real_data]
 
-STEPS, DOWNSCALE = 300, 4
-LEAST_PSNR = {".ply": 80.0, ".spz": 40.0}
-"""dB. A PLY has float32, as the model does: errors of 1e-6 make 120 dB, and single Gaussians may
-cross a cutoff of 1/255. An SPZ rounds colours to steps of 1/136 and opacities to steps of 1/255:
-0.01 make 40 dB."""
-
-
-@pytest.fixture(scope="module")
-def capture(data_folder: Callable[[str], Path]) -> Path:
-    return data_folder("fox_cluttered")
-
-
-@pytest.fixture(scope="module")
-def run(capture: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """config.yml of a short run, with distractors."""
-    return short_run(capture, DOWNSCALE, STEPS, tmp_path_factory.mktemp("runs"))
+def rendering(camera: View, depth: float, alpha: float) -> Rendering:
+    size = (camera.height, camera.width, 1)
+    depths = torch.full(size, depth)
+    depths[0] = 1e6  # a row of sky
+    return Rendering(
+        torch.zeros(camera.height, camera.width, 3),
+        torch.full(size, alpha),
+        depths,
+        torch.zeros(1, 0, 2),
+        torch.zeros(0, dtype=torch.int64),
+    )
 
 
-@pytest.mark.parametrize("ending", list(LEAST_PSNR))
+def test_points_are_kept_up_to_a_multiple_of_the_median_depth_that_a_camera_shows():
+    pose = np.eye(4)
+    pose[0, 3] = -10  # at (10, 0, 0)
+    depths = iter([1.0, 2.0])
+    points = np.array([[1.9, 0, 0], [2.1, 0, 0], [6.1, 0, 0], [14.1, 0, 0]])
+    kept = within(points, [view(), view(pose)], lambda c: rendering(c, next(depths), 0.9), 2.0)
+    assert kept.tolist() == [True, False, True, False]
+
+
+def test_the_views_that_are_looked_through_are_small_and_see_the_same():
+    sizes = []
+
+    def rasterize(camera: View) -> Rendering:
+        sizes.append((camera.width, camera.height))
+        assert camera.K[0, 0] / camera.width == pytest.approx(40 / 48, rel=0.02)
+        return rendering(camera, 1.0, 1.0)
+
+    large = View(view().viewmat, view().K * torch.tensor([[50.0], [50], [1]]), 2400, 2000)
+    within(np.zeros((1, 3)), [large], rasterize, 1.0)
+    assert sizes == [(SIDE, 53)]
+
+
+def test_a_scene_of_which_nothing_is_solid_cannot_be_cropped():
+    with pytest.raises(ConfigError, match="--crop"):
+        within(np.zeros((1, 3)), [view()], lambda camera: rendering(camera, 4.0, 0.1), 2.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("ending", "least"), [("ply", 80.0), ("spz", 40.0)])
 def test_a_file_in_the_captures_frame_shows_the_scene_to_the_captures_cameras(
-    run: Path, capture: Path, tmp_path: Path, ending: str
+    trained: Path, tiny_scene: Any, tmp_path: Path, ending: str, least: float
 ):
-    from nerfstudio.utils.eval_utils import eval_setup
-
-    from desplat_ns.commands.export import Splats
-    from desplat_ns.viewer import LayerControl
-
-    Splats(run, tmp_path / f"a{ending}", "capture").main()
-    cloud = read_splats((tmp_path / f"a{ending}").read_bytes(), ending[1:])
-    pipeline: Any = eval_setup(run)[1]
+    """A PLY has float32, as the model does: errors of 1e-6 make 120 dB, and single Gaussians may
+    cross a cutoff of 1/255. An SPZ rounds colours to steps of 1/136 and opacities to steps of
+    1/255: 0.01 make 40 dB."""
+    export_splats(find_run(trained), tmp_path / f"a.{ending}", "capture", None, None)
+    cloud = read_splats((tmp_path / f"a.{ending}").read_bytes(), ending)
+    pipeline: Any = load_run(find_run(trained)).pipeline
     pipeline.model.layer_control = LayerControl(0)  # without a near plane, as other viewers
-    photos = pipeline.datamanager.eval_dataset
     camera, _ = pipeline.datamanager.fixed_indices_eval_dataloader[0]
     with torch.no_grad():
         outputs = pipeline.model.get_outputs_for_camera(camera)
     behind = (1 - outputs["accumulation"]) * outputs["background"]  # not in any file
-    shown = (outputs["rgb"] - behind).numpy()
-    name = Path(photos.image_filenames[0]).name
-    picture = drawn(cloud, view_by_colmap(capture / "sparse" / "0", name)).clip(0, 1)
-    assert psnr(picture, shown) > LEAST_PSNR[ending]
-    photo = photos.get_numpy_image(0)[..., :3] / 255
-    assert psnr(picture, photo) > 25, "it is the scene that the photo shows"
-
-
-def test_masks_cover_what_was_pasted_into_the_photos(run: Path, capture: Path, tmp_path: Path):
-    from desplat_ns.commands.export import Masks
-
-    Masks(run, tmp_path / "masks", invert=True, names="nerfstudio").main()
-    both = either = 0
-    written = sorted((tmp_path / "masks").iterdir())
-    assert len(written) == len(list((capture / "images").glob("clutter_*")))
-    for path in written:
-        truth, mask = (
-            np.asarray(PIL.Image.open(folder / path.name)) > 127
-            for folder in (capture / "masks", path.parent)
-        )
-        assert mask.shape == truth.shape, "of the photo's full size"
-        both, either = both + (mask & truth).sum(), either + (mask | truth).sum()
-    assert both / either > 0.7
-
-
-def test_a_page_shows_what_we_render_to_training_and_held_out_cameras(run: Path, tmp_path: Path):
-    from desplat_ns.runs.files import find_run
-    from desplat_ns.runs.loading import load_run
-
-    compared = page_beside_photos(load_run(find_run(run)), tmp_path)
-    assert compared.of_ours.min() > LEAST_PAGE, compared
-    assert compared.below_ours.max() < MOST_BELOW, compared
-
-
-def view_by_colmap(model: Path, name: str) -> View:
-    """A photo's camera as pycolmap reads it, at 1 / `DOWNSCALE` of its size."""
-    read = pycolmap.Reconstruction(model)
+    read = pycolmap.Reconstruction(tiny_scene.folder / "sparse" / "0")
+    name = Path(pipeline.datamanager.eval_dataset.image_filenames[0]).name
     (image,) = (image for image in read.images.values() if image.name == name)
-    camera = read.cameras[image.camera_id]
     pose = np.vstack([image.cam_from_world().matrix(), [0, 0, 0, 1]])
-    width, height = camera.width // DOWNSCALE, camera.height // DOWNSCALE
-    scale = np.array([[width / camera.width], [height / camera.height], [1]])
-    intrinsics = camera.calibration_matrix() * scale
-    return View(torch.from_numpy(pose), torch.from_numpy(intrinsics), width, height)
-
-
-def psnr(image: np.ndarray, other: np.ndarray) -> float:
-    return float(-10 * np.log10(np.mean((image - other) ** 2)))
+    own = read.cameras[image.camera_id]
+    K = torch.from_numpy(own.calibration_matrix())
+    picture = drawn(cloud, View(torch.from_numpy(pose), K, own.width, own.height)).clip(0, 1)
+    assert psnr(picture, (outputs["rgb"] - behind).numpy()) > least

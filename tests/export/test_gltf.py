@@ -14,7 +14,7 @@ from tests.helpers.glb_reader import read_glb
 PREFIX = "KHR_gaussian_splatting:"
 
 
-@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+@pytest.mark.parametrize("degree", [0, 3])
 def test_every_value_comes_back_exactly(degree: int):
     written = cloud(degree=degree)
     _, values = read_glb(glb_bytes(written))

@@ -1,12 +1,24 @@
-"""Masks lie over the photos as they are on disk."""
+"""Masks lie over the photos as they are on disk: their size, their lens, their names."""
 
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
 import numpy as np
 import pytest
 import torch
-from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.cameras.cameras import Cameras, CameraType
 
-from desplat_ns.export.masks import dilated, distractor_mask
-from desplat_ns.export.photos import Photo
+from desplat_ns.errors import ConfigError
+from desplat_ns.export.masks import (
+    Photo,
+    dilated,
+    distractor_mask,
+    mask_names,
+    original_of,
+    pinhole_of,
+)
 from tests.helpers.small_model import camera, cameras, distractors_of, make_model
 
 
@@ -47,14 +59,95 @@ def test_a_photo_without_distractors_has_an_empty_mask():
     assert not distractor_mask(model, Photo(0, "a.jpg", cameras()[:1])).any()
 
 
-@pytest.mark.parametrize("pixels", [0.0, 1.0, 1.5, 3.0, 7.2])
+@pytest.mark.parametrize("pixels", [0.0, 1.5, 7.2])
 def test_a_grown_mask_holds_what_is_no_farther_than_the_distance(pixels: float):
     mask = torch.rand(30, 40, generator=torch.Generator().manual_seed(0)).numpy() > 0.99
     rows, columns = np.mgrid[:30, :40]
     inside = np.argwhere(mask)
     squared = (rows[..., None] - inside[:, 0]) ** 2 + (columns[..., None] - inside[:, 1]) ** 2
     assert np.array_equal(dilated(mask, pixels), squared.min(-1) <= pixels**2)
+    assert not dilated(np.zeros((5, 6), bool), pixels).any()
 
 
-def test_an_empty_mask_stays_empty():
-    assert not dilated(np.zeros((5, 6), bool), 3.0).any()
+K = np.array([[60.0, 0, 41], [0, 58, 33], [0, 0, 1]])
+WIDTH, HEIGHT = 80, 64
+
+
+def lens(kind: CameraType, *distortion: float) -> Cameras:
+    """k1, k2, k3, k4, p1, p2."""
+    pinhole = (torch.eye(4)[None, :3], K[0, 0], K[1, 1], K[0, 2], K[1, 2], WIDTH, HEIGHT)
+    return Cameras(*pinhole, torch.tensor([distortion]), torch.tensor([[kind.value]]))
+
+
+def project(kind: CameraType, distortion: tuple[float, ...], point: np.ndarray) -> np.ndarray:
+    """Where OpenCV's lens model shows a point, in pixels from the image's corner."""
+    k1, k2, k3, k4, p1, p2 = distortion
+    place, zero = point.reshape(1, 1, 3), np.zeros(3)
+    if kind == CameraType.FISHEYE:
+        pixels, _ = cv2.fisheye.projectPoints(place, zero, zero, K, np.array([k1, k2, k3, k4]))
+    else:
+        pixels, _ = cv2.projectPoints(place, zero, zero, K, np.array([k1, k2, p1, p2, k3]))
+    return pixels.reshape(2)
+
+
+@pytest.mark.parametrize(
+    ("kind", "distortion"),
+    [
+        (CameraType.PERSPECTIVE, (0.12, -0.05, 0.01, 0.0, 0.004, -0.003)),
+        (CameraType.PERSPECTIVE, (-0.25, 0.06, 0.0, 0.0, 0.0, 0.0)),
+        (CameraType.FISHEYE, (0.05, -0.01, 0.002, 0.0, 0.0, 0.0)),
+    ],
+)
+@pytest.mark.parametrize("point", [(0.45, 0.3), (-0.5, 0.4)])
+def test_a_disc_in_the_pinhole_is_found_where_the_lens_shows_it(
+    kind: CameraType, distortion: tuple[float, ...], point: tuple[float, float]
+):
+    pinhole = pinhole_of(lens(kind, *distortion))
+    matrix = pinhole.camera.get_intrinsics_matrices()[0].numpy()
+    place = matrix[:2, :2] @ point + matrix[:2, 2]
+    height, width = int(pinhole.camera.height), int(pinhole.camera.width)
+    rows, columns = np.mgrid[:height, :width] + 0.5
+    squared = (columns - place[0]) ** 2 + (rows - place[1]) ** 2
+    disc = np.exp(-squared / 8).astype(np.float32)
+    photo = pinhole.to_photo(disc)
+    assert photo.shape == (HEIGHT, WIDTH)
+    rows, columns = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+    middle = np.array([(photo * columns).sum(), (photo * rows).sum()]) / photo.sum()
+    expected = project(kind, distortion, np.array([*point, 1.0]))
+    assert np.abs(middle - expected).max() < 0.15, "the disc of 2 pixels is bent by a tenth"
+
+
+def test_the_whole_photo_is_seen():
+    pinhole = pinhole_of(lens(CameraType.PERSPECTIVE, -0.25, 0.06, 0.0, 0.0, 0.0, 0.0))
+    shape = int(pinhole.camera.height), int(pinhole.camera.width)
+    assert np.allclose(pinhole.to_photo(np.ones(shape, np.float32)), 1)
+
+
+PHOTOS = ["left/0001.jpg", "left/0002.JPG", "right/0001.jpg"]
+
+
+def test_colmap_appends_its_ending_and_nerfstudio_replaces_it():
+    assert mask_names(PHOTOS, "colmap") == [f"{name}.png" for name in PHOTOS]
+    without = ["left/0001.png", "left/0002.png", "right/0001.png"]
+    assert mask_names(PHOTOS, "nerfstudio") == without
+
+
+def test_photos_whose_masks_would_be_one_file_are_named():
+    twins = ["a/b.jpg", "a/b.png", "c.jpg"]
+    assert len(set(mask_names(twins, "colmap"))) == 3
+    with pytest.raises(ConfigError, match=r"a/b\.png"):
+        mask_names(twins, "nerfstudio")
+
+
+def test_a_reduced_copy_leads_to_the_photo_in_its_full_size(tmp_path: Path):
+    full, copy = tmp_path / "images" / "a" / "b.jpg", tmp_path / "images_4" / "a" / "b.jpg"
+    for path in (full, copy):
+        path.parent.mkdir(parents=True)
+        path.touch()
+    images = tmp_path / "images"
+    assert original_of(copy, images) == full
+    assert original_of(full, images) == full
+    full.unlink()
+    assert original_of(copy, images) == copy
+    other = tmp_path / "images_new" / "b.jpg"
+    assert original_of(other, images) == other

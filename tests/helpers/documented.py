@@ -1,4 +1,4 @@
-"""Commands and Python in the documents, and the parsers that take them."""
+"""Commands and Python in the documents, and the programs that take them."""
 
 from __future__ import annotations
 
@@ -8,33 +8,14 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+import pytest
 import tyro
 
 PROGRAM = re.compile(r"(?:ns|desplat)-[a-z-]+$|make$|(?:.*/)?python[\d.]*$|(?:.*/)?pip$|uv$")
-
-SCRIPTS = {
-    "desplat-eval": "desplat_ns.commands.evaluate:Evaluate",
-    "desplat-export": "desplat_ns.commands.export:Command",
-    "desplat-fetch-data": "desplat_ns.commands.fetch_data:Arguments",
-    "desplat-process": "desplat_ns.process.request:Request",
-    "desplat-report": "desplat_ns.commands.report:Report",
-    "desplat-reproduce": "desplat_ns.commands.reproduce:Arguments",
-    "ns-eval": "nerfstudio.scripts.eval:ComputePSNR",
-    "ns-export": "nerfstudio.scripts.exporter:Commands",
-    "ns-render": "nerfstudio.scripts.render:Commands",
-    "ns-viewer": "nerfstudio.scripts.viewer.run_viewer:RunViewer",
-    "ns-train": "nerfstudio.configs.method_configs:AnnotatedBaseConfigUnion",
-}
-"""What tyro reads the words of each program into."""
-
-WITH_PARSER = {
-    "desplat-survey": "desplat_ns.commands.survey:Arguments",
-    "desplat-tradeoff": "desplat_ns.commands.tradeoff:Arguments",
-}
-"""The same of those behind whose own options a data parser may stand."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +75,10 @@ def python_blocks(text: str) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
 
 
+class _Parsed(Exception):
+    """What tyro made of a program's words, in place of what the program does with it."""
+
+
 def parse(command: Documented, checkout: Path) -> Any:
     """Read a command's words as its program does.
 
@@ -101,13 +86,9 @@ def parse(command: Documented, checkout: Path) -> Any:
         AssertionError: the program does not take them.
     """
     program, words = command.program, list(command.words[1:])
-    if program in SCRIPTS:
-        return _read(lambda: tyro.cli(_named(SCRIPTS[program]), args=words), command)
-    if program in WITH_PARSER:
-        from desplat_ns.commands.parser_words import parse as parse_with_data
-
-        arguments = _named(WITH_PARSER[program])
-        return _read(lambda: parse_with_data(arguments, program, words), command)
+    scripts = {script.name: script for script in entry_points(group="console_scripts")}
+    if program.startswith(("ns-", "desplat-")):
+        return _read(scripts[program].load(), command)
     if program == "make":
         targets = [word for word in words if "=" not in word]
         makefile = (checkout / "Makefile").read_text("utf8")
@@ -117,15 +98,25 @@ def parse(command: Documented, checkout: Path) -> Any:
     return None
 
 
-def _named(where: str) -> Any:
-    module, _, name = where.partition(":")
-    return getattr(import_module(module), name)
+def _read(program: Callable[[], None], command: Documented) -> Any:
+    """What tyro makes of a command; it leaves by SystemExit where it takes it not."""
+    read = tyro.cli
 
+    def stop(*arguments: Any, **options: Any) -> Any:
+        raise _Parsed(read(*arguments, **options))
 
-def _read(reading: Callable[[], Any], command: Documented) -> Any:
-    """What a parser makes of a command; it leaves by SystemExit where it takes it not."""
-    try:
-        return reading()
-    except SystemExit as left:
-        sys.stdout.flush()
-        raise AssertionError(f"{command} is not taken") from left
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", list(command.words))
+        patch.setattr(sys, "excepthook", sys.excepthook)
+        patch.setattr(tyro, "cli", stop)
+        try:
+            program()
+        except _Parsed as parsed:
+            (result,) = parsed.args
+            if isinstance(result, tuple):  # what follows are a data parser's name and options
+                result, rest = result
+                assert not rest or not rest[0].startswith("-"), f"{command} is not taken: {rest}"
+            return result
+        except SystemExit as left:
+            sys.stdout.flush()
+            raise AssertionError(f"{command} is not taken") from left

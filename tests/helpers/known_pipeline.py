@@ -130,10 +130,6 @@ class KnownManager:
     def train_dataset(self) -> SimpleNamespace:
         return SimpleNamespace(cameras=known_cameras(len(self.train_image_names)))
 
-    @property
-    def train_dataparser_outputs(self) -> SimpleNamespace:
-        return SimpleNamespace(metadata={"distractor_mask_filenames": self.masks})
-
 
 def known_pipeline(
     manager: KnownManager | None = None, distractors: bool = True, points: int = 4

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from desplat_ns.report.cost import Cost
-from desplat_ns.report.effect_reasons import EffectReason
-from desplat_ns.report.history import Chart, Curve, History
 from desplat_ns.report.notices import Notice
 from desplat_ns.report.page import Contents
 from desplat_ns.report.pictures import HeldOutPhoto, TrainingPhoto
+from desplat_ns.report.recorded import Chart, Cost, EffectReason, History
 
 COST = Cost(
     experiment="yard",
@@ -27,7 +25,7 @@ COST = Cost(
     num_distractors=340,
     parameter_mb=0.4,
     checkpoint_mb=1.2,
-    trained_on="the CPU of this machine",
+    trained_on="the CPU",
 )
 
 FIGURE = {"name": "covered", "value": None, "threshold": 0.004, "meaning": "share of the places"}
@@ -60,24 +58,15 @@ def held_out_photo(name: str, **changes: Any) -> HeldOutPhoto:
 
 def contents(**changes: Any) -> Contents:
     """A page's contents: three training photos, one held out."""
-    loss = Curve("loss", ((0.0, 1.0), (1000.0, 0.1), (2000.0, 0.01)))
+    loss = ((0.0, 1.0), (1000.0, 0.1), (2000.0, 0.01))
     made_up = Contents(
         cost=COST,
         notices=[Notice("Each photo was seen 5 times.", "Try --max-num-iterations 9000.")],
         training=[training_photo(f"photo_{number}.png") for number in range(3)],
         held_out=[held_out_photo("extra.png")],
         results={"psnr": 25.0, "ssim": 0.9, "num_images": 1, "protocol": "full image"},
-        trusted="extra.png is 7° from the photos.",
-        history=History((Chart("Loss", (loss,), True),), 200.0),
-        reasons=[
-            EffectReason(
-                "distractors",
-                "Distractors",
-                "on",
-                "Something is in the way.",
-                figures=[FIGURE],
-            )
-        ],
+        history=History((Chart("Loss", {"loss": loss}, True),), 200.0),
+        reasons=[EffectReason("distractors", "on", "Something is in the way.", figures=[FIGURE])],
         machine={"Processor": "an abacus"},
         config="outputs/yard/desplat/run/config.yml",
     )

@@ -3,27 +3,27 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from desplat_ns.report.effect_reasons import EffectReason
-from desplat_ns.report.failure_case import Failure
+from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.report.disputed import Disputed
 from desplat_ns.report.notices import notices
+from desplat_ns.report.recorded import EffectReason
+from desplat_ns.report.views import Alone
 from tests.helpers.report import COST, training_photo
 
 LONG = replace(COST, steps=30_000, planned=30_000, num_photos=20)
 PHOTOS = [training_photo(f"{number}.png") for number in range(3)]
+EVERYWHERE = DistractorConfig(start="everywhere")
+DISPUTED = Disputed(0.3, ["1.png", "2.png"], np.ones((4, 6), bool))
 
 
 def said(**changes: Any) -> list[str]:
     """What is said of a long run in which nothing stands out, but for the changes."""
-    results = {"psnr": 28.0, "images": []}
-    inputs = {"cost": LONG, "reasons": [], "photos": PHOTOS, "results": results}
-    inputs |= {"failure": None, "judges_by_others": False, "alone": []}
+    inputs = {"cost": LONG, "reasons": [], "photos": PHOTOS, "results": scores(28.0)}
+    inputs |= {"distractors": DistractorConfig(start="residual"), "disputed": None, "alone": []}
     return [f"{notice.what} {notice.advice}" for notice in notices(**inputs | changes)]
-
-
-def test_nothing_is_said_of_a_run_in_which_nothing_stands_out():
-    assert said() == []
 
 
 def scores(*psnrs: float) -> dict[str, Any]:
@@ -31,24 +31,26 @@ def scores(*psnrs: float) -> dict[str, Any]:
     return {"psnr": 28.0, "images": images}
 
 
+def covered(*shares: float) -> list[Any]:
+    return [training_photo(f"{i}.png", covered=share) for i, share in enumerate(shares)]
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"cost": replace(LONG, steps=12_000)}, ["12,000 of 30,000 steps", "--load-dir"]),
-        ({"cost": replace(LONG, num_photos=4), "judges_by_others": True}, ["4 training photos"]),
-        ({"cost": replace(COST, num_photos=40)}, ["seen 50 times", "After 6,000"]),
-        ({"cost": replace(COST, num_photos=8)}, ["seen 250 times", "After 6,000"]),
-        ({"photos": [training_photo("a.jpg", covered=0.7)]}, ["half of a.jpg", "strong-excess"]),
-        ({"photos": [training_photo("a.jpg", covered=0.0)]}, ["next to nothing", "strong-excess"]),
-        ({"results": scores(30.0, 29.0, 20.0)}, ["(29.0 dB): extra_2.png.", "error maps"]),
-        ({"results": {"psnr": 20.0}}, ["at 30.0 dB, held-out photos at 20.0 dB", "More photos"]),
+        ({"cost": replace(LONG, steps=12_000)}, ["12,000 of 30,000", "--load-dir"]),
+        ({"cost": replace(LONG, num_photos=4)}, ["4 training photos"]),
+        ({"cost": replace(COST, num_photos=40)}, ["50 times", "6,000"]),
+        ({"photos": covered(0.7, 0.1, 0.1)}, ["0.png", "strong-excess"]),
+        ({"photos": covered(0.7, 0.9, 0.1)}, ["2 of 3", "1.png, 0.png", "appearance", "lambda-d"]),
+        ({"photos": covered(0.0, 0.0)}, ["strong-excess"]),
+        ({"results": scores(30.0, 29.0, 20.0)}, ["29.0 dB", "extra_2.png"]),
+        ({"results": {"psnr": 20.0}}, ["30.0 dB", "20.0 dB"]),
+        ({"disputed": DISPUTED}, ["30%", "1.png, 2.png"]),
+        ({"alone": [Alone("a.jpg", 0.5, "left")]}, ["a.jpg (50%, left part)"]),
         (
-            {"failure": Failure("Nobody can tell.", "Leave some out.")},
-            ["Nobody can tell. Leave some out."],
-        ),
-        (
-            {"reasons": [EffectReason("appearance", "Light", "camera", "why", True)]},
-            ["about appearance (camera)", "--pipeline.model.effects.appearance"],
+            {"reasons": [EffectReason("appearance", "camera", "why", True)]},
+            ["camera", "--pipeline.model.effects.appearance"],
         ),
     ],
 )
@@ -57,14 +59,19 @@ def test_what_stands_out_is_said_with_what_to_try(changes: dict[str, Any], words
     assert all(word in text for word in words), text
 
 
-def test_few_photos_mean_nothing_where_distractors_start_everywhere():
-    assert said(cost=replace(LONG, num_photos=4)) == []
+def test_a_disputed_place_is_shown_in_the_photo_that_is_named_first():
+    (notice,) = notices(LONG, [], PHOTOS, {}, None, DISPUTED, [])
+    assert notice.picture is not None and notice.picture.shape == PHOTOS[1].photo.shape
 
 
-def test_without_distractors_or_an_evaluation_nothing_is_said_of_them():
-    plain = training_photo("a.jpg", covered=None, mask=None, distractors=None)
-    assert said(photos=[plain], results={}) == []
-
-
-def test_two_photos_are_too_few_for_one_to_be_far_off():
-    assert said(results=scores(30.0, 20.0)) == []
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"cost": replace(LONG, num_photos=4), "distractors": EVERYWHERE},
+        {"distractors": None, "results": {}, "photos": covered(0.0)},
+        {"results": scores(30.0, 20.0)},  # too few for one to be far off
+    ],
+)
+def test_where_nothing_stands_out_nothing_is_said(changes: dict[str, Any]):
+    assert said(**changes) == []

@@ -3,11 +3,12 @@
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
 import pytest
 
-from desplat_ns.report.history import History
-from desplat_ns.report.page import html_of, typed
+from desplat_ns.report.page import html_of, svg
+from desplat_ns.report.recorded import Chart, History
 from tests.helpers.report import COST, contents, held_out_photo, noise, training_photo
 
 VOID = {"meta", "link", "img", "input", "br"}
@@ -15,12 +16,14 @@ EVIL = "<script>alert(1)</script>\"'&.png"
 
 
 class Tags(HTMLParser):
-    """Raises AssertionError where tags do not nest; counts them and collects their attributes."""
+    """Raises AssertionError where tags do not nest; collects them with their attributes."""
 
-    def __init__(self) -> None:
+    def __init__(self, html: str) -> None:
         super().__init__()
         self.open: list[str] = []
         self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(html)
+        assert self.open == []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append((tag, dict(attrs)))
@@ -33,36 +36,21 @@ class Tags(HTMLParser):
     def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append((tag, dict(attrs)))
 
-
-def tags_of(html: str) -> list[tuple[str, dict[str, str | None]]]:
-    parser = Tags()
-    parser.feed(html)
-    assert parser.open == []
-    return parser.tags
+    def of(self, name: str) -> list[dict[str, str | None]]:
+        return [attrs for tag, attrs in self.tags if tag == name]
 
 
 def test_every_training_photo_has_a_slider_with_a_label_and_its_pictures():
-    tags = tags_of(html_of(contents()))
-    sliders = [attrs for tag, attrs in tags if tag == "input"]
-    assert [slider["type"] for slider in sliders] == ["range"] * 3
-    assert all((slider["aria-label"] or "").startswith("photo_") for slider in sliders)
-    images = [attrs for tag, attrs in tags if tag == "img"]
-    assert len(images) == 3 * 4 + 3
-    assert all(image["alt"] for image in images)
-
-
-def test_it_says_which_views_can_be_trusted_if_that_is_known():
-    figures = {"psnr": 25.0, "angle": 6.6}
-    held_out = [held_out_photo("extra.png", figures=figures)]
-    html = html_of(contents(held_out=held_out))
-    assert "<p>extra.png is 7° from the photos.</p>" in html
-    assert "PSNR 25.00 dB, 7° from the photos" in html
-    assert "from the photos" not in html_of(contents(trusted=""))
+    tags = Tags(html_of(contents()))
+    assert [slider["type"] for slider in tags.of("input")] == ["range"] * 3
+    assert all((slider["aria-label"] or "").startswith("photo_") for slider in tags.of("input"))
+    assert len(tags.of("img")) == 3 * 4 + 3
+    assert all(image["alt"] for image in tags.of("img"))
 
 
 def test_a_page_asks_for_nothing():
     html = html_of(contents())
-    for tag, attrs in tags_of(html):
+    for tag, attrs in Tags(html).tags:
         for name in ("src", "href", "srcset", "data", "action"):
             address = attrs.get(name)
             assert address is None or address.startswith(("data:", "#")), (tag, address)
@@ -75,41 +63,24 @@ def test_names_are_text_whatever_is_in_them():
         cost=replace(COST, experiment=EVIL, capture=EVIL, trained_on=EVIL),
         training=[training_photo(EVIL)],
         held_out=[held_out_photo(EVIL)],
+        notices=[replace(contents().notices[0], what=EVIL, advice=EVIL)],
         machine={EVIL: EVIL},
         config=EVIL,
     )
     html = html_of(evil)
     assert "<script>alert" not in html
     assert html.count("<script>") == 1
-    assert "alert" not in "".join(v for _, attrs in tags_of(html) for v in attrs if v)
+    assert "alert" not in "".join(v for _, attrs in Tags(html).tags for v in attrs if v)
 
 
-def test_options_are_set_as_what_is_typed_and_the_rest_is_escaped():
-    assert typed("Try --a.b-c 2 <now>.") == "Try <code>--a.b-c</code> 2 &lt;now&gt;."
-
-
-@pytest.mark.slow
 def test_fifty_large_photos_stay_below_ten_megabytes():
     """Noise, which compresses worst; what a page gets of photos of any size is 1024 pixels."""
-    large = [noise(seed, 640, 480) for seed in range(2)]
-    changes = {"photo": large[0], "static": large[1], "distractors": large[0], "mask": large[1]}
-    photos = [training_photo(f"{n}.jpg", size=(6000, 4000), **changes) for n in range(3)]
-    budget = 3 * 9_000_000 // 50
-    html = html_of(contents(training=photos, held_out=[]), budget)
-    assert len(html) < budget + 100_000
-    assert re.search(
-        r"reduced to \d+ pixels on the longer side, where the photos\s+have 6,000", html
-    )
+    changes = dict.fromkeys(("photo", "static", "distractors", "mask"), noise(0, 512, 384))
+    photo, budget = training_photo("a.jpg", size=(6000, 4000), **changes), 9_000_000 // 50
+    assert len(html_of(contents(training=[photo], held_out=[]), budget)) < budget + 100_000
 
 
-def test_a_choice_of_many_photos_is_told():
-    results = {"num_images": 40, "protocol": "full image"}
-    html = html_of(contents(cost=replace(COST, num_photos=1700), results=results))
-    assert "3 of 1,700 photos are shown, evenly chosen" in html
-    assert "The worst 1 of 40 are shown" in html
-
-
-def test_what_there_is_not_is_told():
+def test_a_run_that_recorded_and_scored_nothing_has_a_page():
     plain = training_photo("a.jpg", distractors=None, mask=None, covered=None)
     empty = contents(
         training=[plain],
@@ -117,48 +88,55 @@ def test_what_there_is_not_is_told():
         held_out=[],
         results={},
         history=History((), None),
-        cost=replace(COST, seconds=None),
+        cost=replace(COST, seconds=None, num_photos=1700),
     )
-    html = html_of(empty)
-    for words in ("there is no TensorBoard file", "None were evaluated", "Nothing: the run is"):
-        assert words in html
-    assert "not recorded" in html
-    assert "their mask" not in html
-    tags_of(html)
+    tags = Tags(html_of(empty))
+    assert len(tags.of("img")) == 2 and not tags.of("svg")
 
 
 def photos_covered(*shares: float | None) -> str:
-    """A page of training photos of which so much is covered."""
+    """A page of training photos of which these shares are covered."""
     photos = [training_photo(f"{n}.jpg", covered=share) for n, share in enumerate(shares)]
     return html_of(contents(training=photos))
 
 
 def test_photos_that_are_covered_most_come_first_and_those_that_are_not_are_folded():
     html = photos_covered(0.0, 0.1, 0.3, 0.0)
-    tags_of(html)
     assert re.findall(r"<h3>(\d)\.jpg", html) == ["2", "1", "0", "3"]
-    folded = html[html.index("2 photos with nothing in the way") :]
-    assert re.findall(r"<h3>(\d)\.jpg", folded[: folded.index("</details>")]) == ["0", "3"]
+    folded = html[html.index('<h2 id="training"') :].partition("<details>")[2]
+    assert re.findall(r"<h3>(\d)\.jpg", folded.partition("</details>")[0]) == ["0", "3"]
 
 
 @pytest.mark.parametrize("share", [0.0, None, 0.2])
-def test_where_all_photos_are_alike_none_is_folded(share):
-    html = photos_covered(share, share)
+def test_where_all_photos_are_alike_none_is_folded(share: float | None):
+    html = photos_covered(share, share).partition('<h2 id="curves"')[0]
     assert re.findall(r"<h3>(\d)\.jpg", html) == ["0", "1"]
-    assert "with nothing in the way" not in html
+    assert "<details>" not in html
 
 
-@pytest.mark.parametrize("number", [0, 1, 5])
-def test_pictures_stand_with_their_photo(number: int):
-    photos = [training_photo(f"{n}.jpg") for n in range(number)]
-    photos.insert(number // 2, training_photo("plain.jpg", distractors=None, mask=None))
-    images = [attrs for tag, attrs in tags_of(html_of(contents(training=photos))) if tag == "img"]
+def test_pictures_stand_with_their_photo():
+    photos = [training_photo(f"{n}.jpg") for n in range(4)]
+    photos.insert(2, training_photo("plain.jpg", distractors=None, mask=None))
+    images = Tags(html_of(contents(training=photos))).of("img")
     by_name = {(image["alt"] or ""): image["src"] for image in images}
     red, blue = by_name["plain.jpg, the photo"], by_name["plain.jpg, the static scene"]
     assert red != blue
-    for n in range(number):
+    for n in range(4):
         assert by_name[f"{n}.jpg, the photo"] == red
         assert by_name[f"{n}.jpg, the static scene"] == blue
-        assert (
-            by_name[f"{n}.jpg, its distractors"] == by_name[f"{n}.jpg, the mask of its distractors"]
-        )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_logarithmic", [True, False])
+@pytest.mark.parametrize("values", [(1.0,), (1e-6, 3.0, 1e7), tuple(range(1, 41))])
+def test_a_chart_is_well_formed_and_its_curves_are_inside(is_logarithmic, values):
+    points = tuple((float(step), float(v)) for step, v in enumerate(values))
+    drawn = svg(Chart("a <b> & c", {"x": points}, is_logarithmic))
+    root = ElementTree.fromstring(drawn.replace("<svg", '<svg xmlns:xlink="x"', 1))
+    _, _, width, height = map(float, root.attrib["viewBox"].split())
+    style = "fill: none; stroke: var(--accent)"
+    (curve,) = (e for e in root.iter("path") if e.get("style", "").startswith(style))
+    places = [float(text) for text in re.findall(r"-?\d+(?:\.\d+)?", curve.attrib["d"])]
+    assert len(places) >= 2
+    assert all(0 <= x <= width for x in places[::2])
+    assert all(0 <= y <= height for y in places[1::2])

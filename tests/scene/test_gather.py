@@ -10,15 +10,19 @@ import numpy as np
 import pytest
 import torch
 
+from desplat_ns.console import text_of
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.export.export import static_cloud
+from desplat_ns.export.splat_cloud import baked
+from desplat_ns.rendering.views import view_of
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import LoadedRun, load_run
 from desplat_ns.scene.contents import AVERAGE
-from desplat_ns.scene.gather import gather
+from desplat_ns.scene.gather import gather, light_of, other_lights, standing_for_all
 from desplat_ns.scene.page import html_of
 from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.browser import find_browser
+from tests.helpers.relit_model import held_out, model_with, moved
 from tests.helpers.scene import psnr
 from tests.helpers.scene_in_browser import bare_scene, settle, shown
 
@@ -62,16 +66,19 @@ def test_gaussians_are_weighed_by_what_they_make_up_of_the_photos(run: LoadedRun
     assert weights.shape == (len(contents.cloud),) and (weights >= 0).all() and weights.max() > 1
 
 
-def test_without_photos_there_is_no_camera_to_start_from(run: LoadedRun):
-    with pytest.raises(CaptureError, match=r"no camera to start from.*--training-photos"):
-        gather(run, 0, 0)
-
-
-def test_a_crop_that_leaves_nothing_and_a_light_that_is_not_there_are_errors(run: LoadedRun):
-    with pytest.raises(ConfigError, match="--crop 1e-06 leaves none of"):
-        gather(run, 1, 0, crop=1e-6)
-    with pytest.raises(ConfigError, match="same colours"):
-        gather(run, 1, 0, light="a.jpg")
+@pytest.mark.parametrize(
+    ("options", "error", "named"),
+    [
+        ({"most_training": 0}, CaptureError, "--training-photos"),
+        ({"crop": 1e-6}, ConfigError, "--crop"),
+        ({"light": "a.jpg"}, ConfigError, "--light"),
+    ],
+)
+def test_what_cannot_be_shown_is_an_error_that_names_the_option(
+    run: LoadedRun, options: dict[str, Any], error: type[Exception], named: str
+):
+    with pytest.raises(error, match=named):
+        gather(run, **{"most_training": 1, "most_held_out": 0, **options})
 
 
 def test_other_lights_are_those_of_the_same_gaussians(
@@ -109,3 +116,57 @@ def test_in_a_browser_it_looks_as_the_model_renders_it(run: LoadedRun, tmp_path:
             ours = static.rgb.numpy() + (1 - static.alpha.numpy()) * background
             decibels.append(psnr(shown(page), ours.clip(0, 1)))
     assert min(decibels) > 30, decibels
+
+
+def on_a_line(*places: float) -> torch.Tensor:
+    return torch.tensor(places)[:, None]
+
+
+def test_lights_are_taken_that_all_are_nearest_to():
+    """Around 0 is the first one. Of those about 10 the middle one serves all three best, and then
+    the one at -4 is farther from what is taken than any other."""
+    lights = on_a_line(0.1, 9.0, 10.0, 11.0, -4.0, 0.2)
+    assert standing_for_all(lights, torch.zeros(1), 2) == [2, 4]
+    lights = on_a_line(*[0.0] * 10, *[5.0] * 10, 20.0)
+    assert 10 <= standing_for_all(lights, torch.zeros(1), 1)[0] < 20, "not the strange one"
+
+
+def test_lights_that_are_all_the_same_are_not_repeated():
+    assert standing_for_all(on_a_line(3.0, 3.0, 3.0), torch.tensor([3.0]), 3) == []
+    assert standing_for_all(on_a_line(3.0, 3.0, 5.0), torch.tensor([3.0]), 3) == [2]
+    many = torch.rand(1500, generator=torch.Generator().manual_seed(0)).expand(40, 1500)
+    assert len(standing_for_all(many, torch.zeros(1500), 3)) == 1
+
+
+@pytest.mark.parametrize("appearance", ["affine", "sh"])
+def test_each_light_has_the_colours_that_are_baked_for_its_photo(appearance: str):
+    model = moved(model_with(appearance)).eval()
+    model.names = [f"photo {i}.jpg" for i in range(model.num_train_data)]
+    model.names[0] += "\udcfc"  # a byte that is no text
+    rows = torch.arange(model.num_points) % 3 != 0
+    lights = other_lights(model, rows, view_of(held_out()))
+    assert 1 <= len(lights) <= 3 and len({light.name for light in lights}) == len(lights)
+    for light in lights:
+        photo = [text_of(name) for name in model.names].index(light.name)
+        with model.shown_in(model.image_effects.of(photo)):
+            whole = baked(model.shown_splats().rows(rows), antialiased=False)
+        assert np.allclose(light.harmonics, whole.harmonics, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("appearance", "asked", "expected"),
+    [
+        ("off", None, ""),
+        ("camera", None, AVERAGE),
+        ("affine", None, AVERAGE),
+        ("sh", "gr\udcfcn.jpg", "gr\\xfcn.jpg"),
+    ],
+)
+def test_a_page_tells_whose_light_it_shows_where_photos_differ(
+    appearance: str, asked: str | None, expected: str
+):
+    model = model_with(appearance).eval()
+    assert light_of(model, asked) == expected
+    if appearance == "off":
+        rows = torch.ones(model.num_points, dtype=torch.bool)
+        assert other_lights(model, rows, view_of(held_out())) == []

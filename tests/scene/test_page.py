@@ -6,16 +6,19 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.export.coordinates import moved
-from desplat_ns.export.spz import color_bytes
+from desplat_ns.export.splat_cloud import SplatCloud, moved
+from desplat_ns.export.spz import color_bytes, spz_bytes
+from desplat_ns.rendering.views import image_points
 from desplat_ns.scene.contents import TO_PAGE
-from desplat_ns.scene.page import html_of
-from tests.helpers.scene import camera, cloud, contents, light, red_disc
+from desplat_ns.scene.page import VIEWER, fitted, html_of
+from tests.helpers.scene import HEIGHT, WIDTH, camera, cloud, contents, light, red_disc
 from tests.helpers.splat_readers import read_splats
 
 MOST = 4_000_000
@@ -116,30 +119,18 @@ def test_other_lights_at_most_double_a_page():
     assert 1.8 * len(alone) < len(with_all) <= 2 * len(alone)
 
 
-def test_where_gaussians_have_no_room_there_is_none_for_lights():
-    large, most = cloud(count=60_000), 2_000_000
-    text, _ = html_of(contents(cloud=large, other_lights=[light("b", 0.1, large)]), most)
-    assert len(json.loads(Parts(text).text_of("data"))["lights"]) == 1
-    assert len(text.encode()) <= most
-
-
 def test_a_page_is_as_large_as_it_may_be_and_says_what_is_left_out():
-    large = contents(cloud=cloud(count=60_000))
-    whole, said = html_of(large, 8_000_000)
-    assert said == [] and "60,000 Gaussians" in whole
-    most = 2_000_000
-    reduced, (line,) = html_of(large, most)
+    large = cloud(count=30_000)
+    most = 1_500_000
+    lit = contents(cloud=large, other_lights=[light("b", 0.1, large)])
+    reduced, (line, of_lights) = html_of(lit, most)
     assert 0.9 * most < len(reduced.encode()) <= most
-    kept = re.search(r"Reduced to fit: ([\d,]+) of 60,000 Gaussians, which make up [\d.]+%", line)
+    kept = re.search(r"([\d,]+) of 30,000", line)
     assert kept is not None and line in reduced
-    assert len(read_splats(base64.b64decode(Parts(reduced).text_of("scene")))) == int(
-        kept[1].replace(",", "")
-    )
-
-
-def test_a_page_too_small_for_its_own_viewer_is_an_error():
-    with pytest.raises(ConfigError, match="--megabytes"):
-        html_of(contents(), 1_000_000)
+    parts = Parts(reduced)
+    read = read_splats(base64.b64decode(parts.text_of("scene")))
+    assert len(read) == int(kept[1].replace(",", ""))
+    assert len(json.loads(parts.text_of("data"))["lights"]) == 1 and "lights" in of_lights
 
 
 def test_without_a_browser_that_can_draw_there_are_pictures():
@@ -147,3 +138,58 @@ def test_without_a_browser_that_can_draw_there_are_pictures():
     alternatives = [a.get("alt") for a, _ in Parts(text).tags("img")]
     assert "The scene from the camera of a.png" in alternatives
     assert "<noscript>" in text
+
+
+@pytest.mark.parametrize("degrees", [0, -70, 180])
+def test_a_point_of_the_page_is_seen_where_our_camera_sees_it(degrees: float):
+    """OpenGL's camera looks along -z with y up: x = c_x - f_x X / Z, y = c_y + f_y Y / Z."""
+    photo = camera("a.png", degrees)
+    record = photo.as_json()
+    points = np.random.default_rng(0).normal(size=(20, 3)) * 0.3
+    pose = np.array(record["pose"]).reshape(4, 4).T
+    in_page = points @ TO_PAGE.turn.T
+    in_camera = (in_page - pose[:3, 3]) @ pose[:3, :3]
+    fx, fy, cx, cy = record["lens"]
+    assert (in_camera[:, 2] < 0).all()
+    x = cx - fx * in_camera[:, 0] / in_camera[:, 2]
+    y = cy + fy * in_camera[:, 1] / in_camera[:, 2]
+    u, v, _ = image_points(torch.from_numpy(points), photo.view)
+    assert np.allclose(x, u * WIDTH) and np.allclose(y, v * HEIGHT)
+
+
+def by_opacity(splats: SplatCloud) -> np.ndarray:
+    return splats.opacities.astype(np.float64)
+
+
+def test_what_fits_stays_whole_and_is_not_weighed():
+    whole = cloud()
+    fitting = fitted(whole, len(spz_bytes(whole)), lambda _: pytest.fail("it is weighed"))
+    assert (fitting.kept, fitting.share) == (len(whole), 1.0)
+    assert fitting.content == spz_bytes(whole)
+
+
+@pytest.mark.parametrize("part", [0.9, 0.5])
+def test_what_shows_most_is_kept_and_its_share_is_told(part: float):
+    whole = cloud(count=1000)
+    most = int(part * len(spz_bytes(whole)))
+    reduced = fitted(whole, most, by_opacity)
+    assert 0.9 * most <= len(reduced.content) <= most, "not less than need be"
+    kept = np.sort(whole.opacities)[len(whole) - reduced.kept :]
+    read = np.sort(read_splats(reduced.content).opacities)
+    assert np.allclose(read, kept, atol=0.01), "a byte holds an opacity"
+    assert reduced.share == pytest.approx(kept.sum() / whole.opacities.sum(), rel=1e-6)
+
+
+@pytest.mark.parametrize("most", [1000, -5])
+def test_next_to_no_room_is_an_error_that_says_what_to_do(most: int):
+    with pytest.raises(ConfigError, match="--megabytes"):
+        fitted(cloud(), most, by_opacity)
+
+
+@pytest.mark.parametrize("path", sorted(VIEWER.parent.glob("*.gz")), ids=lambda path: path.name)
+def test_the_viewers_libraries_have_their_licences_and_name_no_registry(path: Path):
+    named = re.compile(rb"registry\.|crates\.io|npmjs|pypi", re.IGNORECASE)
+    assert named.findall(gzip.decompress(path.read_bytes())) == []
+    text = path.with_name("LICENSES.txt").read_text()
+    for name in ("@sparkjsdev/spark", "three", "fflate"):
+        assert re.search(rf"^{name} \d+\.\d+\.\d+$", text, flags=re.MULTILINE)

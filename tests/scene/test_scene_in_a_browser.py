@@ -84,23 +84,17 @@ def test_another_light_is_shown_where_it_is_chosen_and_the_first_one_again(tmp_p
         assert (shown(page) == first).all(), "to the bit"
 
 
-@pytest.mark.parametrize("degree", [1, 2, 3])
-def test_strong_harmonics_are_drawn_whole(tmp_path: Path, degree: int):
+@pytest.mark.parametrize(("degree", "antialiased"), [(1, False), (3, True)])
+def test_strong_harmonics_are_drawn_whole(tmp_path: Path, degree: int, antialiased: bool):
     """Spark cuts the largest of a coefficient's three channels off at a power of two. SPZ's
     rounding of colours alone would leave 40 dB (tests/export)."""
     plain = cloud(degree=degree)
     strong = plain.harmonics * np.where(np.arange((degree + 1) ** 2) > 0, 4, 1)[:, None]
-    scene = contents(cloud=replace(plain, harmonics=strong.astype(np.float32)))
+    strong = replace(plain, harmonics=strong.astype(np.float32), antialiased=antialiased)
+    scene = contents(cloud=strong)
     with bare_scene(tmp_path / "a.html", html_of(scene, MOST)[0], WIDTH, HEIGHT) as page:
         settle(page, "scenePage.goTo(1)")
         assert psnr(shown(page), drawn(scene.cloud, scene.cameras[1].view)) > 40
-
-
-def test_antialiased_scenes_are_drawn_as_such(tmp_path: Path):
-    scene = contents(cloud=replace(cloud(), antialiased=True))
-    with bare_scene(tmp_path / "a.html", html_of(scene, MOST)[0], WIDTH, HEIGHT) as page:
-        settle(page, "scenePage.goTo(1)")
-        assert psnr(shown(page), drawn(scene.cloud, scene.cameras[1].view)) > LEAST_PSNR
 
 
 def test_what_was_taken_out_can_be_put_back_and_fades_away_from_its_camera(stage: Page):
@@ -119,13 +113,6 @@ def test_what_was_taken_out_can_be_put_back_and_fades_away_from_its_camera(stage
     assert np.abs(away - shown(stage)).max() < 0.01, "nothing of it is left"
     settle(stage, "scenePage.goTo(1)")
     assert stage.value("distractors.disabled") is True, "nothing was taken out of this one"
-
-
-def test_to_end_flying_moves_nothing(stage: Page):
-    settle(stage, "scenePage.camera.rotateY(0.4), scenePage.setMode(true)")
-    turned = stage.value("[...scenePage.camera.quaternion]")
-    settle(stage, "scenePage.setMode(false)")
-    assert stage.value("[...scenePage.camera.quaternion]") == turned
 
 
 @pytest.mark.parametrize("flying", [False, True])
@@ -166,14 +153,6 @@ def test_the_photo_lies_over_the_scene_up_to_the_slider(stage: Page):
     assert is_photo[:, : WIDTH // 2 - 2].all() and not is_photo[:, WIDTH // 2 + 2 :].any()
 
 
-def test_cameras_are_drawn_on_request(stage: Page):
-    settle(stage, "scenePage.camera.position.multiplyScalar(2.5)")
-    before = shown(stage)
-    settle(stage, "frusta.click()")
-    changed = np.abs(shown(stage) - before).max(axis=2) > 0.1
-    assert 0.001 < changed.mean() < 0.2
-
-
 def test_what_is_nearer_than_the_near_plane_is_not_shown_there(tmp_path: Path):
     """The disc hangs 0.8 units before the first camera; the plane lies at 1."""
     scene, disc = cloud(degree=0), red_disc()
@@ -194,21 +173,7 @@ def joined(*clouds: SplatCloud) -> SplatCloud:
     )
 
 
-def test_a_large_gaussian_beside_the_image_reaches_into_it_as_in_training(tmp_path: Path):
-    """Its centre is seen at twice the image's half, and it reaches into the image; were
-    it projected by the slope of its centre, it would reach too far."""
-    scene, disc = cloud(degree=0), red_disc()
-    place, shape = np.array([3, 2.4, 0]), np.array([12, 12, 6], np.float32)
-    large = replace(disc, means=disc.means + place, scales=disc.scales * shape)
-    page_data = contents(cloud=joined(scene, large), cameras=[camera("a.png", 0)])
-    with bare_scene(tmp_path / "a.html", html_of(page_data, MOST)[0], WIDTH, HEIGHT) as page:
-        settle(page, "scenePage.goTo(0)")
-        ours = drawn(page_data.cloud, page_data.cameras[0].view)
-        assert psnr(ours, drawn(scene, page_data.cameras[0].view)) < LEAST_PSNR, "it is seen"
-        assert psnr(shown(page), ours) > LEAST_PSNR
-
-
-@pytest.mark.parametrize("width", [360, 390, 768, 1600])
+@pytest.mark.parametrize("width", [360, 1600])
 def test_a_page_is_as_wide_as_its_window_and_the_stage_has_room(page: Page, width: int):
     page.resize(width, 800)
     assert page.value("document.documentElement.scrollWidth") <= width

@@ -1,8 +1,4 @@
-"""Which photos to take next: where a place is seen by one training photo alone.
-
-What one photo shows and no other one contradicts nobody can check: its depth is not known, and
-whatever stood in the way would be taken for the scene.
-"""
+"""Which views can be trusted, and which photos to take next: what the training photos see."""
 
 from __future__ import annotations
 
@@ -13,51 +9,59 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from desplat_ns.console import list_names
+from desplat_ns.data.training_views import image_names
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.near_plane import sampled
-from desplat_ns.rendering.views import image_points
+from desplat_ns.rendering.views import image_points, views_of
 
 PLACES = 4_000
-"""Opaque static Gaussians that are asked for, evenly chosen."""
+"""Opaque static Gaussians that are looked for in the photos, evenly chosen."""
 
 MOST_PHOTOS = 200
-"""Training photos; with more nothing is said: to look at all takes minutes, and of some of them no
-one can say what they show alone."""
+"""Training photos; with more, none is said to show something alone: to look at all takes minutes,
+and a part of them does not tell."""
 
 SAME_DEPTH = 0.1
-"""Share of a depth by which a Gaussian may lie behind what is seen there, and be seen itself."""
+"""Share of the rendered depth by which a Gaussian may lie behind it and still be seen."""
 
 MUCH = 0.1
 """Share of what a photo shows. Photos that show more than this alone are named."""
 
-MAX_NAMES = 3
+
+def angles_of_held_out(pipeline: DeSplatPipeline) -> dict[str, float]:
+    """Degrees from the training photos (`PhotoAngle`) of the held-out photos, by name; empty where
+    the scene did not start from a reconstruction."""
+    model, photos = pipeline.model, pipeline.datamanager.eval_dataset
+    if not model.has_points:
+        return {}
+    names = image_names(photos.image_filenames)
+    angles = map(model.photo_angle.degrees, views_of(photos.cameras.to(pipeline.device)))
+    return {name: angle for name, angle in zip(names, angles, strict=True) if angle is not None}
 
 
 @dataclass(frozen=True)
 class Alone:
-    """A photo that shows something alone."""
+    """A photo that shows a part of the scene that no other photo shows. Nobody can check that part:
+    its depth is not known, and an object in the way would be taken for the scene."""
 
     name: str
     share: float
-    """Of what it shows of the scene."""
+    """Of what the photo shows of the scene."""
     side: str
-    """Where in the photo that lies, in words."""
+    """Where in the photo that part lies, in words."""
 
 
+@torch.no_grad()
 def seen_alone(pipeline: DeSplatPipeline) -> list[Alone]:
     """Training photos that show much of the scene alone; those that show most first."""
-    model, manager = pipeline.model, pipeline.datamanager
-    names = manager.train_image_names
-    opaque = torch.sigmoid(model.opacities[:, 0]) > 0.5
-    points = sampled(model.means[opaque], PLACES)
+    model, names = pipeline.model, pipeline.datamanager.train_image_names
+    points = sampled(model.means[torch.sigmoid(model.opacities[:, 0]) > 0.5], PLACES)
     if len(points) == 0 or not 2 <= len(names) <= MOST_PHOTOS:
         return []
     shown, places = zip(*(_shown(pipeline, points, i) for i in range(len(names))), strict=True)
     return alone(names, torch.stack(shown), torch.stack(places))
 
 
-@torch.no_grad()
 def _shown(
     pipeline: DeSplatPipeline, points: Float[Tensor, "P 3"], index: int
 ) -> tuple[Bool[Tensor, " P"], Float[Tensor, "P 2"]]:
@@ -79,7 +83,7 @@ def _shown(
 def alone(
     names: Sequence[str], shown: Bool[Tensor, "V P"], places: Float[Tensor, "V P 2"]
 ) -> list[Alone]:
-    """Photos that show more than `MUCH` of what they show alone; those that show most first.
+    """Photos of which no other photo shows more than `MUCH`; those that show most alone first.
 
     Args:
         names: of the photos.
@@ -101,15 +105,3 @@ def side_of(places: Float[Tensor, "P 2"]) -> str:
     across = "left" if u < 0.4 else "right" if u > 0.6 else ""
     along = "upper" if v < 0.4 else "lower" if v > 0.6 else ""
     return " ".join(filter(None, (along, across))) or "middle"
-
-
-def in_words(photos: Sequence[Alone]) -> tuple[str, str]:
-    """What is seen by one photo alone, and what to do about it; empty where nothing is."""
-    if not photos:
-        return "", ""
-    said = [f"{photo.name} ({100 * photo.share:.0f}%, {photo.side} part)" for photo in photos]
-    return (
-        f"Parts of the scene that one photo alone shows: {list_names(said, MAX_NAMES)}.",
-        "The next photos are worth most there: step to the side of where these were taken, and "
-        "look at that part.",
-    )

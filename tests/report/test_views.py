@@ -1,11 +1,11 @@
-"""Which photos to take next: what one photo alone shows."""
+"""Which photos to take next: what one photo alone shows; how far held-out photos are."""
 
-from __future__ import annotations
+from pathlib import Path
 
 import pytest
 import torch
 
-from desplat_ns.report.next_photos import alone, in_words, seen_alone, side_of
+from desplat_ns.report.views import alone, angles_of_held_out, seen_alone, side_of
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
 
@@ -16,14 +16,8 @@ def test_a_photo_that_shows_a_place_alone_is_named_with_its_share_and_side():
     places[1, 2:] = torch.tensor([0.9, 0.2])
     (photo,) = alone(["a.jpg", "b.jpg", "c.jpg"], shown, places)
     assert (photo.name, photo.share, photo.side) == ("b.jpg", 0.5, "upper right")
-    what, advice = in_words([photo])
-    assert "b.jpg (50%, upper right part)" in what and "step to the side" in advice
-
-
-def test_nothing_is_said_where_every_place_is_seen_twice_or_never():
-    shown = torch.tensor([[1, 0, 1], [1, 0, 1]], dtype=torch.bool)
-    assert alone(["a.jpg", "b.jpg"], shown, torch.zeros(2, 3, 2)) == []
-    assert in_words([]) == ("", "")
+    twice_or_never = torch.tensor([[1, 0, 1], [1, 0, 1]], dtype=torch.bool)
+    assert alone(["a.jpg", "b.jpg"], twice_or_never, torch.zeros(2, 3, 2)) == []
 
 
 def test_those_that_show_most_alone_come_first():
@@ -40,8 +34,10 @@ def test_parts_of_a_photo_have_names(place: tuple[float, float], words: str):
     assert side_of(torch.tensor([place])) == words
 
 
-def test_a_trained_run_is_looked_at(trained):
+def test_a_trained_run_is_looked_at(trained: Path):
     pipeline = load_run(find_run(trained)).pipeline
-    photos = seen_alone(pipeline)
+    photos, angles = seen_alone(pipeline), angles_of_held_out(pipeline)
     assert {photo.name for photo in photos} <= set(pipeline.datamanager.train_image_names)
     assert all(0.1 < photo.share <= 1 for photo in photos)
+    assert len(angles) == len(pipeline.datamanager.eval_dataset)
+    assert all(0 < degrees < 90 for degrees in angles.values())

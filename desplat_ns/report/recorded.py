@@ -1,0 +1,302 @@
+"""What a run recorded: its curves, what it cost, and which effects it had for which reason."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from desplat_ns.console import list_names
+from desplat_ns.evaluation.evaluate import gaussian_counts
+from desplat_ns.runs.loading import LoadedRun
+from desplat_ns.settings.effects import Effects
+
+if TYPE_CHECKING:
+    from tensorboard.backend.event_processing.event_accumulator import ScalarEvent
+
+# --- curves ----------------------------------------------------------------------------------
+
+Points = tuple[tuple[float, float], ...]
+"""(step, value), in the order of the steps."""
+
+MOST_POINTS = 240
+"""Of a curve; if there are more, neighbours are averaged."""
+
+TOTAL_TIME = "Train Total (time)"
+"""Seconds of the training loop, logged at its end."""
+
+HELD_OUT = "Eval Images Metrics Dict (all images)/psnr"
+
+CHARTS: tuple[tuple[str, Mapping[str, str], bool], ...] = (
+    ("Loss, on a logarithmic scale", {"Train Loss": "what training makes small"}, True),
+    (
+        "PSNR, dB",
+        {
+            "Train Metrics Dict/psnr": "training photos, with their distractors",
+            HELD_OUT: "held-out photos, by the static scene alone",
+        },
+        False,
+    ),
+    (
+        "Number of Gaussians",
+        {
+            "Train Metrics Dict/gaussian_count": "static",
+            "Train Metrics Dict/distractor_count": "distractors of all photos",
+        },
+        False,
+    ),
+)
+"""Title, tags with the names of their curves, whether the scale is logarithmic."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Curves that share their axes."""
+
+    title: str
+    curves: Mapping[str, Points]
+    """By name."""
+    is_logarithmic: bool = False
+
+
+@dataclass(frozen=True)
+class History:
+    """What a run logged while it trained."""
+
+    charts: tuple[Chart, ...]
+    seconds: float | None
+    """Of training, all sessions together; None if nothing was logged."""
+
+
+def read_history(files: Sequence[Path]) -> History:
+    """The charts of a run and how long it took, from its event files, oldest first.
+
+    Files that cannot be read are left out. If a run went on from an earlier checkpoint, the last
+    value of a step counts.
+    """
+    tags = {tag for _, names, _ in CHARTS for tag in names} | {TOTAL_TIME}
+    values: dict[str, dict[int, float]] = {tag: {} for tag in tags}
+    seconds = []
+    for path in files:
+        by_tag = scalars(path, tags)
+        for tag, logged in by_tag.items():
+            values[tag].update({event.step: event.value for event in logged})
+        if TOTAL_TIME in by_tag:
+            seconds.append(by_tag[TOTAL_TIME][-1].value)
+        elif by_tag:  # the session was killed
+            times = [event.wall_time for logged in by_tag.values() for event in logged]
+            seconds.append(max(times) - min(times))
+    charts = []
+    for title, names, is_logarithmic in CHARTS:
+        curves = {name: thinned(values[tag], is_logarithmic) for tag, name in names.items()}
+        curves = {name: points for name, points in curves.items() if points}
+        charts += [Chart(title, curves, is_logarithmic)] if curves else []
+    return History(tuple(charts), sum(seconds) if seconds else None)
+
+
+def scalars(path: Path, tags: Collection[str]) -> dict[str, Sequence[ScalarEvent]]:
+    """The numbers of an event file by tag, in the order in which they were logged.
+
+    Ends where the file is cut off or damaged; empty if it cannot be read.
+    """
+    if not path.is_file():
+        return {}
+    from tensorboard.backend.event_processing import event_accumulator  # half a second
+
+    all_of_them = {event_accumulator.SCALARS: 0}
+    events = event_accumulator.EventAccumulator(str(path), all_of_them, purge_orphaned_data=False)
+    try:
+        events.Reload()
+    except OSError:
+        return {}
+    return {tag: events.Scalars(tag) for tag in events.Tags()["scalars"] if tag in tags}
+
+
+def thinned(
+    values: Mapping[int, float], is_logarithmic: bool = False, most: int = MOST_POINTS
+) -> Points:
+    """At most `most` points: means of neighbours where there are more.
+
+    Args:
+        values: by step; values that are not finite are left out, and on a logarithmic scale those
+            that are not positive.
+    """
+    points = [
+        (step, value)
+        for step, value in sorted(values.items())
+        if math.isfinite(value) and (value > 0 or not is_logarithmic)
+    ]
+    size = math.ceil(len(points) / most) or 1
+    groups = [points[start : start + size] for start in range(0, len(points), size)]
+    return tuple(
+        (sum(step for step, _ in group) / len(group), sum(value for _, value in group) / len(group))
+        for group in groups
+    )
+
+
+# --- cost ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Cost:
+    """A run in numbers."""
+
+    experiment: str
+    method: str
+    capture: str
+    """The folder that was trained on."""
+    steps: int
+    """Done."""
+    planned: int
+    num_photos: int
+    """Training photos."""
+    seconds: float | None
+    """Of training; None if the run did not record it."""
+    budget: str
+    """Wall time that the run was given; empty if none."""
+    num_static: int
+    num_distractors: int
+    parameter_mb: float
+    """10^6 bytes of the Gaussians' parameters."""
+    checkpoint_mb: float
+    """10^6 bytes."""
+    trained_on: str
+    """The device, in words."""
+
+    @property
+    def visits(self) -> float:
+        """How often each photo was seen."""
+        return self.steps / self.num_photos
+
+
+def cost_of(run: LoadedRun, seconds: float | None) -> Cost:
+    """What a run cost; `seconds`: of training, if that was logged."""
+    config, pipeline = run.config, run.pipeline
+    device = config.machine.device_type
+    counts = gaussian_counts(pipeline.model.gauss_params, pipeline.model.distractors)
+    return Cost(
+        experiment=str(config.experiment_name),
+        method=str(config.method_name),
+        capture=from_here(config.pipeline.datamanager.data),
+        steps=run.steps,
+        planned=config.max_num_iterations,
+        num_photos=len(pipeline.datamanager.train_image_names),
+        seconds=seconds,
+        budget=config.budget,
+        num_static=int(counts["num_static_gaussians"]),
+        num_distractors=int(counts["num_distractor_gaussians"]),
+        parameter_mb=counts["static_memory_mb"] + counts["distractor_memory_mb"],
+        checkpoint_mb=run.checkpoint.stat().st_size / 1e6,
+        trained_on={"cuda": "a GPU", "cpu": "the CPU"}.get(device, device),
+    )
+
+
+def from_here(path: Path | None) -> str:
+    """A path as somebody types it in the working folder if it lies below it: then a page that is
+    sent to others does not name the folders of this machine."""
+    if path is None:
+        return ""
+    inside, here = path.absolute(), Path.cwd()
+    return str(inside.relative_to(here) if inside.is_relative_to(here) else path)
+
+
+# --- effects ---------------------------------------------------------------------------------
+
+TITLES = {
+    "distractors": "Distractors: what is in the way in one photo only",
+    "appearance": "Appearance: a light of each photo's own",
+    "background": "Background: what lies behind everything, as the sky",
+}
+SURVEYED = ("appearance", "background")
+"""Effects that a survey decides."""
+
+MAX_NAMES = 30
+"""Photos with distractors that are named."""
+
+CONFIDENCE = {
+    "clear": "",
+    "close": " That was a close call: training with another choice may be worth a try.",
+    "none": " It could not be told; this is the safe side.",
+}
+NO_SURVEY = (
+    "As given, the method's default, or as in the run that this one goes on with: there is no "
+    "record of a survey of the photos."
+)
+
+
+@dataclass(frozen=True)
+class EffectReason:
+    """One effect of a run."""
+
+    effect: str
+    value: str
+    """on, off, or the grade."""
+    why: str
+    is_unsure: bool = False
+    """Whether the survey said that it was close, or that it could not tell."""
+    figures: Sequence[Mapping[str, Any]] = ()
+    """As `survey.findings.Figure`."""
+    could_not_tell: Sequence[str] = ()
+
+    @property
+    def title(self) -> str:
+        """What the effect is, in words."""
+        return TITLES[self.effect]
+
+
+def read_survey(path: Path) -> dict[str, Any] | None:
+    """A survey's findings as they were written; None if there are none that can be read."""
+    try:
+        findings = json.loads(path.read_text("utf8"))
+    except (OSError, ValueError):
+        return None
+    return findings if isinstance(findings, dict) and {*SURVEYED} <= set(findings) else None
+
+
+def effect_reasons(
+    effects: Effects, survey: Mapping[str, Any] | None, num_photos: int, in_the_way: Sequence[str]
+) -> list[EffectReason]:
+    """Every effect with its reason.
+
+    Args:
+        effects: of the trained model.
+        survey: as `read_survey` gives it.
+        num_photos: training photos.
+        in_the_way: names of the training photos that have distractors.
+    """
+    why = "As given."
+    if effects.distractors and in_the_way:
+        names = list_names(in_the_way, MAX_NAMES)
+        why = f"In {len(in_the_way):,} of {num_photos:,} photos: {names}."
+    elif effects.distractors:
+        why = f"In none of {num_photos:,} photos: nothing was found in the way."
+    first = EffectReason("distractors", in_words(effects.distractors), why)
+    grades = {name: asdict(effects)[name] for name in SURVEYED}
+    if survey is None:
+        return [first, *(EffectReason(k, in_words(v), NO_SURVEY) for k, v in grades.items())]
+    return [first, *(_surveyed(name, v, survey[name]) for name, v in grades.items())]
+
+
+def in_words(value: bool | str) -> str:
+    """An effect's switch: on, off, or its grade."""
+    return value if isinstance(value, str) else "on" if value else "off"
+
+
+def _surveyed(effect: str, grade: bool | str, finding: Mapping[str, Any]) -> EffectReason:
+    decision, confidence, reason = (finding[key] for key in ("decision", "confidence", "reason"))
+    is_followed = decision == grade
+    why = reason + CONFIDENCE[confidence]
+    if not is_followed:
+        would = in_words(decision)
+        why = f"As given. The survey of the photos would have said {would}: {reason}"
+    return EffectReason(
+        effect,
+        in_words(grade),
+        why,
+        is_followed and confidence in ("close", "none"),
+        finding.get("figures", ()),
+        finding.get("could_not_tell", ()),
+    )

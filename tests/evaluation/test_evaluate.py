@@ -1,0 +1,77 @@
+"""Averages that an evaluation reports, and which protocol it follows."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+import torch
+from torch import nn
+
+from desplat_ns.errors import ConfigError
+from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
+from desplat_ns.evaluation.evaluate import gaussian_counts, summarize
+from desplat_ns.evaluation.scorer import ScoredImage
+
+
+def _image(seconds: float = 1.0, **metrics: float) -> ScoredImage:
+    return ScoredImage("a.png", 4, 3, metrics, seconds, 2 * seconds)
+
+
+def test_means_and_standard_deviations_of_a_hand_worked_pair():
+    pair = [_image(psnr=20.0, seconds=1.0), _image(psnr=24.0, seconds=3.0)]
+    result = summarize(pair, True)
+    assert result["psnr"] == 22.0
+    assert result["psnr_std"] == pytest.approx(math.sqrt(8))  # (2^2 + 2^2) / (2 - 1)
+    assert result["num_images"] == 2
+    assert result["seconds_per_image_render"] == 2.0
+    assert result["seconds_per_image_with_metrics"] == 4.0
+    assert "psnr_std" not in summarize(pair[:1], True)
+    assert "psnr_std" not in summarize(pair, False)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_figures_that_are_not_finite_never_reach_the_json(value: float):
+    result = summarize([_image(psnr=value, ssim=0.5), _image(psnr=20.0, ssim=0.7)], True)
+    assert "psnr" not in result
+    assert result["ssim"] == pytest.approx(0.6)
+    json.dumps(result, allow_nan=False)
+
+
+def test_without_distractors_their_count_and_memory_are_0():
+    params = nn.ParameterDict({"means": torch.zeros(250, 3)})
+    assert gaussian_counts(params, None) == {
+        "num_static_gaussians": 250,
+        "num_distractor_gaussians": 0,
+        "static_memory_mb": pytest.approx(0.003),
+        "distractor_memory_mb": 0.0,
+    }
+
+
+@pytest.mark.parametrize(
+    ("asked", "image_light", "holds"),
+    [
+        ("auto", True, "half"),
+        ("auto", False, "full"),
+        ("full", True, "full"),
+        ("half", True, "half"),
+        ("right", False, "right"),
+    ],
+)
+def test_which_protocol_holds(asked: Any, image_light: bool, holds: str):
+    assert chosen_protocol(EvaluationConfig(protocol=asked), image_light) == holds
+
+
+@pytest.mark.parametrize(
+    ("values", "image_light", "named"),
+    [
+        ({"protocol": "half"}, False, "appearance"),
+        ({"steps": -1}, True, "--steps"),
+        ({"learning_rate": 0.0}, True, "--learning-rate"),
+    ],
+)
+def test_what_cannot_be_is_refused(values: dict[str, Any], image_light: bool, named: str):
+    with pytest.raises(ConfigError, match=named):
+        chosen_protocol(EvaluationConfig(**values), image_light)
