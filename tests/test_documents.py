@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -88,15 +86,3 @@ def test_no_program_of_the_package_is_without_a_page(checkout: Path):
     assert (
         set(re.findall(r"^(desplat-\w[\w-]*) = \"desplat_ns.commands", text, re.MULTILINE)) <= known
     )
-
-
-@pytest.mark.slow
-def test_a_command_runs_as_a_module(checkout: Path):
-    done = subprocess.run(
-        [sys.executable, "-m", "desplat_ns.commands.evaluate", "--help"],
-        cwd=checkout,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert "--load-config" in done.stdout

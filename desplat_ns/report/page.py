@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.files.encoding import Picture, fitted_into
-from desplat_ns.files.pages import template
+from desplat_ns.files.pages import Picture, fitted_into, template
 from desplat_ns.report.charts import svg
 from desplat_ns.report.cost import Cost
 from desplat_ns.report.effect_reasons import EffectReason

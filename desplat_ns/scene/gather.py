@@ -22,8 +22,7 @@ from desplat_ns.export.baked import baked
 from desplat_ns.export.export import shown_in, static_cloud
 from desplat_ns.export.splat_cloud import SplatCloud
 from desplat_ns.export.surroundings import reach_of
-from desplat_ns.files.encoding import LARGEST_SIDE
-from desplat_ns.files.pages import shrunk
+from desplat_ns.files.pages import LARGEST_SIDE, shrunk
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.model import DeSplatModel
 from desplat_ns.pipeline import DeSplatPipeline

@@ -16,8 +16,7 @@ from jaxtyping import Int
 from desplat_ns.export.coordinates import moved, turned_harmonics
 from desplat_ns.export.splat_cloud import SplatCloud
 from desplat_ns.export.spz import color_bytes, fitting, placed, spz_bytes
-from desplat_ns.files.encoding import Picture, fitted_into
-from desplat_ns.files.pages import template
+from desplat_ns.files.pages import Picture, fitted_into, template
 from desplat_ns.scene.contents import TO_PAGE, Contents
 from desplat_ns.scene.reduction import Fitted, fitted
 
