@@ -113,7 +113,7 @@ def tradeoff(
         DeSplatError: the capture or the folder will not do, the first run failed, or another
             process is at work in the folder.
     """
-    from desplat_ns.studies.page import write_page
+    from desplat_ns.studies.page import write_page  # which imports this module
 
     with only_process_in(output):
         compile_kernels("auto", default_device())  # no part of the time that was given
