@@ -149,7 +149,7 @@ def write_enumerations_by_value() -> None:
     """From now on PyYAML writes members of enumerations as their class and value.
 
     Python 3.11.0 to 3.11.3 pickles them as a call of `getattr`, and PyYAML writes what pickle says:
-    a config.yml that calls a function is not read (`runs.trusted`).
+    a config.yml that calls a function is not read (`runs.loading`).
     """
     yaml.add_multi_representer(Enum, _enumeration)
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-import tyro
-
+from desplat_ns.commands import run
 from desplat_ns.console import announce
-from desplat_ns.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.errors import ConfigError
 from desplat_ns.evaluation.config import EvaluationConfig, LpipsNet, ProtocolName
 from desplat_ns.files.whole import (
     check_new_file,
@@ -57,40 +55,31 @@ class Evaluate:
         """
         if self.output_path.suffix != ".json":
             raise ConfigError(f"--output-path is '{self.output_path}'; give it the ending .json.")
-        files = find_run(self.load_config)
-        self._check_paths()
+        files, pictures = find_run(self.load_config), self.render_output_path
+        check_new_file(self.output_path, self.overwrite, "--output-path")
+        if pictures is not None:
+            check_new_folder(pictures, self.overwrite, "--render-output-path")
 
         from desplat_ns.runs.loading import load_run  # seconds: not before the checks
 
         loaded = load_run(files, self._with_protocol)
-        config, pipeline = loaded.config, loaded.pipeline
-        with self._pictures() as folder:
-            results = pipeline.get_average_eval_image_metrics(output_path=folder, get_std=True)
+        with ExitStack() as stack:
+            folder = None
+            if pictures is not None:
+                stack.enter_context(plain_errors(pictures, "--render-output-path"))
+                folder = stack.enter_context(whole_folder(pictures))
+            results = loaded.pipeline.get_average_eval_image_metrics(
+                output_path=folder, get_std=True
+            )
         record = {
-            "experiment_name": config.experiment_name,
-            "method_name": config.method_name,
+            "experiment_name": loaded.config.experiment_name,
+            "method_name": loaded.config.method_name,
             "checkpoint": str(loaded.checkpoint),
             "results": results,
         }
         with plain_errors(self.output_path, "--output-path"):
             write_whole(self.output_path, json.dumps(record, indent=2).encode())
         announce(f"Saved results to: {self.output_path}")
-
-    def _check_paths(self) -> None:
-        """Nothing that is there is lost unasked, and minutes are not spent in vain."""
-        check_new_file(self.output_path, self.overwrite, "--output-path")
-        if self.render_output_path is not None:
-            check_new_folder(self.render_output_path, self.overwrite, "--render-output-path")
-
-    @contextmanager
-    def _pictures(self) -> Iterator[Path | None]:
-        """Where photos and renderings go, if they are wanted."""
-        path = self.render_output_path
-        if path is None:
-            yield None
-            return
-        with plain_errors(path, "--render-output-path"), whole_folder(path) as folder:
-            yield folder
 
     def _with_protocol(self, config: Any) -> Any:
         """A run's configuration with the options that were given."""
@@ -102,9 +91,4 @@ class Evaluate:
 
 def main() -> None:
     """Entry point of the command."""
-    print_user_errors_plainly()
-    tyro.cli(Evaluate, description=__doc__).main()
-
-
-if __name__ == "__main__":
-    main()
+    run(Evaluate, description=__doc__)

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from desplat_ns.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.commands import run
+from desplat_ns.errors import ConfigError
 from desplat_ns.export.formats import PAGE_ENDING, Frame, Naming, format_of
 from desplat_ns.files.whole import check_new_file, check_new_folder
 from desplat_ns.runs.files import find_run
@@ -119,15 +120,8 @@ class Page:
 
         from desplat_ns.scene.gather import write_scene  # seconds
 
-        write_scene(
-            files,
-            self.output,
-            self.training_photos,
-            self.held_out_photos,
-            self.megabytes,
-            self.crop,
-            self.light,
-        )
+        photos = self.training_photos, self.held_out_photos
+        write_scene(files, self.output, *photos, self.megabytes, self.crop, self.light)
 
 
 Command = (
@@ -139,9 +133,4 @@ Command = (
 
 def main() -> None:
     """Entry point of the command."""
-    print_user_errors_plainly()
-    tyro.cli(Command, description=__doc__).main()
-
-
-if __name__ == "__main__":
-    main()
+    run(Command, description=__doc__)

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from desplat_ns.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.commands import run
+from desplat_ns.errors import ConfigError
 from desplat_ns.fetch.sources import SOURCES
 
 
@@ -27,7 +28,7 @@ class Arguments:
     keep_archive: bool = False
     """Keep archives once they are unpacked."""
 
-    def run(self) -> None:
+    def main(self) -> None:
         """List, or fetch.
 
         Raises:
@@ -35,7 +36,9 @@ class Arguments:
             ConfigError: there is no data set of that name.
         """
         if not self.name:
-            _list()
+            for name, source in SOURCES.items():
+                addresses = (file.address for file in source.files)
+                print(name, source.title, source.page, *addresses, sep="\n    ")
             return
         if self.name not in SOURCES:
             raise ConfigError(
@@ -53,18 +56,6 @@ class Arguments:
         announce(f"    {source.train.format(scene=scenes[0])}")
 
 
-def _list() -> None:
-    for name, source in SOURCES.items():
-        print(f"{name}\n    {source.title}\n    {source.page}")
-        for file in source.files:
-            print(f"    {file.address}")
-
-
 def main() -> None:
     """Entry point of the command."""
-    print_user_errors_plainly()
-    tyro.cli(Arguments, prog="desplat-fetch-data").run()
-
-
-if __name__ == "__main__":
-    main()
+    run(Arguments, prog="desplat-fetch-data")

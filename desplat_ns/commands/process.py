@@ -27,7 +27,3 @@ def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
     run(tyro.cli(Request, description=__doc__))
-
-
-if __name__ == "__main__":
-    main()

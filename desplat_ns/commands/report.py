@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
-
+from desplat_ns.commands import run
 from desplat_ns.console import announce
-from desplat_ns.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.errors import ConfigError
 from desplat_ns.files.whole import check_new_file
 from desplat_ns.runs.files import find_run
 from desplat_ns.settings.options import check_ranges, ranged
@@ -31,7 +30,6 @@ class Report:
     """Training photos to show; of more, as many evenly spread over the capture."""
     held_out_photos: int = ranged(12, "[0, inf)")
     """Held-out photos to show, the worst first. All are scored; 0: none is, and no time spent."""
-
     scene: bool = True
     """The scene itself on top, to walk around in; the page is 25 MB at most then, else 10."""
 
@@ -51,22 +49,11 @@ class Report:
         from desplat_ns.report.report import write_report  # seconds: not before the checks
         from desplat_ns.studies.machine import describe_machine
 
-        size = write_report(
-            files,
-            output,
-            self.training_photos,
-            self.held_out_photos,
-            describe_machine(),
-            self.scene,
-        )
+        photos = self.training_photos, self.held_out_photos
+        size = write_report(files, output, *photos, describe_machine(), self.scene)
         announce(f"Saved the page to: {output} ({size / 1e6:.1f} MB)")
 
 
 def main() -> None:
     """Entry point of the command."""
-    print_user_errors_plainly()
-    tyro.cli(Report, description=__doc__).main()
-
-
-if __name__ == "__main__":
-    main()
+    run(Report, description=__doc__)

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Literal
 
 import tyro
 
+from desplat_ns.commands import run
 from desplat_ns.console import announce
-from desplat_ns.errors import CaptureError, print_user_errors_plainly
-from desplat_ns.reproduce.methods import method_of
-from desplat_ns.reproduce.protocols import Smoke
-from desplat_ns.reproduce.tables import TABLES, TableName
+from desplat_ns.errors import CaptureError
 from desplat_ns.settings.options import check_ranges, ranged
-from desplat_ns.studies.executors import Executor, ExecutorName
-
-if TYPE_CHECKING:  # seconds: not before the options are checked
-    from desplat_ns.reproduce.grid import Request
+from desplat_ns.studies.paper import TABLES, Method, TableName, method_of
 
 
 @dataclass
@@ -41,7 +36,7 @@ class Arguments:
     MethodSpecification names one of others."""
     seeds: int = ranged(1, "[1, inf)")
     """Trainings of each method on each scene, whose figures are averaged."""
-    executor: ExecutorName = "local"
+    executor: Literal["local", "ray"] = "local"
     """Where trainings are done: here, or on Ray."""
     ray_address: str | None = None
     """Of a cluster; without one Ray is started here."""
@@ -51,44 +46,43 @@ class Arguments:
     """Try everything in minutes: 100 steps, photos of 160 pixels at most, whatever scenes are
     there. The figures mean nothing."""
 
-    def request(self) -> Request:
-        """What is to be done.
+    def chosen_methods(self) -> tuple[Method, ...]:
+        """What is compared. Raises ConfigError where one is not known."""
+        names = self.methods or TABLES[self.table].methods
+        return tuple(method_of(name) for name in dict.fromkeys(names))
+
+    def main(self) -> None:
+        """Check what can be checked at once, then make the table, say where it is.
 
         Raises:
-            CaptureError: there is no data folder.
-            ConfigError: an option cannot be.
+            DeSplatError: an option cannot be, or as `reproduce.reproduce`.
         """
         check_ranges(self)
-        table = TABLES[self.table]
-        methods = tuple(map(method_of, dict.fromkeys(self.methods or table.methods)))
+        methods = self.chosen_methods()
         if not self.data.is_dir():
             raise CaptureError(
                 f"There is no folder '{self.data}'. Name that with the data sets by --data; "
                 "`desplat-fetch-data` lists what there is and downloads it."
             )
-        executor = Executor(self.executor, self.jobs, self.ray_address)
 
-        from desplat_ns.reproduce.grid import Request
-        from desplat_ns.studies.methods import method_config
+        from desplat_ns.studies.methods import method_config  # seconds: not before the checks
+        from desplat_ns.studies.reproduce import Smoke, reproduce
+        from desplat_ns.studies.runs import Executor
 
-        device = (
-            method_config("desplat").machine.device_type if self.ray_address is None else "cuda"
+        here = self.ray_address is None
+        folder = reproduce(
+            TABLES[self.table],
+            self.data,
+            self.output,
+            methods,
+            self.seeds,
+            Executor(self.executor, self.jobs, self.ray_address),
+            method_config("desplat").machine.device_type if here else "cuda",
+            Smoke() if self.smoke else None,
         )
-        smoke = Smoke() if self.smoke else None
-        places = (self.data, self.output)
-        return Request(table, *places, methods, self.seeds, executor, device, smoke)
+        announce(f"Written: {folder / 'table.md'}, and table.json beside it.")
 
 
 def main() -> None:
     """Entry point of the command."""
-    print_user_errors_plainly()
-    request = tyro.cli(Arguments, prog="desplat-reproduce").request()
-
-    from desplat_ns.reproduce.grid import reproduce
-
-    folder = reproduce(request)
-    announce(f"Written: {folder / 'table.md'}, and table.json beside it.")
-
-
-if __name__ == "__main__":
-    main()
+    run(Arguments, prog="desplat-reproduce")

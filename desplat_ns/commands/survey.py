@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -15,8 +15,6 @@ from desplat_ns.files.whole import check_new_file
 
 if TYPE_CHECKING:  # seconds: not before the options are checked
     from desplat_ns.survey.findings import Survey
-
-WRITTEN = ("survey.json", "survey.png")
 
 
 @dataclass
@@ -38,8 +36,8 @@ class Arguments:
     verbose: bool = False
     """Whether to print every figure with its threshold; survey.json has them in any case."""
 
-    def survey(self, parser: tuple[str, ...]) -> Survey:
-        """Check what can be checked at once, then survey.
+    def main(self, parser: tuple[str, ...] = ()) -> Survey:
+        """Check what can be checked at once, then survey, print and write.
 
         Args:
             parser: name and options of a data parser; empty to have the layout recognised.
@@ -53,21 +51,35 @@ class Arguments:
             raise ConfigError("No capture is named. Type: desplat-survey FOLDER.")
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
-        for name in WRITTEN:
-            check_new_file(self.output / name, self.overwrite)
+        findings_file, sheet_file = self.output / "survey.json", self.output / "survey.png"
+        for file in (findings_file, sheet_file):
+            check_new_file(file, self.overwrite)
 
-        from desplat_ns.commands.surveyed import survey_capture
+        from desplat_ns.console import announce  # seconds: not before the checks
+        from desplat_ns.data.images import write_image
+        from desplat_ns.datamanager import without_prompts
+        from desplat_ns.files.whole import draft_of, plain_errors, write_whole
+        from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
+        from desplat_ns.survey.observations import capture_of
+        from desplat_ns.survey.picture import evidence_picture
+        from desplat_ns.survey.survey import survey
 
-        chosen = data_parser("desplat-survey", parser) if parser else None
-        return survey_capture(self.data, self.output, chosen, self.verbose)
+        chosen: Any = data_parser("desplat-survey", parser) if parser else DeSplatDataParserConfig()
+        chosen.data = self.data
+        outputs = without_prompts(chosen).setup().get_dataparser_outputs("train")
+        findings, evidence = survey(capture_of(outputs))
+        for line in findings.summary(self.verbose):
+            announce(line)
+        with plain_errors(self.output):
+            write_whole(findings_file, findings.to_json().encode())
+            with draft_of(sheet_file) as draft:
+                write_image(draft, evidence_picture(evidence))
+        announce(f"Saved {findings_file} and {sheet_file}.")
+        return findings
 
 
 def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
     arguments, parser = parse(Arguments, "desplat-survey", sys.argv[1:])
-    arguments.survey(parser)
-
-
-if __name__ == "__main__":
-    main()
+    arguments.main(parser)

@@ -5,21 +5,16 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Literal
 
 import tyro
 
 from desplat_ns.commands.parser_words import parse
-from desplat_ns.console import announce, progress_in_time
+from desplat_ns.console import announce
 from desplat_ns.cores import cores
 from desplat_ns.errors import CaptureError, print_user_errors_plainly
-from desplat_ns.files.lock import only_process_in
 from desplat_ns.settings.options import check_ranges, ranged
-from desplat_ns.studies.executors import Executor, ExecutorName
 from desplat_ns.training.schedule import seconds_of
-
-if TYPE_CHECKING:  # seconds: not before the options are checked
-    from desplat_ns.studies.study import Request
 
 MOST_JOBS = 8
 """Trainings beside each other, unless more are asked for."""
@@ -44,31 +39,33 @@ class Arguments:
     jobs: int = ranged(0, "[0, inf)")
     """Trainings beside each other, one thread each; 0: one on a GPU, else one for each core, eight
     at most."""
-    executor: ExecutorName = "local"
+    executor: Literal["local", "ray"] = "local"
     """Where trainings are done: here, or on Ray."""
     ray_address: str | None = None
     """Of a cluster; without one Ray is started here."""
 
-    def request(self, parser: tuple[str, ...]) -> Request:
-        """What is to be studied.
+    def main(self, parser: tuple[str, ...]) -> None:
+        """Check what can be checked at once, then measure, say where the page is.
+
+        Args:
+            parser: name and options of a data parser; empty to have the layout recognised.
 
         Raises:
-            CaptureError: no capture is found.
-            ConfigError: an option cannot be.
+            DeSplatError: an option cannot be, or as `tradeoff.tradeoff`.
         """
         check_ranges(self)
         seconds = seconds_of(self.time, "--time")
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
 
-        from desplat_ns.studies.methods import method_config
-        from desplat_ns.studies.plan import METHOD
-        from desplat_ns.studies.study import Request
+        from desplat_ns.studies.methods import method_config  # seconds: not before the checks
+        from desplat_ns.studies.runs import Executor
+        from desplat_ns.studies.tradeoff import BASE, tradeoff
 
-        parser = parser or recognised_words(self.data)
-        jobs = self.jobs or default_jobs(method_config(METHOD).machine.device_type)
+        jobs = self.jobs or default_jobs(method_config(BASE).machine.device_type)
         executor = Executor(self.executor, jobs, self.ray_address)
-        return Request(self.data, parser, self.output, seconds, executor)
+        parser = parser or recognised_words(self.data)
+        announce(f"Written: {tradeoff(self.data, parser, self.output, seconds, executor)}")
 
 
 def recognised_words(data: Path) -> tuple[str, ...]:
@@ -89,32 +86,8 @@ def default_jobs(device: str) -> int:
     return min(cores(), MOST_JOBS) if device == "cpu" else 1
 
 
-def study(request: Request) -> Path:
-    """Do a study as far as its time goes and write its report; where that is.
-
-    Raises:
-        DeSplatError: the capture or the folder will not do, the first run failed, or another
-            process is at work in the folder.
-    """
-    from desplat_ns.backend.registry import compile_kernels, default_device
-    from desplat_ns.studies.report import write_report
-    from desplat_ns.studies.study import do_study, open_study
-
-    with only_process_in(request.output):
-        compile_kernels("auto", default_device())  # no part of the time that was given
-        work = open_study(request)
-        with progress_in_time(request.seconds, lambda: work.spent) as tell:
-            do_study(work, tell)
-        return write_report(work)
-
-
 def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
     arguments, parser = parse(Arguments, "desplat-tradeoff", sys.argv[1:])
-    report = study(arguments.request(parser))
-    announce(f"Written: {report}")
-
-
-if __name__ == "__main__":
-    main()
+    arguments.main(parser)

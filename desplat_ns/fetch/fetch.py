@@ -10,7 +10,7 @@ from desplat_ns.errors import CaptureError
 from desplat_ns.fetch.archives import unpack
 from desplat_ns.fetch.download import download
 from desplat_ns.fetch.sources import File, Source
-from desplat_ns.files.lock import only_process_in
+from desplat_ns.files.whole import only_process_in
 
 
 def fetch(source: Source, folder: Path, keep_archive: bool = False) -> list[Path]:

@@ -1,6 +1,6 @@
-"""Files on disk: `whole` lets none be seen half-written and none be lost unasked, `lock`
-lets one process at a time work on them, `pages` has what HTML pages share, and `encoding` makes
-their pictures as small as they need them.
+"""Files on disk: `whole` lets none be seen half-written and none be lost unasked, and lets one
+process at a time work in a folder; `pages` has what HTML pages share, and makes their pictures as
+small as they have to be.
 
 May import `errors`.
 """

@@ -1,4 +1,5 @@
 """What the HTML pages share: templates, pictures and charts inside the page, figures in words.
+Pictures are made as small as the page's size asks for.
 
 Letters in shapes: H x W pixels.
 """
@@ -9,15 +10,30 @@ import base64
 import io
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import jinja2
 import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
+
+from desplat_ns.errors import ConfigError
+
+LADDER = (
+    *((1024, 82), (1024, 72), (800, 72), (640, 70), (640, 60)),
+    *((512, 55), (400, 50), (320, 50), (240, 45), (160, 40)),
+)
+"""Pixels of the longer side, at most, and WebP's quality: from what is best to what is smallest."""
+
+LARGEST_SIDE = LADDER[0][0]
+"""Pixels; no picture on a page is larger."""
+
+SAMPLE = 12
+"""Pictures by which it is judged whether all would fit."""
 
 
 def template(path: Path, **filters: Callable[..., Any]) -> jinja2.Template:
@@ -49,19 +65,57 @@ def time_in_words(seconds: float) -> str:
     return " ".join(f"{count} {unit}" for unit, count in units if count) or "0 s"
 
 
-def data_address(
-    pixels: UInt8[np.ndarray, "H W 3"], side: int, quality: int, kind: Literal["WEBP", "JPEG"]
-) -> str:
-    """A picture as an address that holds it.
+@dataclass(frozen=True)
+class Picture:
+    """A picture for the page."""
+
+    pixels: UInt8[np.ndarray, "H W 3"]
+    share: float = 1.0
+    """Of the side that pictures may have: a picture that is shown smaller needs fewer pixels."""
+
+    def address(self, side: int, quality: int) -> str:
+        """A data address that holds it as WebP, at most `side` pixels long where `share` is 1."""
+        buffer = io.BytesIO()
+        pixels = shrunk(self.pixels, max(1, round(side * self.share)))
+        Image.fromarray(pixels).save(buffer, "WEBP", quality=quality)
+        return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """Pictures as data addresses, in the order in which they were given."""
+
+    sources: tuple[str, ...]
+    side: int
+    """Pixels of the longer side, at most."""
+    quality: int
+    """WebP's, up to 100."""
+
+
+def fitted_into(pictures: Sequence[Picture], budget: int) -> Encoded:
+    """Encode pictures as WebP, as large and as good as a number of bytes allows.
 
     Args:
-        side: pixels of the longer side, at most.
-        quality: the format's, up to 100.
+        budget: bytes of all data addresses together.
+
+    Raises:
+        ConfigError: there are too many pictures even for the smallest size.
     """
-    buffer = io.BytesIO()
-    Image.fromarray(shrunk(pixels, side)).save(buffer, kind, quality=quality)
-    text = base64.b64encode(buffer.getvalue()).decode()
-    return f"data:image/{kind.lower()};base64,{text}"
+
+    def encoded(some: Sequence[Picture]) -> tuple[tuple[str, ...], int]:
+        sources = tuple(picture.address(side, quality) for picture in some)
+        return sources, sum(map(len, sources))
+
+    sample = pictures[:: max(1, len(pictures) // SAMPLE)]
+    for side, quality in LADDER:
+        if encoded(sample)[1] * len(pictures) <= 1.1 * budget * len(sample):
+            sources, size = encoded(pictures)
+            if size <= budget:
+                return Encoded(sources, side, quality)
+    raise ConfigError(
+        f"{len(pictures)} pictures do not fit into a page of {budget / 1e6:.3g} MB, however small "
+        "they are made. Ask for fewer: --training-photos 50 --held-out-photos 12."
+    )
 
 
 def shrunk(pixels: UInt8[np.ndarray, "H W 3"], side: int) -> UInt8[np.ndarray, "h w 3"]:

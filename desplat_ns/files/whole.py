@@ -1,4 +1,5 @@
-"""Files that appear whole or not at all: written beside their place, put there when complete.
+"""Files that appear whole or not at all: written beside their place, put there when complete. And
+folders in which one process works at a time.
 
 What is put in place outlives a power cut. Copies of photos, thousands of them, are not waited for:
 they are told by their last bytes (`process.photos`).
@@ -8,17 +9,20 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
 import tempfile
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from filelock import FileLock, Timeout, UnixFileLock
 
 from desplat_ns.errors import ConfigError
 
 FEW_BYTES = 20_000_000
 """With less left on the disk, what went wrong went wrong because the disk is full."""
+
+IN_USE = ".in-use"
+"""Name of a folder's lock file. It holds the number of the process."""
 
 
 def check_new_file(path: Path, overwrite: bool, option: str = "--output") -> None:
@@ -66,6 +70,16 @@ def check_room(folder: Path, needed: int, what: str, option: str = "--output") -
         )
 
 
+def disk_is_full(folder: Path) -> bool:
+    """Whether hardly anything is left on the disk of a folder, which need not exist yet."""
+    return free_bytes(folder) < FEW_BYTES
+
+
+def free_bytes(folder: Path) -> int:
+    """What is left on the disk of a folder, which need not exist yet."""
+    return shutil.disk_usage(_nearest(folder)).free
+
+
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file. Raises OSError where that cannot be done."""
     with draft_of(path) as draft:
@@ -107,24 +121,65 @@ def plain_errors(path: Path, option: str = "--output") -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise _unwritable(path, error, option) from error
+        raise ConfigError(
+            f"'{path}' cannot be written ({error.strerror or error}). Name another place with "
+            f"{option}."
+        ) from error
+
+
+@contextmanager
+def only_process_in(folder: Path) -> Iterator[None]:
+    """Within, no other process works in a folder, which is made; afterwards only what is in it is
+    left. The operating system lets go of the lock however a process ends.
+
+    Raises:
+        ConfigError: another process is at work there, or nothing can be written there.
+    """
+    path, made = folder / IN_USE, not folder.exists()
+    lock = FileLock(path, timeout=0)
+    if folder.is_file():
+        raise ConfigError(f"'{folder}' is a file. Name a folder.")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout as error:
+        holder = "Another process"
+        with suppress(OSError, ValueError):
+            holder = f"Process {int(path.read_text())}"
+        raise ConfigError(
+            f"{holder} is at work in '{folder}'. Wait for its end, or name another folder."
+        ) from error
+    except OSError as error:
+        raise ConfigError(
+            f"Nothing can be written to '{folder}' ({error}). Name another folder."
+        ) from error
+    try:
+        if type(lock) is UnixFileLock:  # the others keep marks of their own in it, or nobody may
+            path.write_text(str(os.getpid()))
+        yield
+    finally:
+        with suppress(OSError):
+            path.unlink()  # while it is held: filelock notices that a file is gone
+        lock.release()
+        if made:
+            with suppress(OSError):
+                folder.rmdir()  # where it is empty
 
 
 @contextmanager
 def _drafts(path: Path, staging: Path | None = None) -> Iterator[Path]:
     """An empty folder on the same disk, removed in the end."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with _sigterm_raises():
-        if staging is None:
-            folder = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
-        else:
-            folder = staging
-            shutil.rmtree(folder, ignore_errors=True)
-        try:
-            folder.mkdir(exist_ok=True)
-            yield folder
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
+    if staging is None:
+        folder = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
+    else:
+        folder = staging
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _sync(path: Path) -> None:
@@ -136,45 +191,6 @@ def _sync(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-class _Terminated(BaseException):
-    """SIGTERM came."""
-
-
-@contextmanager
-def _sigterm_raises() -> Iterator[None]:
-    """Within, SIGTERM ends the process once everything inside is left; by itself it leaves drafts.
-
-    Nothing changes where something else answers the signal, as in training, and outside of the main
-    thread, which alone gets signals.
-    """
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    if not in_main_thread or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
-        yield
-        return
-
-    def answer(*_: object) -> None:
-        raise _Terminated
-
-    signal.signal(signal.SIGTERM, answer)
-    try:
-        yield
-    except _Terminated:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        signal.raise_signal(signal.SIGTERM)
-    finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-
-def disk_is_full(folder: Path) -> bool:
-    """Whether hardly anything is left on the disk of a folder, which need not exist yet."""
-    return free_bytes(folder) < FEW_BYTES
-
-
-def free_bytes(folder: Path) -> int:
-    """What is left on the disk of a folder, which need not exist yet."""
-    return shutil.disk_usage(_nearest(folder)).free
 
 
 def _nearest(folder: Path) -> Path:
@@ -189,9 +205,3 @@ def _check_writable(folder: Path, option: str) -> None:
         raise ConfigError(f"'{there}' is a file; {option} names something in it. Name a folder.")
     with plain_errors(folder, option):
         tempfile.TemporaryFile(dir=there).close()
-
-
-def _unwritable(path: Path, error: OSError, option: str) -> ConfigError:
-    return ConfigError(
-        f"'{path}' cannot be written ({error.strerror or error}). Name another place with {option}."
-    )

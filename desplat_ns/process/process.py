@@ -7,7 +7,7 @@ from typing import Any
 
 from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CaptureError
-from desplat_ns.files.lock import only_process_in
+from desplat_ns.files.whole import only_process_in
 from desplat_ns.process.attempts import Attempt, Task, best_attempt
 from desplat_ns.process.cameras import group_by_camera
 from desplat_ns.process.jobs import run_job

@@ -21,8 +21,7 @@ from typing import Any
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import ConfigError, DeSplatError
-from desplat_ns.files.lock import IN_USE
-from desplat_ns.files.whole import disk_is_full, write_whole
+from desplat_ns.files.whole import IN_USE, disk_is_full, write_whole
 
 RECORD = "process.json"
 

@@ -9,9 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.files.encoding import Picture, fitted_into
+from desplat_ns.files.pages import (
+    Picture,
+    fitted_into,
+    inline_svg,
+    plain_logarithmic,
+    svg_of,
+    template,
+)
 from desplat_ns.files.pages import chart as new_chart
-from desplat_ns.files.pages import inline_svg, plain_logarithmic, svg_of, template
 from desplat_ns.report.notices import Notice
 from desplat_ns.report.pictures import ERROR_COLORS, ERROR_TOP, HeldOutPhoto, TrainingPhoto
 from desplat_ns.report.recorded import Chart, Cost, EffectReason, History

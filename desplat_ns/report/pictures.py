@@ -16,8 +16,7 @@ from torch import Tensor
 
 from desplat_ns.console import progress_over
 from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
-from desplat_ns.files.encoding import LARGEST_SIDE
-from desplat_ns.files.pages import shrunk
+from desplat_ns.files.pages import LARGEST_SIDE, shrunk
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.metrics import psnr
 from desplat_ns.rendering.views import is_distorted, view_of

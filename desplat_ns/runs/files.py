@@ -68,34 +68,20 @@ def find_run(config: Path) -> RunFiles:
 
 
 def _settings(config: Path) -> dict[str, yaml.Node]:
-    """The top level of a config.yml, unread."""
-    if config.is_dir():
-        raise ConfigError(f"'{config}' is a folder. Give the config.yml in the folder of a run.")
-    if not config.is_file():
-        raise ConfigError(
-            f"There is no '{config}'. Give the config.yml of a run: "
-            "outputs/<experiment>/<method>/<timestamp>/config.yml."
-        )
+    """The top level of a config.yml, of which nothing is made."""
     try:
         root = yaml.compose(config.read_text("utf8"), Loader=yaml.SafeLoader)
+        if isinstance(root, yaml.MappingNode) and root.tag.startswith(OURS):
+            return {str(key.value): value for key, value in root.value}
+        why = "it was not written by ns-train with a method of this package"
+    except FileNotFoundError:
+        why = "there is no such file"
     except (yaml.YAMLError, UnicodeDecodeError, OSError) as error:
-        raise _not_a_run(config, f"it cannot be read as YAML ({_first_line(error)})") from error
-    if not isinstance(root, yaml.MappingNode):
-        raise _not_a_run(config, "it holds no settings")
-    if not root.tag.startswith(OURS):
-        raise _not_a_run(config, "it was not written by ns-train with a method of this package")
-    return {str(key.value): value for key, value in root.value}
-
-
-def _not_a_run(config: Path, why: str) -> ConfigError:
-    return ConfigError(
+        why = f"it cannot be read ({str(error).partition(chr(10))[0]})"
+    raise ConfigError(
         f"'{config}' is not the config.yml of a run of desplat: {why}. Give the one that "
         "`ns-train desplat` wrote: outputs/<experiment>/<method>/<timestamp>/config.yml."
     )
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).partition("\n")[0]
 
 
 def _text(node: yaml.Node | None) -> str:

@@ -24,8 +24,7 @@ from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.evaluation.pictures import to_rgb8
 from desplat_ns.export.export import reach_of, shown_in, static_cloud
 from desplat_ns.export.splat_cloud import SplatCloud, baked, harmonics_of
-from desplat_ns.files.encoding import LARGEST_SIDE
-from desplat_ns.files.pages import shrunk
+from desplat_ns.files.pages import LARGEST_SIDE, shrunk
 from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.model import DeSplatModel

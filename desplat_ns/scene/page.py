@@ -16,8 +16,7 @@ from jaxtyping import Bool, Float, Int
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.splat_cloud import SplatCloud, moved, turned_harmonics
 from desplat_ns.export.spz import color_bytes, placed, spz_bytes
-from desplat_ns.files.encoding import Picture, fitted_into
-from desplat_ns.files.pages import template
+from desplat_ns.files.pages import Picture, fitted_into, template
 from desplat_ns.scene.contents import TO_PAGE, Contents
 
 HERE = Path(__file__).parent

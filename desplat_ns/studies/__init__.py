@@ -1,8 +1,12 @@
-"""Trainings that are compared. `records` has the one format of what was measured, `runs` trains and
-scores one run in a process of its own, `executors` does the runs that have no record yet.
-`desplat-tradeoff` compares lengths and variants on a user's capture: `plan` chooses the runs that
-fit into the time, `study` does them, `summary` says which differences are real, `report` writes the
-page.
+"""Trainings that are compared, and recorded once each. `records` has the format of what was
+measured and tables of it, `machine` what it was measured on, `runs` does the runs that have no
+record yet, here or on Ray; `train_and_score` is the program that does one, `methods` reads methods,
+their options and captures.
+
+`desplat-tradeoff` compares lengths and variants on a user's capture: `tradeoff` chooses and does
+the runs, `page` says which differences are real. `desplat-reproduce` makes the paper's tables:
+`paper` has the data sets, methods, metrics and published figures, `reproduce` finds the scenes,
+does the runs and writes the table.
 
 Works without a checkout; may import all of `desplat_ns`, which imports nothing from here.
 """

@@ -15,8 +15,7 @@ from desplat_ns.cores import cores
 
 DIRTY = "-dirty"
 """Ends the commit where files of the package differ from it."""
-SHORT = 7
-"""Digits of a commit in a table."""
+
 PACKAGES = ("torch", "numba", "llvmlite", "numpy", "gsplat", "nerfstudio")
 
 
@@ -32,20 +31,24 @@ def code_version(package: Path | None = None) -> str:
         a virtual environment, even one that lies inside a checkout.
     """
     package = package or Path(desplat_ns.__file__).parent
+
+    def git(*arguments: str) -> str:
+        line = ["git", "-C", str(package), *arguments]
+        return subprocess.run(line, capture_output=True, text=True, check=True).stdout
+
     try:
-        _git(package, "ls-files", "--error-unmatch", "__init__.py")
-        commit = _git(package, "rev-parse", "HEAD").strip()
-        changed = _git(package, "status", "--porcelain", "--", ".")
+        git("ls-files", "--error-unmatch", "__init__.py")
+        changed = git("status", "--porcelain", "--", ".")
+        return git("rev-parse", "HEAD").strip() + DIRTY * bool(changed)
     except (OSError, subprocess.CalledProcessError):
         return f"desplat-ns {desplat_ns.__version__}"
-    return commit + DIRTY * bool(changed)
 
 
 def short(commit: str) -> str:
-    """A commit as tables give it; what is no commit stays as it is."""
+    """A commit as tables give it, by seven digits; what is no commit stays as it is."""
     digits = commit.removesuffix(DIRTY)
     is_hash = len(digits) == 40 and set(digits) <= set("0123456789abcdef")
-    return (digits[:SHORT] if is_hash else digits) + ", with changes" * commit.endswith(DIRTY)
+    return (digits[:7] if is_hash else digits) + ", with changes" * commit.endswith(DIRTY)
 
 
 def today() -> str:
@@ -68,28 +71,17 @@ def describe_machine() -> dict[str, str]:
 
 
 def device_name(device: str) -> str:
-    """Of the GPU, or of the processor for `cpu`.
+    """The name of the GPU `cuda:N`, or of the processor for any other torch device."""
+    if not device.startswith("cuda"):
+        return processor()
+    import torch
 
-    Args:
-        device: as torch calls it.
-    """
-    if device.startswith("cuda"):
-        import torch
-
-        return torch.cuda.get_device_name(device)
-    return processor()
+    return torch.cuda.get_device_name(device)
 
 
 def processor() -> str:
     """The model of the processor, or its architecture where the system does not tell."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
+    file = Path("/proc/cpuinfo")
+    lines = file.read_text().splitlines() if file.is_file() else []
     models = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     return next(models, "") or platform.processor() or platform.machine()
-
-
-def _git(folder: Path, *arguments: str) -> str:
-    command = ["git", "-C", str(folder), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout

@@ -1,4 +1,4 @@
-"""Methods and their options, as `ns-train` takes them."""
+"""Methods, their options and captures, as `ns-train` takes them."""
 
 from __future__ import annotations
 
@@ -10,21 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.errors import CaptureError, DeSplatError
-
-
-@dataclass(frozen=True)
-class Content:
-    """What the data parser finds in a capture."""
-
-    photos: int
-    """Of the training split."""
-    held_out: int
-    """Photos to score."""
-    width: int
-    height: int
-    """Pixels of the median training photo."""
-    points: int = 0
-    """To start from; with none, training starts at random."""
 
 
 def method_config(method: str) -> Any:
@@ -81,9 +66,23 @@ def split_of(method: str, data: Path, parser: Sequence[str], split: str) -> Any:
     return outputs
 
 
+@dataclass(frozen=True)
+class Content:
+    """What the data parser finds in a capture."""
+
+    photos: int
+    """Of the training split."""
+    held_out: int
+    """Photos to score."""
+    width: int
+    height: int
+    """Pixels of the median training photo."""
+    points: int = 0
+    """To start from; with none, training starts at random."""
+
+
 def content_of(train: Any, test: Any) -> Content:
     """What is in two splits."""
     cameras, points = train.cameras, train.metadata.get("points3D_xyz")
     size = int(cameras.width.median()), int(cameras.height.median())
-    number = 0 if points is None else len(points)
-    return Content(len(cameras), len(test.cameras), *size, number)
+    return Content(len(cameras), len(test.cameras), *size, 0 if points is None else len(points))

@@ -13,10 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.files.whole import plain_errors, write_whole
+from desplat_ns.files.whole import IN_USE, plain_errors, write_whole
+from desplat_ns.studies.machine import code_version, short
 
 FILE = "records.jsonl"
 """Name of the file in a command's output folder."""
+
+RUNS = "runs"
+"""What is trained, beside it."""
 
 Key = tuple[str, str, str, int]
 """Method, options, capture and seed: what tells a run from all others."""
@@ -68,6 +72,27 @@ def save(path: Path, records: Iterable[Record]) -> None:
     text = "".join(f"{json.dumps(asdict(record))}\n" for record in records)
     with plain_errors(path):
         write_whole(path, text.encode())
+
+
+def open_records(folder: Path) -> dict[Key, Record]:
+    """The records in a command's output folder, which has a file of them from then on.
+
+    Raises:
+        ConfigError: the folder holds something else, or runs by other code.
+    """
+    there = folder.iterdir() if folder.is_dir() and not (folder / FILE).exists() else ()
+    if any(path.name not in (IN_USE, RUNS) for path in there):
+        raise ConfigError(
+            f"--output is '{folder}', which holds something else. Name a new or empty folder."
+        )
+    records, code = load(folder / FILE), code_version()
+    for other in {record.commit for record in records.values()} - {code}:
+        raise ConfigError(
+            f"'{folder}' holds runs by {short(other)}, and this is {short(code)}: their figures "
+            "are not put together. Name another --output."
+        )
+    save(folder / FILE, records.values())
+    return records
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:

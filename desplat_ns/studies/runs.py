@@ -1,4 +1,5 @@
-"""One run: a method with options, trained and scored in a process of its own, on one thread."""
+"""Runs: a method with options, trained and scored in a process of its own on one thread. Those
+without a record are done and recorded, on this machine or on a Ray cluster."""
 
 from __future__ import annotations
 
@@ -9,30 +10,31 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError, DeSplatError
 from desplat_ns.studies.machine import today
-from desplat_ns.studies.records import Key, Record
+from desplat_ns.studies.records import Key, Record, load, save
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
 """So that runs beside each other disturb each other little: waiting threads sleep."""
 
-EXPERIMENT, TIMESTAMP = "x", "run"
-"""Folders in which nerfstudio puts a run, so that it is found again."""
-
-QUIET = ("--experiment-name", EXPERIMENT, "--timestamp", TIMESTAMP, "--vis", "tensorboard")
+QUIET = ("--experiment-name", "x", "--timestamp", "run", "--vis", "tensorboard")
 QUIET += ("--steps-per-eval-image", "0", "--steps-per-eval-all-images", "0")
-"""Options of ns-train: no viewer, no evaluation on the way."""
+"""Options of ns-train: folders of known names, no viewer, no evaluation on the way."""
 
 PROGRAM = "desplat_ns.studies.train_and_score"
-RESULTS = "results.json"
-"""What the program writes, in the run's folder."""
-PICTURES = "pictures"
-"""Folder beside the results, with the held-out photos and the renderings beside them."""
+RESULTS, LOG, PICTURES = "results.json", "run.log", "pictures"
+"""In the folder of a run; pictures are the held-out photos with the renderings beside them."""
+
+RETRIES = 3
+"""Times that a run is begun again on Ray if its worker was killed."""
 
 
 @dataclass(frozen=True)
@@ -70,41 +72,39 @@ class Run:
         return self.method, shlex.join(self.given), self.capture or str(self.data), self.seed
 
 
-Command = Callable[[list[str], Path], None]
-"""Does a line of a program and its arguments, and writes what it says to a log."""
+Train = Callable[[str, list[str], Path], dict[str, Any]]
+"""Trains and scores a method with options; RESULTS, LOG and PICTURES come into a folder. Returns
+the results, which are those of `train_and_score`."""
+
+Do = Callable[[Run, Path], Record]
+"""Does a run in a folder; see `execute`."""
 
 
 def surroundings(**variables: str) -> dict[str, str]:
-    """The environment of a process that a study starts.
-
-    It imports what this process would, from a checkout as from an installed package.
-    """
+    """The environment of a process that imports what this one would, from a checkout as from an
+    installed package."""
     paths = os.pathsep.join(dict.fromkeys(os.path.abspath(place) for place in sys.path))
     return os.environ | {"PYTHONPATH": paths} | variables
 
 
-def run_command(line: list[str], log: Path) -> None:
-    """Run one of the environment's commands on one thread.
-
-    Raises:
-        DeSplatError: it failed; the message names its log.
-    """
-    command = [str(Path(sys.executable).with_name(line[0])), *line[1:]]
-    environment = surroundings(**ONE_THREAD)
-    with log.open("w") as file:
-        done = subprocess.run(command, stdout=file, stderr=subprocess.STDOUT, env=environment)
+def in_own_process(method: str, options: list[str], folder: Path) -> dict[str, Any]:
+    """A `Train` in a process of one thread. Raises DeSplatError that names its log."""
+    line = [sys.executable, "-m", PROGRAM, str(folder / RESULTS), method, *options]
+    with (folder / LOG).open("w") as log:
+        environment = surroundings(**ONE_THREAD)
+        done = subprocess.run(line, stdout=log, stderr=subprocess.STDOUT, env=environment)
     if done.returncode != 0:
-        raise DeSplatError(f"`{line[0]}` failed. Its log: {log}")
+        raise DeSplatError(f"Training or scoring failed. Its log: {folder / LOG}")
+    return json.loads((folder / RESULTS).read_text())
 
 
-def execute(run: Run, folder: Path, command: Command = run_command) -> Record:
-    """Train and score a run. Its log, pictures and RESULTS stay in a folder of its name.
+def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
+    """Train and score a run. Its log, pictures and results stay in a folder of its name.
 
     An earlier run of that name is replaced once this one is whole. Checkpoints are removed.
 
     Raises:
-        DeSplatError: the capture is not there; or training or evaluation failed, and the message
-            names its log.
+        DeSplatError: the capture is not there; or training or evaluation failed.
     """
     if not run.data.exists():
         raise CaptureError(
@@ -115,15 +115,13 @@ def execute(run: Run, folder: Path, command: Command = run_command) -> Record:
     shutil.rmtree(draft, ignore_errors=True)  # of a run that failed, if it is there
     draft.mkdir(parents=True)
     places = ["--data", str(run.data), "--output-dir", str(draft), "--machine.seed", str(run.seed)]
-    line = ["python", "-m", PROGRAM, str(draft / RESULTS), "1", run.method, *places]
     length, parser = run.given[:2], run.parser
     began = time.monotonic()
     try:
-        command([*line, *length, *QUIET, *run.options, *parser], draft / "run.log")
+        results = train(run.method, [*places, *length, *QUIET, *run.options, *parser], draft)
     finally:
         for checkpoints in draft.glob("*/*/*/nerfstudio_models"):
             shutil.rmtree(checkpoints, ignore_errors=True)
-    results: dict[str, Any] = json.loads((draft / RESULTS).read_text())
     seconds = round(time.monotonic() - began, 1)
     shutil.rmtree(folder / run.name, ignore_errors=True)
     draft.rename(folder / run.name)
@@ -133,3 +131,86 @@ def execute(run: Run, folder: Path, command: Command = run_command) -> Record:
     }
     scores["versions"] = ", ".join(" ".join(pair) for pair in figures.get("versions", {}).items())
     return Record(results["commit"], today(), *run.key, scores, seconds, results["device_name"])
+
+
+@dataclass(frozen=True)
+class Executor:
+    """Where runs are done."""
+
+    name: Literal["local", "ray"] = "local"
+    jobs: int = 1
+    """Runs beside each other."""
+    address: str | None = None
+    """Of a Ray cluster; without one Ray is started here."""
+    do: Do = execute
+
+    def finish(
+        self,
+        runs: Iterable[Run],
+        file: Path,
+        folder: Path,
+        done: Callable[[Run, Record], None] = lambda run, record: None,
+    ) -> dict[str, str]:
+        """Do all runs that have no record, and record each as it ends.
+
+        Args:
+            runs: the next is asked for when there is a place for it.
+            file: of the records.
+            folder: of what is trained.
+            done: is told of each run once it is recorded.
+
+        Returns:
+            Why a run failed, by its name; that was said, too.
+
+        Raises:
+            ConfigError: records cannot be read or written, for instance because the disk is full.
+            DeSplatError: Ray is not installed.
+        """
+        records, failed = load(file), dict[str, str]()
+        coming = (run for run in runs if run.key not in records)
+        pending: dict[Future[Record], Run] = {}
+        folder.mkdir(parents=True, exist_ok=True)
+        with self._places() as (places, do), ThreadPoolExecutor(places) as pool:
+            while True:
+                while len(pending) < places and (run := next(coming, None)) is not None:
+                    pending[pool.submit(do, run, folder)] = run
+                if not pending:
+                    return failed
+                for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                    run = pending.pop(future)
+                    try:
+                        records[run.key] = record = future.result()
+                    except Exception as error:
+                        ours = isinstance(error, DeSplatError)
+                        failed[run.name] = "" if ours else f"{type(error).__name__}: "
+                        failed[run.name] += str(error)
+                        announce(f"{run.name}: {failed[run.name]}", warning=True)
+                    else:
+                        save(file, records.values())
+                        done(run, record)
+
+    @contextmanager
+    def _places(self) -> Iterator[tuple[int, Do]]:
+        """How many runs are done beside each other, and what does one."""
+        if self.name == "local":
+            yield self.jobs, self.do
+            return
+        try:
+            import ray  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise DeSplatError(
+                "--executor ray needs Ray, which is not installed. Type: "
+                "pip install 'desplat-ns[ray]'."
+            ) from error
+        here: dict[str, Any] = {"num_cpus": self.jobs, "include_dashboard": False}
+        options = here if self.address is None else {"address": self.address}
+        environment = {"env_vars": {"PYTHONPATH": surroundings()["PYTHONPATH"]}}
+        ray.init(runtime_env=environment, log_to_driver=False, **options)
+        try:
+            resources = ray.cluster_resources()
+            gpus, cores = (int(resources.get(name, 0)) for name in ("GPU", "CPU"))
+            needs = {"num_cpus": 1, "num_gpus": min(1, gpus), "max_retries": RETRIES}
+            task = ray.remote(**needs)(self.do)
+            yield max(1, gpus or cores), lambda run, at: ray.get(task.remote(run, at.resolve()))
+        finally:
+            ray.shutdown()

@@ -1,8 +1,6 @@
 """Train a run and score it in one process: what `ns-train` and then `ns-eval` do, started once.
 
-python -m desplat_ns.studies.train_and_score RESULTS.json THREADS METHOD ...
-
-THREADS is the number of CPU threads. The rest are options of ns-train.
+python -m desplat_ns.studies.train_and_score RESULTS.json METHOD OPTIONS OF ns-train
 """
 
 from __future__ import annotations
@@ -15,8 +13,6 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-import numba
-import torch
 from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocation
 from nerfstudio.scripts.train import _set_random_seed
 
@@ -36,7 +32,7 @@ def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str
     Returns:
         `figures` as `ns-eval` writes them, with `train_cpu_seconds` and `train_wall_seconds`, those
         of the training steps without reading photos, the last checkpoint and evaluation; `commit`;
-        `device` (`cpu` or `cuda`) and `device_name`; `backend`, the rasterizer.
+        `device_name`.
 
     Raises:
         DeSplatError: training was stopped before its last step; such a model is not scored.
@@ -69,9 +65,7 @@ def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str
     return {
         "figures": figures | seconds,
         "commit": commit,
-        "device": str(trainer.device).partition(":")[0],
         "device_name": device_name(str(trainer.device)),
-        "backend": figures.get("backend"),
     }
 
 
@@ -90,9 +84,7 @@ def end_with(parent: int) -> None:
 def main() -> None:
     """Entry point; pictures go into the folder `pictures` beside the results."""
     end_with(os.getppid())
-    target, threads, method, *options = sys.argv[1:]
-    torch.set_num_threads(int(threads))
-    numba.set_num_threads(min(int(threads), numba.get_num_threads()))
+    target, method, *options = sys.argv[1:]
     results = train_and_score(method, options, Path(target).with_name(PICTURES))
     Path(target).write_text(json.dumps(results))
 

@@ -2,7 +2,8 @@
 
 At each point lies a square of `GRID` x `GRID` samples that faces the cameras. Every photo into
 which it projects shows it as a patch, whether the photo observed the point or not.
-Letters in shapes: V photos, P points, S = GRID^2 samples, H x W pixels.
+Letters in shapes: V photos, P points, S = GRID^2 samples, H x W pixels; N points, K pixels and M
+places of one photo.
 """
 
 from __future__ import annotations
@@ -14,15 +15,22 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
-from nerfstudio.cameras.cameras import Cameras
+from jaxtyping import Bool, Float, Int, UInt8
+from nerfstudio.cameras.cameras import Cameras, CameraType
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.cores import cores
 from desplat_ns.data.dataset import check_size
 from desplat_ns.data.images import read_image, read_mask, resize_image, resize_mask
 from desplat_ns.data.tracks import METADATA_KEY, Tracks
-from desplat_ns.survey.views import View, small_view
+
+LONGEST_SIDE = 400
+"""Pixels of the small copies: a face in a crowd is a few of them, and no detail is needed."""
+
+CELL = 1 / 48
+"""Of the longest side. A place's neighbourhood are its cell and the eight around it: a sixteenth of
+the longest side, which is about a head in a photo of people who stand near."""
+
 
 MOST_PHOTOS = 160
 """Larger captures are judged by so many photos, evenly spread over them."""
@@ -50,6 +58,130 @@ HIDING_CELL = 1 / 50
 
 HIDING_GAP = 0.93
 """A point is hidden where another one in its cell lies nearer than this fraction of its depth."""
+
+
+@dataclass(frozen=True)
+class View:
+    """The camera of a small copy: a pose, a lens, a size."""
+
+    rotation: Float[np.ndarray, "3 3"]
+    """World to camera; OpenCV axes (x right, y down, z forward)."""
+    position: Float[np.ndarray, "3"]
+    focal: Float[np.ndarray, "2"]
+    """fx, fy in pixels."""
+    center: Float[np.ndarray, "2"]
+    width: int
+    height: int
+    distortion: Float[np.ndarray, "6"]
+    """k1, k2, k3, k4, p1, p2, as nerfstudio keeps them."""
+    is_fisheye: bool
+
+    def project(
+        self, points: Float[np.ndarray, "*N 3"]
+    ) -> tuple[Float[np.ndarray, "*N 2"], Float[np.ndarray, "*N"]]:
+        """Pixels (the first one's centre is at 0.5) and depths; NaN pixels behind the camera."""
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            local = (points - self.position) @ self.rotation.T
+            depth = local[..., 2]
+            flat = local[..., :2] / np.where(depth > 0, depth, np.nan)[..., None]
+            if not (self.is_fisheye or self.distortion.any()):
+                return flat * self.focal + self.center, depth
+        K = np.array(
+            [[self.focal[0], 0, self.center[0]], [0, self.focal[1], self.center[1]], [0, 0, 1]]
+        )
+        k1, k2, k3, k4, p1, p2 = self.distortion
+        rays = np.concatenate([flat, np.ones_like(flat[..., :1])], axis=-1).reshape(-1, 1, 3)
+        none = np.zeros(3)
+        if self.is_fisheye:
+            places, _ = cv2.fisheye.projectPoints(rays, none, none, K, np.array([k1, k2, k3, k4]))
+        else:
+            places, _ = cv2.projectPoints(rays, none, none, K, np.array([k1, k2, p1, p2, k3]))
+        return places.reshape(flat.shape), depth
+
+    def shows(
+        self, places: Float[np.ndarray, "*N 2"], depths: Float[np.ndarray, "*N"], margin: float = 0
+    ) -> Bool[np.ndarray, "*N"]:
+        """Which of projected points lie in the photo, so many pixels from its border at least."""
+        with np.errstate(invalid="ignore"):
+            inside = (places >= margin) & (places <= np.array(self.size) - margin)
+            return inside.all(axis=-1) & (depths > 0)
+
+    def directions(self, pixels: Float[np.ndarray, "*K 2"]) -> Float[np.ndarray, "*K 3"]:
+        """Unit directions in the world, as an undistorted lens of this kind would look.
+
+        What is left out is a few pixels at the corners, which does not matter for a sky.
+        """
+        flat = (pixels - self.center) / self.focal
+        if self.is_fisheye:
+            angle = np.linalg.norm(flat, axis=-1, keepdims=True)
+            flat = flat * np.tan(np.minimum(angle, 1.5)) / np.maximum(angle, 1e-9)
+        rays = np.concatenate([flat, np.ones_like(flat[..., :1])], axis=-1) @ self.rotation
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.width, self.height
+
+    @property
+    def cell(self) -> float:
+        """Pixels of a cell's side."""
+        return max(1.0, CELL * max(self.width, self.height))
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Rows and columns of cells that cover the photo."""
+        return int(np.ceil(self.height / self.cell)), int(np.ceil(self.width / self.cell))
+
+    def cells_of(
+        self, places: Float[np.ndarray, "M 2"]
+    ) -> tuple[Int[np.ndarray, " M"], Int[np.ndarray, " M"]]:
+        """Row and column of the cell in which each pixel place inside the photo lies."""
+        at = (places / self.cell).astype(int)
+        return at[:, 1].clip(0, self.grid[0] - 1), at[:, 0].clip(0, self.grid[1] - 1)
+
+    def near_means(
+        self, places: Float[np.ndarray, "M 2"], values: Float[np.ndarray, " M"]
+    ) -> tuple[Float[np.ndarray, " M"], Float[np.ndarray, " M"]]:
+        """Mean of the other values near each place (0 where there is none), and their number."""
+        at = self.cells_of(places)
+        sums = np.zeros((2, *self.grid))
+        np.add.at(sums[0], at, values)
+        np.add.at(sums[1], at, 1.0)
+        total, count = (
+            cv2.boxFilter(part, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)[at]
+            for part in sums
+        )
+        count = count - 1
+        return np.where(count > 0, (total - values) / np.maximum(count, 1), 0.0), count
+
+
+def small_view(cameras: Cameras, index: int) -> View:
+    """The camera of one photo, reduced to `LONGEST_SIDE`; smaller photos keep their size."""
+
+    def number(name: str) -> float:
+        return float(getattr(cameras, name).reshape(-1)[index])
+
+    width, height = number("width"), number("height")
+    ratio = min(1.0, LONGEST_SIDE / max(width, height))
+    small = max(1, round(width * ratio)), max(1, round(height * ratio))
+    x_ratio, y_ratio = small[0] / width, small[1] / height
+    pose = cameras.camera_to_worlds[index].double().cpu().numpy()
+    distortion = np.zeros(6)
+    if cameras.distortion_params is not None:
+        given = cameras.distortion_params.reshape(len(cameras), -1)[index].double().cpu().numpy()
+        distortion[: len(given)] = given
+    kinds = cameras.camera_type.reshape(-1)
+    return View(
+        rotation=(pose[:, :3] * [1, -1, -1]).T,  # nerfstudio's axes are OpenGL's
+        position=pose[:, 3],
+        focal=np.array([number("fx") * x_ratio, number("fy") * y_ratio]),
+        center=np.array([number("cx") * x_ratio, number("cy") * y_ratio]),
+        width=small[0],
+        height=small[1],
+        distortion=distortion,
+        is_fisheye=int(kinds[index]) == CameraType.FISHEYE.value,
+    )
 
 
 @dataclass(frozen=True)
@@ -116,40 +248,37 @@ def observe(capture: Capture) -> Observations:
         CaptureError: a photo or mask that cannot be read, or does not fit its camera.
     """
     count = len(capture.photos)
-    indices = np.unique(np.linspace(0, count - 1, min(count, MOST_PHOTOS)).round().astype(int))
-    views = [small_view(capture.cameras, int(i)) for i in indices]
+    indices = np.linspace(0, count - 1, min(count, MOST_PHOTOS)).round().astype(int).tolist()
+    views = [small_view(capture.cameras, index) for index in indices]
     with ThreadPoolExecutor(min(MOST_READERS, cores())) as pool:
-        in_view, nearest = zip(
-            *pool.map(lambda view: in_view_of(view, capture.xyz), views), strict=True
-        )
-        small = list(
-            pool.map(lambda i, view: _read_small(capture, i, view), indices.tolist(), views)
-        )
-    tracked = _tracked(capture, indices, in_view)
+        seen = list(pool.map(lambda view: in_view_of(view, capture.xyz), views))
+        small = list(pool.map(lambda i, view: _read_small(capture, i, view), indices, views))
+    tracked = _tracked(capture, indices, [in_view for in_view, _ in seen])
     chosen = _chosen_points(tracked)
     xyz, tracked = capture.xyz[chosen], tracked[:, chosen]
     grids = patch_grids(xyz, tracked, views)
-    shape = len(views), len(xyz)
-    observations = Observations(
-        names=[str(capture.photos[i].name) for i in indices],
+    rows = zip(views, small, seen, strict=True)
+    sampled = [
+        _sample(view, photo, allowed, xyz, grids, hidden[chosen])
+        for view, (photo, allowed), (_, hidden) in rows
+    ]
+    places, shown, colors, clipped, structures = map(np.stack, zip(*sampled, strict=True))
+    return Observations(
+        names=[str(capture.photos[index].name) for index in indices],
         views=views,
         photos=[photo for photo, _ in small],
         allowed=[allowed for _, allowed in small],
         xyz=xyz,
-        places=np.full((*shape, 2), np.nan, np.float32),
-        is_shown=np.zeros(shape, bool),
-        is_tracked=tracked,
-        colors=np.zeros((*shape, 3), np.float32),
-        is_clipped=np.zeros(shape, bool),
-        structures=np.zeros((*shape, GRID * GRID), np.float32),
+        places=places,
+        is_shown=shown,
+        is_tracked=tracked & shown,
+        colors=colors,
+        is_clipped=clipped,
+        structures=structures,
         has_tracks=capture.tracks is not None,
         num_photos=count,
         all_xyz=capture.xyz,
     )
-    for row, view in enumerate(views):
-        _sample(observations, row, grids, hidden_points(view, xyz, nearest[row]))
-    observations.is_tracked &= observations.is_shown
-    return observations
 
 
 def _read_small(
@@ -168,14 +297,14 @@ def _read_small(
 
 
 def _tracked(
-    capture: Capture, indices: np.ndarray, in_view: Sequence[Bool[np.ndarray, " _"]]
+    capture: Capture, indices: list[int], in_view: Sequence[Bool[np.ndarray, " _"]]
 ) -> Bool[np.ndarray, "V _"]:
     """Which photo found which point; without tracks, which can have it in view."""
     if capture.tracks is None:
         tracked = np.stack(in_view)
     else:
         tracked = np.zeros((len(in_view), len(capture.xyz)), bool)
-        for row, observed in zip(tracked, capture.tracks.read(indices.tolist()), strict=True):
+        for row, observed in zip(tracked, capture.tracks.read(indices), strict=True):
             row[observed.points] = True
     return tracked & np.isfinite(capture.xyz).all(axis=1)
 
@@ -223,38 +352,29 @@ def patch_grids(
 
 def in_view_of(
     view: View, xyz: Float[np.ndarray, "N 3"]
-) -> tuple[Bool[np.ndarray, " N"], Float[np.ndarray, "rows columns"]]:
-    """Which points project into the photo, and the depth of the nearest in each cell and the eight
-    around it."""
-    cell = HIDING_CELL * max(view.width, view.height)
-    shape = int(view.height / cell) + 3, int(view.width / cell) + 3
-    nearest = np.full(shape, np.inf, np.float32)
+) -> tuple[Bool[np.ndarray, " N"], Bool[np.ndarray, " N"]]:
+    """Which points project into the photo, and which of these have another one before them, in
+    their cell or in the eight around it."""
+    cell = HIDING_CELL * max(view.size)
+    nearest = np.full((int(view.height / cell) + 3, int(view.width / cell) + 3), np.inf, np.float32)
     places, depths = view.project(xyz)
     inside = view.shows(places, depths)
-    at = (places[inside] / cell).astype(int) + 1
-    np.minimum.at(nearest, (at[:, 1], at[:, 0]), depths[inside].astype(np.float32))
-    return inside, cv2.erode(nearest, np.ones((3, 3), np.uint8))
+    column, row = (np.where(inside[:, None], places / cell, 0).astype(int) + 1).T
+    np.minimum.at(nearest, (row[inside], column[inside]), depths[inside].astype(np.float32))
+    nearest = cv2.erode(nearest, np.ones((3, 3), np.uint8))
+    return inside, inside & (nearest[row, column] < HIDING_GAP * depths)
 
 
-def hidden_points(
-    view: View, xyz: Float[np.ndarray, "P 3"], nearest: Float[np.ndarray, "rows columns"]
-) -> Bool[np.ndarray, " P"]:
-    """Which points have another point before them, by what `in_view_of` found."""
-    cell = HIDING_CELL * max(view.width, view.height)
-    places, depths = view.project(xyz)
-    inside = view.shows(places, depths)
-    at = np.where(inside[:, None], places / cell, 0).astype(int) + 1
-    return inside & (nearest[at[:, 1], at[:, 0]] < HIDING_GAP * depths)
-
-
-def _sample(observations: Observations, row: int, grids: np.ndarray, hidden: np.ndarray) -> None:
-    """Fill in what one photo shows."""
-    view, photo, allowed = (
-        observations.views[row],
-        observations.photos[row],
-        observations.allowed[row],
-    )
-    places, _ = view.project(observations.xyz)
+def _sample(
+    view: View,
+    photo: UInt8[np.ndarray, "H W 3"],
+    allowed: Bool[np.ndarray, "H W"],
+    xyz: Float[np.ndarray, "P 3"],
+    grids: Float[np.ndarray, "P S 3"],
+    hidden: Bool[np.ndarray, " P"],
+) -> tuple[np.ndarray, ...]:
+    """What one photo shows: a row of `places`, `is_shown`, `colors`, `is_clipped`, `structures`."""
+    places, _ = view.project(xyz)
     corners, corner_depths = view.project(grids)
     inside = view.shows(corners, corner_depths, 0.5).all(axis=-1)
     with np.errstate(invalid="ignore"):
@@ -262,14 +382,12 @@ def _sample(observations: Observations, row: int, grids: np.ndarray, hidden: np.
         shown = inside & (reach > SCALES[0] * PATCH_RADIUS) & (reach < SCALES[1] * PATCH_RADIUS)
     at = np.where(inside[:, None], places, 0).astype(int)
     shown &= allowed[at[:, 1].clip(0, view.height - 1), at[:, 0].clip(0, view.width - 1)] & ~hidden
-    observations.places[row], observations.is_shown[row] = places, shown
-    if not shown.any():
-        return
-    x, y = np.moveaxis((corners[shown] - 0.5).astype(np.float32), -1, 0)
-    values, border = photo.astype(np.float32), cv2.BORDER_REPLICATE
-    patches = cv2.remap(values, x, y, cv2.INTER_LINEAR, borderMode=border) / 255
-    mean, grey = patches.mean(axis=1), patches.mean(axis=2)
-    observations.colors[row, shown] = mean
-    is_clipped = (mean < DARKEST) | (mean > 1 - DARKEST)
-    observations.is_clipped[row, shown] = is_clipped.any(axis=1)
-    observations.structures[row, shown] = grey - grey.mean(axis=1, keepdims=True)
+    patches = np.zeros((len(xyz), GRID * GRID, 3), np.float32)
+    if shown.any():
+        x, y = np.moveaxis((corners[shown] - 0.5).astype(np.float32), -1, 0)
+        values, border = photo.astype(np.float32), cv2.BORDER_REPLICATE
+        patches[shown] = cv2.remap(values, x, y, cv2.INTER_LINEAR, borderMode=border) / 255
+    colors, grey = patches.mean(axis=1), patches.mean(axis=2)
+    clipped = ((colors < DARKEST) | (colors > 1 - DARKEST)).any(axis=1) & shown
+    structures = grey - grey.mean(axis=1, keepdims=True)
+    return places.astype(np.float32), shown, colors, clipped, structures

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from desplat_ns.survey.light import LOCAL_STEP
+from desplat_ns.survey.appearance import LOCAL_STEP
 from desplat_ns.survey.photo_light import from_middle
 from desplat_ns.survey.survey import Evidence
 

@@ -12,13 +12,16 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError
 from desplat_ns.settings.effects import Effects, EffectsConfig
-from desplat_ns.survey.background import background_finding, skies_of
+from desplat_ns.survey.appearance import (
+    appearance_finding,
+    confirmed,
+    local_steps,
+    matched_points,
+)
+from desplat_ns.survey.background import Sky, background_finding, skies_of
 from desplat_ns.survey.findings import Survey
-from desplat_ns.survey.light import appearance_finding, local_steps
-from desplat_ns.survey.matching import confirmed, matched_points
 from desplat_ns.survey.observations import Capture, Observations, capture_of, observe
 from desplat_ns.survey.photo_light import PhotoLight, fit_light
-from desplat_ns.survey.sky import Sky
 
 FILE = "survey.json"
 """In a run's folder: what its effects were decided by."""

@@ -20,7 +20,7 @@ import PIL.Image  # noqa: F401  before pycolmap, see lab.synthetic.colmap_export
 import pycolmap
 
 from desplat_ns.data.images import write_image
-from desplat_ns.reproduce.protocols import MIPNERF360, ON_THE_GO, PHOTO_TOURISM, ROBUSTNERF
+from desplat_ns.studies.paper import TABLES, TableName
 from lab.synthetic import Frame, Scene, SceneSpec, make_scene
 from lab.synthetic.colmap_export import RegisteredPhoto, write_reconstruction
 from lab.synthetic.layouts import register
@@ -46,19 +46,19 @@ def write_data_sets(folder: Path, spec: SceneSpec = TINY) -> None:
         spec: of the scenes; those of Photo Tourism have changing light besides.
     """
     scene = make_scene(spec)
-    sets: tuple[tuple[str, Writer], ...] = (
-        (ROBUSTNERF.folder, write_robustnerf),
-        (ON_THE_GO.folder, write_on_the_go),
-        (MIPNERF360.folder, write_mipnerf360),
-    )
-    for (name, write), protocol in zip(sets, (ROBUSTNERF, ON_THE_GO, MIPNERF360), strict=True):
-        first, *others = (folder / name / entry.folder for entry in protocol.scenes)
+    writers: dict[TableName, Writer] = {
+        "robustnerf": write_robustnerf,
+        "on-the-go": write_on_the_go,
+        "A6": write_mipnerf360,
+    }
+    for name, write in writers.items():
+        first, *others = (folder / s.data_set.folder / s.folder for s in TABLES[name].scenes)
         write(scene, first)
         for other in others:
             shutil.copytree(first, other, copy_function=os.link)
     tourism = make_scene(changing_light(spec))
-    for entry in PHOTO_TOURISM.scenes:
-        write_photo_tourism(tourism, folder / PHOTO_TOURISM.folder / entry.folder)
+    for entry in TABLES["A5"].scenes:
+        write_photo_tourism(tourism, folder / entry.data_set.folder / entry.folder)
 
 
 def changing_light(spec: SceneSpec) -> SceneSpec:

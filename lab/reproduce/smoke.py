@@ -16,14 +16,15 @@ import time
 from contextlib import redirect_stderr, redirect_stdout
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 from desplat_ns.console import announce
 from desplat_ns.files.pages import time_in_words
-from desplat_ns.reproduce.protocols import Smoke
-from desplat_ns.reproduce.tables import TABLES, TableName
-from desplat_ns.studies.executors import Executor
+from desplat_ns.studies.paper import METHODS, TABLES, TableName
 from desplat_ns.studies.records import Record
-from desplat_ns.studies.runs import PICTURES, Run, execute
+from desplat_ns.studies.reproduce import Smoke, reproduce
+from desplat_ns.studies.runs import LOG, PICTURES, RESULTS, Executor, Run, execute
+from desplat_ns.studies.train_and_score import train_and_score
 from lab.reproduce.data_sets import write_data_sets
 
 FOLDER = Path("outputs/smoke")
@@ -42,31 +43,26 @@ def here(run: Run, folder: Path) -> Record:
     keeps runs from one another's leftovers."""
     from nerfstudio.utils import writer
 
-    from desplat_ns.studies.train_and_score import train_and_score
-
-    def command(line: list[str], log: Path) -> None:
-        results, _, method, *options = line[3:]
+    def train(method: str, options: list[str], draft: Path) -> dict[str, Any]:
         for kept in (writer.EVENT_WRITERS, writer.EVENT_STORAGE, writer.GLOBAL_BUFFER):
             kept.clear()  # nerfstudio 1.1.5 keeps those of earlier runs
-        with log.open("w") as file, redirect_stdout(file), redirect_stderr(file):
-            record = train_and_score(method, options, log.with_name(PICTURES))
-        Path(results).write_text(json.dumps(record))
+        with (draft / LOG).open("w") as file, redirect_stdout(file), redirect_stderr(file):
+            results = train_and_score(method, options, draft / PICTURES)
+        (draft / RESULTS).write_text(json.dumps(results))
+        return results
 
-    return execute(run, folder, command)
+    return execute(run, folder, train)
 
 
 def run_tables(folder: Path, names: tuple[TableName, ...]) -> list[str]:
     """What went wrong, in words; says how long each table took."""
-    from desplat_ns.reproduce.grid import Request, reproduce
-    from desplat_ns.reproduce.methods import METHODS
-
     wrong = []
     for name in names:
         table, began, wall = TABLES[name], time.process_time(), time.monotonic()
         methods = tuple(METHODS[method] for method in table.methods)
         places = (folder / "data", folder / f"tables-{names[0]}")
-        request = Request(table, *places, methods, 1, Executor(do=here), "cpu", SHORT)
-        wrong += missing_figures(name, reproduce(request))
+        made = reproduce(table, *places, methods, 1, Executor(do=here), "cpu", SHORT)
+        wrong += missing_figures(name, made)
         seconds, wall = time.process_time() - began, time.monotonic() - wall
         announce(f"{name}: {seconds:.0f} s of CPU time, {wall:.0f} s on the clock.")
     return wrong

@@ -21,11 +21,10 @@ from pathlib import Path
 from statistics import median
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.files.lock import only_process_in
-from desplat_ns.studies.executors import Executor
+from desplat_ns.files.whole import only_process_in
 from desplat_ns.studies.machine import short, today
 from desplat_ns.studies.records import Key, Record, load, markdown_table
-from desplat_ns.studies.runs import Run, execute
+from desplat_ns.studies.runs import Executor, Run, execute
 from lab.arguments import parser_of
 from lab.documents import OUTPUTS, RECORDS
 from lab.study.captures import CAPTURES

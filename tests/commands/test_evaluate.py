@@ -15,7 +15,6 @@ import yaml
 from PIL import Image
 
 from tests.helpers import scene_in_browser
-from tests.helpers.quick_command import check_quick_command
 from tests.helpers.scene import psnr
 
 pytestmark = pytest.mark.slow
@@ -177,34 +176,20 @@ def test_ns_render_wears_what_the_environment_says(run: Path, tmp_path: Path, mo
     assert (pictures[0] != pictures[1]).any()
 
 
-def test_figures_that_are_there_are_replaced_only_if_that_is_asked_for(run: Path, tmp_path: Path):
+def test_what_is_there_is_replaced_only_if_that_is_asked_for(run: Path, tmp_path: Path):
     from desplat_ns.commands.evaluate import Evaluate
     from desplat_ns.errors import ConfigError
 
-    path = tmp_path / "m.json"
-    path.write_text("before")
-    command = Evaluate(run, path, steps=1)
-    with pytest.raises(ConfigError, match=r"m\.json' already.*--overwrite"):
-        command.main()
-    assert path.read_text() == "before"
-    command.overwrite = True
-    command.main()
-    assert path.read_text() != "before"
-
-
-def test_pictures_are_put_beside_others_only_if_that_is_asked_for(run: Path, tmp_path: Path):
-    from desplat_ns.commands.evaluate import Evaluate
-    from desplat_ns.errors import ConfigError
-
-    pictures = tmp_path / "pictures"
+    figures, pictures, other = tmp_path / "m.json", tmp_path / "pictures", tmp_path / "o.json"
+    figures.write_text("before")
     pictures.mkdir()
     (pictures / "mine.png").touch()
-    command = Evaluate(run, tmp_path / "m.json", pictures, steps=1)
-    with pytest.raises(ConfigError, match=r"pictures' is not empty.*--overwrite"):
-        command.main()
-    command.overwrite = True
-    command.main()
-    assert len(list(pictures.iterdir())) == 3
+    for given in (Evaluate(run, figures), Evaluate(run, other, pictures)):
+        with pytest.raises(ConfigError, match="--overwrite"):
+            given.main()
+    assert figures.read_text() == "before"
+    Evaluate(run, figures, pictures, steps=1, overwrite=True).main()
+    assert figures.read_text() != "before" and len(list(pictures.iterdir())) == 3
 
 
 def test_figures_that_cannot_be_written_whole_leave_the_earlier_ones(
@@ -217,33 +202,9 @@ def test_figures_that_cannot_be_written_whole_leave_the_earlier_ones(
 
     (tmp_path / "m.json").write_text("before")
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(ConfigError, match=r"No space left.*--output-path"):
+    with pytest.raises(ConfigError, match="--output-path"):
         evaluate(run, tmp_path / "m.json", steps=1, overwrite=True)
     assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
-
-
-def test_the_command_names_what_is_not_there(tmp_path: Path):
-    from desplat_ns.commands.evaluate import Evaluate
-    from desplat_ns.errors import ConfigError
-
-    with pytest.raises(ConfigError, match=r"no '.*absent\.yml'"):
-        Evaluate(tmp_path / "absent.yml").main()
-    with pytest.raises(ConfigError, match=r"ending \.json"):
-        Evaluate(tmp_path / "absent.yml", output_path=tmp_path / "figures.txt").main()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status", "words"),
-    [
-        (["--help"], 0, "--learning-rate"),
-        (["--load-config", "absent.yml"], 1, "Error: There is no 'absent.yml'"),
-        (["--load-config", "a.yml", "--output-path", "a.txt"], 1, "the ending .json"),
-    ],
-)
-def test_help_and_mistakes_import_nothing_heavy(
-    arguments: list[str], status: int, words: str, checkout: Path
-):
-    check_quick_command("evaluate", arguments, status, words, checkout)
 
 
 def test_the_scenes_page_is_in_the_chosen_light(run: Path, tmp_path: Path):

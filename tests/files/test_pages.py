@@ -1,36 +1,35 @@
-"""What pages share: escaping, times in words, pictures that fit."""
+"""What pages share: escaping, times in words, pictures that fit into a number of bytes."""
 
 from __future__ import annotations
 
+import base64
+import io
 from pathlib import Path
 
 import jinja2
 import numpy as np
 import pytest
+from PIL import Image
 
-from desplat_ns.files.pages import data_address, digits, inline_svg, template, time_in_words
-
-
-@pytest.mark.parametrize(
-    ("seconds", "words"),
-    [
-        (0.2, "0 s"),
-        (45.4, "45 s"),
-        (59.7, "1 min"),
-        (125.0, "2 min 5 s"),
-        (3600.0, "1 h"),
-        (4830.0, "1 h 20 min"),
-    ],
+from desplat_ns.errors import ConfigError
+from desplat_ns.files.pages import (
+    LARGEST_SIDE,
+    Picture,
+    digits,
+    fitted_into,
+    inline_svg,
+    shrunk,
+    template,
+    time_in_words,
 )
-def test_times_are_said_in_at_most_two_units(seconds: float, words: str):
-    assert time_in_words(seconds) == words
+from tests.helpers.report import flat, noise
 
 
-@pytest.mark.parametrize(
-    ("value", "text"), [(None, "unknown"), (float("nan"), "unknown"), (0.12345, "0.123")]
-)
-def test_figures_have_three_digits(value: float | None, text: str):
-    assert digits(value) == text
+def test_times_have_at_most_two_units_and_figures_three_digits():
+    seconds = (0.2, 45.4, 59.7, 125.0, 3600.0, 4830.0)
+    words = ["0 s", "45 s", "1 min", "2 min 5 s", "1 h", "1 h 20 min"]
+    assert list(map(time_in_words, seconds)) == words
+    assert list(map(digits, (None, float("nan"), 0.12345))) == ["unknown", "unknown", "0.123"]
 
 
 def test_a_template_escapes_and_refuses_what_it_is_not_given(tmp_path: Path):
@@ -42,13 +41,53 @@ def test_a_template_escapes_and_refuses_what_it_is_not_given(tmp_path: Path):
         page.render()
 
 
-@pytest.mark.parametrize("kind", ["WEBP", "JPEG"])
-def test_a_picture_stands_in_its_address(kind):
-    address = data_address(np.zeros((3, 4, 3), np.uint8), 2, 80, kind)
-    assert address.startswith(f"data:image/{kind.lower()};base64,")
-
-
 def test_an_svg_file_becomes_a_part_of_the_page():
     text = '<?xml version="1.0"?>\n<svg width="3pt" height="4pt" viewBox="0 0 3 4" xmlns:a="b">'
     text += "<metadata>\nwho</metadata><g/></svg>"
     assert inline_svg(text) == '<svg viewBox="0 0 3 4"><g/></svg>'
+
+
+def opened(source: str) -> Image.Image:
+    start = "data:image/webp;base64,"
+    assert source.startswith(start)
+    return Image.open(io.BytesIO(base64.b64decode(source.removeprefix(start))))
+
+
+def test_a_smaller_budget_gives_smaller_pictures_and_holds():
+    pictures = [Picture(noise(seed, 350, 250)) for seed in range(4)]
+    steps = []
+    for budget in (300_000, 100_000, 30_000):
+        encoded = fitted_into(pictures, budget)
+        assert sum(map(len, encoded.sources)) <= budget and len(encoded.sources) == 4
+        steps.append((encoded.side, encoded.quality))
+    assert steps == sorted(set(steps), reverse=True)
+    assert fitted_into([], 10).sources == ()
+
+
+def test_a_sample_of_easy_pictures_does_not_hide_hard_ones():
+    """All that are sampled are flat; what is encoded in the end counts."""
+    stride = 40 // 12
+    pictures = [
+        Picture(flat((9, 9, 9), 90, 60) if i % stride == 0 else noise(i, 90, 60)) for i in range(40)
+    ]
+    assert sum(map(len, fitted_into(pictures, 130_000).sources)) <= 130_000
+
+
+def test_pictures_in_order_and_those_shown_smaller_have_fewer_pixels():
+    pictures = (flat((250, 0, 0), 2000, 1000), 1.0), (flat((0, 250, 0), 1000, 2000), 0.5)
+    first, second = map(opened, fitted_into([Picture(*each) for each in pictures], 10**7).sources)
+    assert first.size == (LARGEST_SIDE, LARGEST_SIDE // 2)
+    assert second.size == (LARGEST_SIDE // 4, LARGEST_SIDE // 2)
+    assert np.asarray(first)[5, 5, 0] > 200 > np.asarray(second)[5, 5, 0]
+
+
+def test_small_pictures_keep_their_pixels_and_very_long_ones_a_side():
+    picture = noise(1, 48, 32)
+    assert shrunk(picture, 48) is picture
+    assert opened(fitted_into([Picture(picture)], 10**6).sources[0]).size == (48, 32)
+    assert shrunk(noise(1, 3000, 1), 100).shape == (1, 100, 3)
+
+
+def test_too_many_pictures_are_refused_with_what_to_type():
+    with pytest.raises(ConfigError, match="--training-photos"):
+        fitted_into([Picture(noise(seed)) for seed in range(5)], 300)

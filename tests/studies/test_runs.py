@@ -1,19 +1,22 @@
-"""A run is trained and scored in a process of its own, which says what its scores are of."""
+"""A run is trained and scored in a process of its own; runs without a record are done and
+recorded, wherever that is."""
 
 from __future__ import annotations
 
-import json
+import sys
 from pathlib import Path
 
 import pytest
 
-from desplat_ns.errors import DeSplatError
+from desplat_ns.errors import ConfigError, DeSplatError
 from desplat_ns.studies import runs as module
 from desplat_ns.studies.machine import code_version
-from desplat_ns.studies.runs import Run, execute
+from desplat_ns.studies.records import FILE, Record, load
+from desplat_ns.studies.runs import Executor, Run, execute
 from lab.synthetic import Scene
+from tests.helpers.made_up_runs import made_up
 
-REST = {"commit": "c", "device": "cpu", "device_name": "a CPU", "backend": "numba"}
+REST = {"commit": "c", "device_name": "a CPU"}
 
 
 def run_on(folder: Path | None) -> Run:
@@ -50,18 +53,16 @@ def writing(figures: str) -> str:
     return f"json.dump(dict({REST!r}, figures={figures}), open(sys.argv[1], 'w'))"
 
 
-def test_the_process_has_one_thread_and_sleeps_while_it_waits(program, monkeypatch, tmp_path: Path):
+def test_the_process_has_one_thread_and_its_numbers_and_texts_are_kept(
+    program, monkeypatch, tmp_path: Path
+):
     for name in (names := ("OMP_WAIT_POLICY", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")):
         monkeypatch.delenv(name, raising=False)
-    program(writing("dict(os.environ)"))
+    program(writing("{**os.environ, 'psnr': 1.5, 'images': [1], 'versions': {'a': '1'}}"))
     record = execute(run_on(tmp_path), tmp_path / "runs")
     assert [record.scores[name] for name in names] == ["passive", "1", "1"]
-
-
-def test_numbers_and_texts_are_kept(program, tmp_path: Path):
-    program(writing("{'psnr': 1.5, 'images': [1], 'protocol': 'half', 'versions': {'a': '1'}}"))
-    record = execute(run_on(tmp_path), tmp_path / "runs")
-    assert record.scores == {"psnr": 1.5, "protocol": "half", "versions": "a 1"}
+    assert record.scores["psnr"] == 1.5 and record.scores["versions"] == "a 1"
+    assert "images" not in record.scores
     given = "--max-num-iterations 3 --pipeline.model.num-downscales 0 robustnerf-data"
     assert record.key == ("desplat", given, str(tmp_path), 42)
 
@@ -73,10 +74,77 @@ def test_an_earlier_run_stays_until_another_is_whole(program, tmp_path: Path):
     with pytest.raises(DeSplatError, match="/absent"):
         execute(run_on(None), tmp_path / "runs")
     program("sys.exit('no')")
-    with pytest.raises(DeSplatError, match=r"Its log: .*run\.log"):
+    with pytest.raises(DeSplatError, match=r"run\.log"):
         execute(run_on(tmp_path), tmp_path / "runs")
     assert (earlier / "mine").exists()
     program(writing("{}"))
     execute(run_on(tmp_path), tmp_path / "runs")
     assert sorted(path.name for path in earlier.iterdir()) == ["results.json", "run.log"]
-    assert json.loads((earlier / "results.json").read_text())["commit"] == "c"
+
+
+RUNS = [Run("a", "desplat", (), 9, seed, Path("/photos")) for seed in range(4)]
+
+
+def failing(run: Run, folder: Path) -> Record:
+    if run.seed == 1:
+        raise DeSplatError("too dark")
+    return made_up(run, folder)
+
+
+def test_runs_are_recorded_and_those_that_fail_leave_the_others(tmp_path: Path):
+    done = []
+
+    def keep(run: Run, record: Record) -> None:
+        done.append(run.seed)
+
+    failed = Executor(jobs=2, do=failing).finish(RUNS, tmp_path / FILE, tmp_path, keep)
+    assert failed == {"a-9-1": "too dark"} and sorted(done) == [0, 2, 3]
+    assert {record.seed for record in load(tmp_path / FILE).values()} == {0, 2, 3}
+    assert Executor(do=made_up).finish(RUNS, tmp_path / FILE, tmp_path, keep) == {}
+    assert done[3:] == [1], "nothing is done twice"
+
+
+def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(tmp_path: Path):
+    """So that who gives the runs may go by the clock."""
+    events = []
+
+    def coming():
+        for run in RUNS:
+            events.append(("asked", run.seed))
+            yield run
+
+    def keep(run: Run, record: Record) -> None:
+        events.append(("done", run.seed))
+
+    Executor(do=made_up).finish(coming(), tmp_path / FILE, tmp_path, keep)
+    assert events == [(what, seed) for seed in range(4) for what in ("asked", "done")]
+
+
+def test_no_further_run_begins_once_a_record_cannot_be_written(tmp_path: Path, monkeypatch):
+    begun = []
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    def do(run: Run, folder: Path) -> Record:
+        begun.append(run)
+        monkeypatch.setattr("os.fsync", full)
+        return made_up(run, folder)
+
+    with pytest.raises(ConfigError):
+        Executor(do=do).finish(RUNS, tmp_path / FILE, tmp_path)
+    assert len(begun) == 1
+
+
+def test_a_study_without_ray_says_what_to_install(monkeypatch, tmp_path: Path):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(DeSplatError, match="pip install"):
+        Executor("ray").finish(RUNS, tmp_path / FILE, tmp_path)
+
+
+def test_ray_gives_what_this_machine_gives(tmp_path: Path):
+    pytest.importorskip("ray", reason="Ray is not installed (pip install 'desplat-ns[ray]')")
+    failed = Executor("ray", 2, do=failing).finish(RUNS, tmp_path / FILE, tmp_path)
+    assert list(failed) == ["a-9-1"] and "too dark" in failed["a-9-1"]
+    Executor(do=failing).finish(RUNS, tmp_path / "here.jsonl", tmp_path)
+    assert load(tmp_path / FILE) == load(tmp_path / "here.jsonl")

@@ -1,3 +1,5 @@
+"""The fitted light of photos is the one that they were taken in."""
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -6,15 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from desplat_ns.survey.observations import Capture, Observations, observe
-from desplat_ns.survey.photo_light import fit_light, from_middle
-from desplat_ns.survey.views import View
+from desplat_ns.survey.observations import Capture, Observations, View, observe
+from desplat_ns.survey.photo_light import fit_light
 from lab.synthetic import DaylightSpec, make_scene
-
-
-def test_the_corner_is_at_one_and_the_middle_at_zero():
-    places = np.array([[0.0, 0.0], [40.0, 30.0], [80.0, 60.0]])
-    np.testing.assert_allclose(from_middle((80, 60), places), [1, 0, 1])
 
 
 @pytest.mark.slow
@@ -53,16 +49,8 @@ def chain(gains: np.ndarray) -> Observations:
     for row in range(count - 1):
         tracked[row : row + 2, shared * row : shared * (row + 1)] = True
     colors = rng.uniform(0.2, 0.6, (number, 3)) * np.exp(gains)[:, None, None]
-    view = View(
-        rotation=np.eye(3),
-        position=np.zeros(3),
-        focal=np.full(2, 90.0),
-        center=np.array([48.0, 36.0]),
-        width=96,
-        height=72,
-        distortion=np.zeros(6),
-        is_fisheye=False,
-    )
+    eye, zero, focal, center = np.eye(3), np.zeros(3), np.full(2, 90.0), np.array([48.0, 36.0])
+    view = View(eye, zero, focal, center, 96, 72, np.zeros(6), False)
     return Observations(
         names=[str(row) for row in range(count)],
         views=[view] * count,

@@ -10,9 +10,9 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.errors import CaptureError
 from desplat_ns.fetch.sources import SOURCES
-from desplat_ns.reproduce.protocols import Smoke
-from desplat_ns.reproduce.scenes import (
-    FoundScene,
+from desplat_ns.studies.paper import TABLES, PaperScene, TableName
+from desplat_ns.studies.reproduce import (
+    Smoke,
     any_scenes,
     checked,
     find_scenes,
@@ -20,7 +20,6 @@ from desplat_ns.reproduce.scenes import (
     read_scene,
     smaller,
 )
-from desplat_ns.reproduce.tables import TABLES, TableName
 from lab.reproduce.data_sets import (
     DISTORTION,
     SPLITS,
@@ -58,8 +57,8 @@ def spot(data_sets: Path, tmp_path: Path) -> Path:
     return shutil.copytree(data_sets / "on-the-go" / "spot", tmp_path / "on-the-go" / "spot")
 
 
-def found_in(table: TableName, data: Path) -> dict[str, FoundScene]:
-    return {scene.scene.name: scene for scene in find_scenes(TABLES[table], data)[0]}
+def found_in(table: TableName, data: Path) -> dict[str, PaperScene]:
+    return {scene.name: scene for scene in find_scenes(TABLES[table], data)[0]}
 
 
 def names(outputs: DataparserOutputs) -> set[str]:
@@ -121,10 +120,10 @@ def test_copies_of_on_the_go_with_a_colmap_model_have_the_same_split(
 @pytest.mark.parametrize("folder", SPLITS)
 def test_photo_tourism_is_split_by_nerf_ws_file_whose_ids_have_points(data_sets, folder):
     scenes = found_in("A5", data_sets).values()
-    (scene,) = (s for s in scenes if s.scene.folder == folder)
+    (scene,) = (s for s in scenes if s.folder == folder)
     content = read_scene(scene)
     assert (content.photos, content.held_out) == (6, 2)
-    files = [file.address for file in SOURCES[scene.scene.fetch].files]
+    files = [file.address for file in SOURCES[scene.fetch].files]
     assert any(address.endswith(f"/{SPLITS[folder]}.tsv") for address in files)
 
 
@@ -140,14 +139,14 @@ def test_a_smoke_run_takes_captures_of_any_name_and_passes_over_others(data_sets
     (tmp_path / "mine").symlink_to(data_sets / "robustnerf" / "yoda")
     (tmp_path / "broken" / "images").mkdir(parents=True)
     scenes = [*any_scenes(TABLES["robustnerf"], tmp_path)]
-    assert {scene.scene.name for scene in scenes} == {"yoda", "broken"}
-    assert [scene.scene.name for scene in checked(scenes, SMOKE)] == ["yoda"]
+    assert {scene.name for scene in scenes} == {"yoda", "broken"}
+    assert [scene.name for scene in checked(scenes, SMOKE)] == ["yoda"]
 
 
 def test_a_data_set_half_downloaded_is_refused_by_name(spot: Path, tmp_path: Path):
     for photo in sorted((spot / "images").iterdir())[::2]:
         photo.unlink()
-    with pytest.raises(CaptureError, match=r"NeRF On-the-go, Spot: .*fetch the data set again"):
+    with pytest.raises(CaptureError, match=r"on-the-go, Spot: .*fetch the data set again"):
         read_scene(found_in("on-the-go", tmp_path)["Spot"])
 
 

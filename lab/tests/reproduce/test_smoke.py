@@ -7,13 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.reproduce.grid import Request, reproduce
-from desplat_ns.reproduce.methods import METHODS
-from desplat_ns.reproduce.protocols import Smoke
-from desplat_ns.reproduce.tables import TABLES
-from desplat_ns.studies.executors import Executor
+from desplat_ns.studies.paper import METHODS, TABLES
 from desplat_ns.studies.records import FILE, Record, load
-from desplat_ns.studies.runs import Run
+from desplat_ns.studies.reproduce import Smoke, reproduce
+from desplat_ns.studies.runs import Executor, Run
 from lab.reproduce.data_sets import TINY, write_on_the_go, write_robustnerf
 from lab.reproduce.smoke import GROUPS, here, missing_figures
 from lab.synthetic import make_scene
@@ -44,15 +41,14 @@ def test_a_killed_smoke_table_of_two_data_sets_goes_on_and_is_the_same(data: Pat
     def folder_of(name: str, do) -> Path:
         methods = (METHODS["desplat-paper"], METHODS["splatfacto"])
         output = tmp_path / name
-        request = Request(TABLES["A7"], data, output, methods, 1, Executor(do=do), "cpu", SMOKE)
-        return reproduce(request)
+        return reproduce(TABLES["A7"], data, output, methods, 1, Executor(do=do), "cpu", SMOKE)
 
     whole = json.loads((folder_of("whole", here) / "table.json").read_text())
     assert {cell["scene"] for cell in whole["cells"]} == {"Yoda", "Patio-High", "mean"}
     assert {cell["metric"] for cell in whole["cells"]} == {"static_mb", "distractor_mb"}
     conditions = whole["conditions"]
     assert conditions["steps"] == [4] and conditions["versions"]
-    assert conditions["scenes"]["Patio-High"]["starts from"] == "random points"
+    assert conditions["scenes"]["Patio-High"]["points"] == 0
     assert not list(tmp_path.rglob("nerfstudio_models")), "nobody needs them"
     with pytest.raises(KeyboardInterrupt):
         folder_of("out", killed)

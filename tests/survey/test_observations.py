@@ -1,11 +1,15 @@
+"""Where points appear in a photo, and what is near them."""
+
 from __future__ import annotations
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
+import pytest
+import torch
+from nerfstudio.cameras.cameras import Cameras, CameraType
 
-from desplat_ns.survey.views import View, small_view
+from desplat_ns.survey.observations import View, small_view
 
 VIEW = View(
     np.eye(3),
@@ -18,24 +22,25 @@ VIEW = View(
     False,
 )
 POINTS = np.random.default_rng(0).uniform([-0.4, -0.3, 1.0], [0.4, 0.3, 2.0], (20, 3))
-K = np.array([[90.0, 0, 48], [0, 80, 36], [0, 0, 1]])
 
 
-def test_distortion_is_opencvs():
-    k1, k2, k3, p1, p2 = 0.1, -0.05, 0.02, 0.01, -0.02
-    bent = replace(VIEW, distortion=np.array([k1, k2, k3, 0, p1, p2]))
-    expected, _ = cv2.projectPoints(
-        POINTS, np.zeros(3), np.zeros(3), K, np.array([k1, k2, p1, p2, k3])
+@pytest.mark.parametrize("is_fisheye", [False, True])
+def test_a_bent_lens_is_nerfstudios(is_fisheye: bool):
+    """Rays through the pixels, as nerfstudio makes them, lead to the points."""
+    k1, k2, k3, p1, p2 = 0.1, -0.05, 0.02, *((0.0, 0.0) if is_fisheye else (0.01, -0.02))
+    bent = replace(VIEW, distortion=np.array([k1, k2, k3, 0, p1, p2]), is_fisheye=is_fisheye)
+    pixels, _ = bent.project(POINTS)
+    assert np.abs(pixels - VIEW.project(POINTS)[0]).max() > 0.5
+    camera = Cameras(
+        torch.eye(4)[None, :3],
+        *torch.tensor([90.0, 80.0, 48.0, 36.0]),
+        distortion_params=torch.tensor([k1, k2, k3, 0, p1, p2]),
+        camera_type=CameraType.FISHEYE if is_fisheye else CameraType.PERSPECTIVE,
     )
-    np.testing.assert_allclose(bent.project(POINTS)[0], expected[:, 0], atol=1e-9)
-
-
-def test_fisheye_is_opencvs():
-    bent = replace(VIEW, distortion=np.array([0.1, -0.05, 0.02, 0.01, 0, 0]), is_fisheye=True)
-    expected, _ = cv2.fisheye.projectPoints(
-        POINTS[:, None], np.zeros(3), np.zeros(3), K, np.array([0.1, -0.05, 0.02, 0.01])
-    )
-    np.testing.assert_allclose(bent.project(POINTS)[0], expected[:, 0], atol=1e-9)
+    coords = torch.from_numpy(pixels[:, ::-1].copy()).float()
+    rays = camera.generate_rays(0, coords=coords).directions.numpy() * [1, -1, -1]
+    unit = POINTS / np.linalg.norm(POINTS, axis=1, keepdims=True)
+    np.testing.assert_allclose(rays, unit, atol=1e-4)
 
 
 def test_directions_lead_to_the_points():

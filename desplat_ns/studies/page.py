@@ -1,0 +1,176 @@
+"""The page of a study: medians over seeds, which differences are real, a plot; one HTML file that
+needs no other, and the plot beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean, median, stdev
+from typing import Any
+
+from desplat_ns.files.pages import chart, inline_svg, plain_logarithmic, svg_of, template
+from desplat_ns.files.whole import plain_errors, write_whole
+from desplat_ns.studies.machine import describe_machine
+from desplat_ns.studies.records import Key, Record
+from desplat_ns.studies.runs import Run
+from desplat_ns.studies.tradeoff import BASE, SEEDS, Study, compared
+
+PAGE = "report.html"
+TEMPLATE = Path(__file__).with_name("page.html.jinja")
+
+SIGNIFICANT = 0.05
+"""A difference is claimed where p, corrected for the number of comparisons, is no larger."""
+
+COLUMNS = {
+    "psnr": ("PSNR, dB", ".2f"),
+    "ssim": ("SSIM", ".3f"),
+    "lpips": ("LPIPS", ".3f"),
+    "mask_iou": ("mask IoU", ".3f"),
+    "train_wall_seconds": ("wall, s", ".0f"),
+    "train_cpu_seconds": ("CPU, s", ".0f"),
+    "num_static_gaussians": ("static", ",.0f"),
+    "num_distractor_gaussians": ("distractors", ",.0f"),
+}
+"""Scores in the table: their names there, and how they are written."""
+
+MARKERS = "osD^vPXhd"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A variant at a length."""
+
+    variant: str
+    steps: int
+    scores: Mapping[int, Mapping[str, Any]]
+    """By seed."""
+
+    def values(self, name: str) -> list[float | int]:
+        """A score of each seed that has it."""
+        return [row[name] for row in self.scores.values() if name in row]
+
+
+def measured(runs: Iterable[Run], records: Mapping[Key, Record]) -> list[Measured]:
+    """What has a record of at least one seed: the base's lengths, then the other variants."""
+    scores: dict[tuple[str, int], dict[int, Mapping[str, Any]]] = {}
+    for run in runs:
+        if (record := records.get(run.key)) is not None:
+            scores.setdefault((run.variant, run.steps), {})[run.seed] = record.scores
+    points = [Measured(*cell, by_seed) for cell, by_seed in scores.items()]
+    return sorted(points, key=lambda point: (point.variant != BASE, point.steps))
+
+
+def p_value(gains: Sequence[float]) -> float:
+    """p of a paired t-test, two-sided, of the three differences between three seeds.
+
+    With two degrees of freedom Student's distribution has a closed form,
+    P(|T| >= t) = 1 - t / sqrt(t^2 + 2).
+    """
+    mean, error = fmean(gains), stdev(gains) / math.sqrt(3)
+    if error == 0:
+        return float(mean == 0)
+    t = abs(mean / error)
+    return 2 / (math.hypot(t, math.sqrt(2)) * (math.hypot(t, math.sqrt(2)) + t))
+
+
+def corrected(p_values: Sequence[float]) -> list[float]:
+    """p values for their number (Holm 1979): with a claim where the result is at most q, there is a
+    false claim among them in at most a share q of such studies."""
+    adjusted, largest = [0.0] * len(p_values), 0.0
+    for rank, i in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
+        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[i]))
+        adjusted[i] = largest
+    return adjusted
+
+
+def verdicts(points: Sequence[Measured]) -> list[str]:
+    """What may be said of each point against the base at as many steps, in their order; empty
+    where there is nothing to compare it with."""
+    base = {point.steps: point for point in points if point.variant == BASE}
+    gains: list[list[float]] = []
+    for point in points:
+        theirs = base[point.steps].scores if point.steps in base else {}
+        common = [seed for seed in point.scores if seed in theirs and point.variant != BASE]
+        gains.append([point.scores[seed]["psnr"] - theirs[seed]["psnr"] for seed in common])
+    tested = [i for i, pairs in enumerate(gains) if len(pairs) == len(SEEDS)]
+    p = dict(zip(tested, corrected([p_value(gains[i]) for i in tested]), strict=True))
+    return [_verdict(pairs, p.get(i)) for i, pairs in enumerate(gains)]
+
+
+def _verdict(gains: Sequence[float], p: float | None) -> str:
+    if not gains:
+        return ""
+    said = f"{fmean(gains):+.2f} dB"
+    if p is None:
+        return f"{said}, {len(gains)} of {len(SEEDS)} seeds: no claim"
+    value = "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
+    return f"{said}, {value}" if p <= SIGNIFICANT else f"{said}, not told apart ({value})"
+
+
+def write_page(study: Study) -> Path:
+    """Draw the plot and write the page; where it is. Raises ConfigError where it cannot."""
+    points, variants = measured(study.planned, study.records), compared(study.capture.effects)
+    columns = {
+        name: column for name, column in COLUMNS.items() if any(p.values(name) for p in points)
+    }
+    rows = [
+        {
+            "what": variants[point.variant][0],
+            "steps": point.steps,
+            "cells": [spread(point.values(name), form) for name, (_, form) in columns.items()],
+            "seeds": len(point.scores),
+            "verdict": verdict,
+        }
+        for point, verdict in zip(points, verdicts(points), strict=True)
+    ]
+    with plain_errors(study.output):
+        text = template(TEMPLATE, spread=spread).render(
+            study=study,
+            capture=study.capture,
+            effects=study.capture.effects.words or "none",
+            seeds=len(SEEDS),
+            significant=SIGNIFICANT,
+            head=[title for title, _ in columns.values()],
+            rows=rows,
+            plot=inline_svg(draw(study.output, points)) if points else "",
+            machine=describe_machine(),
+        )
+        write_whole(study.output / PAGE, text.encode())
+    return study.output / PAGE
+
+
+def spread(values: Sequence[float | int], form: str) -> str:
+    """Median, and the range of several values; empty where there is none."""
+    if not values:
+        return ""
+    text = format(median(values), form)
+    several = len(values) > 1
+    return f"{text} ({min(values):{form}} to {max(values):{form}})" if several else text
+
+
+def draw(folder: Path, points: Sequence[Measured]) -> str:
+    """Draw PSNR over the training time as training.svg and training.png; the SVG. Bars reach from
+    the least to the largest of the seeds."""
+
+    def bars(mine: Sequence[Measured], name: str) -> tuple[list[float | int], Any]:
+        """Medians, and how far the least and the largest are from them."""
+        seeds = [point.values(name) for point in mine]
+        middles = [median(values) for values in seeds]
+        pairs = list(zip(middles, seeds, strict=True))
+        return middles, [[m - min(v) for m, v in pairs], [max(v) - m for m, v in pairs]]
+
+    with chart("training", (6.6, 4.4)) as axes:
+        axes.set(xlabel="training time, s of wall time", ylabel="PSNR of right halves, dB")
+        plain_logarithmic(axes.xaxis)
+        for index, variant in enumerate(dict.fromkeys(point.variant for point in points)):
+            mine = [point for point in points if point.variant == variant]
+            (x, across), (y, along) = (bars(mine, name) for name in ("train_wall_seconds", "psnr"))
+            form = MARKERS[index % len(MARKERS)] + "-" * (variant == BASE)
+            axes.errorbar(x, y, along, across, form, label=variant, capsize=2)
+        axes.legend(frameon=False, fontsize=8, ncols=2)
+        text = svg_of(axes)
+        (folder / "training.svg").write_text(text, "utf8")
+        axes.figure.savefig(folder / "training.png", dpi=130, metadata={"Software": None})
+    return text

@@ -1,0 +1,409 @@
+"""`desplat-reproduce`: every method on every scene of a table with every seed, and the table in
+files: means over seeds, the paper's figures beside them, and the conditions."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from desplat_ns.console import announce, list_names
+from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
+from desplat_ns.files.pages import time_in_words
+from desplat_ns.files.whole import only_process_in, plain_errors, whole_folder
+from desplat_ns.rendering.metrics import lpips_weights
+from desplat_ns.studies.machine import short
+from desplat_ns.studies.methods import Content, content_of, method_config, split_of
+from desplat_ns.studies.paper import LPIPS_NET, MEAN, Method, Metric, PaperScene, Table, figures_of
+from desplat_ns.studies.records import FILE, RUNS, Key, Record, markdown_table, open_records
+from desplat_ns.studies.runs import Executor, Run
+
+FIRST_SEED = 42
+
+SMOKE_OPTIONS = ("--pipeline.model.num-downscales", "0")
+"""Photos of a smoke run are small enough."""
+
+SMOKE_SAID = (
+    "A SMOKE RUN: few steps and small photos. It shows that everything works; the figures mean "
+    "nothing and are not to be compared with anybody's."
+)
+
+
+@dataclass(frozen=True)
+class Smoke:
+    """How a run is cut short that tries everything and measures nothing."""
+
+    steps: int = 100
+    side: int = 160
+    """Pixels of the longer side that photos have at most."""
+
+
+@dataclass
+class Grid:
+    """The work on a table from one start of the command to its end."""
+
+    table: Table
+    output: Path
+    methods: tuple[Method, ...]
+    seeds: range
+    executor: Executor
+    smoke: Smoke | None
+    """How it is cut short; None: it is not."""
+    contents: dict[PaperScene, Content]
+    """What is in the scenes that are there."""
+    missing: list[str]
+    """Names of scenes that are not there."""
+    records: dict[Key, Record]
+    failed: dict[str, str] = field(default_factory=dict)
+    """Why a run has no record, by its name."""
+
+    @cached_property
+    def runs(self) -> dict[tuple[str, str, int], Run]:
+        """All, by scene, method and seed."""
+        return {
+            (scene.name, method.name, seed): run_of(scene, method, seed, self.smoke)
+            for seed, scene, method in product(self.seeds, self.contents, self.methods)
+        }
+
+    @property
+    def folder(self) -> Path:
+        """Of the table's files."""
+        return self.output / (self.table.name + "-smoke" * (self.smoke is not None))
+
+    def left(self) -> list[Run]:
+        """Runs that are not done."""
+        return [run for run in self.runs.values() if run.key not in self.records]
+
+    def do(self) -> None:
+        """Do what is left. Raises ConfigError where nothing can be written."""
+        left, seconds = self.left(), list[float]()
+
+        def done(run: Run, record: Record) -> None:
+            self.records[run.key] = record
+            seconds.append(record.seconds)
+            rest = len(left) - len(seconds)
+            time = time_in_words(rest * fmean(seconds) / self.executor.jobs)
+            psnr = f"{record.scores['psnr']:.2f} dB"
+            announce(f"{run.name}: {psnr}. Runs left: {rest}, about {time}.")
+
+        if left:
+            folder = (self.output / RUNS).resolve()
+            self.failed = self.executor.finish(left, self.output / FILE, folder, done)
+
+
+def run_of(scene: PaperScene, method: Method, seed: int, smoke: Smoke | None = None) -> Run:
+    """A cell of the grid as it is trained."""
+    data_set, options = scene.data_set, method.options
+    steps = data_set.steps
+    if smoke is not None:
+        steps, options = smoke.steps, options + SMOKE_OPTIONS
+    if hasattr(method_config(method.method).pipeline, "evaluation"):
+        options += ("--pipeline.evaluation.protocol", method.scoring(data_set))
+        options += ("--pipeline.evaluation.lpips-net", LPIPS_NET)
+    variant = f"{data_set.name}.{scene.key or scene.folder}.{method.name}"
+    return Run(variant, method.method, options, steps, seed, scene.place, scene.parser)
+
+
+def reproduce(
+    table: Table,
+    data: Path,
+    output: Path,
+    methods: tuple[Method, ...],
+    seeds: int,
+    executor: Executor,
+    device: str,
+    smoke: Smoke | None = None,
+) -> Path:
+    """Run what a table needs and write it; the folder that holds it.
+
+    Args:
+        data: folder with the data sets.
+        device: type of the device on which runs are done, `cpu` or `cuda`.
+        smoke: how it is cut short; None: it is not.
+
+    Raises:
+        CaptureError: scenes cannot be read, or none is there.
+        ConfigError: the output folder will not do, or this machine has no GPU.
+        DeSplatError: runs failed; the table is written without them.
+    """
+    with only_process_in(output):
+        records = open_records(output)
+        contents, missing = find_contents(table, data, smoke)
+        numbers = range(FIRST_SEED, FIRST_SEED + seeds)
+        grid = Grid(table, output, methods, numbers, executor, smoke, contents, missing, records)
+        announce_runs(grid)
+        if grid.left() and smoke is None and device == "cpu":
+            raise ConfigError(
+                f"This machine has no GPU, on which the runs ({len(grid.left())}) are meant to be "
+                "done. Add --smoke to try the same with few steps and small photos."
+            )
+        grid.do()
+        write_table(grid)
+    if grid.failed:
+        raise DeSplatError(
+            f"{len(grid.failed)} of {len(grid.runs)} runs failed: {list_names(grid.failed)}. "
+            f"'{grid.folder}' has the table without them; the same command tries them again."
+        )
+    return grid.folder
+
+
+def announce_runs(grid: Grid) -> None:
+    """Say what will be run, and where LPIPS's weights belong: hours later is too late."""
+    table, left = grid.table, grid.left()
+    announce(f"{table.title}. Runs: {len(grid.runs)}; done: {len(grid.runs) - len(left)}.")
+    for scene, content in grid.contents.items():
+        announce(
+            f"    {scene.name}: {content.photos} photos train, {content.held_out} test, "
+            f"{content.width} x {content.height}; {scene.place}"
+        )
+    weights = lpips_weights(LPIPS_NET)
+    if left and any(metric.name == "lpips" for metric in table.metrics) and not weights.is_file():
+        announce(
+            f"LPIPS's weights are not at {weights}: they are fetched with the first score. Where "
+            "there is no network, copy them there first; else LPIPS is left out.",
+            warning=True,
+        )
+
+
+# --- scenes --------------------------------------------------------------------------------------
+
+
+def find_contents(
+    table: Table, data: Path, smoke: Smoke | None = None
+) -> tuple[dict[PaperScene, Content], list[str]]:
+    """What is in the scenes that are there, and the names of the others, which are said.
+
+    Raises:
+        CaptureError: none is there, or one cannot be read.
+    """
+    found, missing = find_scenes(table, data)
+    if smoke is not None and not found:
+        found = [*any_scenes(table, data)]
+    if missing:
+        fetches = dict.fromkeys(scene.fetch for scene in missing)
+        typed = ", ".join(f"`desplat-fetch-data {name} --folder {data}`" for name in fetches)
+        folders = list_names(dict.fromkeys(scene.folder for scene in missing), 12)
+        said = f"Not in '{data}': {folders}. Fetch what is missing: {typed}."
+        if not found:
+            raise CaptureError(said)
+        announce(said, warning=True)
+    return checked(found, smoke), [scene.name for scene in missing]
+
+
+def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperScene]]:
+    """Scenes of a table whose folders are there, with their places, and those that are missing.
+
+    They are looked for in the folder that `desplat-fetch-data` makes for their data set, in `data`
+    or being `data`.
+
+    Raises:
+        CaptureError: there is no such folder.
+    """
+    if not data.is_dir():
+        raise CaptureError(f"There is no folder '{data}'. Name that with the data sets by --data.")
+    found, missing = [], []
+    for scene in table.scenes:
+        names = (scene.folder, scene.folder.replace("_", "-"))
+        places = (home / name for home in _homes(scene.data_set.folder, data) for name in names)
+        place = next((place for place in places if place.is_dir()), None)
+        if place is None:
+            missing.append(scene)
+        else:
+            found.append(replace(scene, place=place.resolve()))
+    return found, missing
+
+
+def any_scenes(table: Table, data: Path) -> Iterator[PaperScene]:
+    """Captures of other names in the same places, for a smoke run."""
+    for of in table.data_sets:
+        homes = (home for home in _homes(of.folder, data) if home.is_dir())
+        places = [data, *(place for home in homes for place in sorted(home.iterdir()))]
+        for place in dict.fromkeys(place.resolve() for place in places):
+            if any((place / name).is_dir() for name in ("images", "dense", "sparse")):
+                name = f"{of.folder}/{place.name}" if len(table.data_sets) > 1 else place.name
+                yield PaperScene(of, name, place.name, None, "", place=place)
+
+
+def _homes(folder: str, data: Path) -> tuple[Path, ...]:
+    """Folders in which a data set's scenes may be; some archives have one of their own name."""
+    return data / folder, data / folder / folder, data
+
+
+def read_scene(scene: PaperScene) -> Content:
+    """What a scene's data parser finds, which makes sure that all photos are there. Raises
+    CaptureError as `outputs_of`."""
+    return content_of(outputs_of(scene, "train"), outputs_of(scene, "test"))
+
+
+def outputs_of(scene: PaperScene, split: str) -> Any:
+    """nerfstudio's DataparserOutputs of a split.
+
+    Raises:
+        CaptureError: it cannot be read, or no photo is in it; the message names the scene.
+    """
+    try:
+        return split_of("desplat-paper", scene.place, scene.parser, split)
+    except CaptureError as error:
+        raise CaptureError(
+            f"{scene.data_set.name}, {scene.name}: {error} Where the data set is not whole, move "
+            f"'{scene.place.parent}' away and fetch the data set again."
+        ) from error
+
+
+def smaller(scene: PaperScene, side: int) -> PaperScene:
+    """The same with photos of at most `side` pixels a side. Raises CaptureError as `outputs_of`."""
+    cameras = outputs_of(replace(scene, downscale=1), "train").cameras
+    longest = int(max(cameras.width.max(), cameras.height.max()))
+    return replace(scene, downscale=2 ** max(0, math.ceil(math.log2(longest / side))))
+
+
+def checked(scenes: Iterable[PaperScene], smoke: Smoke | None = None) -> dict[PaperScene, Content]:
+    """Scenes with their content; of a smoke run those that can be read.
+
+    Raises:
+        CaptureError: a scene cannot be read; of a smoke run none can.
+    """
+    contents: dict[PaperScene, Content] = {}
+    wrong: list[str] = []
+    for scene in scenes:
+        if any(s.place == scene.place and s.data_set != scene.data_set for s in contents):
+            continue  # of a smoke run: another data set's way of reading it came first
+        try:
+            scene = scene if smoke is None else smaller(scene, smoke.side)
+            contents[scene] = read_scene(scene)
+        except CaptureError as error:
+            wrong.append(str(error))
+    if wrong and not (smoke is not None and contents):
+        raise CaptureError("\n".join(wrong))
+    return contents
+
+
+# --- the table -----------------------------------------------------------------------------------
+
+Cell = dict[str, Any]
+"""A figure of a method on a scene or on `MEAN`: `scene`, `method`, `metric`, `values` (one for each
+seed that is done), `mean`, `paper`, `difference` (ours less the paper's). The last two are None
+where the paper has no figure, and in a smoke run."""
+
+
+def cells_of(grid: Grid) -> Iterator[Cell]:
+    """All figures that there are, and their means where a seed has all scenes of the table."""
+    published = figures_of(grid.table.name) if grid.smoke is None else {}
+    scenes = [scene.name for scene in grid.contents]
+    is_whole = grid.smoke is not None or len(scenes) == len(grid.table.scenes)
+
+    def value(metric: Metric, key: tuple[str, str, int]) -> float | None:
+        record = grid.records.get(grid.runs[key].key)
+        return None if record is None else metric.of(record.scores)
+
+    for metric, method in product(grid.table.metrics, grid.methods):
+        columns = {
+            scene: [value(metric, (scene, method.name, seed)) for seed in grid.seeds]
+            for scene in scenes
+        }
+        if is_whole and len(scenes) > 1:
+            whole = [
+                [v for v in seed if v is not None] for seed in zip(*columns.values(), strict=True)
+            ]
+            columns[MEAN] = [fmean(of) if len(of) == len(scenes) else None for of in whole]
+        for name, values in columns.items():
+            if known := [value for value in values if value is not None]:
+                mean, paper = fmean(known), published.get((method.paper, name, metric.name))
+                yield {
+                    "scene": name,
+                    "method": method.name,
+                    "metric": metric.name,
+                    "values": known,
+                    "mean": mean,
+                    "paper": paper,
+                    "difference": None if paper is None else mean - paper,
+                }
+
+
+def write_table(grid: Grid) -> None:
+    """Write table.md and table.json. Raises ConfigError where it cannot."""
+    cells, conditions = list(cells_of(grid)), conditions_of(grid)
+    content = {"table": grid.table.name, "smoke": grid.smoke is not None}
+    content |= {"cells": cells, "conditions": conditions}
+    content |= {"missing scenes": grid.missing, "failed": grid.failed}
+    with plain_errors(grid.folder), whole_folder(grid.folder) as draft:
+        (draft / "table.md").write_text(markdown(grid, cells, conditions), "utf8")
+        (draft / "table.json").write_text(json.dumps(content, indent=1) + "\n", "utf8")
+
+
+def markdown(grid: Grid, cells: list[Cell], conditions: dict[str, Any]) -> str:
+    """A table for each metric, then the conditions."""
+    table, smoke, seeds = grid.table, grid.smoke, len(grid.seeds)
+    parts = [f"# {table.title}", f"**{SMOKE_SAID}**" if smoke else table.note]
+    parts.append(f"Means of {seeds} seeds." if seeds > 1 else "One seed.")
+    columns = list(dict.fromkeys(cell["scene"] for cell in cells))
+    head = ["method", *("mean of scenes" if name == MEAN else name for name in columns)]
+    for metric in table.metrics:
+        body = markdown_table(head, rows(grid, metric, columns, cells), "l" * len(head))
+        parts += [f"## {metric.title}", body]
+    if grid.missing:
+        parts.append(f"Scenes that were not there: {', '.join(grid.missing)}.")
+    parts += [f"- Failed: {name}: {' '.join(why.split())}" for name, why in grid.failed.items()]
+    lines = (f"- {name}: {_text(value)}" for name, value in conditions.items() if value)
+    return "\n\n".join([*filter(None, parts), "## Conditions", "\n".join(lines), ""])
+
+
+def rows(grid: Grid, metric: Metric, columns: list[str], cells: list[Cell]) -> Iterator[list[str]]:
+    """A metric's rows in words: ours, then those of the paper that no method stands beside."""
+    methods, published = grid.methods, figures_of(grid.table.name)
+    found = {(c["method"], c["scene"]): c for c in cells if c["metric"] == metric.name}
+
+    def words(cell: Cell | None) -> str:
+        if cell is None or cell["paper"] is None:
+            return metric.text(None if cell is None else cell["mean"])
+        difference = metric.text(cell["difference"], "+")
+        return f"{metric.text(cell['mean'])} (paper {metric.text(cell['paper'])}, {difference})"
+
+    for method in methods:
+        yield [method.name, *(words(found.get((method.name, name))) for name in columns)]
+    theirs = dict.fromkeys(row for row, _, of in published if of == metric.name)
+    for row in theirs if grid.smoke is None else ():
+        figures = [published.get((row, name, metric.name)) for name in columns]
+        if row not in {method.paper for method in methods} and any(figures):
+            yield [f"{row}, the paper's", *map(metric.text, figures)]
+
+
+def conditions_of(grid: Grid) -> dict[str, Any]:
+    """All that the figures depend on."""
+    keys = [run.key for run in grid.runs.values()]
+    done = [grid.records[key] for key in keys if key in grid.records]
+
+    def said(name: str) -> list[str]:
+        return sorted({str(record.scores[name]) for record in done if name in record.scores})
+
+    return {
+        "the paper's protocol": {of.name: of.said for of in (s.data_set for s in grid.contents)},
+        "the paper's LPIPS net": LPIPS_NET,
+        "LPIPS net": said("lpips_net"),
+        "no LPIPS because": said("lpips_reason"),
+        "scored": said("protocol"),
+        "scenes": {
+            scene.name: {"data parser": " ".join(scene.parser), **asdict(content)}
+            for scene, content in grid.contents.items()
+        },
+        "methods": {m.name: " ".join(("ns-train", m.method, *m.options)) for m in grid.methods},
+        "seeds": list(grid.seeds),
+        "steps": sorted({run.steps for run in grid.runs.values()}),
+        "devices": sorted({record.device for record in done}),
+        "backends": said("backend"),
+        "versions": said("versions"),
+        "commit": sorted({short(record.commit) for record in done}),
+    }
+
+
+def _text(value: Any) -> str:
+    """A condition in words."""
+    if isinstance(value, dict):
+        return "; ".join(f"{name}: {_text(entry)}" for name, entry in value.items())
+    return ", ".join(map(_text, value)) if isinstance(value, list) else str(value)

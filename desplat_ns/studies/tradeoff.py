@@ -1,0 +1,305 @@
+"""`desplat-tradeoff`: what accuracy costs in time on a capture. Which runs fit into the time is
+planned, then they are done. Ended at any time, a study goes on where it was."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from desplat_ns.backend.registry import compile_kernels, default_device
+from desplat_ns.console import announce, progress_in_time
+from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
+from desplat_ns.files.whole import only_process_in
+from desplat_ns.settings.effects import AppearanceGrade, Effects
+from desplat_ns.studies.methods import Content, content_of, method_config, split_of
+from desplat_ns.studies.records import FILE, RUNS, Key, Record, open_records
+from desplat_ns.studies.runs import Executor, Run
+from desplat_ns.survey.survey import decided_effects
+
+BASE = "desplat"
+"""The method whose options are varied, and its variant of all defaults."""
+
+SEEDS = (42, 43, 44)
+"""A difference is claimed only where all were measured: `page.verdicts`."""
+
+LADDER = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Lengths of the base's runs, in lengths of the comparison."""
+
+SHORTEST = 125
+"""Steps of the first run, from whose time the others' is guessed. The length of the comparison is
+this number, doubled some times."""
+
+WANTED = 500
+"""Steps of a comparison up to which one seed has to do: of shorter runs little can be learned."""
+
+GROWTH = 1.5
+"""A step of a longer run is expected to take this many times one of the first run, until a longer
+one is done: there are more Gaussians."""
+
+GRADES: tuple[AppearanceGrade, ...] = ("off", "camera", "affine")
+
+
+@dataclass(frozen=True)
+class Capture:
+    """The capture that a study is of, how it is read, and what it calls for."""
+
+    data: Path
+    """Its folder, absolute."""
+    parser: tuple[str, ...]
+    """The data parser's name and options, as `ns-train` takes them; empty for the method's own."""
+    content: Content
+    effects: Effects
+    """As a survey decided."""
+
+
+@dataclass
+class Study:
+    """The work on a study from one start of the command to its end."""
+
+    capture: Capture
+    output: Path
+    seconds: float
+    """Of wall time, for the whole study."""
+    executor: Executor
+    records: dict[Key, Record]
+    planned: list[Run] = field(default_factory=list)
+    failed: dict[str, str] = field(default_factory=dict)
+    """Why a run has no record, by its name."""
+
+    def __post_init__(self) -> None:
+        earlier = sum(record.seconds for record in self.records.values())
+        self._began = time.monotonic() - earlier / self.executor.jobs
+
+    @property
+    def spent(self) -> float:
+        """Seconds of wall time. Of earlier sessions those of the runs count."""
+        return time.monotonic() - self._began
+
+    @property
+    def left_out(self) -> list[str]:
+        """Names of runs for which no time was left."""
+        names = (run.name for run in self.planned if run.key not in self.records)
+        return [name for name in names if name not in self.failed]
+
+    def finish(self, runs: Iterable[Run], tell: Callable[[str], None]) -> dict[str, str]:
+        """Do runs that have no record; why some failed. `tell` is told of each that begins."""
+
+        def told() -> Iterator[Run]:
+            for run in runs:
+                tell(f"training: {run.name}")
+                yield run
+
+        def done(run: Run, record: Record) -> None:
+            self.records[run.key] = record
+            psnr, seconds = record.scores["psnr"], record.scores["train_wall_seconds"]
+            announce(f"{run.name}: {psnr:.2f} dB after {seconds:.0f} s of training")
+
+        folder = (self.output / RUNS).resolve()
+        return self.executor.finish(told(), self.output / FILE, folder, done)
+
+
+def tradeoff(
+    data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
+) -> Path:
+    """Do a study as far as its time goes and write its page; where that is.
+
+    Args:
+        parser: name and options of the data parser, as `ns-train` takes them.
+        seconds: of wall time for the whole study, earlier sessions included.
+
+    Raises:
+        DeSplatError: the capture or the folder will not do, the first run failed, or another
+            process is at work in the folder.
+    """
+    from desplat_ns.studies.page import write_page  # which imports this module
+
+    with only_process_in(output):
+        compile_kernels("auto", default_device())  # no part of the time that was given
+        study = open_study(data, parser, output, seconds, executor)
+        with progress_in_time(seconds, lambda: study.spent) as tell:
+            do_study(study, tell)
+        return write_page(study)
+
+
+def open_study(
+    data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
+) -> Study:
+    """What an output folder holds of the study of a capture, or a new one. The capture is surveyed.
+
+    Raises:
+        CaptureError: the capture cannot be read, or nothing of it is held out.
+        ConfigError: the folder holds another study, or something else.
+    """
+    records, data = open_records(output), data.resolve()
+    for record in records.values():
+        if record.capture != str(data):
+            raise ConfigError(
+                f"'{output}' holds the study of '{record.capture}'. Name another --output, or that "
+                "capture to go on with it."
+            )
+    if not data.exists():
+        raise CaptureError(f"There is no folder {data}. Check the path to the capture.")
+    train, test = (split_of(BASE, data, parser, split) for split in ("train", "test"))
+    effects, _ = decided_effects(method_config(BASE).pipeline.model.effects, train)
+    capture = Capture(data, parser, content_of(train, test), effects.settled())
+    return Study(capture, output, seconds, executor, records)
+
+
+def do_study(study: Study, tell: Callable[[str], None]) -> None:
+    """Do the runs that are not done and for which time is left.
+
+    Args:
+        tell: is told what is being done.
+
+    Raises:
+        DeSplatError: the first run failed.
+        ConfigError: records cannot be written.
+    """
+    study.planned = [run_of(study.capture)]
+    for failure in study.finish(study.planned, tell).values():
+        raise DeSplatError(f"The first run failed. {failure}")
+    most = method_config(BASE).nominal_num_iterations
+    pace = pace_of(study.planned, study.records)
+    steps = steps_that_fit(study.seconds * study.executor.jobs, pace, study.capture, most)
+    study.planned = planned(study.capture, steps, most)
+    count = sum(run.key in study.records for run in study.planned)
+    announce(
+        f"Variants are compared at {steps:,} steps. Planned runs: {len(study.planned)}; done: "
+        f"{count}. Of the others those are done that fit into the time."
+    )
+    runs = fitting(study.planned, study.records, lambda: study.seconds - study.spent)
+    study.failed = study.finish(runs, tell)
+
+
+# --- which runs --------------------------------------------------------------------------------
+
+
+Variant = tuple[str, tuple[str, ...]]
+"""In what it differs from the defaults, in words, and its options."""
+
+
+def compared(base: Effects) -> dict[str, Variant]:
+    """What is compared, by name, the base first; each other one differs from it in one thing. All
+    are scored on right halves: the left half shows the light where photos have one of their own.
+
+    Args:
+        base: the effects that the capture calls for.
+    """
+
+    def variant(what: str, effects: Effects = base, **options: str) -> Variant:
+        given = {
+            "model.effects.auto": "False",
+            "model.effects.distractors": str(effects.distractors),
+            "model.effects.appearance": effects.appearance,
+            "model.effects.background": effects.background,
+            "evaluation.protocol": "half" if effects.image_light else "right",
+            **{f"model.{name.replace('_', '-')}": value for name, value in options.items()},
+        }
+        return what, tuple(w for k, v in given.items() for w in (f"--pipeline.{k}", v))
+
+    with_or_without = "without" if base.distractors else "with"
+    background = "constant" if base.background == "off" else "off"
+    return {
+        BASE: variant("the defaults"),
+        "half-size": variant("photos of half their size", train_downscale="2"),
+        "fewer": variant("a quarter of the static Gaussians", gaussians_per_pixel="0.0125"),
+        "degree-1": variant("spherical harmonics of degree 1", sh_degree="1"),
+        "distractors": variant(
+            f"{with_or_without} distractors", replace(base, distractors=not base.distractors)
+        ),
+        **{
+            f"appearance-{grade}": variant(f"appearance {grade}", replace(base, appearance=grade))
+            for grade in GRADES
+            if grade != base.appearance
+        },
+        "background": variant(f"background {background}", replace(base, background=background)),
+    }
+
+
+def run_of(
+    capture: Capture, variant: str = BASE, steps: int = SHORTEST, seed: int = SEEDS[0]
+) -> Run:
+    """A variant as it is trained; by default the run that is done first, whatever the plan."""
+    _, options = compared(capture.effects)[variant]
+    return Run(variant, BASE, options, steps, seed, capture.data, capture.parser)
+
+
+def planned(capture: Capture, steps: int, most: int) -> list[Run]:
+    """All runs, the most telling first: seed after seed the base's lengths, then every variant.
+
+    Args:
+        steps: of the comparison.
+        most: that a run may have.
+    """
+    lengths = [max(1, round(steps * length)) for length in LADDER if steps * length <= most]
+    runs = [run_of(capture)]
+    for seed in SEEDS:
+        runs += [run_of(capture, BASE, length, seed) for length in lengths[:-1]]
+        runs += [run_of(capture, name, steps, seed) for name in compared(capture.effects)]
+        runs += [run_of(capture, BASE, lengths[-1], seed)]
+    return list(dict.fromkeys(runs))
+
+
+Pace = Callable[[Run], float]
+"""Expected wall seconds of a run, from the start of its process to the end."""
+
+
+def pace_of(runs: Iterable[Run], done: Mapping[Key, Record]) -> Pace:
+    """A run takes a + b steps: a is for imports, reading photos and evaluation, b for a step. Both
+    are those of the variant's longest run that is done, or of the base's.
+
+    Args:
+        done: among these is the first run, and it is among `runs`.
+    """
+    known: dict[str, tuple[int, float, float]] = {}
+    for run in sorted(runs, key=lambda run: run.steps):
+        if (record := done.get(run.key)) is not None:
+            training = record.scores["train_wall_seconds"]
+            known[run.variant] = run.steps, record.seconds - training, training / run.steps
+
+    def seconds(run: Run) -> float:
+        steps, start, step = known.get(run.variant, known[BASE])
+        return start + run.steps * step * (GROWTH if run.steps > steps == SHORTEST else 1.0)
+
+    return seconds
+
+
+def steps_that_fit(seconds: float, pace: Pace, capture: Capture, most: int) -> int:
+    """Steps of the longest comparison of which all runs fit. Of `WANTED` steps at most, those of
+    the first seed have to.
+
+    Args:
+        seconds: for all runs one after another.
+        pace: after the first run.
+        most: steps of the method itself.
+    """
+    chosen = steps = SHORTEST
+    while steps <= most:
+        seeds = SEEDS if steps > WANTED else SEEDS[:1]
+        runs = (run for run in planned(capture, steps, most) if run.seed in seeds)
+        if sum(map(pace, runs)) <= seconds:
+            chosen = steps
+        steps *= 2
+    return chosen
+
+
+def fitting(
+    runs: Sequence[Run], done: Mapping[Key, Record], left: Callable[[], float]
+) -> Iterator[Run]:
+    """The runs that are not done, in order, that are expected to end in time.
+
+    One that does not fit is passed over: shorter ones behind it may.
+
+    Args:
+        done, left: records, and seconds that are left; looked at when a run is asked for.
+    """
+    waiting = [run for run in runs if run.key not in done]
+    while True:
+        pace = pace_of(runs, done)
+        run = next((run for run in waiting if pace(run) <= left()), None)
+        if run is None:
+            return
+        waiting.remove(run)
+        yield run

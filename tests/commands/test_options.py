@@ -1,0 +1,116 @@
+"""Help and mistakes answer at once, and a data parser's words stand behind a command's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.commands import survey, tradeoff
+from desplat_ns.commands.evaluate import Evaluate
+from desplat_ns.commands.parser_words import parse
+from desplat_ns.commands.report import Report
+from desplat_ns.commands.reproduce import Arguments
+from desplat_ns.errors import CaptureError, ConfigError
+from tests.helpers.quick_command import check_quick_command
+
+ABSENT = ["--load-config", "absent.yml"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("command", "arguments", "status", "words"),
+    [
+        ("evaluate", ["--help"], 0, "--learning-rate"),
+        ("evaluate", ABSENT, 1, "absent.yml"),
+        ("report", ["--help"], 0, "--held-out-photos"),
+        ("report", ABSENT, 1, "absent.yml"),
+        ("export", ["--help"], 0, "masks"),
+        ("export", ["splats", *ABSENT, "--output", "a.ply"], 1, "absent.yml"),
+        ("export", ["splats", *ABSENT, "--output", "a.obj"], 1, ".spz"),
+        ("export", ["splats", *ABSENT, "--output", "a.html"], 1, "desplat-export page"),
+        ("export", ["splats", *ABSENT, "--output", "a.ply", "--crop", "nan"], 1, "--crop"),
+        ("export", ["masks", *ABSENT, "--output", "m", "--dilate", "-1"], 1, "--dilate"),
+        ("export", ["page", *ABSENT, "--output", "a.htm"], 1, ".html"),
+        ("survey", ["--help"], 0, "colmap --help"),
+        ("survey", ["absent", "colmap", "--downscale-factor", "2"], 1, "'absent'"),
+        ("survey", [".", "--output", "README.md"], 1, "'README.md'"),
+        ("survey", [], 1, "desplat-survey FOLDER"),
+        ("tradeoff", ["--help"], 0, "--time"),
+        ("reproduce", ["--help"], 0, "--smoke"),
+        ("reproduce", ["A5", "--data", "/absent"], 1, "desplat-fetch-data"),
+    ],
+)
+def test_help_and_mistakes_import_nothing_heavy(
+    command: str, arguments: list[str], status: int, words: str, checkout: Path
+):
+    check_quick_command(command, arguments, status, words, checkout)
+
+
+def test_options_that_cannot_be_are_named(tmp_path: Path):
+    photos = tmp_path / "photos"
+    for option, command in (
+        ("--output-path", Evaluate(Path("absent.yml"), Path("figures.txt"))),
+        ("--training-photos", Report(Path("config.yml"), training_photos=-1)),
+        ("--seeds", Arguments("A5", tmp_path, seeds=0)),
+        ("desplat-paper", Arguments("A5", tmp_path, methods=("desplt",))),
+    ):
+        with pytest.raises(ConfigError, match=option):
+            command.main()
+    for option, study in (
+        ("--time", tradeoff.Arguments(photos, time="soon")),
+        ("--jobs", tradeoff.Arguments(photos, jobs=-1)),
+    ):
+        with pytest.raises(ConfigError, match=option):
+            study.main(())
+    with pytest.raises(CaptureError, match="photos"):
+        tradeoff.Arguments(photos).main(())
+
+
+def test_without_methods_those_of_the_table_are_taken():
+    names = [method.name for method in Arguments("A8").chosen_methods()]
+    assert names == ["desplat", "desplat-paper", "splatfacto"]
+    given = Arguments("A8", methods=("desplat", "lab.reproduce.baselines:by_residual"))
+    assert given.chosen_methods()[1].name == "lab.reproduce.baselines.by_residual"
+
+
+@pytest.mark.parametrize("data", [["--data", "a"], ["--data=a"], ["a"]])
+def test_the_capture_is_named_as_ns_train_takes_it_too(data: list[str]):
+    parser = ["colmap", "--downscale-factor", "2"]
+    orders = [[*data, "--output", "o", *parser]]
+    if data != ["a"]:
+        orders += [
+            ["--output", "o", *parser[:1], *data, *parser[1:]],
+            ["--output", "o", *parser, *data],
+        ]
+    for words in orders:
+        for command in (survey.Arguments, tradeoff.Arguments):
+            arguments, rest = parse(command, "desplat-survey", words)
+            assert (arguments.data, arguments.output) == (Path("a"), Path("o"))
+            assert rest == tuple(parser)
+
+
+def test_an_option_that_is_not_known_is_not_taken_for_a_data_parsers():
+    with pytest.raises(ConfigError, match="--tiem"):
+        parse(tradeoff.Arguments, "desplat-tradeoff", ["photos", "--tiem", "5min"])
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+@pytest.mark.parametrize(
+    ("words", "usage", "option"),
+    [
+        (["--time", "5min", "-h"], "usage: desplat-tradeoff [-h]", "--time"),
+        (["photos", "--help"], "usage: desplat-tradeoff [-h]", "--time"),
+        (
+            ["photos", "robustnerf-data", "--help"],
+            "usage: desplat-tradeoff DATA robustnerf-data",
+            "--train-split-clean-clutter-ratio",
+        ),
+    ],
+)
+def test_help_is_that_of_the_data_parser_if_one_is_named(words, usage: str, option: str, capsys):
+    with pytest.raises(SystemExit) as caught:
+        parse(tradeoff.Arguments, "desplat-tradeoff", words)
+    said = capsys.readouterr()
+    assert caught.value.code == 0 and not said.err
+    assert said.out.startswith(usage) and option in said.out
