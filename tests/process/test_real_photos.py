@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -38,7 +39,7 @@ def write_16_bit(photo: Path, target: Path) -> None:
 
 
 def test_of_two_places_the_one_with_more_photos_is_taken_and_the_other_named(
-    data_folder: Callable[[str], Path], tmp_path: Path, capsys
+    data_folder: Callable[[str], Path], tmp_path: Path
 ):
     """Some are PNG and TIFF with 16 bits, which are read as any other."""
     fox, tree = data_folder("fox"), data_folder("monstree")
@@ -51,19 +52,19 @@ def test_of_two_places_the_one_with_more_photos_is_taken_and_the_other_named(
     others = photos_of(tree, 5, 15)
     for photo in others:
         shutil.copy(photo, tmp_path / "photos")
-    run(Request(tmp_path / "photos", tmp_path / "out", effort="plain", threads=1))
-    said = capsys.readouterr().out
-    assert "12 of 22 photos have a pose" in said
-    assert "fell into 2 models" in said and "with 12 photos (the others have 10)" in said
-    names = ", ".join(photo.name for photo in others)
-    assert f"{names}: in another model of 10 photos" in said
-    written = {path.name for path in (tmp_path / "out" / "images").iterdir()}
+    out = tmp_path / "out"
+    run(Request(tmp_path / "photos", out, effort="plain", threads=1))
+    found = json.loads((out / "process.json").read_text("utf8"))["findings"]
+    assert (found["photos"], found["of"], found["others"]) == (12, 22, [10])
+    assert [photo["source"] for photo in found["left_out"]] == [photo.name for photo in others]
+    assert all("another model of 10" in photo["reason"] for photo in found["left_out"])
+    written = {path.name for path in (out / "images").iterdir()}
     assert written == {photo.name for photo in photos_of(fox, 0, 12)}
-    assert compare(tmp_path / "out", fox / MODEL).largest < CLOSE
+    assert compare(out, fox / MODEL).largest < CLOSE
 
 
 def test_exif_gives_the_focal_length_to_start_from_and_tells_digital_zoom(
-    data_folder: Callable[[str], Path], tmp_path: Path, capsys
+    data_folder: Callable[[str], Path], tmp_path: Path
 ):
     """Every other photo is the middle of what it was, at its size, as phones zoom."""
     fox = data_folder("fox")
@@ -83,8 +84,6 @@ def test_exif_gives_the_focal_length_to_start_from_and_tells_digital_zoom(
         photo.save(tmp_path / "photos" / path.name, quality=95, exif=tags)
     out = tmp_path / "out"
     run(Request(tmp_path / "photos", out, effort="plain", threads=1, keep_work=True))
-    said = capsys.readouterr().out
-    assert "12 photos, 2 cameras." in said and "12 of 12 photos have a pose" in said
     with pycolmap.Database.open(out / "work" / "plain" / "database.db") as database:
         started = sorted(database.read_all_cameras(), key=lambda camera: camera.params[0])
     for camera, zoom in zip(started, (1.0, ZOOM), strict=True):
@@ -96,4 +95,5 @@ def test_exif_gives_the_focal_length_to_start_from_and_tells_digital_zoom(
     )
     wanted = [known.mean_focal_length(), ZOOM * known.mean_focal_length()]
     assert lengths == pytest.approx(wanted, rel=0.02)
-    assert compare(out, fox / MODEL).largest < CLOSE
+    fit = compare(out, fox / MODEL)
+    assert fit.num_known - len(fit.missing) == 12 and fit.largest < CLOSE
