@@ -19,13 +19,24 @@ from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParser, Colm
 from nerfstudio.data.scene_box import SceneBox
 
 from desplat_ns.console import announce_once
-from desplat_ns.data.checks import check_cameras, check_files, without_infinite_points
-from desplat_ns.data.colmap_model import Frame, Reconstruction, read_reconstruction
+from desplat_ns.data.checks import check_files
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
 from desplat_ns.data.gt_masks import gt_masks
-from desplat_ns.data.poses import OrientedPoses, make_cameras, orient_poses, points_metadata
-from desplat_ns.data.tracks import METADATA_KEY as TRACKS
-from desplat_ns.data.tracks import Tracks
+from desplat_ns.data.poses import (
+    OrientedPoses,
+    check_cameras,
+    make_cameras,
+    orient_poses,
+    points_metadata,
+    without_infinite_points,
+)
+from desplat_ns.data.reconstruction import (
+    TRACKS,
+    Frame,
+    Reconstruction,
+    Tracks,
+    read_reconstruction,
+)
 from desplat_ns.errors import CaptureError, ConfigError
 
 _Hidden = tyro.conf.Suppress

@@ -20,8 +20,14 @@ import PIL.Image
 from jaxtyping import Bool, UInt8
 
 from desplat_ns.console import list_names
-from desplat_ns.data.exif import lens_of
-from desplat_ns.data.images import read_image, read_mask, resize_image, resize_mask, write_image
+from desplat_ns.data.images import (
+    lens_of,
+    read_image,
+    read_mask,
+    resize_image,
+    resize_mask,
+    write_image,
+)
 from desplat_ns.data.photo_files import photo_names
 from desplat_ns.errors import CaptureError
 from desplat_ns.process.request import CameraModel, Cameras

@@ -43,7 +43,7 @@ def test_gaussians_lie_over_the_points_of_the_capture(trained: Path, tmp_path: P
     from plyfile import PlyData
 
     from desplat_ns.commands.export import Splats
-    from desplat_ns.data.colmap_model import read_reconstruction
+    from desplat_ns.data.reconstruction import read_reconstruction
 
     Splats(trained, tmp_path / "a.ply", "capture").main()
     table = PlyData.read(tmp_path / "a.ply")["vertex"].data
