@@ -126,7 +126,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
             raise CaptureError(
                 f"{self.get_datapath()} has {len(dataset)} training photos; two or more are needed."
                 " Check the options that choose them (--eval-mode, --train-split-fraction, "
-                "--train-split-mode, or train_list.txt)."
+                "or train_list.txt)."
             )
         self._check_photos(dataset)
         numbers = torch.arange(len(dataset))[:, None]
