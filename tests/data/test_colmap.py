@@ -68,6 +68,7 @@ def assert_same_outputs(data: Path, **options) -> None:
         assert other.dataparser_scale == pytest.approx(theirs.dataparser_scale, rel=1e-5)
         torch.testing.assert_close(other.scene_box.aabb, theirs.scene_box.aabb)
         unread = {"points3D_error", "points3D_num_points2D"}
+        unread |= {"depth_filenames", "depth_unit_scale_factor"}
         assert {*theirs.metadata, TRACKS} - unread == set(other.metadata)
         for key, value in in_order_of(other.metadata, theirs.metadata).items():
             if key not in unread:
