@@ -1,4 +1,4 @@
-"""Real photos as users have them: two places in one folder, 16 bits, EXIF, digital zoom."""
+"""Real photos as users have them: two places in one folder, some of 16 bits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import PIL.Image
-import pycolmap
 import pytest
 
 from desplat_ns.commands.process import run
@@ -22,8 +21,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.real_data]
 MODEL = Path("sparse", "0")
 CLOSE = 0.01
 """Of the longest distance between cameras: how far a centre may be from the known one."""
-ZOOM = 1.4
-MAKER, MODEL_TAG, EXIF, FOCAL_35MM = 271, 272, 0x8769, 0xA405
 
 
 def photos_of(capture: Path, first: int, last: int) -> list[Path]:
@@ -61,39 +58,3 @@ def test_of_two_places_the_one_with_more_photos_is_taken_and_the_other_named(
     written = {path.name for path in (out / "images").iterdir()}
     assert written == {photo.name for photo in photos_of(fox, 0, 12)}
     assert compare(out, fox / MODEL).largest < CLOSE
-
-
-def test_exif_gives_the_focal_length_to_start_from_and_tells_digital_zoom(
-    data_folder: Callable[[str], Path], tmp_path: Path
-):
-    """Every other photo is the middle of what it was, at its size, as phones zoom."""
-    fox = data_folder("fox")
-    (known,) = pycolmap.Reconstruction(fox / MODEL).cameras.values()
-    diagonal = float(np.hypot(known.width, known.height))
-    wide = known.mean_focal_length() * 43.2666 / diagonal  # 35 mm film is 43.27 mm across
-    (tmp_path / "photos").mkdir()
-    for number, path in enumerate(photos_of(fox, 0, 12)):
-        photo, zoom = PIL.Image.open(path), ZOOM if number % 2 else 1.0
-        tags = PIL.Image.Exif()
-        tags[MAKER], tags[MODEL_TAG] = "Maker", "Phone"
-        tags.get_ifd(EXIF)[FOCAL_35MM] = round(zoom * wide)
-        width, height = (side / zoom / 2 for side in photo.size)
-        x, y = (side / 2 for side in photo.size)
-        middle = (x - width, y - height, x + width, y + height)
-        photo = photo.resize(photo.size, PIL.Image.Resampling.LANCZOS, box=middle)
-        photo.save(tmp_path / "photos" / path.name, quality=95, exif=tags)
-    out = tmp_path / "out"
-    run(Request(tmp_path / "photos", out, effort="plain", threads=1, keep_work=True))
-    with pycolmap.Database.open(out / "work" / "plain" / "database.db") as database:
-        started = sorted(database.read_all_cameras(), key=lambda camera: camera.params[0])
-    for camera, zoom in zip(started, (1.0, ZOOM), strict=True):
-        assert camera.has_prior_focal_length
-        focal = round(zoom * wide) / 43.2666 * diagonal
-        assert camera.mean_focal_length() == pytest.approx(focal, abs=0.01)
-    lengths = sorted(
-        c.mean_focal_length() for c in pycolmap.Reconstruction(out / MODEL).cameras.values()
-    )
-    wanted = [known.mean_focal_length(), ZOOM * known.mean_focal_length()]
-    assert lengths == pytest.approx(wanted, rel=0.02)
-    fit = compare(out, fox / MODEL)
-    assert fit.num_known - len(fit.missing) == 12 and fit.largest < CLOSE
