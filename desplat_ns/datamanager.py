@@ -26,10 +26,9 @@ from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismData
 
 from desplat_ns.console import announce
 from desplat_ns.data.colmap import with_pycolmap
-from desplat_ns.data.dataset import CaptureDataset
+from desplat_ns.data.dataset import CaptureDataset, Photo, PhotoReader
 from desplat_ns.data.gt_masks import METADATA_KEY
 from desplat_ns.data.photo_cache import BoundedPhotos, PhotoMemory, PhotosOfCameras
-from desplat_ns.data.photo_reader import Photo, PhotoReader
 from desplat_ns.data.training_views import image_names
 from desplat_ns.data.transforms_json import PromptFreeNerfstudio
 from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
@@ -127,7 +126,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
             raise CaptureError(
                 f"{self.get_datapath()} has {len(dataset)} training photos; two or more are needed."
                 " Check the options that choose them (--eval-mode, --train-split-fraction, "
-                "--train-split-mode, or train_list.txt)."
+                "or train_list.txt)."
             )
         self._check_photos(dataset)
         numbers = torch.arange(len(dataset))[:, None]

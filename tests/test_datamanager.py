@@ -116,12 +116,10 @@ def test_the_sampler_of_another_capture_is_refused(tiny_scene):
 
 
 def test_one_training_photo_is_an_error(copy: Path):
-    (copy / "one.txt").write_text(next((copy / "images").glob("clutter_*")).name)
-    parser = RobustNerfDataParserConfig(
-        data=copy, train_split_mode="filename", train_split_file=Path("one.txt")
-    )
-    with pytest.raises(CaptureError, match="1 training"):
-        manager(parser)
+    (copy / "train_list.txt").write_text(next((copy / "images").glob("clutter_*")).name)
+    (copy / "test_list.txt").write_text(next((copy / "images").glob("extra_*")).name)
+    with pytest.raises(CaptureError, match="has 1 training photos; two or more"):
+        manager(DeSplatColmapDataParserConfig(data=copy))
 
 
 def test_no_evaluation_photo_is_an_error(copy: Path):

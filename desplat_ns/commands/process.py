@@ -5,8 +5,7 @@ from __future__ import annotations
 import tyro
 
 from desplat_ns.errors import print_user_errors_plainly
-from desplat_ns.process.request import Request
-from desplat_ns.process.sources import find_sources
+from desplat_ns.process.request import Request, find_sources
 
 
 def run(request: Request) -> None:

@@ -19,13 +19,24 @@ from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParser, Colm
 from nerfstudio.data.scene_box import SceneBox
 
 from desplat_ns.console import announce_once
-from desplat_ns.data.checks import check_cameras, check_files, without_infinite_points
-from desplat_ns.data.colmap_model import Frame, Reconstruction, read_reconstruction
+from desplat_ns.data.checks import check_files
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
 from desplat_ns.data.gt_masks import gt_masks
-from desplat_ns.data.poses import OrientedPoses, make_cameras, orient_poses, points_metadata
-from desplat_ns.data.tracks import METADATA_KEY as TRACKS
-from desplat_ns.data.tracks import Tracks
+from desplat_ns.data.poses import (
+    OrientedPoses,
+    check_cameras,
+    make_cameras,
+    orient_poses,
+    points_metadata,
+    without_infinite_points,
+)
+from desplat_ns.data.reconstruction import (
+    TRACKS,
+    Frame,
+    Reconstruction,
+    Tracks,
+    read_reconstruction,
+)
 from desplat_ns.errors import CaptureError, ConfigError
 
 _Hidden = tyro.conf.Suppress
@@ -154,58 +165,43 @@ class DeSplatColmapDataParser(ColmapDataParser):
             )
         return [int(i) for i in picked]
 
-    def metadata_of(self, frames: Sequence[Frame]) -> dict[str, Any]:
-        """What goes into the outputs' metadata for these photos, beside points."""
-        config = self.config
-        metadata: dict[str, Any] = {
-            "depth_filenames": self._files_beside(frames, "depths_path", "depth maps"),
-            "depth_unit_scale_factor": config.depth_unit_scale_factor,
-        }
+    def _generate_dataparser_outputs(self, split: str = "train", **kwargs: Any):
+        config, folder = self.config, self.reconstruction.folder
+        indices = self.views([frame.name for frame in self.reconstruction.frames], split)
+        frames = [self.reconstruction.frames[i] for i in indices]
+        sources, oriented = self.sources(frames), self.oriented
+        metadata: dict[str, Any] = {}
         if config.distractor_masks_path is not None:
             metadata |= gt_masks(config.data / config.distractor_masks_path, frames)
-        return metadata
-
-    def _files_beside(self, frames: Sequence[Frame], option: str, what: str) -> list[Path] | None:
-        """The .png of each photo in the folder that an option names, None where it is not given."""
-        folder = getattr(self.config, option)
-        if folder is None:
-            return None
-        folder = self.config.data / folder
-        paths = [folder / Path(frame.name).with_suffix(".png") for frame in frames]
-        check_files(paths, folder, what, f"--{option.replace('_', '-')}")
-        return paths
-
-    def _generate_dataparser_outputs(self, split: str = "train", **kwargs: Any):
-        frames = self.reconstruction.frames
-        indices = self.views([frame.name for frame in frames], split)
-        chosen = [frames[i] for i in indices]
-        sources = self.sources(chosen)
-        oriented = self.oriented
-        metadata = self.metadata_of(chosen)
-        if self.config.load_3D_points:
-            metadata.update(self._points_metadata(chosen))
-        half = self.config.scene_scale
-        cameras = make_cameras(chosen, sources, oriented.camera_to_worlds[indices])
-        check_cameras(cameras, [frame.name for frame in chosen], self.reconstruction.folder)
+        if config.load_3D_points:
+            metadata |= self._points_metadata(frames)
+        masks = None
+        if config.masks_path is not None:
+            masks_folder = config.data / config.masks_path
+            masks = [masks_folder / Path(frame.name).with_suffix(".png") for frame in frames]
+            check_files(masks, masks_folder, "masks", "--masks-path")
+        cameras = make_cameras(frames, sources, oriented.camera_to_worlds[indices])
+        check_cameras(cameras, [frame.name for frame in frames], folder)
+        half = config.scene_scale
         return DataparserOutputs(
             image_filenames=[source.path for source in sources],
             cameras=cameras,
             scene_box=SceneBox(aabb=torch.tensor([[-half] * 3, [half] * 3], dtype=torch.float32)),
-            mask_filenames=self._files_beside(chosen, "masks_path", "masks"),
+            mask_filenames=masks,
             dataparser_scale=oriented.scale,
             dataparser_transform=oriented.transform.float(),
             metadata=metadata,
         )
 
     def _points_metadata(self, frames: Sequence[Frame]) -> dict[str, Any]:
+        """Points, and where to read which photo observes which."""
         if self.config.max_2D_matches_per_3D_point != 0:
             raise ConfigError(
                 "--max-2D-matches-per-3D-point is not used by desplat; leave it at 0."
             )
-        oriented, points = self.oriented, self.reconstruction.points
-        folder = self.reconstruction.folder
-        metadata: dict[str, Any] = points_metadata(points, oriented.transform, oriented.scale)
+        oriented, known = self.oriented, self.reconstruction
+        metadata: dict[str, Any] = points_metadata(known.points, oriented.transform, oriented.scale)
         photos = tuple(frame.image_id for frame in frames)
         sizes = tuple((frame.width, frame.height) for frame in frames)
-        metadata[TRACKS] = Tracks(folder, photos, sizes, points.ids)
-        return without_infinite_points(metadata, folder)
+        metadata[TRACKS] = Tracks(known.folder, photos, sizes, known.points.ids)
+        return without_infinite_points(metadata, known.folder)

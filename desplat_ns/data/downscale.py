@@ -10,8 +10,8 @@ from typing import Literal
 
 from nerfstudio.data.dataparsers.colmap_dataparser import MAX_AUTO_RESOLUTION
 
-from desplat_ns.data.colmap_model import Frame
 from desplat_ns.data.images import image_size
+from desplat_ns.data.reconstruction import Frame
 from desplat_ns.errors import ConfigError
 
 Rounding = Literal["floor", "round", "ceil"]

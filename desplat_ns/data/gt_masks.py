@@ -14,7 +14,7 @@ from jaxtyping import Bool
 from PIL import Image, UnidentifiedImageError
 from torch import Tensor
 
-from desplat_ns.data.colmap_model import Frame
+from desplat_ns.data.reconstruction import Frame
 from desplat_ns.errors import CaptureError
 
 METADATA_KEY = "distractor_mask_filenames"

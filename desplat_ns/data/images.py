@@ -1,4 +1,7 @@
-"""Photos in, pictures out, through OpenImageIO (HEIC by `heic`): upright, 8 bit, RGB or RGBA.
+"""Photos in, pictures out: upright, 8 bit, RGB or RGBA; and what files say of their lens.
+
+By OpenImageIO, whose wheel has no HEIC, in which iPhones keep photos: those are read by
+pillow-heif, an extra. EXIF is read by Pillow.
 
 Letters in shapes: H x W pixels, C channels.
 """
@@ -7,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 import OpenImageIO as oiio
 from jaxtyping import Bool, Float, UInt8
+from PIL import ExifTags, Image
 
-from desplat_ns.data.heic import heic_size, is_heic, read_heic
 from desplat_ns.errors import CaptureError, DeSplatError
 
 Array = np.ndarray
@@ -31,6 +35,18 @@ _UPRIGHT: dict[int, Callable[[Array], Array]] = {
     8: lambda image: np.rot90(image, 1),
 }
 
+_HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1"}
+"""Of ISO 23008-12, at the beginning of a file, whatever it is called."""
+
+
+class Lens(NamedTuple):
+    """What a photo was taken with, as its file gives it: often absent, sometimes wrong."""
+
+    name: str = ""
+    """Make, model, lens and focal length in millimetres; empty where the file says nothing."""
+    focal_35mm: float = 0.0
+    """Millimetres, as on 35 mm film; 0 where the file does not say."""
+
 
 def read_image(path: Path) -> UInt8[np.ndarray, "H W C"]:
     """The photo as a viewer shows it: EXIF orientation applied, RGB (C = 3) or RGBA (C = 4).
@@ -42,8 +58,11 @@ def read_image(path: Path) -> UInt8[np.ndarray, "H W C"]:
     Raises:
         CaptureError: the file is missing, is not an image, or ends too early.
     """
-    if is_heic(path):
-        return read_heic(path)
+    if _is_heic(path):
+        try:
+            return np.asarray(_open_heic(path).to_pillow().convert("RGB"))
+        except (OSError, ValueError, RuntimeError) as error:
+            raise _unreadable(path, str(error)) from error
     file = _open(path)
     spec = file.spec()
     wants_float = _is_linear(spec)
@@ -65,13 +84,33 @@ def image_size(path: Path) -> tuple[int, int]:
     Raises:
         CaptureError: the file is missing or is not an image.
     """
-    if is_heic(path):
-        return heic_size(path)
+    if _is_heic(path):
+        width, height = _open_heic(path).size
+        return width, height
     file = _open(path)
     spec = file.spec()
     file.close()
     turned = _orientation(spec) >= 5
     return (spec.height, spec.width) if turned else (spec.width, spec.height)
+
+
+def lens_of(path: Path) -> Lens:
+    """What the file says about camera and lens; nothing where it is missing or is no photo."""
+    tags = Image.Exif()
+    try:
+        if _is_heic(path):
+            tags.load(_open_heic(path).info.get("exif") or b"")
+        else:
+            with Image.open(path) as image:
+                tags = image.getexif()
+        inner = tags.get_ifd(ExifTags.IFD.Exif)
+        names = [tags.get(ExifTags.Base.Make), tags.get(ExifTags.Base.Model)]
+        names += [inner.get(ExifTags.Base.LensModel), inner.get(ExifTags.Base.FocalLength)]
+        focal = float(inner.get(ExifTags.Base.FocalLengthIn35mmFilm) or 0)
+    except Exception:  # damaged tags end in errors of many kinds
+        return Lens()
+    name = " ".join(str(value).strip("\0 ") for value in names if value)
+    return Lens(name, focal if np.isfinite(focal) and focal > 0 else 0.0)
 
 
 def read_mask(path: Path) -> Bool[np.ndarray, "H W"]:
@@ -151,6 +190,29 @@ def _open(path: Path) -> oiio.ImageInput:
     if file is None:
         raise _unreadable(path, oiio.geterror())
     return file
+
+
+def _is_heic(path: Path) -> bool:
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        begins = file.read(12)
+    return begins[4:8] == b"ftyp" and begins[8:12] in _HEIC_BRANDS
+
+
+def _open_heic(path: Path) -> Any:
+    """The upright photo, not decoded yet."""
+    try:
+        import pillow_heif
+    except ImportError as error:
+        raise CaptureError(
+            f"Image {path} is HEIC, as iPhones write it. To read it: pip install pillow-heif. Or "
+            "convert the photos to JPEG."
+        ) from error
+    try:
+        return pillow_heif.open_heif(path)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise _unreadable(path, str(error)) from error
 
 
 def _unreadable(path: Path, problem: str) -> CaptureError:

@@ -86,17 +86,12 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
             return listing, set(read_lines(listing))
         ordered = ordered_names(data, self.config.images_path)
         positions = read_split(path).get(kind, [])
-        beyond = [i for i in positions if not 0 <= i < len(ordered)]
-        if beyond:
+        if not positions or not all(0 <= i < len(ordered) for i in positions):
             raise CaptureError(
-                f"{path} lists photo {beyond[0]} as `{kind}`; positions go from 0 to "
-                f"{len(ordered) - 1}, as there are {len(ordered)} photos. Take the split.json that "
+                f"{path} lists as `{kind}` the photos {list_names(map(str, positions)) or 'none'}; "
+                f"there are {len(ordered)}, counted from 0. It needs `clutter` or `clean` photos "
+                "to train on (--train-on) and `extra` photos to hold out: take the split.json that "
                 "belongs to this scene."
-            )
-        if not positions:
-            raise CaptureError(
-                f"{path} lists no photo as `{kind}`. It needs `clutter` or `clean` "
-                "photos to train on (--train-on) and `extra` photos to hold out."
             )
         return path, {ordered[i] for i in positions}
 
@@ -125,17 +120,16 @@ def read_split(path: Path) -> dict[str, list[int]]:
         raise CaptureError(f"The split file {path} cannot be read: {error}.") from error
     lists = content if isinstance(content, dict) else {}
     lists = {name: lists[name] for name in ("clutter", "clean", "extra") if name in lists}
-    is_valid = all(_are_positions(positions) for positions in lists.values())
+    is_valid = all(
+        isinstance(positions, list) and all(type(entry) is int for entry in positions)
+        for positions in lists.values()
+    )
     if not (is_valid and "extra" in lists and len(lists) > 1):
         raise CaptureError(
             f"{path} is no split file of NeRF On-the-go: it needs the lists `clutter` and `extra` "
             "of photos' positions (0, 1, ...) in the order of their file names."
         )
     return lists
-
-
-def _are_positions(value: Any) -> bool:
-    return isinstance(value, list) and all(type(entry) is int for entry in value)
 
 
 def ordered_names(data: Path, images: Path) -> list[str]:
@@ -153,19 +147,17 @@ def ordered_names(data: Path, images: Path) -> list[str]:
 def _picked(outputs: DataparserOutputs, indices: list[int]) -> DataparserOutputs:
     """The outputs of these photos only; points stay."""
     count = len(outputs.image_filenames)
-    metadata: dict[str, Any] = {
-        key: [value[i] for i in indices]
-        if key.endswith("_filenames") and isinstance(value, list) and len(value) == count
-        else value
-        for key, value in outputs.metadata.items()
-    }
-    masks = outputs.mask_filenames
+
+    def of(values: Any) -> Any:
+        is_listed = isinstance(values, list) and len(values) == count
+        return [values[i] for i in indices] if is_listed else values
+
     return replace(
         outputs,
-        image_filenames=[outputs.image_filenames[i] for i in indices],
+        image_filenames=of(outputs.image_filenames),
         cameras=outputs.cameras[torch.tensor(indices)],
-        mask_filenames=None if masks is None else [masks[i] for i in indices],
-        metadata=metadata,
+        mask_filenames=of(outputs.mask_filenames),
+        metadata={key: of(value) for key, value in outputs.metadata.items()},
     )
 
 

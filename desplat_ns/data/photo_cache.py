@@ -20,8 +20,7 @@ from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
 from desplat_ns.cores import cores
-from desplat_ns.data.dataset import CaptureDataset
-from desplat_ns.data.photo_reader import ImageType, Photo
+from desplat_ns.data.dataset import CaptureDataset, ImageType, Photo
 
 SHARE = 0.4
 """Of the memory that nobody uses: what decoded photos may take by themselves."""

@@ -6,22 +6,8 @@ import re
 from pathlib import Path
 
 PHOTO_SUFFIXES = frozenset(
-    (
-        ".jpg",
-        ".jpeg",
-        ".png",
-        ".tif",
-        ".tiff",
-        ".webp",
-        ".bmp",
-        ".exr",
-        ".hdr",
-        ".heic",
-        ".heif",
-        ".hif",
-        ".jxl",
-    )
-)
+    (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".exr", ".hdr", ".jxl", ".heic")
+) | {".heif", ".hif"}
 """Endings of file names, in lower case."""
 
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -16,8 +18,9 @@ from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 from torch import Tensor
 
-from desplat_ns.data.colmap_model import Frame, Points
+from desplat_ns.console import announce_once, list_names
 from desplat_ns.data.downscale import PhotoSource
+from desplat_ns.data.reconstruction import LARGEST_SIDE, TRACKS, Frame, Points
 from desplat_ns.errors import CaptureError
 
 
@@ -28,12 +31,12 @@ class OrientedPoses:
     camera_to_worlds: Float[Tensor, "n 3 4"]
     """OpenGL axes, oriented, centred and scaled."""
     transform: Float[Tensor, "3 4"]
-    """COLMAP's world to the oriented world, before scaling; in float64."""
+    """The reconstruction's world to the oriented world, before scaling; in float64."""
     scale: float
 
 
 def orient_poses(frames: Sequence[Frame], config: ColmapDataParserConfig) -> OrientedPoses:
-    """COLMAP's poses turned, centred and scaled by nerfstudio's options.
+    """Poses turned, centred and scaled by nerfstudio's options.
 
     Their middle is taken off while numbers are float64: float32, in which nerfstudio centres, has a
     quarter of a metre left for what lies 3,000 km out (geo-referenced captures).
@@ -84,6 +87,26 @@ def points_metadata(
     }
 
 
+def without_infinite_points(metadata: dict[str, Any], source: Path) -> dict[str, Any]:
+    """The metadata without points whose place is not finite; says how many were left out."""
+    xyz = metadata.get("points3D_xyz")
+    if xyz is None or bool(xyz.isfinite().all()):
+        return metadata
+    keep = xyz.isfinite().all(dim=-1)
+    announce_once(
+        f"{int((~keep).sum())} of {len(xyz)} points in {source} have NaN, infinite or too large "
+        "coordinates and are left out.",
+        warning=True,
+    )
+    kept: dict[str, Any] = {
+        key: value[keep] if key.startswith("points3D") and isinstance(value, Tensor) else value
+        for key, value in metadata.items()
+    }
+    if TRACKS in kept:
+        kept[TRACKS] = kept[TRACKS].keep(keep.numpy())
+    return kept
+
+
 def make_cameras(
     frames: Sequence[Frame], sources: Sequence[PhotoSource], poses: Float[Tensor, "n 3 4"]
 ) -> Cameras:
@@ -110,3 +133,29 @@ def make_cameras(
         distortion_params=torch.stack(distortion, dim=-1),
         camera_type=torch.tensor([[frame.camera_type.value] for frame in frames]),
     )
+
+
+def check_cameras(cameras: Cameras, names: Sequence[str], source: Path) -> None:
+    """Make sure that poses, focal lengths and sizes are those of cameras.
+
+    Raises:
+        CaptureError: names the photos whose are not, and `source`, where they were read.
+    """
+    count = len(names)
+    if count == 0:  # a split without photos; others say so
+        return
+    numbers = [cameras.camera_to_worlds, cameras.fx, cameras.fy, cameras.cx, cameras.cy]
+    if cameras.distortion_params is not None:
+        numbers.append(cameras.distortion_params)
+    is_valid = torch.cat([n.reshape(count, -1) for n in numbers], dim=1).isfinite().all(dim=1)
+    for focal in (cameras.fx, cameras.fy):
+        is_valid &= focal.reshape(count) > 0
+    for side in (cameras.width, cameras.height):
+        is_valid &= (side.reshape(count) >= 1) & (side.reshape(count) <= LARGEST_SIDE)
+    bad = [name for name, fine in zip(names, is_valid.tolist(), strict=True) if not fine]
+    if bad:
+        raise CaptureError(
+            f"{len(bad)} of {count} photos in {source} have a pose or a camera that cannot be "
+            "(NaN, infinite or too large numbers, a focal length of 0, a size without pixels): "
+            f"{list_names(bad)}. Remove them, or make the reconstruction again."
+        )

@@ -1,7 +1,13 @@
-"""RobustNeRF-style captures: clean, cluttered and held-out photos told apart by their names."""
+"""RobustNeRF-style captures: clean, cluttered and held-out photos told apart by their names.
+
+The file name says what a photo shows: `clean` (the scene alone), `clutter` (with distractors) or
+`extra` (held out, for evaluation). `clean_0001` and `clutter_0001` are twins: two photos of one
+viewpoint. Folders do not count. A training photo whose name says nothing is taken for cluttered.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,15 +15,11 @@ from typing import Literal
 
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
+from desplat_ns.data.checks import shuffled
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
-from desplat_ns.data.robustnerf_names import (
-    describe,
-    evaluation_views,
-    views_by_file,
-    views_by_number,
-    views_by_ratio,
-)
 from desplat_ns.errors import CaptureError, ConfigError
+
+Kind = Literal["clean", "clutter", "extra"]
 
 
 @dataclass
@@ -25,20 +27,11 @@ class RobustNerfDataParserConfig(OwnSplitConfig):
     """COLMAP capture whose file names say `clean`, `clutter` or `extra` (held out)."""
 
     _target: type = field(default_factory=lambda: RobustNerfDataParser)
-    train_split_mode: Literal["ratio", "number", "filename"] = "ratio"
-    """How training photos are chosen: by the ratio of cluttered ones, by numbers, or from a file.
-    Photos with `extra` in the file name are always the evaluation photos."""
     train_split_clean_clutter_ratio: float = 1.0
-    """Ratio mode: 0 trains on clean photos only, 1 on cluttered ones only; between, each viewpoint
-    is taken once, this fraction of them cluttered."""
-    train_split_num_clean: int = 0
-    """Number mode: so many clean photos."""
-    train_split_num_clutter: int = 0
-    """Number mode: so many cluttered photos."""
-    train_split_file: Path | None = None
-    """Filename mode: text file with one photo per line, relative to the data."""
+    """0 trains on clean photos only, 1 on cluttered ones only; between, each viewpoint is taken
+    once, this fraction of them cluttered. Photos with `extra` in the file name are held out."""
     seed: int = 0
-    """Chooses which viewpoints are cluttered (ratio mode), which photos are taken (number mode)."""
+    """Chooses which viewpoints are cluttered."""
     distractor_masks_path: Path | None = Path("masks")
     """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
     Evaluation compares the model's masks with them; training never sees them."""
@@ -56,36 +49,84 @@ class RobustNerfDataParser(DeSplatColmapDataParser):
             CaptureError: no photo for this split.
             ConfigError: options out of range.
         """
-        picked = self._training_views(names) if split == "train" else evaluation_views(names)
-        if picked:
-            return picked
-        given = f"{self.config.data} has {describe(names)} photos"
-        if split == "train":
-            raise CaptureError(
-                f"No photo is left to train on: {given}. Photos with `clean` or `clutter` in the "
-                "file name are needed; --train-split-clean-clutter-ratio 0 takes the clean ones, "
-                "1 the cluttered ones."
-            )
-        raise CaptureError(
-            f"No photo is left to evaluate on: {given}, names such as {names[0]}. Put `extra` into "
-            "the file names of the photos to hold out (in the reconstruction, too), or use the "
-            "`colmap` dataparser, which holds out every eighth photo."
-        )
-
-    def _training_views(self, names: Sequence[str]) -> list[int]:
         config = self.config
-        if config.train_split_mode == "ratio":
-            return views_by_ratio(names, config.train_split_clean_clutter_ratio, config.seed)
-        if config.train_split_mode == "number":
-            return views_by_number(
-                names, config.train_split_num_clean, config.train_split_num_clutter, config.seed
+        given = f"{config.data} has {describe(names)} photos"
+        if split == "train":
+            picked = views_by_ratio(names, config.train_split_clean_clutter_ratio, config.seed)
+            if not picked:
+                raise CaptureError(
+                    f"No photo is left to train on: {given}. Photos with `clean` or `clutter` in "
+                    "the file name are needed; --train-split-clean-clutter-ratio 0 takes the clean "
+                    "ones, 1 the cluttered ones."
+                )
+            return picked
+        picked = [i for i, name in enumerate(names) if kind_of(name) == "extra"]
+        if not picked:
+            raise CaptureError(
+                f"No photo is left to evaluate on: {given}, names such as {names[0]}. Put `extra` "
+                "into the file names of the photos to hold out (in the reconstruction, too), or "
+                "use the `colmap` dataparser, which holds out every eighth photo."
             )
-        if config.train_split_file is None:
-            raise ConfigError(
-                "--train-split-mode filename needs a list of photos: add --train-split-file FILE, "
-                "a text file with one photo per line."
-            )
-        return views_by_file(names, config.data / config.train_split_file)
+        return picked
+
+
+def kind_of(name: str) -> Kind:
+    """What a photo shows, from its file name; upper and lower case are the same."""
+    stem = Path(name).stem.lower()
+    if "extra" in stem:
+        return "extra"
+    return "clean" if "clean" in stem and "clutter" not in stem else "clutter"
+
+
+def viewpoint_of(name: str) -> str:
+    """What twins share: what follows the word in the file name, else what precedes it."""
+    stem = Path(name).stem.lower()
+    match = re.search(r"clean|clutter|extra", stem)
+    if match is None:
+        return stem
+    before, after = (part.strip("_-. ") for part in (stem[: match.start()], stem[match.end() :]))
+    return after or before
+
+
+def views_by_ratio(names: Sequence[str], ratio: float, seed: int) -> list[int]:
+    """Training photos, each viewpoint once: the fraction `ratio` cluttered, the rest clean.
+
+    Of the viewpoints that have both twins, round(ratio * n) are taken cluttered and the others
+    clean. Of those that have one photo only, round(ratio * n) of the cluttered and
+    round((1 - ratio) * n) of the clean ones are taken. The order in which viewpoints turn cluttered
+    depends on `seed` alone: a larger ratio keeps those of a smaller one.
+
+    Raises:
+        ConfigError: `ratio` lies outside [0, 1].
+    """
+    if not 0.0 <= ratio <= 1.0:
+        raise ConfigError(
+            f"--train-split-clean-clutter-ratio is {ratio}; it must lie between 0 (only clean) and "
+            "1 (only clutter)."
+        )
+    clean, clutter = _by_viewpoint(names, "clean"), _by_viewpoint(names, "clutter")
+    twins = shuffled(clean.keys() & clutter.keys(), seed)
+    num_cluttered = round(ratio * len(twins))
+    picked = [clutter[key] for key in twins[:num_cluttered]]
+    picked += [clean[key] for key in twins[num_cluttered:]]
+    for one_sort, share in ((clutter, ratio), (clean, 1.0 - ratio)):
+        singles = shuffled(one_sort.keys() - set(twins), seed)
+        picked += [one_sort[key] for key in singles[: round(share * len(singles))]]
+    return sorted(i for group in picked for i in group)
+
+
+def describe(names: Sequence[str]) -> str:
+    """`40 clean, 40 clutter, 10 extra`: what the file names say."""
+    kinds = [kind_of(name) for name in names]
+    return ", ".join(f"{kinds.count(kind)} {kind}" for kind in ("clean", "clutter", "extra"))
+
+
+def _by_viewpoint(names: Sequence[str], kind: Kind) -> dict[str, list[int]]:
+    groups: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        if kind_of(name) == kind:
+            groups.setdefault(viewpoint_of(name), []).append(i)
+    return groups
 
 
 robustnerf_dataparser = DataParserSpecification(

@@ -11,14 +11,10 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import Nerfstudio
 from torch import Tensor
 
 from desplat_ns.console import announce_once
-from desplat_ns.data.checks import (
-    check_cameras,
-    check_files,
-    how_to_get_poses,
-    without_infinite_points,
-)
-from desplat_ns.data.colmap_model import find_models, read_reconstruction
-from desplat_ns.data.poses import points_metadata
+from desplat_ns.data.checks import check_files, how_to_get_poses
+from desplat_ns.data.colmap_model import find_models
+from desplat_ns.data.poses import check_cameras, points_metadata, without_infinite_points
+from desplat_ns.data.reconstruction import read_reconstruction
 from desplat_ns.errors import CaptureError
 
 _UPSTREAM_ERRORS = (

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import lzma
+import shutil
+import tarfile
+import zipfile
+import zlib
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 from desplat_ns.console import announce, progress_with_time_left
 from desplat_ns.errors import CaptureError
-from desplat_ns.fetch.archives import unpack
 from desplat_ns.fetch.download import download
 from desplat_ns.fetch.sources import File, Source
 from desplat_ns.files.whole import only_process_in
+
+DAMAGE = (
+    *(tarfile.TarError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError),
+    *(RuntimeError, NotImplementedError),  # a password, or a way to pack that is not known
+)
+"""What unpacking an archive may raise."""
 
 
 def fetch(source: Source, folder: Path, keep_archive: bool = False) -> list[Path]:
@@ -57,13 +68,49 @@ def _fetch_file(file: File, home: Path, keep_archive: bool) -> None:
     if not target.exists():
         announce(f"Fetching {file.address}")
         with progress_with_time_left(f"{target.name}, MB") as bar:
-            download(
-                *(file.address, target),
-                lambda done, total: bar(done // 10**6, max(done, total) // 10**6),
-            )
+
+            def show(done: int, total: int) -> None:
+                bar(done // 10**6, max(done, total) // 10**6)
+
+            download(file.address, target, show)
     if file.is_archive:
         announce(f"Unpacking {target}, {target.stat().st_size / 1e9:.2f} GB")
         unpack(target, home)
         mark.touch()
         if not keep_archive:
             target.unlink()
+
+
+def unpack(archive: Path, folder: Path) -> None:
+    """Unpack a `.zip`, or a `.tar` of any compression, into a folder, beside what is in it: nothing
+    goes elsewhere, and nothing is seen before all of it is there.
+
+    Where all of it lies in one folder of this folder's name, that level is left out.
+
+    Raises:
+        CaptureError: it is damaged, it would write elsewhere, the disk is full, or something of it
+            is there already.
+    """
+    unpacked = folder / f".{archive.name}.unpacking"
+    shutil.rmtree(unpacked, ignore_errors=True)
+    # Python's zip archives leave out names that lead elsewhere; its tar archives have a filter.
+    safely: dict[str, Any] = {} if archive.suffix == ".zip" else {"filter": "data"}
+    try:
+        shutil.unpack_archive(archive, unpacked, **safely)
+        shutil.rmtree(unpacked / "__MACOSX", ignore_errors=True)
+        inner = unpacked / folder.name
+        source = inner if [*unpacked.iterdir()] == [inner] and inner.is_dir() else unpacked
+        for entry in source.iterdir():
+            if (folder / entry.name).exists():
+                raise CaptureError(
+                    f"'{folder / entry.name}' is there already. Move it away to have it unpacked "
+                    "anew."
+                )
+        for entry in [*source.iterdir()]:
+            entry.rename(folder / entry.name)
+    except DAMAGE as error:
+        raise CaptureError(
+            f"'{archive}' could not be unpacked ({error}). Remove it and fetch it again."
+        ) from error
+    finally:
+        shutil.rmtree(unpacked, ignore_errors=True)

@@ -13,8 +13,14 @@ from desplat_ns.console import list_names
 from desplat_ns.data.checks import how_to_get_poses
 from desplat_ns.data.photo_files import photos_near
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.layouts.blender import TRAIN_FILE, what_to_do
-from desplat_ns.layouts.table import LAYOUTS, Evidence, Layout
+from desplat_ns.layouts.table import (
+    BLENDER_FILES,
+    LAYOUTS,
+    Evidence,
+    Layout,
+    blender_misfit,
+    option_of,
+)
 
 SPLIT_OPTIONS = ("eval_mode", "train_split_fraction", "eval_interval")
 """Options without a meaning where the layout itself says which photos are held out."""
@@ -49,16 +55,14 @@ class Recognition:
     def line(self) -> str:
         """What was found, what reads it, and what to type for another reading."""
         layout = self.match.layout
-        line = (
+        return (
             f"Capture {self.data} has the layout of {layout.name}: {self.match.evidence.summary}. "
             f"It is read by {layout.parser}."
+        ) + "".join(
+            f" Also found: {other.evidence.summary}; to read that instead, end the command "
+            f"with `{' '.join(other.words)}`."
+            for other in self.others
         )
-        for other in self.others:
-            line += (
-                f" Also found: {other.evidence.summary}; to read that instead, end the command "
-                f"with `{' '.join(other.words)}`."
-            )
-        return line
 
     def config(self, options: Mapping[str, Any]) -> DataParserConfig:
         """The configuration of the dataparser that reads the capture.
@@ -96,18 +100,9 @@ def recognise(data: Path) -> Recognition:
     matches = _matches(data)
     if not matches:
         raise CaptureError(_nothing_found(data))
-    taken = matches[0]
-    others = {
-        match.layout.parser: match
-        for match in reversed(matches[1:])
-        if match.layout.parser not in (taken.layout.parser, *taken.evidence.covers)
-    }
-    return Recognition(data, taken, tuple(reversed(others.values())))
-
-
-def option_of(name: str) -> str:
-    """How a field is called on the command line: `--eval-mode` for eval_mode."""
-    return f"--{name.replace('_', '-')}"
+    taken, *others = matches
+    known = taken.evidence.covers
+    return Recognition(data, taken, tuple(m for m in others if m.layout.parser not in known))
 
 
 def _matches(data: Path) -> list[Match]:
@@ -119,8 +114,15 @@ def _nothing_found(data: Path) -> str:
     entries = sorted(path.name for path in data.iterdir())
     if not entries:
         return f"The folder {data} is empty. Check the path after --data."
-    if TRAIN_FILE in entries:
-        return what_to_do(data)
+    if BLENDER_FILES[0] in entries:
+        path = data / BLENDER_FILES[0]
+        return (
+            f"{path} cannot be read by nerfstudio's blender-data: {blender_misfit(data)}. Where it "
+            f"has nerfstudio's fields (fl_x, fl_y, cx, cy, w, h), name the file itself: --data "
+            f"{path}; nerfstudio-data reads it then and holds out one in ten of its photos. To "
+            "keep the splits, put all frames into one transforms.json with the lists "
+            "train_filenames, val_filenames and test_filenames."
+        )
     inside = [name for name in entries if (data / name).is_dir() and _matches(data / name)]
     if inside:
         return (

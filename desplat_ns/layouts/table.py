@@ -5,6 +5,7 @@ To add one, write what finds it and enter it in `LAYOUTS`, before those that are
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
+from nerfstudio.data.dataparsers.blender_dataparser import BlenderDataParserConfig
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
@@ -23,11 +25,9 @@ from desplat_ns.data.on_the_go import (
     read_split,
 )
 from desplat_ns.data.photo_files import downscale_factors, photo_names
-from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.data.robustnerf_names import describe
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig, describe
 from desplat_ns.data.transforms_json import PromptFreeNerfstudio
-from desplat_ns.errors import CaptureError
-from desplat_ns.layouts.blender import FILES, TRAIN_FILE, blender_config, misfit
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.photo_tourism.dataparser import (
     ROOTS,
     PhotoTourismDataParserConfig,
@@ -35,12 +35,12 @@ from desplat_ns.photo_tourism.dataparser import (
 )
 from desplat_ns.photo_tourism.split_file import split_files
 
-MODEL = Path("sparse")
-"""Stands for all usual places of a COLMAP model, see `colmap_model.find_models`."""
-
-
 IMAGES = DeSplatColmapDataParserConfig().images_path
 """Folder of the photos; beside it, `images_N` has copies at 1/N of their size."""
+
+BLENDER_FILES = tuple(f"transforms_{split}.json" for split in ("train", "val", "test"))
+"""What nerfstudio's blender-data reads: the splits of training, of evaluation while it goes on, and
+of ns-eval."""
 
 
 @dataclass(frozen=True)
@@ -73,10 +73,15 @@ class Layout:
     """What says which photos are held out, if not --eval-mode and the options beside it."""
 
 
-def find_on_the_go(data: Path) -> Evidence | None:
+def option_of(name: str) -> str:
+    """How a field is called on the command line: `--eval-mode` for eval_mode."""
+    return f"--{name.replace('_', '-')}"
+
+
+def _on_the_go(data: Path) -> Evidence | None:
     """split.json with the lists of NeRF On-the-go, and poses."""
-    posed_by = _posed_by(data)
-    if not posed_by:
+    model, has_transforms = _model_of(data), (data / TRANSFORMS_FILE).is_file()
+    if not (model or has_transforms):
         return None
     try:
         lists = read_split(data / SPLIT_FILE)
@@ -84,32 +89,27 @@ def find_on_the_go(data: Path) -> Evidence | None:
         return None
     counts = ", ".join(f"{len(positions)} {name}" for name, positions in lists.items())
     return Evidence(
-        f"{SPLIT_FILE} ({counts}) with {posed_by}",
+        f"{SPLIT_FILE} ({counts}) with {model or TRANSFORMS_FILE}",
         _photos(data)[1],
         covers=("robustnerf-data", "nerfstudio-data", "colmap"),
     )
 
 
-def find_robustnerf(data: Path) -> Evidence | None:
+def _robustnerf(data: Path) -> Evidence | None:
     """`extra` and `clutter` or `clean` in the names of photos, over a COLMAP model."""
     model = _model_of(data)
-    if not model:
-        return None
     images, options = _photos(data)
-    names = photo_names(images)
+    names = photo_names(images) if model else []
     stems = [Path(name).stem.lower() for name in names]
     if not any("extra" in stem for stem in stems):
         return None
     if not any("clutter" in stem or "clean" in stem for stem in stems):
         return None
-    return Evidence(
-        f"photos named by what they show ({describe(names)}) and COLMAP's model in {model}",
-        options,
-        covers=("colmap",),
-    )
+    summary = f"photos named by what they show ({describe(names)}) and {model}"
+    return Evidence(summary, options, covers=("colmap",))
 
 
-def find_photo_tourism(data: Path) -> Evidence | None:
+def _photo_tourism(data: Path) -> Evidence | None:
     """dense/ with photos and a COLMAP model, or a NeRF-W split file beside them."""
     split, _ = split_files(split_folders(data))
     held_out = (
@@ -120,30 +120,65 @@ def find_photo_tourism(data: Path) -> Evidence | None:
         return Evidence(f"{dense}/images and {dense}/sparse ({held_out})")
     model = _model_of(data)
     if model and (split or data.resolve().name == dense.name):
-        return Evidence(f"COLMAP's model in {model} ({held_out})", covers=("colmap",))
+        return Evidence(f"{model} ({held_out})", covers=("colmap",))
     return None
 
 
-def find_transforms(data: Path) -> Evidence | None:
+def _transforms(data: Path) -> Evidence | None:
     """A transforms.json, or such a file named itself."""
     path = data if data.suffix == ".json" else data / TRANSFORMS_FILE
     return Evidence(path.name, {"load_3D_points": True}) if path.is_file() else None
 
 
-def find_blender(data: Path) -> Evidence | None:
+def _blender(data: Path) -> Evidence | None:
     """transforms_train.json with its siblings, as blender-data reads them."""
-    if not (data / TRAIN_FILE).is_file() or misfit(data):
+    if not (data / BLENDER_FILES[0]).is_file() or blender_misfit(data):
         return None
-    return Evidence(", ".join(FILES))
+    return Evidence(", ".join(BLENDER_FILES))
 
 
-def find_colmap(data: Path) -> Evidence | None:
+def blender_misfit(data: Path) -> str:
+    """Why blender-data cannot read a folder that has transforms_train.json; empty if it can.
+
+    It takes one `camera_angle_x` for all photos, and adds .png to every `file_path`.
+    """
+    for name in BLENDER_FILES:
+        if not (data / name).is_file():
+            return f"{name} missing"
+        try:
+            document: Any = json.loads((data / name).read_text("utf8"))
+            angle, photo = document["camera_angle_x"], f"{document['frames'][0]['file_path']}.png"
+        except (OSError, ValueError, LookupError, TypeError) as error:
+            return f"{name} cannot be read ({type(error).__name__}: {error})"
+        if not isinstance(angle, (int, float)) or not (data / photo).is_file():
+            return f"{name} has the camera_angle_x {angle}, and names a photo {photo}"
+    return ""
+
+
+def _blender_config(data: Path, **options: Any) -> BlenderDataParserConfig:
+    """blender-data's configuration.
+
+    Raises:
+        ConfigError: options that it does not have.
+    """
+    useless = [name for name in options if name != "scale_factor"]
+    if useless:
+        given = " ".join(f"{option_of(name)} {options[name]}" for name in useless)
+        raise ConfigError(
+            f"{given} has no use here: {data} is read by nerfstudio's blender-data, which has "
+            "--scale-factor alone of these options. Leave it out, or see `blender-data --help` at "
+            "the end of the command."
+        )
+    return BlenderDataParserConfig(data=data, **options)
+
+
+def _colmap(data: Path) -> Evidence | None:
     """A COLMAP model in a usual place; photos, or smaller copies as Mip-NeRF 360 has them."""
     model = _model_of(data)
     if not model:
         return None
     copies = "".join(f", {IMAGES}_{factor}" for factor in downscale_factors(data / IMAGES))
-    return Evidence(f"COLMAP's model in {model}{copies}", _photos(data)[1])
+    return Evidence(f"{model}{copies}", _photos(data)[1])
 
 
 LAYOUTS = (
@@ -152,7 +187,7 @@ LAYOUTS = (
         "split.json with transforms.json or a COLMAP model",
         "on-the-go-data",
         OnTheGoDataParserConfig,
-        find_on_the_go,
+        _on_the_go,
         "split.json",
     ),
     Layout(
@@ -160,7 +195,7 @@ LAYOUTS = (
         "images/ with clean or clutter, and extra, in the file names, and a COLMAP model",
         "robustnerf-data",
         RobustNerfDataParserConfig,
-        find_robustnerf,
+        _robustnerf,
         "the photos' file names",
     ),
     Layout(
@@ -168,7 +203,7 @@ LAYOUTS = (
         "dense/images and dense/sparse",
         "photo-tourism-data",
         PhotoTourismDataParserConfig,
-        find_photo_tourism,
+        _photo_tourism,
         "the split file, or without one a draw,",
     ),
     Layout(
@@ -176,14 +211,14 @@ LAYOUTS = (
         "transforms.json",
         "nerfstudio-data",
         partial(NerfstudioDataParserConfig, _target=PromptFreeNerfstudio),
-        find_transforms,
+        _transforms,
     ),
     Layout(
         "Blender (NeRF synthetic)",
         "transforms_train.json, transforms_val.json and transforms_test.json",
         "blender-data",
-        blender_config,
-        find_blender,
+        _blender_config,
+        _blender,
         "transforms_train.json with those beside it",
     ),
     Layout(
@@ -192,19 +227,19 @@ LAYOUTS = (
         ".bin or .txt) in sparse/0, sparse or colmap/sparse/0",
         "colmap",
         DeSplatColmapDataParserConfig,
-        find_colmap,
+        _colmap,
     ),
 )
 """The most specific ones first: the first that is found is taken."""
 
 
 def _model_of(data: Path) -> str:
-    """Folder of the COLMAP model, relative to the data; empty if there is none."""
-    models = find_models(data, MODEL)
+    """COLMAP's model in a usual place, as part of a sentence; empty if there is none."""
+    models = find_models(data, Path("sparse"))
     if not models:
         return ""
     folder = models[0] if len(models) == 1 else models[0].parent  # of several, the parser takes one
-    return folder.relative_to(data).as_posix()
+    return f"COLMAP's model in {folder.relative_to(data).as_posix()}"
 
 
 def _photos(data: Path) -> tuple[Path, dict[str, Any]]:
@@ -215,10 +250,3 @@ def _photos(data: Path) -> tuple[Path, dict[str, Any]]:
     if images.is_dir() or not factors:
         return images, {}
     return data / f"{IMAGES}_{factors[0]}", {"downscale_factor": factors[0]}
-
-
-def _posed_by(data: Path) -> str:
-    model = _model_of(data)
-    if model:
-        return f"COLMAP's model in {model}"
-    return TRANSFORMS_FILE if (data / TRANSFORMS_FILE).is_file() else ""

@@ -13,8 +13,9 @@ from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 from desplat_ns.console import announce_once
 from desplat_ns.data.checks import check_files
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
-from desplat_ns.data.colmap_model import Frame, find_models
+from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
+from desplat_ns.data.reconstruction import Frame
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.photo_tourism.split_file import (
     PhotoSplit,

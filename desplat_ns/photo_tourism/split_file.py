@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from desplat_ns.console import list_names
-from desplat_ns.data.robustnerf_names import find_photos, shuffled
+from desplat_ns.data.checks import find_photos, shuffled
 from desplat_ns.errors import CaptureError, ConfigError
 
 COLUMNS = ("filename", "id", "split")

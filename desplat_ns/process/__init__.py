@@ -1,10 +1,10 @@
 """Photos or a video to a capture with poses, for `desplat-process`, by pycolmap.
 
-`sources` lists the photos and `workspace` keeps the record of what is done: a second call goes
-on. `video`, `photos`, `preparation` and `cameras` prepare; `jobs` runs one stage in a process of
-its own, where `features`, `matches` (of the `pairs` chosen), `mapping` and `undistortion` are all
-that speaks to pycolmap. `recipes` has the numbers of the cheap and of the thorough way; `attempts`
-goes them and says why photos were left out. `process.process` is the one function.
+`request` has the options and finds the photos. `process.process` is the one function: it goes on
+with what is in the work folder, and says what came out. `video` and `photos` give copies, masks
+and groups of photos of one camera. `worker` runs the rest in a process of its own, which is all
+that speaks to pycolmap: `reconstruction` (features, matches of the `pairs` chosen, poses) and
+`undistortion`.
 
 May import `data`, `files`, `console`, `cores` and `errors`.
 """

@@ -8,7 +8,7 @@ Letters in shapes: N photos, F features, D numbers of a descriptor, W words.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from itertools import combinations
 
 import cv2
@@ -55,28 +55,35 @@ def similar_pairs(likeness: Float32[np.ndarray, "N N"], neighbours: int) -> list
 
 
 def similarities(
-    descriptors: Sequence[Float32[np.ndarray, "_ D"]],
+    count: int, descriptors: Callable[[int], Float32[np.ndarray, "_ D"]]
 ) -> Float32[np.ndarray, "N N"]:
-    """Cosines between photos, in [-1, 1]; 0 for photos without features. Asks for the descriptors
-    of each photo twice, one after another: they need not be in memory together."""
-    words = _learn_words(descriptors)
-    vectors = np.stack([_vlad(photo, words) for photo in descriptors])
+    """Cosines between photos, in [-1, 1]; 0 for photos without features.
+
+    Args:
+        count: of the photos.
+        descriptors: gives those of a photo. It is asked twice for each, one after another: those
+            of 2,000 photos are 8 GB, and need not be in memory together.
+    """
+    rng = np.random.default_rng(0)
+    each = max(1, SAMPLES // max(1, count))
+
+    def some(photo: Float32[np.ndarray, "F D"]) -> Float32[np.ndarray, "_ D"]:
+        return photo[rng.permutation(len(photo))[:each]]
+
+    words = _words(np.concatenate([some(descriptors(i)) for i in range(count)], dtype=np.float32))
+    vectors = np.stack([_vlad(descriptors(i), words) for i in range(count)])
     return vectors @ vectors.T
 
 
-def _learn_words(descriptors: Sequence[np.ndarray]) -> np.ndarray:
-    rng = np.random.default_rng(0)
-    each = max(1, SAMPLES // max(1, len(descriptors)))
-    samples = np.concatenate(
-        [photo[rng.permutation(len(photo))[:each]] for photo in descriptors], dtype=np.float32
-    )
+def _words(samples: Float32[np.ndarray, "F D"]) -> Float32[np.ndarray, "W D"]:
+    """Centres of the samples' clusters."""
+    if len(samples) == 0:
+        return np.zeros((1, samples.shape[1]), np.float32)
     cv2.setRNGSeed(0)
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 1e-4)
-    words = min(WORDS, max(1, len(samples)))
-    if len(samples) == 0:
-        return np.zeros((1, descriptors[0].shape[1]), np.float32)
     labels = np.empty((0,), np.int32)
-    return cv2.kmeans(samples, words, labels, criteria, 1, cv2.KMEANS_PP_CENTERS)[2]
+    count = min(WORDS, len(samples))
+    return cv2.kmeans(samples, count, labels, criteria, 1, cv2.KMEANS_PP_CENTERS)[2]
 
 
 def _vlad(

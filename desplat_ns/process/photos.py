@@ -1,4 +1,5 @@
-"""Photos as they are processed: upright, 8 bit, of a sensible size, each looked at once.
+"""Photos as they are processed: upright, 8 bit, of a sensible size; their masks; and which of them
+share a camera.
 
 Letters in shapes: H x W pixels.
 """
@@ -11,20 +12,35 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePosixPath
+from statistics import median
 
 import cv2
 import numpy as np
 import PIL.Image
-from jaxtyping import UInt8
+from jaxtyping import Bool, UInt8
 
-from desplat_ns.data.exif import Lens, lens_of
-from desplat_ns.data.images import read_image, resize_image
+from desplat_ns.console import list_names
+from desplat_ns.data.images import (
+    lens_of,
+    read_image,
+    read_mask,
+    resize_image,
+    resize_mask,
+    write_image,
+)
+from desplat_ns.data.photo_files import photo_names
 from desplat_ns.errors import CaptureError
+from desplat_ns.process.request import CameraModel, Cameras
 
 JPEG_QUALITY = 95
 """Of what is written: photos are written twice, so each time must cost nothing to be seen."""
 SHARPNESS_SIDE = 800
 """Pixels of the longer side at which sharpness is measured, so that photos of all sizes compare."""
+FILM_DIAGONAL = 43.2666
+"""Millimetres across 35 mm film, which EXIF's focal length is for."""
+TERMS = ((10, "RADIAL"), (3, "SIMPLE_RADIAL"), (1, "SIMPLE_PINHOLE"))
+"""From so many photos of one camera on: two, one or no term of radial distortion. A term of a
+single photo takes up whatever does not fit, up to values that no lens has."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +68,19 @@ class Photo:
     """Why it cannot be used; empty where it can."""
 
 
+@dataclass(frozen=True)
+class Camera:
+    """A camera and the copies of photos that it took, all of one size."""
+
+    model: str
+    """COLMAP's name."""
+    width: int
+    height: int
+    focal: float
+    """Pixels, by EXIF; 0 where it does not say."""
+    copies: tuple[str, ...]
+
+
 def numbered(sources: Sequence[str]) -> list[Photo]:
     """A photo for each source; no two share a name: `a.png` beside `a.jpg` is `a_png.jpg`."""
     photos: list[Photo] = []
@@ -72,7 +101,7 @@ def prepare_photos(
     copies: Path,
     longest_side: int,
     threads: int,
-    done: Callable[[int], None],
+    progress: Callable[[int, int], None],
 ) -> list[Photo]:
     """Copy all photos to `copies`, and say of each what was seen.
 
@@ -81,7 +110,7 @@ def prepare_photos(
     Args:
         folder: of the sources.
         longest_side: in pixels; larger photos are reduced by area.
-        done: called with the number of photos that are done.
+        progress: called with the number of photos that are done and that of all.
 
     Raises:
         OSError: a copy cannot be written.
@@ -91,19 +120,21 @@ def prepare_photos(
     known = {photo.source: photo for photo in _read_seen(journal)}
 
     def prepared(photo: Photo) -> Photo:
-        if photo.source not in known:
-            return _prepare(folder, photo, copies, longest_side)
-        return known[photo.source]
+        return known.get(photo.source) or _prepare(folder, photo, copies, longest_side)
 
+    first: dict[str, str] = {}
     photos = []
     with ThreadPoolExecutor(threads) as pool, journal.open("a", encoding="utf8") as file:
         for photo in pool.map(prepared, numbered(sources)):
             if photo.source not in known:
                 file.write("\n" + json.dumps(asdict(photo)))  # a line that was cut off ends here
                 file.flush()
+            twin = first.setdefault(photo.digest, photo.source) if photo.digest else photo.source
+            if twin != photo.source:
+                photo = replace(photo, problem=f"the same picture as {twin}")
             photos.append(photo)
-            done(len(photos))
-    return _without_twins(photos)
+            progress(len(photos), len(sources))
+    return photos
 
 
 def _read_seen(path: Path) -> Iterable[Photo]:
@@ -118,15 +149,16 @@ def _prepare(folder: Path, photo: Photo, copies: Path, longest_side: int) -> Pho
     path = folder / photo.source
     try:
         pixels = np.ascontiguousarray(read_image(path)[..., :3])
-        lens = lens_of(path)
     except CaptureError as error:
-        return replace(photo, problem=_reason(error))
+        # Without the path, which is said beside it, and without advice.
+        _, _, reason = str(error).partition(" cannot be read: ")
+        reason = f"cannot be read: {reason.partition('. Copy it')[0]}" if reason else str(error)
+        return replace(photo, problem=reason)
     scale = min(1.0, longest_side / max(pixels.shape[:2]))
-    if scale < 1:
-        height, width = (max(1, round(side * scale)) for side in pixels.shape[:2])
-        pixels = resize_image(pixels, width, height)
+    height, width = (max(1, round(side * scale)) for side in pixels.shape[:2])
+    pixels = resize_image(pixels, width, height)
     write_jpeg(copies / photo.copy, pixels)
-    height, width = pixels.shape[:2]
+    lens = lens_of(path)
     return replace(
         photo,
         width=width,
@@ -134,19 +166,8 @@ def _prepare(folder: Path, photo: Photo, copies: Path, longest_side: int) -> Pho
         sharpness=round(sharpness(pixels), 2),
         digest=hashlib.sha1(pixels.tobytes()).hexdigest(),
         camera=lens.name,
-        focal=round(_focal_in_pixels(lens, width, height), 2),
+        focal=round(lens.focal_35mm / FILM_DIAGONAL * float(np.hypot(width, height)), 2),
     )
-
-
-def _reason(error: CaptureError) -> str:
-    """`cannot be read: ...` without the path, which is said beside it."""
-    _, _, reason = str(error).partition(" cannot be read: ")
-    return f"cannot be read: {reason.partition('. Copy it')[0]}" if reason else str(error)
-
-
-def _focal_in_pixels(lens: Lens, width: int, height: int) -> float:
-    """From the focal length on 35 mm film, whose diagonal is 43.27 mm; 0 where it is not known."""
-    return lens.focal_35mm / 43.2666 * float(np.hypot(width, height))
 
 
 def sharpness(pixels: UInt8[np.ndarray, "H W 3"]) -> float:
@@ -169,12 +190,92 @@ def write_jpeg(path: Path, pixels: UInt8[np.ndarray, "H W 3"]) -> None:
     part.replace(path)
 
 
-def _without_twins(photos: Sequence[Photo]) -> list[Photo]:
-    """The photos, those with the same pixels as an earlier one marked as not to be used."""
-    first: dict[str, str] = {}
-    kept = []
+def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
+    """Write `copies`/COPY.png for each photo that has a mask: black where no feature may be, as on
+    a watermark, a dashboard or a selfie stick.
+
+    Args:
+        mask: a picture for all photos, or a folder with one for each, named as the photo, with any
+            ending (`a.png` or `a.jpg.png` for `a.jpg`).
+
+    Returns:
+        How many photos have one.
+
+    Raises:
+        CaptureError: none has one, or one has another shape than its photo, or cannot be read.
+    """
+    there = {} if mask.is_file() else {_stem(name): mask / name for name in photo_names(mask)}
+    paths = {
+        photo: mask
+        if mask.is_file()
+        else there.get(photo.source.lower()) or there.get(_stem(photo.source))
+        for photo in photos
+    }
+    if not any(paths.values()):
+        raise CaptureError(
+            f"No mask in {mask} belongs to a photo (it has {list_names(there, 5)}). "
+            f"Needed are files named as the photos: {Path(photos[0].source).stem}.png for "
+            f"{photos[0].source}; or name one picture that is the mask of all."
+        )
+    copies.mkdir(parents=True, exist_ok=True)
+    for photo, path in paths.items():
+        if path is not None:
+            write_image(copies / f"{photo.copy}.png", _of_size(read_mask(path), photo, path))
+    return sum(path is not None for path in paths.values())
+
+
+def _stem(name: str) -> str:
+    return str(PurePosixPath(name).with_suffix("")).lower()
+
+
+def _of_size(mask: Bool[np.ndarray, "H W"], photo: Photo, path: Path) -> Bool[np.ndarray, "h w"]:
+    height, width = mask.shape
+    if abs(width / height - photo.width / photo.height) > 0.02 * width / height:
+        raise CaptureError(
+            f"Mask {path} has {width}x{height} pixels, {photo.source} is of another shape "
+            f"({photo.width}x{photo.height} as used). Make it of the photo's size."
+        )
+    if width < photo.width:
+        size = photo.width, photo.height
+        return cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    return resize_mask(mask, photo.width, photo.height)
+
+
+def group_by_camera(photos: Sequence[Photo], cameras: Cameras, model: CameraModel) -> list[Camera]:
+    """The cameras of photos: focal length and distortion are found for all photos of one together.
+
+    Photos share one if they have the same size, folder, make, model, lens and focal length. Where
+    EXIF does not say, they share one by size, unless sizes are as mixed as those of photos of
+    many people.
+
+    Args:
+        cameras: "one", "folder" and "photo" ask for fewer or more; photos of different sizes never
+            share one.
+    """
+    without = [photo for photo in photos if not photo.camera]
+    sizes = {(photo.width, photo.height) for photo in without}
+    many_people = len(sizes) > max(2, len(without) / 3)
+    groups: dict[tuple, list[Photo]] = {}
     for photo in photos:
-        twin = first.setdefault(photo.digest, photo.source) if photo.digest else photo.source
-        same = f"the same picture as {twin}" if twin != photo.source else photo.problem
-        kept.append(replace(photo, problem=same))
-    return kept
+        folder = str(PurePosixPath(photo.source).parent)
+        key: tuple = (photo.width, photo.height)
+        if cameras == "photo" or (cameras == "auto" and many_people and not photo.camera):
+            key += (photo.copy,)
+        elif cameras == "auto":
+            key += (folder, photo.camera, photo.focal)  # digital zoom changes the last alone
+        elif cameras == "folder":
+            key += (folder,)
+        groups.setdefault(key, []).append(photo)
+    return [_camera(group, model) for group in groups.values()]
+
+
+def _camera(photos: Sequence[Photo], model: CameraModel) -> Camera:
+    fitting = next(name for least, name in TERMS if len(photos) >= least)
+    known = [photo.focal for photo in photos if photo.focal]
+    return Camera(
+        model=fitting if model == "auto" else model,
+        width=photos[0].width,
+        height=photos[0].height,
+        focal=median(known) if known else 0.0,
+        copies=tuple(photo.copy for photo in photos),
+    )

@@ -1,30 +1,43 @@
-"""Photos or a video to a capture: the stages in their order, each done once, and the report."""
+"""Photos or a video to a capture: what is missing of it is made, and what came out is said.
+
+    OUTPUT/images         the undistorted photos                 } the capture
+    OUTPUT/sparse/0       cameras, poses and points              }
+    OUTPUT/cameras.png    cameras and points from above
+    OUTPUT/process.json   what was asked for; once the capture is made, the findings
+    OUTPUT/work           copies of photos, COLMAP's databases and models; removed at the end
+
+The work folder shows what is done: copies, features in a database, models.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import json
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from statistics import median
+from time import monotonic
 from typing import Any
 
-from desplat_ns.console import announce, list_names
-from desplat_ns.errors import CaptureError
-from desplat_ns.files.whole import only_process_in
-from desplat_ns.process.attempts import Attempt, Task, best_attempt
-from desplat_ns.process.cameras import group_by_camera
-from desplat_ns.process.jobs import run_job
-from desplat_ns.process.photos import Photo
-from desplat_ns.process.preparation import masks_of, usable_photos
-from desplat_ns.process.recipes import PLAIN, THOROUGH
-from desplat_ns.process.request import Request
-from desplat_ns.process.sources import Sources
-from desplat_ns.process.workspace import Workspace, open_workspace, unwritable
+from desplat_ns.console import announce, list_names, progress_with_time_left
+from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.files.whole import IN_USE, only_process_in, write_whole
+from desplat_ns.process.photos import Photo, group_by_camera, prepare_masks, prepare_photos
+from desplat_ns.process.reconstruction import PLAIN, THOROUGH, Attempt, Recipe, reconstruct
+from desplat_ns.process.request import MIN_PHOTOS, Request, Sources, option_of
+from desplat_ns.process.undistortion import undistort
+from desplat_ns.process.worker import in_worker, unwritable
 
-OF_THE_CAPTURE = ("undistortion", "findings")
-"""Stages whose results are the capture itself, not in the work folder."""
+RECORD = "process.json"
 LISTED = 20
 """Reasons that are told, each with the first photos it holds for; process.json has all."""
+BLURRED = 0.25
+"""Of the median sharpness of the photos that have a pose."""
+FEW_FEATURES = 0.1
+"""Of the median number of features of the photos that have a pose."""
 
 
-def process(request: Request, sources: Sources) -> Workspace:
+def process(request: Request, sources: Sources) -> None:
     """Make the capture, or go on where an earlier call stopped; says what came out.
 
     Raises:
@@ -33,134 +46,271 @@ def process(request: Request, sources: Sources) -> Workspace:
         CaptureError: too few photos can be used, or nothing ties them together.
         DeSplatError: the disk is full, or pycolmap failed. What is done is kept.
     """
-    with only_process_in(request.output):
-        return _process(request, sources)
-
-
-def _process(request: Request, sources: Sources) -> Workspace:
-    folder = open_workspace(request.output, request.lasting(), sources.fingerprint())
-    if "findings" not in folder.stages or _goes_on_thoroughly(folder, request):
+    output = request.output
+    with only_process_in(output):
         try:
-            _make(folder, request, sources)
+            record = open_record(output, request.lasting(), sources.fingerprint())
+            findings = record.get("findings")
+            may_be_thorough = findings is not None and THOROUGH.name not in findings["tried"]
+            if findings is None or (may_be_thorough and request.effort == "thorough"):
+                findings = _make(request, sources, findings)
+                _write_record(output, {**record, "findings": findings})
+            else:
+                thorough = "To try the thorough way on it, type the same with --effort thorough. "
+                announce(
+                    f"{output} is made already. {thorough * may_be_thorough}To make it anew, remove"
+                    f" it first: rm -r '{output}'."
+                )
         except OSError as error:
-            raise unwritable(folder.output, error) from error
-    else:
-        announce(_made_already(folder))
-    for line in report_lines(folder):
-        announce(line)
-    if not request.keep_work:
-        folder.remove_work()
-    return folder
+            raise unwritable(output, error) from error
+        for line in report_lines(output, findings):
+            announce(line)
+        if not request.keep_work:
+            shutil.rmtree(output / "work", ignore_errors=True)
 
 
-def _goes_on_thoroughly(folder: Workspace, request: Request) -> bool:
-    """Whether a capture that is made from plain features is to be made from thorough ones.
+# --- the record ----------------------------------------------------------------------------------
 
-    What is not in the work folder any more is struck from the record; the capture stays.
+
+def open_record(output: Path, asked: Mapping[str, str], files: Mapping[str, int]) -> dict[str, Any]:
+    """The record of a new folder, or of one in which a call with the same photos and options was at
+    work: `asked`, `files` and, where the capture is made, `findings`.
+
+    Args:
+        asked: the options that decide what comes out.
+        files: the sources and their sizes in bytes.
+
+    Raises:
+        ConfigError: something else lies there, or other photos or options were processed there.
+        OSError: nothing can be written there.
     """
-    if request.effort != "thorough" or not _may_be_made_thoroughly(folder):
-        return False
-    copies = [Photo(**photo) for photo in folder.stages.get("photos", {}).get("result", ())]
-    there = (folder.work / "photos" / photo.copy for photo in copies if not photo.problem)
-    whole = bool(copies) and all(path.is_file() for path in there)
-    gone = ["masks"] if whole else [name for name in folder.stages if name not in OF_THE_CAPTURE]
-    folder.forget(gone)
-    announce(
-        f"{folder.output} is made from plain features. Once more, thoroughly; it stays as it is "
-        "until a better one is ready."
-    )
-    return True
+    path = output / RECORD
+    if not path.is_file():
+        entries = sorted(place.name for place in output.iterdir() if place.name != IN_USE)
+        if entries:
+            raise ConfigError(
+                f"{output} holds something else: {list_names(entries, 5)}. Nothing is written "
+                "over: name a new or an empty folder."
+            )
+        record = {"asked": asked, "files": files}
+        _write_record(output, record)
+        return record
+    try:
+        record = json.loads(path.read_text("utf8"))
+        changes = _changes(record["asked"], asked, record["files"], files)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ConfigError(
+            f"{path} cannot be read ({error}). Remove {output} to begin anew, or name another "
+            "folder."
+        ) from error
+    if changes:
+        raise ConfigError(
+            f"{output} was begun with other photos or options: {'; '.join(changes)}. Give the same "
+            f"to go on with it, name another folder, or remove {output} to begin anew."
+        )
+    if "findings" not in record:
+        announce(f"Going on in {output}.")
+    return record
 
 
-def _make(folder: Workspace, request: Request, sources: Sources) -> None:
-    earlier = folder.stages.get("findings", {}).get("result")
-    if folder.stages and not earlier:
-        announce(f"Going on in {folder.output}; done already: {', '.join(folder.stages)}.")
-    photos = usable_photos(folder, request, sources)
-    cameras = group_by_camera(photos, request.cameras, request.camera_model)
-    announce(f"{len(photos)} photos, {len(cameras)} camera{'s' if len(cameras) > 1 else ''}.")
-    pairing = "sequential" if sources.is_video and request.matching == "auto" else request.matching
-    masks = masks_of(folder, request, photos)
-    best = best_attempt(Task(folder, request, photos, cameras, masks, pairing))
+def _changes(
+    was: Mapping[str, str], asked: Mapping[str, str], had: Mapping[str, int], has: Mapping[str, int]
+) -> list[str]:
+    changes = [
+        f"{option_of(name)} was {was.get(name)} and is {value}"
+        for name, value in asked.items()
+        if was.get(name) != value
+    ]
+    for what, names in (
+        ("are new", has.keys() - had.keys()),
+        ("are gone", had.keys() - has.keys()),
+        ("have changed", {name for name in has.keys() & had.keys() if has[name] != had[name]}),
+    ):
+        if names:
+            changes.append(f"{len(names)} files {what} ({list_names(sorted(names), 3)})")
+    return changes
+
+
+def _write_record(output: Path, record: Mapping[str, Any]) -> None:
+    write_whole(output / RECORD, json.dumps(record, indent=1, ensure_ascii=False).encode())
+
+
+# --- the stages ----------------------------------------------------------------------------------
+
+
+def _make(request: Request, sources: Sources, earlier: dict[str, Any] | None) -> dict[str, Any]:
+    """The findings of the capture; `earlier` are those of the one that is there, which stays until
+    a better one is ready."""
+    begin, output = monotonic(), request.output
     if earlier:
-        if (earlier["photos"], earlier["observations"]) >= best.score():
-            announce(f"That poses {best.num_posed} photos, no more: {folder.output} stays.")
-            return
-        folder.forget(OF_THE_CAPTURE)
+        announce(f"{output} is made from plain features. Once more, thoroughly.")
+    photos = _usable_photos(request, sources, earlier is not None)
+    best, tried = _best_attempt(request, sources.is_video, photos)
+    if earlier and (earlier["photos"], earlier["observations"]) >= best.score:
+        announce(f"That poses {best.score[0]} photos, no more: {output} stays.")
+        return {**earlier, "tried": [*earlier["tried"], *tried]}
+    missing = left_out(photos, best)
     if not best.models:
-        raise CaptureError(_no_model(best.left_out))
-    folder.stage("undistortion", lambda: _undistort(folder, request, photos, best))
-    folder.stage("findings", lambda: findings_of(best, len(photos)))
-
-
-def findings_of(best: Attempt, count: int) -> dict[str, Any]:
-    """What the report says of a capture from so many photos.
-
-    Of other models, which COLMAP leaves behind where a try failed, those that have no photo more
-    are not told.
-    """
+        reasons = (f"{list_names(names)}: {reason}" for reason, names in _by_reason(missing))
+        raise CaptureError(
+            f"No three of the {len(photos)} photos could be put together. {list_names(reasons, 5)}."
+            " Needed are photos that overlap by two thirds, from places some steps apart, sharp, "
+            "of something with structure."
+        )
     model, *others = best.models
-    posed = set(model["photos"])
-    others = [other["photos"] for other in others if not posed.issuperset(other["photos"])]
+    names = {photo.copy: photo.name for photo in photos}
+    folder, copies = model.folder, output / "work" / "photos"
+    _run(request, undistort, folder, copies, output, names, request.longest_side)
+    # A first try that failed, whose photos are all in the model that is taken, is no other model.
+    sizes = [len(o.photos) for o in others if not set(model.photos).issuperset(o.photos)]
     return {
-        "photos": best.num_posed,
-        "of": count,
-        "others": [len(photos) for photos in others],
-        "points": model["points"],
-        "observations": model["observations"],
-        "error": model["error"],
+        "photos": len(model.photos),
+        "of": len(photos),
+        "others": sizes,
+        "points": model.points,
+        "observations": model.observations,
+        "error": model.error,
         "recipe": best.recipe.name,
-        "left_out": best.left_out,
+        "tried": tried,
+        "left_out": missing,
+        "seconds": round(monotonic() - begin, 1),
     }
 
 
-def _undistort(folder: Workspace, request: Request, photos: Sequence[Photo], best: Attempt) -> None:
-    run_job(
-        folder,
-        "undistortion",
-        "desplat_ns.process.undistortion.undistort",
-        {
-            "model": folder.work / best.recipe.name / "models" / best.models[0]["folder"],
-            "photos": folder.work / "photos",
-            "output": folder.output,
-            "names": {photo.copy: photo.name for photo in photos},
-            "longest_side": request.longest_side,
-            "threads": request.num_threads,
-        },
+def _run(request: Request, do: Any, *arguments: Any) -> Any:
+    return in_worker(request.output / "work", do, *arguments, request.num_threads)
+
+
+def _usable_photos(request: Request, sources: Sources, is_made: bool) -> list[Photo]:
+    """Copy the photos, or the frames of a video, and say which cannot be used.
+
+    Raises:
+        CaptureError: fewer than `MIN_PHOTOS` are left, or the video's camera stands still.
+        OSError: nothing can be written.
+    """
+    work, folder, names = request.output / "work", sources.folder, list(sources.names)
+    if sources.is_video:
+        from desplat_ns.process.video import take_frames
+
+        folder = work / "frames"
+        with progress_with_time_left("Video") as show:
+            names = take_frames(sources.folder / names[0], folder, request.frames, show)
+    side, threads = request.longest_side, request.num_threads
+    with progress_with_time_left("Photos") as show:
+        photos = prepare_photos(folder, names, work / "photos", side, threads, show)
+    problems = [f"{photo.source} ({photo.problem})" for photo in photos if photo.problem]
+    good = [photo for photo in photos if not photo.problem]
+    if len(good) < MIN_PHOTOS:
+        if not is_made:  # nothing that a second call could use
+            shutil.rmtree(work, ignore_errors=True)
+            (request.output / RECORD).unlink(missing_ok=True)
+        raise CaptureError(
+            f"{len(good)} of {len(photos)} photos can be used; at least {MIN_PHOTOS} are needed. "
+            f"Not used: {list_names(problems, 5)}."
+        )
+    if problems:
+        unused = f"{len(problems)} of {len(photos)} photos are not used"
+        announce(f"{unused}: {list_names(problems)}.", warning=True)
+    return good
+
+
+def _best_attempt(
+    request: Request, is_video: bool, photos: Sequence[Photo]
+) -> tuple[Attempt, list[str]]:
+    """The plain way, the thorough one where it leaves photos out, or what was asked for: whichever
+    poses more photos; and the names of the recipes that were tried."""
+    work, masks = request.output / "work", None
+    cameras = group_by_camera(photos, request.cameras, request.camera_model)
+    announce(f"{len(photos)} photos, {len(cameras)} camera{'s' if len(cameras) > 1 else ''}.")
+    if request.mask is not None:
+        masks = work / "masks"
+        count = prepare_masks(request.mask, photos, masks)
+        if count < len(photos):
+            unmasked = f"{len(photos) - count} of {len(photos)} photos have no mask"
+            announce(f"{unmasked} in {request.mask}.", warning=True)
+    pairing = "sequential" if is_video and request.matching == "auto" else request.matching
+
+    def attempt(recipe: Recipe) -> Attempt:
+        arguments = (work / recipe.name, work / "photos", cameras, masks, pairing, recipe)
+        found = _run(request, reconstruct, *arguments)
+        if found.stationary.is_suspicious:
+            left, top, right, bottom = found.stationary.box
+            announce(
+                f"{found.stationary.share:.0%} of the matches sit at equal pixel positions in both "
+                f"photos, most of them {left:.0%} to {right:.0%} from the left and {top:.0%} to "
+                f"{bottom:.0%} from the top: something stands still in the picture (a watermark, a "
+                "dashboard, a selfie stick), or the camera does. Those matches are left out."
+                + " To keep features off it: --mask PICTURE, black where it is."
+                * (masks is None),
+                warning=True,
+            )
+        return found
+
+    if request.effort == "thorough":
+        return attempt(THOROUGH), [THOROUGH.name]
+    plain = attempt(PLAIN)
+    posed = plain.score[0]
+    if request.effort == "plain" or (posed == len(photos) and not plain.is_thin):
+        return plain, [PLAIN.name]
+    thin = ", which share few points" if plain.is_thin else ""
+    announce(
+        f"{posed} of {len(photos)} photos have a pose{thin}. Once more, thoroughly: more and truer "
+        "features at full size, which takes several times as long (--effort plain leaves that out)."
     )
+    best = max(plain, attempt(THOROUGH), key=lambda one: one.score)
+    return best, [PLAIN.name, THOROUGH.name]
 
 
-def _no_model(missing: Sequence[Mapping[str, str]]) -> str:
-    """The error where no three photos have poses."""
-    reasons = (f"{list_names(sources)}: {reason}" for reason, sources in _by_reason(missing))
-    return (
-        f"No three of the {len(missing)} photos could be put together. {list_names(reasons, 5)}. "
-        "Needed are photos that overlap by two thirds, from places some steps apart, sharp, of "
-        "something with structure."
-    )
+# --- what came out -------------------------------------------------------------------------------
 
 
-def _may_be_made_thoroughly(folder: Workspace) -> bool:
-    """Whether a finished capture is one of plain features and the thorough way was not tried."""
-    recipe = folder.stages["findings"]["result"]["recipe"]
-    return recipe == PLAIN.name and f"mapping ({THOROUGH.name})" not in folder.stages
+def left_out(photos: Sequence[Photo], attempt: Attempt) -> list[dict[str, str]]:
+    """`source` and the probable `reason` of the photos that are not in the first model: as far as
+    features, matches and sharpness tell.
+
+    Args:
+        photos: those that could be read.
+    """
+    posed = set(attempt.models[0].photos) if attempt.models else set()
+    others = [model.photos for model in attempt.models[1:]]
+    names = {photo.copy: photo.source for photo in photos}
+    best = {photo.copy: (0, "") for photo in photos}
+    for a, b, count in attempt.pairs:
+        best[a] = max(best[a], (count, b))
+        best[b] = max(best[b], (count, a))
+    usual = [photo for photo in photos if photo.copy in posed or not posed]
+    usual_sharpness = median(photo.sharpness for photo in usual)
+    usual_features = median(attempt.features[photo.copy] for photo in usual)
+
+    def reason(photo: Photo) -> str:
+        for other in others:
+            if photo.copy in other:
+                return (
+                    f"in another model of {len(other)} photos, which shares too little with the "
+                    "first: another place, or photos between both are missing"
+                )
+        count, partner = best[photo.copy]
+        matches = f"{count} matches with {names.get(partner)}, but no pose that agrees with others"
+        if count == 0:
+            matches = "no matches with any other photo: another place, or seen from too far away"
+        elif count < 2 * attempt.recipe.pose_inliers:
+            matches = f"too few matches ({count} at most, with {names[partner]})"
+        sharp, features = photo.sharpness, attempt.features[photo.copy]
+        if sharp < BLURRED * usual_sharpness:
+            return f"blurred (sharpness {sharp:.0f}, usual {usual_sharpness:.0f}); {matches}"
+        if features < FEW_FEATURES * usual_features:
+            return f"bare ({features} features, usual {usual_features:.0f}); {matches}"
+        return matches
+
+    return [{"source": p.source, "reason": reason(p)} for p in photos if p.copy not in posed]
 
 
-def _made_already(folder: Workspace) -> str:
-    """What to say where nothing is left to do, and what to type to have it done differently."""
-    line = f"{folder.output} is made already."
-    if _may_be_made_thoroughly(folder):
-        line += " To try the thorough way on it, type the same with --effort thorough."
-    return f"{line} To make it anew, remove it first: rm -r '{folder.output}'."
-
-
-def report_lines(folder: Workspace) -> Iterator[str]:
+def report_lines(output: Path, findings: Mapping[str, Any]) -> Iterator[str]:
     """The report of a capture that is made."""
-    findings = folder.stages["findings"]["result"]
     yield (
         f"{findings['photos']} of {findings['of']} photos have a pose, "
         f"{findings['points']} points, mean reprojection error {findings['error']:.2f} pixels "
-        f"({findings['recipe']} features)."
+        f"({findings['recipe']} features, {findings['seconds']:.0f} s)."
     )
     if findings["others"]:
         sizes = " and ".join(str(size) for size in findings["others"])
@@ -168,20 +318,18 @@ def report_lines(folder: Workspace) -> Iterator[str]:
             f"The photos fell into {len(findings['others']) + 1} models that could not be joined; "
             f"the largest is taken, with {findings['photos']} photos (the others have {sizes})."
         )
-    if findings["left_out"]:
-        yield f"Left out, with the probable reason (all are in {folder.output / 'process.json'}):"
     reasons = _by_reason(findings["left_out"])
+    if reasons:
+        yield f"Left out, with the probable reason (all are in {output / RECORD}):"
     yield from (f"  {list_names(sources)}: {reason}" for reason, sources in reasons[:LISTED])
     if rest := reasons[LISTED:]:
         count = sum(len(sources) for _, sources in rest)
         yield f"  and {count} more photos, for {len(rest)} other reasons"
-    times = (f"{name} {stage['seconds']:.0f} s" for name, stage in folder.stages.items())
-    yield f"Time: {', '.join(times)}."
-    yield f"Cameras and points from above: {folder.picture}"
-    yield f"Train with: ns-train desplat --data '{folder.output}'"
+    yield f"Cameras and points from above: {output / 'cameras.png'}"
+    yield f"Train with: ns-train desplat --data '{output}'"
 
 
-def _by_reason(missing: Iterable[Mapping[str, str]]) -> list[tuple[str, list[str]]]:
+def _by_reason(missing: Sequence[Mapping[str, str]]) -> list[tuple[str, list[str]]]:
     """Each reason with the photos that were left out for it."""
     photos: dict[str, list[str]] = {}
     for photo in missing:

@@ -1,25 +1,36 @@
-"""What a call of `desplat-process` asks for. Imports nothing that takes time."""
+"""What a call of `desplat-process` asks for, and which photos or video it names. Imports nothing
+that takes time."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 
 import tyro
 
+from desplat_ns.console import list_names, text_of
 from desplat_ns.cores import cores
-from desplat_ns.errors import ConfigError
+from desplat_ns.data.photo_files import PHOTO_SUFFIXES
+from desplat_ns.errors import CaptureError, ConfigError
 
 Cameras = Literal["auto", "one", "folder", "photo"]
 CameraModel = Literal["auto", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"]
-Matching = Literal["auto", "exhaustive", "sequential", "similar"]
+Pairing = Literal["auto", "exhaustive", "sequential", "similar"]
 Effort = Literal["auto", "plain", "thorough"]
 
 SMALLEST_SIDE = 100
 """Pixels. Smaller photos have hardly any features."""
 MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
+RAW_SUFFIXES = frozenset(
+    (".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".pef", ".raf", ".rw2", ".srw")
+)
+"""Endings of camera raw files; OpenImageIO reads them where it was built with LibRaw."""
+SUFFIXES = PHOTO_SUFFIXES | RAW_SUFFIXES | {".avif", ".jpe", ".jp2", ".ppm", ".pgm", ".tga"}
+VIDEO_SUFFIXES = frozenset(
+    (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".3gp", ".insv")
+)
 
 
 @dataclass(frozen=True)
@@ -40,7 +51,7 @@ class Request:
     size; folder: those of one folder and size; photo: none."""
     camera_model: CameraModel = "auto"
     """COLMAP's name. auto: up to two terms of radial distortion, by the number of photos."""
-    matching: Matching = "auto"
+    matching: Pairing = "auto"
     """Which pairs are compared. auto: all up to 200 photos, above those that look alike; of a video
     neighbours and what looks alike."""
     effort: Effort = "auto"
@@ -61,22 +72,19 @@ class Request:
         Raises:
             ConfigError: lists all that are not.
         """
+        least = {"longest_side": SMALLEST_SIDE, "frames": MIN_PHOTOS, "threads": 0}
         wrong = [
-            f"--{name.replace('_', '-')} is {value}; give {least} or more"
-            for name, value, least in (
-                ("longest_side", self.longest_side, SMALLEST_SIDE),
-                ("frames", self.frames, MIN_PHOTOS),
-                ("threads", self.threads, 0),
-            )
-            if value < least
+            f"{option_of(name)} is {getattr(self, name)}; give {bound} or more."
+            for name, bound in least.items()
+            if getattr(self, name) < bound
         ]
         if self.mask is not None and not self.mask.exists():
             wrong.append(
                 f"--mask is {self.mask}, which does not exist; give a folder with one mask for "
-                "each photo, or one picture for all"
+                "each photo, or one picture for all."
             )
         if wrong:
-            raise ConfigError(". ".join(wrong) + ".")
+            raise ConfigError(" ".join(wrong))
 
     @property
     def num_threads(self) -> int:
@@ -88,3 +96,81 @@ class Request:
         names = ("longest_side", "cameras", "camera_model", "matching", "mask", "frames")
         asked = {"photos": str(self.photos.resolve())}
         return asked | {name: str(getattr(self, name)) for name in names}
+
+
+def option_of(name: str) -> str:
+    """How a field of `Request` is called on the command line."""
+    return f"--{name.replace('_', '-')}"
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What lies at PHOTOS."""
+
+    folder: Path
+    """In which the names are."""
+    names: tuple[str, ...]
+    """Photos as paths below the folder, sorted, or one video."""
+    is_video: bool
+
+    def fingerprint(self) -> dict[str, int]:
+        """Bytes of each file: another number, and it is not the same file any more."""
+        return {name: (self.folder / name).stat().st_size for name in self.names}
+
+
+def find_sources(photos: Path, output: Path) -> Sources:
+    """The photos of a folder and the folders in it, or a video file.
+
+    What lies in `output` is not counted. A raw file beside a photo of the same name is that photo.
+
+    Raises:
+        CaptureError: nothing there, no photo, one or two photos, several videos.
+    """
+    if photos.is_file() and _suffix(photos.name) in VIDEO_SUFFIXES:
+        return Sources(photos.parent, (photos.name,), is_video=True)
+    if not photos.is_dir():
+        raise CaptureError(
+            f"{photos} is neither a folder of photos nor a video "
+            f"({', '.join(sorted(VIDEO_SUFFIXES))}). Check the first path."
+        )
+    out = output.resolve()
+    if photos.resolve().is_relative_to(out):
+        raise CaptureError(
+            f"The photos lie in the folder for the capture, {output}. Nothing is mixed with them: "
+            "name a new folder beside them."
+        )
+    paths = (p for p in photos.rglob("*") if p.is_file() and not p.resolve().is_relative_to(out))
+    files = sorted(path.relative_to(photos).as_posix() for path in paths)
+    files = [name for name in files if not any(part[0] == "." for part in name.split("/"))]
+    names = _without_raw_twins([name for name in files if _suffix(name) in SUFFIXES])
+    if broken := [text for name in names if (text := text_of(name)) != name]:
+        raise CaptureError(
+            f"{len(broken)} names in {photos} are no text in UTF-8 ({list_names(broken, 5)}). "
+            "Rename these files."
+        )
+    if len(names) >= MIN_PHOTOS:
+        return Sources(photos, tuple(names), is_video=False)
+    videos = [name for name in files if _suffix(name) in VIDEO_SUFFIXES]
+    if videos:
+        raise CaptureError(
+            f"{photos} has {len(names)} photos and {len(videos)} videos ({list_names(videos)}). "
+            f"A video is processed by its own name: desplat-process '{photos / videos[0]}' OUTPUT."
+        )
+    raise CaptureError(
+        f"{photos} has {len(names)} photos among its {len(files)} files "
+        f"({list_names(names or files, 5)}). At least {MIN_PHOTOS} are needed, better 20 and more, "
+        f"from many places ({', '.join(sorted(PHOTO_SUFFIXES))}); or the name of a video."
+    )
+
+
+def _suffix(name: str) -> str:
+    return PurePosixPath(name).suffix.lower()
+
+
+def _without_raw_twins(names: list[str]) -> list[str]:
+    photos = {PurePosixPath(n).with_suffix("") for n in names if _suffix(n) not in RAW_SUFFIXES}
+    return [
+        name
+        for name in names
+        if _suffix(name) not in RAW_SUFFIXES or PurePosixPath(name).with_suffix("") not in photos
+    ]

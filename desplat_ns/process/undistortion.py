@@ -1,7 +1,7 @@
 """The capture: photos without distortion, the model that goes with them, and a picture of cameras
 and points from above. Runs in the worker.
 
-Letters in shapes: N cameras, P points.
+Letters in shapes: N cameras.
 """
 
 from __future__ import annotations
@@ -16,12 +16,11 @@ import numpy as np
 import PIL.Image  # noqa: F401
 import pycolmap
 from jaxtyping import Float
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from desplat_ns.console import twice_a_second
-from desplat_ns.process.features import Progress
 from desplat_ns.process.photos import JPEG_QUALITY
+from desplat_ns.process.worker import Progress
 
 MOST_POINTS = 30_000
 """In the picture from above."""
@@ -55,7 +54,7 @@ def undistort(
     total = pycolmap.Reconstruction(model).num_reg_images()
 
     def tell() -> None:  # pycolmap does not say itself how many photos are there
-        progress(sum(1 for _ in (flat / "images").glob("*.jpg")), total)
+        progress("undistortion", sum(1 for _ in (flat / "images").glob("*.jpg")), total)
 
     with twice_a_second(tell):
         pycolmap.undistort_images(
@@ -67,38 +66,23 @@ def undistort(
             num_threads=threads,
         )
     flat_model = pycolmap.Reconstruction(flat / "sparse")
-    copies = [flat_model.image(i).name for i in flat_model.reg_image_ids()]
-    broken = [copy for copy in copies if not _ends_as_jpeg(flat / "images" / copy)]
-    if broken:
-        raise OSError(f"{len(broken)} of {len(copies)} undistorted photos are not whole")
     draw_from_above(flat_model, output / "cameras.png")
-    _hand_over(flat_model, flat, output, names)
-
-
-def _hand_over(
-    model: pycolmap.Reconstruction, flat: Path, output: Path, names: Mapping[str, str]
-) -> None:
-    """Give photos their names, and put both parts in their places; the model last."""
-    named = flat / "named"
-    for image_id in model.reg_image_ids():
-        image = model.image(image_id)
-        target = named / names[image.name]
+    named, written = flat / "named", flat / "0"
+    for image_id in flat_model.reg_image_ids():
+        image = flat_model.image(image_id)
+        copy, target = flat / "images" / image.name, named / names[image.name]
+        if not (copy.is_file() and copy.read_bytes().endswith(b"\xff\xd9")):  # JPEG's end marker
+            raise OSError(f"the undistorted {names[image.name]} is not whole")
         target.parent.mkdir(parents=True, exist_ok=True)
-        (flat / "images" / image.name).rename(target)
+        copy.rename(target)
         image.name = names[image.name]
-    written = flat / "0"
     written.mkdir()
-    model.write(written)
+    flat_model.write(written)
     pycolmap.Reconstruction(written)  # a model that a full disk cut off is noticed here
     for source, target in ((named, output / "images"), (written, output / "sparse" / "0")):
         shutil.rmtree(target, ignore_errors=True)
         target.parent.mkdir(parents=True, exist_ok=True)
         source.rename(target)
-
-
-def _ends_as_jpeg(path: Path) -> bool:
-    """Whether a file is there and has JPEG's end marker, so that it is whole."""
-    return path.is_file() and path.read_bytes()[-2:] == b"\xff\xd9"
 
 
 def draw_from_above(model: pycolmap.Reconstruction, target: Path) -> None:
@@ -111,14 +95,16 @@ def draw_from_above(model: pycolmap.Reconstruction, target: Path) -> None:
     chosen = list(model.points3D.values())[:: max(1, model.num_points3D() // MOST_POINTS)]
     points = np.array([point.xyz for point in chosen]).reshape(-1, 3) @ axes.T
     colors = np.array([point.color for point in chosen]).reshape(-1, 3) / 255
-    low, high = _window(centres, points)
+    most = np.quantile(points, [0.05, 0.95], axis=0) if len(points) else centres[:0]
+    framed = np.concatenate([centres, most])  # all cameras and most points
+    low, high = framed.min(axis=0), framed.max(axis=0)
+    extent = float((high - low).max()) or 1.0
+    low, high = low - BORDER * extent, high + BORDER * extent
+    inside = ((points >= low) & (points <= high)).all(axis=1)
     figure = Figure(figsize=(8, 8), layout="constrained")
     plot = figure.add_subplot()
-    inside = ((points >= low) & (points <= high)).all(axis=1)
     plot.scatter(*points[inside].T, c=colors[inside], s=2, linewidths=0)
-    ends = centres + 0.04 * float((high - low).max()) * forwards
-    lines = np.stack([centres, ends], axis=1)
-    plot.add_collection(LineCollection(list(lines), colors="tab:red", linewidths=1))
+    plot.quiver(*centres.T, *forwards.T, color="tab:red", angles="xy", scale=25, width=0.002)
     plot.scatter(*centres.T, c="tab:red", s=14)
     title = f"{len(images)} cameras and {model.num_points3D()} points from above"
     plot.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=title)
@@ -142,15 +128,3 @@ def ground_axes(
         ahead = np.linalg.svd(up[None])[2][1]
     ahead = ahead / np.linalg.norm(ahead)
     return np.stack([np.cross(ahead, up), ahead])
-
-
-def _window(
-    centres: Float[np.ndarray, "N 2"], points: Float[np.ndarray, "P 2"]
-) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
-    """Lower and upper corner: all cameras and most points, those far behind left out."""
-    low, high = centres.min(axis=0), centres.max(axis=0)
-    if len(points):
-        near = np.quantile(points, [0.05, 0.95], axis=0)
-        low, high = np.minimum(low, near[0]), np.maximum(high, near[1])
-    reach = BORDER * float((high - low).max() or 1.0)
-    return low - reach, high + reach

@@ -7,6 +7,7 @@ nothing. ffmpeg comes with imageio-ffmpeg, an extra. Letters in shapes: H x W pi
 from __future__ import annotations
 
 import importlib.util
+import shutil
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -41,27 +42,32 @@ class Frame:
 def take_frames(
     video: Path, folder: Path, most: int, progress: Callable[[int, int], None]
 ) -> list[str]:
-    """Write the chosen frames to `folder` as PNG; returns their names, in the video's order.
+    """Write the chosen frames to `folder` as PNG, unless it is there already; whole or not at all.
+
+    Returns:
+        Their names, in the video's order.
 
     Raises:
         BackendUnavailableError: imageio-ffmpeg is not installed.
         CaptureError: the video cannot be read, or its camera does not move.
     """
-    if importlib.util.find_spec("imageio_ffmpeg") is None:
-        raise BackendUnavailableError(
-            "A video needs ffmpeg. Type: pip install 'desplat-ns[video]', or take frames out of "
-            "it by another program and name their folder."
-        )
-    frames = list(look_at(video, progress))
-    chosen = choose(frames, most)
-    if len(chosen) < MIN_PHOTOS:
-        moved = frames[-1].distance if frames else 0.0
-        raise CaptureError(
-            f"{video} has {len(frames)} frames, in which the picture moves by {moved:.0%} of its "
-            f"width: too little for {MIN_PHOTOS} photos from different places. Depth is seen from "
-            "different places only: walk around while filming."
-        )
-    return _write(video, folder, [frame.index for frame in chosen])
+    if not folder.is_dir():
+        if importlib.util.find_spec("imageio_ffmpeg") is None:
+            raise BackendUnavailableError(
+                "A video needs ffmpeg. Type: pip install 'desplat-ns[video]', or take frames out "
+                "of it by another program and name their folder."
+            )
+        frames = list(look_at(video, progress))
+        chosen = choose(frames, most)
+        if len(chosen) < MIN_PHOTOS:
+            moved = frames[-1].distance if frames else 0.0
+            raise CaptureError(
+                f"{video} has {len(frames)} frames, in which the picture moves by {moved:.0%} of "
+                f"its width: too little for {MIN_PHOTOS} photos from different places. Depth is "
+                "seen from different places only: walk around while filming."
+            )
+        _write(video, folder, [frame.index for frame in chosen])
+    return sorted(path.name for path in folder.iterdir())
 
 
 def look_at(video: Path, progress: Callable[[int, int], None]) -> Iterator[Frame]:
@@ -122,21 +128,21 @@ def _small_frames(video: Path) -> Iterator[np.ndarray]:
             yield np.frombuffer(data, np.uint8).reshape(height, width)
 
 
-def _write(video: Path, folder: Path, indices: Sequence[int]) -> list[str]:
-    folder.mkdir(parents=True, exist_ok=True)
+def _write(video: Path, folder: Path, indices: Sequence[int]) -> None:
+    part = folder.with_suffix(".part")
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir(parents=True)
     picked = "+".join(f"eq(n\\,{index})" for index in indices)
-    target = folder / "part_%06d.png"
     command = [*_ffmpeg(video), "-fps_mode", "passthrough", "-vf", f"select='{picked}'"]
     done = subprocess.run(
-        [*command, "-y", str(target)], stdin=subprocess.DEVNULL, capture_output=True, text=True
+        [*command, str(part / "%06d.png")], stdin=subprocess.DEVNULL, capture_output=True, text=True
     )
-    names = [f"frame_{index:06d}.png" for index in indices]
-    parts = [folder / f"part_{number:06d}.png" for number in range(1, len(indices) + 1)]
-    if done.returncode or not all(part.is_file() for part in parts):
-        raise _unreadable(video, done.stderr.strip().rpartition("\n")[2])
-    for part, name in zip(parts, names, strict=True):
-        part.rename(folder / name)
-    return names
+    written = sorted(part.iterdir())
+    if done.returncode or len(written) != len(indices):
+        raise _unreadable(video, done.stderr)
+    for path, index in zip(written, indices, strict=True):
+        path.rename(part / f"frame_{index:06d}.png")
+    part.rename(folder)
 
 
 def _ffmpeg(video: Path) -> list[str]:

@@ -22,7 +22,7 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from desplat_ns.cores import cores
 from desplat_ns.data.dataset import check_size
 from desplat_ns.data.images import read_image, read_mask, resize_image, resize_mask
-from desplat_ns.data.tracks import METADATA_KEY, Tracks
+from desplat_ns.data.reconstruction import TRACKS, Tracks
 
 LONGEST_SIDE = 400
 """Pixels of the small copies: a face in a crowd is a few of them, and no detail is needed."""
@@ -205,7 +205,7 @@ def capture_of(outputs: DataparserOutputs) -> Capture:
         cameras=outputs.cameras,
         photos=list(outputs.image_filenames),
         xyz=np.zeros((0, 3)) if xyz is None else xyz.double().cpu().numpy(),
-        tracks=outputs.metadata.get(METADATA_KEY),
+        tracks=outputs.metadata.get(TRACKS),
         masks=outputs.mask_filenames,
     )
 

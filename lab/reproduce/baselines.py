@@ -18,7 +18,7 @@ from PIL import Image
 from torch import Tensor
 
 from desplat_ns.data.gt_masks import METADATA_KEY, read_gt_mask, shadow_mask_of
-from desplat_ns.data.robustnerf_names import kind_of
+from desplat_ns.data.robustnerf import kind_of
 from desplat_ns.errors import CaptureError
 from desplat_ns.losses import photometric_loss
 from desplat_ns.method_configs import desplat

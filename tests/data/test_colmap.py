@@ -14,7 +14,7 @@ from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 from scipy.spatial import KDTree
 
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig, with_pycolmap
-from desplat_ns.data.tracks import METADATA_KEY
+from desplat_ns.data.reconstruction import TRACKS
 from desplat_ns.errors import CaptureError, ConfigError
 
 CAMERA_FIELDS = (
@@ -68,7 +68,8 @@ def assert_same_outputs(data: Path, **options) -> None:
         assert other.dataparser_scale == pytest.approx(theirs.dataparser_scale, rel=1e-5)
         torch.testing.assert_close(other.scene_box.aabb, theirs.scene_box.aabb)
         unread = {"points3D_error", "points3D_num_points2D"}
-        assert {*theirs.metadata, METADATA_KEY} - unread == set(other.metadata)
+        unread |= {"depth_filenames", "depth_unit_scale_factor"}
+        assert {*theirs.metadata, TRACKS} - unread == set(other.metadata)
         for key, value in in_order_of(other.metadata, theirs.metadata).items():
             if key not in unread:
                 torch.testing.assert_close(other.metadata[key], value, **TOLERANCE)
@@ -98,22 +99,19 @@ def test_cameras_scale_by_the_rounded_size(capture):
     assert (camera.cx.item(), camera.cy.item()) == pytest.approx((2.0, 1.5))
 
 
-def test_nothing_is_written_into_the_capture(capture):
-    data = capture()
-    before = sorted(data.rglob("*"))
-    parser = DeSplatColmapDataParserConfig(data=data, downscale_factor=2).setup()
-    parser.get_dataparser_outputs("train")
-    assert sorted(data.rglob("*")) == before
-
-
-def test_complete_copies_need_no_originals(capture, photo_writer):
+def test_complete_copies_need_no_originals_and_nothing_is_written(capture, photo_writer):
     data = capture()
     for photo in (data / "images").iterdir():
         photo_writer(data / "images_2" / photo.name, 4, 3)
         photo.unlink()
-    parser = DeSplatColmapDataParserConfig(data=data, downscale_factor=2).setup()
-    outputs = parser.get_dataparser_outputs("train")
+    before = sorted(data.rglob("*"))
+    outputs = outputs_of(data, downscale_factor=2)
     assert {path.parent.name for path in outputs.image_filenames} == {"images_2"}
+    assert sorted(data.rglob("*")) == before
+
+
+def outputs_of(data: Path, split: str = "train", **options: Any):
+    return DeSplatColmapDataParserConfig(data=data, **options).setup().get_dataparser_outputs(split)
 
 
 def test_upstreams_default_path_becomes_a_search(tmp_path: Path):
@@ -129,19 +127,14 @@ def test_list_files_decide_the_splits_and_test_stands_in_for_val(capture):
     data = capture()
     (data / "train_list.txt").write_text("a.png\nc.png\n")
     (data / "test_list.txt").write_text("b.png\n")
-    parser = DeSplatColmapDataParserConfig(data=data).setup()
     names = {
-        split: [path.name for path in parser.get_dataparser_outputs(split).image_filenames]
+        split: [path.name for path in outputs_of(data, split).image_filenames]
         for split in ("train", "val", "test")
     }
     assert names == {"train": ["a.png", "c.png"], "val": ["b.png"], "test": ["b.png"]}
-
-
-def test_a_list_that_names_no_photo_is_an_error(capture):
-    data = capture()
     (data / "train_list.txt").write_text("nothing.png\n")
-    with pytest.raises(CaptureError, match=r"train photos .*nothing\.png.*_list\.txt"):
-        DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs("train")
+    with pytest.raises(CaptureError, match=r"nothing\.png.*_list\.txt"):
+        outputs_of(data)
 
 
 def test_missing_photos_are_listed_at_once(capture):
@@ -149,49 +142,37 @@ def test_missing_photos_are_listed_at_once(capture):
     for i in range(1, 15):
         (data / "images" / f"{i}.png").unlink()
     with pytest.raises(CaptureError, match=r"13 of 14 photos .*1\.png, 2\.png.* and 3 more"):
-        DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs("train")
+        outputs_of(data)
 
 
-def test_a_missing_images_folder_is_named(capture):
-    data = capture()
-    parser = DeSplatColmapDataParserConfig(data=data, images_path=Path("pictures")).setup()
-    with pytest.raises(CaptureError, match=r"photos folder .*pictures does not.*--images-path"):
-        parser.get_dataparser_outputs("train")
+@pytest.mark.parametrize(
+    ("options", "error", "named"),
+    [
+        ({"images_path": Path("pictures")}, CaptureError, "pictures.*--images-path"),
+        ({"masks_path": Path("masks")}, CaptureError, "masks.*--masks-path"),
+        ({"max_2D_matches_per_3D_point": 3}, ConfigError, "--max-2D-matches-per-3D-point"),
+    ],
+)
+def test_options_that_do_not_fit_are_named(capture, options: dict, error: type, named: str):
+    with pytest.raises(error, match=named):
+        outputs_of(capture(), **options)
 
 
 def test_no_points_is_an_error_unless_random_ones_are_asked_for(capture):
     data = capture(points=[])
-    with pytest.raises(CaptureError, match=r"no 3D points .*--load-3D-points False"):
-        DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs("train")
-    parser = DeSplatColmapDataParserConfig(data=data, load_3D_points=False).setup()
-    assert "points3D_xyz" not in parser.get_dataparser_outputs("train").metadata
+    with pytest.raises(CaptureError, match="--load-3D-points False"):
+        outputs_of(data)
+    assert "points3D_xyz" not in outputs_of(data, load_3D_points=False).metadata
 
 
-def test_one_photo_is_not_a_scene(capture):
-    with pytest.raises(CaptureError, match=r"one photo only \(a\.png\)"):
-        DeSplatColmapDataParserConfig(
-            data=capture(["a.png"], points=[])
-        ).setup().get_dataparser_outputs()
-
-
-def test_one_standpoint_is_not_a_scene(capture):
+def test_one_photo_or_one_standpoint_is_not_a_scene(capture):
+    with pytest.raises(CaptureError, match=r"a\.png"):
+        outputs_of(capture(["a.png"], points=[]))
     data = capture(["a.png", "b.png"])
     file = data / "sparse" / "0" / "images.txt"
     file.write_text(file.read_text().replace("-1 0 0 1 b.png", "0 0 0 1 b.png"))
-    with pytest.raises(CaptureError, match="from the same point"):
-        DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs()
-
-
-def test_missing_masks_are_named(capture):
-    parser = DeSplatColmapDataParserConfig(data=capture(), masks_path=Path("masks")).setup()
-    with pytest.raises(CaptureError, match=r"masks folder .*--masks-path"):
-        parser.get_dataparser_outputs("train")
-
-
-def test_matches_of_points_are_not_offered(capture):
-    parser = DeSplatColmapDataParserConfig(data=capture(), max_2D_matches_per_3D_point=3).setup()
-    with pytest.raises(ConfigError, match="--max-2D-matches-per-3D-point"):
-        parser.get_dataparser_outputs("train")
+    with pytest.raises(CaptureError, match="--auto-scale-poses"):
+        outputs_of(data)
 
 
 OUT = np.array([1.2e6, -3.4e6, 250.0])

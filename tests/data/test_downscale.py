@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from nerfstudio.cameras.cameras import CameraType
 
-from desplat_ns.data.colmap_model import Frame
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources, reduced_length
+from desplat_ns.data.reconstruction import Frame
 from desplat_ns.errors import ConfigError
 
 
@@ -26,7 +26,7 @@ def test_by_itself_the_longest_side_comes_to_at_most_1600(size: int, factor: int
 
 @pytest.mark.parametrize("factor", [0, 0.5, -2, float("nan"), float("inf")])
 def test_a_factor_below_one_is_an_error(factor: float):
-    with pytest.raises(ConfigError, match=r"--downscale-factor is .*2"):
+    with pytest.raises(ConfigError, match="--downscale-factor"):
         downscale_factor(factor, [])
 
 
@@ -35,33 +35,22 @@ def test_lengths_round_as_asked():
     assert reduced_length(3, 8, "floor") == 1
 
 
-def test_without_copies_the_originals_get_the_reduced_size(tmp_path: Path):
-    sources, note = photo_sources(tmp_path / "images", [frame("a.png", 9, 7)], 2, "floor")
-    assert sources == [PhotoSource(tmp_path / "images" / "a.png", 4, 3)]
-    assert "reduced to 1/2" in note
+@pytest.mark.parametrize("fault", ["", "missing", "size"])
+def test_copies_are_used_at_their_own_size_if_all_fit(tmp_path: Path, photo_writer, fault: str):
+    frames = [frame("a.png", 9, 7), frame("b.png", 9, 7)]
+    copies = tmp_path / "images_2"
+    photo_writer(copies / "a.png", 5, 4)  # rounded up by who made them
+    if fault != "missing":
+        photo_writer(copies / "b.png", *((9, 7) if fault == "size" else (5, 4)))
+    sources, note = photo_sources(tmp_path / "images", frames, 2, "floor")
+    folder, size = (tmp_path / "images", (4, 3)) if fault else (copies, (5, 4))
+    assert sources == [PhotoSource(folder / f.name, *size) for f in frames]
+    assert str(copies) in note
+    assert not (tmp_path / "images").exists()
+
+
+def test_without_copies_or_at_full_size_the_originals_are_used(tmp_path: Path):
+    for factor, size in ((1, (9, 7)), (2, (4, 3))):
+        sources, _ = photo_sources(tmp_path / "i", [frame("a.png", 9, 7)], factor, "floor")
+        assert sources == [PhotoSource(tmp_path / "i" / "a.png", *size)]
     assert list(tmp_path.iterdir()) == []
-
-
-def test_copies_are_used_at_their_own_size(tmp_path: Path, photo_writer):
-    frames = [frame("a.png", 9, 7), frame("b.png", 9, 7)]
-    for photo in frames:
-        photo_writer(tmp_path / "images_2" / photo.name, 5, 4)  # rounded up by who made them
-    sources, note = photo_sources(tmp_path / "images", frames, 2, "floor")
-    assert sources == [PhotoSource(tmp_path / "images_2" / f.name, 5, 4) for f in frames]
-    assert str(tmp_path / "images_2") in note
-
-
-@pytest.mark.parametrize("fault", ["missing", "size"])
-def test_an_incomplete_or_wrong_folder_of_copies_is_not_used(tmp_path, photo_writer, fault: str):
-    frames = [frame("a.png", 9, 7), frame("b.png", 9, 7)]
-    photo_writer(tmp_path / "images_2" / "a.png", 4, 3)
-    if fault == "size":
-        photo_writer(tmp_path / "images_2" / "b.png", 9, 7)
-    sources, note = photo_sources(tmp_path / "images", frames, 2, "floor")
-    assert {source.path.parent for source in sources} == {tmp_path / "images"}
-    assert "has 1 of 2" in note
-
-
-def test_at_full_size_nothing_is_said(tmp_path: Path):
-    sources, note = photo_sources(tmp_path, [frame("a.png", 9, 7)], 1, "floor")
-    assert (sources[0].width, sources[0].height, note) == (9, 7, "")

@@ -1,18 +1,81 @@
-"""`robustnerf-data`: names split the photos; true masks ride along and never mask training."""
+"""`robustnerf-data`: names split the photos, and a mix takes each viewpoint once; true masks ride
+along and never mask training."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from PIL import Image
 
-from desplat_ns.data.robustnerf import RobustNerfDataParserConfig, robustnerf_dataparser
+from desplat_ns.data.robustnerf import (
+    RobustNerfDataParserConfig,
+    describe,
+    kind_of,
+    viewpoint_of,
+    views_by_ratio,
+)
 from desplat_ns.errors import CaptureError, ConfigError
+
+NAMES = [f"{kind}_{i:04d}.jpg" for kind in ("clean", "clutter") for i in range(10)]
+NAMES += ["extra_0001.jpg", "extra_0002.jpg"]
 
 
 def names(outputs) -> list[str]:
     return [path.name for path in outputs.image_filenames]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "viewpoint"),
+    [
+        ("clean_0001.jpg", "clean", "0001"),
+        ("clutter_0001.JPG", "clutter", "0001"),
+        ("0clean012.png", "clean", "012"),
+        ("2clutter012.png", "clutter", "012"),
+        ("1extra003.png", "extra", "003"),
+        ("0007_clean.png", "clean", "0007"),
+        ("clean/clutter_5.png", "clutter", "5"),
+        ("extra/clean_5.png", "clean", "5"),
+        ("IMG_12.png", "clutter", "img_12"),
+    ],
+)
+def test_the_file_name_says_what_a_photo_shows(name: str, kind: str, viewpoint: str):
+    assert (kind_of(name), viewpoint_of(name)) == (kind, viewpoint)
+
+
+@given(low=st.floats(0, 1), high=st.floats(0, 1), seed=st.integers(0, 99))
+def test_a_mix_takes_each_viewpoint_once_at_the_ratio(low: float, high: float, seed: int):
+    """A larger ratio keeps the cluttered photos of a smaller one."""
+    cluttered = []
+    for ratio in sorted((low, high)):
+        picked = views_by_ratio(NAMES, ratio, seed)
+        assert sorted(viewpoint_of(NAMES[i]) for i in picked) == [f"{i:04d}" for i in range(10)]
+        assert picked == sorted(picked)
+        cluttered.append({i for i in picked if kind_of(NAMES[i]) == "clutter"})
+        assert len(cluttered[-1]) == round(10 * ratio)
+    assert cluttered[0] <= cluttered[1]
+
+
+def test_the_seed_decides_which_viewpoints_are_cluttered():
+    half = [tuple(views_by_ratio(NAMES, 0.5, seed)) for seed in range(5)]
+    assert half == [tuple(views_by_ratio(NAMES, 0.5, seed)) for seed in range(5)]
+    assert len(set(half)) > 1
+
+
+def test_photos_without_a_twin_follow_the_ratio_too():
+    singles = ["clean_1", "clean_2", "clean_3", "clean_4", "clutter_5", "clutter_6"]
+    assert views_by_ratio(singles, 0.0, seed=0) == [0, 1, 2, 3]
+    assert views_by_ratio(singles, 1.0, seed=0) == [4, 5]
+    half = [kind_of(singles[i]) for i in views_by_ratio(singles, 0.5, 0)]
+    assert sorted(half) == ["clean", "clean", "clutter"]
+
+
+@pytest.mark.parametrize("ratio", [-0.1, 1.5, float("nan")])
+def test_a_ratio_outside_its_range_is_an_error(ratio: float):
+    with pytest.raises(ConfigError, match="--train-split-clean-clutter-ratio"):
+        views_by_ratio(NAMES, ratio, seed=0)
 
 
 @pytest.fixture
@@ -22,32 +85,15 @@ def twins(capture) -> Path:
     )
 
 
-def test_by_default_clutter_trains_and_extras_evaluate(twins: Path):
+def test_clutter_trains_unless_clean_is_asked_for_and_extras_evaluate(twins: Path):
+    (twins / "images" / "clean_1.png").unlink()  # photos that no split uses may be absent
     parser = RobustNerfDataParserConfig(data=twins).setup()
     assert names(parser.get_dataparser_outputs("train")) == ["clutter_1.png", "clutter_2.png"]
     for split in ("val", "test"):
         assert names(parser.get_dataparser_outputs(split)) == ["extra_1.png"]
-
-
-@pytest.mark.parametrize(
-    ("options", "expected"),
-    [
-        ({"train_split_clean_clutter_ratio": 0.0}, ["clean_1.png", "clean_2.png"]),
-        (
-            {"train_split_mode": "number", "train_split_num_clean": 2},
-            ["clean_1.png", "clean_2.png"],
-        ),
-        (
-            {"train_split_mode": "filename", "train_split_file": Path("mine.txt")},
-            ["clean_2.png", "clutter_1.png"],
-        ),
-    ],
-    ids=["ratio", "number", "filename"],
-)
-def test_every_mode_chooses_its_photos(twins: Path, options: dict, expected: list[str]):
-    (twins / "mine.txt").write_text("clutter_1.png\nclean_2.png\n")
-    parser = RobustNerfDataParserConfig(data=twins, **options).setup()
-    assert names(parser.get_dataparser_outputs("train")) == expected
+    clean = RobustNerfDataParserConfig(data=twins, train_split_clean_clutter_ratio=0.0).setup()
+    with pytest.raises(CaptureError, match=r"clean_1\.png"):
+        clean.get_dataparser_outputs("train")
 
 
 def test_gt_masks_are_listed_beside_the_photos_but_never_mask_training(twins: Path):
@@ -61,32 +107,14 @@ def test_gt_masks_are_listed_beside_the_photos_but_never_mask_training(twins: Pa
     assert "distractor_mask_filenames" not in parser.get_dataparser_outputs("test").metadata
 
 
-def test_photos_that_no_split_uses_may_be_absent(twins: Path):
-    (twins / "images" / "clean_1.png").unlink()
-    parser = RobustNerfDataParserConfig(data=twins).setup()
-    assert len(parser.get_dataparser_outputs("train").image_filenames) == 2
-
-
-def test_no_photo_to_evaluate_on_is_an_error_that_says_what_was_found(capture):
-    parser = RobustNerfDataParserConfig(data=capture(["clean_1.png", "clutter_1.png"])).setup()
-    with pytest.raises(CaptureError, match=r"evaluate on: .* 1 clutter, 0 extra .*`extra`"):
-        parser.get_dataparser_outputs("val")
-
-
-def test_no_photo_to_train_on_is_an_error_that_says_what_was_found(capture):
-    data = capture(["clean_1.png", "clean_2.png", "extra_1.png"])
-    with pytest.raises(CaptureError, match=r"0 clutter, 1 extra .*ratio 0 takes the clean"):
-        RobustNerfDataParserConfig(data=data).setup().get_dataparser_outputs("train")
-
-
-def test_filename_mode_needs_a_file(twins: Path):
-    parser = RobustNerfDataParserConfig(data=twins, train_split_mode="filename").setup()
-    with pytest.raises(ConfigError, match="--train-split-file"):
-        parser.get_dataparser_outputs("train")
-
-
-def test_the_registered_dataparser_is_this_one():
-    assert isinstance(robustnerf_dataparser.config, RobustNerfDataParserConfig)
+@pytest.mark.parametrize(
+    ("photos", "split"),
+    [(["clean_1.png", "clutter_1.png"], "val"), (["clean_1.png", "extra_1.png"], "train")],
+)
+def test_no_photo_for_a_split_is_an_error_that_says_what_was_found(capture, photos, split: str):
+    parser = RobustNerfDataParserConfig(data=capture(photos)).setup()
+    with pytest.raises(CaptureError, match=describe(photos)):
+        parser.get_dataparser_outputs(split)
 
 
 @pytest.mark.real_data

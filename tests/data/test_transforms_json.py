@@ -63,21 +63,15 @@ def test_a_downscale_factor_needs_no_folder_of_copies(processed: Path):
 
 
 def test_a_capture_without_transforms_says_what_to_type(tmp_path: Path, capture):
-    with pytest.raises(CaptureError, match=r"no transforms\.json.*desplat-process"):
+    with pytest.raises(CaptureError, match=r"transforms\.json.*desplat-process"):
         outputs_of(tmp_path)
-    with pytest.raises(CaptureError, match=r"no transforms\.json.*`colmap --data "):
+    with pytest.raises(CaptureError, match=r"transforms\.json.*`colmap --data "):
         outputs_of(capture())
 
 
 def test_photos_that_are_not_there_are_named(processed: Path):
     (processed / "images" / "2.png").unlink()
-    with pytest.raises(CaptureError, match=r"1 of 4 photos .*: images/2\.png.*`file_path` in"):
-        outputs_of(processed)
-
-
-def test_damaged_transforms_are_named(processed: Path):
-    (processed / "transforms.json").write_text("{")
-    with pytest.raises(CaptureError, match="cannot be used: JSONDecodeError"):
+    with pytest.raises(CaptureError, match=r"1 of 4 photos .*: images/2\.png"):
         outputs_of(processed)
 
 
@@ -86,25 +80,28 @@ def damage(data: Path, **changes) -> None:
     (data / "transforms.json").write_text(json.dumps({**meta, **changes}))
 
 
-@pytest.mark.parametrize("changes", [{"fl_x": float("nan")}, {"fl_y": 0}, {"cx": 1e39}, {"w": -8}])
-def test_a_camera_that_cannot_be_is_an_error(processed: Path, changes):
+FRAME = {"file_path": "images/0.png", "transform_matrix": (np.eye(4) * np.nan).tolist()}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        *({"fl_x": float("nan")}, {"fl_y": 0}, {"cx": 1e39}, {"w": -8}),
+        *({"fl_x": {}}, {"frames": 1.5}, {"w": None}, {"frames": [3]}, {"frames": [FRAME] * 4}),
+    ],
+    ids=str,
+)
+def test_a_camera_or_pose_that_cannot_be_is_an_error_that_names_the_capture(
+    processed: Path, changes
+):
     damage(processed, **changes)
-    with pytest.raises(CaptureError, match=r"photos in .*transforms\.json have .*0\.png"):
-        outputs_of(processed)
-
-
-def test_a_pose_with_nan_names_its_photo(processed: Path):
-    frames = json.loads((processed / "transforms.json").read_text())["frames"]
-    frames[1]["transform_matrix"][0][3] = float("nan")
-    damage(processed, frames=frames)
-    with pytest.raises(CaptureError, match=r"have a pose or a camera that cannot be"):
+    with pytest.raises(CaptureError, match=str(processed)):
         outputs_of(processed, orientation_method="none", center_method="none")
 
 
-@pytest.mark.parametrize("changes", [{"fl_x": {}}, {"frames": 1.5}, {"w": None}, {"frames": [3]}])
-def test_a_wrong_type_is_an_error_that_names_the_capture(processed: Path, changes):
-    damage(processed, **changes)
-    with pytest.raises(CaptureError, match="cannot be used"):
+def test_a_file_that_was_cut_off_is_named(processed: Path):
+    (processed / "transforms.json").write_text("{")
+    with pytest.raises(CaptureError, match=str(processed)):
         outputs_of(processed)
 
 
@@ -127,17 +124,14 @@ def test_points_of_a_ply_go_with_the_cameras(processed: Path):
     assert outputs.metadata["points3D_rgb"].tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
-def test_points_of_a_ply_with_nan_are_left_out(processed: Path, capsys):
+def test_points_of_a_ply_with_nan_are_left_out_and_some_have_to_be_left(processed: Path, capsys):
     name_ply(processed, "nan 0 0 1 2 3\n1 2 3 4 5 6\n", 2)
     outputs = outputs_of(processed)
     assert outputs.metadata["points3D_xyz"].shape == (1, 3)
     assert outputs.metadata["points3D_rgb"].tolist() == [[4, 5, 6]]
     assert "1 of 2 points in" in capsys.readouterr().out
-
-
-def test_a_ply_without_finite_points_is_an_error(processed: Path):
     name_ply(processed, "nan 0 0 1 2 3\n", 1)
-    with pytest.raises(CaptureError, match=r"finite coordinates.*--load-3D-points False"):
+    with pytest.raises(CaptureError, match="--load-3D-points"):
         outputs_of(processed)
 
 

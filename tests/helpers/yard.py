@@ -14,10 +14,8 @@ import pycolmap
 from jaxtyping import Float, UInt8
 
 from desplat_ns.data.images import write_image
-from desplat_ns.process.cameras import group_by_camera
-from desplat_ns.process.features import find_features
-from desplat_ns.process.photos import Photo, prepare_photos
-from desplat_ns.process.recipes import PLAIN
+from desplat_ns.process.photos import Photo, group_by_camera, prepare_photos
+from desplat_ns.process.reconstruction import PLAIN, find_features
 from lab.process import distances
 from lab.synthetic import SceneSpec, make_scene
 
@@ -131,14 +129,14 @@ class Features:
         return Features(database, self.copies, self.photos)
 
 
-def silent(done: int, total: int) -> None:
+def silent(*_: object) -> None:
     """No progress."""
 
 
 def copied(photos: Path, folder: Path) -> list[Photo]:
     """The photos of a folder, copied as the first stage does."""
     names = sorted(path.name for path in photos.iterdir())
-    return prepare_photos(photos, names, folder, max(SIZE), 1, lambda done: None)
+    return prepare_photos(photos, names, folder, max(SIZE), 1, silent)
 
 
 def features_of(

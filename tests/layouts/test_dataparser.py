@@ -9,30 +9,25 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import tyro
 import yaml
 from nerfstudio.configs.method_configs import all_methods
 
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
-from desplat_ns.data.robustnerf import RobustNerfDataParser, RobustNerfDataParserConfig
+from desplat_ns.data.on_the_go import OnTheGoDataParserConfig
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.layouts.choices import AnyDataParser
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
 from desplat_ns.layouts.table import LAYOUTS
 from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up
 
-METHODS = sorted(name for name in all_methods if name.startswith("desplat"))
 
-
-@pytest.mark.parametrize("method", METHODS)
-def test_it_is_the_default_of_every_method(method: str):
-    assert all_methods[method].pipeline.datamanager.dataparser == DeSplatDataParserConfig()
-
-
-def test_it_gives_the_dataparser_that_reads_the_capture(tiny_scene, capsys):
-    parser = DeSplatDataParserConfig(data=tiny_scene.folder, downscale_factor=2).setup()
-    assert type(parser) is RobustNerfDataParser
-    assert parser.config == RobustNerfDataParserConfig(data=tiny_scene.folder, downscale_factor=2)
-    assert "has the layout of RobustNeRF" in capsys.readouterr().out
+@pytest.mark.usefixtures("tyro_may_build")
+def test_our_dataparsers_can_be_named_with_their_options():
+    words = ["on-the-go-data", "--train-on", "clean"]
+    assert tyro.cli(AnyDataParser, args=words) == OnTheGoDataParserConfig(train_on="clean")
 
 
 def test_every_option_is_one_of_every_dataparser_or_is_refused_with_its_name():
@@ -63,15 +58,6 @@ def test_once_settled_the_choice_stays(capture, capsys):
     assert config.settle_dataparser() is settled
     training_split(config)
     assert capsys.readouterr().out.count("has the layout of") == 1
-
-
-def test_which_of_several_models_is_taken_is_said_once(capture, model_writer, capsys):
-    data = capture()
-    model_writer(data / "sparse" / "1", ["a.png", "b.png"])
-    config = DeSplatDataManagerConfig(data=data)
-    for _ in range(2):  # the survey, the data manager
-        training_split(config)
-    assert capsys.readouterr().out.count("the largest of 2") == 1
 
 
 @pytest.mark.slow

@@ -92,6 +92,7 @@ def test_names_are_read_from_smaller_copies_if_there_is_nothing_else(capture):
     (data / "images").rename(data / "images_8")
     (data / "images_16").mkdir()
     assert recognise(data).match.words == ("robustnerf-data", "--downscale-factor", "8")
+    assert recognise(data).others == ()
 
 
 @pytest.mark.parametrize("split", [True, False])
@@ -144,17 +145,10 @@ def test_mipnerf_360s_smaller_copies_are_said(capture: Callable[..., Path]):
 def test_of_two_layouts_it_says_which_was_taken_and_what_to_type_for_the_other(capture):
     chosen = recognise(write_transforms(capture()))
     assert chosen.match.layout.parser == "nerfstudio-data"
-    assert chosen.line().endswith(
-        "Also found: COLMAP's model in sparse/0; to read that instead, end the command with "
-        "`colmap`."
-    )
+    assert parsers_beside(chosen) == ["colmap"] and "`colmap`" in chosen.line()
     (chosen.data / "images").joinpath("extra_1.png").write_bytes(b"")
     (chosen.data / "images").joinpath("clean_1.png").write_bytes(b"")
     assert "`nerfstudio-data --load-3D-points True`" in recognise(chosen.data).line()
-
-
-def test_what_reads_the_same_photos_more_plainly_is_not_offered(capture: Callable[..., Path]):
-    assert recognise(capture(TWINS)).others == ()
 
 
 def test_photos_before_and_after_undistortion_are_two_captures(capture, tmp_path: Path):
@@ -164,12 +158,6 @@ def test_photos_before_and_after_undistortion_are_two_captures(capture, tmp_path
     chosen = recognise(data)
     assert chosen.match.layout.parser == "photo-tourism-data"
     assert parsers_beside(chosen) == ["colmap"]
-
-
-def test_every_reading_is_offered_once(capture: Callable[..., Path]):
-    data = write_transforms(capture())
-    (data / "images_2").mkdir()
-    assert parsers_beside(recognise(data)) == ["colmap"]
 
 
 @pytest.mark.usefixtures("tyro_may_build")
@@ -198,7 +186,7 @@ def test_what_is_given_comes_before_what_the_layout_asks_for(tmp_path, model_wri
 
 
 def test_a_split_cannot_be_asked_for_where_the_layout_has_one(capture: Callable[..., Path]):
-    with pytest.raises(ConfigError, match=r"--eval-mode all .*file names decide.*robustnerf-data"):
+    with pytest.raises(ConfigError, match=r"--eval-mode all.*robustnerf-data"):
         recognise(capture(TWINS)).config({"eval_mode": "all"})
 
 
@@ -208,36 +196,27 @@ def test_a_split_cannot_be_asked_for_where_the_layout_has_one(capture: Callable[
 def test_photos_without_poses_are_told_where_poses_come_from(tmp_path, photo_writer):
     for name in ("a.jpg", "more/b.png"):
         photo_writer(tmp_path / name)
-    with pytest.raises(CaptureError, match=r"2 photos \(a.jpg, more/b.png\) and no poses.*COLMAP"):
+    with pytest.raises(CaptureError, match=r"a\.jpg, more/b\.png.*desplat-process"):
         recognise(tmp_path)
 
 
-def test_a_folder_that_is_not_there_or_empty_or_a_file_is_named(tmp_path: Path):
-    with pytest.raises(CaptureError, match=r"There is no folder .*absent.*--data"):
-        recognise(tmp_path / "absent")
-    with pytest.raises(CaptureError, match=r"There is no folder .*absent\.json"):
-        recognise(tmp_path / "absent.json")
+@pytest.mark.parametrize("name", ["absent", "absent.json", "empty", "film.mp4", "notes"])
+def test_what_is_no_capture_is_named(tmp_path: Path, name: str):
     (tmp_path / "empty").mkdir()
-    with pytest.raises(CaptureError, match=r"The folder .*empty is empty"):
-        recognise(tmp_path / "empty")
     (tmp_path / "film.mp4").write_bytes(b"")
-    with pytest.raises(CaptureError, match=r"film\.mp4 is a file. --data takes the folder"):
-        recognise(tmp_path / "film.mp4")
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "notes.txt").write_text("")
+    with pytest.raises(CaptureError, match=name) as raised:
+        recognise(tmp_path / name)
+    if name == "notes":
+        assert all(layout.needs in str(raised.value) for layout in LAYOUTS)
 
 
 def test_the_folder_of_captures_and_the_photos_of_one_lead_to_it(capture: Callable[..., Path]):
     data = capture()
-    with pytest.raises(CaptureError, match=r"no capture, but holds some: capture\. .*/capture\."):
-        recognise(data.parent)
-    with pytest.raises(CaptureError, match=r"images is a part of the capture .*/capture\. Name"):
-        recognise(data / "images")
-
-
-def test_anything_else_is_told_what_is_needed_for_each_layout(tmp_path: Path):
-    (tmp_path / "notes.txt").write_text("")
-    with pytest.raises(CaptureError, match=r"which has notes\.txt\. Needed") as raised:
-        recognise(tmp_path)
-    assert all(layout.needs in str(raised.value) for layout in LAYOUTS)
+    for folder in (data.parent, data / "images"):
+        with pytest.raises(CaptureError, match=f"--data {data}"):
+            recognise(folder)
 
 
 # --- real captures -------------------------------------------------------------------------------
@@ -249,7 +228,6 @@ def test_anything_else_is_told_what_is_needed_for_each_layout(tmp_path: Path):
     [
         ("fox", "colmap"),
         ("fox_cluttered", "robustnerf-data"),
-        ("monstree_cluttered", "robustnerf-data"),
         ("sacre_coeur", "photo-tourism-data"),
     ],
 )
@@ -264,43 +242,33 @@ def test_real_captures(data_folder, scene: str, parser: str):
 def test_nerf_synthetic_scenes_are_read_by_blender_data(tmp_path: Path, photo_writer):
     chosen = recognise(write_blender(tmp_path, photo_writer))
     assert chosen.match.words == ("blender-data",)
-    assert "transforms_val.json, transforms_test.json. It is read by blender-data." in chosen.line()
     outputs = chosen.config({"scale_factor": 0.5}).setup().get_dataparser_outputs("train")
     assert [path.name for path in outputs.image_filenames] == ["r_0.png", "r_1.png"]
     assert outputs.cameras.camera_to_worlds[0, 2, 3] == 2
-    with pytest.raises(ConfigError, match=r"--eval-mode all has no use here.*transforms_train"):
-        chosen.config({"eval_mode": "all"})
-    with pytest.raises(ConfigError, match=r"--downscale-factor 2 has no use here.*blender-data"):
-        chosen.config({"downscale_factor": 2})
-
-
-def test_a_transforms_json_beside_it_comes_first(tmp_path: Path, photo_writer):
-    chosen = recognise(write_transforms(write_blender(tmp_path, photo_writer)))
-    assert chosen.match.layout.parser == "nerfstudio-data"
-    assert parsers_beside(chosen) == ["blender-data"]
+    for option, name in (("eval_mode", "--eval-mode"), ("downscale_factor", "--downscale-factor")):
+        with pytest.raises(ConfigError, match=name):
+            chosen.config({option: 2})
+    beside = recognise(write_transforms(tmp_path))
+    assert beside.match.layout.parser == "nerfstudio-data"
+    assert parsers_beside(beside) == ["blender-data"]
 
 
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        ({"camera_angle_x": None}, "transforms_train.json has no camera_angle_x"),
-        ({"frames": []}, "transforms_train.json has no frames"),
-        ({"frames": [{"file_path": "train/r_0.png"}]}, "there is no train/r_0.png.png"),
-        ({"frames": [{"path": "x"}]}, "transforms_train.json cannot be read (KeyError"),
+        ({"camera_angle_x": None}, "camera_angle_x"),
+        ({"frames": []}, "transforms_train.json"),
+        ({"frames": [{"file_path": "train/r_0.png"}]}, "train/r_0.png.png"),
+        ({"frames": [{"path": "x"}]}, "file_path"),
+        (None, "transforms_val.json"),
     ],
 )
 def test_what_blender_data_would_misread_is_told_what_to_type(
-    tmp_path: Path, photo_writer, changes: dict[str, object], why: str
+    tmp_path: Path, photo_writer, changes: dict[str, object] | None, why: str
 ):
-    write_blender(tmp_path, photo_writer, **changes)
-    with pytest.raises(CaptureError) as raised:
+    write_blender(tmp_path, photo_writer, **changes or {})
+    if changes is None:
+        (tmp_path / "transforms_val.json").unlink()
+    with pytest.raises(CaptureError, match=why) as raised:
         recognise(tmp_path)
-    assert why in str(raised.value)
     assert f"--data {tmp_path / 'transforms_train.json'}" in str(raised.value)
-
-
-def test_missing_siblings_are_named(tmp_path: Path, photo_writer):
-    write_blender(tmp_path, photo_writer)
-    (tmp_path / "transforms_val.json").unlink()
-    with pytest.raises(CaptureError, match=r"transforms_val\.json missing"):
-        recognise(tmp_path)

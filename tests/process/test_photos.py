@@ -1,49 +1,54 @@
-"""Copies of photos and what is known of them."""
+"""Copies of photos of every kind, what is known of them, and their masks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import PIL.Image
 import pytest
 
 from desplat_ns.process import photos as module
-from desplat_ns.process.photos import Photo, prepare_photos, write_jpeg
+from desplat_ns.process.photos import Photo, prepare_masks, prepare_photos, write_jpeg
+from tests.helpers.yard import (
+    EDGE,
+    Features,
+    features_of,
+    places_of,
+    silent,
+    write_mask_of_the_mark,
+)
 
 EXIF, FOCAL_35MM, ORIENTATION = 0x8769, 0xA405, 0x0112
 FILM = 36.0, 24.0
 """Millimetres of a picture on 35 mm film, which the focal length of EXIF is for."""
+ROUNDED = 1.0
+"""Pixels: pycolmap takes the mask's value at the pixel nearest to a feature."""
 
 
-@pytest.mark.parametrize(("width", "height"), [(300, 200), (320, 240), (150, 200)])
+def prepared(folder: Path, *names: str, longest_side: int = 1600) -> list[Photo]:
+    """Photos of `folder` with copies in `folder`/copies."""
+    return prepare_photos(folder, names, folder / "copies", longest_side, 2, silent)
+
+
+@pytest.mark.parametrize("size", [(300, 200), (320, 240), (150, 200)])
 @pytest.mark.parametrize("longest_side", [1600, 100])
 def test_a_focal_length_by_exif_sees_the_same_across_as_on_film(
-    width: int, height: int, longest_side: int, tmp_path: Path
+    size: tuple[int, int], longest_side: int, tmp_path: Path
 ):
     """From corner to corner, whatever the shape of the photo and however it is reduced."""
     tags = PIL.Image.Exif()
     tags.get_ifd(EXIF)[FOCAL_35MM] = 28
-    noise = np.random.default_rng(0).integers(0, 256, (height, width, 3), np.uint8)
-    PIL.Image.fromarray(noise).save(tmp_path / "a.jpg", exif=tags)
-    (photo,) = prepare_photos(
-        tmp_path, ["a.jpg"], tmp_path / "copies", longest_side, 1, lambda done: None
-    )
+    PIL.Image.effect_noise(size, 50).save(tmp_path / "a.jpg", exif=tags)
+    PIL.Image.effect_noise(size, 50).save(tmp_path / "b.jpg")
+    photo, without = prepared(tmp_path, "a.jpg", "b.jpg", longest_side=longest_side)
     across = np.hypot(photo.width, photo.height) / photo.focal
     # the focal length is rounded to hundredths of a pixel, the film's diagonal to 1e-4 mm
     rounded = 0.005 / photo.focal + 1e-4 / np.hypot(*FILM)
     assert across == pytest.approx(np.hypot(*FILM) / 28, rel=rounded)
-
-
-def test_a_photo_without_exif_has_no_focal_length(photo_writer, tmp_path: Path):
-    photo_writer(tmp_path / "a.jpg", 60, 40)
-    (photo,) = prepare_photos(tmp_path, ["a.jpg"], tmp_path / "c", 1600, 1, lambda done: None)
-    assert photo.focal == 0.0
-
-
-def prepared(folder: Path, *names: str) -> list[Photo]:
-    """Photos of `folder` with copies in `folder`/copies."""
-    return prepare_photos(folder, names, folder / "copies", 1600, 2, lambda done: None)
+    assert without.focal == 0.0
 
 
 def test_a_call_that_was_killed_twice_copies_each_photo_once(
@@ -85,27 +90,67 @@ def test_a_photo_that_was_taken_upright_is_copied_upright(tmp_path: Path):
     assert upper[:22].max() < 10 and lower[8:].min() > 245  # a block of 8 lies on the edge
 
 
-@pytest.mark.parametrize(
-    ("pixels", "expected"),
-    [
-        (np.full((16, 16), 200, np.uint8), (200, 200, 200)),
-        (np.full((16, 16), 200 * 257, np.uint16), (200, 200, 200)),
-        (np.full((16, 16, 4), (200, 100, 50, 255), np.uint8), (200, 100, 50)),
-    ],
-    ids=["grey", "16 bit", "alpha"],
-)
-def test_photos_of_every_kind_become_copies_of_8_bit_colours(pixels, expected, tmp_path: Path):
-    PIL.Image.fromarray(pixels).save(tmp_path / "a.png")
-    (photo,) = prepared(tmp_path, "a.png")
+KINDS: dict[str, tuple[Callable[[PIL.Image.Image], PIL.Image.Image], str, float]] = {
+    "a.JPG": (lambda photo: photo, "JPEG", 40),
+    "übers Meer 1.png": (lambda photo: photo, "PNG", 5),
+    "palette.png": (lambda photo: photo.quantize(256), "PNG", 60),
+    "cmyk.jpg": (lambda photo: photo.convert("CMYK"), "JPEG", 40),
+    "webp called.jpg": (lambda photo: photo, "WEBP", 60),
+    "alpha.png": (lambda photo: photo.convert("RGBA"), "PNG", 5),
+    "grey and alpha.png": (lambda photo: photo.convert("LA"), "PNG", 255),
+    "16 bit.png": (lambda photo: photo.convert("I;16"), "PNG", 255),
+    "black and white.png": (lambda photo: photo.convert("1"), "PNG", 255),
+}
+"""How each file is made, and by how much of 255 the copy may be off in the mean."""
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_every_kind_of_file_becomes_a_copy_of_8_bit_colours(tmp_path: Path, name: str):
+    convert, kind, off = KINDS[name]
+    few = np.random.default_rng(0).integers(0, 256, (6, 8, 3), np.uint8)
+    smooth = PIL.Image.fromarray(few).resize((80, 60))
+    options: dict[str, Any] = {} if kind == "PNG" else {"quality": 98}
+    convert(smooth).save(tmp_path / name, format=kind, **options)
+    (photo,) = prepared(tmp_path, name)
+    assert not photo.problem and (photo.width, photo.height) == (80, 60)
     with PIL.Image.open(tmp_path / "copies" / photo.copy) as copy:
         assert copy.mode == "RGB"
-        colors = np.asarray(copy).reshape(-1, 3).astype(int)
-    assert np.abs(colors - expected).max() <= 2  # YCbCr is rounded, and back
+        assert np.abs(np.asarray(copy).astype(float) - np.asarray(smooth)).mean() < off
 
 
-def test_a_picture_that_is_there_twice_is_used_once(photo_writer, tmp_path: Path):
-    for name in ("a.png", "b.png"):
-        photo_writer(tmp_path / name, 60, 40, seed=0)
-    photo_writer(tmp_path / "c.png", 60, 40, seed=1)
-    problems = [photo.problem for photo in prepared(tmp_path, "a.png", "b.png", "c.png")]
-    assert problems == ["", "the same picture as a.png", ""]
+def test_files_that_are_no_pictures_and_twins_are_named_and_do_not_stop_the_others(
+    photo_writer, tmp_path: Path
+):
+    photo_writer(tmp_path / "good.png", 60, 40, seed=0)
+    photo_writer(tmp_path / "good too.png", 60, 40, seed=0)
+    (tmp_path / "empty.jpg").write_bytes(b"")
+    (tmp_path / "text.png").write_text("hello")
+    (tmp_path / "half.jpg").write_bytes((tmp_path / "good.png").read_bytes()[:700])
+    names = sorted(path.name for path in tmp_path.iterdir())
+    problems = {photo.source: photo.problem for photo in prepared(tmp_path, *names)}
+    same = problems.pop("good.png"), problems.pop("good too.png")
+    assert sorted(same)[0] == "" and "good" in sorted(same)[1]
+    assert all(problem.startswith("cannot be read: ") for problem in problems.values())
+
+
+@pytest.mark.slow
+def test_there_are_no_features_where_a_mask_is_black_and_all_others_stay(
+    marked: Features, tmp_path: Path
+):
+    """One mask for each photo, named as it is, in upper case too."""
+    mask = write_mask_of_the_mark(tmp_path / "mask.png")
+    (tmp_path / "masks").mkdir()
+    for number in range(len(marked.photos)):
+        name = f"{number:02d}.PNG" if number % 2 else f"{number:02d}.png.png"
+        (tmp_path / "masks" / name).write_bytes(mask.read_bytes())
+    assert prepare_masks(tmp_path / "masks", marked.photos, tmp_path / "m") == len(marked.photos)
+    database = tmp_path / "database.db"
+    features_of(marked.photos, marked.copies, database, tmp_path / "m")
+    without, masked = places_of(marked.database), places_of(database)
+    for photo in marked.photos:
+        before, after = without[photo.copy], masked[photo.copy]
+        assert (before[:, 1] > EDGE + ROUNDED).any()
+        assert (after[:, 1] < EDGE + ROUNDED).all()
+        white = before[before[:, 1] < EDGE - ROUNDED]
+        assert len(white) > 0
+        np.testing.assert_array_equal(after[after[:, 1] < EDGE - ROUNDED], white)

@@ -1,148 +1,242 @@
-"""The whole way, on a few real photos; crashes; a second call."""
+"""The whole way on the generated yard, whose cameras are known; what a second call does; and, with
+pycolmap's part made up, what becomes of a capture that is made."""
 
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import psutil
+import PIL.Image
 import pytest
 
 from desplat_ns.commands.process import run
-from desplat_ns.errors import CaptureError, DeSplatError
+from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.layouts.recognition import recognise
-from desplat_ns.process import jobs
+from desplat_ns.process import process, video
+from desplat_ns.process.process import LISTED, open_record, report_lines
+from desplat_ns.process.reconstruction import Attempt, Model, Recipe, Stationary, reconstruct
 from desplat_ns.process.request import Request
-from desplat_ns.process.workspace import open_workspace
+from tests.helpers.other_process import running
+from tests.helpers.yard import CLOSE, EDGE, Yard, places_of, silent, write_mask_of_the_mark
+
+
+def findings_of(output: Path) -> dict[str, Any]:
+    """What the record says of a capture that is made."""
+    return json.loads((output / "process.json").read_text("utf8"))["findings"]
+
+
+# --- the whole way -------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
-@pytest.mark.real_data
-def test_photos_become_a_capture_with_the_known_poses(data_folder, tmp_path, capsys):
-    """Centres within 1% of the scene's extent; what cannot be read is named and left out."""
-    from lab.process import compare
+def test_plain_features_pose_all_photos_in_their_places(yard: Yard, tmp_path: Path):
+    views = range(len(yard.pictures))
+    photos, out = yard.write(tmp_path / "fotos über", views), tmp_path / "out"
+    (photos / "cut off.png").write_bytes((photos / "00.png").read_bytes()[:5000])
+    run(Request(photos, out, effort="plain", threads=1))
+    assert (findings_of(out)["photos"], findings_of(out)["of"]) == (12, 12)
+    assert yard.farthest(out / "sparse" / "0", {f"{view:02d}.jpg": view for view in views}) < CLOSE
+    assert recognise(out).match.layout.name == "COLMAP"
+    assert (out / "cameras.png").is_file() and not (out / "work").exists()
 
-    known, photos = data_folder("monstree"), tmp_path / "fotos über"
-    photos.mkdir()
-    for path in sorted((known / "images").iterdir())[5:17]:
-        shutil.copy(path, photos)
-    (photos / "cut off.jpg").write_bytes(path.read_bytes()[:5000])
-    request = Request(photos, tmp_path / "out", effort="plain", threads=2)
-    run(request)
-    result = compare(tmp_path / "out", known / "sparse" / "0")
-    assert result.num_known - len(result.missing) == 12
-    assert result.largest < 0.01
-    assert recognise(tmp_path / "out").match.layout.name == "COLMAP"
-    assert (tmp_path / "out" / "cameras.png").is_file()
-    assert not (tmp_path / "out" / "work").exists()
-    said = capsys.readouterr().out
-    assert "cut off.jpg (cannot be read" in said and "12 of 12 photos have a pose" in said
-    run(request)
-    assert "is made already" in capsys.readouterr().out
+
+@pytest.mark.slow
+def test_thorough_features_stay_off_what_a_mask_blackens_and_pose_all_photos(
+    yard: Yard, tmp_path: Path
+):
+    """A pattern stands still in their lowest quarter. Few photos: it takes longer."""
+    views = range(1, 11, 2)
+    photos = yard.write(tmp_path / "photos", views, is_marked=True)
+    mask, out = write_mask_of_the_mark(tmp_path / "mask.png"), tmp_path / "out"
+    run(Request(photos, out, effort="thorough", mask=mask, threads=1, keep_work=True))
+    place = out / "work" / "thorough"
+    places = np.concatenate([*places_of(place / "database.db").values()])
+    assert len(places) > 0 and (places[:, 1] < EDGE + 1).all()
+    assert not Stationary(**json.loads((place / "matching.json").read_text())).is_suspicious
+    names = {f"{number:02d}.jpg": view for number, view in enumerate(views)}
+    assert yard.farthest(out / "sparse" / "0", names) < CLOSE
+
+
+@pytest.mark.slow
+def test_the_frames_of_a_video_have_their_places(
+    yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """The camera looks at one middle, so that the picture moves little from view to view."""
+    from tests.helpers.yard import view_of
+
+    monkeypatch.setattr(video, "LEAST_GAP", video.STEP)
+    film, out = yard.film(tmp_path / "walk.mp4"), tmp_path / "out"
+    run(Request(film, out, effort="plain", threads=1))
+    views = {path.name: view_of(path.name) for path in (out / "images").iterdir()}
+    assert yard.farthest(out / "sparse" / "0", views) < CLOSE
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing runs in a process of its own, which takes seconds to start."""
+
+    def in_worker(work: Path, do: Callable[..., Any], *arguments: Any) -> Any:
+        return do(*arguments, silent)
+
+    monkeypatch.setattr(process, "in_worker", in_worker)
+
+
+def noise(seed: int, height: int = 60, width: int = 80) -> np.ndarray:
+    """A picture with detail everywhere and nothing in common with another seed's."""
+    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), np.uint8)
+
+
+@pytest.mark.usefixtures("in_this_process")
+@pytest.mark.parametrize("kind", ["noise", "bare", "tiny", "one place"])
+def test_photos_that_share_nothing_or_one_place_are_refused(tmp_path: Path, yard: Yard, kind: str):
+    (tmp_path / "photos").mkdir()
+    for i in range(4):
+        bare = np.full((60, 80, 3), 60 * i, np.uint8)
+        same = yard.pictures[0] + noise(i, *yard.pictures[0].shape[:2]) // 64
+        kinds = {"noise": noise(i, 120, 160), "bare": bare, "tiny": noise(i, 1, 2)}
+        pixels = kinds.get(kind, same.astype(np.uint8))
+        PIL.Image.fromarray(pixels).save(tmp_path / "photos" / f"{i}.png")
+    said = "camera does not move" if kind == "one place" else r"0\.png"
+    with pytest.raises(CaptureError, match=said):
+        run(Request(tmp_path / "photos", tmp_path / "out", effort="plain", threads=1))
 
 
 def test_photos_that_are_all_the_same_are_told_and_nothing_is_left(photo_writer, tmp_path):
     for name in "abcd":
         photo_writer(tmp_path / "p" / f"{name}.png", 60, 40)
-    with pytest.raises(CaptureError, match=r"1 of 4 photos.*the same picture as a\.png"):
+    with pytest.raises(CaptureError, match=r"a\.png"):
         run(Request(tmp_path / "p", tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 
-def crash(threads: int, progress: Callable[[int, int], None]) -> None:
-    """A native crash, after some work."""
-    progress(threads, 2)
-    os.kill(os.getpid(), signal.SIGSEGV)
+# --- the record ----------------------------------------------------------------------------------
 
 
-def fail(threads: int, progress: Callable[[int, int], None]) -> None:
-    """An error of pycolmap's, which prints to the descriptors themselves."""
-    os.write(1, b"E1 said by the library\n")
-    raise RuntimeError("no\nmore")
+def test_other_photos_or_options_are_listed_together(tmp_path: Path):
+    open_record(tmp_path, {"longest_side": "1600"}, {"a": 1, "b": 1})
+    with pytest.raises(ConfigError) as caught:
+        open_record(tmp_path, {"longest_side": "800"}, {"a": 2, "c": 1})
+    for said in ("--longest-side", "new (c)", "gone (b)", "changed (a)"):
+        assert said in str(caught.value)
+    (tmp_path / "process.json").write_text("[]")
+    with pytest.raises(ConfigError, match=r"process\.json"):
+        open_record(tmp_path, {}, {})
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("job", "said", "logged"),
-    [
-        (crash, "ended by SIGSEGV during 'mapping'", ""),
-        (fail, r"failed during 'mapping' \(RuntimeError: no\)", "said by the library"),
-    ],
-)
-def test_a_crash_of_the_worker_is_an_error_that_says_where(job, said, logged, tmp_path):
-    folder = open_workspace(tmp_path / "out", {}, {})
-    folder.stage("features", lambda: {"a.jpg": 7})
-    with pytest.raises(DeSplatError, match=said):
-        jobs.run_job(folder, "mapping", f"{__name__}.{job.__name__}", {"threads": 1})
-    assert logged in folder.log.read_text()
-    stages = json.loads((tmp_path / "out" / "process.json").read_text())["stages"]
-    assert stages["features"]["result"] == {"a.jpg": 7}
+def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path):
+    (tmp_path / "thesis.doc").write_bytes(b"x")
+    with pytest.raises(ConfigError, match=r"thesis\.doc"):
+        open_record(tmp_path, {}, {})
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.doc"]
 
 
-@pytest.mark.slow
-def test_a_worker_that_ends_before_it_can_write_its_log_is_an_error_like_any_other(tmp_path):
-    folder = open_workspace(tmp_path / "out", {}, {})
-    folder.log.mkdir(parents=True)
-    with pytest.raises(DeSplatError, match=r"failed during 'mapping'\. What is done is kept"):
-        jobs.run_job(folder, "mapping", f"{__name__}.{fail.__name__}", {"threads": 1})
+def test_photos_that_are_left_out_for_one_reason_share_a_line_and_few_reasons_are_told():
+    missing = [{"source": f"{i}.jpg", "reason": f"reason {i // 2}"} for i in range(2 * LISTED + 3)]
+    figures = {"photos": 3, "of": 9, "points": 5, "error": 0.5, "recipe": "plain", "seconds": 1}
+    lines = report_lines(Path("out"), {**figures, "others": [], "left_out": missing})
+    told = [line for line in lines if line[:2] == "  "]
+    assert told[0] == "  0.jpg, 1.jpg: reason 0" and len(told) == LISTED + 1
 
 
-def slow(marks: Path, progress: Callable[[int, int], None]) -> None:
-    """Work that tells its process and does not end."""
-    (marks / "pid").write_text(str(os.getpid()))
-    time.sleep(600)
+# --- a capture that is made plainly, made once more thoroughly -----------------------------------
+
+OBSERVATIONS = {"plain": 700, "thorough": 800}
 
 
-BUSY = """
-import signal, sys
+@pytest.fixture
+def made(photo_writer, tmp_path: Path, monkeypatch) -> Callable[..., Request]:
+    """`made()`: three photos, made plainly; `thorough` says how many photos that way poses then."""
+    posed = {"plain": 3, "thorough": 3}
+
+    def in_worker(work: Path, do: Callable[..., Any], *arguments: Any) -> Attempt | None:
+        recipe = next((a for a in arguments if isinstance(a, Recipe)), None)
+        if do is not reconstruct or recipe is None:
+            (work.parent / "images").mkdir(exist_ok=True)
+            (work.parent / "images" / "made").write_text(arguments[0].name)
+            return None
+        copies = tuple(f"0000{i + 1}.jpg" for i in range(posed[recipe.name]))
+        model = Model(Path(recipe.name), copies, 9, OBSERVATIONS[recipe.name], 0.5)
+        features = {f"0000{i}.jpg": 100 for i in (1, 2, 3)}
+        return Attempt(recipe, [model], features, [], Stationary(0.0))
+
+    monkeypatch.setattr(process, "in_worker", in_worker)
+
+    def make(**changed: int) -> Request:
+        for seed, name in enumerate("abc"):
+            photo_writer(tmp_path / "p" / f"{name}.png", 60, 40, seed=seed)
+        run(Request(tmp_path / "p", tmp_path / "out", threads=1))
+        assert findings_of(tmp_path / "out")["recipe"] == "plain"
+        posed.update(changed)
+        return Request(tmp_path / "p", tmp_path / "out", threads=1, effort="thorough")
+
+    return make
+
+
+@pytest.mark.parametrize(("posed", "recipe"), [(3, "thorough"), (2, "plain")])
+def test_a_better_one_takes_the_place_of_the_first(
+    made, monkeypatch: pytest.MonkeyPatch, posed: int, recipe: str
+):
+    thorough = made(thorough=posed)
+    run(thorough)
+    assert (thorough.output / "images" / "made").read_text() == recipe
+    found = findings_of(thorough.output)
+    assert (found["recipe"], found["observations"]) == (recipe, OBSERVATIONS[recipe])
+    monkeypatch.setattr(process, "in_worker", pytest.fail)
+    run(thorough)  # nothing is left to do
+
+
+def test_the_first_stays_where_the_second_is_interrupted_or_its_photos_are_gone(
+    made, monkeypatch: pytest.MonkeyPatch
+):
+    thorough = made()
+
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(process, "in_worker", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            run(thorough)
+    run(Request(thorough.photos, thorough.output, threads=1))
+    for photo in thorough.photos.iterdir():
+        photo.write_bytes(bytes(photo.stat().st_size))
+    with pytest.raises(DeSplatError):
+        run(thorough)
+    assert (thorough.output / "images" / "made").read_text() == "plain"
+    assert findings_of(thorough.output)["recipe"] == "plain"
+
+
+AT_WORK = """
 from pathlib import Path
-signal.signal(signal.SIGINT, signal.default_int_handler)  # what a shell starts with & ignores it
-from desplat_ns.process import jobs
-from desplat_ns.process.workspace import open_workspace
-place = Path(sys.argv[1])
-jobs.run_job(open_workspace(place / "out", {}, {}), "mapping", sys.argv[2], {"marks": place})
+from desplat_ns.commands.process import run
+from desplat_ns.process import process
+from desplat_ns.process.request import Request
+process.in_worker = lambda *_: wait()
+run(Request(Path({photos!r}), Path({output!r}), threads=1))
 """
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
-def test_the_worker_ends_with_whoever_started_it(tmp_path, checkout, sent):
-    line = [sys.executable, "-c", BUSY, str(tmp_path), f"{__name__}.slow"]
-    with subprocess.Popen(line, cwd=checkout, stderr=subprocess.DEVNULL) as parent:
-        wait_until(lambda: (tmp_path / "pid").is_file() and (tmp_path / "pid").read_text() != "")
-        worker = int((tmp_path / "pid").read_text())
-        assert is_running(worker)
-        parent.send_signal(sent)
-        parent.wait(timeout=60)
-    wait_until(lambda: not is_running(worker))
-    assert not is_running(worker)
+def test_a_second_call_is_refused_and_goes_on_once_the_first_was_killed(
+    tmp_path: Path, photo_writer, checkout: Path, monkeypatch: pytest.MonkeyPatch
+):
+    photos, output = tmp_path / "photos", tmp_path / "out"
+    for seed, name in enumerate("abc"):
+        photo_writer(photos / f"{name}.png", 60, 40, seed=seed)
+    request = Request(photos, output, threads=1)
+    code = AT_WORK.format(photos=str(photos), output=str(output))
+    with running(code, checkout) as first:
+        with pytest.raises(ConfigError, match=str(first.pid)):
+            run(request)
+        first.kill()
+        first.wait()
 
+        def nothing_more(*_: object) -> None:
+            raise CaptureError("went on")
 
-def is_running(pid: int) -> bool:
-    """Whether there is such a process that has not ended."""
-    return psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
-
-
-def wait_until(done: Callable[[], bool]) -> None:
-    """Look every 50 ms, for a minute."""
-    end = time.monotonic() + 60
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.05)
-
-
-def test_alignment_finds_a_similarity():
-    from lab.process import distances
-
-    rng = np.random.default_rng(0)
-    known = rng.normal(size=(6, 3))
-    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    assert distances(0.3 * known @ turn + [1, 2, 3], known).max() < 1e-12
+        monkeypatch.setattr(process, "in_worker", nothing_more)
+        with pytest.raises(CaptureError, match="went on"):
+            run(request)

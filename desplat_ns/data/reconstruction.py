@@ -1,0 +1,219 @@
+"""What is known of a capture's photos and scene, whatever file says so, and how COLMAP's models are
+read into it.
+
+Letters in shapes: P points, M observations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+from nerfstudio.cameras.cameras import CameraType
+
+from desplat_ns.console import announce_once
+from desplat_ns.data.colmap_model import find_models, places_of, read_model, state_of
+from desplat_ns.errors import CaptureError
+
+if TYPE_CHECKING:
+    import pycolmap
+
+CAMERA_TYPES = {
+    "SIMPLE_PINHOLE": CameraType.PERSPECTIVE,
+    "PINHOLE": CameraType.PERSPECTIVE,
+    "SIMPLE_RADIAL": CameraType.PERSPECTIVE,
+    "RADIAL": CameraType.PERSPECTIVE,
+    "OPENCV": CameraType.PERSPECTIVE,
+    "OPENCV_FISHEYE": CameraType.FISHEYE,
+    "SIMPLE_RADIAL_FISHEYE": CameraType.FISHEYE,
+    "RADIAL_FISHEYE": CameraType.FISHEYE,
+}
+"""COLMAP's camera models that nerfstudio can undistort."""
+
+LARGEST_SIDE = 1 << 16
+"""Pixels. No photo has a longer side; a camera that says so is damaged."""
+
+TRACKS = "point_tracks"
+"""Where a data parser leaves a `Tracks` in its metadata, beside `points3D_xyz`."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One photo with a known pose."""
+
+    name: str
+    """Path inside the images folder, with forward slashes."""
+    image_id: int
+    """The reconstruction's own number of the photo."""
+    world_to_camera: Float[np.ndarray, "3 4"]
+    """OpenCV axes, the reconstruction's own units."""
+    camera_type: CameraType
+    width: int
+    height: int
+    intrinsics: dict[str, float]
+    """fx, fy, cx, cy in pixels; k1 .. k4, p1, p2 where the model has them."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """Triangulated points in the reconstruction's units, ordered by their ids."""
+
+    xyz: Float[np.ndarray, "P 3"]
+    rgb: UInt8[np.ndarray, "P 3"]
+    ids: Int[np.ndarray, " P"]
+    """The reconstruction's own numbers of the points."""
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """Photos with a pose, and points, whatever file said so, in its own world and units."""
+
+    folder: Path
+    """Where it was read."""
+    frames: list[Frame]
+    """Ordered by image id (nerfstudio's order)."""
+    points: Points
+
+
+class Observed(NamedTuple):
+    """The points that one photo observes."""
+
+    points: Int[np.ndarray, " M"]
+    """Indices into the points of the capture."""
+    places: Float[np.ndarray, "M 2"]
+    """Where, as fractions of the photo's width and height: the same at every size."""
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Where to read what the photos of a split observe: training does not need it, so the metadata
+    of a capture does not hold it."""
+
+    folder: Path
+    """The reconstruction."""
+    image_ids: tuple[int, ...]
+    """Of the photos, in the order of the split."""
+    sizes: tuple[tuple[int, int], ...]
+    """Width and height of each photo's camera in the reconstruction."""
+    point_ids: Int[np.ndarray, " P"]
+    """Of the capture's points, in their order, which is ascending."""
+
+    def keep(self, which: Bool[np.ndarray, " P"]) -> Tracks:
+        """The tracks of some of the points."""
+        return replace(self, point_ids=self.point_ids[which])
+
+    def read(self, photos: Sequence[int]) -> list[Observed]:
+        """What some photos, given by their numbers in the split, observe.
+
+        Raises:
+            CaptureError: the reconstruction cannot be read any more.
+        """
+        model = read_model(self.folder)
+        observed = []
+        for photo in photos:
+            found = model.image(self.image_ids[photo]).get_observation_points2D()
+            ids = np.array([point.point3D_id for point in found], dtype=np.int64)
+            places = np.array([point.xy for point in found], dtype=np.float64).reshape(-1, 2)
+            known = np.isin(ids, self.point_ids)
+            points = np.searchsorted(self.point_ids, ids[known])
+            observed.append(Observed(points, places[known] / self.sizes[photo]))
+        return observed
+
+
+def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
+    """Read the reconstruction of a capture; of several models, the one with most photos.
+
+    The one that was read last is kept, and given again as long as its files are the same: do not
+    change what it holds.
+
+    Args:
+        data: the capture's folder.
+        colmap_path: a model's folder or a folder of models, relative to `data`. The usual places
+            (`sparse`, `sparse/0`, `colmap/sparse/0`) stand in for each other.
+
+    Raises:
+        CaptureError: nothing there, damaged files, cameras or poses that cannot be used.
+    """
+    if not data.is_dir():
+        raise CaptureError(f"The folder {data} does not exist. Give the capture's with --data.")
+    folders = find_models(data, colmap_path)
+    if not folders:
+        raise CaptureError(
+            f"No COLMAP reconstruction in {data} (looked in "
+            f"{', '.join(map(str, places_of(colmap_path)))}). Needed: a folder with cameras, "
+            "images and points3D as .bin or .txt. Run COLMAP first, or name the folder with "
+            "--colmap-path, relative to --data."
+        )
+    return _largest(tuple(folders), tuple(map(state_of, folders)))
+
+
+@lru_cache(maxsize=1)
+def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruction:
+    """The model with most photos; read anew where a file is in another state."""
+    models = {folder: read_model(folder) for folder in folders}
+    folder, model = max(models.items(), key=lambda entry: entry[1].num_reg_images())
+    if len(models) > 1:
+        others = (f"{f.name}: {m.num_reg_images()}" for f, m in models.items() if f != folder)
+        announce_once(
+            f"Reconstruction: {folder} with {model.num_reg_images()} photos, the largest of "
+            f"{len(models)} (photos in the others: {', '.join(others)})."
+        )
+    images = (model.image(i) for i in sorted(model.images))
+    frames = [_frame(image, folder) for image in images if image.has_pose]
+    if not frames:
+        raise CaptureError(
+            f"The reconstruction {folder} has no photo with a pose. Run COLMAP's mapper again, or "
+            "name another reconstruction with --colmap-path."
+        )
+    by_id = dict(sorted(model.points3D.items()))
+    points = Points(
+        xyz=np.array([point.xyz for point in by_id.values()], dtype=np.float64).reshape(-1, 3),
+        rgb=np.array([point.color for point in by_id.values()], dtype=np.uint8).reshape(-1, 3),
+        ids=np.array(list(by_id), dtype=np.int64),
+    )
+    return Reconstruction(folder, frames, points)
+
+
+def _frame(image: pycolmap.Image, folder: Path) -> Frame:
+    camera = image.camera
+    assert camera is not None, "pycolmap links every image to its camera"
+    model = camera.model.name
+    if model not in CAMERA_TYPES:
+        raise CaptureError(
+            f"Camera {camera.camera_id} in {folder} (photo {image.name}) has the model {model}; "
+            f"supported are {', '.join(CAMERA_TYPES)}. Undistort the photos first: `colmap "
+            "image_undistorter --image_path IMAGES --input_path MODEL --output_path OUT`."
+        )
+    pose, intrinsics = np.asarray(image.cam_from_world().matrix()), _intrinsics(camera)
+    numbers, sides = [*pose.flat, *intrinsics.values()], (camera.width, camera.height)
+    if not (np.isfinite(numbers).all() and min(sides) >= 1 and max(sides) <= LARGEST_SIDE):
+        raise CaptureError(
+            f"Photo {image.name} in {folder} has a pose or a camera that cannot be: NaN or "
+            f"infinite numbers, or {sides[0]}x{sides[1]} pixels; a side has 1 to {LARGEST_SIDE}. "
+            "Remove the photo from the reconstruction, or run COLMAP's mapper again."
+        )
+    return Frame(
+        name=Path(image.name).as_posix(),
+        image_id=image.image_id,
+        world_to_camera=pose,
+        camera_type=CAMERA_TYPES[model],
+        width=camera.width,
+        height=camera.height,
+        intrinsics=intrinsics,
+    )
+
+
+def _intrinsics(camera: pycolmap.Camera) -> dict[str, float]:
+    """COLMAP's parameters by name; f stands for fx and fy, k for k1."""
+    names = [name.strip() for name in camera.params_info.split(",")]
+    values = dict(zip(names, (float(value) for value in camera.params), strict=True))
+    if "f" in values:
+        values["fx"] = values["fy"] = values.pop("f")
+    if "k" in values:
+        values["k1"] = values.pop("k")
+    return values

@@ -1,0 +1,129 @@
+"""Runs what speaks to pycolmap in a process of its own, the worker: a crash there is an error
+message here."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from threading import Lock, Thread
+from typing import Any
+
+from desplat_ns.console import progress_with_time_left
+from desplat_ns.errors import ConfigError, DeSplatError
+from desplat_ns.files.whole import disk_is_full
+
+LOG = "colmap.log"
+"""File in the work folder with all that pycolmap prints."""
+
+Progress = Callable[[str, int, int], None]
+"""Called with the name of a stage, what is done of it, and what there is to do."""
+
+
+def in_worker(work: Path, do: Callable[..., Any], *arguments: Any) -> Any:
+    """What `do(*arguments, progress)` returns in another process, with bars of its progress.
+
+    Args:
+        work: the work folder.
+        do: a function of a module; `progress` is a `Progress`.
+
+    Raises:
+        DeSplatError: the function raised it, failed otherwise, or crashed; what is done is kept.
+    """
+    work.mkdir(parents=True, exist_ok=True)
+    log = (work / LOG).resolve()
+    begin = log.stat().st_size if log.exists() else 0
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read as the other process starts
+    spawned = multiprocessing.get_context("spawn")
+    receiver, sender = spawned.Pipe(duplex=False)
+    process = spawned.Process(target=_work, args=(sender, log, do, arguments))
+    stage, show, outcome = "", None, ("crash", "")
+    with ExitStack() as bar, receiver:
+        try:
+            process.start()
+            sender.close()
+            with suppress(EOFError, OSError):  # it has ended
+                while True:
+                    kind, content = receiver.recv()
+                    if kind != "progress":
+                        outcome = kind, content
+                        continue
+                    if show is None or content[0] != stage:
+                        bar.close()
+                        stage = content[0]
+                        show = bar.enter_context(progress_with_time_left(stage))
+                    show(*content[1:])
+            process.join()
+        finally:
+            if process.pid is not None:
+                process.kill()
+                process.join()
+    kind, content = outcome
+    if kind == "result":
+        return content
+    if isinstance(content, DeSplatError):
+        raise content
+    if disk_is_full(work):
+        raise unwritable(work.parent)
+    said = content or _last_complaint(log, begin)
+    reason = f"pycolmap failed during '{stage}'"
+    if (process.exitcode or 0) < 0:
+        reason += f" by {signal.Signals(-(process.exitcode or 0)).name}"
+    raise DeSplatError(
+        f"{reason}{f' ({said})' if said else ''}. What is done is kept: the same command goes on "
+        f"where it stopped. If that happens again, look at {log}; where memory runs out, which "
+        "SIGKILL may mean, use fewer --threads, or another folder with a smaller --longest-side."
+    )
+
+
+def _work(sender: Any, log: Path, do: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    """The other process: what it prints, pycolmap included, goes to the log."""
+    with log.open("ab") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    Thread(target=_end_with_the_parent, daemon=True).start()
+    lock = Lock()  # pycolmap calls back from threads of its own
+
+    def tell(kind: str, content: Any) -> None:
+        with lock:
+            sender.send((kind, content))
+
+    try:
+        tell("result", do(*arguments, lambda *counts: tell("progress", counts)))
+    except DeSplatError as error:
+        tell("error", error)
+    except Exception as error:
+        traceback.print_exc()
+        tell("error", f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}")
+        sys.exit(1)
+
+
+def _end_with_the_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None, "only a process that another one started is here"
+    parent.join()
+    os._exit(1)
+
+
+def _last_complaint(log: Path, begin: int) -> str:
+    """The last line of the log since `begin` that tells of an error, if any: COLMAP's begin with E
+    or F, and what ends a process is said nowhere else."""
+    content = log.read_bytes()[begin:] if log.is_file() else b""
+    lines = content.decode("utf8", "replace").splitlines()
+    bad = [line for line in lines if line[:1] in ("E", "F") or "Error" in line]
+    return bad[-1].partition("] ")[2] or bad[-1] if bad else ""
+
+
+def unwritable(output: Path, error: Exception | None = None) -> DeSplatError:
+    """What to say where writing failed."""
+    if not disk_is_full(output):
+        return ConfigError(f"Nothing can be written to {output} ({error}). Name another folder.")
+    return DeSplatError(
+        f"The disk of {output} is full. What is done is kept: make room, and the same command goes "
+        "on where it stopped. A smaller --longest-side, in another folder, needs less."
+    )

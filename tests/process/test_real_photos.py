@@ -1,0 +1,60 @@
+"""Real photos as users have them: two places in one folder, some of 16 bits."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import PIL.Image
+import pytest
+
+from desplat_ns.commands.process import run
+from desplat_ns.process.request import Request
+from lab.process import compare
+
+pytestmark = [pytest.mark.slow, pytest.mark.real_data]
+
+MODEL = Path("sparse", "0")
+CLOSE = 0.01
+"""Of the longest distance between cameras: how far a centre may be from the known one."""
+
+
+def photos_of(capture: Path, first: int, last: int) -> list[Path]:
+    return sorted((capture / "images").iterdir())[first:last]
+
+
+def write_16_bit(photo: Path, target: Path) -> None:
+    pixels = np.asarray(PIL.Image.open(photo)).astype(np.uint16) * 257
+    file = oiio.ImageOutput.create(str(target))
+    assert file is not None
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, oiio.UINT16)
+    assert file.open(str(target), spec) and file.write_image(pixels) and file.close()
+
+
+def test_of_two_places_the_one_with_more_photos_is_taken_and_the_other_named(
+    data_folder: Callable[[str], Path], tmp_path: Path
+):
+    """Some are PNG and TIFF with 16 bits, which are read as any other."""
+    fox, tree = data_folder("fox"), data_folder("monstree")
+    (tmp_path / "photos").mkdir()
+    for number, photo in enumerate(photos_of(fox, 0, 12)):
+        if number % 3:
+            write_16_bit(photo, tmp_path / "photos" / f"{photo.stem}.{('png', 'tif')[number % 2]}")
+        else:
+            shutil.copy(photo, tmp_path / "photos")
+    others = photos_of(tree, 5, 15)
+    for photo in others:
+        shutil.copy(photo, tmp_path / "photos")
+    out = tmp_path / "out"
+    run(Request(tmp_path / "photos", out, effort="plain", threads=1))
+    found = json.loads((out / "process.json").read_text("utf8"))["findings"]
+    assert (found["photos"], found["of"], found["others"]) == (12, 22, [10])
+    assert [photo["source"] for photo in found["left_out"]] == [photo.name for photo in others]
+    assert all("another model of 10" in photo["reason"] for photo in found["left_out"])
+    written = {path.name for path in (out / "images").iterdir()}
+    assert written == {photo.name for photo in photos_of(fox, 0, 12)}
+    assert compare(out, fox / MODEL).largest < CLOSE

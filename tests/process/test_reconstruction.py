@@ -1,0 +1,242 @@
+"""Which photos are compared, what ties them and where they are: on the generated yard, by
+pycolmap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+# PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
+import PIL.Image  # noqa: F401
+import pycolmap
+import pytest
+
+from desplat_ns.process import pairs, reconstruction
+from desplat_ns.process.photos import Camera, group_by_camera
+from desplat_ns.process.reconstruction import (
+    PLAIN,
+    Recipe,
+    Stationary,
+    feature_counts,
+    find_features,
+    is_stationary,
+    map_photos,
+    match_photos,
+    tolerance_of,
+    verified_pairs,
+)
+from desplat_ns.process.request import Pairing
+from tests.helpers.yard import CLOSE, EDGE, SIZE, Features, Yard, copied, places_of, silent
+
+FEW = replace(PLAIN, neighbours=3)
+"""With a dozen photos: each is compared with a quarter of the others."""
+EVERY_OTHER = range(0, 12, 2)
+"""The views that `marked` shows."""
+ERROR, ANGLE = 1.0, 10.0
+"""Pixels and degrees: stricter than the thorough recipe, so that the yard's points fall short."""
+
+
+def match(mine: Features, pairing: Pairing) -> Stationary:
+    return match_photos(mine.database, pairing, FEW, 1, silent)
+
+
+def numbers(a: str, b: str) -> tuple[int, int]:
+    """A pair of copies as the places of the photos in their order."""
+    first, second = (int(Path(name).stem) - 1 for name in sorted((a, b)))
+    return first, second
+
+
+def compared(mine: Features) -> set[tuple[int, int]]:
+    """Pairs that were looked at, whether anything was found or not."""
+    with pycolmap.Database.open(mine.database) as db:
+        names = {image.image_id: image.name for image in db.read_all_images()}
+        ids, _ = db.read_all_matches()
+    both = map(pycolmap.pair_id_to_image_pair, ids)
+    return {numbers(names[a], names[b]) for a, b in both}
+
+
+def worst_pose(mine: Features, yard: Yard, order: Sequence[int]) -> float:
+    """Pixels by which the worst camera is off, of photos that show those views; all have poses."""
+    folder = mine.database.with_name("models")
+    best = map_photos(mine.database, mine.copies, folder, PLAIN, 1, silent)[0]
+    assert map_photos(mine.database, mine.copies, folder, PLAIN, 1, silent)[0] == best
+    views = {photo.copy: view for photo, view in zip(mine.photos, order, strict=True)}
+    return yard.farthest(best.folder, views)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pairing", ["exhaustive", "similar", "sequential"])
+def test_each_pairing_gives_every_photo_its_place(
+    pairing: Pairing, plain: Features, yard: Yard, tmp_path: Path
+):
+    mine = plain.again(tmp_path)
+    match(mine, pairing)
+    if pairing == "similar":  # the camera goes around: the most alike are next to each other
+        last = len(mine.photos) - 1
+        assert {(i, i + 1) for i in range(last)} <= compared(mine)
+        assert all(b - a < last / 2 for a, b in compared(mine))
+    assert worst_pose(mine, yard, range(len(yard.pictures))) < CLOSE
+
+
+@pytest.mark.slow
+def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
+    yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """There by every other view, back by those between: the last is next to the first."""
+    monkeypatch.setattr(pairs, "OVERLAP", 1)
+    monkeypatch.setattr(pairs, "LOOPS", 2)
+    order = [*EVERY_OTHER, *(view + 1 for view in reversed(EVERY_OTHER))]
+    photos = copied(yard.write(tmp_path / "photos", order), tmp_path / "copies")
+    mine = Features(tmp_path / "database.db", tmp_path / "copies", photos)
+    extract(mine)
+    match(mine, "sequential")
+    last = len(order) - 1
+    assert (0, last) not in pairs.sequential_pairs(len(order))
+    tied = {numbers(a, b) for a, b, _ in verified_pairs(mine.database)}
+    assert {(0, last), *((i, i + 1) for i in range(last))} <= tied
+
+
+def extract(mine: Features) -> list[Camera]:
+    """Find plain features of photos."""
+    cameras = group_by_camera(mine.photos, "auto", "auto")
+    find_features(mine.database, mine.copies, cameras, None, PLAIN, 1, silent)
+    return cameras
+
+
+def still_and_all(mine: Features) -> tuple[int, int]:
+    """Verified matches at equal places where the mark is, and all verified matches."""
+    still, every = 0, 0
+    places = places_of(mine.database)
+    with pycolmap.Database.open(mine.database) as db:
+        names = {image.image_id: image.name for image in db.read_all_images()}
+        for pair in db.read_two_view_geometry_num_inliers()[0]:
+            a, b = pycolmap.pair_id_to_image_pair(pair)
+            of_a, of_b = db.read_two_view_geometry(a, b).inlier_matches.T
+            first, second = places[names[a]][of_a], places[names[b]][of_b]
+            same = is_stationary(first, second, tolerance_of(max(SIZE)))
+            still, every = still + int((same & (first[:, 1] > EDGE)).sum()), every + len(of_a)
+    return still, every
+
+
+@pytest.mark.slow
+def test_what_stands_still_in_all_photos_does_not_tie_them(
+    marked: Features, yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Also where the call was cut off between the first verification and the second."""
+    mine = marked.again(tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(reconstruction.pycolmap, "geometric_verification", cut_off)
+        with pytest.raises(KeyboardInterrupt):
+            match(mine, "exhaustive")
+    found = match(mine, "exhaustive")
+    assert found.is_suspicious
+    assert found.box[1] * SIZE[1] > EDGE - tolerance_of(max(SIZE))
+    still, every = still_and_all(mine)
+    assert still == 0 and every > 0
+    assert worst_pose(mine, yard, EVERY_OTHER) < CLOSE
+
+
+def cut_off(*_: Any, **__: Any) -> None:
+    raise KeyboardInterrupt
+
+
+# --- what the thorough recipe takes out of a model at the end ------------------------------------
+
+
+def widest_angle(model: pycolmap.Reconstruction, point: pycolmap.Point3D) -> float:
+    """Degrees between those rays to a point that are farthest apart."""
+    images = (model.image(element.image_id) for element in point.track.elements)
+    rays = np.stack([image.projection_center() - point.xyz for image in images])
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    return float(np.degrees(np.arccos(np.clip(rays @ rays.T, -1, 1).min())))
+
+
+def errors(model: pycolmap.Reconstruction, which: pycolmap.Reconstruction) -> np.ndarray:
+    """Pixels by which `model` is off at the observations that `which` has."""
+    off = []
+    for number, point in which.points3D.items():
+        for element in point.track.elements:
+            image = model.image(element.image_id)
+            place = image.project_point(model.point3D(number).xyz)
+            assert place is not None
+            off.append(np.linalg.norm(place - image.point2D(element.point2D_idx).xy))
+    return np.array(off)
+
+
+@pytest.mark.slow
+def test_points_with_narrow_angles_and_observations_far_off_are_gone(
+    plain: Features, tmp_path: Path
+):
+    """One thread and one seed: up to the filter both models are the same."""
+    mine = plain.again(tmp_path)
+    match_photos(mine.database, "exhaustive", PLAIN, 1, silent)
+
+    def model_of(recipe: Recipe, name: str) -> pycolmap.Reconstruction:
+        found = map_photos(mine.database, mine.copies, tmp_path / name, recipe, 1, silent)
+        return pycolmap.Reconstruction(found[0].folder)
+
+    whole = model_of(PLAIN, "whole")
+    strict = model_of(replace(PLAIN, filtered=(ERROR, ANGLE)), "strict")
+    flat = {i for i, point in whole.points3D.items() if widest_angle(whole, point) < ANGLE}
+    assert flat and strict.num_points3D() > 0 and flat.isdisjoint(strict.points3D)
+    before, after = errors(whole, strict), errors(strict, strict)
+    assert errors(whole, whole).max() > ERROR and before.max() <= ERROR
+    assert (after**2).sum() < (before**2).sum(), "the last adjustment lessens it"
+
+
+# --- calls that are cut off ----------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("calls", [0, 1, 2])
+def test_features_that_were_cut_off_go_on_where_they_stopped(
+    yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
+):
+    """Cut off before the first call of pycolmap, after it, after the second."""
+    photos = copied(yard.write(tmp_path / "photos", range(5)), tmp_path / "copies")
+    mine = Features(tmp_path / "database.db", tmp_path / "copies", photos)
+    done, asked = pycolmap.extract_features, []
+
+    def noted(at: Path, folder: Path, names: list[str], **options: Any) -> None:
+        if len(asked) == calls:
+            raise KeyboardInterrupt
+        asked.append(names)
+        done(at, folder, names, **options)
+
+    monkeypatch.setattr(reconstruction.pycolmap, "extract_features", noted)
+    with pytest.raises(KeyboardInterrupt):
+        extract(mine)
+    calls = 99
+    extract(mine)
+    once = sorted(name for names in asked for name in names)
+    assert once == [photo.copy for photo in photos]
+    assert all(feature_counts(mine.database).values())
+
+
+@pytest.mark.slow
+def test_photos_that_were_entered_in_part_share_their_camera_all_the_same(
+    yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    photos = copied(yard.write(tmp_path / "photos", range(5)), tmp_path / "copies")
+    photos = [replace(photo, focal=321.5) for photo in photos]
+    mine = Features(tmp_path / "database.db", tmp_path / "copies", photos)
+    enter = pycolmap.import_images
+
+    def in_part(at: Path, folder: Path, mode: Any, names: list[str], options: Any) -> None:
+        enter(at, folder, mode, names[:2], options)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(reconstruction.pycolmap, "import_images", in_part)
+        with pytest.raises(KeyboardInterrupt):
+            extract(mine)
+    extract(mine)
+    with pycolmap.Database.open(mine.database) as db:
+        (camera,) = db.read_all_cameras()
+        images = db.read_all_images()
+    assert camera.mean_focal_length() == 321.5 and camera.has_prior_focal_length
+    assert {image.name for image in images} == {photo.copy for photo in photos}

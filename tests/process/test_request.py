@@ -1,0 +1,56 @@
+"""What may be processed: photos of a folder, one video, numbers in their range."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.process.request import Request, find_sources
+
+
+def touch(folder: Path, *names: str) -> Path:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(b"x")
+    return folder
+
+
+def test_photos_in_folders_are_found_and_raw_twins_hidden_ones_and_the_output_are_not(tmp_path):
+    names = ("b ü.jpg", "a/1.PNG", "a/2.cr2", "b ü.dng", "note.txt", ".x.jpg", "out/images/9.jpg")
+    touch(tmp_path, *names, ".thumbnails/0.jpg", "trip/.picasaoriginals/0.jpg")
+    sources = find_sources(tmp_path, tmp_path / "out")
+    assert sources.names == ("a/1.PNG", "a/2.cr2", "b ü.jpg")
+    assert not sources.is_video
+
+
+@pytest.mark.parametrize("names", [(), ("a.jpg",), ("a.txt",), ("a.mp4",)])
+def test_what_cannot_be_processed_is_named(tmp_path: Path, names: tuple[str, ...]):
+    folder = touch(tmp_path / "p", *names) if names else tmp_path
+    with pytest.raises(CaptureError, match=names[0] if names else str(tmp_path)):
+        find_sources(folder, tmp_path / "out")
+
+
+@pytest.mark.parametrize("output", ["photos", "."])
+def test_a_capture_is_not_made_in_or_around_the_folder_of_its_photos(tmp_path: Path, output: str):
+    photos = touch(tmp_path / "photos", *(f"{i}.jpg" for i in range(3)))
+    with pytest.raises(CaptureError):
+        find_sources(photos, tmp_path / output)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+def test_a_name_that_is_no_text_is_named(tmp_path: Path):
+    """As unpacked from an archive of an old system, whose umlauts have one byte."""
+    touch(tmp_path, *(f"{i}.jpg" for i in range(3)))
+    os.rename(tmp_path / "1.jpg", os.fsencode(tmp_path) + b"/gr\xfcn.jpg")
+    with pytest.raises(CaptureError, match=r"gr\\xfcn\.jpg") as caught:
+        find_sources(tmp_path, tmp_path / "out")
+    str(caught.value).encode()  # it can be printed
+
+
+def test_all_wrong_numbers_are_told_at_once():
+    with pytest.raises(ConfigError, match=r"--longest-side.*--threads"):
+        Request(Path("p"), Path("o"), longest_side=5, threads=-1).check()
