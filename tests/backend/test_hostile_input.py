@@ -13,12 +13,9 @@ from tests.backend.scenes import MODES, PARAMETERS, joined, one_gaussian, random
 
 POISON = {
     "a NaN in the mean": {"means": [[math.nan, 0.0, 2.0]]},
-    "an infinite mean": {"means": [[0.0, math.inf, 2.0]]},
     "a mean beyond float32's square root": {"means": [[1e30, 0.0, 2.0]]},
     "a mean in the camera's centre": {"means": [[0.0, 0.0, 0.0]]},
     "a zero quaternion": {"quats": [[0.0, 0.0, 0.0, 0.0]]},
-    "a denormal quaternion": {"quats": [[1e-40, 0.0, 0.0, 0.0]]},
-    "a NaN in the quaternion": {"quats": [[math.nan, 0.0, 0.0, 1.0]]},
     "an infinite scale": {"scales": [[math.inf, 0.1, 0.1]]},
     "a scale whose fourth power overflows": {"scales": [[math.exp(40), 0.1, 0.1]]},
     "a NaN opacity": {"opacities": [math.nan]},

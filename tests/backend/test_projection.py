@@ -8,7 +8,7 @@ import torch
 from gsplat.cuda._torch_impl import _fully_fused_projection, _quat_scale_to_covar_preci
 from torch import Tensor
 
-from desplat_ns.backend import RenderSettings, View
+from desplat_ns.backend import RenderSettings
 from desplat_ns.backend.projection import ProjectedSplats, project, view_colors
 from tests.backend.scenes import TestScene, one_gaussian, random_scene
 
@@ -34,10 +34,9 @@ def project_scene(scene: TestScene, settings: RenderSettings) -> ProjectedSplats
     return project(scene.splats, scene.view, settings)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_projection_is_gsplats(seed):
+def test_projection_is_gsplats():
     settings = RenderSettings(antialiased=True)
-    scene = random_scene(seed, count=300, size=(64, 48)).to(torch.float64)
+    scene = random_scene(0, count=300, size=(64, 48)).to(torch.float64)
     got = project_scene(scene, settings)
     radii, means2d, depths, conics, compensations = gsplats_projection(scene, settings)
     visible = got.radii > 0
@@ -106,8 +105,7 @@ def test_needles_keep_a_positive_definite_conic_in_float32():
     assert (xx * yy - xy * xy > 0).all()
 
 
-@pytest.mark.parametrize("antialiased", [False, True])
-@pytest.mark.parametrize("sh_degree", [None, 3])
+@pytest.mark.parametrize(("antialiased", "sh_degree"), [(True, None), (False, 3)])
 def test_gradients_are_those_of_finite_differences(antialiased, sh_degree):
     scene = random_scene(2, count=3, sh_degree=sh_degree).to(torch.float64)
     settings = RenderSettings(antialiased=antialiased)
@@ -137,10 +135,3 @@ def test_lower_degrees_leave_higher_coefficients_alone():
     # Four products of at most 0.5 and their sum, in any order.
     most = 4 * 2 * 0.5 * scene.colors.abs().max().item() * torch.finfo(torch.float64).eps
     torch.testing.assert_close(got, want, rtol=0, atol=most)
-
-
-def test_a_camera_that_sees_nothing_valid_is_no_error():
-    view = View(torch.eye(4), torch.eye(3), 5, 4)
-    scene = random_scene(8, count=3).to(torch.float32)
-    got = project(scene.splats, dataclasses.replace(view, K=torch.eye(3) * 1e-9), RenderSettings())
-    assert got.radii.shape == (3,)
