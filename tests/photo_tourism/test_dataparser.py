@@ -184,12 +184,6 @@ def test_poses_and_points_are_those_of_the_colmap_parser(scene):
     assert ours.dataparser_scale == theirs.dataparser_scale
 
 
-def test_matches_of_points_are_not_offered(scene):
-    parser = parser_of(scene(), max_2D_matches_per_3D_point=3)
-    with pytest.raises(ConfigError, match="--max-2D-matches-per-3D-point"):
-        parser.get_dataparser_outputs("train")
-
-
 @pytest.mark.real_data
 def test_sacre_coeur_has_eight_photos_to_train_on_and_two_for_testing(data_folder):
     data = data_folder("sacre_coeur")

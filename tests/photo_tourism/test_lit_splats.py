@@ -86,18 +86,3 @@ def test_a_gaussian_of_broken_coefficients_is_culled_and_breaks_nothing():
     leaves = [*weights_of(effects), splats.means, splats.colors]
     gradients = torch.autograd.grad(drawn.rgb.square().sum(), leaves)
     assert all(gradient.isfinite().all() for gradient in gradients)
-
-
-@pytest.mark.parametrize("appearance", ["affine", "sh"])
-def test_frozen_nothing_but_the_embedding_gets_a_gradient(appearance):
-    effects, (splats, view) = effects_of(appearance), scene(dtype=torch.float32)
-    splats.colors.requires_grad_(False)
-    still, features = replace(splats, means=splats.means.detach()), torch.randn(NUM, FEATURES)
-    lit = effects.appearance_in_view(still, features, view, frozen=True)
-    free = effects.appearance_in_view(still, features, view)(effects.of(0))
-    embedding = effects.of(0).detach().requires_grad_()
-    lit_splats = lit(embedding)
-    assert torch.equal(lit_splats.colors, free.colors)
-    lit_splats.colors.sum().backward()
-    assert embedding.grad is not None and embedding.grad.abs().max() > 0
-    assert all(p.grad is None for p in weights_of(effects))
