@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from desplat_ns.backend import RenderSettings
-from tests.backend.scenes import MODES, PARAMETERS, joined, one_gaussian, random_scene
+from tests.backend.scenes import PARAMETERS, joined, one_gaussian, random_scene
 
 POISON = {
     "a NaN in the mean": {"means": [[math.nan, 0.0, 2.0]]},
@@ -43,8 +43,8 @@ def test_a_broken_gaussian_is_not_drawn_and_spoils_nothing(backend, poison):
         assert gradient[-1].abs().max() == 0, name
 
 
-@pytest.mark.parametrize("settings", MODES)
-def test_no_gaussians_give_an_empty_image_that_can_be_differentiated(backend, settings):
+def test_no_gaussians_give_an_empty_image_that_can_be_differentiated(backend):
+    settings = RenderSettings(depth=True, absgrad=True, antialiased=True)
     empty = {name: getattr(one_gaussian(), name)[:0] for name in PARAMETERS}
     leaves, got = backend.render(one_gaussian(**empty), settings)
     assert got.rgb.shape == (9, 9, 3) and got.alpha.shape == got.depth.shape == (9, 9, 1)
