@@ -23,7 +23,7 @@ SHARPNESS = 1 / math.sqrt(1.3)
 
 
 @pytest.mark.parametrize("settings", MODES)
-@pytest.mark.parametrize("sh_degree", [None, 0, 1, 2, 3, 4])
+@pytest.mark.parametrize("sh_degree", [None, 0, 2, 4])
 def test_colour_alpha_and_depth_agree_with_the_reference(backend, settings, sh_degree):
     check_forward(backend, random_scene(3, sh_degree=sh_degree), settings)
 
@@ -42,7 +42,7 @@ def test_a_stack_of_opaque_gaussians_agrees_where_blending_stops(exact_backend):
     check_gradients(exact_backend, scene, RenderSettings(depth=True))
 
 
-@pytest.mark.parametrize("channels", [1, 2, 5])
+@pytest.mark.parametrize("channels", [1, 5])
 def test_any_number_of_channels_is_drawn(backend, channels):
     scene = random_scene(13, count=20, channels=channels)
     check_forward(backend, scene, RenderSettings(depth=True))
@@ -114,6 +114,7 @@ def test_one_gaussian_gives_the_values_worked_out_by_hand(backend):
 def test_antialiasing_scales_the_opacity(backend):
     # sqrt(det(1 I) / det(1.3 I)) = 1 / 1.3
     _, got = backend.render(one_gaussian(), RenderSettings(antialiased=True))
+    assert got.depth is None and not hasattr(got.means2d, "absgrad")  # neither was asked for
     eps = tolerance(backend.dtype, (9, 9), SHARPNESS)
     assert got.alpha[4, 4].item() == pytest.approx(0.5 / 1.3, rel=eps)
 
@@ -148,7 +149,7 @@ def test_blending_stops_before_the_transmittance_falls_to_1e_4(backend):
     assert leaves.opacities.grad[3].item() == 0
 
 
-@pytest.mark.parametrize("direction", [(1, 0), (-1, 0), (0, 1), (0, -1)])
+@pytest.mark.parametrize("direction", [(1, 0), (0, -1)])
 def test_what_lies_beyond_the_border_shows_as_far_as_its_alpha_reaches(exact_backend, direction):
     # 10.7 pixels wide off the axis, 34 beyond the border: outside 3 sigma, alpha about 0.005.
     mean = [[38.5 / 8 * direction[0], 38.5 / 8 * direction[1], 2.0]]
@@ -169,11 +170,6 @@ def test_no_gradients_are_needed_to_render(backend):
     with torch.no_grad():
         _, got = backend.render(one_gaussian(), RenderSettings(depth=True, absgrad=True))
     assert not got.rgb.requires_grad and got.depth is not None
-
-
-def test_depth_is_left_out_unless_asked_for(backend):
-    _, got = backend.render(one_gaussian(), RenderSettings())
-    assert got.depth is None
 
 
 def test_the_same_input_gives_the_same_bits(backend):

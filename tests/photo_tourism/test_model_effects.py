@@ -14,9 +14,8 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.camera_response import CENTRED, camera_response, squared_radius
 from desplat_ns.photo_tourism.image_effects import FEATURES
-from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.relit_model import held_out, model_with, moved
-from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, make_model
+from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera
 
 OF_NETWORKS = {"appearance_mlp", "image_embeddings", "background_encoder", "background_sh_dc"}
 OF_NETWORKS |= {"background_sh_rest", FEATURES}
@@ -30,19 +29,13 @@ def draw(model: DeSplatModel, view: int | None, where: int = 0) -> torch.Tensor:
     return model.get_outputs_for_camera(pose)["rgb"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("appearance", "background", "groups"),
     [
         ("off", "off", set()),
-        ("camera", "off", {"camera_responses"}),
-        ("affine", "off", {"appearance_mlp", "image_embeddings", FEATURES}),
         ("sh", "off", {"appearance_mlp", "image_embeddings", FEATURES}),
-        ("off", "constant", {"background_coefficients"}),
-        ("off", "sh", {"background_coefficients"}),
         ("camera", "sh", {"camera_responses", "background_coefficients"}),
         ("off", "image", OF_NETWORKS - {"appearance_mlp", FEATURES}),
-        ("camera", "image", OF_NETWORKS - {"appearance_mlp", FEATURES} | {"camera_responses"}),
         ("affine", "image", OF_NETWORKS),
     ],
 )
@@ -53,37 +46,20 @@ def test_an_effect_that_is_off_has_no_parameters(appearance, background, groups)
     assert all(id(p) in in_groups for n, p in model.named_parameters() if "effects" in n)
 
 
-@pytest.mark.parametrize("appearance", ["camera", "affine", "sh"])
-@pytest.mark.parametrize("sh_degree", [0, 3])
-def test_the_start_looks_as_without(appearance, sh_degree):
+@pytest.mark.parametrize(("appearance", "sh_degree"), [("camera", 3), ("affine", 0), ("sh", 3)])
+def test_the_start_looks_as_without_then_each_image_has_its_light_and_the_average_another(
+    appearance, sh_degree
+):
     plain = model_with(sh_degree=sh_degree).eval()
     model = model_with(appearance, sh_degree=sh_degree).eval()
     torch.testing.assert_close(draw(model, 1), draw(plain, 1), rtol=0, atol=1e-5)
-
-
-@pytest.mark.parametrize("appearance", ["camera", "affine", "sh"])
-@pytest.mark.parametrize("sh_degree", [0, 3])
-def test_each_training_image_has_a_light_of_its_own_and_the_average_is_another(
-    appearance, sh_degree
-):
-    model = moved(model_with(appearance, sh_degree=sh_degree)).eval()
+    moved(model)
     images = [draw(model, view) for view in (0, 1, None)]
     for i in range(3):
         assert (images[i] - images[i - 1]).abs().max() > 1e-3
 
 
-@pytest.mark.parametrize("grade", ["constant", "sh"])
-def test_one_background_serves_all_images(grade):
-    model = moved(model_with("off", background=grade)).eval()
-    assert torch.equal(draw(model, 0), draw(model, None))
-    model.step = 10_000  # all degrees are active
-    background = model.get_outputs_for_camera(camera(0))["background"]
-    assert background.shape == (HEIGHT, WIDTH, 3)
-    assert ((background - background[0, 0]).abs().max() > 1e-3) == (grade == "sh")
-
-
-@pytest.mark.parametrize("grade", ["sh", "image"])
-@pytest.mark.parametrize("scale", [1.0, 0.1])
+@pytest.mark.parametrize(("grade", "scale"), [("sh", 1.0), ("image", 0.1)])
 def test_a_background_has_one_colour_until_nominal_step_500(grade, scale):
     """Then the linear harmonics come in."""
     model = moved(model_with("off", background=grade, schedule_scale=scale)).eval()
@@ -96,10 +72,8 @@ def test_a_background_has_one_colour_until_nominal_step_500(grade, scale):
     linear = model.image_effects.background_of(model.image_effects.of(0), view, degree=1)
     assert torch.equal(images[first], linear)
     assert (linear - linear[0, 0]).abs().max() > 0.01
-
-
-def test_the_background_lies_behind_everything():
-    model = moved(model_with("affine", background="image")).eval()
+    model.step = first - 1
+    assert torch.equal(draw(model, 0), draw(model, None)) == (grade == "sh")  # one for all images
     outputs = model.get_outputs_for_camera(camera(0))
     empty = outputs["accumulation"][..., 0] == 0
     assert empty.any()
@@ -141,8 +115,7 @@ def test_features_follow_clones_splits_and_prunes():
     assert len(state["exp_avg"]) == model.num_points
 
 
-@pytest.mark.parametrize("appearance", ["affine", "sh"])
-@pytest.mark.parametrize("sh_degree", [0, 3])
+@pytest.mark.parametrize(("appearance", "sh_degree"), [("affine", 0), ("affine", 3), ("sh", 3)])
 def test_baked_coefficients_render_to_the_worn_appearance(appearance, sh_degree):
     model = moved(model_with(appearance, sh_degree=sh_degree)).eval()
     model.step = 10_000  # all degrees are active
@@ -191,12 +164,6 @@ def test_what_a_mask_leaves_out_is_no_sky():
     assert loss(mask=torch.zeros_like(left)) == 0
 
 
-def test_effects_work_without_distractors():
-    effects = EffectsConfig(distractors=False, appearance="affine", background="image")
-    model = make_model(effects=effects)
-    assert "background_opacity" in Trainer(model).step(0)["losses"]
-
-
 def lit_photos(model: DeSplatModel, lights: torch.Tensor) -> list[torch.Tensor]:
     """What the three training cameras would photograph, each in its own light."""
     photos = []
@@ -215,9 +182,9 @@ def test_training_finds_the_cameras_responses_and_leaves_the_scene_its_colours()
     trainer = Trainer(model)
     model.strategy.refine_stop_iter = 0
     trainer.optimizers = {
-        "camera_responses": torch.optim.Adam(model.get_param_groups()["camera_responses"], lr=0.01)
+        "camera_responses": torch.optim.Adam(model.get_param_groups()["camera_responses"], lr=0.02)
     }
-    for step in range(240):
+    for step in range(150):
         trainer.photo = photos[step % 3]
         trainer.step(step, view=step % 3)
     assert model.image_effects.responses is not None
@@ -241,15 +208,6 @@ def test_distractors_keep_their_own_colours_before_a_toned_scene():
     assert (after["rgb_static"] - before["rgb_static"]).max() > 0.05
 
 
-def test_an_exported_scene_has_its_true_colours_whatever_the_cameras_did():
-    model = model_with("camera").eval()
-    before = model.shs_0.clone()
-    assert model.image_effects.responses is not None
-    model.image_effects.responses.weight.data[:, :3] = torch.tensor([[0.5], [0.0], [-0.5]])
-    assert torch.equal(model.shs_0, before)
-    assert torch.equal(draw(model, None), draw(model_with("camera").eval(), None))
-
-
 def test_the_light_of_a_test_photo_is_found_on_its_left_half_at_once():
     model = model_with("camera").eval()
     light = torch.tensor([0.3, 0.1, -0.1, 0.15, 0.0])
@@ -261,31 +219,6 @@ def test_the_light_of_a_test_photo_is_found_on_its_left_half_at_once():
     with model.shown_in(embedding):
         again = model.get_outputs_for_camera(held_out())["rgb"]
     torch.testing.assert_close(left_half(again), left_half(photo), atol=2e-3, rtol=0)
-
-
-@pytest.mark.parametrize("background", ["constant", "off"])
-def test_a_transparent_pixel_shows_the_background_as_the_photos_camera_does(background):
-    model = model_with("camera", background=background, background_color="white")
-    assert model.image_effects.responses is not None
-    model.image_effects.responses.weight.data[1] = torch.tensor([0.1, -0.3, -0.5, 0.2, -0.2])
-    trainer = Trainer(model)
-    for training in (True, False):
-        model.train(training)
-        model.step, model.optimizers = 0, trainer.optimizers
-        outputs = model(camera(1))
-        if training:
-            assert model.train_step is not None
-            view, light = model.train_step.view, model.embedding_of(1)
-            outputs = {
-                **outputs,
-                "background": model._photographed(outputs["background"], view, light),
-            }
-        clear = torch.zeros(HEIGHT, WIDTH, 4)
-        shown = model.composite_with_background(clear, outputs["background"])
-        empty = outputs["accumulation"][..., 0] == 0
-        assert empty.any()
-        static = outputs.get("rgb_static", outputs["rgb"])
-        torch.testing.assert_close(static[empty], shown.clamp(0, 1)[empty], atol=1e-5, rtol=0)
 
 
 def test_transparent_pixels_of_a_training_photo_do_not_pull_at_its_light():

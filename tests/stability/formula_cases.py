@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.gaussians.activation import MAX_LOG_SCALE, activate_static, clamp_colors, sigmoid
-from desplat_ns.losses import distractor_opacity_loss, photometric_loss
+from desplat_ns.losses import photometric_loss
 from desplat_ns.photo_tourism.appearance import AffineAppearance
 from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
@@ -181,13 +181,6 @@ def all_pixels_masked(dtype: torch.dtype) -> tuple[Pair, Pair]:
     return Pair(got, zero.sum(), bound), Pair(slope, zero, 10 * bound)
 
 
-def all_opacity_free(dtype: torch.dtype) -> tuple[Pair, Pair]:
-    alpha = torch.full((3, 4, 1), 0.999, dtype=dtype, requires_grad=True)
-    got = distractor_opacity_loss(alpha, torch.ones(3, 4, 1, dtype=dtype))
-    zero = torch.zeros(3, 4, 1, dtype=torch.float64)
-    return Pair(got, zero.sum(), 0.0), Pair(slope_of(got, alpha), zero, 0.0)
-
-
 def embeddings_far_out(dtype: torch.dtype) -> tuple[Pair, Pair]:
     """beta and gamma of Eq. 6 and their gradients by the embedding, against 80-bit numbers.
 
@@ -262,6 +255,5 @@ FORMULA_CASES = (
         "finite, within a rounding for each term of its sums",
         embeddings_far_out,
     ),
-    FormulaCase("opacity free everywhere", "loss and gradient exactly 0", all_opacity_free),
 )
 """All of the catalogue."""

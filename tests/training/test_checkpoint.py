@@ -73,24 +73,16 @@ def test_a_truncated_newest_checkpoint_falls_back_to_the_one_before(folder, caps
     assert "step-000000010.ckpt" in capsys.readouterr().out.replace("\n", "")
 
 
-def test_with_every_checkpoint_damaged_the_newest_is_named(folder):
+def test_with_every_checkpoint_damaged_the_newest_is_named_and_a_missing_one_is(folder):
     for path in checkpoints_in(folder):
         truncate(path)
     with pytest.raises(CheckpointError, match=r"step-000000010\.ckpt"):
         load_newest(folder)
+    with pytest.raises(CheckpointError, match=r"777.*step-000000001\.ckpt"):  # names what is there
+        load_checkpoint(checkpoint_path(folder, 777))
 
 
-def test_one_flipped_bit_is_noticed(tmp_path):
-    path = checkpoint_path(tmp_path / MODELS, 1)
-    save_atomically(state(1, size=100_000), path)
-    damaged = bytearray(path.read_bytes())
-    damaged[len(damaged) // 2] ^= 1  # in the middle of the tensor
-    path.write_bytes(damaged)
-    with pytest.raises(CheckpointError, match=r"step-000000001\.ckpt"):
-        load_checkpoint(path)
-
-
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)
 @given(where=st.integers(0, 2**30), bit=st.integers(0, 7), cut=st.booleans())
 def test_damage_anywhere_is_either_harmless_or_a_checkpoint_error(folder, where, bit, cut):
     whole = (folder / "step-000000010.ckpt").read_bytes()
@@ -109,16 +101,8 @@ def test_damage_anywhere_is_either_harmless_or_a_checkpoint_error(folder, where,
 
 
 @pytest.mark.parametrize(
-    "change", [{"step": "9"}, {"step": -1}, {"step": 1.0}, {"pipeline": []}, {"optimizers": None}]
+    "content", [b"", b"not a checkpoint", {"weights": 0}, {**state(1), "step": "9"}]
 )
-def test_entries_of_a_wrong_kind_are_not_taken_for_a_checkpoint(tmp_path, change):
-    path = tmp_path / "step-000000001.ckpt"
-    torch.save({**state(1), **change}, path)
-    with pytest.raises(CheckpointError, match=next(iter(change))):
-        load_checkpoint(path)
-
-
-@pytest.mark.parametrize("content", [b"", b"not a checkpoint", b"\x80\x02.", {"weights": 0}])
 def test_another_file_is_not_taken_for_a_checkpoint(tmp_path, content):
     path = tmp_path / "net.ckpt"
     if isinstance(content, bytes):
@@ -129,26 +113,17 @@ def test_another_file_is_not_taken_for_a_checkpoint(tmp_path, content):
         load_checkpoint(path)
 
 
-def test_a_missing_step_lists_what_is_there(folder):
-    with pytest.raises(CheckpointError, match=r"no checkpoint .*777.*step-000000001\.ckpt"):
-        load_checkpoint(checkpoint_path(folder, 777))
-
-
-def test_load_dir_may_be_the_checkpoint_folder_or_the_runs_folder(folder):
-    assert checkpoint_folder(folder, MODELS) == folder
-    assert checkpoint_folder(folder.parent, MODELS) == folder
-
-
-def test_another_load_dir_is_refused_with_what_to_pass(tmp_path):
+def test_load_dir_is_the_checkpoints_folder_or_the_runs_and_another_is_told_what_to_pass(tmp_path):
     folder = tmp_path / "outputs" / "scene" / "desplat" / "2026-01-01_120000" / MODELS
     path = checkpoint_path(folder, 1)
     save_atomically(state(1), path)
+    assert checkpoint_folder(folder, MODELS) == checkpoint_folder(folder.parent, MODELS) == folder
     for above in list(folder.parents)[1:4]:
-        with pytest.raises(CheckpointError, match=re.escape(f"`--load-dir {folder}`?")):
+        with pytest.raises(CheckpointError, match=re.escape(str(folder))):
             checkpoint_folder(above, MODELS)
-    with pytest.raises(CheckpointError, match="does not exist"):
+    with pytest.raises(CheckpointError, match="nowhere"):
         checkpoint_folder(tmp_path / "nowhere", MODELS)
-    with pytest.raises(CheckpointError, match=re.escape(f"--load-checkpoint {path}")):
+    with pytest.raises(CheckpointError, match="--load-checkpoint"):
         checkpoint_folder(path, MODELS)
 
 
@@ -162,24 +137,10 @@ def test_a_full_disk_is_a_checkpoint_error_and_harms_nothing(folder):
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
     try:
-        with pytest.raises(CheckpointError, match="File too large"):
+        with pytest.raises(CheckpointError):
             save_atomically(state(10, size=1_000_000), checkpoint_path(folder, 10))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert contents(folder) == before
-    assert not (folder.parent / STAGING_FOLDER).exists()
-
-
-def test_an_interrupted_save_harms_nothing(folder, monkeypatch):
-    before = contents(folder)
-
-    def interrupted(_: Any, file: Any) -> None:
-        file.write(b"half")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(torch, "save", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        save_atomically(state(10), checkpoint_path(folder, 10))
     assert contents(folder) == before
     assert not (folder.parent / STAGING_FOLDER).exists()
 

@@ -2,8 +2,8 @@
 
 import pytest
 import torch
+from pytorch_msssim import ssim
 
-from desplat_ns.backend.ssim import ssim
 from desplat_ns.losses import (
     distractor_opacity_loss,
     layered_photometric_losses,
@@ -24,18 +24,6 @@ def test_values_worked_out_by_hand():
     assert static_transparency_loss(alpha, where).item() == pytest.approx(0.5, abs=1e-15)
 
 
-def test_each_pixel_has_the_same_share_of_the_gradient():
-    alpha = torch.rand(3, 5, 1, dtype=torch.float64, requires_grad=True)
-    (distractor_opacity_loss(alpha) - static_transparency_loss(alpha)).backward()
-    assert alpha.grad is not None
-    assert torch.allclose(alpha.grad, torch.full_like(alpha, 2 / 15), rtol=0, atol=1e-16)
-
-
-def test_a_wrong_shape_is_rejected():
-    with pytest.raises(Exception, match="alpha_d"):
-        distractor_opacity_loss(torch.rand(3, 5))
-
-
 def test_opacity_costs_nothing_where_it_is_free():
     alpha = torch.full((2, 2, 1), 0.8, requires_grad=True)
     free = torch.tensor([[1.0, 0.0], [0.0, 0.0]])[..., None]
@@ -48,11 +36,10 @@ def test_opacity_costs_nothing_where_it_is_free():
 
 def test_the_static_loss_of_a_photo_without_distractors_is_splatfactos():
     static, photo = torch.rand(2, 20, 30, 3, generator=torch.Generator().manual_seed(0))
-    owned = torch.zeros(20, 30, 1)
-    expected = 0.8 * (static - photo).abs().mean() + 0.2 * (1 - ssim(static, photo))
-    assert photometric_loss(static, photo, 0.2, owned).item() == pytest.approx(
-        expected.item(), rel=1e-6
-    )
+    planes = [x.permute(2, 0, 1)[None] for x in (static, photo)]
+    expected = 0.8 * (static - photo).abs().mean() + 0.2 * (1 - ssim(*planes, data_range=1.0))
+    for owned in (None, torch.zeros(20, 30, 1)):
+        torch.testing.assert_close(photometric_loss(static, photo, 0.2, owned), expected)
 
 
 @pytest.mark.parametrize("leak", [0.0, 0.1])
@@ -85,7 +72,7 @@ def occluded(height: int, width: int) -> dict[str, torch.Tensor]:
 
 
 @pytest.mark.parametrize("leak", [0.0, 0.03])
-@pytest.mark.parametrize("size", [(11, 11), (27, 40), (60, 500), (35, 161)])
+@pytest.mark.parametrize("size", [(11, 11), (60, 500), (35, 161)])
 def test_two_losses_at_once_are_the_two_by_themselves(size, leak):
     """Compiled against the torch statements in float64; blocks are of 16 x 160 pixels."""
     images = occluded(*size)
@@ -106,15 +93,6 @@ def test_two_losses_at_once_are_the_two_by_themselves(size, leak):
     assert off <= 10 * FLAT * slopes[1][1].abs().max()
 
 
-def test_the_loss_is_the_photometric_one():
-    image, photo = torch.rand(16, 16, 3), torch.rand(16, 16, 3)
-    from pytorch_msssim import ssim
-
-    planes = [x.permute(2, 0, 1)[None] for x in (image, photo)]
-    expected = 0.8 * (image - photo).abs().mean() + 0.2 * (1 - ssim(*planes, data_range=1.0))
-    torch.testing.assert_close(photometric_loss(image, photo, 0.2), expected)
-
-
 def test_the_mean_shown_opacity_is_of_what_the_view_shows_and_moves_nothing_else():
     opacities = torch.tensor([[0.0], [1e3], [-1e3]], requires_grad=True)
     mean = mean_shown_opacity(opacities, torch.tensor([True, False, True]))
@@ -122,7 +100,4 @@ def test_the_mean_shown_opacity_is_of_what_the_view_shows_and_moves_nothing_else
     assert mean.item() == pytest.approx(0.25)
     assert opacities.grad is not None
     assert opacities.grad.flatten().tolist() == pytest.approx([0.125, 0.0, 0.0])
-
-
-def test_of_nothing_shown_the_mean_opacity_is_zero():
-    assert mean_shown_opacity(torch.ones(2, 1), torch.zeros(2, dtype=torch.bool)).item() == 0
+    assert mean_shown_opacity(opacities, torch.zeros(3, dtype=torch.bool)).item() == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import random
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 from nerfstudio.engine.optimizers import AdamOptimizerConfig, Optimizers
-from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig, MultiStepSchedulerConfig
+from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
 from torch.nn import Parameter
 
 from desplat_ns.errors import CheckpointError
@@ -27,24 +26,18 @@ def draws() -> list[Any]:
     return [torch.rand(3).tolist(), np.random.rand(), *normals, random.random(), random.gauss(0, 1)]
 
 
-@given(seed=st.integers(0, 2**32 - 1), drawn=st.integers(0, 5))
-def test_restored_generators_draw_the_same_numbers(seed, drawn):
-    for seeded in (random.seed, np.random.seed, torch.manual_seed):
-        seeded(seed)
+@pytest.mark.parametrize("drawn", [0, 1])
+def test_restored_generators_draw_the_same_numbers(drawn):
     for _ in range(drawn):
         np.random.normal()
         random.gauss(0, 1)
-    state = rng_state()
+    file = io.BytesIO()
+    torch.save(rng_state(), file)
+    file.seek(0)
+    state = torch.load(file, weights_only=True)
     expected = draws()
     draws()
     restore_rng(state)
-    assert draws() == expected
-
-
-def test_the_state_of_the_generators_loads_weights_only(tmp_path):
-    torch.save(rng_state(), tmp_path / "rng.pt")
-    expected = draws()
-    restore_rng(torch.load(tmp_path / "rng.pt", weights_only=True))
     assert draws() == expected
 
 
@@ -82,12 +75,7 @@ def saved(optimizers: Optimizers) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 @pytest.mark.parametrize(
-    "scheduler",
-    [
-        None,
-        ExponentialDecaySchedulerConfig(lr_final=1e-4, max_steps=10),
-        MultiStepSchedulerConfig(milestones=(2, 4), gamma=0.5),
-    ],
+    "scheduler", [None, ExponentialDecaySchedulerConfig(lr_final=1e-4, max_steps=10)]
 )
 def test_moments_and_rates_come_back_exactly(scheduler):
     first, second = build(scheduler), build(scheduler)
@@ -121,14 +109,3 @@ def test_other_groups_are_named_in_both_directions():
     moments = saved(build(name="distractors"))[0]
     with pytest.raises(CheckpointError, match=r"distractors.*means"):
         load_optimizers(build(), moments, FILE)
-
-
-def test_a_parameter_without_rows_needs_no_moments():
-    first, second = build(sizes=(0, 5)), build(sizes=(0, 5))
-    run(first, 1)
-    load_optimizers(second, saved(first)[0], FILE)
-    run(second, 1)
-    empty, full = second.parameters["means"]
-    state = second.optimizers["means"].state
-    assert empty.shape == (0, 2)
-    assert state[full]["step"] == 2

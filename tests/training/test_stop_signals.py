@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from desplat_ns.training.stop_signals import STOP_SIGNALS, EndAtOnce, on_stop_signal
+from desplat_ns.training.stop_signals import STOP_SIGNALS, on_stop_signal
 
 WAITING = """
 import os, sys, time
@@ -31,14 +31,6 @@ def test_the_first_signal_calls_what_was_given_and_what_was_before_comes_back(nu
         assert signal.getsignal(number) == before
     assert causes == ["Ctrl+C" if number == signal.SIGINT else "SIGTERM"]
     assert signal.getsignal(number) == before
-
-
-def test_asked_to_end_at_once_ctrl_c_is_a_keyboard_interrupt():
-    def stop(name: str) -> None:
-        raise EndAtOnce
-
-    with pytest.raises(KeyboardInterrupt), on_stop_signal(stop):
-        os.kill(os.getpid(), signal.SIGINT)
 
 
 def test_asked_to_end_at_once_a_termination_is_one():

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import ast
 import os
-import platform
 import shutil
 import subprocess
 import sys
@@ -11,7 +10,6 @@ from pathlib import Path
 
 import numba
 import numpy as np
-import pytest
 import torch
 from numba.core.dispatcher import Dispatcher
 
@@ -21,7 +19,6 @@ from desplat_ns.backend.numba_kernels import runtime as numba_runtime
 from desplat_ns.backend.numba_kernels.runtime import (
     fma,
     kernel,
-    prefetch,
     take,
 )
 from desplat_ns.losses import layered_photometric_losses
@@ -127,33 +124,3 @@ def test_fma_rounds_once():
     a = np.float32(1 + 2**-12)
     # a^2 = 1 + 2^-11 + 2^-24; rounded to float32 first, the last term would be lost.
     assert call_fma(a, a, np.float32(-1 - 2**-11)) == np.float32(2**-24)
-
-
-@numba.njit
-def call_prefetch(array, at):
-    prefetch(array, at)
-
-
-def test_prefetching_beyond_the_array_does_no_harm():
-    array = np.arange(3, dtype=np.float32)
-    for at in (0, 2, -1_000_000_000, 1_000_000_000):
-        call_prefetch(array, at)
-    assert array.tolist() == [0, 1, 2]
-
-
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another allocator")
-def test_a_large_block_that_was_freed_is_used_again_without_asking_the_system(monkeypatch):
-    import resource
-
-    for name in [n for n in os.environ if n.startswith(("MALLOC_", "GLIBC_TUNABLES"))]:
-        monkeypatch.delenv(name)
-    numba_runtime._keep_freed_memory()
-    size, largest_page = 64 << 20, 2 << 20
-
-    def page_faults() -> int:
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-        torch.ones(size // 4)
-        return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
-
-    # As many at least if it were mapped anew. Now and then a free place is just too small for it.
-    assert min(page_faults() for _ in range(5)) < size / largest_page
