@@ -30,7 +30,7 @@ from desplat_ns.data.dataset import CaptureDataset, Photo, PhotoReader
 from desplat_ns.data.gt_masks import METADATA_KEY
 from desplat_ns.data.photo_cache import BoundedPhotos, PhotoMemory, PhotosOfCameras
 from desplat_ns.data.training_views import image_names
-from desplat_ns.data.transforms_json import PromptFreeNerfstudio
+from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 from desplat_ns.layouts.choices import AnyDataParser
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
@@ -85,7 +85,7 @@ def without_prompts(config: DataParserConfig) -> DataParserConfig:
     if type(config) is ColmapDataParserConfig:
         return with_pycolmap(config)
     if type(config) is NerfstudioDataParserConfig and config._target is Nerfstudio:
-        return replace(config, _target=PromptFreeNerfstudio)
+        return replace(config, _target=TransformsDataParser)
     return config
 
 

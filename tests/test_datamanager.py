@@ -17,7 +17,7 @@ from nerfstudio.data.utils.dataloaders import FixedIndicesEvalDataloader
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.data.transforms_json import PromptFreeNerfstudio
+from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.datamanager import DeSplatDataManager, DeSplatDataManagerConfig, without_prompts
 from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
@@ -81,7 +81,7 @@ def test_upstreams_parsers_are_swapped_where_they_would_ask(tiny_scene):
     data = manager(ColmapDataParserConfig(data=tiny_scene.folder))
     assert type(data.config.dataparser) is DeSplatColmapDataParserConfig
     assert isinstance(data.train_dataset, CaptureDataset)
-    assert without_prompts(NerfstudioDataParserConfig())._target is PromptFreeNerfstudio
+    assert without_prompts(NerfstudioDataParserConfig())._target is TransformsDataParser
     own = RobustNerfDataParserConfig()
     assert without_prompts(own) is own
 

@@ -5,6 +5,7 @@ Letters in shapes: n photos, P points.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -18,13 +19,14 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParser, ColmapDataParserConfig
 from nerfstudio.data.scene_box import SceneBox
 
-from desplat_ns.console import announce_once
-from desplat_ns.data.checks import check_files
+from desplat_ns.console import announce_once, list_names
+from desplat_ns.data.checks import check_files, find_photos
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
 from desplat_ns.data.gt_masks import gt_masks
 from desplat_ns.data.poses import (
     OrientedPoses,
     check_cameras,
+    check_view_of_points,
     make_cameras,
     orient_poses,
     points_metadata,
@@ -97,31 +99,49 @@ class DeSplatColmapDataParser(ColmapDataParser):
         """Where the reconstruction is looked for, relative to the data."""
         return self.config.colmap_path
 
+    def read(self) -> Reconstruction:
+        """The COLMAP model. Raises as `read_reconstruction`."""
+        return read_reconstruction(self.config.data, self.colmap_path)
+
     @cached_property
     def reconstruction(self) -> Reconstruction:
-        """The COLMAP model.
+        """What is known of the capture; says so where points and cameras do not go together.
 
         Raises:
-            CaptureError: see `read_reconstruction`; or one photo only, or no points.
+            CaptureError: see `read`; or one photo only, one photo twice, or no points.
         """
-        config = self.config
-        model = read_reconstruction(config.data, self.colmap_path)
-        if len(model.frames) < 2:
+        model = self.read()
+        names = [frame.name for frame in model.frames]
+        if len(names) < 2:
             raise CaptureError(
-                f"The reconstruction {model.folder} has one photo only ({model.frames[0].name}); "
+                f"The reconstruction {model.folder} has one photo only ({names[0]}); "
                 "two or more are needed, better 20. Take more and run COLMAP again."
             )
-        if config.load_3D_points and not np.isfinite(model.points.xyz).all(axis=1).any():
+        if twice := sorted(name for name, count in Counter(names).items() if count > 1):
             raise CaptureError(
-                f"The reconstruction {model.folder} has no 3D points to start from. Run COLMAP's "
-                "point_triangulator, or add --load-3D-points False to start from random points."
+                f"{len(twice)} photos stand more than once in {model.folder}, each time with a "
+                f"pose: {list_names(twice)}. Leave one entry of each."
             )
+        if self.config.load_3D_points:
+            is_finite = np.isfinite(model.points.xyz).all(axis=1)
+            if not is_finite.any() and (len(is_finite) or not model.is_upright):
+                raise CaptureError(
+                    f"The reconstruction {model.folder} has no 3D points to start from. Make them "
+                    "(COLMAP's point_triangulator does), or add --load-3D-points False to start "
+                    "from random points."
+                )
+            check_view_of_points(model)
         return model
+
+    @cached_property
+    def photos_folder(self) -> Path:
+        """In which the reconstruction's names of photos are."""
+        return self.reconstruction.photos or self.config.data / self.images_path
 
     @cached_property
     def oriented(self) -> OrientedPoses:
         """Poses of all photos with a pose, before any split."""
-        return orient_poses(self.reconstruction.frames, self.config)
+        return orient_poses(self.reconstruction, self.config)
 
     def sources(self, frames: Sequence[Frame]) -> list[PhotoSource]:
         """Files of these photos and the sizes at which they are used; says once whence.
@@ -130,7 +150,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
             CaptureError: photos that are not there.
         """
         config = self.config
-        images = config.data / self.images_path
+        images = self.photos_folder
         factor = downscale_factor(config.downscale_factor, self.reconstruction.frames)
         sources, note = photo_sources(images, frames, factor, config.downscale_rounding_mode)
         check_files([source.path for source in sources], images, "photos", "--images-path")
@@ -138,12 +158,41 @@ class DeSplatColmapDataParser(ColmapDataParser):
             announce_once(note)
         return sources
 
+    def masks(self, frames: Sequence[Frame]) -> list[Path] | None:
+        """Files that say where these photos may be used, named a.png or a.jpg.png for a.jpg.
+
+        Raises:
+            CaptureError: some of them are not there.
+        """
+        named = [frame.mask for frame in frames if frame.mask is not None]
+        folder, option = self.config.data, "`mask_path` in every frame of transforms.json"
+        if self.config.masks_path is not None:
+            folder, option = folder / self.config.masks_path, "--masks-path"
+            whole = [folder / f"{frame.name}.png" for frame in frames]
+            short = [folder / Path(frame.name).with_suffix(".png") for frame in frames]
+            named = [a if a.is_file() else b for a, b in zip(whole, short, strict=True)]
+        if not named:
+            return None
+        missing = [folder / frame.name for frame in frames if frame.mask is None]
+        check_files(named + missing * (len(named) < len(frames)), folder, "masks", option)
+        return named
+
     def views(self, names: Sequence[str], split: str) -> list[int]:
         """Indices into `names` (photos inside the images folder) of a split; nerfstudio's rules.
 
         Raises:
             CaptureError: a list file or file name that does not fit, or no photo for the split.
         """
+        listed = self.reconstruction.splits
+        if listed:
+            wanted = listed.get(split, [])
+            picked = [i for places in find_photos(names, wanted) for i in places]
+            if not picked or len(picked) != len(wanted):
+                raise CaptureError(
+                    f"{self.reconstruction.folder} lists {len(wanted)} {split} photos, of which "
+                    f"{len(picked)} are in it. Mend its lists of file names, or remove them all."
+                )
+            return sorted(picked)
         listed = [
             name
             for name in _LIST_FILES.get(split, ())
@@ -173,13 +222,8 @@ class DeSplatColmapDataParser(ColmapDataParser):
         metadata: dict[str, Any] = {}
         if config.distractor_masks_path is not None:
             metadata |= gt_masks(config.data / config.distractor_masks_path, frames)
-        if config.load_3D_points:
+        if config.load_3D_points and len(self.reconstruction.points.xyz):
             metadata |= self._points_metadata(frames)
-        masks = None
-        if config.masks_path is not None:
-            masks_folder = config.data / config.masks_path
-            masks = [masks_folder / Path(frame.name).with_suffix(".png") for frame in frames]
-            check_files(masks, masks_folder, "masks", "--masks-path")
         cameras = make_cameras(frames, sources, oriented.camera_to_worlds[indices])
         check_cameras(cameras, [frame.name for frame in frames], folder)
         half = config.scene_scale
@@ -187,9 +231,11 @@ class DeSplatColmapDataParser(ColmapDataParser):
             image_filenames=[source.path for source in sources],
             cameras=cameras,
             scene_box=SceneBox(aabb=torch.tensor([[-half] * 3, [half] * 3], dtype=torch.float32)),
-            mask_filenames=masks,
+            mask_filenames=self.masks(frames),
             dataparser_scale=oriented.scale,
-            dataparser_transform=oriented.transform.float(),
+            dataparser_transform=(
+                oriented.transform @ torch.from_numpy(self.reconstruction.to_world)
+            ).float(),
             metadata=metadata,
         )
 
@@ -203,5 +249,6 @@ class DeSplatColmapDataParser(ColmapDataParser):
         metadata: dict[str, Any] = points_metadata(known.points, oriented.transform, oriented.scale)
         photos = tuple(frame.image_id for frame in frames)
         sizes = tuple((frame.width, frame.height) for frame in frames)
-        metadata[TRACKS] = Tracks(known.folder, photos, sizes, known.points.ids)
+        if known.has_tracks:
+            metadata[TRACKS] = Tracks(known.folder, photos, sizes, known.points.ids)
         return without_infinite_points(metadata, known.folder)

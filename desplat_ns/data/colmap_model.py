@@ -36,10 +36,12 @@ def places_of(colmap_path: Path) -> list[Path]:
 
 
 def _is_model(folder: Path) -> bool:
-    return any(
-        all((folder / f"{part}.{kind}").is_file() for part in ("cameras", "images", "points3D"))
-        for kind in ("bin", "txt")
-    )
+    return _has_files(folder, "bin") or _has_files(folder, "txt")
+
+
+def _has_files(folder: Path, kind: str) -> bool:
+    parts = ("cameras", "images", "points3D")
+    return all((folder / f"{part}.{kind}").is_file() for part in parts)
 
 
 def state_of(folder: Path) -> tuple[tuple[str, int, int, int], ...]:
@@ -58,13 +60,39 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
 
     try:
         _check_points_file(folder / "points3D.bin")
-        return pycolmap.Reconstruction(folder)
+        model = pycolmap.Reconstruction(folder)
+        if not _has_files(folder, "bin"):
+            for number, name in _names_in(folder / "images.txt").items():
+                model.image(number).name = name
+        return model
     except (ValueError, LookupError, RuntimeError, MemoryError) as error:
         reason = str(error).strip().partition("\n")[0] or "damaged"
         raise CaptureError(
             f"The reconstruction {folder} cannot be read: {reason}. Mend it, copy it again or run "
             "COLMAP's mapper again; another one can be named with --colmap-path."
         ) from error
+
+
+def _names_in(path: Path) -> dict[int, str]:
+    """Photos' names by number; pycolmap 4.2.1 ends them at the first space, and where observations
+    (an empty line, if there are none) do not follow each photo it passes over every second one.
+
+    Raises:
+        ValueError: they do not.
+    """
+    lines = [line for line in path.read_text("utf-8").split("\n") if not line.startswith("#")]
+    names = {}
+    for line, observations in zip(lines[::2], [*lines[1::2], ""], strict=False):
+        if not line.strip():
+            continue
+        number, *_, name = line.split(maxsplit=9)
+        if len(observations.split()) % 3:
+            raise ValueError(
+                f"{path.name} must have two lines for each photo, the second with its "
+                f"observations or empty; that of {name.strip()} is another one"
+            )
+        names[int(number)] = name.strip()
+    return names
 
 
 def _check_points_file(path: Path) -> None:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import torch
 from jaxtyping import Bool, UInt8
-from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.cameras.cameras import Cameras, CameraType
 from nerfstudio.data.datamanagers.full_images_datamanager import _undistort_image
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.datasets.base_dataset import InputDataset
@@ -60,7 +60,7 @@ class CaptureDataset(InputDataset):
                 f"{list_names(map(str, missing))}. Put them there, or check --data."
             )
         for path, size in zip(self.image_filenames, self.sizes, strict=True):
-            check_size(path, image_size(path), size)
+            check_size(path, image_size(path, size), size)
 
     def check_sides(self, num_downscales: int) -> None:
         """Make sure that all photos can be scored (SSIM) when they are reduced to 1/2^d.
@@ -89,7 +89,7 @@ class CaptureDataset(InputDataset):
             CaptureError: it cannot be read, or does not fit its camera.
         """
         path = self.image_filenames[image_idx]
-        image = read_image(path)
+        image = read_image(path, self.sizes[image_idx])
         check_size(path, (image.shape[1], image.shape[0]), self.sizes[image_idx])
         return resize_image(image, *self.sizes[image_idx])
 
@@ -112,7 +112,7 @@ class CaptureDataset(InputDataset):
         """Where the photo may be used, at its camera's size."""
         assert self._dataparser_outputs.mask_filenames is not None, "asked for only with masks"
         path = self._dataparser_outputs.mask_filenames[image_idx]
-        mask = read_mask(path)
+        mask = read_mask(path, self.sizes[image_idx])
         check_size(path, (mask.shape[1], mask.shape[0]), self.sizes[image_idx])
         return torch.from_numpy(resize_mask(mask, *self.sizes[image_idx]))[..., None]
 
@@ -129,10 +129,11 @@ def check_size(path: Path, size: Size, camera: Size) -> None:
     cause = "turned by a quarter (its EXIF orientation says how it is shown)" if turned else "other"
     raise CaptureError(
         f"Photo {path} is {size[0]}x{size[1]} pixels as it is shown, but its camera in the "
-        f"reconstruction is {camera[0]}x{camera[1]} (after downscaling): {cause}. The "
-        "reconstruction must be made from the photos as they are shown: turn or resize the files "
-        "(`mogrify -auto-orient` turns them) and run COLMAP again, or name the folder that it was "
-        "made from with --images-path."
+        f"reconstruction is {camera[0]}x{camera[1]} (after downscaling): {cause}. Where photos "
+        "were reduced after the reconstruction, add --downscale-factor with the camera's width "
+        f"there over {size[0]}. Else the reconstruction must be made from these photos: turn or resize "
+        "them (`mogrify -auto-orient` turns them) and run COLMAP again, or name the folder that it "
+        "was made from with --images-path."
     )
 
 
@@ -191,6 +192,12 @@ class PhotoReader:
                 black = np.zeros((int(lens.height), int(lens.width), 3), np.uint8)
                 K, image, _ = _undistorted(lens, {}, black)
                 sides = image.shape[1], image.shape[0]
+                if not (np.isfinite(K).all() and min(sides) > 0):
+                    raise CaptureError(
+                        f"The lens of {self._dataset.image_filenames[index]} cannot be undistorted:"
+                        f" its terms {lens.distortion_params.tolist()} leave nothing of the photo. "
+                        "Check the camera, or undistort the photos first."
+                    )
                 known[kind] = float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]), *sides
             for name, value in zip(_NUMBERS, known[kind], strict=True):
                 getattr(self._dataset.cameras, name)[index] = value
@@ -199,9 +206,9 @@ class PhotoReader:
 def _bent_lens(cameras: Cameras, index: int) -> Any:
     """One camera, None where it is a pinhole."""
     lens = cameras[index].reshape(())
-    if lens.distortion_params is None or bool(torch.all(lens.distortion_params == 0)):
-        return None
-    return lens
+    is_fisheye = int(lens.camera_type) == CameraType.FISHEYE.value
+    bends = lens.distortion_params is not None and bool(torch.any(lens.distortion_params != 0))
+    return lens if bends or is_fisheye else None
 
 
 def _undistorted(lens: Any, photo: Photo, image: np.ndarray) -> Any:

@@ -85,6 +85,6 @@ def _copy_of(path: Path, frame: Frame, factor: int | float) -> PhotoSource | Non
     """The reduced copy at `path`, if it is there and of the size that it should have."""
     if not path.is_file():
         return None
-    width, height = image_size(path)
+    width, height = image_size(path, (frame.width, frame.height))
     off = max(abs(width - frame.width / factor), abs(height - frame.height / factor))
     return PhotoSource(path, width, height) if off <= SIZE_TOLERANCE else None

@@ -48,8 +48,11 @@ class Lens(NamedTuple):
     """Millimetres, as on 35 mm film; 0 where the file does not say."""
 
 
-def read_image(path: Path) -> UInt8[np.ndarray, "H W C"]:
+def read_image(path: Path, camera: tuple[int, int] | None = None) -> UInt8[np.ndarray, "H W C"]:
     """The photo as a viewer shows it: EXIF orientation applied, RGB (C = 3) or RGBA (C = 4).
+
+    For a camera (its width and height) pixels come as they are stored, as COLMAP and nerfstudio
+    read them, unless only the quarter turn of EXIF gives them the camera's shape.
 
     Grey becomes RGB; 16-bit and float samples are rounded to 8 bits; files that say that they are
     linear (EXR, HDR) get the sRGB curve, all other values stay as they are. Alpha is not multiplied
@@ -74,12 +77,12 @@ def read_image(path: Path) -> UInt8[np.ndarray, "H W C"]:
     pixels = _pick_channels(np.asarray(pixels), list(spec.channelnames), path)
     if wants_float:
         pixels = _encode_srgb(pixels)
-    upright = _UPRIGHT.get(_orientation(spec), _UPRIGHT[1])
+    upright = _UPRIGHT.get(_orientation(spec, camera), _UPRIGHT[1])
     return np.ascontiguousarray(upright(pixels))
 
 
-def image_size(path: Path) -> tuple[int, int]:
-    """(width, height) in pixels of the upright photo; reads the header only.
+def image_size(path: Path, camera: tuple[int, int] | None = None) -> tuple[int, int]:
+    """(width, height) in pixels, turned as `read_image` does it; reads the header only.
 
     Raises:
         CaptureError: the file is missing or is not an image.
@@ -90,7 +93,7 @@ def image_size(path: Path) -> tuple[int, int]:
     file = _open(path)
     spec = file.spec()
     file.close()
-    turned = _orientation(spec) >= 5
+    turned = _orientation(spec, camera) >= 5
     return (spec.height, spec.width) if turned else (spec.width, spec.height)
 
 
@@ -113,13 +116,24 @@ def lens_of(path: Path) -> Lens:
     return Lens(name, focal if np.isfinite(focal) and focal > 0 else 0.0)
 
 
-def read_mask(path: Path) -> Bool[np.ndarray, "H W"]:
-    """Where the mask is not black (any channel but alpha above 0), upright.
+def read_mask(path: Path, camera: tuple[int, int] | None = None) -> Bool[np.ndarray, "H W"]:
+    """Where the mask is neither black (where no value is 0, the darkest one is) nor transparent,
+    turned as `read_image` does it. Of a mask that is black all over alpha alone counts.
 
     Raises:
         CaptureError: as `read_image`.
     """
-    return read_image(path)[..., :3].max(axis=-1) > 0
+    image = read_image(path, camera)
+    colors = _above_black(image[..., :3].max(axis=-1))
+    if image.shape[2] == 3:
+        return colors
+    opaque = _above_black(image[..., 3])
+    return colors & opaque if colors.any() else opaque & ~opaque.all()
+
+
+def _above_black(values: Array) -> Bool[np.ndarray, "H W"]:
+    black = int(values.min())
+    return values > (black if 2 * black < values.max() else 0)
 
 
 def resize_image(
@@ -231,8 +245,10 @@ def _unwritable(path: Path, problem: str) -> DeSplatError:
     )
 
 
-def _orientation(spec: oiio.ImageSpec) -> int:
-    return int(spec.getattribute("Orientation") or 1)
+def _orientation(spec: oiio.ImageSpec, camera: tuple[int, int] | None) -> int:
+    orientation = int(spec.getattribute("Orientation") or 1)
+    is_camera = camera and (spec.width > spec.height) == (camera[0] > camera[1])
+    return 1 if is_camera or (camera and orientation < 5) else orientation
 
 
 def _is_linear(spec: oiio.ImageSpec) -> bool:

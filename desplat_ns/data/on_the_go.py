@@ -11,13 +11,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
-import torch
-from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
-from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
 from desplat_ns.console import announce_once, list_names
@@ -25,7 +22,8 @@ from desplat_ns.data.checks import read_lines
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.photo_files import photo_names
-from desplat_ns.data.transforms_json import PromptFreeNerfstudio
+from desplat_ns.data.reconstruction import Reconstruction
+from desplat_ns.data.transforms_json import read_transforms
 from desplat_ns.errors import CaptureError
 
 SPLIT_FILE = "split.json"
@@ -33,12 +31,6 @@ TRANSFORMS_FILE = "transforms.json"
 
 LISTS = {"clutter": "train_list.txt", "extra": "test_list.txt"}
 """What stands in for the lists of split.json in the undistorted copy."""
-
-_BOTH_READ = (
-    *("data", "scale_factor", "downscale_factor", "scene_scale", "orientation_method"),
-    *("center_method", "auto_scale_poses", "depth_unit_scale_factor", "load_3D_points"),
-)
-"""Options that COLMAP captures and those with transforms.json have in common."""
 
 
 @dataclass
@@ -95,17 +87,12 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
             )
         return path, {ordered[i] for i in positions}
 
-    def _generate_dataparser_outputs(self, split: str = "train", **kwargs: Any):
+    def read(self) -> Reconstruction:
+        """The COLMAP model, else transforms.json. Raises as their readers."""
         config = self.config
         if find_models(config.data, self.colmap_path):
-            return super()._generate_dataparser_outputs(split, **kwargs)
-        options: dict[str, Any] = {name: getattr(config, name) for name in _BOTH_READ}
-        whole = NerfstudioDataParserConfig(
-            _target=PromptFreeNerfstudio, train_split_fraction=1.0, **options
-        )
-        outputs = whole.setup().get_dataparser_outputs("train")
-        names = [path.name for path in outputs.image_filenames]
-        return _picked(outputs, self.views(names, split))
+            return super().read()
+        return read_transforms(config.data / TRANSFORMS_FILE, config.load_3D_points)
 
 
 def read_split(path: Path) -> dict[str, list[int]]:
@@ -142,23 +129,6 @@ def ordered_names(data: Path, images: Path) -> list[str]:
         return sorted(PurePosixPath(frame["file_path"]).name for frame in frames)
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise CaptureError(f"{path} cannot be read: {type(error).__name__}: {error}.") from error
-
-
-def _picked(outputs: DataparserOutputs, indices: list[int]) -> DataparserOutputs:
-    """The outputs of these photos only; points stay."""
-    count = len(outputs.image_filenames)
-
-    def of(values: Any) -> Any:
-        is_listed = isinstance(values, list) and len(values) == count
-        return [values[i] for i in indices] if is_listed else values
-
-    return replace(
-        outputs,
-        image_filenames=of(outputs.image_filenames),
-        cameras=outputs.cameras[torch.tensor(indices)],
-        mask_filenames=of(outputs.mask_filenames),
-        metadata={key: of(value) for key, value in outputs.metadata.items()},
-    )
 
 
 on_the_go_dataparser = DataParserSpecification(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -19,8 +20,21 @@ def is_photo(path: Path) -> bool:
 def photo_names(folder: Path) -> list[str]:
     """Photos in a folder and the folders inside it, sorted: paths below it with forward slashes.
     Empty if there is no such folder."""
-    paths = (path for path in folder.rglob("*") if is_photo(path)) if folder.is_dir() else ()
-    return sorted(path.relative_to(folder).as_posix() for path in paths)
+    return [name for name in file_names(folder) if is_photo(Path(name))]
+
+
+def file_names(folder: Path) -> list[str]:
+    """Files in a folder and the folders inside it, also behind links, sorted: paths below it with
+    forward slashes."""
+    names, seen = [], set()
+    for at, folders, files in os.walk(folder, followlinks=True):
+        is_new = (real := os.path.realpath(at)) not in seen  # a link may lead back
+        seen.add(real)
+        if is_new:
+            names += [Path(at, name).relative_to(folder).as_posix() for name in files]
+        else:
+            folders.clear()
+    return sorted(names)
 
 
 def photos_near(folder: Path) -> list[str]:

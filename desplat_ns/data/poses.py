@@ -20,8 +20,11 @@ from torch import Tensor
 
 from desplat_ns.console import announce_once, list_names
 from desplat_ns.data.downscale import PhotoSource
-from desplat_ns.data.reconstruction import LARGEST_SIDE, TRACKS, Frame, Points
+from desplat_ns.data.reconstruction import LARGEST_SIDE, TRACKS, Frame, Points, Reconstruction
 from desplat_ns.errors import CaptureError
+
+SAMPLED_POINTS, LEAST_POINTS = 5000, 8
+"""So many points are looked for in the photos, and so many must be in one."""
 
 
 @dataclass(frozen=True)
@@ -35,25 +38,23 @@ class OrientedPoses:
     scale: float
 
 
-def orient_poses(frames: Sequence[Frame], config: ColmapDataParserConfig) -> OrientedPoses:
+def orient_poses(known: Reconstruction, config: ColmapDataParserConfig) -> OrientedPoses:
     """Poses turned, centred and scaled by nerfstudio's options.
 
     Their middle is taken off while numbers are float64: float32, in which nerfstudio centres, has a
     quarter of a metre left for what lies 3,000 km out (geo-referenced captures).
     """
     applied = np.eye(4)
-    if config.assume_colmap_world_coordinate_convention:
+    if config.assume_colmap_world_coordinate_convention and not known.is_upright:
         # COLMAP's guess of gravity (-y) to nerfstudio's up (+z): (x, y, z) -> (x, z, -y).
         applied = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=float)
-    world_to_camera = np.tile(np.eye(4), (len(frames), 1, 1))
-    world_to_camera[:, :3] = [frame.world_to_camera for frame in frames]
-    camera_to_world = np.linalg.inv(world_to_camera)
+    camera_to_world = camera_to_worlds(known.frames)
     middle = camera_to_world[:, :3, 3].mean(axis=0) * (config.center_method != "none")
     camera_to_world[:, :3, 3] -= middle
     camera_to_world[:, :3, 1:3] *= -1  # OpenCV's axes to OpenGL's
     poses, transform = camera_utils.auto_orient_and_center_poses(
         torch.from_numpy((applied @ camera_to_world).astype(np.float32)),
-        method=config.orientation_method,
+        method=known.orientation or config.orientation_method,  # pyright: ignore[reportArgumentType]
         center_method=config.center_method,
     )
     scale = config.scale_factor
@@ -69,6 +70,36 @@ def orient_poses(frames: Sequence[Frame], config: ColmapDataParserConfig) -> Ori
     transform = transform.double() @ torch.from_numpy(applied)
     transform[:, 3] -= transform[:, :3] @ torch.from_numpy(middle)
     return OrientedPoses(poses[:, :3, :4], transform, scale)
+
+
+def camera_to_worlds(frames: Sequence[Frame]) -> Float[np.ndarray, "n 4 4"]:
+    """Poses in OpenCV axes, in the reconstruction's world and units."""
+    world_to_camera = np.tile(np.eye(4), (len(frames), 1, 1))
+    world_to_camera[:, :3] = [frame.world_to_camera for frame in frames]
+    return np.linalg.inv(world_to_camera)
+
+
+def check_view_of_points(known: Reconstruction) -> None:
+    """Say so where points and cameras cannot be of one world: too few points are in most photos."""
+    xyz = known.points.xyz[:: max(1, len(known.points.xyz) // SAMPLED_POINTS)]
+    empty = 0
+    with np.errstate(all="ignore"):
+        for frame in known.frames:
+            x, y, z = frame.world_to_camera @ np.vstack([xyz.T, np.ones(len(xyz))])
+            u, v = (
+                place / z * frame.intrinsics[f"f{axis}"] + frame.intrinsics[f"c{axis}"]
+                for axis, place in (("x", x), ("y", y))
+            )
+            inside = (z > 0) & (u > 0) & (u < frame.width) & (v > 0) & (v < frame.height)
+            empty += int(inside.sum() < LEAST_POINTS)
+    if len(xyz) and 2 * empty > len(known.frames):
+        announce_once(
+            f"Points and cameras of {known.folder} do not go together: in {empty} of "
+            f"{len(known.frames)} photos fewer than {LEAST_POINTS} of {len(xyz)} points lie before "
+            "the camera and inside of the photo. Check that both are of one reconstruction and "
+            "that poses have the file's axes (transforms.json: y up, view along -z).",
+            warning=True,
+        )
 
 
 def points_metadata(
@@ -150,6 +181,8 @@ def check_cameras(cameras: Cameras, names: Sequence[str], source: Path) -> None:
     is_valid = torch.cat([n.reshape(count, -1) for n in numbers], dim=1).isfinite().all(dim=1)
     for focal in (cameras.fx, cameras.fy):
         is_valid &= focal.reshape(count) > 0
+    for center in (cameras.cx, cameras.cy):
+        is_valid &= center.reshape(count).abs() <= LARGEST_SIDE
     for side in (cameras.width, cameras.height):
         is_valid &= (side.reshape(count) >= 1) & (side.reshape(count) <= LARGEST_SIDE)
     bad = [name for name, fine in zip(names, is_valid.tolist(), strict=True) if not fine]

@@ -6,8 +6,9 @@ Letters in shapes: P points, M observations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -38,6 +39,9 @@ CAMERA_TYPES = {
 LARGEST_SIDE = 1 << 16
 """Pixels. No photo has a longer side; a camera that says so is damaged."""
 
+LONGEST_NAME = 255
+"""Bytes of a file's name on usual disks."""
+
 TRACKS = "point_tracks"
 """Where a data parser leaves a `Tracks` in its metadata, beside `points3D_xyz`."""
 
@@ -57,6 +61,8 @@ class Frame:
     height: int
     intrinsics: dict[str, float]
     """fx, fy, cx, cy in pixels; k1 .. k4, p1, p2 where the model has them."""
+    mask: Path | None = None
+    """Where the photo may be used, if the reconstruction names a file."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +84,18 @@ class Reconstruction:
     frames: list[Frame]
     """Ordered by image id (nerfstudio's order)."""
     points: Points
+    has_tracks: bool = False
+    """Whether it says which photo observed which point."""
+    photos: Path | None = None
+    """Folder in which the frames' names are; None where the data parser's options say it."""
+    is_upright: bool = False
+    """z is up, as in transforms.json; without it -y is COLMAP's guess."""
+    orientation: str | None = None
+    """nerfstudio's orientation method that the file asks for."""
+    to_world: Float[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))
+    """From the world of the program before this file, to which exports go back."""
+    splits: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """Names of the photos of each split that the file lists."""
 
 
 class Observed(NamedTuple):
@@ -176,36 +194,67 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
         rgb=np.array([point.color for point in by_id.values()], dtype=np.uint8).reshape(-1, 3),
         ids=np.array(list(by_id), dtype=np.int64),
     )
-    return Reconstruction(folder, frames, points)
+    has_tracks = any(image.num_points3D for image in model.images.values())
+    return Reconstruction(folder, frames, points, has_tracks)
 
 
 def _frame(image: pycolmap.Image, folder: Path) -> Frame:
     camera = image.camera
     assert camera is not None, "pycolmap links every image to its camera"
-    model = camera.model.name
+    frame = Frame(
+        name=Path(image.name).as_posix(),
+        image_id=image.image_id,
+        world_to_camera=np.asarray(image.cam_from_world().matrix()),
+        camera_type=camera_type_of(camera.model.name, image.name, folder),
+        width=camera.width,
+        height=camera.height,
+        intrinsics=_intrinsics(camera),
+    )
+    check_frame(frame, folder)
+    return frame
+
+
+def camera_type_of(model: str, photo: str, source: Path) -> CameraType:
+    """nerfstudio's kind of a camera model.
+
+    Raises:
+        CaptureError: a model that cannot be undistorted.
+    """
     if model not in CAMERA_TYPES:
         raise CaptureError(
-            f"Camera {camera.camera_id} in {folder} (photo {image.name}) has the model {model}; "
-            f"supported are {', '.join(CAMERA_TYPES)}. Undistort the photos first: `colmap "
-            "image_undistorter --image_path IMAGES --input_path MODEL --output_path OUT`."
+            f"The camera of photo {photo} in {source} has the model {model}; supported are "
+            f"{', '.join(CAMERA_TYPES)}. Undistort the photos first: `colmap image_undistorter "
+            "--image_path IMAGES --input_path MODEL --output_path OUT`."
         )
-    pose, intrinsics = np.asarray(image.cam_from_world().matrix()), _intrinsics(camera)
-    numbers, sides = [*pose.flat, *intrinsics.values()], (camera.width, camera.height)
+    return CAMERA_TYPES[model]
+
+
+def check_frame(frame: Frame, source: Path) -> None:
+    """Make sure that a photo's name, pose and camera can be.
+
+    Raises:
+        CaptureError: names the photo and `source`, where it was read.
+    """
+    numbers, name = [*frame.world_to_camera.flat, *frame.intrinsics.values()], frame.name
+    sides, kind = (frame.width, frame.height), frame.camera_type
     if not (np.isfinite(numbers).all() and min(sides) >= 1 and max(sides) <= LARGEST_SIDE):
         raise CaptureError(
-            f"Photo {image.name} in {folder} has a pose or a camera that cannot be: NaN or "
+            f"Photo {name} in {source} has a pose or a camera that cannot be: NaN or "
             f"infinite numbers, or {sides[0]}x{sides[1]} pixels; a side has 1 to {LARGEST_SIDE}. "
             "Remove the photo from the reconstruction, or run COLMAP's mapper again."
         )
-    return Frame(
-        name=Path(image.name).as_posix(),
-        image_id=image.image_id,
-        world_to_camera=pose,
-        camera_type=CAMERA_TYPES[model],
-        width=camera.width,
-        height=camera.height,
-        intrinsics=intrinsics,
-    )
+    if kind is CameraType.PERSPECTIVE and frame.intrinsics.get("k4"):
+        raise CaptureError(
+            f"The camera of photo {name} in {source} has k4, which only a fisheye has. Name its "
+            'model, "camera_model": "OPENCV_FISHEYE", or undistort the photos first.'
+        )
+    longest = max(len(part.encode(errors="replace")) for part in name.split("/"))
+    if longest > LONGEST_NAME or re.search(r"[\x00-\x1f\ud800-\udfff]", name):
+        raise CaptureError(
+            f"A photo in {source} has the name {name[:80]!a}, which no file can have here: it "
+            f"holds a control character, no UTF-8, or a part of more than {LONGEST_NAME} bytes "
+            f"({longest}). Rename the photo there and in its folder."
+        )
 
 
 def _intrinsics(camera: pycolmap.Camera) -> dict[str, float]:

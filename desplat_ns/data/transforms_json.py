@@ -1,116 +1,243 @@
-"""nerfstudio's `nerfstudio-data` captures, without its prompt and with points from COLMAP."""
+"""transforms.json, as nerfstudio, instant-ngp and other programs write it.
+
+Letters in shapes: n photos.
+"""
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import torch
-from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
-from nerfstudio.data.dataparsers.nerfstudio_dataparser import Nerfstudio
-from torch import Tensor
+from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.console import announce_once
-from desplat_ns.data.checks import check_files, how_to_get_poses
+from desplat_ns.data.checks import find_photos, how_to_get_poses
+from desplat_ns.data.colmap import DeSplatColmapDataParser, DeSplatColmapDataParserConfig
 from desplat_ns.data.colmap_model import find_models
-from desplat_ns.data.poses import check_cameras, points_metadata, without_infinite_points
-from desplat_ns.data.reconstruction import read_reconstruction
+from desplat_ns.data.images import image_size
+from desplat_ns.data.poses import camera_to_worlds
+from desplat_ns.data.reconstruction import (
+    Frame,
+    Points,
+    Reconstruction,
+    camera_type_of,
+    check_frame,
+    read_reconstruction,
+)
 from desplat_ns.errors import CaptureError
 
-_UPSTREAM_ERRORS = (
-    OSError, AssertionError, LookupError, RuntimeError, ValueError, TypeError, AttributeError,
-    ArithmeticError,
-)  # fmt: skip
-"""What upstream raises, one way or another, for contents that it did not expect."""
+_UNEXPECTED = (OSError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError)
+"""What contents that are not of the kind expected end in."""
+
+_NO_POINTS = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int64))
+
+_OLD_WORLD = np.array([[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]])
+"""From COLMAP's world to that of an old ns-process-data, which did not write it."""
+
+_LENS = ("k1", "k2", "k3", "k4", "p1", "p2")
 
 
-class PromptFreeNerfstudio(Nerfstudio):
-    """As upstream, but where `transforms.json` names no point cloud and COLMAP's model is there,
-    upstream 1.1.5 asks whether to rewrite the capture; this reads the points and writes nothing.
+class TransformsDataParser(DeSplatColmapDataParser):
+    """nerfstudio's `nerfstudio-data`, read as COLMAP captures are: it asks and writes nothing."""
 
-    Point clouds are read with trimesh: upstream's open3d takes seconds to import and needs system
-    libraries (libusb, libGL) that a bare machine lacks.
-    Photos without an `images_N` copy are taken at full size; the dataset reduces them.
-    """
+    def __init__(self, config: NerfstudioDataParserConfig):
+        ours = {f.name for f in fields(DeSplatColmapDataParserConfig)} - {"_target"}
+        shared = {f.name: getattr(config, f.name) for f in fields(config) if f.name in ours}
+        data, self._mask_color = config.data, config.mask_color
+        self._path = data if data.suffix == ".json" else data / "transforms.json"
+        super().__init__(DeSplatColmapDataParserConfig(**{**shared, "data": self._path.parent}))
 
-    def _generate_dataparser_outputs(self, split: str = "train") -> DataparserOutputs:
-        self.prompted_user, self.create_pc = True, False
-        try:
-            outputs = super()._generate_dataparser_outputs(split)
-        except _UPSTREAM_ERRORS as error:
-            raise CaptureError(self._explain(error)) from error
-        where = f"`file_path` in {self._transforms()}"
-        check_files(outputs.image_filenames, self._folder(), "photos", where)
-        names = [path.name for path in outputs.image_filenames]
-        check_cameras(outputs.cameras, names, self._transforms())
-        if self.config.load_3D_points:
-            _check_points(outputs, self._folder())
+    def read(self) -> Reconstruction:
+        """Raises as `read_transforms`."""
+        return read_transforms(self._path, self.config.load_3D_points)
+
+    def _generate_dataparser_outputs(self, split: str = "train", **kwargs: Any):
+        outputs = super()._generate_dataparser_outputs(split, **kwargs)
+        outputs.metadata["mask_color"] = self._mask_color
         return outputs
 
-    def _load_3D_points(
-        self, ply_file_path: Path, transform_matrix: Tensor, scale_factor: float
-    ) -> dict[str, Tensor] | None:
-        """Points of a PLY file in the oriented, scaled world; None where it has none."""
-        import trimesh  # it brings a hundred modules, which only such captures need
 
-        cloud = trimesh.load(ply_file_path, process=False)
-        if not isinstance(cloud, (trimesh.PointCloud, trimesh.Trimesh)) or not len(cloud.vertices):
-            return None
-        xyz = torch.from_numpy(np.array(cloud.vertices, dtype=np.float32))
-        colors = cloud.colors if isinstance(cloud, trimesh.PointCloud) else None
-        if colors is None or len(colors) != len(xyz):
-            colors = np.full((len(xyz), 3), 128)
-        return {
-            "points3D_xyz": (xyz @ transform_matrix[:, :3].T + transform_matrix[:, 3])
-            * scale_factor,
-            "points3D_rgb": torch.from_numpy(np.array(colors, dtype=np.uint8)[:, :3]),
-        }
+def read_transforms(path: Path, with_points: bool) -> Reconstruction:
+    """Photos in the order of their names; points of the file's PLY, else of a COLMAP model of the
+    same photos, moved to their poses here.
 
-    def _get_fname(
-        self, filepath: Path, data_dir: Path, downsample_folder_prefix: str = "images_"
-    ) -> Path:
-        reduced = super()._get_fname(filepath, data_dir, downsample_folder_prefix)
-        return reduced if reduced.exists() else data_dir / filepath
+    A frame's own numbers come before those of the head.
 
-    def _folder(self) -> Path:
-        data = self.config.data
-        return data.parent if data.suffix == ".json" else data
-
-    def _transforms(self) -> Path:
-        data = self.config.data
-        return data if data.suffix == ".json" else data / "transforms.json"
-
-    def _explain(self, error: Exception) -> str:
-        data = self.config.data
-        if self._transforms().is_file():
-            return f"The capture {data} cannot be used: {type(error).__name__}: {error}."
-        message = f"The capture {data} has no transforms.json. "
-        if not find_models(data, Path("sparse")):
-            return f"{message}Check --data. {how_to_get_poses(Path('PHOTOS'))}"
-        return message + (
-            "It has a COLMAP reconstruction: add the dataparser at the end of the command, "
-            f"`colmap --data {data}` (or `robustnerf-data --data {data}` for clean, clutter and "
-            "extra in the file names)."
-        )
-
-
-def _check_points(outputs: DataparserOutputs, folder: Path) -> None:
-    """Leave only finite points; where there are none, take COLMAP's or say that there are none."""
-    xyz = outputs.metadata.get("points3D_xyz")
-    if xyz is None:
-        try:
-            points = read_reconstruction(folder, Path("colmap/sparse/0")).points
-        except CaptureError:
-            points = None
-        if points is not None and len(points.xyz) > 0:
-            transform, scale = outputs.dataparser_transform, outputs.dataparser_scale
-            outputs.metadata.update(points_metadata(points, transform, scale))
-        else:
-            announce_once(f"{folder} names no 3D points: training starts at random.", warning=True)
-        return
-    outputs.metadata = without_infinite_points(outputs.metadata, folder)
-    if len(outputs.metadata["points3D_xyz"]) == 0:
+    Raises:
+        CaptureError: no such file, or contents that cannot be used; names the frame.
+    """
+    folder = path.parent
+    if not path.is_file():
+        raise CaptureError(_missing(path))
+    try:
+        document = json.loads(path.read_text("utf-8-sig"))
+        head = {key: value for key, value in document.items() if key != "frames"}
+        rows = [head | row for row in document["frames"]]
+        to_world = np.eye(4)
+        is_old = (folder / "colmap/sparse/0").exists()
+        applied = head.get("applied_transform", _OLD_WORLD if is_old else to_world[:3])
+        to_world[:3] = np.array(applied, np.float64)[:3] * float(head.get("applied_scale", 1))
+        lists = {s: head.get(f"{s}_filenames") for s in ("train", "val", "test")}
+        lists = {s: [_name(name, folder) for name in names] for s, names in lists.items() if names}
+        cloud = folder / head["ply_file_path"] if head.get("ply_file_path") else None
+    except _UNEXPECTED as error:
         raise CaptureError(
-            f"No 3D point named in {folder / 'transforms.json'} has finite coordinates. Make the "
-            "point cloud again, or add --load-3D-points False to start from random points."
-        )
+            f"{path} cannot be used ({type(error).__name__}: {error}). It needs a list `frames`, "
+            "each with file_path and transform_matrix. Mend it or write it again."
+        ) from error
+    frames = []
+    for number, row in enumerate(rows):
+        try:
+            frames.append(_frame(row, number, path))
+        except _UNEXPECTED as error:
+            raise CaptureError(
+                f"frames[{number}] ({row.get('file_path')}) in {path} cannot be used "
+                f"({type(error).__name__}: {error}). Needed are file_path, transform_matrix (rows "
+                "of the camera's pose) and, there or in the head, fl_x, fl_y, cx, cy, w, h in "
+                "pixels as numbers; camera_angle_x stands in for fl_x. Mend the entry or remove it."
+            ) from error
+    if not frames:
+        raise CaptureError(f"{path} has no frames. Write it again, with a pose for each photo.")
+    frames = [
+        replace(frame, image_id=number)
+        for number, frame in enumerate(sorted(frames, key=lambda frame: Path(frame.name)))
+    ]
+    # The folder that all share has copies of reduced photos beside it, as images_2 for images.
+    tops = {Path(frame.name).parts[0] for frame in frames if len(Path(frame.name).parts) > 1}
+    has_top = len(tops) == 1 and all("/" in frame.name for frame in frames)
+    photos = folder / tops.pop() if has_top else folder
+    if has_top:
+        frames = [replace(f, name=f.name.partition("/")[2]) for f in frames]
+        lists = {s: [name.partition("/")[2] for name in names] for s, names in lists.items()}
+    return Reconstruction(
+        folder=folder,
+        frames=frames,
+        points=_points(cloud, folder, frames) if with_points else _NO_POINTS,
+        photos=photos,
+        is_upright=True,
+        orientation=head.get("orientation_override"),
+        to_world=to_world,
+        splits=lists,
+    )
+
+
+def _missing(path: Path) -> str:
+    message = f"The capture {path.parent} has no {path.name}. "
+    if not find_models(path.parent, Path("sparse")):
+        return f"{message}Check --data. {how_to_get_poses(Path('PHOTOS'))}"
+    return message + (
+        "It has a COLMAP reconstruction: add the dataparser at the end of the command, "
+        f"`colmap --data {path.parent}` (or `robustnerf-data --data {path.parent}` for clean, "
+        "clutter and extra in the file names)."
+    )
+
+
+def _name(given: str, folder: Path) -> str:
+    """A file's path below the folder; also one that was written on Windows."""
+    is_windows = "\\" in given and not (folder / given).exists()
+    return Path(given.replace("\\", "/") if is_windows else given).as_posix()
+
+
+def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
+    """A frame with the head's numbers in it."""
+    name = _name(row["file_path"], path.parent)
+    pose = np.eye(4)
+    matrix = np.array(row["transform_matrix"], np.float64)
+    if matrix.shape not in ((3, 4), (4, 4)) or np.abs(matrix[3:] - pose[3]).sum() > 1e-3:
+        raise ValueError("transform_matrix must have 4 columns and the last row 0 0 0 1")
+    pose[:3] = matrix[:3]
+    pose[:, 1:3] *= -1  # OpenGL's axes to OpenCV's
+    if "w" in row and "h" in row:
+        width, height = int(row["w"]), int(row["h"])
+    else:
+        width, height = image_size(path.parent / name)
+    fx = _focal(row, "x", width)
+    lens = dict(zip(_LENS, row.get("distortion_params") or (), strict=False))
+    lens |= {key: row[key] for key in _LENS if key in row and not lens}
+    model = row.get("camera_model", "OPENCV_FISHEYE" if row.get("is_fisheye") else "OPENCV")
+    mask = row.get("mask_path") or row.get("mask_filename")
+    frame = Frame(
+        name=name,
+        image_id=number,
+        world_to_camera=np.linalg.inv(pose)[:3],
+        camera_type=camera_type_of(model, name, path),
+        width=width,
+        height=height,
+        intrinsics={
+            "fx": fx,
+            "fy": _focal(row, "y", height, fx),
+            "cx": float(row.get("cx", width / 2)),
+            "cy": float(row.get("cy", height / 2)),
+            **{key: float(value) for key, value in lens.items()},
+        },
+        mask=path.parent / _name(mask, path.parent) if mask else None,
+    )
+    check_frame(frame, path)
+    return frame
+
+
+def _focal(row: dict[str, Any], axis: str, side: int, other: float | None = None) -> float:
+    if f"fl_{axis}" in row or (f"camera_angle_{axis}" not in row and other is None):
+        return float(row[f"fl_{axis}"])
+    if f"camera_angle_{axis}" in row:
+        return side / 2 / math.tan(float(row[f"camera_angle_{axis}"]) / 2)
+    assert other is not None
+    return other
+
+
+def _points(cloud: Path | None, folder: Path, frames: Sequence[Frame]) -> Points:
+    """The points to start from; none where nothing gives them, which is said."""
+    points, why = _NO_POINTS, f"{folder} names no 3D points"
+    if cloud is not None:
+        points = _read_cloud(cloud)
+    elif find_models(folder, Path("colmap/sparse/0")):
+        model = read_reconstruction(folder, Path("colmap/sparse/0"))
+        points = _moved(model, frames)
+        why = f"The points of {model.folder} do not fit the poses of transforms.json"
+    if not len(points.xyz):
+        announce_once(f"{why}: training starts at random.", warning=True)
+    return points
+
+
+def _read_cloud(path: Path) -> Points:
+    """Points of a PLY file. By trimesh: nerfstudio's open3d takes seconds to import and needs
+    system libraries (libusb, libGL) that a bare machine lacks."""
+    import trimesh  # it brings a hundred modules, which only such captures need
+
+    try:
+        cloud: Any = trimesh.load(path, process=False)
+        xyz = np.array(getattr(cloud, "vertices", ()), np.float64).reshape(-1, 3)
+    except _UNEXPECTED as error:
+        raise CaptureError(
+            f"The point cloud {path} cannot be read: {error}. Put it there, or take ply_file_path "
+            "out of transforms.json."
+        ) from error
+    colors = cloud.colors if isinstance(cloud, trimesh.PointCloud) else None
+    if colors is None or len(colors) != len(xyz):
+        colors = np.full((len(xyz), 3), 128)
+    return Points(xyz, np.array(colors, np.uint8)[:, :3], np.arange(len(xyz)))
+
+
+def _moved(model: Reconstruction, frames: Sequence[Frame]) -> Points:
+    """A model's points, turned, scaled and moved so that its photos stand where the frames stand;
+    none where no such motion fits, or less than two photos are in both."""
+    found = find_photos([f.name for f in model.frames], [frame.name for frame in frames])
+    pairs = [(model.frames[at[0]], frames[i]) for i, at in enumerate(found) if len(at) == 1]
+    if len(pairs) < 2:
+        return _NO_POINTS
+    theirs, ours = (camera_to_worlds([pair[side] for pair in pairs]) for side in (0, 1))
+    u, _, vt = np.linalg.svd((ours[:, :3, :3] @ theirs[:, :3, :3].transpose(0, 2, 1)).sum(axis=0))
+    turn = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
+    middle, target = theirs[:, :3, 3].mean(axis=0), ours[:, :3, 3].mean(axis=0)
+    before, after = (theirs[:, :3, 3] - middle) @ turn.T, ours[:, :3, 3] - target
+    scale = (before * after).sum() / max((before**2).sum(), 1e-300)
+    off = np.linalg.norm(scale * before - after) / max(np.linalg.norm(after), 1e-300)
+    turned = np.abs(turn @ theirs[:, :3, :3] - ours[:, :3, :3]).max()
+    if not (off < 0.1 and turned < 0.2 and scale > 0):
+        return _NO_POINTS
+    return replace(model.points, xyz=scale * (model.points.xyz - middle) @ turn.T + target)

@@ -69,16 +69,16 @@ def training_photos(manager: DeSplatDataManager) -> Iterator[Photo]:
     )
     for index, (path, name) in enumerate(zip(originals, names, strict=True)):
         camera = outputs.cameras[index : index + 1]
-        yield Photo(index, name, _at_size(camera, *image_size(path)))
+        size = int(camera.width), int(camera.height)
+        yield Photo(index, name, _at_size(camera, *image_size(path, size)))
 
 
 def _folder(manager: DeSplatDataManager) -> Path:
-    """Where COLMAP's names of the photos begin; `images` for captures without COLMAP."""
+    """Where the reconstruction's names of the photos begin; `images` for other captures."""
     parser = manager.dataparser
-    data = Path(parser.config.data).absolute()
     if isinstance(parser, DeSplatColmapDataParser):
-        return data / parser.images_path
-    return (data.parent if data.suffix == ".json" else data) / "images"
+        return parser.photos_folder.absolute()
+    return Path(parser.config.data).absolute() / "images"
 
 
 def _at_size(camera: Cameras, width: int, height: int) -> Cameras:

@@ -26,7 +26,7 @@ from desplat_ns.data.on_the_go import (
 )
 from desplat_ns.data.photo_files import downscale_factors, photo_names
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig, describe
-from desplat_ns.data.transforms_json import PromptFreeNerfstudio
+from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.photo_tourism.dataparser import (
     ROOTS,
@@ -210,7 +210,7 @@ LAYOUTS = (
         "nerfstudio",
         "transforms.json",
         "nerfstudio-data",
-        partial(NerfstudioDataParserConfig, _target=PromptFreeNerfstudio),
+        partial(NerfstudioDataParserConfig, _target=TransformsDataParser),
         _transforms,
     ),
     Layout(

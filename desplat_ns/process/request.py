@@ -11,7 +11,7 @@ import tyro
 
 from desplat_ns.console import list_names, text_of
 from desplat_ns.cores import cores
-from desplat_ns.data.photo_files import PHOTO_SUFFIXES
+from desplat_ns.data.photo_files import PHOTO_SUFFIXES, file_names
 from desplat_ns.errors import CaptureError, ConfigError
 
 Cameras = Literal["auto", "one", "folder", "photo"]
@@ -139,8 +139,8 @@ def find_sources(photos: Path, output: Path) -> Sources:
             f"The photos lie in the folder for the capture, {output}. Nothing is mixed with them: "
             "name a new folder beside them."
         )
-    paths = (p for p in photos.rglob("*") if p.is_file() and not p.resolve().is_relative_to(out))
-    files = sorted(path.relative_to(photos).as_posix() for path in paths)
+    names = file_names(photos)
+    files = [name for name in names if not (photos / name).resolve().is_relative_to(out)]
     files = [name for name in files if not any(part[0] == "." for part in name.split("/"))]
     names = _without_raw_twins([name for name in files if _suffix(name) in SUFFIXES])
     if broken := [text for name in names if (text := text_of(name)) != name]:

@@ -1,5 +1,5 @@
 """Turns cameras into views, rendered layers into the images that the model gives, and images into
 figures.
 
-May import `backend` and `console`.
+May import `backend`, `console` and `errors`.
 """

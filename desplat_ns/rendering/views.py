@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import torch
 from jaxtyping import Float
-from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.cameras.cameras import Cameras, CameraType
 from torch import Tensor
 
 from desplat_ns.backend.protocol import View
+from desplat_ns.errors import ConfigError
 
 
 def world_to_camera(camera_to_world: Float[Tensor, "3 4"]) -> Float[Tensor, "4 4"]:
@@ -22,9 +23,11 @@ def world_to_camera(camera_to_world: Float[Tensor, "3 4"]) -> Float[Tensor, "4 4
 
 
 def is_distorted(cameras: Cameras) -> bool:
-    """Whether the lens of any camera bends what a pinhole shows straight."""
+    """Whether the lens of any camera bends what a pinhole shows straight; a fisheye does without
+    terms of distortion."""
     distortion = cameras.distortion_params
-    return distortion is not None and bool(torch.any(distortion != 0))
+    bends = distortion is not None and bool(torch.any(distortion != 0))
+    return bends or bool(torch.any(cameras.camera_type == CameraType.FISHEYE.value))
 
 
 def view_of(
@@ -33,10 +36,21 @@ def view_of(
     """The view of a single camera (shape [1]), in an image reduced by `downscale` (rounded down).
 
     `camera_to_world` replaces the camera's own pose where a pose optimizer moved it.
+
+    Raises:
+        ConfigError: a camera of another kind, as a path of ns-render may have it. A photo's fisheye
+            was undistorted and has its terms still; that of a path has none.
     """
     pose = camera.camera_to_worlds[0] if camera_to_world is None else camera_to_world
     intrinsics = camera.get_intrinsics_matrices()[0].to(pose)
-    width, height = torch.cat([camera.width, camera.height]).flatten().tolist()
+    numbers = torch.cat([camera.width, camera.height, camera.camera_type])
+    width, height, kind = numbers.flatten().tolist()
+    is_photo = kind == CameraType.FISHEYE.value and camera.distortion_params is not None
+    if kind != CameraType.PERSPECTIVE.value and not is_photo:
+        raise ConfigError(
+            f"A camera of the kind {CameraType(kind).name} cannot be drawn, only perspective ones. "
+            "Make a camera path of perspective cameras."
+        )
     return View(
         viewmat=world_to_camera(pose),
         K=torch.cat([intrinsics[:2] * (1 / downscale), intrinsics[2:]]),

@@ -286,13 +286,13 @@ def _read_small(
 ) -> tuple[UInt8[np.ndarray, "H W 3"], Bool[np.ndarray, "H W"]]:
     """The photo at its view's size, and where it is opaque and not masked."""
     path, cameras = capture.photos[index], capture.cameras
-    image = read_image(path)
     size = int(cameras.width.reshape(-1)[index]), int(cameras.height.reshape(-1)[index])
+    image = read_image(path, size)
     check_size(path, (image.shape[1], image.shape[0]), size)
     image = resize_image(image, view.width, view.height)
     allowed = (image[..., 3:] == 255).all(axis=-1)
     if capture.masks is not None:
-        allowed &= resize_mask(read_mask(capture.masks[index]), view.width, view.height)
+        allowed &= resize_mask(read_mask(capture.masks[index], size), view.width, view.height)
     return image[..., :3], allowed
 
 

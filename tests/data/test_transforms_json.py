@@ -12,7 +12,7 @@ import torch
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.data.dataset import CaptureDataset
-from desplat_ns.data.transforms_json import PromptFreeNerfstudio
+from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.errors import CaptureError
 
 
@@ -31,7 +31,7 @@ def processed(tmp_path: Path, photo_writer) -> Path:
 
 
 def outputs_of(data: Path, split: str = "train", **options):
-    options = {"load_3D_points": True, "_target": PromptFreeNerfstudio, **options}
+    options = {"load_3D_points": True, "_target": TransformsDataParser, **options}
     return NerfstudioDataParserConfig(data=data, **options).setup().get_dataparser_outputs(split)
 
 

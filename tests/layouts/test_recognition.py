@@ -14,7 +14,7 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataPars
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.on_the_go import OnTheGoDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.data.transforms_json import PromptFreeNerfstudio
+from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.layouts.recognition import Recognition, recognise
 from desplat_ns.layouts.table import LAYOUTS
@@ -71,7 +71,7 @@ def test_transforms_json_is_read_with_points_and_without_questions(tmp_path: Pat
     for data in (write_transforms(tmp_path), tmp_path / "transforms.json"):
         config = recognise(data).config({})
         assert isinstance(config, NerfstudioDataParserConfig)
-        assert (config._target, config.load_3D_points) == (PromptFreeNerfstudio, True)
+        assert (config._target, config.load_3D_points) == (TransformsDataParser, True)
         assert config.data == data
 
 
