@@ -60,10 +60,10 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
 
     try:
         _check_points_file(folder / "points3D.bin")
+        names = {} if _has_files(folder, "bin") else _names_in(folder / "images.txt")
         model = pycolmap.Reconstruction(folder)
-        if not _has_files(folder, "bin"):
-            for number, name in _names_in(folder / "images.txt").items():
-                model.image(number).name = name
+        for number, name in names.items():
+            model.image(number).name = name
         return model
     except (ValueError, LookupError, RuntimeError, MemoryError) as error:
         reason = str(error).strip().partition("\n")[0] or "damaged"

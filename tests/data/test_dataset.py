@@ -76,9 +76,7 @@ def test_what_undistortion_does_to_the_cameras_does_not_change_the_photos(captur
 def test_a_photo_that_is_turned_missing_or_corrupt_is_named(capture, photo_writer):
     data = capture()
     dataset, photo = dataset_of(data), data / "images" / "b.png"
-    exif = Image.Exif()
-    exif[0x0112] = 6
-    photo_writer(photo, exif=exif)
+    photo_writer(photo, 6, 8)
     with pytest.raises(CaptureError, match=r"b\.png is 6x8 .* 8x6 "):
         dataset.check_photos()
     photo.write_bytes(b"\x89PNG nothing")

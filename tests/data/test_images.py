@@ -144,6 +144,37 @@ def test_a_mask_is_where_the_picture_is_not_black(tmp_path: Path):
     assert read_mask(tmp_path / "mask.png").tolist() == [[False, True, True]]
 
 
+@pytest.mark.parametrize(
+    ("pixels", "expected"),
+    [
+        ([[2], [2], [255]], [False, False, True]),
+        ([[255, 255], [255, 0], [255, 255]], [True, False, True]),
+        ([[255, 255, 255, 255], [255, 255, 255, 0], [0, 0, 0, 255]], [True, False, False]),
+        ([[0, 0, 0, 255], [0, 0, 0, 0], [0, 0, 0, 255]], [True, False, True]),
+        ([[0, 0, 0, 255]] * 3, [False] * 3),
+        ([[255, 0]] * 3, [False] * 3),
+    ],
+)
+def test_black_may_be_transparent_or_dark(tmp_path: Path, pixels, expected: list[bool]):
+    values = np.array([pixels], dtype=np.uint8)
+    Image.fromarray(values.squeeze(-1) if values.shape[2] == 1 else values).save(tmp_path / "m.png")
+    assert read_mask(tmp_path / "m.png").tolist() == [expected]
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("camera", [(8, 6), (6, 8)])
+def test_a_camera_gets_pixels_as_stored_unless_a_quarter_turn_makes_them_fit(
+    tmp_path: Path, orientation: int, camera: tuple[int, int]
+):
+    path, pixels, exif = tmp_path / "photo.png", noise(6, 8), Image.Exif()
+    exif[0x0112] = orientation
+    Image.fromarray(pixels).save(path, exif=exif)
+    is_turned = camera == (6, 8) and orientation >= 5
+    expected = read_image(path) if is_turned else pixels
+    np.testing.assert_array_equal(read_image(path, camera), expected)
+    assert image_size(path, camera) == expected.shape[1::-1]
+
+
 @pytest.mark.parametrize("channels", [1, 3, 4])
 def test_what_is_written_reads_back(tmp_path: Path, channels: int):
     image = noise(4, 5, channels)

@@ -20,6 +20,13 @@ def test_photos_are_listed_below_their_folder(tmp_path: Path):
     assert photo_names(tmp_path / "absent") == []
 
 
+def test_photos_behind_links_to_folders_are_listed_once(tmp_path: Path):
+    touch(tmp_path, "real/b.jpg", "photos/a.jpg")
+    (tmp_path / "photos" / "day2").symlink_to(tmp_path / "real")
+    (tmp_path / "real" / "back").symlink_to(tmp_path / "photos")
+    assert photo_names(tmp_path / "photos") == ["a.jpg", "day2/b.jpg"]
+
+
 def test_photos_near_are_not_looked_for_far_down(tmp_path: Path):
     touch(tmp_path, "b.JPG", "a/c.png", "a/b/d.exr")
     assert photos_near(tmp_path) == ["a/c.png", "b.JPG"]

@@ -235,3 +235,38 @@ def test_a_photo_may_observe_nothing_and_a_reconstruction_may_be_gone(tiny_scene
     assert [len(observed.points) > 0 for observed in tracks.read([2, 0])] == [False, True]
     with pytest.raises(CaptureError, match="gone"):
         replace(tracks, folder=tmp_path / "gone").read([0])
+
+
+def test_a_text_model_keeps_spaces_in_names_and_needs_two_lines_for_each_photo(capture):
+    data = capture(["map plan (1).png", "map plan (2).png"])
+    names = [frame.name for frame in read_reconstruction(data, SPARSE).frames]
+    assert names == ["map plan (1).png", "map plan (2).png"]
+    without_observations(data / "sparse" / "0", "")
+    with pytest.raises(CaptureError, match="two lines for each photo"):
+        read_reconstruction(data, SPARSE)
+
+
+@pytest.mark.parametrize("name", ["a" * 256 + ".png", "a\nb.png"])
+def test_names_that_no_file_can_have_are_an_error(capture, name: str):
+    data = capture(["a.png", "b.png"])
+
+    def rename(model: pycolmap.Reconstruction) -> None:
+        model.image(1).name = name
+
+    binary_with(data, rename)
+    with pytest.raises(CaptureError, match="which no file can have"):
+        read_reconstruction(data, SPARSE)
+
+
+def test_a_model_without_observations_has_no_tracks(capture):
+    data = capture()
+    without_observations(data / "sparse" / "0", "\n")
+    outputs = DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs("train")
+    assert TRACKS not in outputs.metadata
+
+
+def without_observations(model: Path, in_their_place: str) -> None:
+    photos = (model / "images.txt").read_text().splitlines()[::2]
+    (model / "images.txt").write_text("".join(f"{line}\n{in_their_place}" for line in photos))
+    points = (model / "points3D.txt").read_text().splitlines()
+    (model / "points3D.txt").write_text("\n".join(" ".join(p.split()[:8]) for p in points) + "\n")

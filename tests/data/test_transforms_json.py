@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 import rich.prompt
 import torch
+from nerfstudio.cameras.cameras import CameraType
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
-from desplat_ns.data.dataset import CaptureDataset
+from desplat_ns.data.dataset import CaptureDataset, PhotoReader
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.errors import CaptureError
 
@@ -30,6 +31,9 @@ def processed(tmp_path: Path, photo_writer) -> Path:
     return tmp_path
 
 
+AS_GIVEN = {"orientation_method": "none", "center_method": "none", "auto_scale_poses": False}
+
+
 def outputs_of(data: Path, split: str = "train", **options):
     options = {"load_3D_points": True, "_target": TransformsDataParser, **options}
     return NerfstudioDataParserConfig(data=data, **options).setup().get_dataparser_outputs(split)
@@ -42,11 +46,9 @@ def test_colmaps_points_are_used_without_a_question(processed, model_writer, mon
     monkeypatch.setattr(rich.prompt.Confirm, "ask", never)
     model_writer(processed / "colmap" / "sparse" / "0", ["0.png", "1.png"])
     before = (processed / "transforms.json").read_bytes()
-    outputs = outputs_of(
-        processed, orientation_method="none", center_method="none", auto_scale_poses=False
-    )
-    # Upstream's transform for old captures: COLMAP's (x, y, z) are (y, x, -z) in transforms.json.
-    expected = torch.tensor([[-1.0, 0.5, -4.0], [2.0, 1.0, -3.0]])
+    outputs = outputs_of(processed, **AS_GIVEN)
+    # Cameras of the model and of the file have the same places, and y and z of the file turned.
+    expected = torch.tensor([[0.5, 1.0, -4.0], [1.0, -2.0, -3.0]])
     torch.testing.assert_close(outputs.metadata["points3D_xyz"], expected)
     assert (processed / "transforms.json").read_bytes() == before
 
@@ -71,7 +73,7 @@ def test_a_capture_without_transforms_says_what_to_type(tmp_path: Path, capture)
 
 def test_photos_that_are_not_there_are_named(processed: Path):
     (processed / "images" / "2.png").unlink()
-    with pytest.raises(CaptureError, match=r"1 of 4 photos .*: images/2\.png"):
+    with pytest.raises(CaptureError, match=r"1 of 4 photos .*images: 2\.png"):
         outputs_of(processed)
 
 
@@ -140,4 +142,159 @@ def test_an_empty_or_missing_ply_means_no_points(processed: Path, capsys):
     assert "points3D_xyz" not in outputs_of(processed).metadata
     (processed / "p.ply").unlink()
     with pytest.raises(CaptureError, match=r"p\.ply"):
+        outputs_of(processed)
+
+
+def rewrite(data: Path, change, **head) -> None:
+    """Change every frame, given its number, and the head."""
+    meta = json.loads((data / "transforms.json").read_text())
+    for number, frame in enumerate(meta["frames"]):
+        change(number, frame)
+    (data / "transforms.json").write_text(json.dumps({**meta, **head}))
+
+
+def test_a_frames_own_numbers_come_before_those_of_the_head(processed: Path):
+    rewrite(processed, lambda number, frame: frame.update(fl_x=20 + number, w=8, k1=0.1 * number))
+    cameras = outputs_of(processed, eval_mode="all").cameras
+    assert cameras.fx.flatten().tolist() == [20, 21, 22, 23]
+    assert cameras.fy.flatten().tolist() == [10] * 4
+    torch.testing.assert_close(cameras.distortion_params[:, 0], torch.arange(4) * 0.1)
+
+
+@pytest.mark.parametrize(
+    "head", [{"is_fisheye": True, "k4": 0.1}, {"camera_model": "OPENCV_FISHEYE"}]
+)
+def test_a_fisheye_of_any_program_is_one_also_without_terms(processed: Path, head):
+    damage(processed, **head, fl_x=6, fl_y=6)
+    dataset = CaptureDataset(outputs_of(processed, eval_mode="all"))
+    straight = dataset.get_numpy_image(0)
+    bent = PhotoReader(dataset, "uint8")(0)["image"].numpy()
+    assert dataset.cameras.camera_type.unique().tolist() == [CameraType.FISHEYE.value]
+    assert bent.shape != straight.shape or (bent != straight).any()
+
+
+@pytest.mark.parametrize(
+    ("head", "named"),
+    [
+        *(
+            ({"camera_model": model}, model)
+            for model in ("EQUIRECTANGULAR", "FISHEYE624", "VR180_L")
+        ),
+        ({"k4": 0.1}, "OPENCV_FISHEYE"),
+        ({"cx": 1e9}, "cannot be"),
+    ],
+)
+def test_cameras_that_cannot_be_drawn_are_an_error(processed: Path, head, named: str):
+    damage(processed, **head)
+    with pytest.raises(CaptureError, match=named):
+        outputs_of(processed)
+
+
+def test_a_national_grid_loses_nothing(processed: Path):
+    near = outputs_of(processed, eval_mode="all").cameras.camera_to_worlds
+    rewrite(processed, lambda _, frame: shift(frame, [512_342.25, 5_403_207.5, 311.125]))
+    torch.testing.assert_close(
+        outputs_of(processed, eval_mode="all").cameras.camera_to_worlds, near
+    )
+
+
+def shift(frame: dict, by: list[float]) -> None:
+    for row, offset in zip(frame["transform_matrix"], by, strict=False):
+        row[3] += offset
+
+
+def test_copies_are_found_below_their_folders_only(processed: Path, photo_writer):
+    for side in ("left", "right"):
+        photo_writer(processed / "images" / side / "0.png", seed=len(side))
+    photo_writer(processed / "images_2" / "0.png", 4, 3)
+    sides = ("left", "right", "left", "right")
+    rewrite(processed, lambda i, f: f.update(file_path=f"images/{sides[i]}/0.png"))
+    meta = json.loads((processed / "transforms.json").read_text())
+    damage(processed, frames=meta["frames"][:2])
+    outputs = outputs_of(processed, eval_mode="all", downscale_factor=2)
+    assert len(set(outputs.image_filenames)) == 2
+    photo_writer(processed / "images_2" / "left" / "0.png", 4, 3)
+    photo_writer(processed / "images_2" / "right" / "0.png", 4, 3)
+    outputs = outputs_of(processed, eval_mode="all", downscale_factor=2)
+    assert outputs.image_filenames[1] == processed / "images_2" / "right" / "0.png"
+
+
+@pytest.mark.parametrize("key", ["mask_path", "mask_filename"])
+def test_masks_are_named_by_either_key_and_in_every_frame(processed: Path, photo_writer, key: str):
+    photo_writer(processed / "m.png")
+    rewrite(processed, lambda _, frame: frame.update({key: "m.png"}))
+    assert outputs_of(processed, eval_mode="all").mask_filenames == [processed / "m.png"] * 4
+    rewrite(processed, lambda number, frame: frame.update({key: "m.png" * (number > 0)}))
+    with pytest.raises(CaptureError, match="mask_path"):
+        outputs_of(processed)
+
+
+def test_a_photo_in_two_frames_is_an_error(processed: Path):
+    rewrite(processed, lambda number, frame: frame.update(file_path=f"images/{number // 2}.png"))
+    with pytest.raises(CaptureError, match=r"2 photos .*0\.png, 1\.png"):
+        outputs_of(processed)
+
+
+def test_points_of_another_world_are_moved_to_the_photos_or_left_out(
+    processed: Path, model_writer, capsys
+):
+    model_writer(processed / "sparse" / "0", ["0.png", "1.png", "2.png", "3.png"])
+    before = outputs_of(processed).metadata["points3D_xyz"]
+    turn = np.array([[0, 0, 2, 5], [2, 0, 0, 6], [0, 2, 0, 7], [0, 0, 0, 1]])
+
+    def move(_: int, frame: dict) -> None:
+        pose = turn @ np.array(frame["transform_matrix"])
+        pose[:3, :3] /= 2
+        frame["transform_matrix"] = pose.tolist()
+
+    options = {**AS_GIVEN, "eval_mode": "all"}
+    before = outputs_of(processed, **options).metadata["points3D_xyz"].double()
+    rewrite(processed, move)
+    after = outputs_of(processed, **options).metadata["points3D_xyz"].double()
+    torch.testing.assert_close(
+        after, before @ torch.tensor(turn[:3, :3].T).double() + torch.tensor([5.0, 6, 7]).double()
+    )
+    rewrite(processed, lambda number, frame: shift(frame, [0, 9 * number**2, 0]))
+    assert "points3D_xyz" not in outputs_of(processed, **options).metadata
+    assert "do not fit" in capsys.readouterr().out
+
+
+def test_points_behind_the_cameras_are_said(processed: Path, capsys):
+    rng = np.random.default_rng(0)
+    for depth in (-5, 5):
+        lines = [f"{x:.4f} {y:.4f} {depth} 1 2 3" for x, y in rng.uniform(-2, 4, (500, 2))]
+        name_ply(processed, "\n".join(lines) + "\n", 500)
+        outputs_of(processed)
+        assert ("do not go together" in capsys.readouterr().out) == (depth > 0)
+
+
+def test_large_photos_are_reduced(processed: Path, photo_writer):
+    for number in range(4):
+        photo_writer(processed / "images" / f"{number}.png", 18, 3360)
+    damage(processed, w=18, h=3360)
+    assert outputs_of(processed).cameras.height[0] == 840
+
+
+def test_what_other_programs_write_is_read(processed: Path):
+    """An angle for a focal length, no size, 3 x 4 poses, backslashes, a byte order mark."""
+
+    def change(number: int, frame: dict) -> None:
+        frame["transform_matrix"].pop()
+        frame["file_path"] = f"images\\{number}.png"
+
+    rewrite(processed, change)
+    meta = json.loads((processed / "transforms.json").read_text())
+    text = json.dumps({"camera_angle_x": 2 * np.arctan(0.5), "frames": meta["frames"]})
+    (processed / "transforms.json").write_text(text, "utf-8-sig")
+    cameras = outputs_of(processed).cameras
+    found = [float(getattr(cameras, name)[0]) for name in ("fx", "fy", "cx", "cy", "width")]
+    np.testing.assert_allclose(found, [8, 8, 4, 3, 8])
+
+
+def test_poses_with_rows_and_columns_swapped_are_named(processed: Path):
+    meta = json.loads((processed / "transforms.json").read_text())
+    frame = meta["frames"][2]
+    frame["transform_matrix"] = np.array(frame["transform_matrix"]).T.tolist()
+    (processed / "transforms.json").write_text(json.dumps(meta))
+    with pytest.raises(CaptureError, match=r"frames\[2\].*last row"):
         outputs_of(processed)

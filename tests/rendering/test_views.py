@@ -1,8 +1,10 @@
 """nerfstudio's cameras as views of a rasterizer."""
 
+import pytest
 import torch
-from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.cameras.cameras import Cameras, CameraType
 
+from desplat_ns.errors import ConfigError
 from desplat_ns.rendering.views import view_of, world_to_camera
 from tests.helpers.cameras import cameras, looking_along_y
 
@@ -38,3 +40,11 @@ def test_downscaling_halves_pixels_and_rounds_sizes_down():
     assert (view.width, view.height) == (50, 25)
     assert int(camera.width.item()) == 101  # it is left alone
     assert torch.allclose(project(cameras(), [2, 12, 5], downscale=2), torch.tensor([29.0, 3.5]))
+
+
+def test_cameras_of_other_kinds_are_not_drawn_as_pinholes():
+    camera = cameras()
+    for kind in (CameraType.FISHEYE, CameraType.EQUIRECTANGULAR, CameraType.VR180_L):
+        camera.camera_type = torch.full_like(camera.camera_type, kind.value)
+        with pytest.raises(ConfigError, match=kind.name):
+            view_of(camera)
