@@ -25,12 +25,9 @@ from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sourc
 from desplat_ns.data.gt_masks import gt_masks
 from desplat_ns.data.poses import (
     OrientedPoses,
-    check_cameras,
-    check_view_of_points,
     make_cameras,
     orient_poses,
     points_metadata,
-    without_infinite_points,
 )
 from desplat_ns.data.reconstruction import (
     TRACKS,
@@ -105,7 +102,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
 
     @cached_property
     def reconstruction(self) -> Reconstruction:
-        """What is known of the capture; says so where points and cameras do not go together.
+        """What is known of the capture.
 
         Raises:
             CaptureError: see `read`; or one photo only, one photo twice, or no points.
@@ -130,7 +127,6 @@ class DeSplatColmapDataParser(ColmapDataParser):
                     "(COLMAP's point_triangulator does), or add --load-3D-points False to start "
                     "from random points."
                 )
-            check_view_of_points(model)
         return model
 
     @cached_property
@@ -215,7 +211,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
         return [int(i) for i in picked]
 
     def _generate_dataparser_outputs(self, split: str = "train", **kwargs: Any):
-        config, folder = self.config, self.reconstruction.folder
+        config = self.config
         indices = self.views([frame.name for frame in self.reconstruction.frames], split)
         frames = [self.reconstruction.frames[i] for i in indices]
         sources, oriented = self.sources(frames), self.oriented
@@ -224,12 +220,10 @@ class DeSplatColmapDataParser(ColmapDataParser):
             metadata |= gt_masks(config.data / config.distractor_masks_path, frames)
         if config.load_3D_points and len(self.reconstruction.points.xyz):
             metadata |= self._points_metadata(frames)
-        cameras = make_cameras(frames, sources, oriented.camera_to_worlds[indices])
-        check_cameras(cameras, [frame.name for frame in frames], folder)
         half = config.scene_scale
         return DataparserOutputs(
             image_filenames=[source.path for source in sources],
-            cameras=cameras,
+            cameras=make_cameras(frames, sources, oriented.camera_to_worlds[indices]),
             scene_box=SceneBox(aabb=torch.tensor([[-half] * 3, [half] * 3], dtype=torch.float32)),
             mask_filenames=self.masks(frames),
             dataparser_scale=oriented.scale,
@@ -246,9 +240,11 @@ class DeSplatColmapDataParser(ColmapDataParser):
                 "--max-2D-matches-per-3D-point is not used by desplat; leave it at 0."
             )
         oriented, known = self.oriented, self.reconstruction
-        metadata: dict[str, Any] = points_metadata(known.points, oriented.transform, oriented.scale)
+        metadata, ids = points_metadata(
+            known.points, oriented.transform, oriented.scale, known.folder
+        )
         photos = tuple(frame.image_id for frame in frames)
         sizes = tuple((frame.width, frame.height) for frame in frames)
         if known.has_tracks:
-            metadata[TRACKS] = Tracks(known.folder, photos, sizes, known.points.ids)
-        return without_infinite_points(metadata, known.folder)
+            metadata[TRACKS] = Tracks(known.folder, photos, sizes, ids)
+        return metadata

@@ -65,7 +65,7 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
         for number, name in names.items():
             model.image(number).name = name
         return model
-    except (ValueError, LookupError, RuntimeError, MemoryError) as error:
+    except (OSError, ValueError, LookupError, RuntimeError, MemoryError) as error:
         reason = str(error).strip().partition("\n")[0] or "damaged"
         raise CaptureError(
             f"The reconstruction {folder} cannot be read: {reason}. Mend it, copy it again or run "
@@ -86,10 +86,10 @@ def _names_in(path: Path) -> dict[int, str]:
         if not line.strip():
             continue
         number, *_, name = line.split(maxsplit=9)
-        if len(observations.split()) % 3:
+        if (last := observations.rsplit(maxsplit=1)) and not last[-1].lstrip("-").isdigit():
             raise ValueError(
-                f"{path.name} must have two lines for each photo, the second with its "
-                f"observations or empty; that of {name.strip()} is another one"
+                f"{path.name} needs two lines for each photo, the second with its observations or "
+                f"empty, and {name.strip()} has none"
             )
         names[int(number)] = name.strip()
     return names

@@ -124,11 +124,7 @@ def ordered_names(data: Path, images: Path) -> list[str]:
     path = data / TRANSFORMS_FILE
     if not path.is_file():
         return sorted(PurePosixPath(name).name for name in photo_names(data / images))
-    try:
-        frames: Any = json.loads(path.read_text("utf8"))["frames"]
-        return sorted(PurePosixPath(frame["file_path"]).name for frame in frames)
-    except (OSError, ValueError, LookupError, TypeError) as error:
-        raise CaptureError(f"{path} cannot be read: {type(error).__name__}: {error}.") from error
+    return sorted(PurePosixPath(f.name).name for f in read_transforms(path, False).frames)
 
 
 on_the_go_dataparser = DataParserSpecification(

@@ -12,19 +12,16 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from nerfstudio.cameras import camera_utils
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 from torch import Tensor
 
-from desplat_ns.console import announce_once, list_names
+from desplat_ns.console import announce_once
 from desplat_ns.data.downscale import PhotoSource
-from desplat_ns.data.reconstruction import LARGEST_SIDE, TRACKS, Frame, Points, Reconstruction
+from desplat_ns.data.reconstruction import Frame, Points, Reconstruction
 from desplat_ns.errors import CaptureError
-
-SAMPLED_POINTS, LEAST_POINTS = 5000, 8
-"""So many points are looked for in the photos, and so many must be in one."""
 
 
 @dataclass(frozen=True)
@@ -79,63 +76,27 @@ def camera_to_worlds(frames: Sequence[Frame]) -> Float[np.ndarray, "n 4 4"]:
     return np.linalg.inv(world_to_camera)
 
 
-def check_view_of_points(known: Reconstruction) -> None:
-    """Say so where points and cameras cannot be of one world: too few points are in most photos."""
-    xyz = known.points.xyz[:: max(1, len(known.points.xyz) // SAMPLED_POINTS)]
-    empty = 0
-    with np.errstate(all="ignore"):
-        for frame in known.frames:
-            x, y, z = frame.world_to_camera @ np.vstack([xyz.T, np.ones(len(xyz))])
-            u, v = (
-                place / z * frame.intrinsics[f"f{axis}"] + frame.intrinsics[f"c{axis}"]
-                for axis, place in (("x", x), ("y", y))
-            )
-            inside = (z > 0) & (u > 0) & (u < frame.width) & (v > 0) & (v < frame.height)
-            empty += int(inside.sum() < LEAST_POINTS)
-    if len(xyz) and 2 * empty > len(known.frames):
-        announce_once(
-            f"Points and cameras of {known.folder} do not go together: in {empty} of "
-            f"{len(known.frames)} photos fewer than {LEAST_POINTS} of {len(xyz)} points lie before "
-            "the camera and inside of the photo. Check that both are of one reconstruction and "
-            "that poses have the file's axes (transforms.json: y up, view along -z).",
-            warning=True,
-        )
-
-
 def points_metadata(
-    points: Points, transform: Float[Tensor, "3 4"], scale: float
-) -> dict[str, Tensor]:
-    """Points in the oriented, scaled world, under the keys that nerfstudio's models read.
+    points: Points, transform: Float[Tensor, "3 4"], scale: float, source: Path
+) -> tuple[dict[str, Any], Int[np.ndarray, " P"]]:
+    """Points in the oriented, scaled world, under the keys that nerfstudio's models read, and their
+    ids; without those whose place is not finite, of which it is said how many.
 
     Args:
         transform: before scaling.
+        source: where they were read.
     """
-    transform = transform.double()
     xyz = torch.from_numpy(points.xyz) @ transform[:, :3].T + transform[:, 3]
-    return {
-        "points3D_xyz": (scale * xyz).float(),
-        "points3D_rgb": torch.from_numpy(points.rgb),
-    }
-
-
-def without_infinite_points(metadata: dict[str, Any], source: Path) -> dict[str, Any]:
-    """The metadata without points whose place is not finite; says how many were left out."""
-    xyz = metadata.get("points3D_xyz")
-    if xyz is None or bool(xyz.isfinite().all()):
-        return metadata
+    xyz = (scale * xyz).float()
     keep = xyz.isfinite().all(dim=-1)
-    announce_once(
-        f"{int((~keep).sum())} of {len(xyz)} points in {source} have NaN, infinite or too large "
-        "coordinates and are left out.",
-        warning=True,
-    )
-    kept: dict[str, Any] = {
-        key: value[keep] if key.startswith("points3D") and isinstance(value, Tensor) else value
-        for key, value in metadata.items()
-    }
-    if TRACKS in kept:
-        kept[TRACKS] = kept[TRACKS].keep(keep.numpy())
-    return kept
+    if not bool(keep.all()):
+        announce_once(
+            f"{int((~keep).sum())} of {len(xyz)} points in {source} have NaN, infinite or too "
+            "large coordinates and are left out.",
+            warning=True,
+        )
+    rgb = torch.from_numpy(points.rgb)[keep]
+    return {"points3D_xyz": xyz[keep], "points3D_rgb": rgb}, points.ids[keep.numpy()]
 
 
 def make_cameras(
@@ -164,31 +125,3 @@ def make_cameras(
         distortion_params=torch.stack(distortion, dim=-1),
         camera_type=torch.tensor([[frame.camera_type.value] for frame in frames]),
     )
-
-
-def check_cameras(cameras: Cameras, names: Sequence[str], source: Path) -> None:
-    """Make sure that poses, focal lengths and sizes are those of cameras.
-
-    Raises:
-        CaptureError: names the photos whose are not, and `source`, where they were read.
-    """
-    count = len(names)
-    if count == 0:  # a split without photos; others say so
-        return
-    numbers = [cameras.camera_to_worlds, cameras.fx, cameras.fy, cameras.cx, cameras.cy]
-    if cameras.distortion_params is not None:
-        numbers.append(cameras.distortion_params)
-    is_valid = torch.cat([n.reshape(count, -1) for n in numbers], dim=1).isfinite().all(dim=1)
-    for focal in (cameras.fx, cameras.fy):
-        is_valid &= focal.reshape(count) > 0
-    for center in (cameras.cx, cameras.cy):
-        is_valid &= center.reshape(count).abs() <= LARGEST_SIDE
-    for side in (cameras.width, cameras.height):
-        is_valid &= (side.reshape(count) >= 1) & (side.reshape(count) <= LARGEST_SIDE)
-    bad = [name for name, fine in zip(names, is_valid.tolist(), strict=True) if not fine]
-    if bad:
-        raise CaptureError(
-            f"{len(bad)} of {count} photos in {source} have a pose or a camera that cannot be "
-            "(NaN, infinite or too large numbers, a focal length of 0, a size without pixels): "
-            f"{list_names(bad)}. Remove them, or make the reconstruction again."
-        )

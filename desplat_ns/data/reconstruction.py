@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Float, Int, UInt8
 from nerfstudio.cameras.cameras import CameraType
 
 from desplat_ns.console import announce_once
@@ -120,10 +120,6 @@ class Tracks:
     """Width and height of each photo's camera in the reconstruction."""
     point_ids: Int[np.ndarray, " P"]
     """Of the capture's points, in their order, which is ascending."""
-
-    def keep(self, which: Bool[np.ndarray, " P"]) -> Tracks:
-        """The tracks of some of the points."""
-        return replace(self, point_ids=self.point_ids[which])
 
     def read(self, photos: Sequence[int]) -> list[Observed]:
         """What some photos, given by their numbers in the split, observe.
@@ -235,15 +231,18 @@ def check_frame(frame: Frame, source: Path) -> None:
     Raises:
         CaptureError: names the photo and `source`, where it was read.
     """
-    numbers, name = [*frame.world_to_camera.flat, *frame.intrinsics.values()], frame.name
-    sides, kind = (frame.width, frame.height), frame.camera_type
-    if not (np.isfinite(numbers).all() and min(sides) >= 1 and max(sides) <= LARGEST_SIDE):
+    lens, name, sides = frame.intrinsics, frame.name, (frame.width, frame.height)
+    with np.errstate(over="ignore"):
+        numbers = np.array([*frame.world_to_camera.flat, *lens.values()]).astype(np.float32)
+    inside = max(abs(lens["cx"]), abs(lens["cy"]), *sides) <= LARGEST_SIDE
+    if not (np.isfinite(numbers).all() and inside and min(lens["fx"], lens["fy"], *sides) > 0):
         raise CaptureError(
-            f"Photo {name} in {source} has a pose or a camera that cannot be: NaN or "
-            f"infinite numbers, or {sides[0]}x{sides[1]} pixels; a side has 1 to {LARGEST_SIDE}. "
-            "Remove the photo from the reconstruction, or run COLMAP's mapper again."
+            f"Photo {name} in {source} has a pose or a camera that cannot be: {sides[0]}x{sides[1]}"
+            f" pixels, {lens}. Needed are finite numbers, focal lengths above 0, sides and a "
+            f"principal point of at most {LARGEST_SIDE} pixels. Remove the photo there, or make "
+            "the reconstruction again."
         )
-    if kind is CameraType.PERSPECTIVE and frame.intrinsics.get("k4"):
+    if frame.camera_type is CameraType.PERSPECTIVE and frame.intrinsics.get("k4"):
         raise CaptureError(
             f"The camera of photo {name} in {source} has k4, which only a fisheye has. Name its "
             'model, "camera_model": "OPENCV_FISHEYE", or undistort the photos first.'

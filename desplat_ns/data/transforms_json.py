@@ -156,7 +156,11 @@ def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
         width, height = int(row["w"]), int(row["h"])
     else:
         width, height = image_size(path.parent / name)
-    fx = _focal(row, "x", width)
+    focal = {"x": row.get("fl_x"), "y": row.get("fl_y")}
+    for axis, side in (("x", width), ("y", height)):
+        if f"fl_{axis}" not in row and f"camera_angle_{axis}" in row:
+            focal[axis] = side / 2 / math.tan(float(row[f"camera_angle_{axis}"]) / 2)
+    focal["y"] = focal["x"] if "fl_y" not in row and focal["y"] is None else focal["y"]
     lens = dict(zip(_LENS, row.get("distortion_params") or (), strict=False))
     lens |= {key: row[key] for key in _LENS if key in row and not lens}
     model = row.get("camera_model", "OPENCV_FISHEYE" if row.get("is_fisheye") else "OPENCV")
@@ -169,8 +173,8 @@ def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
         width=width,
         height=height,
         intrinsics={
-            "fx": fx,
-            "fy": _focal(row, "y", height, fx),
+            "fx": float(focal["x"]),
+            "fy": float(focal["y"]),
             "cx": float(row.get("cx", width / 2)),
             "cy": float(row.get("cy", height / 2)),
             **{key: float(value) for key, value in lens.items()},
@@ -179,15 +183,6 @@ def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
     )
     check_frame(frame, path)
     return frame
-
-
-def _focal(row: dict[str, Any], axis: str, side: int, other: float | None = None) -> float:
-    if f"fl_{axis}" in row or (f"camera_angle_{axis}" not in row and other is None):
-        return float(row[f"fl_{axis}"])
-    if f"camera_angle_{axis}" in row:
-        return side / 2 / math.tan(float(row[f"camera_angle_{axis}"]) / 2)
-    assert other is not None
-    return other
 
 
 def _points(cloud: Path | None, folder: Path, frames: Sequence[Frame]) -> Points:

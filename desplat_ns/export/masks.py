@@ -7,11 +7,10 @@ pixels of the photo, h x w of the pinhole's image.
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 import cv2
 import numpy as np
@@ -58,27 +57,18 @@ def training_photos(manager: DeSplatDataManager) -> Iterator[Photo]:
     Raises:
         CaptureError: a photo that cannot be read any more.
     """
-    outputs = manager.train_dataparser_outputs
-    folder = _folder(manager)
-    originals = [original_of(path.absolute(), folder) for path in outputs.image_filenames]
-    below = all(path.is_relative_to(folder) for path in originals)
-    names = (
-        [path.relative_to(folder).as_posix() for path in originals]
-        if below
-        else image_names(originals)
-    )
-    for index, (path, name) in enumerate(zip(originals, names, strict=True)):
+    outputs, parser = manager.train_dataparser_outputs, manager.dataparser
+    paths = outputs.image_filenames
+    names = image_names(paths)
+    if isinstance(parser, DeSplatColmapDataParser):
+        known = [frame.name for frame in parser.reconstruction.frames]
+        names = [known[index] for index in parser.views(known, "train")]
+        whole = [parser.photos_folder / name for name in names]
+        paths = [a if a.is_file() else b for a, b in zip(whole, paths, strict=True)]
+    for index, (path, name) in enumerate(zip(paths, names, strict=True)):
         camera = outputs.cameras[index : index + 1]
         size = int(camera.width), int(camera.height)
         yield Photo(index, name, _at_size(camera, *image_size(path, size)))
-
-
-def _folder(manager: DeSplatDataManager) -> Path:
-    """Where the reconstruction's names of the photos begin; `images` for other captures."""
-    parser = manager.dataparser
-    if isinstance(parser, DeSplatColmapDataParser):
-        return parser.photos_folder.absolute()
-    return Path(parser.config.data).absolute() / "images"
 
 
 def _at_size(camera: Cameras, width: int, height: int) -> Cameras:
@@ -96,18 +86,6 @@ def _at_size(camera: Cameras, width: int, height: int) -> Cameras:
         distortion_params=camera.distortion_params,
         camera_type=camera.camera_type,
     )
-
-
-def original_of(path: Path, folder: Path) -> Path:
-    """The photo in its full size: the one in `folder` where `path` is a copy in a folder beside it
-    (images_2 for images), if it is there; else `path`."""
-    if path.is_relative_to(folder.parent):
-        beside, *rest = path.relative_to(folder.parent).parts
-        original = folder.joinpath(*rest)
-        is_copy = re.fullmatch(re.escape(folder.name) + r"_\d+", beside) is not None
-        if rest and is_copy and original.is_file():
-            return original
-    return path
 
 
 def mask_names(photos: Sequence[str], naming: Naming) -> list[str]:

@@ -235,10 +235,14 @@ class Observations:
     structures: Float[np.ndarray, "V P S"]
     """Brightness of the samples minus their mean, in the photo's own light."""
     has_tracks: bool
+    is_masked: bool
+    """Whether the capture has masks."""
     num_photos: int
     """Of the split; more than were looked at if there are many."""
     all_xyz: Float[np.ndarray, "_ 3"]
     """All points, for what lies behind."""
+    num_in_view: Int[np.ndarray, " V"]
+    """How many of all points lie before each photo's camera and inside of the photo."""
 
 
 def observe(capture: Capture) -> Observations:
@@ -276,8 +280,10 @@ def observe(capture: Capture) -> Observations:
         is_clipped=clipped,
         structures=structures,
         has_tracks=capture.tracks is not None,
+        is_masked=capture.masks is not None,
         num_photos=count,
         all_xyz=capture.xyz,
+        num_in_view=np.array([int(in_view.sum()) for in_view, _ in seen]),
     )
 
 

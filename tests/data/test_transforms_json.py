@@ -259,15 +259,6 @@ def test_points_of_another_world_are_moved_to_the_photos_or_left_out(
     assert "do not fit" in capsys.readouterr().out
 
 
-def test_points_behind_the_cameras_are_said(processed: Path, capsys):
-    rng = np.random.default_rng(0)
-    for depth in (-5, 5):
-        lines = [f"{x:.4f} {y:.4f} {depth} 1 2 3" for x, y in rng.uniform(-2, 4, (500, 2))]
-        name_ply(processed, "\n".join(lines) + "\n", 500)
-        outputs_of(processed)
-        assert ("do not go together" in capsys.readouterr().out) == (depth > 0)
-
-
 def test_large_photos_are_reduced(processed: Path, photo_writer):
     for number in range(4):
         photo_writer(processed / "images" / f"{number}.png", 18, 3360)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -10,14 +11,15 @@ import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras, CameraType
 
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.masks import (
     Photo,
     dilated,
     distractor_mask,
     mask_names,
-    original_of,
     pinhole_of,
+    training_photos,
 )
 from tests.helpers.small_model import camera, cameras, distractors_of, make_model
 
@@ -139,15 +141,14 @@ def test_photos_whose_masks_would_be_one_file_are_named():
         mask_names(twins, "nerfstudio")
 
 
-def test_a_reduced_copy_leads_to_the_photo_in_its_full_size(tmp_path: Path):
-    full, copy = tmp_path / "images" / "a" / "b.jpg", tmp_path / "images_4" / "a" / "b.jpg"
-    for path in (full, copy):
-        path.parent.mkdir(parents=True)
-        path.touch()
-    images = tmp_path / "images"
-    assert original_of(copy, images) == full
-    assert original_of(full, images) == full
-    full.unlink()
-    assert original_of(copy, images) == copy
-    other = tmp_path / "images_new" / "b.jpg"
-    assert original_of(other, images) == other
+def test_a_reduced_copy_leads_to_the_photo_in_its_full_size(capture, photo_writer):
+    data, names = capture(["s/a.png", "s/b.png"]), ["s/a.png", "s/b.png"]
+    for name in names:
+        photo_writer(data / "images_2" / name, 4, 3)
+    (data / "images" / "s" / "b.png").unlink()
+    parser = DeSplatColmapDataParserConfig(data=data, eval_mode="all", downscale_factor=2).setup()
+    outputs = parser.get_dataparser_outputs("train")
+    manager: Any = SimpleNamespace(dataparser=parser, train_dataparser_outputs=outputs)
+    photos = list(training_photos(manager))
+    assert [photo.name for photo in photos] == names
+    assert [int(photo.camera.width) for photo in photos] == [8, 4]

@@ -31,11 +31,37 @@ def test_without_tracks_patches_stand_for_them(make_capture: Callable[..., Captu
 
 
 def test_without_points_safe_sides_are_taken_and_named(still: Capture):
-    for tracks in (still.tracks and still.tracks.keep(np.zeros(len(still.xyz), bool)), None):
+    for tracks in (still.tracks and replace(still.tracks, point_ids=np.zeros(0, np.int64)), None):
         result = survey(replace(still, xyz=np.zeros((0, 3)), tracks=tracks))
         assert result.decisions() == OFF
         assert {finding.confidence for finding in result.findings} == {"none"}
         assert result.notes
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("behind", "Points and cameras do not go together"),
+        ("turned", "Photos and points do not go together"),
+        ("white", "white all over"),
+        ("black", "A mask leaves nothing"),
+        ("right", ""),
+    ],
+)
+def test_captures_that_cannot_be_right_are_said(still: Capture, tmp_path: Path, change, said: str):
+    capture = copied(still, tmp_path)
+    if change == "behind":
+        capture = replace(capture, xyz=[*capture.xyz, 0, 0, 10000.0])
+    if change == "turned":
+        for path in capture.photos:
+            write_image(path, np.ascontiguousarray(read_image(path)[::-1, ::-1]))
+    if change in ("white", "black"):
+        write_image(
+            tmp_path / "mask.png", np.full((72, 96, 1), 255 * (change == "white"), np.uint8)
+        )
+        capture = replace(capture, masks=[tmp_path / "mask.png"] * len(capture.photos))
+    assert said in " ".join(survey(capture).notes)
+    assert bool(said) or not survey(capture).notes
 
 
 def test_two_photos_and_one_call_for_nothing(still: Capture):

@@ -64,8 +64,10 @@ def chain(gains: np.ndarray) -> Observations:
         is_clipped=np.zeros_like(tracked),
         structures=np.zeros((count, number, 25)),
         has_tracks=True,
+        is_masked=False,
         num_photos=count,
         all_xyz=np.zeros((0, 3)),
+        num_in_view=np.zeros(count, int),
     )
 
 
