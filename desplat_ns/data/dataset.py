@@ -129,8 +129,8 @@ def check_size(path: Path, size: Size, camera: Size) -> None:
     cause = "turned by a quarter (its EXIF orientation says how it is shown)" if turned else "other"
     raise CaptureError(
         f"Photo {path} is {size[0]}x{size[1]} pixels, but its camera in the reconstruction is "
-        f"{camera[0]}x{camera[1]} (after downscaling): {cause}. Where photos were reduced after the "
-        "reconstruction, add --downscale-factor with the camera's width there over "
+        f"{camera[0]}x{camera[1]} (after downscaling): {cause}. Where photos were reduced after "
+        "the reconstruction, add --downscale-factor with the camera's width there over "
         f"{size[0]}. Else the reconstruction must be made from these photos: turn or resize them "
         "(`mogrify -auto-orient` turns them) and run COLMAP again, or name the folder that it was "
         "made from with --images-path."

@@ -108,17 +108,16 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
         for number, frame in enumerate(sorted(frames, key=lambda frame: Path(frame.name)))
     ]
     # The folder that all share has copies of reduced photos beside it, as images_2 for images.
-    tops = {Path(frame.name).parts[0] for frame in frames if len(Path(frame.name).parts) > 1}
-    has_top = len(tops) == 1 and all("/" in frame.name for frame in frames)
-    photos = folder / tops.pop() if has_top else folder
-    if has_top:
-        frames = [replace(f, name=f.name.partition("/")[2]) for f in frames]
-        lists = {s: [name.partition("/")[2] for name in names] for s, names in lists.items()}
+    tops = {frame.name.partition("/")[0] if "/" in frame.name else "" for frame in frames}
+    top = tops.pop() if len(tops) == 1 else ""
+    above = f"{top}/" if top else ""
+    frames = [replace(frame, name=frame.name.removeprefix(above)) for frame in frames]
+    lists = {s: [name.removeprefix(above) for name in names] for s, names in lists.items()}
     return Reconstruction(
         folder=folder,
         frames=frames,
         points=_points(cloud, folder, frames) if with_points else _NO_POINTS,
-        photos=photos,
+        photos=folder / top,
         is_upright=True,
         orientation=head.get("orientation_override"),
         to_world=to_world,
@@ -156,11 +155,10 @@ def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
         width, height = int(row["w"]), int(row["h"])
     else:
         width, height = image_size(path.parent / name)
-    focal = {"x": row.get("fl_x"), "y": row.get("fl_y")}
+    focal: dict[str, Any] = {axis: row.get(f"fl_{axis}") for axis in "xy"}
     for axis, side in (("x", width), ("y", height)):
         if f"fl_{axis}" not in row and f"camera_angle_{axis}" in row:
             focal[axis] = side / 2 / math.tan(float(row[f"camera_angle_{axis}"]) / 2)
-    focal["y"] = focal["x"] if "fl_y" not in row and focal["y"] is None else focal["y"]
     lens = dict(zip(_LENS, row.get("distortion_params") or (), strict=False))
     lens |= {key: row[key] for key in _LENS if key in row and not lens}
     model = row.get("camera_model", "OPENCV_FISHEYE" if row.get("is_fisheye") else "OPENCV")
@@ -174,7 +172,7 @@ def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
         height=height,
         intrinsics={
             "fx": float(focal["x"]),
-            "fy": float(focal["y"]),
+            "fy": float(focal["x"] if focal["y"] is None else focal["y"]),
             "cx": float(row.get("cx", width / 2)),
             "cy": float(row.get("cy", height / 2)),
             **{key: float(value) for key, value in lens.items()},

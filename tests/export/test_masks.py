@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import cv2
 import numpy as np
 import pytest
@@ -12,6 +9,7 @@ import torch
 from nerfstudio.cameras.cameras import Cameras, CameraType
 
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.masks import (
     Photo,
@@ -148,7 +146,8 @@ def test_a_reduced_copy_leads_to_the_photo_in_its_full_size(capture, photo_write
     (data / "images" / "s" / "b.png").unlink()
     parser = DeSplatColmapDataParserConfig(data=data, eval_mode="all", downscale_factor=2).setup()
     outputs = parser.get_dataparser_outputs("train")
-    manager: Any = SimpleNamespace(dataparser=parser, train_dataparser_outputs=outputs)
+    manager = object.__new__(DeSplatDataManager)
+    manager.__dict__ |= {"dataparser": parser, "train_dataparser_outputs": outputs}
     photos = list(training_photos(manager))
     assert [photo.name for photo in photos] == names
     assert [int(photo.camera.width) for photo in photos] == [8, 4]
