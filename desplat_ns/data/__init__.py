@@ -5,6 +5,4 @@ models are read into it (`colmap_model` finds them), and `poses` makes cameras a
 Data parsers: `colmap`, `robustnerf` and `on_the_go` with splits of their own, and
 `transforms_json`, which is upstream's still. `images` reads photos, `dataset` brings them to the
 size of their cameras (`downscale`), `photo_cache` holds as many as there is room for.
-
-May import `console`, `cores` and `errors`.
 """
