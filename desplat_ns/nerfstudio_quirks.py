@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import torch
 import yaml
 from nerfstudio.models.splatfacto import RGB2SH, SplatfactoModel
 from nerfstudio.utils import writer
+from nerfstudio.utils.rich_utils import CONSOLE
 from nerfstudio.viewer import control_panel
 
 from desplat_ns.backend import BackendName
@@ -87,10 +88,12 @@ def _colormap_options(dimensions: int, dtype: Any) -> list[Any]:
 
 
 def train_on_where_logs_cannot_be_written() -> None:
-    """Let a run outlive its event files: on a full disk TensorBoard's writer raises OSError.
+    """Let a run outlive its event files and its console.
 
-    nerfstudio 1.1.5 (writer.py, `write_out_storage`) lets that end the training, and the steps
-    since the last checkpoint are lost. Here it is said once, and nothing more is logged to files.
+    On a full disk TensorBoard's writer raises OSError. nerfstudio 1.1.5 (writer.py,
+    `write_out_storage`) lets that end the training, and the steps since the last checkpoint are
+    lost. Here it is said once, and nothing more is logged to files. Where the program that reads
+    the output has ended (`| head`), rich turns to /dev/null and exits; here it does not exit.
     """
     upstream = writer.write_out_storage
     if upstream.__module__ == __name__:
@@ -105,7 +108,14 @@ def train_on_where_logs_cannot_be_written() -> None:
             writer.EVENT_WRITERS[:] = kept
             writer.EVENT_STORAGE.clear()
 
+    turn_and_exit = CONSOLE.on_broken_pipe
+
+    def turn_to_dev_null() -> None:
+        with suppress(SystemExit):
+            turn_and_exit()
+
     writer.write_out_storage = write_out_storage
+    CONSOLE.on_broken_pipe = turn_to_dev_null
 
 
 def where_to_render(backend: BackendName, device: str | torch.device) -> str | torch.device:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from enum import Enum
 from typing import Any
 
@@ -104,3 +106,26 @@ def test_enumerations_are_written_by_value_in_any_python():
     text = yaml.dump([_AsInPython3112.ONE])
     assert "getattr" not in text
     assert yaml.load(text, Loader=yaml.Loader) == [_AsInPython3112.ONE]
+
+
+UNREAD = """
+import os
+from nerfstudio.utils.rich_utils import CONSOLE
+from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
+
+train_on_where_logs_cannot_be_written()
+input()
+CONSOLE.print("nobody reads this")
+print("nor this", flush=True)
+os._exit(7)
+"""
+
+
+def test_a_run_goes_on_when_what_reads_its_output_ends():
+    command = [sys.executable, "-c", UNREAD]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdin is not None and process.stdout is not None
+        process.stdout.close()
+        process.stdin.write(b"go\n")
+        process.stdin.close()
+        assert process.wait(120) == 7

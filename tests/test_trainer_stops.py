@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from desplat_ns.training.checkpoint import checkpoints_in, load_checkpoint
+from desplat_ns.training.stop_signals import STOP_SIGNALS
 from tests.helpers.stub_run import StubPipelineConfig, assert_same, resumed, set_up, train
 from tests.helpers.stub_run import config as config
 
@@ -63,7 +64,7 @@ def test_what_was_cleared_away_is_swept_at_the_end_of_a_run_and_not_where_it_is_
     assert swept == ([] if stopped else [2])
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", STOP_SIGNALS)
 def test_a_signal_finishes_the_step_saves_and_nothing_is_lost(config, number):
     train(dataclasses.replace(config, timestamp="straight", pipeline=StubPipelineConfig()))
     trainer = set_up(config)

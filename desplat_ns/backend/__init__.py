@@ -1,7 +1,4 @@
-"""Rasterizers behind one protocol. `resolve` picks one; each is imported only when asked for.
-
-May import `cores` and `errors`.
-"""
+"""Rasterizers behind one protocol. `resolve` picks one; each is imported only when asked for."""
 
 from desplat_ns.backend.protocol import Rasterizer, Rendering, RenderSettings, Splats, View
 from desplat_ns.backend.registry import BACKEND_NAMES, BackendName, available, resolve

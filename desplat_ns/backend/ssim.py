@@ -53,7 +53,7 @@ def photometric_losses(
             in which they are equal are worked out once, and the second has no gradient there.
 
     Source: L_GS, the photometric term of Eq. 5 and 12; `owned` is ours
-    (docs/results/separation.md).
+    (docs/explain/separation.md).
     """
     if all(_is_fast(image, photo) for image in images):
         return _compiled(photo, owned, leak, ssim_weight, *images)

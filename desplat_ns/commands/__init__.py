@@ -1,9 +1,5 @@
 """The package's own commands, one file each: options and printing only. `parser_words` reads the
 name and the options of a data parser behind a command's own.
-
-May import `scene`, `method_configs`, `pipeline`, `evaluation`, `survey`, `photo_tourism`,
-`layouts`, `datamanager`, `runs`, `studies`, `report`, `export`, `process`, `fetch`, `training`,
-`data`, `backend`, `settings`, `files`, `console`, `cores` and `errors`.
 """
 
 from __future__ import annotations

@@ -5,6 +5,4 @@ models (`colmap_model` finds them) and transforms.json (`transforms_json`) are r
 `poses` makes cameras and points of it. Data parsers: `colmap`, and, with splits of their own,
 `robustnerf` and `on_the_go`. `images` reads photos, `dataset` brings them to the
 size of their cameras (`downscale`), `photo_cache` holds as many as there is room for.
-
-May import `console`, `cores` and `errors`.
 """

@@ -4,7 +4,4 @@
 to the file's coordinates; `ply`, `spz` and `gltf` write it, `formats` is their table. `masks` draws
 the training photos' distractor masks through each photo's lens. `export.export_splats` and
 `export.export_masks` do the whole.
-
-May import `runs`, `model`, `pipeline`, `datamanager`, `photo_tourism`, `gaussians`,
-`rendering`, `data`, `backend`, `files`, `console` and `errors`.
 """

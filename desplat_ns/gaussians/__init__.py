@@ -1,4 +1,1 @@
-"""Both sets of Gaussians: how they start, are activated, grow and are pruned.
-
-May import `rendering`, `backend`, `settings` and `errors`.
-"""
+"""Both sets of Gaussians: how they start, are activated, grow and are pruned."""

@@ -1,4 +1,1 @@
-"""Recognises how a capture lies on disk and takes the dataparser that reads it.
-
-May import `photo_tourism`, `data`, `console` and `errors`.
-"""
+"""Recognises how a capture lies on disk and takes the dataparser that reads it."""

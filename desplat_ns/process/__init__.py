@@ -5,6 +5,4 @@ with what is in the work folder, and says what came out. `video` and `photos` gi
 and groups of photos of one camera. `worker` runs the rest in a process of its own, which is all
 that speaks to pycolmap: `reconstruction` (features, matches of the `pairs` chosen, poses) and
 `undistortion`.
-
-May import `data`, `files`, `console`, `cores` and `errors`.
 """

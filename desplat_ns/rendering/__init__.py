@@ -1,5 +1,3 @@
 """Turns cameras into views, rendered layers into the images that the model gives, and images into
 figures.
-
-May import `backend`, `console` and `errors`.
 """

@@ -3,8 +3,4 @@
 `recorded` reads curves, cost and effects; `pictures` renders photos; `views` and `disputed` judge
 what the training photos see of the scene; `notices` says what stands out and what to try; `page`
 writes, with the scene itself on top. `report.write_report` is the one function.
-
-May import `scene`, `runs`, `run_config`, `pipeline`, `model`, `separation`, `training`,
-`evaluation`, `gaussians`, `rendering`, `backend`, `data`, `settings`, `files`, `console` and
-`errors`.
 """

@@ -1,6 +1,3 @@
 """Trained runs on disk: `files` finds one without importing torch, `loading` takes it up, from a
 config.yml that names nothing foreign, and chooses among its photos.
-
-May import `run_config`, `pipeline`, `datamanager`, `layouts`
-and `errors`.
 """

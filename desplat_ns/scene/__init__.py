@@ -5,7 +5,4 @@ photos, the cameras with their photos, what was taken out of them. `page` writes
 shows least where the page would get too large, and puts it around the modules of `script` and the
 libraries in `viewer`, which `make viewer` builds (docs/dev/environment.md). `gather.write_scene` is
 the one function.
-
-May import `export`, `evaluation`, `runs`, `pipeline`, `datamanager`, `model`, `gaussians`,
-`photo_tourism`, `rendering`, `data`, `backend`, `files`, `console` and `errors`.
 """

@@ -2,6 +2,4 @@
 
 Finds what stands in the way in a photo, puts distractors there, and keeps the static scene from
 learning it.
-
-May import `training`, `gaussians`, `rendering`, `backend`, `settings` and `console`.
 """

@@ -1,4 +1,1 @@
-"""What settings may be: `options` checks numbers, `effects` are the switches of the effects.
-
-May import `errors`.
-"""
+"""What settings may be: `options` checks numbers, `effects` are the switches of the effects."""

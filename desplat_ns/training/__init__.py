@@ -1,4 +1,1 @@
-"""What a run is made of: losses, schedules, guards against NaN, checkpoints, resume.
-
-May import `gaussians`, `backend`, `files`, `console` and `errors`.
-"""
+"""What a run is made of: losses, schedules, guards against NaN, checkpoints, resume."""

@@ -1,4 +1,5 @@
-"""Ctrl+C and what a batch system sends: the first one asks a run to stop, the next one ends it."""
+"""Ctrl+C, a closed terminal and what a batch system sends: the first signal asks a run to stop, the
+next one ends it."""
 
 from __future__ import annotations
 
@@ -7,8 +8,8 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-"""Ctrl+C, and what a batch system or a shutdown sends before it kills."""
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl+C; what a batch system or a shutdown sends before it kills; a terminal that is closed."""
 
 
 class EndAtOnce(Exception):
@@ -20,9 +21,12 @@ def on_stop_signal(stop: Callable[[str], None]) -> Iterator[None]:
     """Within, the first of `STOP_SIGNALS` calls `stop` with its name; the next ends the process, as
     the first one does if `stop` raises EndAtOnce.
 
-    Outside of the main thread, which alone gets signals, nothing is caught.
+    Outside of the main thread, which alone gets signals, nothing is caught; nor is SIGHUP where
+    nohup has it ignored.
     """
     previous = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+    if previous[signal.SIGHUP] is signal.SIG_IGN:
+        del previous[signal.SIGHUP]
     in_main_thread = threading.current_thread() is threading.main_thread()
     if None in previous.values() or not in_main_thread:
         yield
