@@ -51,7 +51,7 @@ def test_without_points_safe_sides_are_taken_and_named(still: Capture):
 def test_captures_that_cannot_be_right_are_said(still: Capture, tmp_path: Path, change, said: str):
     capture = copied(still, tmp_path)
     if change == "behind":
-        capture = replace(capture, xyz=[*capture.xyz, 0, 0, 10000.0])
+        capture = replace(capture, xyz=capture.xyz + np.array([0.0, 0.0, 1e4]))
     if change == "turned":
         for path in capture.photos:
             write_image(path, np.ascontiguousarray(read_image(path)[::-1, ::-1]))
