@@ -22,7 +22,7 @@ from desplat_ns.data.robustnerf import robustnerf_dataparser
 from desplat_ns.layouts.dataparser import desplat_dataparser
 from desplat_ns.photo_tourism.dataparser import photo_tourism_dataparser
 from desplat_ns.studies.records import markdown_table
-from lab.documents import DOCS
+from lab import DOCS
 
 REPORT = DOCS / "reference" / "options.md"
 TEMPLATE = Path(__file__).with_name("options.md.template")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import torch
 
-from lab.documents import DOCS
+from lab import DOCS
 
 VIEWS, OCCLUDED = 40, 8
 TRUTH, OCCLUDER = 0.3, 0.9

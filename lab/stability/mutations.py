@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from desplat_ns.studies.records import markdown_table
-from lab.documents import CHECKOUT
+from lab import CHECKOUT
 
 TIMEOUT = 600
 """Seconds; a test that hangs has noticed, too."""

@@ -23,7 +23,7 @@ from desplat_ns.studies.records import markdown_table
 from desplat_ns.survey.findings import Decision
 from desplat_ns.survey.observations import Capture, capture_of
 from desplat_ns.survey.survey import survey
-from lab.documents import OUTPUTS
+from lab import OUTPUTS
 from lab.study.captures import CAPTURES, HARD, PASTED, PLACES, TWINS, made
 from lab.synthetic import DaylightSpec, OccluderSpec, SceneSpec, write_scene
 
