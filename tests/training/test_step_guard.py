@@ -203,7 +203,7 @@ def test_parameters_that_are_not_finite_never_replace_a_good_checkpoint(config):
 
     def break_at_9(step: int) -> None:
         if step == 9:
-            trainer.optimizers["scales"].param_groups[0]["lr"] = INF
+            trainer.optimizers.optimizers["scales"].param_groups[0]["lr"] = INF
 
     def get_train_loss_dict(step: int) -> Any:
         """Finite although a parameter is not: nothing but the save can notice."""
