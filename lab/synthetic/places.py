@@ -40,37 +40,36 @@ WIDTH, DEPTH, EAVES, RIDGE = 15.0, 6.0, 4.4, 6.2
 """Of the house: its front is the plane y = 0, the pavilion stands before it."""
 
 
+Vector = Sequence[float] | np.ndarray
+
+
 def turn_z(angle: float) -> np.ndarray:
     """Rotation about the vertical, radians."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def box(
-    xy: Sequence[float], bottom: float, size: Sequence[float], angle: float, texture: Texture
-) -> Box:
+def box(xy: Vector, bottom: float, size: Sequence[float], angle: float, texture: Texture) -> Box:
     """An upright box, turned about the vertical by `angle` (radians)."""
     half = np.array(size) / 2
     return Box(np.array([*xy, bottom + half[2]]), half, turn_z(angle), texture)
 
 
-def rod(start: Sequence[float], end: Sequence[float], radius: float, texture: Texture) -> Capsule:
+def rod(start: Vector, end: Vector, radius: float, texture: Texture) -> Capsule:
     return Capsule(np.array(start), np.array(end), radius, texture)
 
 
-def post(xy: Sequence[float], height: float, radius: float, texture: Texture) -> Capsule:
+def post(xy: Vector, height: float, radius: float, texture: Texture) -> Capsule:
     """An upright rod that stands on the ground."""
     return rod([*xy, 0.0], [*xy, height - radius], radius, texture)
 
 
-def ball(center: Sequence[float], radius: float, texture: Texture) -> Sphere:
+def ball(center: Vector, radius: float, texture: Texture) -> Sphere:
     return Sphere(np.array(center), radius, texture)
 
 
-def rect(
-    corner: Sequence[float], u: Sequence[float], v: Sequence[float], texture: Texture
-) -> Primitive:
-    return Rect(*(np.array(vector, float) for vector in (corner, u, v)), texture)
+def rect(corner: Vector, u: Vector, v: Vector, texture: Texture) -> Primitive:
+    return Rect(np.array(corner, float), np.array(u, float), np.array(v, float), texture)
 
 
 def grained(color: Color, strength: float, scale: tuple[float, float], seed: int) -> Grained:
@@ -84,7 +83,8 @@ def walled(
     start, (x, y, up) = np.array(corner), np.diag(size)
     sides = [(start, x, y), (start + y, x, up), (start, y, up)]
     sides += [(start + x + y, -y, up), (start + x, -x, up)]
-    return [Rect(*side, texture) for side, texture in zip(sides, textures, strict=False)]
+    placed = zip(sides, textures, strict=False)
+    return [Rect(start, u, v, texture) for (start, u, v), texture in placed]
 
 
 def bare_room(
