@@ -51,10 +51,9 @@ from desplat_ns.rendering.metrics import psnr, ssim
 from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.studies.machine import code_version, describe_machine, device_name
 from desplat_ns.studies.records import markdown_table
-from lab.arguments import parser_of
+from lab import CHECKOUT, DOCS, OUTPUTS, parser_of
 from lab.bench.drawing import TODAY, Drawing, contenders, errors_of
 from lab.bench.scenes import make_scene
-from lab.documents import CHECKOUT, OUTPUTS, RESULTS
 from lab.synthetic import SceneSpec, write_scene
 
 SECONDS = 570
@@ -387,7 +386,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         record = run(job, output / "gpu.json")
     text = page(job, record)
     print(text)
-    write_whole((RESULTS if job.is_real else output) / "gpu.md", text.encode())
+    write_whole((DOCS / "results" if job.is_real else output) / "gpu.md", text.encode())
     return int(bool(record["failed"]))
 
 

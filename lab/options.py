@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import ast
 import inspect
-import re
 import textwrap
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from desplat_ns import method_configs
@@ -22,10 +20,9 @@ from desplat_ns.data.robustnerf import robustnerf_dataparser
 from desplat_ns.layouts.dataparser import desplat_dataparser
 from desplat_ns.photo_tourism.dataparser import photo_tourism_dataparser
 from desplat_ns.studies.records import markdown_table
-from lab.documents import DOCS
+from lab import DOCS
 
 REPORT = DOCS / "reference" / "options.md"
-TEMPLATE = Path(__file__).with_name("options.md.template")
 
 OURS = "desplat_ns"
 """The package; what nerfstudio's classes bring is not listed."""
@@ -42,8 +39,23 @@ METHODS = (
     method_configs.desplat_phototourism_a_paper,
 )
 
+PARTS = {
+    "--": "The run",
+    "--pipeline.model.effects.": "Effects\n\nSwitches; `auto` lets the survey decide what is not "
+    "given ([survey.md](../explain/survey.md)).",
+    "--pipeline.model.": "Static scene and backend",
+    "--pipeline.model.distractors.": "Distractors",
+    "--pipeline.model.appearance.": "Appearance",
+    "--pipeline.model.background.": "Background",
+    "--pipeline.datamanager.": "Photos in memory",
+    "--pipeline.evaluation.": "Evaluation\n\nSaved with the run; `desplat-eval` can change them "
+    "later.",
+}
+"""How names of `ns-train`'s options begin, and the heading of their table."""
+
 DATAPARSERS = {
-    "desplat-data": desplat_dataparser,
+    "desplat-data\n\nThe default: it recognises the layout and hands over to one of the others "
+    "([data.md](data.md)).": desplat_dataparser,
     "robustnerf-data": robustnerf_dataparser,
     "on-the-go-data": on_the_go_dataparser,
     "photo-tourism-data": photo_tourism_dataparser,
@@ -63,20 +75,26 @@ COMMANDS = {
 }
 """Where the options of each command are."""
 
+HEAD = """# Options
 
-HEADS = ("option", "`desplat`", "`desplat-paper`, if another", "meaning")
+Written by `python -m lab.options` from the configuration classes; to change a word, change the \
+docstring there. Listed is what this package adds or changes.
+Splatfacto's and nerfstudio's own options stay as they are: `ns-train desplat --help` lists all. \
+An empty default means that the option is not given."""
 
-PARTS = (
-    "--",
-    "--pipeline.model.effects.",
-    "--pipeline.model.distractors.",
-    "--pipeline.model.appearance.",
-    "--pipeline.model.background.",
-    "--pipeline.model.",
-    "--pipeline.datamanager.",
-    "--pipeline.evaluation.",
-)
-"""A table each."""
+TRAINING = """## Training
+
+`ns-train METHOD --data CAPTURE` takes these options before the name of a data parser."""
+
+PARSING = """## Data parsers
+
+Their options follow the parser's name at the end of the command: `ns-train desplat --data capture \
+desplat-data --downscale-factor 2`."""
+
+CALLING = """## Commands
+
+Words in capitals are given without a name, in this order. `--help` after any command says the \
+same. Switches that are on by default are turned off by `--no-NAME`."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +107,15 @@ class Option:
     meaning: str
 
 
+def is_ours(kind: type) -> bool:
+    return kind.__module__.split(".")[0] == OURS
+
+
 def meanings(owner: type) -> dict[str, str]:
     """What the docstrings below the fields of a dataclass say, those of its ancestors included."""
     texts: dict[str, str] = {}
     for base in reversed(owner.__mro__):
-        if not is_dataclass(base) or base.__module__.split(".")[0] != OURS:
+        if not is_dataclass(base) or not is_ours(base):
             continue
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
         assert isinstance(tree, ast.ClassDef)
@@ -106,42 +128,30 @@ def meanings(owner: type) -> dict[str, str]:
 
 
 def options(config: Any, prefix: str = "--") -> Iterator[Option]:
-    """The options of a configuration and of all that it holds, as far as the package adds them.
-
-    Args:
-        config: a dataclass of `ns-train`'s, or a part of it.
-    """
+    """The options that the package adds to a configuration of `ns-train`, or to a part of it."""
     docs = meanings(type(config))
     for field in fields(config):
         value = getattr(config, field.name)
         name = f"{prefix}{field.name.replace('_', '-')}"
-        if is_dataclass(value) and field.name != "dataparser" and _holds_ours(value):
+        if field.name == "dataparser":
+            continue
+        if is_dataclass(value) and any(map(is_ours, type(value).__mro__)):
             yield from options(value, f"{name}.")
-        elif field.name in docs and field.name != "dataparser" and docs[field.name] != UNUSED:
+        elif docs.get(field.name, UNUSED) != UNUSED:
             yield Option(name, value, docs[field.name])
-
-
-def _holds_ours(config: Any) -> bool:
-    """Whether any class of a configuration is the package's."""
-    return any(base.__module__.split(".")[0] == OURS for base in type(config).__mro__)
 
 
 def arguments(owner: type) -> Iterator[Option]:
     """The arguments of a command."""
     docs = meanings(owner)
     for field in fields(owner):
+        default, make = field.default, field.default_factory
+        if default is MISSING and not is_dataclass(make):
+            default = "needed" if make is MISSING else make()
         name = field.name.replace("_", "-")
-        if is_dataclass(field.default_factory):
-            continue
-        positional = "Positional" in str(field.type)
-        default = _default(field)
-        yield Option(name.upper() if positional else f"--{name}", default, docs.get(field.name, ""))
-
-
-def _default(field: Field[Any]) -> Any:
-    if field.default is not MISSING:
-        return field.default
-    return "needed" if field.default_factory is MISSING else field.default_factory()
+        name = name.upper() if "Positional" in str(field.type) else f"--{name}"
+        if not is_dataclass(make):
+            yield Option(name, default, docs.get(field.name, ""))
 
 
 def in_words(value: Any) -> str:
@@ -152,14 +162,14 @@ def in_words(value: Any) -> str:
         return " ".join(map(str, value))
     if isinstance(value, float) and value.is_integer() and abs(value) < 1e6:
         return f"{value:g}"
-    return "" if value is None or value == "" else str(value)
+    return "" if value is None else str(value)
 
 
 def table(rows: list[Option], others: Mapping[str, Any] | None = None) -> str:
     """Options as Markdown.
 
     Args:
-        others: defaults of a second method, by the names of options; a column of those that differ.
+        others: defaults of `desplat-paper` by the names of options: a column of those that differ.
     """
     lines = []
     for option in rows:
@@ -168,53 +178,39 @@ def table(rows: list[Option], others: Mapping[str, Any] | None = None) -> str:
             other = others.get(option.name, option.default)
             cells.append("" if other == option.default else in_words(other))
         lines.append([*cells, option.meaning])
-    head = ("option", "default", "meaning") if others is None else HEADS
+    head = ["option", "default", "meaning"]
+    if others is not None:
+        head = ["option", "`desplat`", "`desplat-paper`, if another", "meaning"]
     return markdown_table(head, lines, "l" * len(head))
 
 
-def methods_table() -> str:
-    """The registered methods in their own words."""
-    rows = [(f"`{method.config.method_name}`", method.description) for method in METHODS]
-    return markdown_table(("method", "what it is"), rows, "ll")
-
-
-def training_table(part: str) -> str:
-    """The options of `ns-train` whose names begin so, and those of the run itself for `--`."""
-    paper = {option.name: option.default for option in options(method_configs.desplat_paper.config)}
-    ours = options(method_configs.desplat.config)
-    return table([option for option in ours if _part_of(option.name) == part], paper)
-
-
-def _part_of(name: str) -> str:
-    """The table in which an option stands."""
+def part_of(name: str) -> str:
+    """The table in which an option of `ns-train` stands."""
     return max((part for part in PARTS if name.startswith(part)), key=len)
 
 
-def dataparser_table(name: str) -> str:
-    """The options of a data parser."""
-    return table(list(options(DATAPARSERS[name].config)))
-
-
-def command_table(name: str) -> str:
-    """The options of a command."""
-    module, _, owner = COMMANDS[name].partition(":")
-    return table(list(arguments(getattr(import_module(f"{OURS}.{module}"), owner))))
+def arguments_of(command: str) -> list[Option]:
+    """The arguments of one of `COMMANDS`."""
+    module, _, owner = COMMANDS[command].partition(":")
+    return [*arguments(getattr(import_module(f"{OURS}.{module}"), owner))]
 
 
 def page() -> str:
-    """The whole page, from its template."""
-    kinds = {
-        "methods": lambda _: methods_table(),
-        "training": training_table,
-        "dataparser": dataparser_table,
-        "command": command_table,
-    }
-
-    def filled(match: re.Match[str]) -> str:
-        kind, _, rest = match[1].partition(" ")
-        return kinds[kind](rest)
-
-    return re.sub(r"\{\{(.*?)\}\}", filled, TEMPLATE.read_text("utf8"))
+    """The whole page."""
+    methods = [(f"`{method.config.method_name}`", method.description) for method in METHODS]
+    texts = [HEAD, "## Methods", markdown_table(("method", "what it is"), methods, "ll"), TRAINING]
+    paper = {option.name: option.default for option in options(method_configs.desplat_paper.config)}
+    ours = [*options(method_configs.desplat.config)]
+    for part, heading in PARTS.items():
+        rows = [option for option in ours if part_of(option.name) == part]
+        texts += [f"### {heading}", table(rows, paper)]
+    texts.append(PARSING)
+    for heading, parser in DATAPARSERS.items():
+        texts += [f"### {heading}", table([*options(parser.config)])]
+    texts.append(CALLING)
+    for command in COMMANDS:
+        texts += [f"### {command}", table(arguments_of(command))]
+    return "\n\n".join(texts) + "\n"
 
 
 if __name__ == "__main__":

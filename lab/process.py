@@ -8,7 +8,6 @@ names.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from jaxtyping import Float
 
 from desplat_ns.commands.process import run
 from desplat_ns.process.request import Request
+from lab import parser_of
 
 
 @dataclass(frozen=True)
@@ -72,9 +72,12 @@ def centres_of(model: Path) -> dict[str, Float[np.ndarray, " 3"]]:
 
 def main() -> None:
     """Process, then compare."""
-    photos, known, output, *options = sys.argv[1:]
-    run(tyro.cli(Request, args=[photos, output, *options]))
-    fit = compare(Path(output), Path(known))
+    parser = parser_of("python -m lab.process", __doc__)
+    for name in ("photos", "known", "output"):
+        parser.add_argument(name, metavar=name.upper())
+    chosen, options = parser.parse_known_args()
+    run(tyro.cli(Request, args=[chosen.photos, chosen.output, *options]))
+    fit = compare(Path(chosen.output), Path(chosen.known))
     print(
         f"{fit.num_known - len(fit.missing)} of the {fit.num_known} known photos have a pose"
         f"{': missing ' + ', '.join(fit.missing) if fit.missing else ''}. Camera centres are "

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
 import pytest
 import torch
 from nerfstudio.engine.optimizers import Optimizers
 
-from desplat_ns.gaussians import densification, distractor_config, strategy
+from desplat_ns.gaussians import distractor_config
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.method_configs import separating_distractors
 from desplat_ns.training.schedule import Schedule
-from tests.gaussians.test_strategy import Scene
 from tests.helpers.small_model import Trainer, camera, make_model
 
 
@@ -56,39 +51,6 @@ def test_a_reset_that_time_passes_over_is_made_and_none_is_made_twice():
         if model.gauss_params["opacities"].sigmoid().max() < 0.9:
             reset.append(clock.now)
     assert reset == [130, 210, 300]
-
-
-def test_a_run_of_1000_steps_has_the_events_that_a_hand_counts(monkeypatch):
-    """15 refinements in 500 steps are 34 apart; for 50 after each reset nothing is sampled. Eight
-    of the distractors fit in the 455 steps after 15 visits of three photos: 1706 of the 13650
-    nominal ones apart."""
-    events: dict[str, list[int]] = {name: [] for name in ("refined", "reset", "of view", "pruned")}
-
-    def note(module: Any, function: str, name: str) -> None:
-        monkeypatch.setattr(module, function, lambda *_, **__: events[name].append(model.step))
-
-    model = make_model(schedule_scale=1 / 30, distractors=separating_distractors())
-    assert model.layer is not None
-    scene = Scene()
-    scene.strategy = model.strategy  # pyright: ignore[reportAttributeAccessIssue]
-    scene.state = model.strategy.initialize_state()
-    note(strategy, "refine", "refined")
-    note(strategy, "reset_opa", "reset")
-    note(densification, "refine", "of view")
-    note(densification, "prune", "pruned")
-    monkeypatch.setattr(densification, "sample", lambda *_: None)
-    view, info, degrees = model.layer.gaussians.views[0], {"width": 1, "height": 1}, []
-    for model.step in range(1000):
-        scene.step(model.nominal_step)
-        model.layer.densifier.after_step(
-            view, model.nominal_step, info, lambda params: torch.ones(len(params["means"]))
-        )
-        degrees.append(model._sh_degree())
-    assert events["refined"] == [33, 67, 151, 185, 269, 353, 387, 471]
-    assert events["reset"] == [0, 100, 200, 300, 400]
-    assert events["of view"] == [math.ceil(1706 * n / 30) for n in range(1, 9)]
-    assert len(events["pruned"]) == 30_000 // 1706 - 8
-    assert [degrees.index(degree) for degree in range(4)] == [0, 34, 67, 100]
 
 
 def test_an_opacity_prior_is_the_mean_of_what_the_view_shows_over_the_number_of_photos():

@@ -90,23 +90,6 @@ def test_the_chosen_view_never_lies_beyond_the_last():
     assert control.train_idx() == 0
 
 
-@pytest.mark.parametrize(
-    ("layer", "expected"),
-    [
-        ("composite", [[[0.5] * 3, [0.5] * 3]]),
-        ("distractors", [[[1.0] * 3, [1.0] * 3]]),  # a picture ends at white
-        ("mask", [[[1.0] * 3, [0.0] * 3]]),
-    ],
-)
-def test_the_chosen_layer_stands_in_rgb(layer: str, expected: list):
-    control = LayerControl(5)
-    control.layer.value = layer
-    outputs = _outputs()
-    shown = control.chosen(outputs)
-    assert torch.equal(shown["rgb"], torch.tensor(expected))
-    assert torch.equal(shown["rgb_static"], outputs["rgb"])
-
-
 def test_while_suspended_an_open_viewers_choice_does_not_count():
     control, outputs = LayerControl(5), _outputs()
     control.layer.value = "composite"

@@ -101,12 +101,8 @@ def make_scene(count: int, width: int, height: int) -> Scene:
         **_colors(count, rng),
     }
     K = torch.tensor([[FOCAL * width, 0, width / 2], [0, FOCAL * width, height / 2], [0, 0, 1]])
-    name = f"{_in_thousands(count)} @ {width} x {height}"
+    name = f"{count / 1000:g}k @ {width} x {height}"
     return Scene(name, params, View(viewmat, K, width, height))
-
-
-def _in_thousands(count: int) -> str:
-    return f"{count / 1000:g}k"
 
 
 def _camera() -> Tensor:

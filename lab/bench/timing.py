@@ -11,11 +11,9 @@ from dataclasses import dataclass, field
 
 import torch
 
-from desplat_ns.cores import cores
-
-SLOW = 0.25
-"""Seconds. A case this slow runs once a turn; others run REPEATS times, after one call that is not
-counted: it finds its data in the caches, as in training, whatever ran before."""
+SLOW = 250.0
+"""Milliseconds. A case this slow runs once a turn; others run REPEATS times, after one call that
+is not counted: it finds its data in the caches, as in training, whatever ran before."""
 
 REPEATS = 3
 
@@ -46,18 +44,21 @@ class Timing:
 
 def time_in_turns(cases: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, Timing]:
     """Time all cases, `rounds` turns each, after a first call."""
-    seconds = {name: _first_call(call) for name, call in cases.items()}
+    slow = set[str]()
+    for name, call in cases.items():
+        call()  # it may compile
+        first = Timing()
+        first.add(call)
+        slow |= {name} if first.wall_ms > SLOW else set()
     timings = {name: Timing() for name in cases}
     gc.collect()
     gc.disable()
     try:
         for _ in range(rounds):
             for name, call in cases.items():
-                if seconds[name] <= SLOW:
+                if name not in slow:
                     call()
-                    for _ in range(REPEATS):
-                        timings[name].add(call)
-                else:
+                for _ in range(1 if name in slow else REPEATS):
                     timings[name].add(call)
             gc.collect(0)  # what these calls left: nothing else is as young
     finally:
@@ -65,25 +66,10 @@ def time_in_turns(cases: Mapping[str, Callable[[], object]], rounds: int) -> dic
     return timings
 
 
-def _first_call(call: Callable[[], object]) -> float:
-    """Seconds of a second call; the first one may compile."""
-    call()
-    start = time.perf_counter()
-    call()
-    return time.perf_counter() - start
-
-
-def all_cores() -> int:
-    """Cores that this process may use, and numba's threads."""
-    from desplat_ns.backend.numba_kernels.runtime import numba_config  # numba is large
-
-    return min(cores(), numba_config.NUMBA_NUM_THREADS)
-
-
 @contextmanager
 def threads(number: int) -> Iterator[None]:
     """Let torch and numba use so many threads."""
-    import numba
+    import numba  # numba is large
 
     before = torch.get_num_threads(), numba.get_num_threads()
     torch.set_num_threads(number)

@@ -16,14 +16,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import PIL.Image  # noqa: F401  before pycolmap, see lab.synthetic.colmap_export
+import PIL.Image  # noqa: F401  before pycolmap, see lab.synthetic.layouts
 import pycolmap
 
 from desplat_ns.data.images import write_image
 from desplat_ns.studies.paper import TABLES, TableName
 from lab.synthetic import Frame, Scene, SceneSpec, make_scene
-from lab.synthetic.colmap_export import RegisteredPhoto, write_reconstruction
-from lab.synthetic.layouts import register
+from lab.synthetic.layouts import RegisteredPhoto, register, write_reconstruction
 
 TINY = SceneSpec.tiny()
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import torch
 
-from lab.documents import DOCS
+from lab import DOCS, parser_of
 
 VIEWS, OCCLUDED = 40, 8
 TRUTH, OCCLUDER = 0.3, 0.9
@@ -130,4 +130,5 @@ def draw(path: Path) -> None:
 
 
 if __name__ == "__main__":
+    parser_of("python -m lab.separation.one_pixel", __doc__).parse_args()
     draw(DOCS / "explain" / "one_pixel.png")

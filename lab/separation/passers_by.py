@@ -14,7 +14,6 @@ Letters in shapes: H x W pixels at the size of training, P pixels of them, C col
 
 from __future__ import annotations
 
-import argparse
 import json
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -30,6 +29,7 @@ from desplat_ns.evaluation.pictures import to_rgb8
 from desplat_ns.rendering.views import world_to_camera
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
+from lab import parser_of
 from lab.separation import family
 from lab.sheet import sheet
 
@@ -94,6 +94,12 @@ def ghost(
     return float(((static - truth) * passing).sum()) / power if power > 0 else float("nan")
 
 
+def photo_of(dataset: Any, index: int) -> Picture:
+    """A photo of nerfstudio's dataset, float32 in [0, 1]."""
+    photo = dataset[index]["image"].numpy()[..., :3]
+    return photo.astype(np.float32) / 255 if photo.dtype == np.uint8 else photo
+
+
 @torch.no_grad()
 def frames_of(pipeline: Any) -> list[Frame]:
     """The training photos of a run, with its static scene and its masks."""
@@ -102,14 +108,11 @@ def frames_of(pipeline: Any) -> list[Frame]:
         camera = manager.train_dataset.cameras[index : index + 1].to(pipeline.device)
         camera.metadata = {"train_idx": torch.tensor([[index]])}
         drawn = {key: out.cpu().numpy() for key, out in pipeline.model.get_outputs(camera).items()}
-        photo = manager.train_dataset[index]["image"].numpy()
-        if photo.dtype == np.uint8:
-            photo = photo.astype(np.float32) / 255
         depth = drawn["depth"][..., 0]
         frames.append(
             Frame(
                 PurePath(name).stem,
-                photo[..., :3],
+                photo_of(manager.train_dataset, index),
                 drawn["rgb"],
                 depth,
                 drawn.get("distractor_mask", np.zeros((*depth.shape, 1), bool))[..., 0],
@@ -236,11 +239,7 @@ def draw(frames: list[Frame], truths: dict[str, Picture], folder: Path) -> None:
 
 def main() -> None:
     """Score the runs, print a line for each, write scores.json and the sheets."""
-    parser = argparse.ArgumentParser(
-        prog="python -m lab.separation.passers_by",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = parser_of("python -m lab.separation.passers_by", __doc__)
     parser.add_argument("config", type=Path, nargs="+", help="config.yml of a run")
     parser.add_argument("--output", type=Path, required=True)
     parser.add_argument("--reference", type=Path, help="the run whose depth warps (the first)")

@@ -5,7 +5,6 @@ python -m lab.separation.stages CONFIG [--view 12]     (config.yml of a run of d
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
@@ -22,25 +21,14 @@ from desplat_ns.runs.loading import load_run
 from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled
 from desplat_ns.separation.regions import StaticView, compare, find_regions
 from desplat_ns.separation.residuals import ResidualStats, local_residual
-from lab.documents import DOCS
+from lab import DOCS, parser_of
+from lab.separation.passers_by import photo_of
 from lab.sheet import sheet
 
 TITLES = ("photo", "static scene", "residual", "excess", "unexplained")
 TITLES += ("region", "distractors", "mask")
 WHITE = 0.25
 """What is drawn white of residual, excess and unexplained, colours in [0, 1]."""
-
-
-def parse_arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m lab.separation.stages",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("config", type=Path)
-    parser.add_argument("--view", type=int, default=12, help="training view (%(default)s)")
-    parser.add_argument("--output", type=Path, default=DOCS / "explain" / "stages.jpg")
-    return parser.parse_args()
 
 
 def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Picture]:
@@ -89,17 +77,19 @@ def _enlarged(cells: Float[Tensor, "rows columns"], width: int, height: int) -> 
 
 def main() -> None:
     """Entry point."""
-    chosen = parse_arguments()
+    parser = parser_of("python -m lab.separation.stages", __doc__)
+    parser.add_argument("config", type=Path)
+    parser.add_argument("--view", type=int, default=12, help="training view (%(default)s)")
+    parser.add_argument("--output", type=Path, default=DOCS / "explain" / "stages.jpg")
+    chosen = parser.parse_args()
     pipeline: Any = load_run(find_run(chosen.config)).pipeline
-    dataset = pipeline.datamanager.train_dataset
-    camera = dataset.cameras[chosen.view : chosen.view + 1].to(pipeline.device)
-    image = dataset[chosen.view]["image"]
-    photo = image.float() / 255 if image.dtype == torch.uint8 else image
+    manager, device = pipeline.datamanager, pipeline.device
+    camera = manager.train_dataset.cameras[chosen.view : chosen.view + 1].to(device)
+    photo = torch.from_numpy(photo_of(manager.train_dataset, chosen.view)).to(device)
     with torch.no_grad():
-        pictures = stages(pipeline.model, camera, photo.to(pipeline.device))
-    name = pipeline.datamanager.train_image_names[chosen.view]
-    picture = Image.fromarray(np.asarray(to_rgb8(sheet([(name, pictures)], TITLES))))
-    picture.save(chosen.output, quality=88)
+        pictures = stages(pipeline.model, camera, photo)
+    named = [(manager.train_image_names[chosen.view], pictures)]
+    Image.fromarray(np.asarray(to_rgb8(sheet(named, TITLES)))).save(chosen.output, quality=88)
     print(chosen.output)
 
 

@@ -16,8 +16,7 @@ import torch
 
 from desplat_ns.files.whole import write_whole
 from desplat_ns.studies.machine import describe_machine
-from lab.arguments import parser_of
-from lab.documents import OUTPUTS
+from lab import OUTPUTS, parser_of
 from lab.stability import catalogue, kills, mutations, soak
 
 Part = Callable[[], tuple[str, bool]]

@@ -36,7 +36,7 @@ from desplat_ns.training.checkpoint import (
     load_checkpoint,
     step_of,
 )
-from lab.documents import CHECKOUT
+from lab import CHECKOUT
 from lab.synthetic import SceneSpec, write_scene
 
 KILLS = 20

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from desplat_ns.studies.records import markdown_table
-from lab.documents import CHECKOUT
+from lab import CHECKOUT
 
 TIMEOUT = 600
 """Seconds; a test that hangs has noticed, too."""
@@ -79,9 +79,9 @@ MUTATIONS = (
     Mutation("photos are held beyond the bound", "data/photo_cache.py",
              "used + self._sizes[photo] > self._most", "used > self._most",
              "tests/data/test_photo_cache.py"),
-    Mutation("what stands still ties photos", "process/matches.py",
+    Mutation("what stands still ties photos", "process/reconstruction.py",
              "filter_stationary_matches = True", "filter_stationary_matches = False",
-             "tests/process/test_matches.py"),
+             "tests/process/test_reconstruction.py"),
     Mutation("lenses darken no corners", "survey/photo_light.py",
              "rows[:, :, 4] = rho2[:, None]", "rows[:, :, 4] = 0",
              "tests/survey/test_survey.py -k lens"),

@@ -25,8 +25,7 @@ from desplat_ns.files.whole import only_process_in
 from desplat_ns.studies.machine import short, today
 from desplat_ns.studies.records import Key, Record, load, markdown_table
 from desplat_ns.studies.runs import Executor, Run, execute
-from lab.arguments import parser_of
-from lab.documents import OUTPUTS, RECORDS
+from lab import OUTPUTS, RECORDS, parser_of
 from lab.study.captures import CAPTURES
 from lab.study.variants import GROUPS, SEEDS, VARIANTS, Wanted, run_of
 

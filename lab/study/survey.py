@@ -23,7 +23,7 @@ from desplat_ns.studies.records import markdown_table
 from desplat_ns.survey.findings import Decision
 from desplat_ns.survey.observations import Capture, capture_of
 from desplat_ns.survey.survey import survey
-from lab.documents import OUTPUTS
+from lab import OUTPUTS, parser_of
 from lab.study.captures import CAPTURES, HARD, PASTED, PLACES, TWINS, made
 from lab.synthetic import DaylightSpec, OccluderSpec, SceneSpec, write_scene
 
@@ -195,6 +195,7 @@ def rows(results: Sequence[Surveyed]) -> str:
 
 def main() -> None:
     """Survey what is there, and write the tables."""
+    parser_of("python -m lab.study.survey", __doc__).parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
     text = page([*generated(FOLDER), *known(FOLDER)])
     (FOLDER / "table.md").write_text(text, "utf8")

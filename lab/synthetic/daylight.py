@@ -8,10 +8,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from desplat_ns.errors import ConfigError
-from lab.synthetic.arrays import f32
 from lab.synthetic.cameras import PinholeCamera
 from lab.synthetic.render import AMBIENT, DIRECT, SUN, Samples, Sun, to_pixels, to_uint8
-from lab.synthetic.textures import Color
+from lab.synthetic.textures import Color, f32
 
 TINT_SPREAD = 0.04
 """Each channel of a photo's tint differs from its kind's by up to this fraction."""

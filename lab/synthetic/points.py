@@ -17,10 +17,6 @@ _SAME_SURFACE = 0.015
 FEW_VIEWS = 3
 """Points seen in fewer views than this are dropped, as COLMAP drops short tracks."""
 
-BARE, BARE_INDOORS = 2.0, 0.02
-"""What a place without structure counts as where points are sought; on bare walls none are found.
-"""
-
 FAINT = 1.5
 """Of 255 per pixel: corners fainter than this are not found again in other photos."""
 
@@ -79,7 +75,7 @@ def sample_pixels(
     image: UInt8[np.ndarray, "H W 3"],
     count: int,
     rng: np.random.Generator,
-    bare: float | None = BARE,
+    bare: float | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns of `count` pixels, likelier where the picture has structure.
 
@@ -114,7 +110,7 @@ def sees(
 
 
 def sample_points(
-    views: Sequence[View], count: int, rng: np.random.Generator, bare: float | None = BARE
+    views: Sequence[View], count: int, rng: np.random.Generator, bare: float | None
 ) -> PointCloud:
     """`count` points, or as many as can be had, each seen by three of `views` or more.
 

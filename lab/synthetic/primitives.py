@@ -12,8 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from lab.synthetic.arrays import dot, f32
-from lab.synthetic.textures import Texture
+from lab.synthetic.textures import Texture, f32
 
 RAY_START = 1e-3
 """Hits nearer than this ray parameter do not count: a shadow ray must not meet its own surface."""
@@ -39,6 +38,11 @@ class Primitive(Protocol):
     ) -> tuple[Float[np.ndarray, "3 N"], Float[np.ndarray, "2 N"]]:
         """Unit outward normals and texture coordinates (metres)."""
         ...
+
+
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Scalar product over the first axis, which holds x, y and z."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _column(vector: Float[np.ndarray, "3"], like: np.ndarray) -> np.ndarray:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lab.synthetic.arrays import dot, f32
 from lab.synthetic.cameras import PinholeCamera
-from lab.synthetic.primitives import Primitive
-from lab.synthetic.textures import Glossy
+from lab.synthetic.primitives import Primitive, dot
+from lab.synthetic.textures import Glossy, f32
 
 _SUN = f32([-0.3, -0.65, 0.8])
 SUN = _SUN / np.linalg.norm(_SUN)

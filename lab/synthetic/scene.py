@@ -2,50 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from lab.synthetic import facade, grove, room, table, yard
-from lab.synthetic.cameras import IN_THE_YARD, PinholeCamera, Stand, arc
+from lab.synthetic.cameras import PinholeCamera, arc
 from lab.synthetic.daylight import Daylight, develop, draw_daylights
 from lab.synthetic.occluders import Effect, occluders_for_view
-from lab.synthetic.points import (
-    BARE,
-    BARE_INDOORS,
-    FEW_VIEWS,
-    PointCloud,
-    mean_colors,
-    sample_points,
-)
-from lab.synthetic.primitives import Primitive
+from lab.synthetic.places import PLACES
+from lab.synthetic.points import FEW_VIEWS, PointCloud, mean_colors, sample_points
 from lab.synthetic.render import Samples, draw, sky, to_pixels
 from lab.synthetic.spec import SceneSpec
-
-
-@dataclass(frozen=True)
-class Place:
-    """One kind of static scene."""
-
-    things: Callable[[], list[Primitive]]
-    """What casts shadows."""
-    around: Callable[[float], list[Primitive]]
-    """What is around it, with walls of a height in metres where the place has walls."""
-    stand: Stand = IN_THE_YARD
-    bare: float | None = None
-    """See `sample_pixels`."""
-
-
-PLACES = {
-    "yard": Place(yard.furniture, yard.walls_and_ground, bare=BARE),
-    "room": Place(room.glossy_things, room.walls_and_floor, bare=BARE_INDOORS),
-    "grove": Place(grove.trees, lambda _: grove.ground(), bare=BARE),
-    "facade": Place(facade.house_and_trees, lambda _: facade.lawn_and_path(), facade.STAND),
-    "table": Place(table.table_and_toy, lambda _: table.room_behind(), table.STAND),
-}
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ import numpy as np
 from desplat_ns.errors import ConfigError
 from lab.synthetic.daylight import DaylightSpec
 from lab.synthetic.occluders import OccluderSpec
+from lab.synthetic.places import PLACES
 
 LAYOUTS = ("robustnerf", "phototourism")
-PLACES = ("yard", "room", "grove", "facade", "table")
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class SceneSpec:
                 "and pictures of 16 x 16 pixels or more."
             )
         if self.layout not in LAYOUTS or self.place not in PLACES:
-            raise ConfigError(f"layout is one of {LAYOUTS}, place one of {PLACES}.")
+            raise ConfigError(f"layout is one of {LAYOUTS}, place one of {[*PLACES]}.")
 
     @classmethod
     def tiny(cls, seed: int = 0) -> SceneSpec:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from desplat_ns.data.colmap import OwnSplitConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
@@ -14,32 +12,19 @@ from lab import options
 def test_every_option_of_every_method_stands_in_one_table():
     names = [option.name for option in options.options(desplat.config)]
     assert len(names) == len(set(names)) >= 40
-    assert {options._part_of(name) for name in names} == set(options.PARTS)
+    assert {options.part_of(name) for name in names} == set(options.PARTS)
     assert "--pipeline.model.distractors.per-view" in names
+    page = options.page()
+    assert all(f"| `{name}` |" in page for name in names)
 
 
-def test_every_option_has_a_meaning():
+def test_every_option_of_every_command_has_a_meaning():
     for command in options.COMMANDS:
-        rows = options.command_table(command).splitlines()[2:]
-        assert rows and all(row.split(" | ")[2].strip(" |") for row in rows), command
+        rows = options.arguments_of(command)
+        assert rows and all(row.meaning for row in rows), command
 
 
 def test_a_meaning_is_that_of_the_nearest_class():
     ours = options.meanings(RobustNerfDataParserConfig)["eval_mode"]
     assert ours == options.UNUSED == options.meanings(OwnSplitConfig)["eval_mode"]
     assert "downscale_factor" in options.meanings(DeSplatDataParserConfig)
-
-
-@pytest.mark.parametrize(
-    ("value", "words"),
-    [
-        (None, ""),
-        (2.0, "2"),
-        (0.5, "0.5"),
-        (1.6e-6, "1.6e-06"),
-        (("a", "b"), "a b"),
-        (True, "True"),
-    ],
-)
-def test_defaults_are_written_as_they_are_typed(value, words):
-    assert options.in_words(value) == words

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from desplat_ns.errors import ConfigError
-from tests.helpers.glb_reader import read_glb
+from tests.helpers.splat_files import read_glb
 
 TRAINING_PHOTOS = 6
 

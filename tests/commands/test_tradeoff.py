@@ -12,8 +12,8 @@ from desplat_ns.cores import cores
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.studies import tradeoff as module
 from desplat_ns.studies.records import FILE, RUNS, load
-from desplat_ns.studies.runs import PICTURES, Executor
-from desplat_ns.studies.tradeoff import tradeoff
+from desplat_ns.studies.runs import PICTURES, Executor, Run
+from desplat_ns.studies.tradeoff import BASE, Capture, tradeoff
 from lab.reproduce.smoke import here
 from lab.synthetic import Scene
 from tests.helpers.other_process import running
@@ -21,20 +21,22 @@ from tests.helpers.other_process import running
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
 
 PARSER = ("robustnerf-data",)
-PLANNED = module.planned
+RUN_OF = module.run_of
 
 
 @pytest.mark.slow
 def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, monkeypatch):
     assert tiny_scene.folder is not None
-    monkeypatch.setattr(module, "planned", lambda *given: PLANNED(*given)[:9])
-    monkeypatch.setattr(module, "LADDER", (1.0,))
-    monkeypatch.setattr(module, "steps_that_fit", lambda *_: 4)
+
+    def few(capture: Capture, *_: object) -> list[Run]:
+        return [RUN_OF(capture, name, 4) for name in (BASE, "half-size", "fewer")]
+
+    monkeypatch.setattr(module, "planned", few)
+    monkeypatch.setattr(module, "run_of", lambda capture: few(capture)[0])
     given = (tiny_scene.folder, PARSER, tmp_path / "out", 3600.0, Executor(do=here))
     page = tradeoff(*given)
     records = load(tmp_path / "out" / FILE)
-    lengths = [record.options.split()[1] for record in records.values()]
-    assert sorted(lengths) == ["125", *["4"] * 8]
+    assert [record.options.split()[1] for record in records.values()] == ["4"] * 3
     assert "photos of half their size" in page.read_text()
     assert (tmp_path / "out" / RUNS / "fewer-4-42" / PICTURES).is_dir()
     tradeoff(*given)

@@ -14,8 +14,14 @@ from desplat_ns.evaluation.halves import (
     right_half,
 )
 from desplat_ns.model import DeSplatModel
-from tests.helpers.relit_model import held_out, model_with, moved, photo_in_the_light_of
-from tests.helpers.small_model import HEIGHT, WIDTH
+from tests.helpers.small_model import (
+    HEIGHT,
+    WIDTH,
+    held_out,
+    model_with,
+    moved,
+    photo_in_the_light_of,
+)
 
 SHORT = EvaluationConfig(steps=6, learning_rate=0.05)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
-from lab.synthetic.arrays import f32
+from lab.synthetic.textures import f32
 
 
 def test_floats_and_booleans_become_8_bit_colours():

@@ -16,9 +16,8 @@ from desplat_ns.export.export import SIDE, export_splats, within
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
 from desplat_ns.viewer import LayerControl
-from tests.helpers.clouds import drawn, view
 from tests.helpers.scene import psnr
-from tests.helpers.splat_readers import read_splats
+from tests.helpers.splat_files import drawn, read_splats, view
 
 
 def rendering(camera: View, depth: float, alpha: float) -> Rendering:

@@ -8,8 +8,7 @@ import pytest
 import trimesh
 
 from desplat_ns.export.gltf import glb_bytes
-from tests.helpers.clouds import cloud
-from tests.helpers.glb_reader import read_glb
+from tests.helpers.splat_files import cloud, read_glb
 
 PREFIX = "KHR_gaussian_splatting:"
 

@@ -9,7 +9,7 @@ import pytest
 from plyfile import PlyData
 
 from desplat_ns.export.ply import ply_bytes
-from tests.helpers.clouds import cloud
+from tests.helpers.splat_files import cloud
 
 
 def columns(table, *names: str) -> np.ndarray:

@@ -21,9 +21,9 @@ from desplat_ns.export.splat_cloud import (
     turned_harmonics,
 )
 from desplat_ns.rendering.views import view_of
-from tests.helpers import relit_model
-from tests.helpers.clouds import cloud, drawn, view
-from tests.helpers.relit_model import held_out, model_with
+from tests.helpers import small_model
+from tests.helpers.small_model import held_out, model_with
+from tests.helpers.splat_files import cloud, drawn, view
 
 COLORS = 1e-4
 """float32 beside float64: networks of some hundred sums, colours of some tens."""
@@ -46,7 +46,7 @@ def splats(**changes) -> Splats:
 def test_a_file_looks_like_the_static_scene_in_the_light_that_is_shown(appearance: str):
     model = model_with(appearance)
     if appearance != "off":
-        relit_model.moved(model)
+        small_model.moved(model)
     model.eval()
     model.step = 100_000  # all degrees are evaluated
     with torch.no_grad():
@@ -59,7 +59,7 @@ def test_a_file_looks_like_the_static_scene_in_the_light_that_is_shown(appearanc
 
 
 def test_the_light_of_one_photo_is_baked_when_it_is_shown():
-    model = relit_model.moved(model_with("affine")).eval()
+    model = small_model.moved(model_with("affine")).eval()
     of_each = []
     for photo in (0, 1):
         with model.shown_in(model.image_effects.of(photo)):

@@ -12,8 +12,7 @@ import pytest
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.splat_cloud import SplatCloud
 from desplat_ns.export.spz import OFF_BY, PRECISE, fractional_bits, placed, spz_bytes
-from tests.helpers.clouds import cloud
-from tests.helpers.splat_readers import read_splats
+from tests.helpers.splat_files import cloud, read_splats
 
 ROUNDING = 1e-6
 """Of float32, in readers."""

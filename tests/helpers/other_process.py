@@ -31,20 +31,3 @@ def running(code: str, checkout: Path) -> Iterator[subprocess.Popen[str]]:
             yield process
         finally:
             process.kill()
-
-
-def tried(lock: str, checkout: Path) -> str:
-    """What another process is told that takes a lock of `desplat_ns.files.whole`, or `free`."""
-    code = f"""
-from pathlib import Path
-from desplat_ns.errors import ConfigError
-from desplat_ns.files.whole import *
-try:
-    with {lock}:
-        print("free")
-except ConfigError as error:
-    print(error)
-"""
-    line = [sys.executable, "-c", code]
-    done = subprocess.run(line, cwd=checkout, text=True, capture_output=True, check=True)
-    return done.stdout.strip()

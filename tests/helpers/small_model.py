@@ -11,6 +11,8 @@ from nerfstudio.data.scene_box import SceneBox
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
+from desplat_ns.photo_tourism.config import AppearanceConfig
+from desplat_ns.settings.effects import EffectsConfig
 
 WIDTH, HEIGHT, NUM_VIEWS = 24, 20, 3
 
@@ -51,6 +53,32 @@ def distractors_of(model: DeSplatModel, view: int) -> dict[str, torch.nn.Paramet
     return model.distractors.views[view].params
 
 
+def model_with(appearance: str = "off", background: str = "off", **config: Any) -> DeSplatModel:
+    """What its networks give counts in full, so that a few steps or small weights show."""
+    config.setdefault("appearance", AppearanceConfig(mlp_scale=1.0))
+    effects = EffectsConfig(appearance=appearance, background=background)  # type: ignore[arg-type]
+    return make_model(effects=effects, **config)
+
+
+def moved(model: DeSplatModel) -> DeSplatModel:
+    """As if trained: embeddings that differ, heads that are not zero."""
+    generator = torch.Generator().manual_seed(5)
+    for parameter in model.image_effects.parameters():
+        parameter.data += 0.2 * torch.randn(parameter.shape, generator=generator)
+    return model
+
+
+def held_out(width: int = WIDTH) -> Cameras:
+    pose = torch.eye(4)[:3]
+    pose[2, 3] = 3.0
+    return Cameras(pose[None], 20.0, 20.0, WIDTH / 2, HEIGHT / 2, width, HEIGHT)
+
+
+def photo_in_the_light_of(model: DeSplatModel, view: int, width: int = WIDTH) -> torch.Tensor:
+    with model.shown_light.fixed(model.image_effects.of(view)):
+        return model.get_outputs_for_camera(held_out(width))["rgb"]
+
+
 class Trainer:
     """The part of nerfstudio's training loop that touches the model."""
 
@@ -75,7 +103,11 @@ class Trainer:
         batch = {"image": self.photo} | ({} if self.mask is None else {"mask": self.mask})
         losses = model.get_loss_dict(outputs, batch)
         torch.stack(list(losses.values())).sum().backward()
-        for optimizer in (*self.optimizers.values(), *model.view_optimizers().values()):
-            optimizer.step()
+        self.update()
         model.step_post_backward(step)
         return {"outputs": outputs, "losses": losses}
+
+    def update(self) -> None:
+        """Let the optimizers step."""
+        for optimizer in (*self.optimizers.values(), *self.model.view_optimizers().values()):
+            optimizer.step()

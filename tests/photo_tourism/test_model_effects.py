@@ -14,8 +14,7 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.camera_response import CENTRED, camera_response, squared_radius
 from desplat_ns.photo_tourism.image_effects import FEATURES
-from tests.helpers.relit_model import held_out, model_with, moved
-from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera
+from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, held_out, model_with, moved
 
 OF_NETWORKS = {"appearance_mlp", "image_embeddings", "background_encoder", "background_sh_dc"}
 OF_NETWORKS |= {"background_sh_rest", FEATURES}

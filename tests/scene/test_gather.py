@@ -22,9 +22,9 @@ from desplat_ns.scene.gather import gather, light_of, other_lights, standing_for
 from desplat_ns.scene.page import html_of
 from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.browser import find_browser
-from tests.helpers.relit_model import held_out, model_with, moved
 from tests.helpers.scene import psnr
 from tests.helpers.scene_in_browser import bare_scene, settle, shown
+from tests.helpers.small_model import held_out, model_with, moved
 
 if TYPE_CHECKING:
     from nerfstudio.engine.trainer import TrainerConfig

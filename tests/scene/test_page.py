@@ -19,7 +19,7 @@ from desplat_ns.rendering.views import image_points
 from desplat_ns.scene.contents import TO_PAGE
 from desplat_ns.scene.page import VIEWER, fitted, html_of
 from tests.helpers.scene import HEIGHT, WIDTH, camera, cloud, contents, light, red_disc
-from tests.helpers.splat_readers import read_splats
+from tests.helpers.splat_files import read_splats
 
 MOST = 4_000_000
 NASTY = "</script><script>alert(1)</script><!--<script>\"'&\u2028.png"

@@ -2,11 +2,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import torch
 
 from desplat_ns.data.images import read_image, read_mask
+from lab.separation.small_movers import scored
 from lab.separation.small_things import HELD_OUT_EVERY, KINDS, Wish, figure, make, over, wishes
 from lab.synthetic import SceneSpec, write_scene
 
@@ -69,3 +72,29 @@ def test_all_kinds_come_before_one_comes_twice():
     assert sorted(chosen) == sorted(KINDS)
     assert len({*wishes(36, np.random.default_rng(0))}) == 36
     assert Wish("plain", 0.06, 3) in wishes(28, np.random.default_rng(0))
+
+
+def test_things_are_found_where_the_mask_is_theirs(folders, tmp_path):
+    """By a pipeline that masks the true masks, and whose static scene is the clean photo."""
+    _, first, _ = folders
+    names = sorted(path.name for path in (first / "clean").iterdir())
+    photos = [torch.from_numpy(read_image(first / "images" / name)[..., :3]) for name in names]
+
+    def outputs(camera: torch.Tensor) -> dict[str, torch.Tensor]:
+        name = names[int(camera[0])]
+        mask = torch.from_numpy(read_mask((first / "masks" / name).with_suffix(".png")))
+        clean = torch.from_numpy(read_image(first / "clean" / name)[..., :3] / np.float32(255))
+        return {"distractor_mask": mask[..., None], "rgb_static": clean}
+
+    class Dataset(list):
+        cameras = torch.arange(len(names))
+
+    dataset = Dataset({"image": photo} for photo in photos)
+    manager = SimpleNamespace(train_dataset=dataset, train_image_names=names)
+    pipeline = SimpleNamespace(datamanager=manager, device="cpu", eval=lambda: None)
+    pipeline.model = SimpleNamespace(get_outputs=outputs)
+    result = scored(pipeline, first, tmp_path)
+    assert result["false"] == 0 and result["sights"]
+    for sight in result["sights"]:
+        assert sight["iou"] == 1 and sight["ghost"] == pytest.approx(0, abs=1e-5)
+    assert len(list(tmp_path.iterdir())) == len(names)

@@ -10,7 +10,7 @@ import pytest
 
 from desplat_ns.data.images import read_image
 from lab.synthetic import SceneSpec, write_scene
-from lab.synthetic.colmap_export import pycolmap
+from lab.synthetic.layouts import pycolmap
 
 SMALL = replace(
     SceneSpec.tourism(),

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.synthetic.arrays import f32
 from lab.synthetic.cameras import PinholeCamera, look_at
 from lab.synthetic.primitives import Rect, Sphere
 from lab.synthetic.render import AMBIENT, DIRECT, SUN, Casters, draw, in_shadow, shade, sky
-from lab.synthetic.textures import Plain
+from lab.synthetic.textures import Plain, f32
 
 K = np.array([[40.0, 0, 24], [0, 40, 16], [0, 0, 1]])
 CAMERA = PinholeCamera(K, look_at(np.array([0.0, -3, 0]), np.zeros(3)), 48, 32)

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from desplat_ns.data.images import read_image
 from desplat_ns.errors import ConfigError
 from lab.synthetic import DaylightSpec, OccluderSpec, SceneSpec, make_scene, write_scene
-from lab.synthetic.colmap_export import pycolmap
 from lab.synthetic.daylight import apply_light
+from lab.synthetic.layouts import pycolmap
 from lab.synthetic.render import to_uint8
 
 SMALL = replace(SceneSpec.tiny(), num_views=4, num_extras=1, supersample=1)
