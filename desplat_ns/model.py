@@ -49,7 +49,6 @@ from desplat_ns.nerfstudio_quirks import (
 )
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.background import BACKGROUND_DEGREE_INTERVAL
-from desplat_ns.photo_tourism.camera_response import fit_response, squared_radius
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.rendering.compositing import over_background
@@ -466,14 +465,16 @@ class DeSplatModel(SplatfactoModel):
         """Where schedules are in the step at hand."""
         return self.schedule.nominal(self.step)
 
-    def _sh_degree(self) -> int | None:
+    @property
+    def active_sh_degree(self) -> int | None:
+        """Degree of the harmonics that are learned by now; None where colours have none."""
         if self.config.sh_degree == 0:
             return None
         return min(self.nominal_step // self.config.sh_degree_interval, self.config.sh_degree)
 
     def render_static(self, view: View, embedding: Tensor) -> Rendering:
         depth = self.config.output_depth_during_training or not self.training
-        splats = self._in_light(self.params_in(view), view)(embedding)
+        splats = self.in_light(self.params_in(view), view)(embedding)
         rendering = self.rasterizer(splats, view, self.render_settings(depth))
         if self.training:
             self.shown, self.info = rendering.visible, strategy_info(rendering, view)
@@ -558,49 +559,12 @@ class DeSplatModel(SplatfactoModel):
         image = over_background(static.rgb, static.alpha, background)
         return self.image_effects.apply_camera_response(image, view, embedding)
 
-    def as_function_of_embedding(
-        self, view: View, columns: int | None = None
-    ) -> Callable[[Tensor], Tensor]:
-        """The static scene [H, W, 3] seen from `view`, given an image embedding [E].
-
-        Everything else is held constant. Where `columns` is given, only as many of the first ones
-        are right: what they do not show is left out. Where such a Gaussian ended the blending of a
-        pixel unseen, what is behind then shows, by TRANSMITTANCE_MIN / (1 - ALPHA_MAX) at most.
-        """
-        params = {name: value.detach() for name, value in self.params_in(view).items()}
-        settings = self.render_settings(depth=False)
-        if columns is not None:
-            splats = activate_static(params, self._sh_degree())
-            weights = accumulated_weights(self.rasterizer, splats, view, settings, columns)
-            params = {name: value[weights > 0] for name, value in params.items()}
-        lit = self._in_light(params, view, frozen=True)
-        drawn = None
-
-        def draw(embedding: Tensor) -> Tensor:
-            nonlocal drawn
-            if drawn is None or FEATURES in params:
-                drawn = self.rasterizer(lit(embedding), view, settings)
-            background = self.background_of(view, embedding)
-            return self.image_of(drawn, background, view, embedding).clamp(0, 1)
-
-        return draw
-
-    @torch.no_grad()
-    def embedding_in_closed_form(self, view: View, photo: Tensor, counts: Tensor) -> Tensor:
-        """The numbers of the camera's response [5] that explain a photo [H, W, 3] best in the
-        pixels that `counts` [H, W] names. Call it only if `effects.closed_form`."""
-        average = self.image_effects.mean()
-        static = self.render_static(view, average)
-        background = self.background_of(view, average)
-        image = over_background(static.rgb, static.alpha, background)
-        return fit_response(image[counts], photo[counts], squared_radius(view)[counts])
-
-    def _in_light(
+    def in_light(
         self, params: RawParameters, view: View, frozen: bool = False
     ) -> Callable[[Tensor], Splats]:
         """Static Gaussians in the colours of an embedding [E], for what `view` shows of them;
         frozen: nothing but the embedding gets a gradient."""
-        splats = activate_static(params, self._sh_degree())
+        splats = activate_static(params, self.active_sh_degree)
         if FEATURES not in params:
             return lambda embedding: splats
         return self.image_effects.appearance_in_view(splats, params[FEATURES], view, frozen)
@@ -638,7 +602,7 @@ class DeSplatModel(SplatfactoModel):
         params: RawParameters = self.gauss_params
         if rows is not None:
             params = {name: value[rows] for name, value in params.items()}
-        splats = activate_static(params, self._sh_degree())
+        splats = activate_static(params, self.active_sh_degree)
         if FEATURES not in params:
             return splats
         return self.image_effects.apply_appearance(

@@ -14,8 +14,13 @@ def test_brackets_in_paths_survive_the_console(capsys: pytest.CaptureFixture[str
 
 
 def test_a_console_that_cannot_be_written_to_stops_nothing(monkeypatch: pytest.MonkeyPatch):
+    tried = []
+
     def full(line: str, **_: object) -> None:
+        tried.append(line)
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(CONSOLE, "print", full)
     announce("unheard")
+    announce("unheard as well")
+    assert tried == ["unheard", "unheard as well"]

@@ -36,7 +36,7 @@ def test_thresholds_of_both_sets_are_read_at_the_clock(monkeypatch):
         assert model.train_step is not None
         assert model.train_step.number == round(2 * clock.now)
         assert (model.train_step.distractors is not None) == (clock.now > 50)
-        assert model._sh_degree() == (2 if clock.now > 50 else 1)
+        assert model.active_sh_degree == (2 if clock.now > 50 else 1)
 
 
 def test_a_reset_that_time_passes_over_is_made_and_none_is_made_twice():

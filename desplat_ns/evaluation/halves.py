@@ -8,14 +8,20 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import torch
-from jaxtyping import Float, Shaped
+from jaxtyping import Bool, Float, Shaped
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
+from desplat_ns.backend.accumulated_weights import accumulated_weights
+from desplat_ns.backend.protocol import View
 from desplat_ns.errors import CaptureError
 from desplat_ns.evaluation.config import EvaluationConfig
+from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.losses import photometric_loss
 from desplat_ns.model import DeSplatModel
+from desplat_ns.photo_tourism.camera_response import fit_response, squared_radius
+from desplat_ns.photo_tourism.image_effects import FEATURES
+from desplat_ns.rendering.compositing import over_background
 from desplat_ns.rendering.views import view_of
 
 MIN_WIDTH = 4
@@ -89,8 +95,8 @@ def embedding_from_left_half(
         counts = left.expand(view.height, -1)
         if mask is not None:
             counts = counts & (mask[..., 0].to(photo.device) != 0)
-        return model.embedding_in_closed_form(view, photo, counts)
-    draw = model.as_function_of_embedding(view, view.width // 2)
+        return response_in_closed_form(model, view, photo, counts)
+    draw = as_function_of_embedding(model, view, view.width // 2)
     ssim_weight = model.config.ssim_lambda
     weight = 1.0 if mask is None else left_half(mask.to(photo))
     target = left_half(photo) * weight
@@ -102,3 +108,46 @@ def embedding_from_left_half(
         config.steps,
         config.learning_rate,
     )
+
+
+def as_function_of_embedding(
+    model: DeSplatModel, view: View, columns: int | None = None
+) -> Callable[[Float[Tensor, " E"]], Float[Tensor, "H W 3"]]:
+    """The static scene seen from `view`, given an image embedding; all else is held constant.
+
+    Where `columns` is given, only that number of the first columns is right: Gaussians that they do
+    not show are left out. Where such a Gaussian ended the blending of a pixel unseen, what lies
+    behind then shows, by TRANSMITTANCE_MIN / (1 - ALPHA_MAX) at most.
+    """
+    params = {name: value.detach() for name, value in model.params_in(view).items()}
+    settings = model.render_settings(depth=False)
+    if columns is not None:
+        splats = activate_static(params, model.active_sh_degree)
+        weights = accumulated_weights(model.rasterizer, splats, view, settings, columns)
+        params = {name: value[weights > 0] for name, value in params.items()}
+    lit = model.in_light(params, view, frozen=True)
+    drawn = None
+
+    def draw(embedding: Tensor) -> Tensor:
+        nonlocal drawn
+        if drawn is None or FEATURES in params:
+            drawn = model.rasterizer(lit(embedding), view, settings)
+        background = model.background_of(view, embedding)
+        return model.image_of(drawn, background, view, embedding).clamp(0, 1)
+
+    return draw
+
+
+@torch.no_grad()
+def response_in_closed_form(
+    model: DeSplatModel,
+    view: View,
+    photo: Float[Tensor, "H W 3"],
+    counts: Bool[Tensor, "H W"],
+) -> Float[Tensor, " 5"]:
+    """The numbers of the camera's response that explain a photo best in the pixels that count. Call
+    it only if `model.effects.closed_form`."""
+    average = model.image_effects.mean()
+    static = model.render_static(view, average)
+    image = over_background(static.rgb, static.alpha, model.background_of(view, average))
+    return fit_response(image[counts], photo[counts], squared_radius(view)[counts])

@@ -237,8 +237,8 @@ class DistractorLayer:
         refine_static: Callable[[], None],
         weights_of: Callable[[RawParameters], Float[Tensor, " M"]],
     ) -> None:
-        """Take up what a step proposes, once the optimizers have stepped: here alone anything that
-        outlives a step is changed.
+        """Take up what a step proposes, once the optimizers have stepped. Before, all that a step
+        does and that outlives it is to make the view's optimizers and set their rates.
 
         Args:
             params: of the static Gaussians, raw.

@@ -127,7 +127,7 @@ def test_the_exported_splat_wears_the_chosen_appearance(run: Path, tmp_path: Pat
     outputs = model.get_outputs_for_camera(camera)
     vertices = PlyData.read(tmp_path / "splat.ply")["vertex"].data
     rendering = model.rasterizer(
-        splats_of(vertices, model._sh_degree()),
+        splats_of(vertices, model.active_sh_degree),
         model.view_of_camera(camera, None),
         model.render_settings(depth=False),
     )

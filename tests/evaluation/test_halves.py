@@ -8,6 +8,7 @@ import torch
 from desplat_ns.errors import CaptureError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import (
+    as_function_of_embedding,
     embedding_from_left_half,
     fit_embedding,
     left_half,
@@ -55,7 +56,7 @@ def test_the_right_half_cannot_reach_the_embedding(model, width):
 def test_what_is_fitted_is_what_is_scored(model):
     view = model.view_of_camera(held_out(), None)
     with torch.no_grad():
-        image = model.as_function_of_embedding(view)(model.image_effects.of(1))
+        image = as_function_of_embedding(model, view)(model.image_effects.of(1))
     torch.testing.assert_close(image, photo_in_the_light_of(model, 1), atol=1e-6, rtol=0)
 
 

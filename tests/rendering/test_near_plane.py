@@ -6,6 +6,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from desplat_ns.evaluation.halves import as_function_of_embedding
 from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.near_plane import scene_start, stands_clear
 from desplat_ns.rendering.views import view_of
@@ -99,6 +100,6 @@ def test_a_rendering_tells_the_viewer_how_far_it_is_from_the_photos(monkeypatch)
 
 def test_an_embedding_is_fitted_to_what_is_rendered():
     model = with_a_veil(near_plane=0.5).eval()
-    image = model.as_function_of_embedding(VIEW)(torch.zeros(0))
+    image = as_function_of_embedding(model, VIEW)(torch.zeros(0))
     rendered = model.get_outputs_for_camera(camera(0))["rgb"]
     torch.testing.assert_close(image, rendered, rtol=0, atol=1e-6)
