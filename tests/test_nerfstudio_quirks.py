@@ -121,6 +121,7 @@ os._exit(7)
 """
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_when_what_reads_its_output_ends():
     command = [sys.executable, "-c", UNREAD]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:

@@ -53,6 +53,7 @@ def opened(source: str) -> Image.Image:
     return Image.open(io.BytesIO(base64.b64decode(source.removeprefix(start))))
 
 
+@pytest.mark.slow
 def test_a_smaller_budget_gives_smaller_pictures_and_holds():
     pictures = [Picture(noise(seed, 350, 250)) for seed in range(4)]
     steps = []

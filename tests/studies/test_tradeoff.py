@@ -159,6 +159,7 @@ def sit(time: Time, tmp_path: Path) -> Sit:
     return session
 
 
+@pytest.mark.slow
 def test_runs_end_up_in_the_file_and_the_page(sit: Sit, time: Time, tmp_path: Path):
     time.failing = "fewer-"
     study = sit(7200.0)
@@ -178,6 +179,7 @@ def test_a_study_whose_first_run_fails_ends_with_its_reason(sit: Sit, time: Time
         sit(600.0)
 
 
+@pytest.mark.slow
 def test_another_session_goes_on_with_what_is_missing(sit: Sit, time: Time, tmp_path: Path):
     first = sit(600.0)
     before = list(time.done)

@@ -143,6 +143,7 @@ def a_plan(steps: int, most: int = 10**6, **options: float) -> BudgetPlan:
     return BudgetPlan(steps, 1, most, (0.05, 0.0), **options)
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(pace=st.floats(0.3, 3), slower=st.floats(0.5, 3), at=st.floats(0.1, 0.9))
 def test_schedules_and_time_end_together(pace, slower, at):

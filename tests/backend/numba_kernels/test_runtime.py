@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numba
 import numpy as np
+import pytest
 import torch
 from numba.core.dispatcher import Dispatcher
 
@@ -28,6 +29,7 @@ from tests.backend.scenes import random_scene
 KERNELS = (binning, passes, projection, sh, ssim)
 
 
+@pytest.mark.slow
 def test_a_step_loads_every_kernel_and_compiles_none(checkout: Path):
     """What `compile_all` launches has the types that steps launch, and nothing is left out; in a
     process of its own, as this one may have compiled them."""
