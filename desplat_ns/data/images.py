@@ -49,10 +49,11 @@ class Lens(NamedTuple):
 
 
 def read_image(path: Path, camera: tuple[int, int] | None = None) -> UInt8[np.ndarray, "H W C"]:
-    """The photo as a viewer shows it: EXIF orientation applied, RGB (C = 3) or RGBA (C = 4).
+    """The photo, RGB (C = 3) or RGBA (C = 4).
 
-    For a camera (its width and height) pixels come as they are stored, as COLMAP and nerfstudio
-    read them, unless only the quarter turn of EXIF gives them the camera's shape.
+    Without a camera it is turned as EXIF says. For a camera, given by width and height, pixels come
+    as they are stored, as COLMAP and nerfstudio read them; they are turned only where EXIF names a
+    quarter turn without which they do not have the camera's shape.
 
     Grey becomes RGB; 16-bit and float samples are rounded to 8 bits; files that say that they are
     linear (EXR, HDR) get the sRGB curve, all other values stay as they are. Alpha is not multiplied
