@@ -26,13 +26,14 @@ from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.layers import layered_outputs
 from desplat_ns.separation.clearance import Clearance
 from desplat_ns.separation.grid import region_pixels
-from desplat_ns.separation.own_sky import own_sky
-from desplat_ns.separation.placement import (
-    FEW_VIEWS,
-    about_few_views,
-    placement,
+from desplat_ns.separation.placement import FEW_VIEWS, about_few_views, placement
+from desplat_ns.separation.regions import (
+    StaticView,
+    apply_mask,
+    compare,
+    find_regions,
+    own_sky,
 )
-from desplat_ns.separation.regions import StaticView, apply_mask, compare, find_regions
 from desplat_ns.separation.residuals import LEAST_VIEWS, ResidualStats
 from desplat_ns.separation.witness import Witnesses
 from desplat_ns.settings.effects import BackgroundGrade

@@ -61,6 +61,9 @@ MOST_CONTRAST = 1.5
 """No light makes a photo's detail so much stronger than the scene's; a ghost that the scene has
 learned from that photo is so much weaker than what stands there."""
 
+MOST_OPACITY = 0.5
+"""Of the static scene, where what is behind it is more of a cell than the scene itself."""
+
 OUTLINE_WINDOW = 13
 """Cells (an odd number) over which a region is explained by the photo's colours."""
 
@@ -235,6 +238,28 @@ def shared_detail(
     return alike.masked_fill(common / of_static > MOST_CONTRAST, 0.0)
 
 
+@torch.no_grad()
+def own_sky(
+    photo: Float[Tensor, "H W 3"], alpha_s: Float[Tensor, "H W 1"]
+) -> Bool[Tensor, "rows columns"]:
+    """Cells of `grid_of` that show no scene, and no detail in the photo.
+
+    A background of each photo's own stands behind the scene there. What the others show there is
+    their sky, so a photo that differs from it need not have anything in front; whatever has no
+    detail may be its sky. What has some, if only at its edges, is judged as elsewhere.
+
+    Args:
+        photo: in [0, 1].
+        alpha_s: opacity of the static scene.
+    """
+    height, width = photo.shape[:2]
+    grid, fine = grid_of(width, height), fine_grid_of(width, height)
+    grey = pooled(photo, fine).mean(dim=0)
+    mean, square = window_means(torch.stack([grey, grey.square()]), DETAIL_WINDOW)
+    variance = pooled((square - mean.square())[..., None], grid)[0]
+    return (variance < DETAIL_NOISE) & (pooled(alpha_s, grid)[0] < MOST_OPACITY)
+
+
 def outlier_regions(
     weak: Bool[Tensor, "rows columns"], strong: Bool[Tensor, "rows columns"]
 ) -> Bool[Tensor, "rows columns"]:
@@ -300,35 +325,12 @@ def along_edges(
     inside = regions.to(colors)
     guide = window_means(colors, OUTLINE_WINDOW)
     target = window_means(inside[None], OUTLINE_WINDOW)[0]
+    products = (colors[:, None] * colors).flatten(0, 1)
+    products = window_means(products, OUTLINE_WINDOW).unflatten(0, (3, 3))
+    covariance = (products - guide[:, None] * guide).permute(2, 3, 0, 1)
+    covariance = covariance + OUTLINE_NOISE * torch.eye(3).to(colors)
     both = window_means(colors * inside, OUTLINE_WINDOW) - guide * target
-    slope = _solved(_covariance(colors, guide), both)
+    slope = torch.linalg.solve_ex(covariance, both.permute(1, 2, 0))[0].permute(2, 0, 1)
     offset = target - (slope * guide).sum(dim=0)
     fitted = window_means(torch.cat([slope, offset[None]]), OUTLINE_WINDOW)
     return (fitted[:3] * colors).sum(dim=0) + fitted[3] > 0.5
-
-
-def _covariance(
-    colors: Float[Tensor, "3 rows columns"], means: Float[Tensor, "3 rows columns"]
-) -> tuple[Tensor, ...]:
-    """Variances and covariances rr, gg, bb, gb, rb, rg within windows; noise added to variances."""
-    first, second = [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]
-    products = window_means(colors[first] * colors[second], OUTLINE_WINDOW)
-    products = products - means[first] * means[second]
-    return (*(products[:3].clamp(min=0) + OUTLINE_NOISE), *products[3:])
-
-
-def _solved(
-    covariance: tuple[Tensor, ...], right: Float[Tensor, "3 rows columns"]
-) -> Float[Tensor, "3 rows columns"]:
-    """Solution of the symmetric 3 x 3 system of each cell, by cofactors."""
-    rr, gg, bb, gb, rb, rg = covariance
-    c00, c01, c02 = gg * bb - gb * gb, gb * rb - rg * bb, rg * gb - gg * rb
-    c11, c12, c22 = rr * bb - rb * rb, rg * rb - rr * gb, rr * gg - rg * rg
-    determinant = rr * c00 + rg * c01 + rb * c02
-    r, g, b = right
-    solution = (
-        c00 * r + c01 * g + c02 * b,
-        c01 * r + c11 * g + c12 * b,
-        c02 * r + c12 * g + c22 * b,
-    )
-    return torch.stack(solution) / determinant
