@@ -145,6 +145,44 @@ def test_a_finger_turns_the_scene_and_keys_walk(stage: Page):
     assert stage.value("scenePage.current") == 0
 
 
+@pytest.mark.parametrize("flying", [False, True])
+def test_arrow_keys_turn_as_dragging_does(stage: Page, flying: bool):
+    place = "[...scenePage.camera.position, ...scenePage.camera.quaternion]"
+    settle(stage, f"scenePage.setMode({str(flying).lower()})")
+    before = stage.value(place)
+    stage.press("ArrowRight", 39)
+    settle(stage)
+    moved = np.abs(np.subtract(before, stage.value(place)))
+    assert moved[3:].max() > 0.01 and flying == bool(moved[:3].max() < 1e-6)
+
+
+@pytest.mark.parametrize("element", ["frusta", "share", "camera"])
+def test_keys_walk_after_an_element_was_used(stage: Page, element: str):
+    stage.value(f"document.getElementById('bare').remove(), {element}.focus()")
+    assert stage.value("document.activeElement.id") == element
+    before = stage.value("[...scenePage.camera.position]")
+    stage.call("Input.dispatchKeyEvent", type="rawKeyDown", key="w", code="KeyW")
+    stage.wait_for(f"JSON.stringify([...scenePage.camera.position]) !== '{str(before)}'")
+    stage.call("Input.dispatchKeyEvent", type="keyUp", key="w", code="KeyW")
+    assert stage.value("scenePage.current") == 0, "no other photo was chosen"
+    bare(stage)
+
+
+def test_help_closes_at_a_touch_elsewhere(stage: Page):
+    stage.value("document.querySelector('.help').open = true")
+    stage.drag((100, 75), (110, 75))
+    assert stage.value("document.querySelector('.help').open") is False
+
+
+def test_a_move_that_is_drawn_slowly_is_drawn_coarser_and_sharp_at_rest(stage: Page):
+    sharp = stage.value("document.getElementById('canvas').width")
+    slow = "scenePage.going = true, scenePage.lastDraw -= 500, scenePage.camera.position.x += 0.01"
+    drawn_slowly = f"{slow}, scenePage.draw(), document.getElementById('canvas').width"
+    assert stage.value(drawn_slowly) == sharp / 2
+    settle(stage)
+    assert stage.value("document.getElementById('canvas').width") == sharp
+
+
 def test_the_photo_lies_over_the_scene_up_to_the_slider(stage: Page):
     settle(stage, "share.value = 50, share.oninput()")
     stage.wait_for("getComputedStyle(photo).opacity === '1'")

@@ -4,6 +4,9 @@ import { $ } from "./files.js";
 import { ahead } from "./cameras.js";
 
 const AWAKE = 600; // milliseconds for which it is drawn on after a touch
+const TURN = 3; // degrees for each press of an arrow key, which repeats while it is held
+/** What arrow keys turn: to the right, and up. @type {Record<string, [number, number]>} */
+const ARROWS = { ArrowLeft: [-TURN, 0], ArrowRight: [TURN, 0], ArrowUp: [0, TURN], ArrowDown: [0, -TURN] };
 
 export class Controls {
   /** @param {any} V @param {any} camera @param {() => void} redraw */
@@ -14,6 +17,7 @@ export class Controls {
     this.activeUntil = 0;
     this.fly = new V.SparkControls({ canvas: this.canvas });
     this.turningKeys = this.fly.fpsMovement.keycodeRotateMapping;
+    for (const key in ARROWS) delete this.fly.fpsMovement.keycodeMoveMapping[key];
     this.orbit = this.newOrbit(new V.Vector3(0, 0, -1));
     this.setMode(false);
     this.wakeOnTouch();
@@ -54,11 +58,22 @@ export class Controls {
     this.redraw();
   }
 
+  /** Turn the head, or the scene in the mode for that, as dragging there does; degrees. */
+  turn(right, up) {
+    const { V, camera, orbit } = this;
+    const sidewards = new V.Vector3(1, 0, 0).applyQuaternion(camera.quaternion);
+    const about = (axis, degrees) =>
+      new V.Quaternion().setFromAxisAngle(axis, degrees * Math.PI / 180);
+    const turn = about(camera.up, -right).multiply(about(sidewards, up));
+    if (this.flying) camera.quaternion.premultiply(turn);
+    else camera.position.sub(orbit.target).applyQuaternion(turn).add(orbit.target);
+    if (!this.flying) orbit.update();
+    this.redraw();
+  }
+
   /** Walk by the keys, and turn the head in the mode for that. Whether anything moved. */
   move() {
     const before = this.camera.position.clone();
-    const typing = document.activeElement?.matches("select, input");
-    this.fly.fpsMovement.enable = !typing;
     const moved = this.fly.update(this.camera);
     if (moved && this.orbit.enabled)
       this.orbit.target.add(this.camera.position.clone().sub(before));
@@ -89,7 +104,12 @@ export function listen(page) {
     n: () => page.step(1), p: () => page.step(-1),
     f: () => page.setMode(!page.controls.flying),
     c: () => page.showFrusta(toggled("frusta")),
+    escape: () => { help.open = false; },
   };
+  const help = /** @type {HTMLDetailsElement} */ (document.querySelector(".help"));
+  addEventListener("pointerdown", event => {
+    if (!help.contains(/** @type {Node} */ (event.target))) help.open = false;
+  });
   $("previous").onclick = keys.p;
   $("next").onclick = keys.n;
   $("mode").onclick = keys.f;
@@ -103,7 +123,12 @@ export function listen(page) {
   if ($("light")) $("light").onchange = () => page.chooseLight(Number($("light").value));
   addEventListener("keydown", event => {
     const within = /** @type {Element} */ (event.target);
-    if (event.ctrlKey || event.metaKey || event.altKey || within.matches("select")) return;
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    // Letters move the camera wherever one is: a list would go to a photo by its first letter.
+    if (within.matches("select") && event.key.length === 1 && event.key !== " ")
+      event.preventDefault();
     keys[event.key.toLowerCase()]?.();
+    if (event.key in ARROWS && !within.matches("select, input"))
+      page.controls.turn(...ARROWS[event.key]);
   });
 }

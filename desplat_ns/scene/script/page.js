@@ -13,6 +13,8 @@ import { Controls, listen } from "./controls.js";
 
 const PATIENCE = 60_000; // milliseconds until the first picture
 const QUIET = 200; // milliseconds without a drawing after which nothing more comes
+const SLOW = 100; // milliseconds between two pictures of a move, above which they get coarser
+const COARSEST = 4; // times fewer pixels to a side
 const WHY_FADING = "What was taken out was made for this view alone: nobody knows how it looks from "
   + "elsewhere, so it fades as you leave.";
 
@@ -42,6 +44,10 @@ export class ScenePage {
     this.light = 0;
     this.queued = false;
     this.lastDraw = 0;
+    this.lastPose = new V.Matrix4();
+    this.coarser = 1;
+    /** Whether the last picture asked for another one at once. */
+    this.going = false;
     /** @type {() => void} */
     this.isReady = () => {};
     this.ready = new Promise(done => { this.isReady = () => done(undefined); });
@@ -79,7 +85,7 @@ export class ScenePage {
   resize() {
     const stage = $("stage"), at = frameOf(this.cameras[this.current], stage);
     if (!stage.clientWidth || !stage.clientHeight) return;
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2) / this.coarser);
     this.renderer.setSize(stage.clientWidth, stage.clientHeight, false);
     this.canvas?.target.setSize($("canvas").width, $("canvas").height);
     Object.assign($("photo").style, {
@@ -99,8 +105,8 @@ export class ScenePage {
     this.queued = false;
     const { V, camera, renderer, still, front } = this, one = this.cameras[this.current];
     const moved = this.controls.move();
-    this.lastDraw = performance.now();
     camera.updateMatrixWorld();
+    this.suitSpeed();
     renderer.setRenderTarget(this.canvas?.target ?? null);
     renderer.clear();
     setLens(camera, one, $("stage"), nearPlane(V, camera, this.cameras));
@@ -117,8 +123,20 @@ export class ScenePage {
     $("photo").style.opacity = falling(far, 0.005, WHOLE);
     $("photo").hidden = $("share").value === "0";
     this.tell(far);
-    if (moved || this.controls.awake) this.redraw();
+    this.going = moved || this.controls.awake;
+    if (this.going) this.redraw();
     if (still.spark.activeSplats > 0) this.isReady();
+  }
+
+  /** Draw fewer pixels while a move takes long to draw, and all of them at rest. */
+  suitSpeed() {
+    const now = performance.now(), moves = !this.lastPose.equals(this.camera.matrixWorld);
+    const before = this.coarser, slow = this.going && now - this.lastDraw > SLOW;
+    if (moves && slow && before < COARSEST) this.coarser *= 2;
+    if (!moves && !this.controls.awake) this.coarser = 1;
+    this.lastPose.copy(this.camera.matrixWorld);
+    this.lastDraw = now;
+    if (this.coarser !== before) this.resize();
   }
 
   /** Say where one is. @param {number} far from the current photo's camera */
