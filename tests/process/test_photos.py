@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,8 +13,7 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from desplat_ns.process import photos as module
-from desplat_ns.process.photos import Photo, prepare_masks, prepare_photos, write_jpeg
+from desplat_ns.process.photos import Photo, prepare_masks, prepare_photos
 from tests.helpers.yard import (
     EDGE,
     Features,
@@ -51,29 +53,36 @@ def test_a_focal_length_by_exif_sees_the_same_across_as_on_film(
     assert without.focal == 0.0
 
 
-def test_a_call_that_was_killed_twice_copies_each_photo_once(
-    photo_writer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_what_was_copied_stays_and_names_are_not_those_of_the_record(photo_writer, tmp_path: Path):
+    """In somebody else's folder they may lead out of it."""
+    photo_writer(tmp_path / "a.png", 60, 40)
+    first = prepared(tmp_path, "a.png")
+    record, copy = tmp_path / "copies" / "photos.json", tmp_path / "copies" / first[0].copy
+    (facts,) = json.loads(record.read_text())
+    record.write_text(json.dumps([{**facts, "name": "../b.jpg", "copy": "../b.jpg"}]))
+    copy.write_bytes(b"there")
+    assert prepared(tmp_path, "a.png") == first
+    assert copy.read_bytes() == b"there"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of files are those of Linux")
+def test_a_disk_that_fills_up_is_an_error_and_leaves_no_part_of_a_photo(
+    photo_writer, checkout: Path, tmp_path: Path
 ):
-    """A kill cuts off the record's last line; the next call's lines must not be lost with it."""
-    names = [f"{letter}.png" for letter in "abcd"]
-    for seed, name in enumerate(names):
-        photo_writer(tmp_path / name, 60, 40, seed=seed)
-    whole = prepared(tmp_path, *names)
-    record = tmp_path / "copies" / "seen.jsonl"
-    content = record.read_bytes()
-    place = content.index(b'"c.png"')
-    record.write_bytes(content[: place + 3])  # two lines, and the beginning of a third
-    written: list[str] = []
-
-    def noted(path: Path, pixels: np.ndarray) -> None:
-        written.append(path.name)
-        write_jpeg(path, pixels)
-
-    monkeypatch.setattr(module, "write_jpeg", noted)
-    assert prepared(tmp_path, *names) == whole
-    assert sorted(written) == ["00003.jpg", "00004.jpg"]
-    assert prepared(tmp_path, *names) == whole
-    assert len(written) == 2
+    """Pillow alone leaves off what does not fit and says nothing."""
+    photo_writer(tmp_path / "a.png", 400, 300)
+    code = (
+        "import resource, signal, sys; from pathlib import Path\n"
+        "from desplat_ns.process.photos import prepare_photos\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))\n"
+        "folder = Path(sys.argv[1])\n"
+        "prepare_photos(folder, ['a.png'], folder / 'copies', 400, 1, print)\n"
+    )
+    line = [sys.executable, "-c", code, str(tmp_path)]
+    done = subprocess.run(line, cwd=checkout, capture_output=True, text=True)
+    assert done.returncode != 0 and "OSError" in done.stderr
+    assert not [*(tmp_path / "copies").iterdir()]
 
 
 def test_a_photo_that_was_taken_upright_is_copied_upright(tmp_path: Path):

@@ -40,7 +40,7 @@ def refuse(progress: Progress) -> None:
 @pytest.mark.parametrize(
     ("do", "kind", "said", "logged"),
     [
-        (crash, DeSplatError, "mapping.*SIGSEGV", ""),
+        (crash, DeSplatError, "mapping.*-11", ""),
         (fail, DeSplatError, r"mapping.*RuntimeError: no\)", "said by the library"),
         (refuse, CaptureError, "move the camera", ""),
     ],
