@@ -28,50 +28,37 @@ from desplat_ns.survey.photo_light import FEWEST, LOWEST, PhotoLight, from_middl
 
 AROUND = 5
 """Cells across the disc around a point in which something counts as behind: a tenth of the side."""
-
 SMOOTH = 0.04
 """Mean change of the values from pixel to pixel, across plus down, below which a cell is smooth:
 clouds are, leaves against the sky are not."""
-
 UPRIGHT = 0.05
 """Weight of the cameras' own up against their horizontals, which tell the vertical better."""
-
 LEAST_RISE = float(np.sin(np.radians(6.0)))
 """Of a direction above the horizon. Photos that look down on something show the walls of a room up
 to there; nine tenths of a sky's area were more than 8 degrees above it."""
-
 STEEP = 0.3
 """Length of the vertical in the image plane below which a photo looks up or down too steeply."""
-
 VISIBLE_SHARE = 0.04
 """Of the photos' area, in the mean. Less is not worth a part of the model: Gaussians at the edge of
 the scene take it."""
-
 RANGE = 0.022
 """Of the range of values: the difference between directions, from which on a smooth surface is
 visibly not of one colour. A sky of one colour showed 0.005."""
-
 BY_PHOTO = 0.06
 """Of the range of values: what a quarter of the photos' skies exceed in their RMS difference from
 what all photos show in the same direction. A few photos may have something before their sky. Nearer
 to the least where skies differ (0.083) than to the most where they do not (0.015): a sky for each
 photo is learned from that photo alone, and few photos suffer most. So photos also have to differ
 by more than directions do: until then the sky that all photos share explains most."""
-
 CHROMA_BY_PHOTO = 0.055
 """The same in log of a channel over the mean of the channels, used where light changes place by
 place: how bright a sky is then says nothing, for the light of a photo as a whole is not known."""
-
 TURN, RISE = 8.0, 3.0
 """Degrees of azimuth and elevation that count as the same direction."""
-
-FEWEST_PHOTOS = 3
-"""That show a direction, without which they are not compared in it."""
-
+FEWEST_PHOTOS, FEWEST_CELLS = 3, 4
+"""Photos that show a direction, without which they are not compared in it, and cells of one."""
 FEWEST_POINTS = 100
 """Of a reconstruction, without which one cannot tell where there is nothing."""
-
-FEWEST_CELLS = 4
 
 
 @dataclass(frozen=True)
@@ -84,17 +71,6 @@ class Sky:
     directions: Float[np.ndarray, "R C 3"]
     """In the world, unit."""
 
-    @property
-    def share(self) -> float:
-        """Of the photo's area."""
-        return float(self.cells.mean())
-
-    def inner(self) -> Bool[np.ndarray, "R C"]:
-        """Sky cells around which all is sky: their colours are of the sky alone."""
-        around = np.ones((3, 3), np.uint8)
-        padded = cv2.copyMakeBorder(self.cells.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
-        return cv2.erode(padded, around)[1:-1, 1:-1] > 0
-
 
 def vertical(views: list[View]) -> Float[np.ndarray, "3"]:
     """The world's up, from how the cameras were held: their x axes are horizontal."""
@@ -105,55 +81,46 @@ def vertical(views: list[View]) -> Float[np.ndarray, "3"]:
     return direction / max(float(np.linalg.norm(direction)), 1e-12)
 
 
-def find_sky(observations: Observations, row: int, up: Float[np.ndarray, "3"]) -> Sky:
-    """The sky of photo `row`.
+def skies_of(observations: Observations) -> dict[int, Sky]:
+    """The sky of every photo that shows anything of the scene; others say nothing of what is
+    behind it."""
+    up = vertical(observations.views)
+    known = np.flatnonzero(observations.is_shown.sum(axis=1) >= FEWEST)
+    return {int(row): _find_sky(observations, int(row), up) for row in known}
 
-    Args:
-        up: see `vertical`.
-    """
+
+def _find_sky(observations: Observations, row: int, up: Float[np.ndarray, "3"]) -> Sky:
+    """The sky of photo `row`; `up` as from `vertical`."""
     view, photo = observations.views[row], observations.photos[row]
     rows, columns = view.grid
-    centers = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1)
-    directions = view.directions(centers * view.cell)
-    behind = _something_behind(observations, view)
-    cells = ~behind & (_roughness(photo, columns, rows) < SMOOTH) & (directions @ up > LEAST_RISE)
-    cells &= _nothing_above(behind, view.rotation @ up)
-    small = cv2.resize(photo, (columns, rows), interpolation=cv2.INTER_AREA) / 255.0
-    allowed = observations.allowed[row].astype(np.float32)
-    cells &= cv2.resize(allowed, (columns, rows), interpolation=cv2.INTER_AREA) > 0.99
-    return Sky(cells, small, directions)
 
+    def by_cells(values: np.ndarray) -> np.ndarray:
+        return cv2.resize(values, (columns, rows), interpolation=cv2.INTER_AREA)
 
-def _something_behind(observations: Observations, view: View) -> np.ndarray:
     places, depths = view.project(observations.all_xyz)
     hit = np.zeros(view.grid, np.uint8)
     hit[view.cells_of(places[view.shows(places, depths)])] = 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (AROUND, AROUND))
-    return cv2.dilate(hit, disc) > 0
-
-
-def _roughness(photo: np.ndarray, columns: int, rows: int) -> np.ndarray:
+    behind = cv2.dilate(hit, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (AROUND, AROUND))) > 0
     grey: np.ndarray = photo.astype(np.float32).mean(axis=2) / 255
     across = np.abs(np.diff(grey, axis=1, prepend=grey[:, :1]))
     down = np.abs(np.diff(grey, axis=0, prepend=grey[:1]))
-    change = np.asarray(across + down, np.float32)
-    return cv2.resize(change, (columns, rows), interpolation=cv2.INTER_AREA)
+    centers = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1)
+    directions = view.directions(centers * view.cell)
+    cells = ~behind & (by_cells(across + down) < SMOOTH) & (directions @ up > LEAST_RISE)
+    cells &= _nothing_above(behind, view.rotation @ up)
+    cells &= by_cells(observations.allowed[row].astype(np.float32)) > 0.99
+    return Sky(cells, by_cells(photo) / 255.0, directions)
 
 
 def _nothing_above(behind: np.ndarray, up: np.ndarray) -> np.ndarray:
     """Cells from which the way up (`up` in camera axes) to the border meets nothing."""
     length = float(np.hypot(up[0], up[1]))
-    if length < STEEP:
-        return np.zeros_like(behind)
-    step = up[:2] / length
+    is_open = np.full_like(behind, length >= STEEP)
     rows, columns = np.indices(behind.shape)
-    is_open = np.ones_like(behind)
-    for count in range(1, sum(behind.shape)):
-        x = np.rint(columns + count * step[0]).astype(int)
-        y = np.rint(rows + count * step[1]).astype(int)
+    for count in range(1, sum(behind.shape) if length >= STEEP else 0):
+        x = np.rint(columns + count * (up[0] / length)).astype(int)
+        y = np.rint(rows + count * (up[1] / length)).astype(int)
         inside = (x >= 0) & (x < behind.shape[1]) & (y >= 0) & (y < behind.shape[0])
-        if not inside.any():
-            break
         is_open[inside] &= ~behind[y[inside], x[inside]]
     return is_open
 
@@ -169,14 +136,6 @@ class SkyColors:
     """Number of the bin of directions."""
 
 
-def skies_of(observations: Observations) -> dict[int, Sky]:
-    """The sky of every photo that shows anything of the scene; others say nothing of what is
-    behind it."""
-    up = vertical(observations.views)
-    known = np.flatnonzero(observations.is_shown.sum(axis=1) >= FEWEST)
-    return {int(row): find_sky(observations, int(row), up) for row in known}
-
-
 def sky_colors(observations: Observations, light: PhotoLight, skies: dict[int, Sky]) -> SkyColors:
     """Colours of the skies without their photos' light, and their directions."""
     up = vertical(observations.views)
@@ -185,7 +144,9 @@ def sky_colors(observations: Observations, light: PhotoLight, skies: dict[int, S
     east = np.cross(north, up)
     colors, photo, bins = [np.zeros((0, 3))], [], []
     for row, sky in skies.items():
-        at = np.nonzero(sky.inner())
+        padded = cv2.copyMakeBorder(sky.cells.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+        inner = cv2.erode(padded, np.ones((3, 3), np.uint8))[1:-1, 1:-1]  # all around is sky
+        at = np.nonzero(inner)
         if len(at[0]) < FEWEST_CELLS:
             continue
         height, width = sky.cells.shape
@@ -246,7 +207,7 @@ def background_finding(
     Args:
         light_is_local: whether light changes place by place, see `CHROMA_BY_PHOTO`.
     """
-    shares = [sky.share for sky in skies.values()]
+    shares = [float(sky.cells.mean()) for sky in skies.values()]
     share = Figure(
         "empty",
         mean_of(np.array(shares)),
@@ -254,11 +215,10 @@ def background_finding(
         VISIBLE_SHARE,
     )
     unknown = ("whether a bare wall or ceiling above everything else is a sky",)
-    if len(observations.all_xyz) < FEWEST_POINTS:
-        reason = f"Fewer than {FEWEST_POINTS} points say where the scene is."
-        return Finding("background", "off", "none", reason, (share,), unknown)
-    if not shares:
-        reason = f"No photo shows {FEWEST} of the points."
+    reason = f"Fewer than {FEWEST_POINTS} points say where the scene is."
+    if len(observations.all_xyz) >= FEWEST_POINTS:
+        reason = "" if shares else f"No photo shows {FEWEST} of the points."
+    if reason:
         return Finding("background", "off", "none", reason, (share,), unknown)
     cells = sky_colors(observations, light, skies)
     logs = np.log(np.maximum(cells.colors, LOWEST))

@@ -26,36 +26,25 @@ from desplat_ns.data.reconstruction import TRACKS, Tracks
 
 LONGEST_SIDE = 400
 """Pixels of the small copies: a face in a crowd is a few of them, and no detail is needed."""
-
 CELL = 1 / 48
 """Of the longest side. A place's neighbourhood are its cell and the eight around it: a sixteenth of
 the longest side, which is about a head in a photo of people who stand near."""
-
-
 MOST_PHOTOS = 160
 """Larger captures are judged by so many photos, evenly spread over them."""
-
 MOST_READERS = 8
 """Photos that are decoded at once at most: one of 12 megapixels takes 36 MB meanwhile."""
-
 MOST_POINTS = 3000
 """Points at which colours are compared; more make no figure steadier."""
-
 GRID = 5
 """Samples along a patch's side, about a pixel apart: the least that has a structure."""
-
 PATCH_RADIUS = (GRID - 1) / 2
 """Pixels from the middle to the side of a patch in the photo that is the middle one in scale."""
-
 SCALES = (0.4, 3.0)
 """A patch is not looked at where it is so many times smaller or larger: it shows other detail."""
-
 DARKEST = 0.02
 """Values that are nearer to 0 or 1 are clipped: what the camera saw there is not known."""
-
 HIDING_CELL = 1 / 50
 """Of the longest side: points in one cell of this size are compared in depth."""
-
 HIDING_GAP = 0.93
 """A point is hidden where another one in its cell lies nearer than this fraction of its depth."""
 
@@ -107,10 +96,8 @@ class View:
             return inside.all(axis=-1) & (depths > 0)
 
     def directions(self, pixels: Float[np.ndarray, "*K 2"]) -> Float[np.ndarray, "*K 3"]:
-        """Unit directions in the world, as an undistorted lens of this kind would look.
-
-        What is left out is a few pixels at the corners, which does not matter for a sky.
-        """
+        """Unit directions in the world, as an undistorted lens of this kind would look: a few
+        pixels off at the corners, which does not matter for a sky."""
         flat = (pixels - self.center) / self.focal
         if self.is_fisheye:
             angle = np.linalg.norm(flat, axis=-1, keepdims=True)
@@ -158,29 +145,26 @@ class View:
 
 def small_view(cameras: Cameras, index: int) -> View:
     """The camera of one photo, reduced to `LONGEST_SIDE`; smaller photos keep their size."""
-
-    def number(name: str) -> float:
-        return float(getattr(cameras, name).reshape(-1)[index])
-
-    width, height = number("width"), number("height")
+    names = ("width", "height", "fx", "fy", "cx", "cy", "camera_type")
+    numbers = (float(getattr(cameras, name).reshape(-1)[index]) for name in names)
+    width, height, fx, fy, cx, cy, kind = numbers
     ratio = min(1.0, LONGEST_SIDE / max(width, height))
     small = max(1, round(width * ratio)), max(1, round(height * ratio))
-    x_ratio, y_ratio = small[0] / width, small[1] / height
+    ratios = np.array([small[0] / width, small[1] / height])
     pose = cameras.camera_to_worlds[index].double().cpu().numpy()
     distortion = np.zeros(6)
     if cameras.distortion_params is not None:
         given = cameras.distortion_params.reshape(len(cameras), -1)[index].double().cpu().numpy()
         distortion[: len(given)] = given
-    kinds = cameras.camera_type.reshape(-1)
     return View(
         rotation=(pose[:, :3] * [1, -1, -1]).T,  # nerfstudio's axes are OpenGL's
         position=pose[:, 3],
-        focal=np.array([number("fx") * x_ratio, number("fy") * y_ratio]),
-        center=np.array([number("cx") * x_ratio, number("cy") * y_ratio]),
+        focal=np.array([fx, fy]) * ratios,
+        center=np.array([cx, cy]) * ratios,
         width=small[0],
         height=small[1],
         distortion=distortion,
-        is_fisheye=int(kinds[index]) == CameraType.FISHEYE.value,
+        is_fisheye=kind == CameraType.FISHEYE.value,
     )
 
 
@@ -257,7 +241,12 @@ def observe(capture: Capture) -> Observations:
     with ThreadPoolExecutor(min(MOST_READERS, cores())) as pool:
         seen = list(pool.map(lambda view: in_view_of(view, capture.xyz), views))
         small = list(pool.map(lambda i, view: _read_small(capture, i, view), indices, views))
-    tracked = _tracked(capture, indices, [in_view for in_view, _ in seen])
+    tracked = np.stack([in_view for in_view, _ in seen])
+    if capture.tracks is not None:
+        tracked[:] = False
+        for row, observed in zip(tracked, capture.tracks.read(indices), strict=True):
+            row[observed.points] = True
+    tracked &= np.isfinite(capture.xyz).all(axis=1)
     chosen = _chosen_points(tracked)
     xyz, tracked = capture.xyz[chosen], tracked[:, chosen]
     grids = patch_grids(xyz, tracked, views)
@@ -283,13 +272,11 @@ def observe(capture: Capture) -> Observations:
         is_masked=capture.masks is not None,
         num_photos=count,
         all_xyz=capture.xyz,
-        num_in_view=np.array([int(in_view.sum()) for in_view, _ in seen]),
+        num_in_view=np.array([in_view.sum() for in_view, _ in seen]),
     )
 
 
-def _read_small(
-    capture: Capture, index: int, view: View
-) -> tuple[UInt8[np.ndarray, "H W 3"], Bool[np.ndarray, "H W"]]:
+def _read_small(capture: Capture, index: int, view: View) -> tuple[np.ndarray, np.ndarray]:
     """The photo at its view's size, and where it is opaque and not masked."""
     path, cameras = capture.photos[index], capture.cameras
     size = int(cameras.width.reshape(-1)[index]), int(cameras.height.reshape(-1)[index])
@@ -302,25 +289,9 @@ def _read_small(
     return image[..., :3], allowed
 
 
-def _tracked(
-    capture: Capture, indices: list[int], in_view: Sequence[Bool[np.ndarray, " _"]]
-) -> Bool[np.ndarray, "V _"]:
-    """Which photo found which point; without tracks, which can have it in view."""
-    if capture.tracks is None:
-        tracked = np.stack(in_view)
-    else:
-        tracked = np.zeros((len(in_view), len(capture.xyz)), bool)
-        for row, observed in zip(tracked, capture.tracks.read(indices), strict=True):
-            row[observed.points] = True
-    return tracked & np.isfinite(capture.xyz).all(axis=1)
-
-
 def _chosen_points(tracked: np.ndarray) -> np.ndarray:
-    """Points that two photos found, those of the longest tracks if there are too many.
-
-    Among tracks of three and more the choice is even, drawn with a fixed seed: long tracks alone
-    would lie where all photos look.
-    """
+    """Points that two photos found. If there are too many, those of tracks of three and more first,
+    drawn with a fixed seed: the longest alone would lie where all photos look."""
     views = tracked.sum(axis=0)
     chosen = np.flatnonzero(views >= 2)
     if len(chosen) > MOST_POINTS:
@@ -333,11 +304,8 @@ def _chosen_points(tracked: np.ndarray) -> np.ndarray:
 def patch_grids(
     xyz: Float[np.ndarray, "P 3"], tracked: Bool[np.ndarray, "V P"], views: Sequence[View]
 ) -> Float[np.ndarray, "P S 3"]:
-    """Samples of the points' squares in the world; the middle one is the point.
-
-    A square faces the mean direction of the photos that found the point. Its size is such that it
-    has `PATCH_RADIUS` in the middle one of them.
-    """
+    """Samples of the points' squares in the world; the middle one is the point. A square faces the
+    mean direction of the photos that found the point, and has `PATCH_RADIUS` in the middle one."""
     positions = np.array([view.position for view in views])
     focal = np.array([view.focal.mean() for view in views])
     toward = positions[:, None] - xyz[None]
