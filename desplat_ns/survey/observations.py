@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -22,7 +21,7 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from desplat_ns.cores import cores
 from desplat_ns.data.dataset import check_size
 from desplat_ns.data.images import read_image, read_mask, resize_image, resize_mask
-from desplat_ns.data.reconstruction import TRACKS, Tracks
+from desplat_ns.data.reconstruction import TRACKS
 
 LONGEST_SIDE = 400
 """Pixels of the small copies: a face in a crowd is a few of them, and no detail is needed."""
@@ -168,32 +167,6 @@ def small_view(cameras: Cameras, index: int) -> View:
     )
 
 
-@dataclass(frozen=True)
-class Capture:
-    """The training photos of a capture, as they are on disk: not undistorted."""
-
-    cameras: Cameras
-    photos: Sequence[Path]
-    xyz: Float[np.ndarray, "_ 3"]
-    """Points in the cameras' world."""
-    tracks: Tracks | None = None
-    """None where nobody knows which photo observed which point."""
-    masks: Sequence[Path] | None = None
-    """Where each photo may be used, if the capture says so."""
-
-
-def capture_of(outputs: DataparserOutputs) -> Capture:
-    """What a data parser says of the training split."""
-    xyz = outputs.metadata.get("points3D_xyz")
-    return Capture(
-        cameras=outputs.cameras,
-        photos=list(outputs.image_filenames),
-        xyz=np.zeros((0, 3)) if xyz is None else xyz.double().cpu().numpy(),
-        tracks=outputs.metadata.get(TRACKS),
-        masks=outputs.mask_filenames,
-    )
-
-
 @dataclass
 class Observations:
     """What the photos show at the points."""
@@ -229,35 +202,38 @@ class Observations:
     """How many of all points lie before each photo's camera and inside of the photo."""
 
 
-def observe(capture: Capture) -> Observations:
-    """Read the photos, as many at once as there are cores, and sample them at the points.
+def observe(capture: DataparserOutputs) -> Observations:
+    """Read a split's photos as they are on disk, as many at once as there are cores, and sample
+    them at its points.
 
     Raises:
         CaptureError: a photo or mask that cannot be read, or does not fit its camera.
     """
-    count = len(capture.photos)
-    indices = np.linspace(0, count - 1, min(count, MOST_PHOTOS)).round().astype(int).tolist()
+    photos, tracks = capture.image_filenames, capture.metadata.get(TRACKS)
+    given = capture.metadata.get("points3D_xyz")
+    all_xyz = np.zeros((0, 3)) if given is None else given.double().cpu().numpy()
+    count = min(len(photos), MOST_PHOTOS)
+    indices = np.linspace(0, len(photos) - 1, count).round().astype(int).tolist()
     views = [small_view(capture.cameras, index) for index in indices]
     with ThreadPoolExecutor(min(MOST_READERS, cores())) as pool:
-        seen = list(pool.map(lambda view: in_view_of(view, capture.xyz), views))
+        in_view, hidden = zip(*pool.map(lambda view: in_view_of(view, all_xyz), views), strict=True)
         small = list(pool.map(lambda i, view: _read_small(capture, i, view), indices, views))
-    tracked = np.stack([in_view for in_view, _ in seen])
-    if capture.tracks is not None:
+    tracked = np.stack(in_view)
+    if tracks is not None:
         tracked[:] = False
-        for row, observed in zip(tracked, capture.tracks.read(indices), strict=True):
+        for row, observed in zip(tracked, tracks.read(indices), strict=True):
             row[observed.points] = True
-    tracked &= np.isfinite(capture.xyz).all(axis=1)
+    tracked &= np.isfinite(all_xyz).all(axis=1)
     chosen = _chosen_points(tracked)
-    xyz, tracked = capture.xyz[chosen], tracked[:, chosen]
+    xyz, tracked = all_xyz[chosen], tracked[:, chosen]
     grids = patch_grids(xyz, tracked, views)
-    rows = zip(views, small, seen, strict=True)
     sampled = [
-        _sample(view, photo, allowed, xyz, grids, hidden[chosen])
-        for view, (photo, allowed), (_, hidden) in rows
+        _sample(view, photo, allowed, xyz, grids, behind[chosen])
+        for view, (photo, allowed), behind in zip(views, small, hidden, strict=True)
     ]
     places, shown, colors, clipped, structures = map(np.stack, zip(*sampled, strict=True))
     return Observations(
-        names=[str(capture.photos[index].name) for index in indices],
+        names=[photos[index].name for index in indices],
         views=views,
         photos=[photo for photo, _ in small],
         allowed=[allowed for _, allowed in small],
@@ -268,24 +244,27 @@ def observe(capture: Capture) -> Observations:
         colors=colors,
         is_clipped=clipped,
         structures=structures,
-        has_tracks=capture.tracks is not None,
-        is_masked=capture.masks is not None,
-        num_photos=count,
-        all_xyz=capture.xyz,
-        num_in_view=np.array([in_view.sum() for in_view, _ in seen]),
+        has_tracks=tracks is not None,
+        is_masked=capture.mask_filenames is not None,
+        num_photos=len(photos),
+        all_xyz=all_xyz,
+        num_in_view=np.sum(in_view, axis=1),
     )
 
 
-def _read_small(capture: Capture, index: int, view: View) -> tuple[np.ndarray, np.ndarray]:
+def _read_small(
+    capture: DataparserOutputs, index: int, view: View
+) -> tuple[np.ndarray, np.ndarray]:
     """The photo at its view's size, and where it is opaque and not masked."""
-    path, cameras = capture.photos[index], capture.cameras
+    path, cameras = capture.image_filenames[index], capture.cameras
     size = int(cameras.width.reshape(-1)[index]), int(cameras.height.reshape(-1)[index])
     image = read_image(path, size)
     check_size(path, (image.shape[1], image.shape[0]), size)
     image = resize_image(image, view.width, view.height)
     allowed = (image[..., 3:] == 255).all(axis=-1)
-    if capture.masks is not None:
-        allowed &= resize_mask(read_mask(capture.masks[index], size), view.width, view.height)
+    if capture.mask_filenames is not None:
+        mask = read_mask(capture.mask_filenames[index], size)
+        allowed &= resize_mask(mask, view.width, view.height)
     return image[..., :3], allowed
 
 

@@ -20,7 +20,7 @@ from desplat_ns.survey.appearance import (
 )
 from desplat_ns.survey.background import Sky, background_finding, skies_of
 from desplat_ns.survey.findings import Survey
-from desplat_ns.survey.observations import Capture, Observations, capture_of, observe
+from desplat_ns.survey.observations import Observations, observe
 from desplat_ns.survey.photo_light import PhotoLight, fit_light
 
 FILE = "survey.json"
@@ -44,13 +44,13 @@ class Evidence:
     skies: dict[int, Sky]
 
 
-def survey(capture: Capture) -> tuple[Survey, Evidence]:
-    """Look at the training photos and say which effects they call for, and by what.
+def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
+    """Look at the photos of the training split, and say which effects they call for and by what.
 
     Raises:
         CaptureError: no photo, or one that cannot be read or does not fit its camera.
     """
-    if len(capture.photos) == 0:
+    if not capture.image_filenames:
         raise CaptureError(
             "There is no training photo to survey. Check --data and the options of the split."
         )
@@ -137,7 +137,7 @@ def decided_effects(
     Raises:
         CaptureError: no photo, or one that cannot be read or does not fit its camera.
     """
-    findings, _ = survey(capture_of(outputs))
+    findings, _ = survey(outputs)
     decided = effects.decided(effects_of(findings))
     for line in findings.summary():
         announce(line)
