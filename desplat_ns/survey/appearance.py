@@ -12,15 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from desplat_ns.console import list_names
-from desplat_ns.survey.findings import (
-    NO_TRACKS,
-    Confidence,
-    Decision,
-    Figure,
-    Finding,
-    confidence_of,
-    mean_of,
-)
+from desplat_ns.survey.findings import Confidence, Decision, Figure, Finding, confidence_of
 from desplat_ns.survey.observations import Observations
 from desplat_ns.survey.photo_light import FEWEST, PhotoLight, from_middle, robust_spread
 
@@ -123,11 +115,7 @@ def share_by_direction(observations: Observations, steps: Float[np.ndarray, "V P
 def appearance_finding(
     observations: Observations, light: PhotoLight, steps: Float[np.ndarray, "V P"]
 ) -> Finding:
-    """Decide how photos' light is to be explained.
-
-    Args:
-        steps: see `local_steps`.
-    """
+    """Decide how photos' light is to be explained; `steps` are those of `local_steps`."""
     changes = change_of_photos(light)
     known = changes[np.isfinite(changes)]
     middle, top = np.quantile(known, [0.5, 0.9]).tolist() if len(known) else (np.nan, np.nan)
@@ -136,20 +124,17 @@ def appearance_finding(
     largest = Figure("largest_changes", top, "the same, exceeded by a tenth of the photos")
     before, after = robust_spread(light.residual_before), robust_spread(light.residual)
     share = 1 - (after / before) ** 2 if before > 0 else np.nan
-    explained = Figure(
-        "explained", share, "share of the variance between photos that their light explains"
-    )
-    places = mean_of(np.abs(steps[np.isfinite(steps)]) > LOCAL_STEP)
-    by_direction = share_by_direction(observations, steps)
+    what = "share of the variance between photos that their light explains"
+    explained = Figure("explained", share, what)
+    is_off = np.abs(steps[np.isfinite(steps)]) > LOCAL_STEP
+    places = float(is_off.mean()) if is_off.size else np.nan
+    own = places * (1 - share_by_direction(observations, steps))
     what = f"share of places off by more than {LOCAL_STEP:.0%} together with what is near"
-    local = Figure(
-        "local",
-        places * (1 - by_direction),
-        f"{what}, less what photos from nearly the same direction show, too",
-        LOCAL_SHARE,
-    )
+    less = f"{what}, less what photos from nearly the same direction show, too"
+    local = Figure("local", own, less, LOCAL_SHARE)
     figures = (median, largest, local, explained, Figure("places", places, what))
-    unknown = () if observations.has_tracks else (NO_TRACKS,)
+    unknown = ("which photo observed which point: there are no tracks",)
+    unknown *= not observations.has_tracks
     if dark := [n for n, x in zip(observations.names, changes, strict=True) if np.isnan(x)]:
         shown = f"fewer than {FEWEST} known points with values that are not clipped"
         missing = f"the light of {len(dark)} photos that show {shown}: {list_names(dark, 5)}"

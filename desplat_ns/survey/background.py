@@ -10,19 +10,13 @@ Letters in shapes: V photos, R x C cells of one photo, K sky cells of all photos
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from desplat_ns.survey.findings import (
-    Confidence,
-    Decision,
-    Figure,
-    Finding,
-    confidence_of,
-    mean_of,
-)
+from desplat_ns.survey.findings import Confidence, Decision, Figure, Finding, confidence_of
 from desplat_ns.survey.observations import Observations, View
 from desplat_ns.survey.photo_light import FEWEST, LOWEST, PhotoLight, from_middle
 
@@ -125,11 +119,11 @@ def _nothing_above(behind: np.ndarray, up: np.ndarray) -> np.ndarray:
     return is_open
 
 
-@dataclass(frozen=True)
-class SkyColors:
-    """Inner sky cells of all photos, in the light common to them."""
+class SkyColors(NamedTuple):
+    """Sky cells of all photos around which all is sky: their colours are of the sky alone."""
 
     colors: Float[np.ndarray, "K 3"]
+    """In the light common to all photos."""
     photo: Int[np.ndarray, " K"]
     """Number among the photos with sky."""
     direction: Int[np.ndarray, " K"]
@@ -145,8 +139,7 @@ def sky_colors(observations: Observations, light: PhotoLight, skies: dict[int, S
     colors, photo, bins = [np.zeros((0, 3))], [], []
     for row, sky in skies.items():
         padded = cv2.copyMakeBorder(sky.cells.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
-        inner = cv2.erode(padded, np.ones((3, 3), np.uint8))[1:-1, 1:-1]  # all around is sky
-        at = np.nonzero(inner)
+        at = np.nonzero(cv2.erode(padded, np.ones((3, 3), np.uint8))[1:-1, 1:-1])
         if len(at[0]) < FEWEST_CELLS:
             continue
         height, width = sky.cells.shape
@@ -157,46 +150,41 @@ def sky_colors(observations: Observations, light: PhotoLight, skies: dict[int, S
         elevation = np.degrees(np.arcsin(np.clip(toward @ up, -1, 1)))
         bins += (1000 * np.round(azimuth / TURN) + np.round(elevation / RISE)).tolist()
         photo += [row] * len(toward)
-    photo, direction = (
-        np.unique(np.array(number, dtype=int), return_inverse=True)[1].reshape(-1)
-        for number in (photo, bins)
-    )
-    return SkyColors(np.concatenate(colors), photo, direction)
+    numbers = (np.unique(np.array(kind, int), return_inverse=True)[1] for kind in (photo, bins))
+    return SkyColors(np.concatenate(colors), *numbers)
 
 
 def range_by_direction(cells: SkyColors, values: Float[np.ndarray, "K 3"]) -> float:
-    """How far directions differ within photos: 10% to 90% of the area, the widest channel.
-
-    Every photo's own median is taken out, so neither light nor weather of a photo counts. NaN where
-    there is no sky.
-    """
+    """How far directions differ within photos: 10% to 90% of the area, the widest channel; NaN
+    where there is no sky. Every photo's own median is taken out, so neither light nor weather of a
+    photo counts."""
     if len(values) == 0:
         return float("nan")
-    values = values - _medians(values, cells.photo)[cells.photo]
-    middles = _medians(values, cells.direction)[cells.direction]
+    middles = _medians(values - _medians(values, cells.photo), cells.direction)
     low, high = np.quantile(middles, [0.1, 0.9], axis=0)
     return float((high - low).max())
 
 
 def spread_by_photo(cells: SkyColors, values: Float[np.ndarray, "K 3"]) -> float:
     """RMS of a photo's median difference from what all photos show in the same directions: what a
-    quarter of the photos exceed.
-
-    NaN where fewer than `FEWEST_PHOTOS` photos look in any direction.
-    """
-    pairs = np.unique(np.stack([cells.direction, cells.photo]), axis=1)
-    shared = np.bincount(pairs[0])[cells.direction] >= FEWEST_PHOTOS if pairs.size else pairs[0]
-    if not np.any(shared):
+    quarter of the photos exceed; NaN where fewer than `FEWEST_PHOTOS` look in any direction."""
+    if len(values) == 0:
         return float("nan")
-    differences = values - _medians(values, cells.direction)[cells.direction]
+    pairs = np.unique(np.stack([cells.direction, cells.photo]), axis=1)
+    shared = np.bincount(pairs[0])[cells.direction] >= FEWEST_PHOTOS
+    differences = values - _medians(values, cells.direction)
     own = [
         np.median(differences[mine], axis=0)
         for row in range(cells.photo.max() + 1)
         if (mine := (cells.photo == row) & shared).sum() >= FEWEST_CELLS
     ]
-    if not own:
-        return float("nan")
-    return float(np.quantile(np.sqrt(np.mean(np.square(own), axis=1)), 0.75))
+    return float(np.quantile(np.sqrt(np.mean(np.square(own), axis=1)), 0.75)) if own else np.nan
+
+
+def _medians(values: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """For each row the median of the rows with its number."""
+    groups = range(number.max() + 1)
+    return np.array([np.median(values[number == group], axis=0) for group in groups])[number]
 
 
 def background_finding(
@@ -207,10 +195,10 @@ def background_finding(
     Args:
         light_is_local: whether light changes place by place, see `CHROMA_BY_PHOTO`.
     """
-    shares = [float(sky.cells.mean()) for sky in skies.values()]
+    shares = [sky.cells.mean() for sky in skies.values()]
     share = Figure(
         "empty",
-        mean_of(np.array(shares)),
+        float(np.mean(shares)) if shares else np.nan,
         "share of the photos' area, smooth and high up, with no point behind or above it",
         VISIBLE_SHARE,
     )
@@ -267,10 +255,3 @@ def _decided(
         )
         return "sh", sure, reason
     return "constant", sure, f"{sky}, of one colour."
-
-
-def _medians(values: np.ndarray, number: np.ndarray) -> np.ndarray:
-    """Medians of the rows with each number."""
-    return np.array(
-        [np.median(values[number == group], axis=0) for group in range(number.max() + 1)]
-    )

@@ -23,7 +23,7 @@ from desplat_ns.survey.background import BY_PHOTO
 from desplat_ns.survey.findings import CLEAR, Figure, Finding, confidence_of
 from desplat_ns.survey.observations import observe
 from desplat_ns.survey.photo_light import from_middle
-from desplat_ns.survey.picture import evidence_picture
+from desplat_ns.survey.survey import evidence_picture
 from desplat_ns.survey.survey import survey as survey_with_evidence
 from lab.synthetic import DaylightSpec, SceneSpec, make_scene
 from tests.helpers.surveyed import copied, survey
