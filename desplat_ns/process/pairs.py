@@ -9,7 +9,6 @@ Letters in shapes: N photos, F features, D numbers of a descriptor, W words.
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import combinations
 
 import cv2
 import numpy as np
@@ -17,8 +16,6 @@ from jaxtyping import Float32
 
 ALL_PAIRS_UP_TO = 200
 """Photos: 19,900 pairs. Above, pairs by image similarity."""
-TILE = 7
-"""Photos: 49 pairs of 14 photos, as many pairs as are matched in one call."""
 OVERLAP = 10
 """Frames of a video that each is matched with before and after it; then every doubled distance."""
 LOOPS = 5
@@ -29,14 +26,6 @@ SAMPLES = 100_000
 
 Pair = tuple[int, int]
 """Two photos by their places in the list, the smaller first."""
-
-
-def all_pairs(count: int) -> list[Pair]:
-    """Every photo with every other, by tiles of `TILE` by `TILE`, row by row: features are read
-    for some fifty pairs at a time, which are then of two dozen photos and not of fifty."""
-    return sorted(
-        combinations(range(count), 2), key=lambda pair: (pair[0] // TILE, pair[1] // TILE, pair)
-    )
 
 
 def sequential_pairs(count: int) -> list[Pair]:
@@ -66,11 +55,9 @@ def similarities(
     """
     rng = np.random.default_rng(0)
     each = max(1, SAMPLES // max(1, count))
-
-    def some(photo: Float32[np.ndarray, "F D"]) -> Float32[np.ndarray, "_ D"]:
-        return photo[rng.permutation(len(photo))[:each]]
-
-    words = _words(np.concatenate([some(descriptors(i)) for i in range(count)], dtype=np.float32))
+    photos = (descriptors(i) for i in range(count))
+    some = [photo[rng.permutation(len(photo))[:each]] for photo in photos]
+    words = _words(np.concatenate(some, dtype=np.float32))
     vectors = np.stack([_vlad(descriptors(i), words) for i in range(count)])
     return vectors @ vectors.T
 

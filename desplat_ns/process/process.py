@@ -181,6 +181,7 @@ def _make(request: Request, sources: Sources, earlier: dict[str, Any] | None) ->
 
 
 def _run(request: Request, do: Any, *arguments: Any) -> Any:
+    """What a function of pycolmap's side returns, in the worker."""
     return in_worker(request.output / "work", do, *arguments, request.threads or cores())
 
 

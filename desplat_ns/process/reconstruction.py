@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import count
+from itertools import combinations, count
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +25,6 @@ from desplat_ns.files.whole import draft_of
 from desplat_ns.process.pairs import (
     ALL_PAIRS_UP_TO,
     LOOPS,
-    Pair,
-    all_pairs,
     sequential_pairs,
     similar_pairs,
     similarities,
@@ -40,7 +38,7 @@ Count = Callable[[int, int], None]
 
 PHOTOS_AT_ONCE = 2
 """Of each thread in one call: few, so that progress is seen and a kill costs little."""
-PAIRS_AT_ONCE = 50
+PAIRS_AT_ONCE = 200
 """In one call, for the same reason."""
 OFF_OF_SIDE = 0.003
 """Of the longer side: how far a match may be off its epipolar line, and how far apart positions may
@@ -70,12 +68,10 @@ class Recipe:
     """Of each photo, the largest ones."""
     peak_threshold: float
     """Of differences of Gaussians; COLMAP's is 0.0067. Lower finds fainter features."""
-    domain_size_pooling: bool
-    """Descriptors averaged over ten sizes of their patch: slower, and truer on gloss."""
-    affine_shape: bool
-    """Whether the patch of a feature is an ellipse that fits what is seen from aside."""
-    guided: bool
-    """Whether matches are looked for again along the epipolar lines of the first ones."""
+    careful: bool
+    """Whether descriptors are averaged over ten sizes of their patch, which is slower and truer on
+    gloss; patches are ellipses that fit what is seen from aside; and matches are looked for again
+    along the epipolar lines of the first ones."""
     pose_inliers: int
     """Matches that a photo's pose needs at least; COLMAP's is 30."""
     neighbours: int
@@ -85,10 +81,10 @@ class Recipe:
     rays to a point below which it goes, before the last adjustment."""
 
 
-PLAIN = Recipe("plain", 1000, 4096, 0.02 / 3, False, False, False, 30, 20, None)
+PLAIN = Recipe("plain", 1000, 4096, 0.02 / 3, False, 30, 20, None)
 """Enough for most captures: photos with structure, taken close to one another."""
 
-THOROUGH = Recipe("thorough", 0, 8192, 0.002, True, True, True, 15, 40, (2.5, 2.0))
+THOROUGH = Recipe("thorough", 0, 8192, 0.002, True, 15, 40, (2.5, 2.0))
 """For gloss, bare walls and far views. Measured on 44 photos of a glossy thing, of which plain
 features at 960 pixels pose 11 and 12 apart: a lower threshold at full size poses 42, pooling and
 guided matching with a filter at 2.5 pixels and 2 degrees all 44. On ten tourists' photos of 480
@@ -213,8 +209,8 @@ def find_features(
     options.max_image_size = recipe.longest_side or -1
     options.sift.max_num_features = recipe.most_features
     options.sift.peak_threshold = recipe.peak_threshold
-    options.sift.domain_size_pooling = recipe.domain_size_pooling
-    options.sift.estimate_affine_shape = recipe.affine_shape
+    options.sift.domain_size_pooling = recipe.careful
+    options.sift.estimate_affine_shape = recipe.careful
     counts = feature_counts(database)
     missing = [name for name, found in counts.items() if found is None]
     step = PHOTOS_AT_ONCE * threads
@@ -248,41 +244,35 @@ def match_photos(
     are passed over."""
     options = pycolmap.FeatureMatchingOptions()
     options.num_threads = threads
-    options.guided_matching = recipe.guided
-    with pycolmap.Database.open(database) as db:
-        names = sorted(image.name for image in db.read_all_images())
-        side = max(max(camera.width, camera.height) for camera in db.read_all_cameras())
-    verification = pycolmap.TwoViewGeometryOptions()
-    verification.ransac.max_error = min(MOST_ERROR, max(LEAST_ERROR, OFF_OF_SIDE * side))
-    verification.ransac.random_seed = 0
-    verification.filter_stationary_matches = True
-    verification.stationary_matches_max_error = max(LEAST_TOLERANCE, OFF_OF_SIDE * side)
-    chosen = chosen_pairs(database, is_video, recipe)
-    listed = database.with_name("pairs.txt")
-    for start in range(0, len(chosen), PAIRS_AT_ONCE):
-        progress(start, len(chosen))
-        chunk = chosen[start : start + PAIRS_AT_ONCE]
-        listed.write_text("".join(f"{names[a]} {names[b]}\n" for a, b in chunk), "utf8")
-        pairing = pycolmap.ImportedPairingOptions(match_list_path=listed)
-        pycolmap.match_image_pairs(database, options, pairing, verification)
-    progress(len(chosen), len(chosen))
-
-
-def chosen_pairs(database: Path, is_video: bool, recipe: Recipe) -> list[Pair]:
-    """Which photos are matched, by their places in the list of names."""
+    options.guided_matching = recipe.careful
     with pycolmap.Database.open(database) as db:
         images = sorted(db.read_all_images(), key=lambda image: image.name)
-        if not is_video and len(images) <= ALL_PAIRS_UP_TO:
-            return all_pairs(len(images))
+        side = max(max(camera.width, camera.height) for camera in db.read_all_cameras())
 
         def descriptors(index: int) -> np.ndarray:
             data = db.read_descriptors(images[index].image_id).data
             return np.asarray(data, dtype=np.float32).reshape(-1, 128)
 
-        likeness = similarities(len(images), descriptors)
-    if not is_video:
-        return similar_pairs(likeness, recipe.neighbours)
-    return sorted({*sequential_pairs(len(images)), *similar_pairs(likeness, LOOPS)})
+        if is_video:
+            loops = similar_pairs(similarities(len(images), descriptors), LOOPS)
+            chosen = sorted({*sequential_pairs(len(images)), *loops})
+        elif len(images) > ALL_PAIRS_UP_TO:
+            chosen = similar_pairs(similarities(len(images), descriptors), recipe.neighbours)
+        else:
+            chosen = list(combinations(range(len(images)), 2))
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.ransac.max_error = min(MOST_ERROR, max(LEAST_ERROR, OFF_OF_SIDE * side))
+    verification.ransac.random_seed = 0
+    verification.filter_stationary_matches = True
+    verification.stationary_matches_max_error = max(LEAST_TOLERANCE, OFF_OF_SIDE * side)
+    listed = database.with_name("pairs.txt")
+    for start in range(0, len(chosen), PAIRS_AT_ONCE):
+        progress(start, len(chosen))
+        chunk = chosen[start : start + PAIRS_AT_ONCE]
+        lines = (f"{images[a].name} {images[b].name}\n" for a, b in chunk)
+        listed.write_text("".join(lines), "utf8")
+        pairing = pycolmap.ImportedPairingOptions(match_list_path=listed)
+        pycolmap.match_image_pairs(database, options, pairing, verification)
 
 
 def verified_pairs(database: Path) -> tuple[int, list[tuple[str, str, int]]]:

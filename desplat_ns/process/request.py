@@ -135,13 +135,13 @@ def find_sources(photos: Path, output: Path) -> Sources:
     if len(names) >= MIN_PHOTOS:
         return Sources(photos, tuple(names), is_video=False)
     videos = [name for name in files if Path(name).suffix.lower() in VIDEO_SUFFIXES]
-    if videos:
-        raise CaptureError(
-            f"{photos} has {len(names)} photos and {len(videos)} videos ({list_names(videos)}). "
-            f"A video is processed by its own name: desplat-process '{photos / videos[0]}' OUTPUT."
-        )
+    advice = (
+        f"A video is processed by its own name: desplat-process '{photos / videos[0]}' OUTPUT."
+        if videos
+        else f"At least {MIN_PHOTOS} are needed, better 20 and more, from many places "
+        f"({', '.join(sorted(PHOTO_SUFFIXES))}); or the name of a video."
+    )
     raise CaptureError(
         f"{photos} has {len(names)} photos among its {len(files)} files "
-        f"({list_names(names or files, 5)}). At least {MIN_PHOTOS} are needed, better 20 and more, "
-        f"from many places ({', '.join(sorted(PHOTO_SUFFIXES))}); or the name of a video."
+        f"({list_names(videos or names or files, 5)}). {advice}"
     )

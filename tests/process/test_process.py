@@ -19,7 +19,6 @@ from desplat_ns.process import process, video
 from desplat_ns.process.process import LISTED, open_record, report_lines
 from desplat_ns.process.reconstruction import Attempt, Model, Recipe, reconstruct
 from desplat_ns.process.request import Request
-from tests.helpers.other_process import running
 from tests.helpers.yard import CLOSE, EDGE, Yard, places_of, silent, write_mask_of_the_mark
 
 
@@ -220,36 +219,3 @@ def test_the_first_stays_where_the_second_is_interrupted_or_its_photos_are_gone(
         run(thorough)
     assert (thorough.output / "images" / "made").read_text() == "plain"
     assert findings_of(thorough.output)["recipe"] == "plain"
-
-
-AT_WORK = """
-from pathlib import Path
-from desplat_ns.commands.process import run
-from desplat_ns.process import process
-from desplat_ns.process.request import Request
-process.in_worker = lambda *_: wait()
-run(Request(Path({photos!r}), Path({output!r}), threads=1))
-"""
-
-
-@pytest.mark.slow
-def test_a_second_call_is_refused_and_goes_on_once_the_first_was_killed(
-    tmp_path: Path, photo_writer, checkout: Path, monkeypatch: pytest.MonkeyPatch
-):
-    photos, output = tmp_path / "photos", tmp_path / "out"
-    for seed, name in enumerate("abc"):
-        photo_writer(photos / f"{name}.png", 60, 40, seed=seed)
-    request = Request(photos, output, threads=1)
-    code = AT_WORK.format(photos=str(photos), output=str(output))
-    with running(code, checkout) as first:
-        with pytest.raises(ConfigError, match=str(first.pid)):
-            run(request)
-        first.kill()
-        first.wait()
-
-        def nothing_more(*_: object) -> None:
-            raise CaptureError("went on")
-
-        monkeypatch.setattr(process, "in_worker", nothing_more)
-        with pytest.raises(CaptureError, match="went on"):
-            run(request)

@@ -20,7 +20,6 @@ from desplat_ns.process.photos import Camera, group_by_camera
 from desplat_ns.process.reconstruction import (
     LEAST_TOLERANCE,
     PLAIN,
-    Recipe,
     feature_counts,
     find_features,
     map_photos,
@@ -33,8 +32,6 @@ FEW = replace(PLAIN, neighbours=3)
 """With a dozen photos: each is compared with a quarter of the others."""
 EVERY_OTHER = range(0, 12, 2)
 """The views that `marked` shows."""
-ERROR, ANGLE = 1.0, 10.0
-"""Pixels and degrees: stricter than the thorough recipe, so that the yard's points fall short."""
 
 
 def numbers(a: str, b: str) -> tuple[int, int]:
@@ -126,53 +123,6 @@ def test_what_stands_still_in_all_photos_does_not_tie_them(
     still, every = verified_at_equal_places(mine)
     assert still == 0 and every > 0
     assert worst_pose(mine, yard, EVERY_OTHER) < CLOSE
-
-
-# --- what the thorough recipe takes out of a model at the end ------------------------------------
-
-
-def widest_angle(model: pycolmap.Reconstruction, point: pycolmap.Point3D) -> float:
-    """Degrees between those rays to a point that are farthest apart."""
-    images = (model.image(element.image_id) for element in point.track.elements)
-    rays = np.stack([image.projection_center() - point.xyz for image in images])
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    return float(np.degrees(np.arccos(np.clip(rays @ rays.T, -1, 1).min())))
-
-
-def errors(model: pycolmap.Reconstruction, which: pycolmap.Reconstruction) -> np.ndarray:
-    """Pixels by which `model` is off at the observations that `which` has."""
-    off = []
-    for number, point in which.points3D.items():
-        for element in point.track.elements:
-            image = model.image(element.image_id)
-            place = image.project_point(model.point3D(number).xyz)
-            assert place is not None
-            off.append(np.linalg.norm(place - image.point2D(element.point2D_idx).xy))
-    return np.array(off)
-
-
-@pytest.mark.slow
-def test_points_with_narrow_angles_and_observations_far_off_are_gone(
-    plain: Features, tmp_path: Path
-):
-    """One thread and one seed: up to the filter both models are the same."""
-    mine = plain.again(tmp_path)
-    match_photos(mine.database, False, PLAIN, 1, silent)
-
-    def model_of(recipe: Recipe, name: str) -> pycolmap.Reconstruction:
-        found = map_photos(mine.database, mine.copies, tmp_path / name, recipe, 1, silent)
-        return pycolmap.Reconstruction(found[0].folder)
-
-    whole = model_of(PLAIN, "whole")
-    strict = model_of(replace(PLAIN, filtered=(ERROR, ANGLE)), "strict")
-    flat = {i for i, point in whole.points3D.items() if widest_angle(whole, point) < ANGLE}
-    assert flat and strict.num_points3D() > 0 and flat.isdisjoint(strict.points3D)
-    before, after = errors(whole, strict), errors(strict, strict)
-    assert errors(whole, whole).max() > ERROR and before.max() <= ERROR
-    assert (after**2).sum() < (before**2).sum(), "the last adjustment lessens it"
-
-
-# --- calls that are cut off ----------------------------------------------------------------------
 
 
 @pytest.mark.slow

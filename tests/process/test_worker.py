@@ -51,12 +51,6 @@ def test_what_goes_wrong_there_is_an_error_here(do, kind, said, logged, tmp_path
     assert logged in (tmp_path / "work" / LOG).read_text()
 
 
-def test_a_worker_that_ends_before_it_can_write_its_log_is_an_error_like_any_other(tmp_path):
-    (tmp_path / LOG).mkdir()
-    with pytest.raises(DeSplatError):
-        in_worker(tmp_path, fail)
-
-
 def slow(marks: Path, progress: Progress) -> None:
     """Work that tells its process and does not end."""
     (marks / "pid").write_text(str(os.getpid()))
