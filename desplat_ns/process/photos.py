@@ -61,11 +61,6 @@ class Photo:
     problem: str = ""
     """Why it cannot be used; empty where it can."""
 
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height of the copy in pixels."""
-        return self.width, self.height
-
 
 @dataclass(frozen=True)
 class Camera:
@@ -207,7 +202,8 @@ def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
                     f"({photo.width}x{photo.height} as used). Make it of the photo's size."
                 )
             values = white.astype(np.uint8) * 255
-            resized = cv2.resize(values, photo.size, interpolation=cv2.INTER_AREA)
+            size = photo.width, photo.height
+            resized = cv2.resize(values, size, interpolation=cv2.INTER_AREA)
             write_image(copies / f"{photo.copy}.png", resized > 127)
     return sum(path is not None for path in paths.values())
 

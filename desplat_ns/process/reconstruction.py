@@ -154,7 +154,7 @@ def reconstruct(
     place.mkdir(parents=True, exist_ok=True)
     database = place / "database.db"
 
-    def counts(stage: str) -> Count:
+    def counts(stage: str) -> Callable[[int, int], None]:
         return partial(progress, f"{stage} ({recipe.name})")
 
     features = find_features(database, photos, cameras, masks, recipe, threads, counts("features"))

@@ -1,11 +1,10 @@
 """The capture: photos without distortion, the model that goes with them, and a picture of cameras
 and points from above. Runs in the worker.
-
-Letters in shapes: N cameras.
 """
 
 from __future__ import annotations
 
+import io
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,6 +18,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from desplat_ns.console import list_names
+from desplat_ns.files.whole import write_whole
 from desplat_ns.process.photos import JPEG_QUALITY
 from desplat_ns.process.worker import Progress
 
@@ -86,7 +86,7 @@ def draw_from_above(model: pycolmap.Reconstruction, target: Path) -> None:
     """Draw where a model's cameras are, where they look, and its points."""
     images = [model.image(i) for i in model.reg_image_ids()]
     poses = np.array([image.cam_from_world().matrix() for image in images])
-    axes = ground_axes(-poses[:, 1, :3])
+    axes = ground_axes(-poses[:, 1, :3].mean(axis=0), poses[:, 2, :3].mean(axis=0))
     centres = np.array([image.projection_center() for image in images]) @ axes.T
     forwards = poses[:, 2, :3] @ axes.T
     chosen = list(model.points3D.values())[:: max(1, model.num_points3D() // MOST_POINTS)]
@@ -105,10 +105,18 @@ def draw_from_above(model: pycolmap.Reconstruction, target: Path) -> None:
     (left, low_y), (right, high_y) = low - border, high + border
     plot.set(xlim=(left, right), ylim=(low_y, high_y), aspect="equal", title=title)
     plot.set_xlabel("cameras red, each with the direction it looks in; the scale is arbitrary")
-    figure.savefig(target, dpi=110)
+    encoded = io.BytesIO()
+    figure.savefig(encoded, dpi=110, format="png")
+    write_whole(target, encoded.getvalue())
 
 
-def ground_axes(ups: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "2 3"]:
-    """Two directions at right angles to the cameras' mean up, and to each other."""
-    across, ahead = np.linalg.svd(ups.mean(axis=0, keepdims=True))[2][1:]
-    return np.stack([across, ahead])
+def ground_axes(
+    up: Float[np.ndarray, "3"], ahead: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "2 3"]:
+    """Two directions at right angles to up, which need not have length 1: to the right of the way
+    ahead, and ahead on the ground."""
+    right = np.cross(ahead, up)
+    if np.linalg.norm(right) < 0.1:  # cameras look inwards from all around, or straight down
+        right = np.linalg.svd(up[None])[2][1]
+    axes = np.stack([right, np.cross(up, right)])
+    return axes / np.linalg.norm(axes, axis=1, keepdims=True)

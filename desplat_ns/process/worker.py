@@ -40,36 +40,34 @@ def in_worker(work: Path, do: Callable[..., Any], *arguments: Any) -> Any:
     spawned = multiprocessing.get_context("spawn")
     receiver, sender = spawned.Pipe(duplex=False)
     process = spawned.Process(target=_work, args=(sender, log, do, arguments))
-    stage, show, outcome = "", None, ("crash", "")
+    stage, show, kind, content = "", None, "", ""
     with ExitStack() as bar, receiver:
         try:
             process.start()
             sender.close()
-            with suppress(EOFError, OSError):  # it has ended
-                while True:
+            with suppress(EOFError, OSError):  # it has crashed
+                while kind not in ("result", "error"):
                     kind, content = receiver.recv()
-                    if kind != "progress":
-                        outcome = kind, content
-                        continue
-                    if show is None or content[0] != stage:
-                        bar.close()
-                        stage = content[0]
-                        show = bar.enter_context(progress_with_time_left(stage))
-                    show(*content[1:])
+                    if kind == "progress":
+                        if show is None or content[0] != stage:
+                            bar.close()
+                            stage = content[0]
+                            show = bar.enter_context(progress_with_time_left(stage))
+                        show(*content[1:])
             process.join()
         finally:
             if process.pid is not None:
                 process.kill()
                 process.join()
-    kind, content = outcome
     if kind == "result":
         return content
     if isinstance(content, DeSplatError):
         raise content
     if disk_is_full(work):
         raise unwritable(work.parent)
+    said = content if kind == "error" else f"exit code {process.exitcode}"
     raise DeSplatError(
-        f"pycolmap failed during '{stage}' ({content or f'exit code {process.exitcode}'}). What is "
+        f"pycolmap failed during '{stage}' ({said}). What is "
         "done is kept: the same command goes on where it stopped. If that happens again, look at "
         f"{log}; where memory runs out, which exit code -9 may mean, use fewer --threads, or "
         "another folder with a smaller --longest-side."

@@ -74,15 +74,6 @@ def test_two_photos_and_one_call_for_nothing(still: DataparserOutputs):
         assert result.decisions() == OFF
 
 
-def test_photos_that_are_all_alike_call_for_nothing_that_is_seen(
-    still: DataparserOutputs, tmp_path: Path
-):
-    capture = copied(still, tmp_path)
-    for path in capture.image_filenames:
-        write_image(path, np.full((72, 96, 3), 128, np.uint8))
-    assert survey(capture).appearance.decision == "off"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("level", [0, 255])
 def test_a_black_or_white_photo_changes_no_decision_and_is_named(
@@ -182,10 +173,3 @@ def test_photos_of_which_none_shows_what_another_does_take_the_safe_side(still: 
     result = survey(with_points(still, xyz, tracks=alone))
     assert result.decisions() == OFF
     assert result.appearance.confidence == "none"
-
-
-def test_where_no_photo_shows_the_points_there_is_no_sky_to_tell(still: DataparserOutputs):
-    behind = points_of(still) + np.array([0.0, 0.0, 1e4])
-    result = survey(with_points(still, behind, tracks=None))
-    assert result.background.decision == "off"
-    assert result.background.confidence == "none"
