@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from desplat_ns.process.pairs import sequential_pairs, similar_pairs, similarities
 from desplat_ns.process.photos import Photo, group_by_camera, numbered
 from desplat_ns.process.process import left_out
 from desplat_ns.process.reconstruction import (
     PLAIN,
     Attempt,
     Model,
+    sequential_pairs,
+    similar_pairs,
+    similarities,
 )
 from desplat_ns.process.video import Frame, choose
 

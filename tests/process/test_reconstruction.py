@@ -15,7 +15,7 @@ import PIL.Image  # noqa: F401
 import pycolmap
 import pytest
 
-from desplat_ns.process import pairs, reconstruction
+from desplat_ns.process import reconstruction
 from desplat_ns.process.photos import Camera, group_by_camera
 from desplat_ns.process.reconstruction import (
     LEAST_TOLERANCE,
@@ -79,7 +79,7 @@ def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
     yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """There by every other view, back by those between: the last is next to the first."""
-    monkeypatch.setattr(pairs, "OVERLAP", 1)
+    monkeypatch.setattr(reconstruction, "OVERLAP", 1)
     monkeypatch.setattr(reconstruction, "LOOPS", 2)
     order = [*EVERY_OTHER, *(view + 1 for view in reversed(EVERY_OTHER))]
     photos = copied(yard.write(tmp_path / "photos", order), tmp_path / "copies")
@@ -87,7 +87,7 @@ def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
     extract(mine)
     match_photos(mine.database, True, FEW, 1, silent)
     last = len(order) - 1
-    assert (0, last) not in pairs.sequential_pairs(len(order))
+    assert (0, last) not in reconstruction.sequential_pairs(len(order))
     tied = {numbers(a, b) for a, b, _ in verified_pairs(mine.database)[1]}
     assert {(0, last), *((i, i + 1) for i in range(last))} <= tied
 
