@@ -60,14 +60,12 @@ class Arguments:
         from desplat_ns.datamanager import without_prompts
         from desplat_ns.files.whole import draft_of, plain_errors, write_whole
         from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
-        from desplat_ns.survey.observations import capture_of
-        from desplat_ns.survey.picture import evidence_picture
-        from desplat_ns.survey.survey import survey
+        from desplat_ns.survey.survey import evidence_picture, survey
 
         chosen: Any = data_parser("desplat-survey", parser) if parser else DeSplatDataParserConfig()
         chosen.data = self.data
         outputs = without_prompts(chosen).setup().get_dataparser_outputs("train")
-        findings, evidence = survey(capture_of(outputs))
+        findings, evidence = survey(outputs)
         for line in findings.summary(self.verbose):
             announce(line)
         with plain_errors(self.output):

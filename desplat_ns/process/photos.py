@@ -7,29 +7,25 @@ Letters in shapes: H x W pixels.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from statistics import median
+from typing import Any
 
 import cv2
 import numpy as np
 import PIL.Image
-from jaxtyping import Bool, UInt8
+from jaxtyping import UInt8
 
 from desplat_ns.console import list_names
-from desplat_ns.data.images import (
-    lens_of,
-    read_image,
-    read_mask,
-    resize_image,
-    resize_mask,
-    write_image,
-)
+from desplat_ns.data.images import lens_of, read_image, read_mask, resize_image, write_image
 from desplat_ns.data.photo_files import photo_names
 from desplat_ns.errors import CaptureError
+from desplat_ns.files.whole import write_whole
 from desplat_ns.process.request import CameraModel, Cameras
 
 JPEG_QUALITY = 95
@@ -58,8 +54,6 @@ class Photo:
     """Pixels of the copy; 0 where there is none."""
     sharpness: float = 0.0
     """Variance of the Laplacian of grey values of 0 to 255."""
-    digest: str = ""
-    """Of the pixels: equal photos have equal ones."""
     camera: str = ""
     """Make, model, lens and focal length as EXIF gives them; empty where it does not."""
     focal: float = 0.0
@@ -103,9 +97,8 @@ def prepare_photos(
     threads: int,
     progress: Callable[[int, int], None],
 ) -> list[Photo]:
-    """Copy all photos to `copies`, and say of each what was seen.
-
-    What an earlier call copied is not copied again: `copies`/seen.jsonl has a line for each.
+    """Copy all photos to `copies`, and say of each what was seen; what an earlier call copied as a
+    whole is not copied again: `copies`/photos.json says what was seen then.
 
     Args:
         folder: of the sources.
@@ -116,36 +109,27 @@ def prepare_photos(
         OSError: a copy cannot be written.
     """
     copies.mkdir(parents=True, exist_ok=True)
-    journal = copies / "seen.jsonl"
-    known = {photo.source: photo for photo in _read_seen(journal)}
-
-    def prepared(photo: Photo) -> Photo:
-        return known.get(photo.source) or _prepare(folder, photo, copies, longest_side)
-
-    first: dict[str, str] = {}
-    photos = []
-    with ThreadPoolExecutor(threads) as pool, journal.open("a", encoding="utf8") as file:
-        for photo in pool.map(prepared, numbered(sources)):
-            if photo.source not in known:
-                file.write("\n" + json.dumps(asdict(photo)))  # a line that was cut off ends here
-                file.flush()
-            twin = first.setdefault(photo.digest, photo.source) if photo.digest else photo.source
-            if twin != photo.source:
-                photo = replace(photo, problem=f"the same picture as {twin}")
-            photos.append(photo)
-            progress(len(photos), len(sources))
-    return photos
+    record, photos = copies / "photos.json", numbered(sources)
+    if record.is_file():
+        seen = json.loads(record.read_text("utf8"))
+    else:
+        seen, first = [], {}
+        with ThreadPoolExecutor(threads) as pool:
+            for facts in pool.map(lambda photo: _copy(folder, photo, copies, longest_side), photos):
+                source = photos[len(seen)].source
+                twin = first.setdefault(facts.pop("digest", source), source)
+                if twin != source:
+                    facts = {"problem": f"the same picture as {twin}"}
+                seen.append(facts)
+                progress(len(seen), len(sources))
+        write_whole(record, json.dumps(seen).encode())
+    # names are not taken from the record: in somebody else's folder they may lead out of it
+    names = [{"source": p.source, "name": p.name, "copy": p.copy} for p in photos]
+    return [Photo(**{**facts, **name}) for name, facts in zip(names, seen, strict=True)]
 
 
-def _read_seen(path: Path) -> Iterable[Photo]:
-    for line in path.read_text("utf8").splitlines() if path.is_file() else ():
-        try:
-            yield Photo(**json.loads(line))
-        except (ValueError, TypeError):
-            continue  # an empty line, or one that a kill cut off
-
-
-def _prepare(folder: Path, photo: Photo, copies: Path, longest_side: int) -> Photo:
+def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> dict[str, Any]:
+    """Write the copy; fields of `Photo`, and a digest of the pixels where it can be used."""
     path = folder / photo.source
     try:
         pixels = np.ascontiguousarray(read_image(path)[..., :3])
@@ -153,21 +137,21 @@ def _prepare(folder: Path, photo: Photo, copies: Path, longest_side: int) -> Pho
         # Without the path, which is said beside it, and without advice.
         _, _, reason = str(error).partition(" cannot be read: ")
         reason = f"cannot be read: {reason.partition('. Copy it')[0]}" if reason else str(error)
-        return replace(photo, problem=reason)
+        return {"problem": reason}
     scale = min(1.0, longest_side / max(pixels.shape[:2]))
     height, width = (max(1, round(side * scale)) for side in pixels.shape[:2])
     pixels = resize_image(pixels, width, height)
-    write_jpeg(copies / photo.copy, pixels)
-    lens = lens_of(path)
-    return replace(
-        photo,
-        width=width,
-        height=height,
-        sharpness=round(sharpness(pixels), 2),
-        digest=hashlib.sha1(pixels.tobytes()).hexdigest(),
-        camera=lens.name,
-        focal=round(lens.focal_35mm / FILM_DIAGONAL * float(np.hypot(width, height)), 2),
-    )
+    encoded, lens = io.BytesIO(), lens_of(path)
+    PIL.Image.fromarray(pixels).save(encoded, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+    write_whole(copies / photo.copy, encoded.getvalue())
+    return {
+        "width": width,
+        "height": height,
+        "sharpness": round(sharpness(pixels), 2),
+        "digest": hashlib.sha1(pixels.tobytes()).hexdigest(),
+        "camera": lens.name,
+        "focal": round(lens.focal_35mm / FILM_DIAGONAL * float(np.hypot(width, height)), 2),
+    }
 
 
 def sharpness(pixels: UInt8[np.ndarray, "H W 3"]) -> float:
@@ -177,17 +161,6 @@ def sharpness(pixels: UInt8[np.ndarray, "H W 3"]) -> float:
     if scale < 1:
         grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     return float(cv2.Laplacian(grey, cv2.CV_64F).var())
-
-
-def write_jpeg(path: Path, pixels: UInt8[np.ndarray, "H W 3"]) -> None:
-    """Write a photo at `JPEG_QUALITY`, with colour at full resolution; never half of it.
-
-    Raises:
-        OSError: it cannot be written.
-    """
-    part = path.with_suffix(".part")
-    PIL.Image.fromarray(pixels).save(part, "JPEG", quality=JPEG_QUALITY, subsampling=0)
-    part.replace(path)
 
 
 def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
@@ -204,41 +177,35 @@ def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
     Raises:
         CaptureError: none has one, or one has another shape than its photo, or cannot be read.
     """
-    there = {} if mask.is_file() else {_stem(name): mask / name for name in photo_names(mask)}
+    names = [] if mask.is_file() else photo_names(mask)
+    there = {str(PurePosixPath(name).with_suffix("")).lower(): mask / name for name in names}
     paths = {
         photo: mask
         if mask.is_file()
-        else there.get(photo.source.lower()) or there.get(_stem(photo.source))
+        else there.get(photo.source.lower())
+        or there.get(str(PurePosixPath(photo.source).with_suffix("")).lower())
         for photo in photos
     }
     if not any(paths.values()):
         raise CaptureError(
-            f"No mask in {mask} belongs to a photo (it has {list_names(there, 5)}). "
+            f"No mask in {mask} belongs to a photo (it has {list_names(names, 5)}). "
             f"Needed are files named as the photos: {Path(photos[0].source).stem}.png for "
             f"{photos[0].source}; or name one picture that is the mask of all."
         )
-    copies.mkdir(parents=True, exist_ok=True)
     for photo, path in paths.items():
         if path is not None:
-            write_image(copies / f"{photo.copy}.png", _of_size(read_mask(path), photo, path))
+            white = read_mask(path)
+            height, width = white.shape
+            if abs(width / height - photo.width / photo.height) > 0.02 * width / height:
+                raise CaptureError(
+                    f"Mask {path} has {width}x{height} pixels, {photo.source} is of another shape "
+                    f"({photo.width}x{photo.height} as used). Make it of the photo's size."
+                )
+            values = white.astype(np.uint8) * 255
+            size = photo.width, photo.height
+            resized = cv2.resize(values, size, interpolation=cv2.INTER_AREA)
+            write_image(copies / f"{photo.copy}.png", resized > 127)
     return sum(path is not None for path in paths.values())
-
-
-def _stem(name: str) -> str:
-    return str(PurePosixPath(name).with_suffix("")).lower()
-
-
-def _of_size(mask: Bool[np.ndarray, "H W"], photo: Photo, path: Path) -> Bool[np.ndarray, "h w"]:
-    height, width = mask.shape
-    if abs(width / height - photo.width / photo.height) > 0.02 * width / height:
-        raise CaptureError(
-            f"Mask {path} has {width}x{height} pixels, {photo.source} is of another shape "
-            f"({photo.width}x{photo.height} as used). Make it of the photo's size."
-        )
-    if width < photo.width:
-        size = photo.width, photo.height
-        return cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
-    return resize_mask(mask, photo.width, photo.height)
 
 
 def group_by_camera(photos: Sequence[Photo], cameras: Cameras, model: CameraModel) -> list[Camera]:
@@ -266,16 +233,16 @@ def group_by_camera(photos: Sequence[Photo], cameras: Cameras, model: CameraMode
         elif cameras == "folder":
             key += (folder,)
         groups.setdefault(key, []).append(photo)
-    return [_camera(group, model) for group in groups.values()]
-
-
-def _camera(photos: Sequence[Photo], model: CameraModel) -> Camera:
-    fitting = next(name for least, name in TERMS if len(photos) >= least)
-    known = [photo.focal for photo in photos if photo.focal]
-    return Camera(
-        model=fitting if model == "auto" else model,
-        width=photos[0].width,
-        height=photos[0].height,
-        focal=median(known) if known else 0.0,
-        copies=tuple(photo.copy for photo in photos),
-    )
+    cameras_found = []
+    for group in groups.values():
+        fitting = next(name for least, name in TERMS if len(group) >= least)
+        known = [photo.focal for photo in group if photo.focal]
+        found = Camera(
+            model=fitting if model == "auto" else model,
+            width=group[0].width,
+            height=group[0].height,
+            focal=median(known) if known else 0.0,
+            copies=tuple(photo.copy for photo in group),
+        )
+        cameras_found.append(found)
+    return cameras_found

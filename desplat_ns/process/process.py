@@ -12,25 +12,29 @@ The work folder shows what is done: copies, features in a database, models.
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from time import monotonic
 from typing import Any
 
 from desplat_ns.console import announce, list_names, progress_with_time_left
+from desplat_ns.cores import cores
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.files.whole import IN_USE, only_process_in, write_whole
 from desplat_ns.process.photos import Photo, group_by_camera, prepare_masks, prepare_photos
-from desplat_ns.process.reconstruction import PLAIN, THOROUGH, Attempt, Recipe, reconstruct
-from desplat_ns.process.request import MIN_PHOTOS, Request, Sources, option_of
+from desplat_ns.process.reconstruction import FEW, PLAIN, THOROUGH, Attempt, Recipe, reconstruct
+from desplat_ns.process.request import MIN_PHOTOS, Request, Sources
 from desplat_ns.process.undistortion import undistort
 from desplat_ns.process.worker import in_worker, unwritable
 
 RECORD = "process.json"
 LISTED = 20
 """Reasons that are told, each with the first photos it holds for; process.json has all."""
+FEW_PHOTOS = 8
+"""Below which it is said that they are few."""
 BLURRED = 0.25
 """Of the median sharpness of the photos that have a pose."""
 FEW_FEATURES = 0.1
@@ -43,13 +47,14 @@ def process(request: Request, sources: Sources) -> None:
     Raises:
         ConfigError: the output folder holds something else, or was begun with other options, or
             another process is at work in it.
-        CaptureError: too few photos can be used, or nothing ties them together.
+        CaptureError: too few photos can be used, or nothing ties them together. Nothing is left.
         DeSplatError: the disk is full, or pycolmap failed. What is done is kept.
     """
     output = request.output
     with only_process_in(output):
+        record: dict[str, Any] = {}
         try:
-            record = open_record(output, request.lasting(), sources.fingerprint())
+            record = open_record(output, {**request.lasting(), **sources.sizes()})
             findings = record.get("findings")
             may_be_thorough = findings is not None and THOROUGH.name not in findings["tried"]
             if findings is None or (may_be_thorough and request.effort == "thorough"):
@@ -59,12 +64,17 @@ def process(request: Request, sources: Sources) -> None:
                 thorough = "To try the thorough way on it, type the same with --effort thorough. "
                 announce(
                     f"{output} is made already. {thorough * may_be_thorough}To make it anew, remove"
-                    f" it first: rm -r '{output}'."
+                    f" it first: rm -r {shlex.quote(str(output))}."
                 )
+        except CaptureError:
+            if record and "findings" not in record:  # other photos may be tried in the folder
+                shutil.rmtree(output / "work", ignore_errors=True)
+                (output / RECORD).unlink()
+            raise
         except OSError as error:
             raise unwritable(output, error) from error
         for line in report_lines(output, findings):
-            announce(line)
+            announce(line, warning=line.startswith("Warning"))
         if not request.keep_work:
             shutil.rmtree(output / "work", ignore_errors=True)
 
@@ -72,13 +82,12 @@ def process(request: Request, sources: Sources) -> None:
 # --- the record ----------------------------------------------------------------------------------
 
 
-def open_record(output: Path, asked: Mapping[str, str], files: Mapping[str, int]) -> dict[str, Any]:
+def open_record(output: Path, asked: Mapping[str, str]) -> dict[str, Any]:
     """The record of a new folder, or of one in which a call with the same photos and options was at
-    work: `asked`, `files` and, where the capture is made, `findings`.
+    work: `asked` and, where the capture is made, `findings`.
 
     Args:
-        asked: the options that decide what comes out.
-        files: the sources and their sizes in bytes.
+        asked: what decides what comes out: options, and sources with their sizes.
 
     Raises:
         ConfigError: something else lies there, or other photos or options were processed there.
@@ -92,43 +101,37 @@ def open_record(output: Path, asked: Mapping[str, str], files: Mapping[str, int]
                 f"{output} holds something else: {list_names(entries, 5)}. Nothing is written "
                 "over: name a new or an empty folder."
             )
-        record = {"asked": asked, "files": files}
-        _write_record(output, record)
-        return record
+        _write_record(output, {"asked": asked})
+        return {"asked": asked}
+    if links := [place.name for place in output.rglob("*") if place.is_symlink()]:
+        raise ConfigError(
+            f"{output} has links ({list_names(links, 5)}), through which nothing is written. Name "
+            "another folder."
+        )
     try:
         record = json.loads(path.read_text("utf8"))
-        changes = _changes(record["asked"], asked, record["files"], files)
+        had = dict(record["asked"])
+        if (findings := record.get("findings")) is not None:
+            report_lines(output, findings)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ConfigError(
             f"{path} cannot be read ({error}). Remove {output} to begin anew, or name another "
             "folder."
         ) from error
+    names = dict.fromkeys([*asked, *had])
+    changes = [
+        f"{name} was {had.get(name, 'not there')} and is {asked.get(name, 'not there')}"
+        for name in names
+        if had.get(name) != asked.get(name)
+    ]
     if changes:
         raise ConfigError(
-            f"{output} was begun with other photos or options: {'; '.join(changes)}. Give the same "
-            f"to go on with it, name another folder, or remove {output} to begin anew."
+            f"{output} was begun with other photos or options: {list_names(changes, 5)}. Give the "
+            f"same to go on with it, name another folder, or remove {output} to begin anew."
         )
-    if "findings" not in record:
+    if findings is None:
         announce(f"Going on in {output}.")
     return record
-
-
-def _changes(
-    was: Mapping[str, str], asked: Mapping[str, str], had: Mapping[str, int], has: Mapping[str, int]
-) -> list[str]:
-    changes = [
-        f"{option_of(name)} was {was.get(name)} and is {value}"
-        for name, value in asked.items()
-        if was.get(name) != value
-    ]
-    for what, names in (
-        ("are new", has.keys() - had.keys()),
-        ("are gone", had.keys() - has.keys()),
-        ("have changed", {name for name in has.keys() & had.keys() if has[name] != had[name]}),
-    ):
-        if names:
-            changes.append(f"{len(names)} files {what} ({list_names(sorted(names), 3)})")
-    return changes
 
 
 def _write_record(output: Path, record: Mapping[str, Any]) -> None:
@@ -144,7 +147,7 @@ def _make(request: Request, sources: Sources, earlier: dict[str, Any] | None) ->
     begin, output = monotonic(), request.output
     if earlier:
         announce(f"{output} is made from plain features. Once more, thoroughly.")
-    photos = _usable_photos(request, sources, earlier is not None)
+    photos = _usable_photos(request, sources)
     best, tried = _best_attempt(request, sources.is_video, photos)
     if earlier and (earlier["photos"], earlier["observations"]) >= best.score:
         announce(f"That poses {best.score[0]} photos, no more: {output} stays.")
@@ -178,10 +181,11 @@ def _make(request: Request, sources: Sources, earlier: dict[str, Any] | None) ->
 
 
 def _run(request: Request, do: Any, *arguments: Any) -> Any:
-    return in_worker(request.output / "work", do, *arguments, request.num_threads)
+    """What a function of pycolmap's side returns, in the worker."""
+    return in_worker(request.output / "work", do, *arguments, request.threads or cores())
 
 
-def _usable_photos(request: Request, sources: Sources, is_made: bool) -> list[Photo]:
+def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
     """Copy the photos, or the frames of a video, and say which cannot be used.
 
     Raises:
@@ -195,15 +199,12 @@ def _usable_photos(request: Request, sources: Sources, is_made: bool) -> list[Ph
         folder = work / "frames"
         with progress_with_time_left("Video") as show:
             names = take_frames(sources.folder / names[0], folder, request.frames, show)
-    side, threads = request.longest_side, request.num_threads
+    side, threads = request.longest_side, request.threads or cores()
     with progress_with_time_left("Photos") as show:
         photos = prepare_photos(folder, names, work / "photos", side, threads, show)
     problems = [f"{photo.source} ({photo.problem})" for photo in photos if photo.problem]
     good = [photo for photo in photos if not photo.problem]
     if len(good) < MIN_PHOTOS:
-        if not is_made:  # nothing that a second call could use
-            shutil.rmtree(work, ignore_errors=True)
-            (request.output / RECORD).unlink(missing_ok=True)
         raise CaptureError(
             f"{len(good)} of {len(photos)} photos can be used; at least {MIN_PHOTOS} are needed. "
             f"Not used: {list_names(problems, 5)}."
@@ -228,23 +229,10 @@ def _best_attempt(
         if count < len(photos):
             unmasked = f"{len(photos) - count} of {len(photos)} photos have no mask"
             announce(f"{unmasked} in {request.mask}.", warning=True)
-    pairing = "sequential" if is_video and request.matching == "auto" else request.matching
 
     def attempt(recipe: Recipe) -> Attempt:
-        arguments = (work / recipe.name, work / "photos", cameras, masks, pairing, recipe)
-        found = _run(request, reconstruct, *arguments)
-        if found.stationary.is_suspicious:
-            left, top, right, bottom = found.stationary.box
-            announce(
-                f"{found.stationary.share:.0%} of the matches sit at equal pixel positions in both "
-                f"photos, most of them {left:.0%} to {right:.0%} from the left and {top:.0%} to "
-                f"{bottom:.0%} from the top: something stands still in the picture (a watermark, a "
-                "dashboard, a selfie stick), or the camera does. Those matches are left out."
-                + " To keep features off it: --mask PICTURE, black where it is."
-                * (masks is None),
-                warning=True,
-            )
-        return found
+        place, copies = work / recipe.name, work / "photos"
+        return _run(request, reconstruct, place, copies, cameras, masks, is_video, recipe)
 
     if request.effort == "thorough":
         return attempt(THOROUGH), [THOROUGH.name]
@@ -305,28 +293,37 @@ def left_out(photos: Sequence[Photo], attempt: Attempt) -> list[dict[str, str]]:
     return [{"source": p.source, "reason": reason(p)} for p in photos if p.copy not in posed]
 
 
-def report_lines(output: Path, findings: Mapping[str, Any]) -> Iterator[str]:
-    """The report of a capture that is made."""
-    yield (
-        f"{findings['photos']} of {findings['of']} photos have a pose, "
-        f"{findings['points']} points, mean reprojection error {findings['error']:.2f} pixels "
-        f"({findings['recipe']} features, {findings['seconds']:.0f} s)."
-    )
+def report_lines(output: Path, findings: Mapping[str, Any]) -> list[str]:
+    """What is said of a capture that is made."""
+    photos, points = findings["photos"], findings["points"]
+    lines = [
+        f"{photos} of {findings['of']} photos have a pose, {points} points, mean reprojection "
+        f"error {findings['error']:.2f} pixels ({findings['recipe']} features, "
+        f"{findings['seconds']:.0f} s)."
+    ]
     if findings["others"]:
         sizes = " and ".join(str(size) for size in findings["others"])
-        yield (
+        lines.append(
             f"The photos fell into {len(findings['others']) + 1} models that could not be joined; "
-            f"the largest is taken, with {findings['photos']} photos (the others have {sizes})."
+            f"the largest is taken, with {photos} photos (the others have {sizes})."
         )
     reasons = _by_reason(findings["left_out"])
     if reasons:
-        yield f"Left out, with the probable reason (all are in {output / RECORD}):"
-    yield from (f"  {list_names(sources)}: {reason}" for reason, sources in reasons[:LISTED])
+        lines.append(f"Left out, with the probable reason (all are in {output / RECORD}):")
+    lines += [f"  {list_names(sources)}: {reason}" for reason, sources in reasons[:LISTED]]
     if rest := reasons[LISTED:]:
         count = sum(len(sources) for _, sources in rest)
-        yield f"  and {count} more photos, for {len(rest)} other reasons"
-    yield f"Cameras and points from above: {output / 'cameras.png'}"
-    yield f"Train with: ns-train desplat --data '{output}'"
+        lines.append(f"  and {count} more photos, for {len(rest)} other reasons")
+    if photos < FEW_PHOTOS or findings["observations"] < FEW * photos:
+        lines.append(
+            f"Warning: {photos} photos with {points} points are few; poses may be off, and what "
+            f"moves is hardly told from what stays. Take at least {FEW_PHOTOS} photos, better 20, "
+            "that overlap by two thirds."
+        )
+    lines.append(f"Cameras and points from above: {output / 'cameras.png'}")
+    folder = shlex.quote(str(output))
+    lines.append(f"Train with: ns-train desplat --data {folder} --timestamp run --vis tensorboard")
+    return lines
 
 
 def _by_reason(missing: Sequence[Mapping[str, str]]) -> list[tuple[str, list[str]]]:

@@ -2,31 +2,35 @@
 
 COLMAP's database and models are the record of what is done: what is in them is not done again.
 Where the camera moves, the scene moves in the picture, and what stays is fixed to the camera: a
-watermark, a dashboard, the photographer's stick. Matches at equal pixel positions tie photos that
-share nothing. Letters in shapes: M matches.
+watermark, a dashboard, the photographer's stick. Matches at equal pixel positions, which would tie
+photos that share nothing, are left out.
+
+How alike photos look follows from their features alone, by VLAD (Jégou et al., Aggregating Local
+Descriptors into a Compact Image Representation, CVPR 2010): the features of a photo are summed up
+as their differences from the nearest of a few words, which are learned from the same photos.
+Letters in shapes: N photos, F features, D numbers of a descriptor, W words.
 """
 
 from __future__ import annotations
 
-import json
-import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import combinations, count
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 # PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
 import PIL.Image  # noqa: F401
 import pycolmap
-from jaxtyping import Bool, Float
+from jaxtyping import Float32
 
 from desplat_ns.errors import CaptureError
-from desplat_ns.files.whole import write_whole
-from desplat_ns.process import pairs
+from desplat_ns.files.whole import draft_of
 from desplat_ns.process.photos import Camera
-from desplat_ns.process.request import MIN_PHOTOS, Pairing
+from desplat_ns.process.request import MIN_PHOTOS
 from desplat_ns.process.worker import Progress
 
 Count = Callable[[int, int], None]
@@ -34,10 +38,17 @@ Count = Callable[[int, int], None]
 
 PHOTOS_AT_ONCE = 2
 """Of each thread in one call: few, so that progress is seen and a kill costs little."""
-PAIRS_AT_ONCE = 50
+PAIRS_AT_ONCE = 200
 """In one call, for the same reason."""
-PAIRS_LOOKED_AT = 1000
-"""For matches at equal positions."""
+ALL_PAIRS_UP_TO = 200
+"""Photos: 19,900 pairs. Above, pairs by image similarity."""
+OVERLAP = 10
+"""Frames of a video that each is matched with before and after it; then every doubled distance."""
+LOOPS = 5
+"""Of a video's frames further away, so many that look most alike."""
+WORDS = 64
+SAMPLES = 100_000
+"""Features that the words are learned from, at most."""
 OFF_OF_SIDE = 0.003
 """Of the longer side: how far a match may be off its epipolar line, and how far apart positions may
 be that count as equal. 5 pixels of 1600."""
@@ -46,13 +57,16 @@ LEAST_ERROR, MOST_ERROR = 1.5, 4.0
 not the same, and focal lengths of ten tourists' photos came out at half of what they are."""
 LEAST_TOLERANCE = 2.0
 """Pixels between equal positions, for small photos."""
-SUSPICIOUS = 0.3
-"""Share of all verified matches at equal positions from which on they are left out."""
 SEED = 1
 """Of COLMAP's random numbers: the same photos give the same poses on one thread."""
+MANY = 100
+"""Matches of two photos that do not come about by chance."""
 FEW = 200
 """Observations of each photo on average below which poses are not relied on: with 130 the centres
 of ten tourists' photos were off by percents of the scene's extent, with 700 by a thousandth."""
+
+Pair = tuple[int, int]
+"""Two photos by their places in the list, the smaller first."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +80,10 @@ class Recipe:
     """Of each photo, the largest ones."""
     peak_threshold: float
     """Of differences of Gaussians; COLMAP's is 0.0067. Lower finds fainter features."""
-    domain_size_pooling: bool
-    """Descriptors averaged over ten sizes of their patch: slower, and truer on gloss."""
-    affine_shape: bool
-    """Whether the patch of a feature is an ellipse that fits what is seen from aside."""
-    guided: bool
-    """Whether matches are looked for again along the epipolar lines of the first ones."""
+    careful: bool
+    """Whether descriptors are averaged over ten sizes of their patch, which is slower and truer on
+    gloss; patches are ellipses that fit what is seen from aside; and matches are looked for again
+    along the epipolar lines of the first ones."""
     pose_inliers: int
     """Matches that a photo's pose needs at least; COLMAP's is 30."""
     neighbours: int
@@ -81,29 +93,14 @@ class Recipe:
     rays to a point below which it goes, before the last adjustment."""
 
 
-PLAIN = Recipe("plain", 1000, 4096, 0.02 / 3, False, False, False, 30, 20, None)
+PLAIN = Recipe("plain", 1000, 4096, 0.02 / 3, False, 30, 20, None)
 """Enough for most captures: photos with structure, taken close to one another."""
 
-THOROUGH = Recipe("thorough", 0, 8192, 0.002, True, True, True, 15, 40, (2.5, 2.0))
+THOROUGH = Recipe("thorough", 0, 8192, 0.002, True, 15, 40, (2.5, 2.0))
 """For gloss, bare walls and far views. Measured on 44 photos of a glossy thing, of which plain
 features at 960 pixels pose 11 and 12 apart: a lower threshold at full size poses 42, pooling and
 guided matching with a filter at 2.5 pixels and 2 degrees all 44. On ten tourists' photos of 480
 pixels pooling without affine shapes poses 7; with both all ten, within 1% of the known centres."""
-
-
-@dataclass(frozen=True)
-class Stationary:
-    """Verified matches at equal pixel positions in both photos."""
-
-    share: float
-    """Of all that were looked at."""
-    box: Sequence[float] = ()
-    """Left, top, right and bottom of nine tenths of them, as shares of width and height."""
-
-    @property
-    def is_suspicious(self) -> bool:
-        """Whether they are so many that they are left out."""
-        return self.share >= SUSPICIOUS
 
 
 @dataclass(frozen=True)
@@ -130,7 +127,6 @@ class Attempt:
     """Of each copy."""
     pairs: Sequence[tuple[str, str, int]]
     """Names of two copies and the number of their verified matches, where there are any."""
-    stationary: Stationary
 
     @property
     def score(self) -> tuple[int, int]:
@@ -150,7 +146,7 @@ def reconstruct(
     photos: Path,
     cameras: Sequence[Camera],
     masks: Path | None,
-    pairing: Pairing,
+    is_video: bool,
     recipe: Recipe,
     threads: int,
     progress: Progress,
@@ -158,11 +154,11 @@ def reconstruct(
     """Find poses of photos by a recipe; goes on where an earlier call was stopped.
 
     Args:
-        place: a folder for this recipe: database.db with features and matches, matching.json once
-            all pairs are matched, models once there are poses.
+        place: a folder for this recipe: database.db with features and matches, models once there
+            are poses.
         photos: folder of the copies.
         masks: folder with COPY.png, or None.
-        pairing: which pairs are matched.
+        is_video: whether photos follow each other as frames do.
 
     Raises:
         CaptureError: the camera stands still.
@@ -170,13 +166,13 @@ def reconstruct(
     place.mkdir(parents=True, exist_ok=True)
     database = place / "database.db"
 
-    def counts(stage: str) -> Count:
+    def counts(stage: str) -> Callable[[int, int], None]:
         return partial(progress, f"{stage} ({recipe.name})")
 
     features = find_features(database, photos, cameras, masks, recipe, threads, counts("features"))
-    stationary = match_photos(database, pairing, recipe, threads, counts("matching"))
-    verified = verified_pairs(database)
-    if stationary.is_suspicious and len(verified) < MIN_PHOTOS - 1:
+    match_photos(database, is_video, recipe, threads, counts("matching"))
+    matched, verified = verified_pairs(database)
+    if matched >= MIN_PHOTOS > len(verified) + 1:
         raise CaptureError(
             "The camera does not move: matches between photos sit at equal pixel positions, and "
             "without those hardly any are left. Depth is seen from different places only: walk "
@@ -184,7 +180,7 @@ def reconstruct(
             "that matches, the photos share no place."
         )
     models = map_photos(database, photos, place / "models", recipe, threads, counts("mapping"))
-    return Attempt(recipe, models, features, verified, stationary)
+    return Attempt(recipe, models, features, verified)
 
 
 # --- features ------------------------------------------------------------------------------------
@@ -201,11 +197,22 @@ def find_features(
 ) -> dict[str, int]:
     """Enter cameras, photos and their SIFT features; photos that have them already are passed over.
 
+    A camera starts with EXIF's focal length, or with COLMAP's guess, 1.2 times the longer side.
+
     Returns:
         The number of features of each copy.
     """
+    entered = feature_counts(database).keys()
     for camera in cameras:
-        _enter(database, photos, camera)
+        if not entered >= set(camera.copies):
+            reader = pycolmap.ImageReaderOptions(camera_model=camera.model)
+            if camera.focal:
+                start = pycolmap.Camera.create_from_model_name(
+                    0, camera.model, camera.focal, camera.width, camera.height
+                )
+                reader.camera_params = ",".join(map(repr, map(float, start.params)))
+            mode, copies = pycolmap.CameraMode.SINGLE, list(camera.copies)
+            pycolmap.import_images(database, photos, mode, copies, reader)
     reader = pycolmap.ImageReaderOptions()
     if masks is not None:
         reader.mask_path = masks
@@ -214,10 +221,10 @@ def find_features(
     options.max_image_size = recipe.longest_side or -1
     options.sift.max_num_features = recipe.most_features
     options.sift.peak_threshold = recipe.peak_threshold
-    options.sift.domain_size_pooling = recipe.domain_size_pooling
-    options.sift.estimate_affine_shape = recipe.affine_shape
+    options.sift.domain_size_pooling = recipe.careful
+    options.sift.estimate_affine_shape = recipe.careful
     counts = feature_counts(database)
-    missing = [name for name, count in counts.items() if count is None]
+    missing = [name for name, found in counts.items() if found is None]
     step = PHOTOS_AT_ONCE * threads
     for start in range(0, len(missing), step):
         progress(len(counts) - len(missing) + start, len(counts))
@@ -225,8 +232,7 @@ def find_features(
         pycolmap.extract_features(
             database, photos, names, reader_options=reader, extraction_options=options
         )
-    progress(len(counts), len(counts))
-    return {name: count or 0 for name, count in feature_counts(database).items()}
+    return {name: found or 0 for name, found in feature_counts(database).items()}
 
 
 def feature_counts(database: Path) -> dict[str, int | None]:
@@ -240,157 +246,116 @@ def feature_counts(database: Path) -> dict[str, int | None]:
         }
 
 
-def _enter(database: Path, photos: Path, camera: Camera) -> None:
-    """The camera and its photos, with the focal length to start from: EXIF's, or COLMAP's guess,
-    which is 1.2 times the longer side."""
-    with pycolmap.Database.open(database) as db:
-        known = {image.name for image in db.read_all_images()}
-    if known.issuperset(camera.copies):
-        return
-    options = pycolmap.ImageReaderOptions(camera_model=camera.model)
-    if camera.focal:
-        start = pycolmap.Camera.create_from_model_name(
-            0, camera.model, camera.focal, camera.width, camera.height
-        )
-        options.camera_params = ",".join(map(repr, map(float, start.params)))
-    pycolmap.import_images(
-        database, photos, pycolmap.CameraMode.SINGLE, list(camera.copies), options
-    )
-
-
 # --- matches -------------------------------------------------------------------------------------
 
 
 def match_photos(
-    database: Path, pairing: Pairing, recipe: Recipe, threads: int, progress: Count
-) -> Stationary:
-    """Match pairs of photos and verify them by epipolar geometry; those that are matched already
-    are passed over.
-
-    Where suspiciously many matches sit at equal pixel positions, all are verified again without
-    those.
-    """
-    record = database.with_name("matching.json")
-    if not record.is_file():
-        _match(database, _chosen_pairs(database, pairing, recipe), recipe, threads, progress)
-        share, box = _stationary(database)
-        write_whole(record, json.dumps({"share": share, "box": box}).encode())
-    stationary = Stationary(**json.loads(record.read_text("utf8")))
-    if stationary.is_suspicious:
-        with pycolmap.Database.open(database) as db:
-            db.clear_two_view_geometries()
-        side = _longest_side(database)
-        options = _verification(side)
-        options.filter_stationary_matches = True
-        options.stationary_matches_max_error = tolerance_of(side)
-        verifier = pycolmap.GeometricVerifierOptions()
-        verifier.num_threads = threads
-        pycolmap.geometric_verification(database, verifier, two_view_geometry_options=options)
-    return stationary
-
-
-def verified_pairs(database: Path) -> list[tuple[str, str, int]]:
-    """Names of two photos and how many matches were verified, for pairs that have any."""
-    with pycolmap.Database.open(database) as db:
-        names = {image.image_id: image.name for image in db.read_all_images()}
-        ids, counts = db.read_two_view_geometry_num_inliers()
-    both = (pycolmap.pair_id_to_image_pair(pair) for pair in ids)
-    return [(names[a], names[b], n) for (a, b), n in zip(both, counts, strict=True) if n > 0]
-
-
-def _chosen_pairs(database: Path, pairing: Pairing, recipe: Recipe) -> list[tuple[str, str]]:
-    with pycolmap.Database.open(database) as db:
-        images = sorted(db.read_all_images(), key=lambda image: image.name)
-        count = len(images)
-        if pairing == "auto":
-            pairing = "exhaustive" if count <= pairs.ALL_PAIRS_UP_TO else "similar"
-        if pairing == "exhaustive":
-            chosen = pairs.all_pairs(count)
-        else:
-
-            def descriptors(index: int) -> np.ndarray:
-                data = db.read_descriptors(images[index].image_id).data
-                return np.asarray(data, dtype=np.float32).reshape(-1, 128)
-
-            likeness = pairs.similarities(count, descriptors)
-            if pairing == "similar":
-                chosen = pairs.similar_pairs(likeness, recipe.neighbours)
-            else:
-                loops = pairs.similar_pairs(likeness, pairs.LOOPS)
-                chosen = sorted({*pairs.sequential_pairs(count), *loops})
-    return [(images[a].name, images[b].name) for a, b in chosen]
-
-
-def _match(
-    database: Path,
-    chosen: Sequence[tuple[str, str]],
-    recipe: Recipe,
-    threads: int,
-    progress: Count,
+    database: Path, is_video: bool, recipe: Recipe, threads: int, progress: Count
 ) -> None:
+    """Match pairs of photos and verify them by epipolar geometry; those that are matched already
+    are passed over."""
     options = pycolmap.FeatureMatchingOptions()
     options.num_threads = threads
-    options.guided_matching = recipe.guided
-    listed, verification = database.with_name("pairs.txt"), _verification(_longest_side(database))
+    options.guided_matching = recipe.careful
+    with pycolmap.Database.open(database) as db:
+        images = sorted(db.read_all_images(), key=lambda image: image.name)
+        side = max(max(camera.width, camera.height) for camera in db.read_all_cameras())
+
+        def descriptors(index: int) -> np.ndarray:
+            data = db.read_descriptors(images[index].image_id).data
+            return np.asarray(data, dtype=np.float32).reshape(-1, 128)
+
+        if is_video:
+            loops = similar_pairs(similarities(len(images), descriptors), LOOPS)
+            chosen = sorted({*sequential_pairs(len(images)), *loops})
+        elif len(images) > ALL_PAIRS_UP_TO:
+            chosen = similar_pairs(similarities(len(images), descriptors), recipe.neighbours)
+        else:
+            chosen = list(combinations(range(len(images)), 2))
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.ransac.max_error = min(MOST_ERROR, max(LEAST_ERROR, OFF_OF_SIDE * side))
+    verification.ransac.random_seed = 0
+    verification.filter_stationary_matches = True
+    verification.stationary_matches_max_error = max(LEAST_TOLERANCE, OFF_OF_SIDE * side)
+    listed = database.with_name("pairs.txt")
     for start in range(0, len(chosen), PAIRS_AT_ONCE):
         progress(start, len(chosen))
         chunk = chosen[start : start + PAIRS_AT_ONCE]
-        listed.write_text("".join(f"{a} {b}\n" for a, b in chunk), "utf8")
+        lines = (f"{images[a].name} {images[b].name}\n" for a, b in chunk)
+        listed.write_text("".join(lines), "utf8")
         pairing = pycolmap.ImportedPairingOptions(match_list_path=listed)
         pycolmap.match_image_pairs(database, options, pairing, verification)
-    progress(len(chosen), len(chosen))
 
 
-def verification_error(longest_side: int) -> float:
-    """Pixels that a match may be off its epipolar line, in photos of that size."""
-    return min(MOST_ERROR, max(LEAST_ERROR, OFF_OF_SIDE * longest_side))
+def sequential_pairs(count: int) -> list[Pair]:
+    """Neighbours, and further ones at doubling distances."""
+    steps = [*range(1, OVERLAP + 1), *(OVERLAP * 2**k for k in range(1, 12))]
+    return sorted((i, i + step) for i in range(count) for step in steps if i + step < count)
 
 
-def tolerance_of(longest_side: int) -> float:
-    """Pixels by which equal positions may differ."""
-    return max(LEAST_TOLERANCE, OFF_OF_SIDE * longest_side)
+def similar_pairs(likeness: Float32[np.ndarray, "N N"], neighbours: int) -> list[Pair]:
+    """For each photo those most like it; a pair is in if one of both asks for it."""
+    scores = likeness.copy()
+    np.fill_diagonal(scores, -np.inf)
+    order = np.argsort(-scores, axis=1, kind="stable")[:, : min(neighbours, len(scores) - 1)]
+    pairs = {(min(i, int(j)), max(i, int(j))) for i, row in enumerate(order) for j in row}
+    return sorted(pairs)
 
 
-def is_stationary(
-    first: Float[np.ndarray, "M 2"], second: Float[np.ndarray, "M 2"], tolerance: float
-) -> Bool[np.ndarray, " M"]:
-    """Which matches are at the same place in both photos, to `tolerance` pixels."""
-    return np.linalg.norm(first - second, axis=1) <= tolerance
+def similarities(
+    count: int, descriptors: Callable[[int], Float32[np.ndarray, "_ D"]]
+) -> Float32[np.ndarray, "N N"]:
+    """Cosines between photos, in [-1, 1]; 0 for photos without features.
+
+    Args:
+        count: of the photos.
+        descriptors: gives those of a photo. It is asked twice for each, one after another: those
+            of 2,000 photos are 8 GB, and need not be in memory together.
+    """
+    rng = np.random.default_rng(0)
+    each = max(1, SAMPLES // max(1, count))
+    photos = (descriptors(i) for i in range(count))
+    some = [photo[rng.permutation(len(photo))[:each]] for photo in photos]
+    words = _words(np.concatenate(some, dtype=np.float32))
+    vectors = np.stack([_vlad(descriptors(i), words) for i in range(count)])
+    return vectors @ vectors.T
 
 
-def _longest_side(database: Path) -> int:
+def _words(samples: Float32[np.ndarray, "F D"]) -> Float32[np.ndarray, "W D"]:
+    """Centres of the samples' clusters."""
+    if len(samples) == 0:
+        return np.zeros((1, samples.shape[1]), np.float32)
+    cv2.setRNGSeed(0)
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 1e-4)
+    labels = np.empty((0,), np.int32)
+    count = min(WORDS, len(samples))
+    return cv2.kmeans(samples, count, labels, criteria, 1, cv2.KMEANS_PP_CENTERS)[2]
+
+
+def _vlad(
+    features: Float32[np.ndarray, "F D"], words: Float32[np.ndarray, "W D"]
+) -> Float32[np.ndarray, " WD"]:
+    """One vector of length 1, or of zeros without features."""
+    sums = np.zeros_like(words)
+    if len(features):
+        # |f - w|^2 without |f|^2, which is the same for all words
+        nearest = ((words**2).sum(1) - 2 * features @ words.T).argmin(1)
+        np.add.at(sums, nearest, features - words[nearest])
+    norms = np.linalg.norm(sums, axis=1, keepdims=True)
+    vector = (sums / np.maximum(norms, 1e-9)).ravel()
+    return (vector / max(float(np.linalg.norm(vector)), 1e-9)).astype(np.float32)
+
+
+def verified_pairs(database: Path) -> tuple[int, list[tuple[str, str, int]]]:
+    """How many pairs have `MANY` matches, and, of those of which any were verified, names of both
+    photos and the number that was."""
     with pycolmap.Database.open(database) as db:
-        return max(max(camera.width, camera.height) for camera in db.read_all_cameras())
-
-
-def _verification(longest_side: int) -> pycolmap.TwoViewGeometryOptions:
-    options = pycolmap.TwoViewGeometryOptions()
-    options.ransac.max_error = verification_error(longest_side)
-    options.ransac.random_seed = 0
-    return options
-
-
-def _stationary(database: Path) -> tuple[float, list[float]]:
-    """`Stationary.share` and `box` of verified matches, in an even choice of pairs."""
-    with pycolmap.Database.open(database) as db:
-        cameras = {camera.camera_id: camera for camera in db.read_all_cameras()}
-        camera_of = {i.image_id: cameras[i.camera_id] for i in db.read_all_images()}
+        names = {image.image_id: image.name for image in db.read_all_images()}
+        _, matches = db.read_num_matches()
         ids, counts = db.read_two_view_geometry_num_inliers()
-        tied = [pair for pair, count in zip(ids, counts, strict=True) if count > 0]
-        total, found = 0, [np.zeros((0, 2))]
-        for pair in tied[:: max(1, len(tied) // PAIRS_LOOKED_AT)]:
-            a, b = pycolmap.pair_id_to_image_pair(pair)
-            matches = db.read_two_view_geometry(a, b).inlier_matches
-            first = db.read_keypoints(a)[matches[:, 0], :2].astype(float)
-            second = db.read_keypoints(b)[matches[:, 1], :2].astype(float)
-            size = camera_of[a].width, camera_of[a].height
-            same = is_stationary(first, second, tolerance_of(max(size)))
-            total += len(matches)
-            found.append(first[same] / size)
-    places = np.concatenate(found)
-    if len(places) == 0:
-        return 0.0, []
-    return len(places) / total, np.quantile(places, [0.05, 0.95], axis=0).ravel().tolist()
+    both = (pycolmap.pair_id_to_image_pair(pair) for pair in ids)
+    found = [(names[a], names[b], n) for (a, b), n in zip(both, counts, strict=True) if n > 0]
+    return sum(count >= MANY for count in matches), found
 
 
 # --- poses ---------------------------------------------------------------------------------------
@@ -406,55 +371,40 @@ def map_photos(
         The models, the one with most photos first.
     """
     if not models.is_dir():
-        part = models.with_suffix(".part")
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir()
-        _map(database, photos, part, recipe, threads, progress)
-        part.rename(models)
-    found = [_described(folder) for folder in sorted(models.iterdir())]
+        options = pycolmap.IncrementalPipelineOptions()
+        options.num_threads = threads
+        options.random_seed = SEED
+        options.min_model_size = MIN_PHOTOS
+        options.mapper.abs_pose_min_num_inliers = recipe.pose_inliers
+        with pycolmap.Database.open(database) as db:
+            total = db.num_images()
+        placed = count(1)
+
+        def one_more() -> None:
+            progress(min(next(placed), total), total)
+
+        with draft_of(models) as folder:
+            folder.mkdir()
+            mapped = pycolmap.incremental_mapping(
+                database,
+                photos,
+                folder,
+                options,
+                initial_image_pair_callback=one_more,
+                next_image_callback=one_more,
+            )
+            for index, model in mapped.items():
+                if recipe.filtered is not None:
+                    pycolmap.ObservationManager(model).filter_all_points3D(*recipe.filtered)
+                    pycolmap.bundle_adjustment(model)
+                    model.update_point_3d_errors()
+                    (folder / str(index)).mkdir(exist_ok=True)
+                    model.write(folder / str(index))
+    found = []
+    for folder in sorted(models.iterdir()):
+        model = pycolmap.Reconstruction(folder)
+        names = sorted(model.image(i).name for i in model.reg_image_ids())
+        error = float(np.nan_to_num(model.compute_mean_reprojection_error()))
+        observations = model.compute_num_observations()
+        found.append(Model(folder, tuple(names), model.num_points3D(), observations, error))
     return sorted(found, key=lambda model: (-len(model.photos), model.error))
-
-
-def _map(
-    database: Path, photos: Path, folder: Path, recipe: Recipe, threads: int, progress: Count
-) -> None:
-    options = pycolmap.IncrementalPipelineOptions()
-    options.num_threads = threads
-    options.random_seed = SEED
-    options.min_model_size = MIN_PHOTOS
-    options.mapper.abs_pose_min_num_inliers = recipe.pose_inliers
-    with pycolmap.Database.open(database) as db:
-        total = db.num_images()
-    placed = 0
-
-    def one_more() -> None:
-        nonlocal placed
-        placed += 1
-        progress(min(placed, total), total)
-
-    mapped = pycolmap.incremental_mapping(
-        database,
-        photos,
-        folder,
-        options,
-        initial_image_pair_callback=one_more,
-        next_image_callback=one_more,
-    )
-    for index, model in mapped.items():
-        if recipe.filtered is not None:
-            pycolmap.ObservationManager(model).filter_all_points3D(*recipe.filtered)
-            pycolmap.bundle_adjustment(model)
-            model.update_point_3d_errors()
-            (folder / str(index)).mkdir(exist_ok=True)
-            model.write(folder / str(index))
-
-
-def _described(folder: Path) -> Model:
-    model = pycolmap.Reconstruction(folder)
-    return Model(
-        folder=folder,
-        photos=tuple(sorted(model.image(i).name for i in model.reg_image_ids())),
-        points=model.num_points3D(),
-        observations=model.compute_num_observations(),
-        error=float(np.nan_to_num(model.compute_mean_reprojection_error())),
-    )

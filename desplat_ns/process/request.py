@@ -4,30 +4,24 @@ that takes time."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
 from desplat_ns.console import list_names, text_of
-from desplat_ns.cores import cores
 from desplat_ns.data.photo_files import PHOTO_SUFFIXES, file_names
 from desplat_ns.errors import CaptureError, ConfigError
 
 Cameras = Literal["auto", "one", "folder", "photo"]
 CameraModel = Literal["auto", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"]
-Pairing = Literal["auto", "exhaustive", "sequential", "similar"]
 Effort = Literal["auto", "plain", "thorough"]
 
 SMALLEST_SIDE = 100
 """Pixels. Smaller photos have hardly any features."""
 MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
-RAW_SUFFIXES = frozenset(
-    (".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".pef", ".raf", ".rw2", ".srw")
-)
-"""Endings of camera raw files; OpenImageIO reads them where it was built with LibRaw."""
-SUFFIXES = PHOTO_SUFFIXES | RAW_SUFFIXES | {".avif", ".jpe", ".jp2", ".ppm", ".pgm", ".tga"}
+SUFFIXES = PHOTO_SUFFIXES | {".avif", ".jpe", ".jp2", ".ppm", ".pgm", ".tga"}
 VIDEO_SUFFIXES = frozenset(
     (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".3gp", ".insv")
 )
@@ -51,9 +45,6 @@ class Request:
     size; folder: those of one folder and size; photo: none."""
     camera_model: CameraModel = "auto"
     """COLMAP's name. auto: up to two terms of radial distortion, by the number of photos."""
-    matching: Pairing = "auto"
-    """Which pairs are compared. auto: all up to 200 photos, above those that look alike; of a video
-    neighbours and what looks alike."""
     effort: Effort = "auto"
     """auto: plain, and where that leaves photos out thorough, which takes several times as long.
     thorough takes up a capture that plain has finished."""
@@ -79,23 +70,15 @@ class Request:
             if getattr(self, name) < bound
         ]
         if self.mask is not None and not self.mask.exists():
-            wrong.append(
-                f"--mask is {self.mask}, which does not exist; give a folder with one mask for "
-                "each photo, or one picture for all."
-            )
+            wrong.append(f"--mask is {self.mask}, which does not exist.")
         if wrong:
             raise ConfigError(" ".join(wrong))
 
-    @property
-    def num_threads(self) -> int:
-        """Threads that are used: what was asked for, or all cores."""
-        return self.threads or cores()
-
     def lasting(self) -> dict[str, str]:
         """The options that a second call must share with the first, by their names."""
-        names = ("longest_side", "cameras", "camera_model", "matching", "mask", "frames")
-        asked = {"photos": str(self.photos.resolve())}
-        return asked | {name: str(getattr(self, name)) for name in names}
+        names = ("longest_side", "cameras", "camera_model", "mask", "frames")
+        asked = {"PHOTOS": str(self.photos.resolve())}
+        return asked | {option_of(name): str(getattr(self, name)) for name in names}
 
 
 def option_of(name: str) -> str:
@@ -113,20 +96,18 @@ class Sources:
     """Photos as paths below the folder, sorted, or one video."""
     is_video: bool
 
-    def fingerprint(self) -> dict[str, int]:
+    def sizes(self) -> dict[str, str]:
         """Bytes of each file: another number, and it is not the same file any more."""
-        return {name: (self.folder / name).stat().st_size for name in self.names}
+        return {name: f"{(self.folder / name).stat().st_size} bytes" for name in self.names}
 
 
 def find_sources(photos: Path, output: Path) -> Sources:
-    """The photos of a folder and the folders in it, or a video file.
-
-    What lies in `output` is not counted. A raw file beside a photo of the same name is that photo.
+    """The photos of a folder and the folders in it, or a video file; not what lies in `output`.
 
     Raises:
         CaptureError: nothing there, no photo, one or two photos, several videos.
     """
-    if photos.is_file() and _suffix(photos.name) in VIDEO_SUFFIXES:
+    if photos.is_file() and photos.suffix.lower() in VIDEO_SUFFIXES:
         return Sources(photos.parent, (photos.name,), is_video=True)
     if not photos.is_dir():
         raise CaptureError(
@@ -139,10 +120,13 @@ def find_sources(photos: Path, output: Path) -> Sources:
             f"The photos lie in the folder for the capture, {output}. Nothing is mixed with them: "
             "name a new folder beside them."
         )
-    names = file_names(photos)
-    files = [name for name in names if not (photos / name).resolve().is_relative_to(out)]
-    files = [name for name in files if not any(part[0] == "." for part in name.split("/"))]
-    names = _without_raw_twins([name for name in files if _suffix(name) in SUFFIXES])
+    files = [
+        name
+        for name in file_names(photos)
+        if not any(part.startswith(".") for part in name.split("/"))
+        and not (photos / name).resolve().is_relative_to(out)
+    ]
+    names = [name for name in files if Path(name).suffix.lower() in SUFFIXES]
     if broken := [text for name in names if (text := text_of(name)) != name]:
         raise CaptureError(
             f"{len(broken)} names in {photos} are no text in UTF-8 ({list_names(broken, 5)}). "
@@ -150,27 +134,14 @@ def find_sources(photos: Path, output: Path) -> Sources:
         )
     if len(names) >= MIN_PHOTOS:
         return Sources(photos, tuple(names), is_video=False)
-    videos = [name for name in files if _suffix(name) in VIDEO_SUFFIXES]
-    if videos:
-        raise CaptureError(
-            f"{photos} has {len(names)} photos and {len(videos)} videos ({list_names(videos)}). "
-            f"A video is processed by its own name: desplat-process '{photos / videos[0]}' OUTPUT."
-        )
+    videos = [name for name in files if Path(name).suffix.lower() in VIDEO_SUFFIXES]
+    advice = (
+        f"A video is processed by its own name: desplat-process '{photos / videos[0]}' OUTPUT."
+        if videos
+        else f"At least {MIN_PHOTOS} are needed, better 20 and more, from many places "
+        f"({', '.join(sorted(PHOTO_SUFFIXES))}); or the name of a video."
+    )
     raise CaptureError(
         f"{photos} has {len(names)} photos among its {len(files)} files "
-        f"({list_names(names or files, 5)}). At least {MIN_PHOTOS} are needed, better 20 and more, "
-        f"from many places ({', '.join(sorted(PHOTO_SUFFIXES))}); or the name of a video."
+        f"({list_names(videos or names or files, 5)}). {advice}"
     )
-
-
-def _suffix(name: str) -> str:
-    return PurePosixPath(name).suffix.lower()
-
-
-def _without_raw_twins(names: list[str]) -> list[str]:
-    photos = {PurePosixPath(n).with_suffix("") for n in names if _suffix(n) not in RAW_SUFFIXES}
-    return [
-        name
-        for name in names
-        if _suffix(name) not in RAW_SUFFIXES or PurePosixPath(name).with_suffix("") not in photos
-    ]

@@ -1,11 +1,10 @@
 """The capture: photos without distortion, the model that goes with them, and a picture of cameras
 and points from above. Runs in the worker.
-
-Letters in shapes: N cameras.
 """
 
 from __future__ import annotations
 
+import io
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,7 +17,8 @@ import pycolmap
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from desplat_ns.console import twice_a_second
+from desplat_ns.console import list_names
+from desplat_ns.files.whole import write_whole
 from desplat_ns.process.photos import JPEG_QUALITY
 from desplat_ns.process.worker import Progress
 
@@ -49,22 +49,19 @@ def undistort(
     """
     flat = output / "work" / "undistorted"
     shutil.rmtree(flat, ignore_errors=True)
-    options = pycolmap.UndistortCameraOptions()
-    options.max_image_size = longest_side
-    total = pycolmap.Reconstruction(model).num_reg_images()
-
-    def tell() -> None:  # pycolmap does not say itself how many photos are there
-        progress("undistortion", sum(1 for _ in (flat / "images").glob("*.jpg")), total)
-
-    with twice_a_second(tell):
-        pycolmap.undistort_images(
-            flat,
-            model,
-            photos,
-            undistort_options=options,
-            jpeg_quality=JPEG_QUALITY,
-            num_threads=threads,
-        )
+    options = pycolmap.UndistortCameraOptions(max_image_size=longest_side)
+    read = pycolmap.Reconstruction(model)
+    if unknown := {read.image(i).name for i in read.reg_image_ids()} - names.keys():
+        raise OSError(f"{model} has photos of something else: {list_names(sorted(unknown), 5)}")
+    progress("undistortion", 0, read.num_reg_images())
+    pycolmap.undistort_images(
+        flat,
+        model,
+        photos,
+        undistort_options=options,
+        jpeg_quality=JPEG_QUALITY,
+        num_threads=threads,
+    )
     flat_model = pycolmap.Reconstruction(flat / "sparse")
     draw_from_above(flat_model, output / "cameras.png")
     named, written = flat / "named", flat / "0"
@@ -89,7 +86,7 @@ def draw_from_above(model: pycolmap.Reconstruction, target: Path) -> None:
     """Draw where a model's cameras are, where they look, and its points."""
     images = [model.image(i) for i in model.reg_image_ids()]
     poses = np.array([image.cam_from_world().matrix() for image in images])
-    axes = ground_axes(-poses[:, 1, :3], poses[:, 2, :3])
+    axes = ground_axes(-poses[:, 1, :3].mean(axis=0), poses[:, 2, :3].mean(axis=0))
     centres = np.array([image.projection_center() for image in images]) @ axes.T
     forwards = poses[:, 2, :3] @ axes.T
     chosen = list(model.points3D.values())[:: max(1, model.num_points3D() // MOST_POINTS)]
@@ -98,33 +95,28 @@ def draw_from_above(model: pycolmap.Reconstruction, target: Path) -> None:
     most = np.quantile(points, [0.05, 0.95], axis=0) if len(points) else centres[:0]
     framed = np.concatenate([centres, most])  # all cameras and most points
     low, high = framed.min(axis=0), framed.max(axis=0)
-    extent = float((high - low).max()) or 1.0
-    low, high = low - BORDER * extent, high + BORDER * extent
-    inside = ((points >= low) & (points <= high)).all(axis=1)
+    border = BORDER * (float((high - low).max()) or 1.0)
     figure = Figure(figsize=(8, 8), layout="constrained")
     plot = figure.add_subplot()
-    plot.scatter(*points[inside].T, c=colors[inside], s=2, linewidths=0)
+    plot.scatter(*points.T, c=colors, s=2, linewidths=0)
     plot.quiver(*centres.T, *forwards.T, color="tab:red", angles="xy", scale=25, width=0.002)
     plot.scatter(*centres.T, c="tab:red", s=14)
     title = f"{len(images)} cameras and {model.num_points3D()} points from above"
-    plot.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=title)
+    (left, low_y), (right, high_y) = low - border, high + border
+    plot.set(xlim=(left, right), ylim=(low_y, high_y), aspect="equal", title=title)
     plot.set_xlabel("cameras red, each with the direction it looks in; the scale is arbitrary")
-    figure.savefig(target, dpi=110)
+    encoded = io.BytesIO()
+    figure.savefig(encoded, dpi=110, format="png")
+    write_whole(target, encoded.getvalue())
 
 
 def ground_axes(
-    ups: Float[np.ndarray, "N 3"], forwards: Float[np.ndarray, "N 3"]
+    up: Float[np.ndarray, "3"], ahead: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "2 3"]:
-    """Two directions at right angles to the mean up: what is to the right, and ahead.
-
-    Args:
-        ups, forwards: of the cameras, of length 1, in the world.
-    """
-    up = ups.mean(axis=0)
-    up /= max(float(np.linalg.norm(up)), 1e-9)
-    ahead = forwards.mean(axis=0)
-    ahead = ahead - (ahead @ up) * up
-    if np.linalg.norm(ahead) < 0.1:  # cameras look inwards from all around, or straight down
-        ahead = np.linalg.svd(up[None])[2][1]
-    ahead = ahead / np.linalg.norm(ahead)
-    return np.stack([np.cross(ahead, up), ahead])
+    """Two directions at right angles to up, which need not have length 1: to the right of the way
+    ahead, and ahead on the ground."""
+    right = np.cross(ahead, up)
+    if np.linalg.norm(right) < 0.1:  # cameras look inwards from all around, or straight down
+        right = np.linalg.svd(up[None])[2][1]
+    axes = np.stack([right, np.cross(up, right)])
+    return axes / np.linalg.norm(axes, axis=1, keepdims=True)

@@ -1,15 +1,12 @@
 """Frames of a video that are worth processing: the sharpest ones, at even distances.
 
 Distance is how far the picture moves, in shares of its width, so that a camera that rests adds
-nothing. ffmpeg comes with imageio-ffmpeg, an extra. Letters in shapes: H x W pixels.
+nothing. Letters in shapes: H x W pixels.
 """
 
 from __future__ import annotations
 
-import importlib.util
-import shutil
-import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +14,8 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from desplat_ns.errors import BackendUnavailableError, CaptureError
+from desplat_ns.errors import CaptureError
+from desplat_ns.files.whole import draft_of
 from desplat_ns.process.request import MIN_PHOTOS
 
 LOOKED_AT = (320, 180)
@@ -27,6 +25,9 @@ STEP = 0.02
 and compression move it less."""
 LEAST_GAP = 0.04
 """Of the width between frames that are taken: nearer ones show the same."""
+TEXTURED = 0.8
+"""Quantile of the texture: motion is seen in the fifth of the pixels above it. A plain wall behind
+an object shows none."""
 
 
 @dataclass(frozen=True)
@@ -48,25 +49,23 @@ def take_frames(
         Their names, in the video's order.
 
     Raises:
-        BackendUnavailableError: imageio-ffmpeg is not installed.
         CaptureError: the video cannot be read, or its camera does not move.
     """
     if not folder.is_dir():
-        if importlib.util.find_spec("imageio_ffmpeg") is None:
-            raise BackendUnavailableError(
-                "A video needs ffmpeg. Type: pip install 'desplat-ns[video]', or take frames out "
-                "of it by another program and name their folder."
-            )
-        frames = list(look_at(video, progress))
-        chosen = choose(frames, most)
+        seen = list(look_at(video, progress))
+        chosen = choose(seen, most)
         if len(chosen) < MIN_PHOTOS:
-            moved = frames[-1].distance if frames else 0.0
+            moved = seen[-1].distance if seen else 0.0
             raise CaptureError(
-                f"{video} has {len(frames)} frames, in which the picture moves by {moved:.0%} of "
+                f"{video} has {len(seen)} frames, in which the picture moves by {moved:.0%} of "
                 f"its width: too little for {MIN_PHOTOS} photos from different places. Depth is "
                 "seen from different places only: walk around while filming."
             )
-        _write(video, folder, [frame.index for frame in chosen])
+        with draft_of(folder) as draft:
+            draft.mkdir()
+            for index, _, pixels in frames_of(video, {frame.index for frame in chosen}):
+                encoded = cv2.imencode(".png", pixels)[1].tobytes()
+                (draft / f"frame_{index:06d}.png").write_bytes(encoded)
     return sorted(path.name for path in folder.iterdir())
 
 
@@ -74,25 +73,29 @@ def look_at(video: Path, progress: Callable[[int, int], None]) -> Iterator[Frame
     """Every frame, small.
 
     Raises:
-        CaptureError: ffmpeg cannot read the video.
+        CaptureError: the video cannot be read.
     """
-    total = _frame_count(video)
     anchor, distance = None, 0.0
-    for index, grey in enumerate(_small_frames(video)):
+    for index, total, pixels in frames_of(video):
+        small = cv2.resize(pixels, LOOKED_AT, interpolation=cv2.INTER_AREA)
+        grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
         anchor = grey if anchor is None else anchor
         moved = motion(anchor, grey)
         if moved >= STEP:
             anchor, distance, moved = grey, distance + moved, 0.0
-        progress(min(index + 1, total), total)
+        progress(index + 1, total)
         yield Frame(index, float(cv2.Laplacian(grey, cv2.CV_64F).var()), distance + moved)
 
 
 def motion(first: UInt8[np.ndarray, "H W"], second: UInt8[np.ndarray, "H W"]) -> float:
-    """How far the picture moves between two frames: the median of optical flow, in widths."""
+    """How far the picture moves between two frames: the median of optical flow where the first one
+    has most texture, in widths."""
     flow = cv2.calcOpticalFlowFarneback(
         first, second, np.zeros((*first.shape, 2), np.float32), 0.5, 3, 15, 2, 5, 1.2, 0
     )
-    return float(np.median(np.linalg.norm(flow, axis=2))) / first.shape[1]
+    texture = cv2.blur(np.abs(cv2.Laplacian(first, cv2.CV_32F)), (15, 15))
+    is_textured = texture >= np.quantile(texture, TEXTURED)
+    return float(np.median(np.linalg.norm(flow, axis=2)[is_textured])) / first.shape[1]
 
 
 def choose(frames: Sequence[Frame], most: int) -> list[Frame]:
@@ -109,51 +112,26 @@ def choose(frames: Sequence[Frame], most: int) -> list[Frame]:
     return [best[part] for part in sorted(best)]
 
 
-def _frame_count(video: Path) -> int:
-    import imageio_ffmpeg
+def frames_of(
+    video: Path, wanted: Container[int] | None = None
+) -> Iterator[tuple[int, int, np.ndarray]]:
+    """The video's frames, or the wanted ones of them: number, how many the file says that there
+    are, and pixels [H, W, 3] in blue, green and red, upright.
 
-    try:
-        return max(1, imageio_ffmpeg.count_frames_and_secs(str(video))[0] or 1)
-    except (RuntimeError, OSError) as error:
-        raise _unreadable(video, str(error)) from error
-
-
-def _small_frames(video: Path) -> Iterator[np.ndarray]:
-    width, height = LOOKED_AT
-    options = ["-vf", f"scale={width}:{height}", "-pix_fmt", "gray", "-f", "rawvideo", "-"]
-    command = [*_ffmpeg(video), "-fps_mode", "passthrough", *options]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL) as process:
-        assert process.stdout is not None
-        while len(data := process.stdout.read(width * height)) == width * height:
-            yield np.frombuffer(data, np.uint8).reshape(height, width)
-
-
-def _write(video: Path, folder: Path, indices: Sequence[int]) -> None:
-    part = folder.with_suffix(".part")
-    shutil.rmtree(part, ignore_errors=True)
-    part.mkdir(parents=True)
-    picked = "+".join(f"eq(n\\,{index})" for index in indices)
-    command = [*_ffmpeg(video), "-fps_mode", "passthrough", "-vf", f"select='{picked}'"]
-    done = subprocess.run(
-        [*command, str(part / "%06d.png")], stdin=subprocess.DEVNULL, capture_output=True, text=True
-    )
-    written = sorted(part.iterdir())
-    if done.returncode or len(written) != len(indices):
-        raise _unreadable(video, done.stderr)
-    for path, index in zip(written, indices, strict=True):
-        path.rename(part / f"frame_{index:06d}.png")
-    part.rename(folder)
-
-
-def _ffmpeg(video: Path) -> list[str]:
-    import imageio_ffmpeg
-
-    return [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", str(video)]
-
-
-def _unreadable(video: Path, problem: str) -> CaptureError:
-    said = problem.strip().splitlines()
-    return CaptureError(
-        f"The video {video} cannot be read{f' ({said[-1]})' if said else ''}. Copy it again from "
-        "its source, or convert it to MP4."
-    )
+    Raises:
+        CaptureError: none can be read.
+    """
+    file = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
+    total, index = int(file.get(cv2.CAP_PROP_FRAME_COUNT)), 0
+    while file.grab():
+        if wanted is None or index in wanted:
+            is_whole, pixels = file.retrieve()
+            if not is_whole:
+                break
+            yield index, max(total, index + 1), pixels
+        index += 1
+    if index == 0:
+        raise CaptureError(
+            f"The video {video} cannot be read. Copy it again from its source, or convert it to "
+            "MP4 with H.264."
+        )

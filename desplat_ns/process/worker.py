@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -33,51 +32,45 @@ def in_worker(work: Path, do: Callable[..., Any], *arguments: Any) -> Any:
         do: a function of a module; `progress` is a `Progress`.
 
     Raises:
-        DeSplatError: the function raised it, failed otherwise, or crashed; what is done is kept.
+        DeSplatError: the function raised it, failed otherwise, or crashed.
     """
     work.mkdir(parents=True, exist_ok=True)
     log = (work / LOG).resolve()
-    begin = log.stat().st_size if log.exists() else 0
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read as the other process starts
     spawned = multiprocessing.get_context("spawn")
     receiver, sender = spawned.Pipe(duplex=False)
     process = spawned.Process(target=_work, args=(sender, log, do, arguments))
-    stage, show, outcome = "", None, ("crash", "")
+    stage, show, kind, content = "", None, "", ""
     with ExitStack() as bar, receiver:
         try:
             process.start()
             sender.close()
-            with suppress(EOFError, OSError):  # it has ended
-                while True:
+            with suppress(EOFError, OSError):  # it has crashed
+                while kind not in ("result", "error"):
                     kind, content = receiver.recv()
-                    if kind != "progress":
-                        outcome = kind, content
-                        continue
-                    if show is None or content[0] != stage:
-                        bar.close()
-                        stage = content[0]
-                        show = bar.enter_context(progress_with_time_left(stage))
-                    show(*content[1:])
+                    if kind == "progress":
+                        if show is None or content[0] != stage:
+                            bar.close()
+                            stage = content[0]
+                            show = bar.enter_context(progress_with_time_left(stage))
+                        show(*content[1:])
             process.join()
         finally:
             if process.pid is not None:
                 process.kill()
                 process.join()
-    kind, content = outcome
     if kind == "result":
         return content
     if isinstance(content, DeSplatError):
         raise content
     if disk_is_full(work):
         raise unwritable(work.parent)
-    said = content or _last_complaint(log, begin)
-    reason = f"pycolmap failed during '{stage}'"
-    if (process.exitcode or 0) < 0:
-        reason += f" by {signal.Signals(-(process.exitcode or 0)).name}"
+    said = content if kind == "error" else f"exit code {process.exitcode}"
     raise DeSplatError(
-        f"{reason}{f' ({said})' if said else ''}. What is done is kept: the same command goes on "
-        f"where it stopped. If that happens again, look at {log}; where memory runs out, which "
-        "SIGKILL may mean, use fewer --threads, or another folder with a smaller --longest-side."
+        f"pycolmap failed during '{stage}' ({said}). What is "
+        "done is kept: the same command goes on where it stopped. If that happens again, look at "
+        f"{log}; where memory runs out, which exit code -9 may mean, use fewer --threads, or "
+        "another folder with a smaller --longest-side."
     )
 
 
@@ -86,7 +79,14 @@ def _work(sender: Any, log: Path, do: Callable[..., Any], arguments: tuple[Any, 
     with log.open("ab") as file:
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
-    Thread(target=_end_with_the_parent, daemon=True).start()
+    parent = multiprocessing.parent_process()
+    assert parent is not None, "only a process that another one started is here"
+
+    def end_with_the_parent() -> None:
+        parent.join()
+        os._exit(1)
+
+    Thread(target=end_with_the_parent, daemon=True).start()
     lock = Lock()  # pycolmap calls back from threads of its own
 
     def tell(kind: str, content: Any) -> None:
@@ -101,22 +101,6 @@ def _work(sender: Any, log: Path, do: Callable[..., Any], arguments: tuple[Any, 
         traceback.print_exc()
         tell("error", f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}")
         sys.exit(1)
-
-
-def _end_with_the_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None, "only a process that another one started is here"
-    parent.join()
-    os._exit(1)
-
-
-def _last_complaint(log: Path, begin: int) -> str:
-    """The last line of the log since `begin` that tells of an error, if any: COLMAP's begin with E
-    or F, and what ends a process is said nowhere else."""
-    content = log.read_bytes()[begin:] if log.is_file() else b""
-    lines = content.decode("utf8", "replace").splitlines()
-    bad = [line for line in lines if line[:1] in ("E", "F") or "Error" in line]
-    return bad[-1].partition("] ")[2] or bad[-1] if bad else ""
 
 
 def unwritable(output: Path, error: Exception | None = None) -> DeSplatError:

@@ -1,7 +1,7 @@
 """Whether photos differ in their light: not at all, as a whole (`camera`), or place by place. Where
 neighbours do not show the same of a point, something is in the way, which is no light.
 
-Letters in shapes: V photos, P points, M pairs.
+Letters in shapes: V photos, P points, M pairs of patches, S samples of a patch.
 """
 
 from __future__ import annotations
@@ -12,65 +12,41 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from desplat_ns.console import list_names
-from desplat_ns.survey.findings import (
-    NO_TRACKS,
-    Confidence,
-    Decision,
-    Figure,
-    Finding,
-    confidence_of,
-    mean_of,
-)
+from desplat_ns.survey.findings import Confidence, Decision, Figure, Finding, confidence_of
 from desplat_ns.survey.observations import Observations
 from desplat_ns.survey.photo_light import FEWEST, PhotoLight, from_middle, robust_spread
 
 DISPLAY_GAMMA = 2.2
 """Between light and the values of files: a stop is a factor of 2^(1/2.2) in values."""
-
 QUARTER_STOP = 2 ** (0.25 / DISPLAY_GAMMA) - 1
 """8%. Cameras' dials have thirds of a stop; half of the photos off by nearly as much is seen."""
-
 HALF_STOP = 2 ** (0.5 / DISPLAY_GAMMA) - 1
 """17%. If a tenth of the photos are off by as much and most are not, it is said beside."""
-
 EIGHTH_STOP = 2 ** (0.125 / DISPLAY_GAMMA) - 1
 """4%. A light that moves changes photos as a whole, too: the median one by 9.6% or more where a sun
 alone moved by 40 degrees. Gloss, and detail finer than a pixel, make places differ as well, in
 photos that a light of their own changes by 1.1% at most."""
-
 LOCAL_STEP = 0.15
 """Of the value: a place is another one's shade if it and what is near are off by more than this.
 A surface in the sun has 1.3 to 2 times the value of one in the shade."""
-
 LOCAL_SHARE = 0.035
 """Share of the places. Set between 0.029, the most where the light stands still (a grove as fine as
 a pixel, in photos of different exposure), and 0.043, the least where the sun moved."""
-
 LEAST_EXPLAINED = 0.3
 """Share of the variance between photos that their lights must explain to be believed."""
-
 FEW_NEAR = 3
 """Other observations near a place without which it says nothing."""
-
-NEAR_ANGLE = 30.0
-"""Degrees between two directions to a point from which its surroundings look much alike."""
-
-NEAR_DISTANCE = 2.0
-"""The same for the ratio of the distances."""
-
+NEAR_ANGLE, NEAR_DISTANCE = 30.0, 2.0
+"""Degrees between two directions to a point, and the ratio of two distances from it, up to which
+its surroundings look much alike."""
 NEIGHBOURS, FEWEST_NEIGHBOURS = 3, 2
 """Photos with which a point is compared, the nearest in direction, and how many there must be."""
-
 COLOR_STEP = 0.12
 """Of the range of values, in the light common to all photos, below which two show the same: twice
 what light leaves in photos of tourists, and less than between most things."""
-
-SAME_STRUCTURE = 0.5
-"""Normalized cross-correlation of two patches above which they show the same."""
-
-MATCHED_STRUCTURE = 0.9
-"""The same where there are no tracks and patches alone say that two photos show one point."""
-
+SAME_STRUCTURE, MATCHED_STRUCTURE = 0.5, 0.9
+"""Normalized cross-correlation of two patches above which they show the same, and where there are
+no tracks and patches alone say that two photos show one point."""
 FLAT = 0.012
 """Standard deviation of a patch's brightness below which it has no structure to compare: three of
 255 levels."""
@@ -82,9 +58,8 @@ def change_of_photos(light: PhotoLight) -> Float[np.ndarray, " V"]:
     NaN where fewer than `FEWEST` observations count.
     """
     changes = np.full(len(light.gains), np.nan)
-    ends = np.searchsorted(light.photo, np.arange(len(changes) + 1))
     for row in np.flatnonzero(light.counts() >= FEWEST):
-        part = slice(ends[row], ends[row + 1])
+        part = light.photo == row
         squares = np.expm1(light.change[part]) ** 2
         changes[row] = np.sqrt(np.average(squares, weights=light.weight[part]))
     return changes
@@ -125,10 +100,9 @@ def share_by_direction(observations: Observations, steps: Float[np.ndarray, "V P
     neighbours.
     """
     toward, distance = directions(observations)
-    is_known = np.isfinite(steps)
     product = square = 0.0
     for row in range(len(steps)):
-        others = neighbours(row, is_known, toward, distance)
+        others = neighbours(row, np.isfinite(steps), toward, distance)
         theirs = np.where(others >= 0, np.take_along_axis(steps, np.maximum(others, 0), axis=0), 0)
         count = (others >= 0).sum(axis=0)
         large = (np.abs(steps[row]) > LOCAL_STEP) & (count > 0)
@@ -141,11 +115,7 @@ def share_by_direction(observations: Observations, steps: Float[np.ndarray, "V P
 def appearance_finding(
     observations: Observations, light: PhotoLight, steps: Float[np.ndarray, "V P"]
 ) -> Finding:
-    """Decide how photos' light is to be explained.
-
-    Args:
-        steps: see `local_steps`.
-    """
+    """Decide how photos' light is to be explained; `steps` are those of `local_steps`."""
     changes = change_of_photos(light)
     known = changes[np.isfinite(changes)]
     middle, top = np.quantile(known, [0.5, 0.9]).tolist() if len(known) else (np.nan, np.nan)
@@ -154,20 +124,21 @@ def appearance_finding(
     largest = Figure("largest_changes", top, "the same, exceeded by a tenth of the photos")
     before, after = robust_spread(light.residual_before), robust_spread(light.residual)
     share = 1 - (after / before) ** 2 if before > 0 else np.nan
-    explained = Figure(
-        "explained", share, "share of the variance between photos that their light explains"
-    )
-    places = mean_of(np.abs(steps[np.isfinite(steps)]) > LOCAL_STEP)
-    by_direction = share_by_direction(observations, steps)
+    what = "share of the variance between photos that their light explains"
+    explained = Figure("explained", share, what)
+    is_off = np.abs(steps[np.isfinite(steps)]) > LOCAL_STEP
+    places = float(is_off.mean()) if is_off.size else np.nan
+    own = places * (1 - share_by_direction(observations, steps))
     what = f"share of places off by more than {LOCAL_STEP:.0%} together with what is near"
-    local = Figure(
-        "local",
-        places * (1 - by_direction),
-        f"{what}, less what photos from nearly the same direction show, too",
-        LOCAL_SHARE,
-    )
+    less = f"{what}, less what photos from nearly the same direction show, too"
+    local = Figure("local", own, less, LOCAL_SHARE)
     figures = (median, largest, local, explained, Figure("places", places, what))
-    unknown = _unknown(observations, changes)
+    unknown = ("which photo observed which point: there are no tracks",)
+    unknown *= not observations.has_tracks
+    if dark := [n for n, x in zip(observations.names, changes, strict=True) if np.isnan(x)]:
+        shown = f"fewer than {FEWEST} known points with values that are not clipped"
+        missing = f"the light of {len(dark)} photos that show {shown}: {list_names(dark, 5)}"
+        unknown = (missing, *unknown)
     if len(known) < 2:
         reason = "Fewer than two photos show enough common points to compare their colours."
         return Finding("appearance", "off", "none", reason, figures, unknown)
@@ -210,19 +181,6 @@ def _decided(
     return "off", sure, reason
 
 
-def _unknown(observations: Observations, changes: np.ndarray) -> tuple[str, ...]:
-    lines = []
-    missing = [
-        name for name, change in zip(observations.names, changes, strict=True) if np.isnan(change)
-    ]
-    if missing:
-        lines.append(
-            f"the light of {len(missing)} photos that show fewer than {FEWEST} known points with "
-            f"values that are not clipped: {list_names(missing, 5)}"
-        )
-    return tuple(lines) if observations.has_tracks else (*lines, NO_TRACKS)
-
-
 # --- neighbours at a point ------------------------------------------------------------------------
 
 
@@ -261,15 +219,12 @@ def neighbours(
     return np.where(np.take_along_axis(fits, nearest, axis=0), nearest, -1)
 
 
-Pair = tuple[int | Int[np.ndarray, " M"], Int[np.ndarray, " M"]]
-"""Photos and points."""
-
-
 def are_alike(
-    observations: Observations, pair: Pair, other: Pair, correlation: float = SAME_STRUCTURE
+    first: Float[np.ndarray, "M S"],
+    second: Float[np.ndarray, "M S"],
+    correlation: float = SAME_STRUCTURE,
 ) -> Bool[np.ndarray, " M"]:
     """Whether patches have the same structure, whatever the light; False where one has none."""
-    first, second = observations.structures[pair], observations.structures[other]
     norms = np.linalg.norm(first, axis=-1), np.linalg.norm(second, axis=-1)
     alike = (first * second).sum(axis=-1) > correlation * norms[0] * norms[1]
     return alike & (np.minimum(*norms) > FLAT * np.sqrt(first.shape[-1]))
@@ -280,7 +235,7 @@ def confirmed(observations: Observations, light: PhotoLight) -> Bool[np.ndarray,
 
     False where fewer than `FEWEST_NEIGHBOURS` found the point.
     """
-    neutral = np.zeros_like(observations.colors)
+    neutral, patches = np.zeros_like(observations.colors), observations.structures
     for row, view in enumerate(observations.views):
         rho2 = np.nan_to_num(from_middle(view.size, observations.places[row]))
         neutral[row] = light.neutral(row, observations.colors[row], rho2)
@@ -288,13 +243,12 @@ def confirmed(observations: Observations, light: PhotoLight) -> Bool[np.ndarray,
     same = np.zeros_like(observations.is_shown)
     for row in range(len(same)):
         others = neighbours(row, observations.is_tracked, toward, distance)
-        is_there = others >= 0
-        expected = observations.is_shown[row] & (is_there.sum(axis=0) >= FEWEST_NEIGHBOURS)
-        for other, there in zip(others, is_there, strict=True):
-            which = np.flatnonzero(expected & there)
+        expected = observations.is_shown[row] & ((others >= 0).sum(axis=0) >= FEWEST_NEIGHBOURS)
+        for other in others:
+            which = np.flatnonzero(expected & (other >= 0))
             pair = other[which], which
             step = np.abs(neutral[row, which] - neutral[pair]).max(axis=-1)
-            same[row, which] |= (step < COLOR_STEP) | are_alike(observations, (row, which), pair)
+            same[row, which] |= (step < COLOR_STEP) | are_alike(patches[row, which], patches[pair])
     return same
 
 
@@ -305,12 +259,12 @@ def matched_points(observations: Observations) -> Bool[np.ndarray, "V P"]:
     something before it, or look at its back.
     """
     toward, distance = directions(observations)
-    matched = np.zeros_like(observations.is_shown)
+    patches, matched = observations.structures, np.zeros_like(observations.is_shown)
     for row in range(len(matched)):
         votes = np.zeros(matched.shape[1], int)
         for other in neighbours(row, observations.is_shown, toward, distance):
             which = np.flatnonzero(observations.is_shown[row] & (other >= 0))
-            pair = (row, which), (other[which], which)
-            votes[which] += are_alike(observations, *pair, MATCHED_STRUCTURE)
+            theirs = patches[other[which], which]
+            votes[which] += are_alike(patches[row, which], theirs, MATCHED_STRUCTURE)
         matched[row] = votes >= FEWEST_NEIGHBOURS
     return matched

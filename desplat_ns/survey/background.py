@@ -10,68 +10,49 @@ Letters in shapes: V photos, R x C cells of one photo, K sky cells of all photos
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from desplat_ns.survey.findings import (
-    Confidence,
-    Decision,
-    Figure,
-    Finding,
-    confidence_of,
-    mean_of,
-)
+from desplat_ns.survey.findings import Confidence, Decision, Figure, Finding, confidence_of
 from desplat_ns.survey.observations import Observations, View
 from desplat_ns.survey.photo_light import FEWEST, LOWEST, PhotoLight, from_middle
 
 AROUND = 5
 """Cells across the disc around a point in which something counts as behind: a tenth of the side."""
-
 SMOOTH = 0.04
 """Mean change of the values from pixel to pixel, across plus down, below which a cell is smooth:
 clouds are, leaves against the sky are not."""
-
 UPRIGHT = 0.05
 """Weight of the cameras' own up against their horizontals, which tell the vertical better."""
-
 LEAST_RISE = float(np.sin(np.radians(6.0)))
 """Of a direction above the horizon. Photos that look down on something show the walls of a room up
 to there; nine tenths of a sky's area were more than 8 degrees above it."""
-
 STEEP = 0.3
 """Length of the vertical in the image plane below which a photo looks up or down too steeply."""
-
 VISIBLE_SHARE = 0.04
 """Of the photos' area, in the mean. Less is not worth a part of the model: Gaussians at the edge of
 the scene take it."""
-
 RANGE = 0.022
 """Of the range of values: the difference between directions, from which on a smooth surface is
 visibly not of one colour. A sky of one colour showed 0.005."""
-
 BY_PHOTO = 0.06
 """Of the range of values: what a quarter of the photos' skies exceed in their RMS difference from
 what all photos show in the same direction. A few photos may have something before their sky. Nearer
 to the least where skies differ (0.083) than to the most where they do not (0.015): a sky for each
 photo is learned from that photo alone, and few photos suffer most. So photos also have to differ
 by more than directions do: until then the sky that all photos share explains most."""
-
 CHROMA_BY_PHOTO = 0.055
 """The same in log of a channel over the mean of the channels, used where light changes place by
 place: how bright a sky is then says nothing, for the light of a photo as a whole is not known."""
-
 TURN, RISE = 8.0, 3.0
 """Degrees of azimuth and elevation that count as the same direction."""
-
-FEWEST_PHOTOS = 3
-"""That show a direction, without which they are not compared in it."""
-
+FEWEST_PHOTOS, FEWEST_CELLS = 3, 4
+"""Photos that show a direction, without which they are not compared in it, and cells of one."""
 FEWEST_POINTS = 100
 """Of a reconstruction, without which one cannot tell where there is nothing."""
-
-FEWEST_CELLS = 4
 
 
 @dataclass(frozen=True)
@@ -84,17 +65,6 @@ class Sky:
     directions: Float[np.ndarray, "R C 3"]
     """In the world, unit."""
 
-    @property
-    def share(self) -> float:
-        """Of the photo's area."""
-        return float(self.cells.mean())
-
-    def inner(self) -> Bool[np.ndarray, "R C"]:
-        """Sky cells around which all is sky: their colours are of the sky alone."""
-        around = np.ones((3, 3), np.uint8)
-        padded = cv2.copyMakeBorder(self.cells.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
-        return cv2.erode(padded, around)[1:-1, 1:-1] > 0
-
 
 def vertical(views: list[View]) -> Float[np.ndarray, "3"]:
     """The world's up, from how the cameras were held: their x axes are horizontal."""
@@ -105,76 +75,59 @@ def vertical(views: list[View]) -> Float[np.ndarray, "3"]:
     return direction / max(float(np.linalg.norm(direction)), 1e-12)
 
 
-def find_sky(observations: Observations, row: int, up: Float[np.ndarray, "3"]) -> Sky:
-    """The sky of photo `row`.
-
-    Args:
-        up: see `vertical`.
-    """
-    view, photo = observations.views[row], observations.photos[row]
-    rows, columns = view.grid
-    centers = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1)
-    directions = view.directions(centers * view.cell)
-    behind = _something_behind(observations, view)
-    cells = ~behind & (_roughness(photo, columns, rows) < SMOOTH) & (directions @ up > LEAST_RISE)
-    cells &= _nothing_above(behind, view.rotation @ up)
-    small = cv2.resize(photo, (columns, rows), interpolation=cv2.INTER_AREA) / 255.0
-    allowed = observations.allowed[row].astype(np.float32)
-    cells &= cv2.resize(allowed, (columns, rows), interpolation=cv2.INTER_AREA) > 0.99
-    return Sky(cells, small, directions)
-
-
-def _something_behind(observations: Observations, view: View) -> np.ndarray:
-    places, depths = view.project(observations.all_xyz)
-    hit = np.zeros(view.grid, np.uint8)
-    hit[view.cells_of(places[view.shows(places, depths)])] = 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (AROUND, AROUND))
-    return cv2.dilate(hit, disc) > 0
-
-
-def _roughness(photo: np.ndarray, columns: int, rows: int) -> np.ndarray:
-    grey: np.ndarray = photo.astype(np.float32).mean(axis=2) / 255
-    across = np.abs(np.diff(grey, axis=1, prepend=grey[:, :1]))
-    down = np.abs(np.diff(grey, axis=0, prepend=grey[:1]))
-    change = np.asarray(across + down, np.float32)
-    return cv2.resize(change, (columns, rows), interpolation=cv2.INTER_AREA)
-
-
-def _nothing_above(behind: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Cells from which the way up (`up` in camera axes) to the border meets nothing."""
-    length = float(np.hypot(up[0], up[1]))
-    if length < STEEP:
-        return np.zeros_like(behind)
-    step = up[:2] / length
-    rows, columns = np.indices(behind.shape)
-    is_open = np.ones_like(behind)
-    for count in range(1, sum(behind.shape)):
-        x = np.rint(columns + count * step[0]).astype(int)
-        y = np.rint(rows + count * step[1]).astype(int)
-        inside = (x >= 0) & (x < behind.shape[1]) & (y >= 0) & (y < behind.shape[0])
-        if not inside.any():
-            break
-        is_open[inside] &= ~behind[y[inside], x[inside]]
-    return is_open
-
-
-@dataclass(frozen=True)
-class SkyColors:
-    """Inner sky cells of all photos, in the light common to them."""
-
-    colors: Float[np.ndarray, "K 3"]
-    photo: Int[np.ndarray, " K"]
-    """Number among the photos with sky."""
-    direction: Int[np.ndarray, " K"]
-    """Number of the bin of directions."""
-
-
 def skies_of(observations: Observations) -> dict[int, Sky]:
     """The sky of every photo that shows anything of the scene; others say nothing of what is
     behind it."""
     up = vertical(observations.views)
     known = np.flatnonzero(observations.is_shown.sum(axis=1) >= FEWEST)
-    return {int(row): find_sky(observations, int(row), up) for row in known}
+    return {int(row): _find_sky(observations, int(row), up) for row in known}
+
+
+def _find_sky(observations: Observations, row: int, up: Float[np.ndarray, "3"]) -> Sky:
+    """The sky of photo `row`; `up` as from `vertical`."""
+    view, photo = observations.views[row], observations.photos[row]
+    rows, columns = view.grid
+
+    def by_cells(values: np.ndarray) -> np.ndarray:
+        return cv2.resize(values, (columns, rows), interpolation=cv2.INTER_AREA)
+
+    places, depths = view.project(observations.all_xyz)
+    hit = np.zeros(view.grid, np.uint8)
+    hit[view.cells_of(places[view.shows(places, depths)])] = 1
+    behind = cv2.dilate(hit, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (AROUND, AROUND))) > 0
+    grey: np.ndarray = photo.astype(np.float32).mean(axis=2) / 255
+    across = np.abs(np.diff(grey, axis=1, prepend=grey[:, :1]))
+    down = np.abs(np.diff(grey, axis=0, prepend=grey[:1]))
+    centers = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1)
+    directions = view.directions(centers * view.cell)
+    cells = ~behind & (by_cells(across + down) < SMOOTH) & (directions @ up > LEAST_RISE)
+    cells &= _nothing_above(behind, view.rotation @ up)
+    cells &= by_cells(observations.allowed[row].astype(np.float32)) > 0.99
+    return Sky(cells, by_cells(photo) / 255.0, directions)
+
+
+def _nothing_above(behind: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Cells from which the way up (`up` in camera axes) to the border meets nothing."""
+    length = float(np.hypot(up[0], up[1]))
+    is_open = np.full_like(behind, length >= STEEP)
+    rows, columns = np.indices(behind.shape)
+    for count in range(1, sum(behind.shape) if length >= STEEP else 0):
+        x = np.rint(columns + count * (up[0] / length)).astype(int)
+        y = np.rint(rows + count * (up[1] / length)).astype(int)
+        inside = (x >= 0) & (x < behind.shape[1]) & (y >= 0) & (y < behind.shape[0])
+        is_open[inside] &= ~behind[y[inside], x[inside]]
+    return is_open
+
+
+class SkyColors(NamedTuple):
+    """Sky cells of all photos around which all is sky: their colours are of the sky alone."""
+
+    colors: Float[np.ndarray, "K 3"]
+    """In the light common to all photos."""
+    photo: Int[np.ndarray, " K"]
+    """Number among the photos with sky."""
+    direction: Int[np.ndarray, " K"]
+    """Number of the bin of directions."""
 
 
 def sky_colors(observations: Observations, light: PhotoLight, skies: dict[int, Sky]) -> SkyColors:
@@ -185,7 +138,8 @@ def sky_colors(observations: Observations, light: PhotoLight, skies: dict[int, S
     east = np.cross(north, up)
     colors, photo, bins = [np.zeros((0, 3))], [], []
     for row, sky in skies.items():
-        at = np.nonzero(sky.inner())
+        padded = cv2.copyMakeBorder(sky.cells.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+        at = np.nonzero(cv2.erode(padded, np.ones((3, 3), np.uint8))[1:-1, 1:-1])
         if len(at[0]) < FEWEST_CELLS:
             continue
         height, width = sky.cells.shape
@@ -196,46 +150,41 @@ def sky_colors(observations: Observations, light: PhotoLight, skies: dict[int, S
         elevation = np.degrees(np.arcsin(np.clip(toward @ up, -1, 1)))
         bins += (1000 * np.round(azimuth / TURN) + np.round(elevation / RISE)).tolist()
         photo += [row] * len(toward)
-    photo, direction = (
-        np.unique(np.array(number, dtype=int), return_inverse=True)[1].reshape(-1)
-        for number in (photo, bins)
-    )
-    return SkyColors(np.concatenate(colors), photo, direction)
+    numbers = (np.unique(np.array(kind, int), return_inverse=True)[1] for kind in (photo, bins))
+    return SkyColors(np.concatenate(colors), *numbers)
 
 
 def range_by_direction(cells: SkyColors, values: Float[np.ndarray, "K 3"]) -> float:
-    """How far directions differ within photos: 10% to 90% of the area, the widest channel.
-
-    Every photo's own median is taken out, so neither light nor weather of a photo counts. NaN where
-    there is no sky.
-    """
+    """How far directions differ within photos: 10% to 90% of the area, the widest channel; NaN
+    where there is no sky. Every photo's own median is taken out, so neither light nor weather of a
+    photo counts."""
     if len(values) == 0:
         return float("nan")
-    values = values - _medians(values, cells.photo)[cells.photo]
-    middles = _medians(values, cells.direction)[cells.direction]
+    middles = _medians(values - _medians(values, cells.photo), cells.direction)
     low, high = np.quantile(middles, [0.1, 0.9], axis=0)
     return float((high - low).max())
 
 
 def spread_by_photo(cells: SkyColors, values: Float[np.ndarray, "K 3"]) -> float:
     """RMS of a photo's median difference from what all photos show in the same directions: what a
-    quarter of the photos exceed.
-
-    NaN where fewer than `FEWEST_PHOTOS` photos look in any direction.
-    """
-    pairs = np.unique(np.stack([cells.direction, cells.photo]), axis=1)
-    shared = np.bincount(pairs[0])[cells.direction] >= FEWEST_PHOTOS if pairs.size else pairs[0]
-    if not np.any(shared):
+    quarter of the photos exceed; NaN where fewer than `FEWEST_PHOTOS` look in any direction."""
+    if len(values) == 0:
         return float("nan")
-    differences = values - _medians(values, cells.direction)[cells.direction]
+    pairs = np.unique(np.stack([cells.direction, cells.photo]), axis=1)
+    shared = np.bincount(pairs[0])[cells.direction] >= FEWEST_PHOTOS
+    differences = values - _medians(values, cells.direction)
     own = [
         np.median(differences[mine], axis=0)
         for row in range(cells.photo.max() + 1)
         if (mine := (cells.photo == row) & shared).sum() >= FEWEST_CELLS
     ]
-    if not own:
-        return float("nan")
-    return float(np.quantile(np.sqrt(np.mean(np.square(own), axis=1)), 0.75))
+    return float(np.quantile(np.sqrt(np.mean(np.square(own), axis=1)), 0.75)) if own else np.nan
+
+
+def _medians(values: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """For each row the median of the rows with its number."""
+    groups = range(number.max() + 1)
+    return np.array([np.median(values[number == group], axis=0) for group in groups])[number]
 
 
 def background_finding(
@@ -246,19 +195,18 @@ def background_finding(
     Args:
         light_is_local: whether light changes place by place, see `CHROMA_BY_PHOTO`.
     """
-    shares = [sky.share for sky in skies.values()]
+    shares = [sky.cells.mean() for sky in skies.values()]
     share = Figure(
         "empty",
-        mean_of(np.array(shares)),
+        float(np.mean(shares)) if shares else np.nan,
         "share of the photos' area, smooth and high up, with no point behind or above it",
         VISIBLE_SHARE,
     )
     unknown = ("whether a bare wall or ceiling above everything else is a sky",)
-    if len(observations.all_xyz) < FEWEST_POINTS:
-        reason = f"Fewer than {FEWEST_POINTS} points say where the scene is."
-        return Finding("background", "off", "none", reason, (share,), unknown)
-    if not shares:
-        reason = f"No photo shows {FEWEST} of the points."
+    reason = f"Fewer than {FEWEST_POINTS} points say where the scene is."
+    if len(observations.all_xyz) >= FEWEST_POINTS:
+        reason = "" if shares else f"No photo shows {FEWEST} of the points."
+    if reason:
         return Finding("background", "off", "none", reason, (share,), unknown)
     cells = sky_colors(observations, light, skies)
     logs = np.log(np.maximum(cells.colors, LOWEST))
@@ -307,10 +255,3 @@ def _decided(
         )
         return "sh", sure, reason
     return "constant", sure, f"{sky}, of one colour."
-
-
-def _medians(values: np.ndarray, number: np.ndarray) -> np.ndarray:
-    """Medians of the rows with each number."""
-    return np.array(
-        [np.median(values[number == group], axis=0) for group in range(number.max() + 1)]
-    )

@@ -8,18 +8,12 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-import numpy as np
-from jaxtyping import Bool, Float
-
 Effect = Literal["appearance", "background"]
 Confidence = Literal["clear", "close", "none"]
 Decision = str
 
 CLEAR = 1.5
 """A figure that is so many times its threshold, or that part of it, is clear of it."""
-
-NO_TRACKS = "which photo observed which point: there are no tracks"
-"""What one cannot tell then, whatever the effect."""
 
 
 @dataclass(frozen=True)
@@ -44,18 +38,6 @@ class Figure:
         """Whether it was measured and speaks for the effect."""
         return self.is_known and self.threshold is not None and self.value > self.threshold
 
-    @property
-    def is_clear(self) -> bool:
-        """Whether it is off its threshold by a factor of `CLEAR`."""
-        assert self.threshold is not None
-        return not self.threshold / CLEAR < self.value < self.threshold * CLEAR
-
-    def line(self) -> str:
-        """For a console."""
-        value = f"{self.value:.3g}" if self.is_known else "unknown"
-        limit = f" (calls for it above {self.threshold:.3g})" if self.threshold is not None else ""
-        return f"{self.name} {value}{limit}: {self.meaning}"
-
 
 @dataclass(frozen=True)
 class Finding:
@@ -76,10 +58,13 @@ class Finding:
         """For a console: the decision and why; with `verbose` its figures and what is unknown."""
         sure = {"clear": "", "close": " (a close call)", "none": " (the safe side)"}
         head = f"{self.effect}: {self.decision}{sure[self.confidence]}. {self.reason}"
-        if not verbose:
-            return [head]
-        figures = [f"  {figure.line()}" for figure in self.figures]
-        return [head, *figures, *(f"  Not told: {line}" for line in self.could_not_tell)]
+        lines = [head]
+        for figure in self.figures if verbose else ():
+            value = f"{figure.value:.3g}" if figure.is_known else "unknown"
+            if figure.threshold is not None:
+                value += f" (calls for it above {figure.threshold:.3g})"
+            lines.append(f"  {figure.name} {value}: {figure.meaning}")
+        return lines + [f"  Not told: {line}" for line in self.could_not_tell if verbose]
 
 
 @dataclass(frozen=True)
@@ -119,14 +104,12 @@ class Survey:
 def confidence_of(figures: Sequence[Figure]) -> Confidence:
     """How far the figures that decided are from their thresholds; the nearest one counts."""
     known = [figure for figure in figures if figure.is_known]
-    if not known:
-        return "none"
-    return "clear" if all(figure.is_clear for figure in known) else "close"
-
-
-def mean_of(values: Bool[np.ndarray, "*N"] | Float[np.ndarray, "*N"]) -> float:
-    """Their mean, NaN without any."""
-    return float(values.mean()) if values.size else math.nan
+    is_close = any(
+        figure.threshold / CLEAR < figure.value < figure.threshold * CLEAR
+        for figure in known
+        if figure.threshold is not None
+    )
+    return ("close" if is_close else "clear") if known else "none"
 
 
 def _plain(value: Any) -> Any:

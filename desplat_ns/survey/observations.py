@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -22,40 +21,29 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from desplat_ns.cores import cores
 from desplat_ns.data.dataset import check_size
 from desplat_ns.data.images import read_image, read_mask, resize_image, resize_mask
-from desplat_ns.data.reconstruction import TRACKS, Tracks
+from desplat_ns.data.reconstruction import TRACKS
 
 LONGEST_SIDE = 400
 """Pixels of the small copies: a face in a crowd is a few of them, and no detail is needed."""
-
 CELL = 1 / 48
 """Of the longest side. A place's neighbourhood are its cell and the eight around it: a sixteenth of
 the longest side, which is about a head in a photo of people who stand near."""
-
-
 MOST_PHOTOS = 160
 """Larger captures are judged by so many photos, evenly spread over them."""
-
 MOST_READERS = 8
 """Photos that are decoded at once at most: one of 12 megapixels takes 36 MB meanwhile."""
-
 MOST_POINTS = 3000
 """Points at which colours are compared; more make no figure steadier."""
-
 GRID = 5
 """Samples along a patch's side, about a pixel apart: the least that has a structure."""
-
 PATCH_RADIUS = (GRID - 1) / 2
 """Pixels from the middle to the side of a patch in the photo that is the middle one in scale."""
-
 SCALES = (0.4, 3.0)
 """A patch is not looked at where it is so many times smaller or larger: it shows other detail."""
-
 DARKEST = 0.02
 """Values that are nearer to 0 or 1 are clipped: what the camera saw there is not known."""
-
 HIDING_CELL = 1 / 50
 """Of the longest side: points in one cell of this size are compared in depth."""
-
 HIDING_GAP = 0.93
 """A point is hidden where another one in its cell lies nearer than this fraction of its depth."""
 
@@ -107,10 +95,8 @@ class View:
             return inside.all(axis=-1) & (depths > 0)
 
     def directions(self, pixels: Float[np.ndarray, "*K 2"]) -> Float[np.ndarray, "*K 3"]:
-        """Unit directions in the world, as an undistorted lens of this kind would look.
-
-        What is left out is a few pixels at the corners, which does not matter for a sky.
-        """
+        """Unit directions in the world, as an undistorted lens of this kind would look: a few
+        pixels off at the corners, which does not matter for a sky."""
         flat = (pixels - self.center) / self.focal
         if self.is_fisheye:
             angle = np.linalg.norm(flat, axis=-1, keepdims=True)
@@ -158,55 +144,26 @@ class View:
 
 def small_view(cameras: Cameras, index: int) -> View:
     """The camera of one photo, reduced to `LONGEST_SIDE`; smaller photos keep their size."""
-
-    def number(name: str) -> float:
-        return float(getattr(cameras, name).reshape(-1)[index])
-
-    width, height = number("width"), number("height")
+    names = ("width", "height", "fx", "fy", "cx", "cy", "camera_type")
+    numbers = (float(getattr(cameras, name).reshape(-1)[index]) for name in names)
+    width, height, fx, fy, cx, cy, kind = numbers
     ratio = min(1.0, LONGEST_SIDE / max(width, height))
     small = max(1, round(width * ratio)), max(1, round(height * ratio))
-    x_ratio, y_ratio = small[0] / width, small[1] / height
+    ratios = np.array([small[0] / width, small[1] / height])
     pose = cameras.camera_to_worlds[index].double().cpu().numpy()
     distortion = np.zeros(6)
     if cameras.distortion_params is not None:
         given = cameras.distortion_params.reshape(len(cameras), -1)[index].double().cpu().numpy()
         distortion[: len(given)] = given
-    kinds = cameras.camera_type.reshape(-1)
     return View(
         rotation=(pose[:, :3] * [1, -1, -1]).T,  # nerfstudio's axes are OpenGL's
         position=pose[:, 3],
-        focal=np.array([number("fx") * x_ratio, number("fy") * y_ratio]),
-        center=np.array([number("cx") * x_ratio, number("cy") * y_ratio]),
+        focal=np.array([fx, fy]) * ratios,
+        center=np.array([cx, cy]) * ratios,
         width=small[0],
         height=small[1],
         distortion=distortion,
-        is_fisheye=int(kinds[index]) == CameraType.FISHEYE.value,
-    )
-
-
-@dataclass(frozen=True)
-class Capture:
-    """The training photos of a capture, as they are on disk: not undistorted."""
-
-    cameras: Cameras
-    photos: Sequence[Path]
-    xyz: Float[np.ndarray, "_ 3"]
-    """Points in the cameras' world."""
-    tracks: Tracks | None = None
-    """None where nobody knows which photo observed which point."""
-    masks: Sequence[Path] | None = None
-    """Where each photo may be used, if the capture says so."""
-
-
-def capture_of(outputs: DataparserOutputs) -> Capture:
-    """What a data parser says of the training split."""
-    xyz = outputs.metadata.get("points3D_xyz")
-    return Capture(
-        cameras=outputs.cameras,
-        photos=list(outputs.image_filenames),
-        xyz=np.zeros((0, 3)) if xyz is None else xyz.double().cpu().numpy(),
-        tracks=outputs.metadata.get(TRACKS),
-        masks=outputs.mask_filenames,
+        is_fisheye=kind == CameraType.FISHEYE.value,
     )
 
 
@@ -245,30 +202,38 @@ class Observations:
     """How many of all points lie before each photo's camera and inside of the photo."""
 
 
-def observe(capture: Capture) -> Observations:
-    """Read the photos, as many at once as there are cores, and sample them at the points.
+def observe(capture: DataparserOutputs) -> Observations:
+    """Read a split's photos as they are on disk, as many at once as there are cores, and sample
+    them at its points.
 
     Raises:
         CaptureError: a photo or mask that cannot be read, or does not fit its camera.
     """
-    count = len(capture.photos)
-    indices = np.linspace(0, count - 1, min(count, MOST_PHOTOS)).round().astype(int).tolist()
+    photos, tracks = capture.image_filenames, capture.metadata.get(TRACKS)
+    given = capture.metadata.get("points3D_xyz")
+    all_xyz = np.zeros((0, 3)) if given is None else given.double().cpu().numpy()
+    count = min(len(photos), MOST_PHOTOS)
+    indices = np.linspace(0, len(photos) - 1, count).round().astype(int).tolist()
     views = [small_view(capture.cameras, index) for index in indices]
     with ThreadPoolExecutor(min(MOST_READERS, cores())) as pool:
-        seen = list(pool.map(lambda view: in_view_of(view, capture.xyz), views))
+        in_view, hidden = zip(*pool.map(lambda view: in_view_of(view, all_xyz), views), strict=True)
         small = list(pool.map(lambda i, view: _read_small(capture, i, view), indices, views))
-    tracked = _tracked(capture, indices, [in_view for in_view, _ in seen])
+    tracked = np.stack(in_view)
+    if tracks is not None:
+        tracked[:] = False
+        for row, observed in zip(tracked, tracks.read(indices), strict=True):
+            row[observed.points] = True
+    tracked &= np.isfinite(all_xyz).all(axis=1)
     chosen = _chosen_points(tracked)
-    xyz, tracked = capture.xyz[chosen], tracked[:, chosen]
+    xyz, tracked = all_xyz[chosen], tracked[:, chosen]
     grids = patch_grids(xyz, tracked, views)
-    rows = zip(views, small, seen, strict=True)
     sampled = [
-        _sample(view, photo, allowed, xyz, grids, hidden[chosen])
-        for view, (photo, allowed), (_, hidden) in rows
+        _sample(view, photo, allowed, xyz, grids, behind[chosen])
+        for view, (photo, allowed), behind in zip(views, small, hidden, strict=True)
     ]
     places, shown, colors, clipped, structures = map(np.stack, zip(*sampled, strict=True))
     return Observations(
-        names=[str(capture.photos[index].name) for index in indices],
+        names=[photos[index].name for index in indices],
         views=views,
         photos=[photo for photo, _ in small],
         allowed=[allowed for _, allowed in small],
@@ -279,48 +244,33 @@ def observe(capture: Capture) -> Observations:
         colors=colors,
         is_clipped=clipped,
         structures=structures,
-        has_tracks=capture.tracks is not None,
-        is_masked=capture.masks is not None,
-        num_photos=count,
-        all_xyz=capture.xyz,
-        num_in_view=np.array([int(in_view.sum()) for in_view, _ in seen]),
+        has_tracks=tracks is not None,
+        is_masked=capture.mask_filenames is not None,
+        num_photos=len(photos),
+        all_xyz=all_xyz,
+        num_in_view=np.sum(in_view, axis=1),
     )
 
 
 def _read_small(
-    capture: Capture, index: int, view: View
-) -> tuple[UInt8[np.ndarray, "H W 3"], Bool[np.ndarray, "H W"]]:
+    capture: DataparserOutputs, index: int, view: View
+) -> tuple[np.ndarray, np.ndarray]:
     """The photo at its view's size, and where it is opaque and not masked."""
-    path, cameras = capture.photos[index], capture.cameras
+    path, cameras = capture.image_filenames[index], capture.cameras
     size = int(cameras.width.reshape(-1)[index]), int(cameras.height.reshape(-1)[index])
     image = read_image(path, size)
     check_size(path, (image.shape[1], image.shape[0]), size)
     image = resize_image(image, view.width, view.height)
     allowed = (image[..., 3:] == 255).all(axis=-1)
-    if capture.masks is not None:
-        allowed &= resize_mask(read_mask(capture.masks[index], size), view.width, view.height)
+    if capture.mask_filenames is not None:
+        mask = read_mask(capture.mask_filenames[index], size)
+        allowed &= resize_mask(mask, view.width, view.height)
     return image[..., :3], allowed
 
 
-def _tracked(
-    capture: Capture, indices: list[int], in_view: Sequence[Bool[np.ndarray, " _"]]
-) -> Bool[np.ndarray, "V _"]:
-    """Which photo found which point; without tracks, which can have it in view."""
-    if capture.tracks is None:
-        tracked = np.stack(in_view)
-    else:
-        tracked = np.zeros((len(in_view), len(capture.xyz)), bool)
-        for row, observed in zip(tracked, capture.tracks.read(indices), strict=True):
-            row[observed.points] = True
-    return tracked & np.isfinite(capture.xyz).all(axis=1)
-
-
 def _chosen_points(tracked: np.ndarray) -> np.ndarray:
-    """Points that two photos found, those of the longest tracks if there are too many.
-
-    Among tracks of three and more the choice is even, drawn with a fixed seed: long tracks alone
-    would lie where all photos look.
-    """
+    """Points that two photos found. If there are too many, those of tracks of three and more first,
+    drawn with a fixed seed: the longest alone would lie where all photos look."""
     views = tracked.sum(axis=0)
     chosen = np.flatnonzero(views >= 2)
     if len(chosen) > MOST_POINTS:
@@ -333,11 +283,8 @@ def _chosen_points(tracked: np.ndarray) -> np.ndarray:
 def patch_grids(
     xyz: Float[np.ndarray, "P 3"], tracked: Bool[np.ndarray, "V P"], views: Sequence[View]
 ) -> Float[np.ndarray, "P S 3"]:
-    """Samples of the points' squares in the world; the middle one is the point.
-
-    A square faces the mean direction of the photos that found the point. Its size is such that it
-    has `PATCH_RADIUS` in the middle one of them.
-    """
+    """Samples of the points' squares in the world; the middle one is the point. A square faces the
+    mean direction of the photos that found the point, and has `PATCH_RADIUS` in the middle one."""
     positions = np.array([view.position for view in views])
     focal = np.array([view.focal.mean() for view in views])
     toward = positions[:, None] - xyz[None]

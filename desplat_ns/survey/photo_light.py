@@ -14,6 +14,7 @@ Letters in shapes: V photos, P points, M observations that count.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -22,24 +23,18 @@ from desplat_ns.survey.observations import Observations
 
 ITERATIONS = 20
 """Of photos' light and points' colours in turn; the figures do not change after a dozen."""
-
 DARK = 0.08
 """A value of this size counts a quarter: what the camera adds as noise is a larger part of it."""
-
 PRIOR = np.array([0.1, 0.1, 0.1, 2.5, 10.0])
 """Observations that speak for gains 0, gamma 1, no vignetting: a photo with few keeps its light.
 Those of the gains are few, for they would hold back a light that changes along a walk."""
-
 JOINT_PRIOR = 0.001
 """Observations that hold all gains where they are when they are changed at once: it makes the
 common light, which nothing determines, stay."""
-
 LENS_PRIOR = 1.0
 """Observations in the very corners that speak for a lens that darkens them by rho^2 alone."""
-
 FEWEST = 15
 """Observations without which a photo's light is not known."""
-
 LOWEST = 1 / 255
 
 
@@ -102,21 +97,11 @@ def fit_light(observations: Observations) -> PhotoLight:
     weight = (colors / (colors + DARK)) ** 2
     sizes = np.array([view.size for view in observations.views])
     rho2 = from_middle(sizes[photo], observations.places[photo, point])
-    count = len(observations.views), len(observations.xyz)
-    before = _alternate(photo, point, logs, weight, rho2, count, fits_photos=False)
-    after = _alternate(photo, point, logs, weight, rho2, count, fits_photos=True)
-    gains, gammas, vignetting, lens, true, residual = after
+    fit = partial(_alternate, photo, point, logs, weight, rho2, use.shape)
+    gains, gammas, vignetting, lens, true, residual = fit(fits_photos=True)
+    change, before = logs - residual - true[point], fit(fits_photos=False)[-1]
     return PhotoLight(
-        gains=gains,
-        gammas=gammas,
-        vignetting=vignetting,
-        lens=lens,
-        photo=photo,
-        point=point,
-        change=logs - residual - true[point],
-        residual=residual,
-        residual_before=before[-1],
-        weight=weight,
+        gains, gammas, vignetting, lens, photo, point, change, residual, before, weight
     )
 
 

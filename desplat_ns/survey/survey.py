@@ -1,18 +1,21 @@
-"""The survey of a capture, from the files to the findings, and to the effects of a run."""
+"""The survey of a capture, from the files to the findings, and to the effects of a run; a sheet of
+the evidence shows photos, the same without their light, what that leaves, and the sky."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError
 from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.survey.appearance import (
+    LOCAL_STEP,
     appearance_finding,
     confirmed,
     local_steps,
@@ -20,17 +23,26 @@ from desplat_ns.survey.appearance import (
 )
 from desplat_ns.survey.background import Sky, background_finding, skies_of
 from desplat_ns.survey.findings import Survey
-from desplat_ns.survey.observations import Capture, Observations, capture_of, observe
-from desplat_ns.survey.photo_light import PhotoLight, fit_light
+from desplat_ns.survey.observations import Observations, observe
+from desplat_ns.survey.photo_light import PhotoLight, fit_light, from_middle
 
 FILE = "survey.json"
 """In a run's folder: what its effects were decided by."""
-
 LEAST_IN_VIEW, LEAST_COMPARED = 8, 50
 """Points that most photos have to show, and that a photo's brightness is compared at."""
-
 LEAST_AGREEMENT = 0.25
 """See `_unlike`."""
+MOST_COLUMNS = 8
+SIDE, GAP = 200, 6
+"""Pixels: the square in which a photo is shown, and between two of them."""
+ROWS = (
+    "photos",
+    "without each photo's own light",
+    f"what that leaves: green less than {LOCAL_STEP:.0%}, orange lighter, blue darker",
+    "blue: nothing behind",
+)
+SAME, LIGHTER, DARKER = (60, 190, 90), (250, 160, 40), (40, 60, 230)
+SKY = np.array([40, 110, 255])
 
 
 @dataclass(frozen=True)
@@ -44,13 +56,13 @@ class Evidence:
     skies: dict[int, Sky]
 
 
-def survey(capture: Capture) -> tuple[Survey, Evidence]:
-    """Look at the training photos and say which effects they call for, and by what.
+def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
+    """Look at the photos of the training split, and say which effects they call for and by what.
 
     Raises:
         CaptureError: no photo, or one that cannot be read or does not fit its camera.
     """
-    if len(capture.photos) == 0:
+    if not capture.image_filenames:
         raise CaptureError(
             "There is no training photo to survey. Check --data and the options of the split."
         )
@@ -137,8 +149,8 @@ def decided_effects(
     Raises:
         CaptureError: no photo, or one that cannot be read or does not fit its camera.
     """
-    findings, _ = survey(capture_of(outputs))
-    decided = effects.decided(effects_of(findings))
+    findings, _ = survey(outputs)
+    decided = effects.decided(Effects(**findings.decisions()))  # pyright: ignore[reportArgumentType]
     for line in findings.summary():
         announce(line)
     given = {name: value for name, value in vars(effects).items() if value is not None}
@@ -157,6 +169,42 @@ def write_findings(findings: Survey, folder: Path) -> None:
         announce(f"The survey's findings could not be written ({error}).", warning=True)
 
 
-def effects_of(findings: Survey) -> Effects:
-    """What a survey decided, and distractors on: training finds out what stands in the way."""
-    return Effects(**findings.decisions())  # pyright: ignore[reportArgumentType]
+def evidence_picture(evidence: Evidence) -> UInt8[np.ndarray, "H W 3"]:
+    """Rows as in `ROWS`; columns are photos evenly spread."""
+    count, head = len(evidence.observations.views), 3 * GAP
+    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_COLUMNS)).round().astype(int))
+    height, width = head + SIDE + GAP, len(chosen) * (SIDE + GAP) + GAP
+    sheet = np.full((len(ROWS) * height, width, 3), 255, np.uint8)
+    for number, title in enumerate(ROWS):
+        font, black, at = cv2.FONT_HERSHEY_SIMPLEX, (20, 20, 20), (GAP, number * height + head - 5)
+        cv2.putText(sheet, title, at, font, 0.4, black, 1, cv2.LINE_AA)
+    for column, row in enumerate(chosen.tolist()):
+        for number, picture in enumerate(_pictures(evidence, row)):
+            ratio = SIDE / max(picture.shape[:2])
+            size = tuple(max(1, round(side * ratio)) for side in picture.shape[1::-1])
+            small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+            left = GAP + column * (SIDE + GAP) + (SIDE - size[0]) // 2
+            top = number * height + head
+            sheet[top : top + size[1], left : left + size[0]] = small
+    return sheet
+
+
+def _pictures(evidence: Evidence, row: int) -> list[np.ndarray]:
+    """One photo in all `ROWS`."""
+    observations, sky, steps = evidence.observations, evidence.skies.get(row), evidence.steps[row]
+    photo, size = observations.photos[row], observations.views[row].size
+    places = np.stack(np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5), axis=-1)
+    neutral = evidence.light.neutral(row, photo / 255.0, from_middle(size, places))
+    pale, radius = (photo // 2 + 110).astype(np.uint8), max(1, round(max(size) / 160))
+    for which, color in (
+        (np.abs(steps) <= LOCAL_STEP, SAME),
+        (steps > LOCAL_STEP, LIGHTER),
+        (steps < -LOCAL_STEP, DARKER),
+    ):
+        for x, y in observations.places[row, which]:
+            cv2.circle(pale, (int(x), int(y)), radius, color, -1, cv2.LINE_AA)
+    blue = photo
+    if sky is not None:
+        cells = cv2.resize(sky.cells.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+        blue = np.where(cells[..., None], (0.4 * photo + 0.6 * SKY).astype(np.uint8), photo)
+    return [photo, np.rint(neutral.clip(0, 1) * 255).astype(np.uint8), pale, blue]

@@ -16,12 +16,13 @@ from functools import partial
 from itertools import product
 from pathlib import Path
 
+from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
+
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.machine import code_version, processor, short, today
 from desplat_ns.studies.methods import split_of
 from desplat_ns.studies.records import markdown_table
 from desplat_ns.survey.findings import Decision
-from desplat_ns.survey.observations import Capture, capture_of
 from desplat_ns.survey.survey import survey
 from lab import OUTPUTS, parser_of
 from lab.study.captures import CAPTURES, HARD, PASTED, PLACES, TWINS, made
@@ -109,7 +110,7 @@ class Surveyed:
         ]
 
 
-def surveyed(kind: str, name: str, right: Allowed, capture: Capture) -> Surveyed:
+def surveyed(kind: str, name: str, right: Allowed, capture: DataparserOutputs) -> Surveyed:
     """Survey a capture."""
     began = time.process_time()
     findings, _ = survey(capture)
@@ -126,7 +127,7 @@ def generated(folder: Path) -> Iterator[Surveyed]:
             place = made(folder / name, partial(write_scene, spec))
             words = (*PASTED, *(() if distractors else TWINS))
             right = _right([appearance], [background])
-            photos = capture_of(split_of("desplat", place, words, "train"))
+            photos = split_of("desplat", place, words, "train")
             yield surveyed(kind, name, right, photos)
 
 
@@ -161,7 +162,7 @@ def known(folder: Path) -> Iterator[Surveyed]:
         except DeSplatError as error:
             print(f"{name} is left out: {error}", flush=True)
         else:
-            yield surveyed("known", name, right, capture_of(photos))
+            yield surveyed("known", name, right, photos)
 
 
 def page(results: Sequence[Surveyed]) -> str:

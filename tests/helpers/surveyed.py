@@ -5,32 +5,47 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import torch
+from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
+from desplat_ns.data.reconstruction import TRACKS
 from desplat_ns.survey.findings import Survey
-from desplat_ns.survey.observations import Capture
 from desplat_ns.survey.survey import survey as survey_with_evidence
 
 
-def survey(capture: Capture) -> Survey:
+def survey(capture: DataparserOutputs) -> Survey:
     """The findings alone."""
     return survey_with_evidence(capture)[0]
 
 
-def copied(capture: Capture, folder: Path) -> Capture:
+def points_of(capture: DataparserOutputs) -> np.ndarray:
+    """Of the reconstruction: [N, 3]."""
+    return capture.metadata["points3D_xyz"].double().numpy()
+
+
+def with_points(capture: DataparserOutputs, xyz: np.ndarray, **changes: Any) -> DataparserOutputs:
+    """The same capture with other points, and with other tracks where `tracks` is given."""
+    tracks = changes.get("tracks", capture.metadata[TRACKS])
+    metadata = {**capture.metadata, "points3D_xyz": torch.from_numpy(xyz), TRACKS: tracks}
+    return replace(capture, metadata=metadata)
+
+
+def copied(capture: DataparserOutputs, folder: Path) -> DataparserOutputs:
     """The same capture with photos of its own, to be damaged."""
-    photos = [Path(shutil.copy(path, folder / path.name)) for path in capture.photos]
-    return replace(capture, photos=photos)
+    photos = [Path(shutil.copy(path, folder / path.name)) for path in capture.image_filenames]
+    return replace(capture, image_filenames=photos)
 
 
-def some(capture: Capture, which: list[int]) -> Capture:
+def some(capture: DataparserOutputs, which: list[int]) -> DataparserOutputs:
     """Some of the photos."""
-    tracks = capture.tracks
-    assert tracks is not None
+    tracks = capture.metadata[TRACKS]
+    fewer = replace(tracks, image_ids=tuple(tracks.image_ids[i] for i in which))
     return replace(
         capture,
         cameras=capture.cameras[torch.tensor(which, dtype=torch.long)],
-        photos=[capture.photos[i] for i in which],
-        tracks=replace(tracks, image_ids=tuple(tracks.image_ids[i] for i in which)),
+        image_filenames=[capture.image_filenames[i] for i in which],
+        metadata={**capture.metadata, TRACKS: fewer},
     )

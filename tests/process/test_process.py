@@ -17,9 +17,8 @@ from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.layouts.recognition import recognise
 from desplat_ns.process import process, video
 from desplat_ns.process.process import LISTED, open_record, report_lines
-from desplat_ns.process.reconstruction import Attempt, Model, Recipe, Stationary, reconstruct
+from desplat_ns.process.reconstruction import Attempt, Model, Recipe, reconstruct
 from desplat_ns.process.request import Request
-from tests.helpers.other_process import running
 from tests.helpers.yard import CLOSE, EDGE, Yard, places_of, silent, write_mask_of_the_mark
 
 
@@ -55,7 +54,6 @@ def test_thorough_features_stay_off_what_a_mask_blackens_and_pose_all_photos(
     place = out / "work" / "thorough"
     places = np.concatenate([*places_of(place / "database.db").values()])
     assert len(places) > 0 and (places[:, 1] < EDGE + 1).all()
-    assert not Stationary(**json.loads((place / "matching.json").read_text())).is_suspicious
     names = {f"{number:02d}.jpg": view for number, view in enumerate(views)}
     assert yard.farthest(out / "sparse" / "0", names) < CLOSE
 
@@ -112,33 +110,47 @@ def test_photos_that_are_all_the_same_are_told_and_nothing_is_left(photo_writer,
     assert not (tmp_path / "out").exists()
 
 
+FIGURES = {
+    **{"photos": 3, "of": 9, "points": 5, "observations": 99, "error": 0.5},
+    **{"recipe": "plain", "seconds": 1},
+}
+
 # --- the record ----------------------------------------------------------------------------------
 
 
-def test_other_photos_or_options_are_listed_together(tmp_path: Path):
-    open_record(tmp_path, {"longest_side": "1600"}, {"a": 1, "b": 1})
+def test_other_photos_or_options_are_listed_together_and_links_are_not_followed(tmp_path: Path):
+    open_record(tmp_path, {"--longest-side": "1600", "a": "1 bytes", "b": "1 bytes"})
     with pytest.raises(ConfigError) as caught:
-        open_record(tmp_path, {"longest_side": "800"}, {"a": 2, "c": 1})
-    for said in ("--longest-side", "new (c)", "gone (b)", "changed (a)"):
+        open_record(tmp_path, {"--longest-side": "800", "a": "2 bytes", "c": "1 bytes"})
+    for said in ("--longest-side was 1600 and is 800", "a was", "b was", "c was"):
         assert said in str(caught.value)
     (tmp_path / "process.json").write_text("[]")
     with pytest.raises(ConfigError, match=r"process\.json"):
-        open_record(tmp_path, {}, {})
+        open_record(tmp_path, {})
+    (tmp_path / "images").symlink_to(tmp_path.parent)
+    with pytest.raises(ConfigError, match="images"):
+        open_record(tmp_path, {})
 
 
 def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path):
     (tmp_path / "thesis.doc").write_bytes(b"x")
     with pytest.raises(ConfigError, match=r"thesis\.doc"):
-        open_record(tmp_path, {}, {})
+        open_record(tmp_path, {})
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.doc"]
 
 
 def test_photos_that_are_left_out_for_one_reason_share_a_line_and_few_reasons_are_told():
     missing = [{"source": f"{i}.jpg", "reason": f"reason {i // 2}"} for i in range(2 * LISTED + 3)]
-    figures = {"photos": 3, "of": 9, "points": 5, "error": 0.5, "recipe": "plain", "seconds": 1}
-    lines = report_lines(Path("out"), {**figures, "others": [], "left_out": missing})
+    lines = report_lines(Path("out"), {**FIGURES, "others": [], "left_out": missing})
     told = [line for line in lines if line[:2] == "  "]
     assert told[0] == "  0.jpg, 1.jpg: reason 0" and len(told) == LISTED + 1
+
+
+@pytest.mark.parametrize(("photos", "observations"), [(4, 2000), (20, 900), (20, 20_000)])
+def test_few_photos_or_points_are_said(photos: int, observations: int):
+    changed = {"photos": photos, "observations": observations, "others": [], "left_out": []}
+    lines = report_lines(Path("out"), {**FIGURES, **changed})
+    assert any(line.startswith("Warning") for line in lines) == (observations < 20_000)
 
 
 # --- a capture that is made plainly, made once more thoroughly -----------------------------------
@@ -160,7 +172,7 @@ def made(photo_writer, tmp_path: Path, monkeypatch) -> Callable[..., Request]:
         copies = tuple(f"0000{i + 1}.jpg" for i in range(posed[recipe.name]))
         model = Model(Path(recipe.name), copies, 9, OBSERVATIONS[recipe.name], 0.5)
         features = {f"0000{i}.jpg": 100 for i in (1, 2, 3)}
-        return Attempt(recipe, [model], features, [], Stationary(0.0))
+        return Attempt(recipe, [model], features, [])
 
     monkeypatch.setattr(process, "in_worker", in_worker)
 
@@ -207,36 +219,3 @@ def test_the_first_stays_where_the_second_is_interrupted_or_its_photos_are_gone(
         run(thorough)
     assert (thorough.output / "images" / "made").read_text() == "plain"
     assert findings_of(thorough.output)["recipe"] == "plain"
-
-
-AT_WORK = """
-from pathlib import Path
-from desplat_ns.commands.process import run
-from desplat_ns.process import process
-from desplat_ns.process.request import Request
-process.in_worker = lambda *_: wait()
-run(Request(Path({photos!r}), Path({output!r}), threads=1))
-"""
-
-
-@pytest.mark.slow
-def test_a_second_call_is_refused_and_goes_on_once_the_first_was_killed(
-    tmp_path: Path, photo_writer, checkout: Path, monkeypatch: pytest.MonkeyPatch
-):
-    photos, output = tmp_path / "photos", tmp_path / "out"
-    for seed, name in enumerate("abc"):
-        photo_writer(photos / f"{name}.png", 60, 40, seed=seed)
-    request = Request(photos, output, threads=1)
-    code = AT_WORK.format(photos=str(photos), output=str(output))
-    with running(code, checkout) as first:
-        with pytest.raises(ConfigError, match=str(first.pid)):
-            run(request)
-        first.kill()
-        first.wait()
-
-        def nothing_more(*_: object) -> None:
-            raise CaptureError("went on")
-
-        monkeypatch.setattr(process, "in_worker", nothing_more)
-        with pytest.raises(CaptureError, match="went on"):
-            run(request)

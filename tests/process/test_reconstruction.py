@@ -15,33 +15,23 @@ import PIL.Image  # noqa: F401
 import pycolmap
 import pytest
 
-from desplat_ns.process import pairs, reconstruction
+from desplat_ns.process import reconstruction
 from desplat_ns.process.photos import Camera, group_by_camera
 from desplat_ns.process.reconstruction import (
+    LEAST_TOLERANCE,
     PLAIN,
-    Recipe,
-    Stationary,
     feature_counts,
     find_features,
-    is_stationary,
     map_photos,
     match_photos,
-    tolerance_of,
     verified_pairs,
 )
-from desplat_ns.process.request import Pairing
-from tests.helpers.yard import CLOSE, EDGE, SIZE, Features, Yard, copied, places_of, silent
+from tests.helpers.yard import CLOSE, EDGE, Features, Yard, copied, places_of, silent
 
 FEW = replace(PLAIN, neighbours=3)
 """With a dozen photos: each is compared with a quarter of the others."""
 EVERY_OTHER = range(0, 12, 2)
 """The views that `marked` shows."""
-ERROR, ANGLE = 1.0, 10.0
-"""Pixels and degrees: stricter than the thorough recipe, so that the yard's points fall short."""
-
-
-def match(mine: Features, pairing: Pairing) -> Stationary:
-    return match_photos(mine.database, pairing, FEW, 1, silent)
 
 
 def numbers(a: str, b: str) -> tuple[int, int]:
@@ -71,10 +61,12 @@ def worst_pose(mine: Features, yard: Yard, order: Sequence[int]) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("pairing", ["exhaustive", "similar", "sequential"])
 def test_each_pairing_gives_every_photo_its_place(
-    pairing: Pairing, plain: Features, yard: Yard, tmp_path: Path
+    pairing: str, plain: Features, yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     mine = plain.again(tmp_path)
-    match(mine, pairing)
+    if pairing == "similar":
+        monkeypatch.setattr(reconstruction, "ALL_PAIRS_UP_TO", 5)
+    match_photos(mine.database, pairing == "sequential", FEW, 1, silent)
     if pairing == "similar":  # the camera goes around: the most alike are next to each other
         last = len(mine.photos) - 1
         assert {(i, i + 1) for i in range(last)} <= compared(mine)
@@ -87,16 +79,16 @@ def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
     yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """There by every other view, back by those between: the last is next to the first."""
-    monkeypatch.setattr(pairs, "OVERLAP", 1)
-    monkeypatch.setattr(pairs, "LOOPS", 2)
+    monkeypatch.setattr(reconstruction, "OVERLAP", 1)
+    monkeypatch.setattr(reconstruction, "LOOPS", 2)
     order = [*EVERY_OTHER, *(view + 1 for view in reversed(EVERY_OTHER))]
     photos = copied(yard.write(tmp_path / "photos", order), tmp_path / "copies")
     mine = Features(tmp_path / "database.db", tmp_path / "copies", photos)
     extract(mine)
-    match(mine, "sequential")
+    match_photos(mine.database, True, FEW, 1, silent)
     last = len(order) - 1
-    assert (0, last) not in pairs.sequential_pairs(len(order))
-    tied = {numbers(a, b) for a, b, _ in verified_pairs(mine.database)}
+    assert (0, last) not in reconstruction.sequential_pairs(len(order))
+    tied = {numbers(a, b) for a, b, _ in verified_pairs(mine.database)[1]}
     assert {(0, last), *((i, i + 1) for i in range(last))} <= tied
 
 
@@ -107,7 +99,7 @@ def extract(mine: Features) -> list[Camera]:
     return cameras
 
 
-def still_and_all(mine: Features) -> tuple[int, int]:
+def verified_at_equal_places(mine: Features) -> tuple[int, int]:
     """Verified matches at equal places where the mark is, and all verified matches."""
     still, every = 0, 0
     places = places_of(mine.database)
@@ -117,78 +109,20 @@ def still_and_all(mine: Features) -> tuple[int, int]:
             a, b = pycolmap.pair_id_to_image_pair(pair)
             of_a, of_b = db.read_two_view_geometry(a, b).inlier_matches.T
             first, second = places[names[a]][of_a], places[names[b]][of_b]
-            same = is_stationary(first, second, tolerance_of(max(SIZE)))
+            same = np.linalg.norm(first - second, axis=1) <= LEAST_TOLERANCE
             still, every = still + int((same & (first[:, 1] > EDGE)).sum()), every + len(of_a)
     return still, every
 
 
 @pytest.mark.slow
 def test_what_stands_still_in_all_photos_does_not_tie_them(
-    marked: Features, yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    marked: Features, yard: Yard, tmp_path: Path
 ):
-    """Also where the call was cut off between the first verification and the second."""
     mine = marked.again(tmp_path)
-    with monkeypatch.context() as patch:
-        patch.setattr(reconstruction.pycolmap, "geometric_verification", cut_off)
-        with pytest.raises(KeyboardInterrupt):
-            match(mine, "exhaustive")
-    found = match(mine, "exhaustive")
-    assert found.is_suspicious
-    assert found.box[1] * SIZE[1] > EDGE - tolerance_of(max(SIZE))
-    still, every = still_and_all(mine)
+    match_photos(mine.database, False, FEW, 1, silent)
+    still, every = verified_at_equal_places(mine)
     assert still == 0 and every > 0
     assert worst_pose(mine, yard, EVERY_OTHER) < CLOSE
-
-
-def cut_off(*_: Any, **__: Any) -> None:
-    raise KeyboardInterrupt
-
-
-# --- what the thorough recipe takes out of a model at the end ------------------------------------
-
-
-def widest_angle(model: pycolmap.Reconstruction, point: pycolmap.Point3D) -> float:
-    """Degrees between those rays to a point that are farthest apart."""
-    images = (model.image(element.image_id) for element in point.track.elements)
-    rays = np.stack([image.projection_center() - point.xyz for image in images])
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    return float(np.degrees(np.arccos(np.clip(rays @ rays.T, -1, 1).min())))
-
-
-def errors(model: pycolmap.Reconstruction, which: pycolmap.Reconstruction) -> np.ndarray:
-    """Pixels by which `model` is off at the observations that `which` has."""
-    off = []
-    for number, point in which.points3D.items():
-        for element in point.track.elements:
-            image = model.image(element.image_id)
-            place = image.project_point(model.point3D(number).xyz)
-            assert place is not None
-            off.append(np.linalg.norm(place - image.point2D(element.point2D_idx).xy))
-    return np.array(off)
-
-
-@pytest.mark.slow
-def test_points_with_narrow_angles_and_observations_far_off_are_gone(
-    plain: Features, tmp_path: Path
-):
-    """One thread and one seed: up to the filter both models are the same."""
-    mine = plain.again(tmp_path)
-    match_photos(mine.database, "exhaustive", PLAIN, 1, silent)
-
-    def model_of(recipe: Recipe, name: str) -> pycolmap.Reconstruction:
-        found = map_photos(mine.database, mine.copies, tmp_path / name, recipe, 1, silent)
-        return pycolmap.Reconstruction(found[0].folder)
-
-    whole = model_of(PLAIN, "whole")
-    strict = model_of(replace(PLAIN, filtered=(ERROR, ANGLE)), "strict")
-    flat = {i for i, point in whole.points3D.items() if widest_angle(whole, point) < ANGLE}
-    assert flat and strict.num_points3D() > 0 and flat.isdisjoint(strict.points3D)
-    before, after = errors(whole, strict), errors(strict, strict)
-    assert errors(whole, whole).max() > ERROR and before.max() <= ERROR
-    assert (after**2).sum() < (before**2).sum(), "the last adjustment lessens it"
-
-
-# --- calls that are cut off ----------------------------------------------------------------------
 
 
 @pytest.mark.slow

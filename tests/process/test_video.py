@@ -8,9 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
+from desplat_ns.commands.process import run
 from desplat_ns.data.images import read_image
 from desplat_ns.errors import CaptureError
-from desplat_ns.process.video import look_at, take_frames
+from desplat_ns.process.request import Request
+from desplat_ns.process.video import look_at, motion, take_frames
 from tests.helpers.yard import BLUR, FRAMES_OF_A_VIEW, Yard, silent, view_of
 
 pytestmark = pytest.mark.slow
@@ -43,11 +45,23 @@ def test_every_frame_is_looked_at_and_progress_ends_at_their_number(film: Path, 
 
 
 @pytest.mark.parametrize("views", [1, 12], ids=["three frames", "all the same"])
-def test_a_video_whose_camera_stands_still_is_refused(yard: Yard, tmp_path: Path, views: int):
+def test_a_video_whose_camera_stands_still_is_refused_and_leaves_nothing(
+    yard: Yard, tmp_path: Path, views: int
+):
+    """Else the next video is refused there."""
     still = Yard([yard.pictures[0]] * views, yard.centres, yard.pixel)
+    film = still.film(tmp_path / "FILM Ä 1.MP4")
     with pytest.raises(CaptureError, match=rf"FILM Ä 1\.MP4 has {3 * views} frames"):
-        take_frames(still.film(tmp_path / "FILM Ä 1.MP4"), tmp_path / "frames", 150, silent)
-    assert not (tmp_path / "frames").exists()
+        run(Request(film, tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_thing_that_moves_before_a_plain_wall_is_seen_to_move():
+    wall = np.full((180, 320), 128, np.uint8)
+    thing = np.random.default_rng(0).integers(0, 256, (110, 130), np.uint8)
+    first, second = wall.copy(), wall.copy()
+    first[40:150, 90:220] = second[40:150, 98:228] = cv2.GaussianBlur(thing, (0, 0), 2)
+    assert motion(first, second) == pytest.approx(8 / 320, rel=0.2)
 
 
 def test_what_is_no_video_is_refused(tmp_path: Path):

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from desplat_ns.survey.observations import Capture
+    from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
+
     from lab.synthetic import SceneSpec
 
 
@@ -25,15 +26,14 @@ def small_spec() -> SceneSpec:
 @pytest.fixture(scope="session")
 def make_capture(
     small_spec: SceneSpec, tmp_path_factory: pytest.TempPathFactory
-) -> Callable[..., Capture]:
+) -> Callable[..., DataparserOutputs]:
     """A capture of the small scene, changed as asked for; its clean twins unless `cluttered`."""
     from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-    from desplat_ns.survey.observations import capture_of
     from lab.synthetic import write_scene
 
     made: dict[str, Path] = {}
 
-    def make(cluttered: bool = False, **changes) -> Capture:
+    def make(cluttered: bool = False, **changes) -> DataparserOutputs:
         spec = replace(small_spec, **changes)
         if repr(spec) not in made:
             made[repr(spec)] = tmp_path_factory.mktemp("scene")
@@ -41,12 +41,12 @@ def make_capture(
         parser = RobustNerfDataParserConfig(
             data=made[repr(spec)], train_split_clean_clutter_ratio=float(cluttered)
         )
-        return capture_of(parser.setup().get_dataparser_outputs("train"))
+        return parser.setup().get_dataparser_outputs("train")
 
     return make
 
 
 @pytest.fixture(scope="session")
-def still(make_capture: Callable[..., Capture]) -> Capture:
+def still(make_capture: Callable[..., DataparserOutputs]) -> DataparserOutputs:
     """Nothing in the way, one light, no sky."""
     return make_capture()

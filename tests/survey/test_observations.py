@@ -9,7 +9,9 @@ import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras, CameraType
 
+from desplat_ns.data.reconstruction import TRACKS
 from desplat_ns.survey.observations import View, small_view
+from tests.helpers.surveyed import points_of
 
 VIEW = View(
     np.eye(3),
@@ -55,10 +57,10 @@ def test_what_is_behind_has_no_pixel():
 
 
 def test_a_small_view_sees_a_generated_scenes_points_where_they_were_observed(still):
-    observed = still.tracks.read([0, 5])
+    observed = still.metadata[TRACKS].read([0, 5])
     for index, track in zip((0, 5), observed, strict=True):
         view = small_view(still.cameras, index)
-        pixels, _ = view.project(still.xyz[track.points])
+        pixels, _ = view.project(points_of(still)[track.points])
         off = np.abs(pixels / [view.width, view.height] - track.places) * [view.width, view.height]
         assert np.median(off) < 1.0
 

@@ -11,12 +11,13 @@ import cv2
 import numpy as np
 import PIL.Image
 import pytest
+from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.data.images import read_image, write_image
+from desplat_ns.data.reconstruction import TRACKS
 from desplat_ns.errors import CaptureError
 from desplat_ns.survey import observations
-from desplat_ns.survey.observations import Capture
-from tests.helpers.surveyed import copied, some, survey
+from tests.helpers.surveyed import copied, points_of, some, survey, with_points
 
 ORIENTATION = 0x0112
 """EXIF's tag."""
@@ -24,15 +25,16 @@ OFF = {"appearance": "off", "background": "off"}
 
 
 @pytest.mark.slow
-def test_without_tracks_patches_stand_for_them(make_capture: Callable[..., Capture]):
-    result = survey(replace(make_capture(cluttered=True), tracks=None))
+def test_without_tracks_patches_stand_for_them(make_capture: Callable[..., DataparserOutputs]):
+    capture = make_capture(cluttered=True)
+    result = survey(with_points(capture, points_of(capture), tracks=None))
     assert result.decisions() == OFF
     assert result.notes
 
 
-def test_without_points_safe_sides_are_taken_and_named(still: Capture):
-    for tracks in (still.tracks and replace(still.tracks, point_ids=np.zeros(0, np.int64)), None):
-        result = survey(replace(still, xyz=np.zeros((0, 3)), tracks=tracks))
+def test_without_points_safe_sides_are_taken_and_named(still: DataparserOutputs):
+    for tracks in (replace(still.metadata[TRACKS], point_ids=np.zeros(0, np.int64)), None):
+        result = survey(with_points(still, np.zeros((0, 3)), tracks=tracks))
         assert result.decisions() == OFF
         assert {finding.confidence for finding in result.findings} == {"none"}
         assert result.notes
@@ -48,59 +50,56 @@ def test_without_points_safe_sides_are_taken_and_named(still: Capture):
         ("right", ""),
     ],
 )
-def test_captures_that_cannot_be_right_are_said(still: Capture, tmp_path: Path, change, said: str):
+def test_captures_that_cannot_be_right_are_said(
+    still: DataparserOutputs, tmp_path: Path, change, said: str
+):
     capture = copied(still, tmp_path)
     if change == "behind":
-        capture = replace(capture, xyz=capture.xyz + np.array([0.0, 0.0, 1e4]))
+        capture = with_points(capture, points_of(capture) + np.array([0.0, 0.0, 1e4]))
     if change == "turned":
-        for path in capture.photos:
+        for path in capture.image_filenames:
             write_image(path, np.ascontiguousarray(read_image(path)[::-1, ::-1]))
     if change in ("white", "black"):
         write_image(
             tmp_path / "mask.png", np.full((72, 96, 1), 255 * (change == "white"), np.uint8)
         )
-        capture = replace(capture, masks=[tmp_path / "mask.png"] * len(capture.photos))
+        capture = replace(capture, mask_filenames=[tmp_path / "mask.png"] * 10)
     assert said in " ".join(survey(capture).notes)
     assert bool(said) or not survey(capture).notes
 
 
-def test_two_photos_and_one_call_for_nothing(still: Capture):
+def test_two_photos_and_one_call_for_nothing(still: DataparserOutputs):
     for which in ([0, 1], [4]):
         result = survey(some(still, which))
         assert result.decisions() == OFF
 
 
-def test_photos_that_are_all_alike_call_for_nothing_that_is_seen(still: Capture, tmp_path: Path):
-    capture = copied(still, tmp_path)
-    for path in capture.photos:
-        write_image(path, np.full((72, 96, 3), 128, np.uint8))
-    assert survey(capture).appearance.decision == "off"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("level", [0, 255])
 def test_a_black_or_white_photo_changes_no_decision_and_is_named(
-    still: Capture, tmp_path: Path, level: int
+    still: DataparserOutputs, tmp_path: Path, level: int
 ):
     capture = copied(still, tmp_path)
-    write_image(capture.photos[3], np.full((72, 96, 3), level, np.uint8))
+    write_image(capture.image_filenames[3], np.full((72, 96, 3), level, np.uint8))
     result = survey(capture)
     assert result.decisions() == OFF
     unknown = result.appearance.could_not_tell
-    assert any(capture.photos[3].name in line for line in unknown)
+    assert any(capture.image_filenames[3].name in line for line in unknown)
 
 
 @pytest.mark.slow
-def test_a_photo_of_the_sky_alone_does_not_make_a_background(still: Capture, tmp_path: Path):
+def test_a_photo_of_the_sky_alone_does_not_make_a_background(
+    still: DataparserOutputs, tmp_path: Path
+):
     capture = copied(still, tmp_path)
-    write_image(capture.photos[3], np.full((72, 96, 3), (120, 170, 230), np.uint8))
+    write_image(capture.image_filenames[3], np.full((72, 96, 3), (120, 170, 230), np.uint8))
     assert survey(capture).background.decision == "off"
 
 
 @pytest.mark.slow
-def test_what_is_cut_out_of_all_photos_is_no_sky(still: Capture, tmp_path: Path):
+def test_what_is_cut_out_of_all_photos_is_no_sky(still: DataparserOutputs, tmp_path: Path):
     capture = copied(still, tmp_path)
-    for path in capture.photos:
+    for path in capture.image_filenames:
         photo = read_image(path)
         alpha = np.full((*photo.shape[:2], 1), 255, np.uint8)
         alpha[: len(photo) // 3] = 0
@@ -108,18 +107,20 @@ def test_what_is_cut_out_of_all_photos_is_no_sky(still: Capture, tmp_path: Path)
     assert survey(capture).background.decision == "off"
 
 
-def test_no_photo_is_an_error_and_one_that_cannot_be_read_is_named(still: Capture, tmp_path: Path):
+def test_no_photo_is_an_error_and_one_that_cannot_be_read_is_named(
+    still: DataparserOutputs, tmp_path: Path
+):
     with pytest.raises(CaptureError):
         survey(some(still, []))
     capture = copied(still, tmp_path)
-    Path(capture.photos[2]).write_bytes(b"no picture")
-    with pytest.raises(CaptureError, match=capture.photos[2].name):
+    Path(capture.image_filenames[2]).write_bytes(b"no picture")
+    with pytest.raises(CaptureError, match=capture.image_filenames[2].name):
         survey(capture)
 
 
 @pytest.mark.slow
 def test_large_captures_are_sampled_evenly_and_say_so(
-    still: Capture, monkeypatch: pytest.MonkeyPatch
+    still: DataparserOutputs, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(observations, "MOST_PHOTOS", 5)
     result = survey(still)
@@ -127,10 +128,10 @@ def test_large_captures_are_sampled_evenly_and_say_so(
     assert result.notes
 
 
-def test_what_a_file_is_like_does_not_change_what_is_seen(still: Capture, tmp_path: Path):
+def test_what_a_file_is_like_does_not_change_what_is_seen(still: DataparserOutputs, tmp_path: Path):
     """16 bits, grey levels in four channels, and pixels that lie on their side by EXIF."""
     capture = copied(still, tmp_path)
-    for number, path in enumerate(capture.photos):
+    for number, path in enumerate(capture.image_filenames):
         photo = read_image(path)
         if number % 3 == 0:
             cv2.imwrite(str(path), photo[..., ::-1].astype(np.uint16) * 257)
@@ -143,10 +144,10 @@ def test_what_a_file_is_like_does_not_change_what_is_seen(still: Capture, tmp_pa
     assert survey(capture).to_json() == survey(still).to_json()
 
 
-def test_photos_of_two_sizes_are_compared(still: Capture, tmp_path: Path):
+def test_photos_of_two_sizes_are_compared(still: DataparserOutputs, tmp_path: Path):
     capture = copied(still, tmp_path)
     cameras = copy.deepcopy(capture.cameras)
-    for path in capture.photos[::2]:
+    for path in capture.image_filenames[::2]:
         write_image(path, cv2.resize(read_image(path), (48, 36), interpolation=cv2.INTER_AREA))
     for name in ("width", "height", "fx", "fy", "cx", "cy"):
         values = getattr(cameras, name)
@@ -157,25 +158,18 @@ def test_photos_of_two_sizes_are_compared(still: Capture, tmp_path: Path):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
-def test_points_without_a_place_are_passed_over(still: Capture):
+def test_points_without_a_place_are_passed_over(still: DataparserOutputs):
     """As broken reconstructions have them: not a number, and as far as numbers go."""
     for broken in (np.nan, np.inf, 1e30):
-        xyz = still.xyz.copy()
+        xyz = points_of(still).copy()
         xyz[::50] = broken
-        assert survey(replace(still, xyz=xyz)).decisions() == OFF
+        assert survey(with_points(still, xyz)).decisions() == OFF
 
 
-def test_photos_of_which_none_shows_what_another_does_take_the_safe_side(still: Capture):
+def test_photos_of_which_none_shows_what_another_does_take_the_safe_side(still: DataparserOutputs):
     """Each observes points of its own."""
-    assert still.tracks is not None
-    alone = replace(still.tracks, point_ids=np.arange(len(still.xyz)) + 10**6)
-    result = survey(replace(still, tracks=alone))
+    xyz, tracks = points_of(still), still.metadata[TRACKS]
+    alone = replace(tracks, point_ids=np.arange(len(xyz)) + 10**6)
+    result = survey(with_points(still, xyz, tracks=alone))
     assert result.decisions() == OFF
     assert result.appearance.confidence == "none"
-
-
-def test_where_no_photo_shows_the_points_there_is_no_sky_to_tell(still: Capture):
-    behind = still.xyz + np.array([0.0, 0.0, 1e4])
-    result = survey(replace(still, xyz=behind, tracks=None))
-    assert result.background.decision == "off"
-    assert result.background.confidence == "none"

@@ -7,15 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
-from desplat_ns.survey.observations import Capture, Observations, View, observe
+from desplat_ns.survey.observations import Observations, View, observe
 from desplat_ns.survey.photo_light import fit_light
 from lab.synthetic import DaylightSpec, make_scene
 
 
 @pytest.mark.slow
 def test_fitted_lights_are_those_that_the_photos_were_taken_in(
-    make_capture: Callable[..., Capture], small_spec
+    make_capture: Callable[..., DataparserOutputs], small_spec
 ):
     daylight = DaylightSpec(sky=False)
     light = fit_light(observe(make_capture(daylight=daylight)))
@@ -32,7 +33,7 @@ def test_fitted_lights_are_those_that_the_photos_were_taken_in(
     assert np.abs(shown - shown.mean(axis=0)).max() > 0.25
 
 
-def test_a_light_taken_back_gives_the_colour_under_the_mean_light(still: Capture):
+def test_a_light_taken_back_gives_the_colour_under_the_mean_light(still: DataparserOutputs):
     light = replace(fit_light(observe(still)), lens=-0.3)
     light.gains[0], light.gammas[0], light.vignetting[0] = [0.1, 0.0, -0.1], 1.3, -0.2
     true = np.array([[0.5, 0.25, 0.7]])
