@@ -559,15 +559,15 @@ class DeSplatModel(SplatfactoModel):
         image = over_background(static.rgb, static.alpha, background)
         return self.image_effects.apply_camera_response(image, view, embedding)
 
-    def in_light(
-        self, params: RawParameters, view: View, frozen: bool = False
-    ) -> Callable[[Tensor], Splats]:
-        """Static Gaussians in the colours of an embedding [E], for what `view` shows of them;
-        frozen: nothing but the embedding gets a gradient."""
-        splats = activate_static(params, self.active_sh_degree)
-        if FEATURES not in params:
+    def in_light(self, params: RawParameters, view: View) -> Callable[[Tensor], Splats]:
+        """Static Gaussians in the colours of an embedding [E], for what `view` shows of them."""
+        splats, appearance = (
+            activate_static(params, self.active_sh_degree),
+            self.image_effects.appearance,
+        )
+        if appearance is None:
             return lambda embedding: splats
-        return self.image_effects.appearance_in_view(splats, params[FEATURES], view, frozen)
+        return appearance.in_view(splats, params[FEATURES], view)
 
     # --- what others ask ---------------------------------------------------------------------
 

@@ -125,7 +125,7 @@ def as_function_of_embedding(
         splats = activate_static(params, model.active_sh_degree)
         weights = accumulated_weights(model.rasterizer, splats, view, settings, columns)
         params = {name: value[weights > 0] for name, value in params.items()}
-    lit = model.in_light(params, view, frozen=True)
+    lit = model.in_light(params, view)
     drawn = None
 
     def draw(embedding: Tensor) -> Tensor:
