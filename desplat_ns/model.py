@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import cached_property
@@ -21,7 +22,7 @@ from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.console import list_names
 from desplat_ns.data.training_views import train_index, view_name
-from desplat_ns.errors import BackendUnavailableError, DeSplatError
+from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
 from desplat_ns.gaussians.activation import (
     RawParameters,
     activate_distractors,
@@ -31,7 +32,6 @@ from desplat_ns.gaussians.activation import (
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.distractors import DistractorGaussians, to_device
 from desplat_ns.gaussians.memory import GaussianMemory
-from desplat_ns.gaussians.seed_points import check_seed_points, clamp_seed_scales
 from desplat_ns.gaussians.strategy import StaticStrategy
 from desplat_ns.losses import (
     background_opacity_loss,
@@ -51,11 +51,10 @@ from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.background import BACKGROUND_DEGREE_INTERVAL
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects
 from desplat_ns.photo_tourism.shown_light import ShownLight
-from desplat_ns.rendering.compositing import over_background
-from desplat_ns.rendering.layers import layered_outputs, static_outputs
+from desplat_ns.rendering.allowed_views import PhotoAngle
+from desplat_ns.rendering.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from desplat_ns.rendering.near_plane import sampled, scene_start, stands_clear
-from desplat_ns.rendering.photo_angle import PhotoAngle
 from desplat_ns.rendering.views import held, view_of, views_of
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
@@ -65,6 +64,12 @@ from desplat_ns.training.schedule import (
     pause_after_reset,
 )
 from desplat_ns.viewer import LayerControl
+
+MIN_SEED_POINTS = 4
+"""Splatfacto sizes each Gaussian by its three nearest neighbours."""
+
+MIN_SEED_SCALE = 1e-6
+"""World units. Coincident 3D points have neighbours at distance 0, whose logarithm is no scale."""
 
 
 class DeSplatModel(SplatfactoModel):
@@ -89,8 +94,13 @@ class DeSplatModel(SplatfactoModel):
     def populate_modules(self) -> None:
         """Static Gaussians at the 3D points, what the effects need, and distractors in front of
         every training camera."""
-        if not self.config.random_init:
-            check_seed_points(self.seed_points)
+        points = self.seed_points
+        if points is not None and len(points[0]) < MIN_SEED_POINTS and not self.config.random_init:
+            raise CaptureError(
+                f"The capture has {len(points[0])} 3D points; static Gaussians start at the points "
+                f"of the reconstruction and need at least {MIN_SEED_POINTS}. Give a reconstruction "
+                "with points, or add `--pipeline.model.random-init True`."
+            )
         self.config = config = self.config.for_run(self.num_train_data)
         self.schedule = Schedule(config.schedule_scale or 1.0)
         self.effects = config.effects.settled()
@@ -102,7 +112,7 @@ class DeSplatModel(SplatfactoModel):
         """Whether anybody is told the figures of the step at hand."""
         with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
-        clamp_seed_scales(self.gauss_params)
+        self.gauss_params["scales"].data.clamp_(min=math.log(MIN_SEED_SCALE))
         self._settle_strategy()
         self._add_image_effects()
         self.layer = self._make_layer() if self.effects.distractors else None
