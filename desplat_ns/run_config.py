@@ -22,8 +22,8 @@ from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_finite_options
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.survey import decided_effects
-from desplat_ns.training.checkpoint import checkpoint_folder, load_checkpoint, load_step
-from desplat_ns.training.checkpoint_record import SceneRecord
+from desplat_ns.training.checkpoint import checkpoint_folder, load_checkpoint, load_newest
+from desplat_ns.training.resume import SceneRecord
 from desplat_ns.training.schedule import GPU_VISITS, schedule_scale, seconds_of, steps_for_visits
 
 SavedRun = tuple[Path, dict[str, Any]]
@@ -136,7 +136,7 @@ class RunConfig(TrainerConfig):
         """What --load-checkpoint or --load-dir names. Raises CheckpointError."""
         if self.load_dir is not None:
             folder = checkpoint_folder(self.load_dir, self.relative_model_dir)
-            return load_step(folder, self.load_step)
+            return load_newest(folder, self.load_step)
         if self.load_checkpoint is not None:
             return self.load_checkpoint, load_checkpoint(self.load_checkpoint)
         return None
