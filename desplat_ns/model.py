@@ -136,11 +136,8 @@ class DeSplatModel(SplatfactoModel):
         self.layer: DistractorLayer | None = None
         self.distractors = None
         if effects.distractors:
-            seeds = None
-            if self.has_points:
-                assert points is not None
-                seeds = points[0].to(cameras.device)
             own = config.distractors
+            seeds = points[0].to(cameras.device) if points and self.has_points else None
             self.distractors = gaussians = DistractorGaussians(own, cameras)
             self.layer = DistractorLayer(
                 gaussians, own, config, cameras, seeds, effects.background, scale

@@ -68,11 +68,10 @@ class RunConfig(TrainerConfig):
                 self.max_num_iterations, self.nominal_num_iterations
             )
         scale = model.schedule_scale
-        if scale is not None and not (math.isfinite(scale) and scale > 0):
+        if scale is not None and not 0 < scale < math.inf:
             raise ConfigError(
-                f"--pipeline.model.schedule-scale is {scale}; it has to be above 0, for example "
-                "0.1 for schedules a tenth as long. Leave it out to derive it from the number of "
-                "steps."
+                f"--pipeline.model.schedule-scale is {scale}; it has to be above 0. Leave it out "
+                "to derive it from the number of steps."
             )
 
     def save_config(self) -> None:
@@ -81,7 +80,15 @@ class RunConfig(TrainerConfig):
         ns-train calls it before it starts any process. Raises ConfigError where there would be
         several, or where the schedule scale is not a positive number.
         """
-        self._refuse_several_processes()
+        machine = self.machine
+        count = machine.num_devices * machine.num_machines
+        if count > 1:
+            raise ConfigError(
+                f"--machine.num-devices {machine.num_devices} and --machine.num-machines "
+                f"{machine.num_machines} ask for {count} processes; this method trains in one. "
+                "Densification replaces the parameters in each process by itself, and the copies "
+                "would drift apart. Leave both at 1."
+            )
         self.resolve_schedule_scale()
 
     def write_config(self) -> None:
@@ -120,17 +127,6 @@ class RunConfig(TrainerConfig):
         if isinstance(manager, DeSplatDataManagerConfig):
             manager.settle_dataparser()
         return super().setup(**kwargs)
-
-    def _refuse_several_processes(self) -> None:
-        machine = self.machine
-        count = machine.num_devices * machine.num_machines
-        if count > 1:
-            raise ConfigError(
-                f"--machine.num-devices {machine.num_devices} and --machine.num-machines "
-                f"{machine.num_machines} ask for {count} processes; this method trains in one. "
-                "Densification replaces the parameters in each process by itself, and the copies "
-                "would drift apart. Leave both at 1."
-            )
 
     def saved_run(self) -> SavedRun | None:
         """What --load-checkpoint or --load-dir names. Raises CheckpointError."""

@@ -31,21 +31,6 @@ def test_a_value_worked_out_by_hand():
     assert torch.equal(over_background(both, alpha, pixel(1, 1, 1)), pixel(0.625, 0.75, 0.375))
 
 
-def test_gradients_agree_with_finite_differences():
-    generator = torch.Generator().manual_seed(0)
-    shapes = [(2, 3, 3), (2, 3, 1), (2, 3, 3), (2, 3, 1), (3,)]
-    inputs = [
-        torch.rand(shape, generator=generator, dtype=torch.float64, requires_grad=True)
-        for shape in shapes
-    ]
-
-    def final(rgb_d, alpha_d, rgb_s, alpha_s, background):
-        both = composite_color(rgb_d, alpha_d, rgb_s)
-        return over_background(both, composite_alpha(alpha_d, alpha_s), background)
-
-    assert torch.autograd.gradcheck(final, inputs)
-
-
 def test_colours_are_cut_to_the_range_and_have_a_gradient_within():
     colors = torch.tensor([[[-1.0, 0.0, 0.5], [1.0, 1.5, 0.25]]], requires_grad=True)
     cut = in_range(colors)
