@@ -233,11 +233,11 @@ class DeSplatModel(SplatfactoModel):
                 if index is not None:
                     drawn = layer.draw(index, lambda s: self.rasterizer(s, view, settings))
                 outputs |= layered_outputs(image, outputs["rgb"], drawn)
-        if not training:
+        if step is None:
             return self.layer_control.chosen(outputs)
         if self.config.use_bilateral_grid:
             for name in outputs.keys() & {"rgb", "rgb_static"}:
-                toned = self._apply_bilateral_grid(outputs[name][None], index, *self.last_size)
+                toned = self._apply_bilateral_grid(outputs[name][None], step.index, *self.last_size)
                 outputs[name] = toned[0]
         return outputs
 

@@ -117,7 +117,7 @@ class LazyLpips:
             self._give_up(f"images are smaller than the {least} pixels that it needs")
         if self.reason is None and self._metric is None:
             self._build(truth.device)
-        if self.reason is not None:
+        if self._metric is None or self.reason is not None:
             return None
         distance = self._metric(truth, pred)
         self._metric.reset()  # or torchmetrics keeps every distance for a mean nobody asks for

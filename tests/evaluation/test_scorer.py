@@ -103,8 +103,9 @@ def test_which_protocol_holds(model):
     assert (right.region, right.fit) == ("right half", None)
     plain = Scorer.of(model_with("off"), EvaluationConfig())
     assert (full.region, full.fit) == (plain.region, plain.fit) == ("full image", None)
-    for wrong, named in (({"steps": -1}, "--steps"), ({"learning_rate": 0.0}, "--learning-rate")):
-        with pytest.raises(ConfigError, match=named):
-            Scorer.of(model, EvaluationConfig(**wrong))
+    with pytest.raises(ConfigError, match="--steps"):
+        Scorer.of(model, EvaluationConfig(steps=-1))
+    with pytest.raises(ConfigError, match="--learning-rate"):
+        Scorer.of(model, EvaluationConfig(learning_rate=0.0))
     with pytest.raises(ConfigError, match="appearance"):
         Scorer.of(model_with("off"), EvaluationConfig(protocol="half"))

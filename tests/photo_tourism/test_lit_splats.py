@@ -56,7 +56,7 @@ def test_pictures_and_gradients_are_those_of_all_toned(appearance, has_harmonics
     (splats, view), features = scene(has_harmonics), torch.randn(NUM, FEATURES).double()
     features.requires_grad_()
     embedding = effects.of(1)
-    assert effects.embeddings is not None
+    assert effects.embeddings is not None and effects.appearance is not None
     leaves = [*(getattr(splats, n) for n in ("means", "scales", "opacities", "colors")), features]
     leaves += [effects.embeddings, *weights_of(effects)]
     results = []
@@ -76,6 +76,7 @@ def test_a_gaussian_of_broken_coefficients_is_culled_and_breaks_nothing():
     effects, (splats, view) = effects_of("affine"), scene(dtype=torch.float32)
     features = torch.randn(NUM, FEATURES, requires_grad=True)
     numba = resolve("numba", "cpu")
+    assert effects.appearance is not None
     lit = effects.appearance.in_view(splats, features, view)(effects.of(0))
     broken = int(numba(lit, view, SETTINGS).visible.nonzero()[0])
     with torch.no_grad():
