@@ -65,7 +65,7 @@ class SceneRecord:
         theirs, ours = self.train_images, here.train_images
         if not theirs or not ours or theirs == ours:
             return
-        different = sorted({*theirs} ^ {*ours})
+        different = sorted({*theirs} ^ {*ours}, key=lambda name: (name in ours, name))
         what = "the same photos in another order; views would get each other's distractors"
         if different:
             side = "the checkpoint" if different[0] in theirs else "this run"
