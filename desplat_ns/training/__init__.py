@@ -1,1 +1,1 @@
-"""What a run is made of: schedules, optimizers that step if a step is sound, checkpoints, resume."""
+"""What a run is made of: schedules, optimizers that skip unsound steps, checkpoints, resume."""
