@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.ssim import photometric_losses
-from desplat_ns.rendering.compositing import composite_alpha
+from desplat_ns.rendering.layers import composite_alpha
 
 EXPLAINED_SHARE = 0.6
 """Share of a pixel's 3 x 3 neighbours that the background has to explain. Eq. 9."""

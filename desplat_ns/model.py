@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import cached_property
@@ -21,7 +22,7 @@ from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.console import list_names
 from desplat_ns.data.training_views import train_index, view_name
-from desplat_ns.errors import BackendUnavailableError, DeSplatError
+from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
 from desplat_ns.gaussians.activation import (
     RawParameters,
     activate_distractors,
@@ -31,7 +32,6 @@ from desplat_ns.gaussians.activation import (
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.distractors import DistractorGaussians, to_device
 from desplat_ns.gaussians.memory import GaussianMemory
-from desplat_ns.gaussians.seed_points import check_seed_points, clamp_seed_scales
 from desplat_ns.gaussians.strategy import StaticStrategy
 from desplat_ns.losses import (
     background_opacity_loss,
@@ -51,11 +51,10 @@ from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.background import BACKGROUND_DEGREE_INTERVAL
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects
 from desplat_ns.photo_tourism.shown_light import ShownLight
-from desplat_ns.rendering.compositing import over_background
-from desplat_ns.rendering.layers import layered_outputs, static_outputs
+from desplat_ns.rendering.allowed_views import PhotoAngle
+from desplat_ns.rendering.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from desplat_ns.rendering.near_plane import sampled, scene_start, stands_clear
-from desplat_ns.rendering.photo_angle import PhotoAngle
 from desplat_ns.rendering.views import held, view_of, views_of
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
@@ -65,6 +64,12 @@ from desplat_ns.training.schedule import (
     pause_after_reset,
 )
 from desplat_ns.viewer import LayerControl
+
+MIN_SEED_POINTS = 4
+"""Splatfacto sizes each Gaussian by its three nearest neighbours."""
+
+MIN_SEED_SCALE = 1e-6
+"""World units. Coincident 3D points have neighbours at distance 0, whose logarithm is no scale."""
 
 
 class DeSplatModel(SplatfactoModel):
@@ -89,8 +94,13 @@ class DeSplatModel(SplatfactoModel):
     def populate_modules(self) -> None:
         """Static Gaussians at the 3D points, what the effects need, and distractors in front of
         every training camera."""
-        if not self.config.random_init:
-            check_seed_points(self.seed_points)
+        points = self.seed_points
+        if points is not None and len(points[0]) < MIN_SEED_POINTS and not self.config.random_init:
+            raise CaptureError(
+                f"The capture has {len(points[0])} 3D points; static Gaussians start at the points "
+                f"of the reconstruction and need at least {MIN_SEED_POINTS}. Give a reconstruction "
+                "with points, or add `--pipeline.model.random-init True`."
+            )
         self.config = config = self.config.for_run(self.num_train_data)
         self.schedule = Schedule(config.schedule_scale or 1.0)
         self.effects = config.effects.settled()
@@ -102,57 +112,40 @@ class DeSplatModel(SplatfactoModel):
         """Whether anybody is told the figures of the step at hand."""
         with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
-        clamp_seed_scales(self.gauss_params)
-        self._settle_strategy()
-        self._add_image_effects()
-        self.layer = self._make_layer() if self.effects.distractors else None
-        self.distractors = None if self.layer is None else self.layer.gaussians
-        num_views = 0 if self.layer is None else self.num_train_data
-        angle = (lambda view: self.photo_angle.degrees(view)) if self.has_points else None
-        self.layer_control = LayerControl(num_views, config.near_plane, angle)
-
-    def _settle_strategy(self) -> None:
-        """Refinement and resets as this run and this capture want them."""
-        config, cameras = self.config, self.kwargs["metadata"]["train_cameras"]
+        self.gauss_params["scales"].data.clamp_(min=math.log(MIN_SEED_SCALE))
+        cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
+        num_views, scale, effects = self.num_train_data, self.schedule.scale, self.effects
         pixels = int((cameras.width * cameras.height).sum())
         assert isinstance(self.strategy, DefaultStrategy)
         self.strategy = StaticStrategy.in_place_of(
             self.strategy,
             reset_every=config.reset_every,
-            pause_refine_after_reset=pause_after_reset(
-                self.num_train_data, config.reset_every, self.schedule.scale
-            ),
+            pause_refine_after_reset=pause_after_reset(num_views, config.reset_every, scale),
             most=config.most_gaussians(pixels, self.kwargs.get("device", "cpu")),
             cull_to_the_end=config.cull_to_the_end,
             verbose=False,
         )
-
-    def _add_image_effects(self) -> None:
-        """Build what `effects` asks for, once the static Gaussians are there."""
-        config = self.config
         self.image_effects = ImageEffects(
-            self.effects,
-            config.appearance,
-            config.background,
-            self.num_train_data,
-            config.sh_degree,
+            effects, config.appearance, config.background, num_views, config.sh_degree
         )
         if self.image_effects.appearance is not None:
             frequencies = config.appearance.fourier_frequencies
             features = fourier_features(self.means.detach(), frequencies)
             self.gauss_params[FEATURES] = nn.Parameter(features)
-        self.shown_light = ShownLight(self.names if self.effects.image_light else [])
-
-    def _make_layer(self) -> DistractorLayer:
-        cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
-        config, points = self.config.distractors, None
-        if self.has_points:
-            assert self.seed_points is not None
-            points = self.seed_points[0].to(cameras.device)
-        gaussians = DistractorGaussians(config, cameras)
-        background = self.effects.background
-        scale = self.config.schedule_scale or 1.0
-        return DistractorLayer(gaussians, config, self.config, cameras, points, background, scale)
+        self.shown_light = ShownLight(self.names if effects.image_light else [])
+        self.layer: DistractorLayer | None = None
+        self.distractors = None
+        if effects.distractors:
+            own = config.distractors
+            seeds = points[0].to(cameras.device) if points and self.has_points else None
+            self.distractors = gaussians = DistractorGaussians(own, cameras)
+            self.layer = DistractorLayer(
+                gaussians, own, config, cameras, seeds, effects.background, scale
+            )
+        angle = (lambda view: self.photo_angle.degrees(view)) if self.has_points else None
+        self.layer_control = LayerControl(
+            num_views if effects.distractors else 0, config.near_plane, angle
+        )
 
     @property
     def rasterizer(self) -> Rasterizer:
@@ -201,7 +194,7 @@ class DeSplatModel(SplatfactoModel):
     # --- a step ------------------------------------------------------------------------------
 
     def get_outputs(self, camera: Cameras) -> dict[str, Tensor]:
-        """Render one camera.
+        """Render one camera; in training this begins the `TrainStep`.
 
         Returns:
             Images [H, W, C] with colours in [0, 1]: rgb (in training what the loss sees, else the
@@ -209,45 +202,42 @@ class DeSplatModel(SplatfactoModel):
             distractors also rgb_static, rgb_composite, rgb_distractor (weighted by its alpha),
             alpha_distractor and distractor_mask (bool).
         """
-        index = train_index(camera)
-        if self.training:
-            assert index is not None, "a camera to train on says which training view it is"
-            return self._training_outputs(camera, index)
+        index, training, layer = train_index(camera), self.training, self.layer
         view = self.view_of_camera(camera, index)
-        if index is None:
-            index = self.layer_control.train_idx()
-        self.layer_control.tell_photo_angle(view)
+        if not training:
+            index = self.layer_control.train_idx() if index is None else index
+            self.layer_control.tell_photo_angle(view)
         embedding = self.embedding_of(index)
         static = self.render_static(view, embedding)
+        settings, step = self.render_settings(depth=False), None
+        if training:
+            assert index is not None, "a camera to train on says which training view it is"
+            self.train_step = step = TrainStep(self.nominal_step, index, view, static)
+            if layer is not None:
+                constant = held(view)  # poses are the static scene's to learn
+                step.distractors = layer.draw_for_training(
+                    step.number, index, lambda splats: self.rasterizer(splats, constant, settings)
+                )
         background = self.background_of(view, embedding)
         image = self.image_of(static, background, view, embedding)
-        background = self._photographed(background, view, embedding)
+        if not training:
+            background = self._photographed(background, view, embedding)
         outputs = static_outputs(static, image, background)
-        if self.layer is not None:
+        if layer is not None:
             outputs["rgb_static"] = outputs["rgb"]
-            drawn = None if index is None else self.layer.draw(index, self._rasterizer_of(view))
-            outputs |= layered_outputs(image, outputs["rgb"], drawn)
-        return self.layer_control.chosen(outputs)
-
-    def _training_outputs(self, camera: Cameras, index: int) -> dict[str, Tensor]:
-        """As `get_outputs`; begins the `TrainStep`."""
-        view, embedding = self.view_of_camera(camera, index), self.embedding_of(index)
-        static = self.render_static(view, embedding)
-        self.train_step = train_step = TrainStep(self.nominal_step, index, view, static)
-        if self.layer is not None:
-            rasterize = self._rasterizer_of(held(view))  # poses are the static scene's to learn
-            drawn = self.layer.draw_for_training(self.nominal_step, index, rasterize)
-            train_step.distractors = drawn
-        background = self.background_of(view, embedding)
-        image = self.image_of(static, background, view, embedding)
-        outputs = static_outputs(static, image, background)
-        if self.layer is not None:
-            outputs["rgb_static"] = outputs["rgb"]
-            outputs |= self.layer.training_outputs(train_step, image, outputs["rgb"])
-            outputs["rgb"] = outputs["rgb_composite"]
+            if step is not None:
+                outputs |= layer.training_outputs(step, image, outputs["rgb"])
+                outputs["rgb"] = outputs["rgb_composite"]
+            else:
+                drawn = None
+                if index is not None:
+                    drawn = layer.draw(index, lambda s: self.rasterizer(s, view, settings))
+                outputs |= layered_outputs(image, outputs["rgb"], drawn)
+        if step is None:
+            return self.layer_control.chosen(outputs)
         if self.config.use_bilateral_grid:
             for name in outputs.keys() & {"rgb", "rgb_static"}:
-                toned = self._apply_bilateral_grid(outputs[name][None], index, *self.last_size)
+                toned = self._apply_bilateral_grid(outputs[name][None], step.index, *self.last_size)
                 outputs[name] = toned[0]
         return outputs
 
@@ -256,13 +246,14 @@ class DeSplatModel(SplatfactoModel):
     ) -> dict[str, Tensor]:
         """The terms of Eq. 5 and 12, and those that `distractors.static_alone` and `opacity_prior`
         add; training adds them up. Outside of training, those of the static scene."""
+        config, step, layer = self.config, self.train_step, self.layer
         if not self.training:
             photo = self.photo_of(outputs, batch)
-            mask = self.mask_of(batch, photo.device)
-            return {"main_loss": self._main_loss(outputs["rgb"], photo, mask)} | self._others()
-        step, layer, background = self.train_step, self.layer, self.effects.background
+            main = self._main_loss(outputs["rgb"], photo, self.mask_of(batch, photo.device))
+            return {"main_loss": main} | self._others()
         assert step is not None
-        if background != "off" or batch["image"].shape[2] == 4:
+        sky = self.effects.background
+        if sky != "off" or batch["image"].shape[2] == 4:
             light = self.embedding_of(step.index)
             behind = self._photographed(outputs["background"], step.view, light)
             outputs = {**outputs, "background": behind}
@@ -273,34 +264,40 @@ class DeSplatModel(SplatfactoModel):
         losses: dict[str, Tensor] = {}
         owned = None
         if layer is not None:
-            config, static = layer.config, outputs["rgb_static"]
+            own, static = layer.config, outputs["rgb_static"]
             opacities = self.gauss_params["opacities"]
             photo, in_region = layer.look(step, photo, static, mask, opacities, self.memory)
             losses["distractor_opacity"] = alpha_d.new_zeros(())
             if step.distractors is not None:
-                losses["distractor_opacity"] = config.lambda_d * distractor_opacity_loss(
-                    alpha_d, in_region
-                )
-                if config.static_alone:
-                    owned = distractor_weight(alpha_d, in_region)
-                    leak = config.leak if step.number < self.config.stop_split_at else 0.0
-                    losses |= self._separate_losses(static, composite, photo, mask, owned, leak)
-            if background == "off":
-                transparency = static_transparency_loss(alpha_s)
-                losses["static_transparency"] = config.lambda_s * transparency
-            elif background != "image" and owned is not None:  # a photo's own sky: B.3 has 0
-                transparency = static_transparency_loss(alpha_s, owned)
-                losses["static_transparency"] = config.lambda_s * transparency
-        if "main_loss" not in losses:
+                price = distractor_opacity_loss(alpha_d, in_region)
+                losses["distractor_opacity"] = own.lambda_d * price
+            if step.distractors is not None and own.static_alone:
+                owned = distractor_weight(alpha_d, in_region)
+                leak = own.leak if step.number < config.stop_split_at else 0.0
+                if (
+                    mask is not None
+                ):  # there the composite shows the static scene, as the photo does
+                    composite = torch.where(mask, composite, static.detach())
+                if config.use_bilateral_grid:  # the composite moves the grids everywhere
+                    alone = photometric_loss(static, photo, config.ssim_lambda, owned, leak)
+                    main = photometric_loss(composite, photo, config.ssim_lambda)
+                else:
+                    alone, main = layered_photometric_losses(
+                        static, composite, photo, config.ssim_lambda, owned, leak
+                    )
+                losses |= {"main_loss": main, "static_photometric": alone}
+            # Before a photo's own sky, B.3 has 0.
+            if sky == "off" or (sky != "image" and owned is not None):
+                transparency = static_transparency_loss(alpha_s, None if sky == "off" else owned)
+                losses["static_transparency"] = own.lambda_s * transparency
+        if owned is None:
             losses["main_loss"] = self._main_loss(composite, photo, mask)
-        if background != "off":
-            explained = explained_by_background(
-                outputs["background"], photo, self.config.background.max_error
-            )
+        if sky != "off":
+            most = config.background.max_error
+            explained = explained_by_background(outputs["background"], photo, most)
             explained = explained if mask is None else explained & mask
-            losses["background_opacity"] = self.config.background.lambda_bg * (
-                background_opacity_loss(alpha_d, alpha_s, explained)
-            )
+            price = background_opacity_loss(alpha_d, alpha_s, explained)
+            losses["background_opacity"] = config.background.lambda_bg * price
         losses |= self._others()
         self.losses = {name: value.detach() for name, value in losses.items()}
         return losses
@@ -310,27 +307,6 @@ class DeSplatModel(SplatfactoModel):
         if mask is not None:
             image, photo = image * mask, photo * mask
         return photometric_loss(image, photo, self.config.ssim_lambda)
-
-    def _separate_losses(
-        self,
-        static: Tensor,
-        composite: Tensor,
-        photo: Tensor,
-        mask: Tensor | None,
-        owned: Tensor,
-        leak: float,
-    ) -> dict[str, Tensor]:
-        """L_GS of the composite, which moves distractors only, and of the static scene on what they
-        do not own; in masked pixels the composite shows the static scene, as the photo does."""
-        weight = self.config.ssim_lambda
-        if mask is not None:
-            composite = torch.where(mask, composite, static.detach())
-        if self.config.use_bilateral_grid:  # the composite moves the grids everywhere
-            own = photometric_loss(static, photo, weight, owned, leak)
-            main = photometric_loss(composite, photo, weight)
-        else:
-            own, main = layered_photometric_losses(static, composite, photo, weight, owned, leak)
-        return {"main_loss": main, "static_photometric": own}
 
     def _photographed(self, background: Tensor, view: View, embedding: Tensor) -> Tensor:
         """What a photo shows behind everything, in [0, 1]."""
@@ -483,11 +459,6 @@ class DeSplatModel(SplatfactoModel):
             )
         return rendering
 
-    def _rasterizer_of(self, view: View) -> Callable[[Splats], Rendering]:
-        """Draws distractors into a view."""
-        settings = self.render_settings(depth=False)
-        return lambda splats: self.rasterizer(splats, view, settings)
-
     def params_in(self, view: View) -> RawParameters:
         """All in training; else those in the crop box that do not stand before the camera."""
         if self.training:
@@ -559,15 +530,15 @@ class DeSplatModel(SplatfactoModel):
         image = over_background(static.rgb, static.alpha, background)
         return self.image_effects.apply_camera_response(image, view, embedding)
 
-    def in_light(
-        self, params: RawParameters, view: View, frozen: bool = False
-    ) -> Callable[[Tensor], Splats]:
-        """Static Gaussians in the colours of an embedding [E], for what `view` shows of them;
-        frozen: nothing but the embedding gets a gradient."""
-        splats = activate_static(params, self.active_sh_degree)
-        if FEATURES not in params:
+    def in_light(self, params: RawParameters, view: View) -> Callable[[Tensor], Splats]:
+        """Static Gaussians in the colours of an embedding [E], for what `view` shows of them."""
+        splats, appearance = (
+            activate_static(params, self.active_sh_degree),
+            self.image_effects.appearance,
+        )
+        if appearance is None:
             return lambda embedding: splats
-        return self.image_effects.appearance_in_view(splats, params[FEATURES], view, frozen)
+        return appearance.in_view(splats, params[FEATURES], view)
 
     # --- what others ask ---------------------------------------------------------------------
 
@@ -609,27 +580,21 @@ class DeSplatModel(SplatfactoModel):
             splats, params[FEATURES], self.embedding_of(None)
         )
 
-    def baked_coefficients(self) -> Tensor:
-        """SH coefficients [N, K, 3] in the light that is shown."""
-        return self.shown_splats().colors
-
     @property
     def shs_0(self) -> Tensor:
-        """Zeroth SH coefficients [N, 3] that `ns-export` writes."""
-        baked = FEATURES in self.gauss_params
-        return self.baked_coefficients()[:, 0] if baked else super().shs_0
+        """Zeroth SH coefficients [N, 3] that `ns-export` writes, in the light that is shown."""
+        return self.shown_splats().colors[:, 0] if FEATURES in self.gauss_params else super().shs_0
 
     @property
     def shs_rest(self) -> Tensor:
         """The other SH coefficients [N, K - 1, 3] that `ns-export` writes."""
         baked = FEATURES in self.gauss_params
-        return self.baked_coefficients()[:, 1:] if baked else super().shs_rest
+        return self.shown_splats().colors[:, 1:] if baked else super().shs_rest
 
     @property
     def colors(self) -> Tensor:
         """Colours [N, 3] without view dependence, about [0, 1]."""
-        baked = FEATURES in self.gauss_params
-        return SH2RGB(self.baked_coefficients()[:, 0]) if baked else super().colors
+        return SH2RGB(self.shs_0) if FEATURES in self.gauss_params else super().colors
 
     # --- checkpoints -------------------------------------------------------------------------
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 
+import psutil
 import torch
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend import BackendName
 from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.room import most_in_memory
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.settings.effects import EffectsConfig
@@ -21,6 +21,15 @@ from desplat_ns.training.schedule import (
     photo_downscale,
     steps_between_refinements,
 )
+
+BYTES_A_GAUSSIAN = 4 * 59 * 8
+"""Memory of one more static Gaussian in training, float32: 3 numbers of its place, 3 of its size, 4
+of its turn, its opacity, 48 of its colour; values, gradients, Adam's two moments, what is drawn of
+them and its gradients, what the rasterizer keeps, or a refinement makes anew. At the peak 1,875
+bytes were measured (docs/results/speed.md)."""
+
+MEMORY_SHARE = 0.5
+"""Of the memory; the rest is for photos, images and other programs."""
 
 
 @dataclass
@@ -122,6 +131,11 @@ class DeSplatModelConfig(SplatfactoModelConfig):
             pixels: of all training photos together.
             device: in whose memory they have to fit.
         """
-        wanted = self.gaussians_per_pixel * pixels
-        room = most_in_memory(device)
-        return min(round(wanted), room) if self.gaussians_per_pixel > 0 else room
+        device = torch.device(device)
+        if device.type == "cuda":
+            memory = torch.cuda.get_device_properties(device).total_memory
+        else:
+            memory = psutil.virtual_memory().total  # what is built in: the same at any load
+        room = int(MEMORY_SHARE * memory) // BYTES_A_GAUSSIAN
+        wanted = round(self.gaussians_per_pixel * pixels)
+        return min(wanted, room) if self.gaussians_per_pixel > 0 else room

@@ -25,7 +25,7 @@ from desplat_ns.nerfstudio_quirks import (
     load_evaluated_checkpoints_like_resumed_ones,
     where_to_render,
 )
-from desplat_ns.training.checkpoint_record import SceneRecord, check_same_scene
+from desplat_ns.training.resume import SceneRecord
 from desplat_ns.viewer import FirstPhotoView
 
 MOST_TOLD = 1000
@@ -156,7 +156,7 @@ class DeSplatPipeline(VanillaPipeline):
 
     def get_extra_state(self) -> dict[str, Any]:
         """The scene record, for the checkpoint."""
-        return self.scene_record().to_state()
+        return asdict(self.scene_record())
 
     def set_extra_state(self, state: object) -> None:
         """Nothing is taken over from the record: it is compared before loading."""
@@ -178,7 +178,7 @@ class DeSplatPipeline(VanillaPipeline):
             CheckpointError: as `load_pipeline`.
         """
         saved = SceneRecord.from_state(state_dict.get("_extra_state"))
-        check_same_scene(saved, self.scene_record())
+        saved.check_fits(self.scene_record())
         try:
             super().load_state_dict(state_dict, strict=True)
         except (RuntimeError, KeyError) as error:

@@ -22,8 +22,8 @@ from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_finite_options
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.survey import decided_effects
-from desplat_ns.training.checkpoint import checkpoint_folder, load_checkpoint, load_step
-from desplat_ns.training.checkpoint_record import SceneRecord
+from desplat_ns.training.checkpoint import checkpoint_folder, load_checkpoint, load_newest
+from desplat_ns.training.resume import SceneRecord
 from desplat_ns.training.schedule import GPU_VISITS, schedule_scale, seconds_of, steps_for_visits
 
 SavedRun = tuple[Path, dict[str, Any]]
@@ -68,11 +68,10 @@ class RunConfig(TrainerConfig):
                 self.max_num_iterations, self.nominal_num_iterations
             )
         scale = model.schedule_scale
-        if scale is not None and not (math.isfinite(scale) and scale > 0):
+        if scale is not None and not 0 < scale < math.inf:
             raise ConfigError(
-                f"--pipeline.model.schedule-scale is {scale}; it has to be above 0, for example "
-                "0.1 for schedules a tenth as long. Leave it out to derive it from the number of "
-                "steps."
+                f"--pipeline.model.schedule-scale is {scale}; it has to be above 0. Leave it out "
+                "to derive it from the number of steps."
             )
 
     def save_config(self) -> None:
@@ -81,7 +80,15 @@ class RunConfig(TrainerConfig):
         ns-train calls it before it starts any process. Raises ConfigError where there would be
         several, or where the schedule scale is not a positive number.
         """
-        self._refuse_several_processes()
+        machine = self.machine
+        count = machine.num_devices * machine.num_machines
+        if count > 1:
+            raise ConfigError(
+                f"--machine.num-devices {machine.num_devices} and --machine.num-machines "
+                f"{machine.num_machines} ask for {count} processes; this method trains in one. "
+                "Densification replaces the parameters in each process by itself, and the copies "
+                "would drift apart. Leave both at 1."
+            )
         self.resolve_schedule_scale()
 
     def write_config(self) -> None:
@@ -121,22 +128,11 @@ class RunConfig(TrainerConfig):
             manager.settle_dataparser()
         return super().setup(**kwargs)
 
-    def _refuse_several_processes(self) -> None:
-        machine = self.machine
-        count = machine.num_devices * machine.num_machines
-        if count > 1:
-            raise ConfigError(
-                f"--machine.num-devices {machine.num_devices} and --machine.num-machines "
-                f"{machine.num_machines} ask for {count} processes; this method trains in one. "
-                "Densification replaces the parameters in each process by itself, and the copies "
-                "would drift apart. Leave both at 1."
-            )
-
     def saved_run(self) -> SavedRun | None:
         """What --load-checkpoint or --load-dir names. Raises CheckpointError."""
         if self.load_dir is not None:
             folder = checkpoint_folder(self.load_dir, self.relative_model_dir)
-            return load_step(folder, self.load_step)
+            return load_newest(folder, self.load_step)
         if self.load_checkpoint is not None:
             return self.load_checkpoint, load_checkpoint(self.load_checkpoint)
         return None

@@ -20,6 +20,7 @@ from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.engine.trainer import Trainer
 from nerfstudio.utils.decorators import check_main_thread
 from nerfstudio.utils.misc import step_check
+from torch.optim.lr_scheduler import LambdaLR
 
 from desplat_ns.backend.registry import compile_kernels
 from desplat_ns.console import announce
@@ -38,7 +39,12 @@ from desplat_ns.training.checkpoint import (
     run_folder,
     save_atomically,
 )
-from desplat_ns.training.optimizers import follow, optimizer_options
+from desplat_ns.training.optimizers import (
+    follow,
+    load_moments,
+    optimizer_options,
+    set_position,
+)
 from desplat_ns.training.schedule import (
     TIMED_SHARE,
     TIMED_STEPS,
@@ -53,11 +59,10 @@ from desplat_ns.training.schedule import (
 )
 from desplat_ns.training.step_guard import (
     GuardedOptimizers,
-    StepGuard,
     check_parameters,
     parameters_of,
 )
-from desplat_ns.training.stop_signals import EndAtOnce, on_stop_signal
+from desplat_ns.training.stop_signals import on_stop_signal
 
 
 @dataclass
@@ -82,7 +87,6 @@ class DeSplatTrainer(Trainer):
     ) -> None:
         super().__init__(config, local_rank, world_size)
         train_on_where_logs_cannot_be_written()
-        self._guard = StepGuard()
         self._steps_done = 0
         self._saved: SavedRun | None = None
         self._saved_rng: dict[str, Any] | None = None
@@ -153,24 +157,9 @@ class DeSplatTrainer(Trainer):
         return optimizers
 
     def _guarded_optimizers(self, raised_by: float = 1.0) -> GuardedOptimizers:
-        return GuardedOptimizers(
-            optimizer_options(self.config.optimizers, raised_by),
-            self.pipeline.get_param_groups(),
-            self._may_step,
-            lambda: self.pipeline.model.view_optimizers(),
-        )
-
-    def _may_step(self) -> bool:
-        """Whether the step at hand is sound; too many that were not, and the run stops."""
-        model, optimizers = self.pipeline.model, self.optimizers.optimizers
-        judged = (*optimizers.values(), *model.view_optimizers().values())
-        losses = model.losses.values()
-        if self._guard.is_sound(self.step, model.view_name(), losses, judged):
-            return True
-        model.drop_step()
-        if self._guard.exhausted:
-            self.stop_training = True
-        return False
+        options = optimizer_options(self.config.optimizers, raised_by)
+        groups = self.pipeline.get_param_groups()
+        return GuardedOptimizers(options, groups, lambda: self.pipeline.model)
 
     # --- a budget ----------------------------------------------------------------------------
 
@@ -286,8 +275,8 @@ class DeSplatTrainer(Trainer):
         self.pipeline.model.is_logged = self.optimizers.is_logged = is_logged
         result = super().train_iteration(step)
         self._steps_done = step + 1
-        if self._stop_is_asked:  # nerfstudio clears `stop_training` once its viewer is filled
-            self.stop_training = True
+        # nerfstudio clears `stop_training` once its viewer is filled
+        self.stop_training |= self._stop_is_asked or self.optimizers.exhausted
         if self._budget is not None:
             kept = [p for each in self.optimizers.optimizers.values() for p in parameters_of(each)]
             with_moments = sum(3 * p.numel() * p.element_size() for p in kept)
@@ -329,10 +318,10 @@ class DeSplatTrainer(Trainer):
             self.training_state = "completed"
             announce("Stopped before the first step: nothing to save.")
             return
-        if self._guard.exhausted:
+        if self.optimizers.exhausted:
             self.training_state = "completed"
             self.save_checkpoint(self.step)
-            raise self._guard.error(checkpoint_path(self.checkpoint_dir, self.step))
+            raise self.optimizers.error(checkpoint_path(self.checkpoint_dir, self.step))
         if self._ran_to_its_end:  # of one that was stopped, going on must not tell the difference
             self.pipeline.model.sweep()
         super()._after_train()
@@ -348,12 +337,13 @@ class DeSplatTrainer(Trainer):
             self._waiting_in_viewer = True
             super()._train_complete_viewer()
 
-    def _stop_after_this_step(self, name: str) -> None:
+    def _stop_after_this_step(self, name: str) -> bool:
         """What a stop signal does; once the viewer is kept open there is no step to wait for."""
         if self._waiting_in_viewer:
-            raise EndAtOnce
+            return False
         announce(f"Stopping after this step; {name} again to stop at once.", warning=True)
         self._stop_is_asked = self.stop_training = True
+        return True
 
     # --- checkpoints -------------------------------------------------------------------------
 
@@ -406,11 +396,11 @@ class DeSplatTrainer(Trainer):
             return
         path, state = saved
         self.pipeline.load_pipeline(state["pipeline"], state["step"])
-        resume.load_optimizers(self.optimizers, state["optimizers"], path)
+        load_moments(self.optimizers, state["optimizers"], path)
         self._start_step = self._steps_done = state["step"] + 1
-        if self.config.load_scheduler:
-            schedulers = state.get("schedulers", {})
-            resume.load_schedulers(self.optimizers, schedulers, self._steps_done)
+        if self.config.load_scheduler:  # each is where this run's curve is after these steps
+            for scheduler in self.optimizers.schedulers.values():
+                set_position(cast(LambdaLR, scheduler), self._steps_done)
         if "sampler" in state:  # the order of the views now, the generators when training starts
             self.pipeline.datamanager.load_sampler_state(state["sampler"])
         self._saved_rng = state.get("rng")

@@ -42,12 +42,9 @@ class ViewerLine(ViewerElement[str]):
         """Whether there is a viewer."""
         return self._line is not None
 
-    def _create_gui_handle(self, viser_server: ViserServer) -> None:
-        self._line = viser_server.gui.add_markdown("")
-
     def install(self, viser_server: ViserServer) -> None:
         """nerfstudio's hook."""
-        self._create_gui_handle(viser_server)
+        self._line = viser_server.gui.add_markdown("")
 
     def show(self, text: str) -> None:
         """Replace what it says."""
@@ -151,7 +148,13 @@ class LayerControl(nn.Module):
         """
         if self.train_idx() is None:
             return outputs
-        return {**outputs, "rgb": _layer(self.layer.value, outputs)}
+        composite = outputs["rgb_composite"]
+        chosen = {
+            "composite": composite,
+            "distractors": outputs["rgb_distractor"].clamp(0.0, 1.0),
+            "mask": outputs["distractor_mask"].to(composite).expand_as(composite),
+        }
+        return {**outputs, "rgb": chosen[self.layer.value]}
 
 
 class FirstPhotoView(ViewerControl):
@@ -167,7 +170,10 @@ class FirstPhotoView(ViewerControl):
         pose = camera.camera_to_worlds[0].detach().cpu().double().numpy()
         self.position: Float[np.ndarray, "3"] = pose[:, 3] * VISER_NERFSTUDIO_SCALE_RATIO
         """In the viewer's units, ten to one of the scene's."""
-        self.wxyz: Float[np.ndarray, "4"] = _opencv_rotation(pose[:, :3])
+        half_turn = transforms.SO3.from_x_radians(np.pi)  # nerfstudio's look along -z with y up
+        self.wxyz: Float[np.ndarray, "4"] = (
+            transforms.SO3.from_matrix(pose[:, :3]) @ half_turn
+        ).wxyz
         """Camera to world, as a quaternion; the camera looks along +z and its y points down."""
         self.fov = float(2 * np.arctan(camera.height.item() / (2 * camera.fy.item())))
         """From top to bottom, in radians."""
@@ -182,19 +188,3 @@ class FirstPhotoView(ViewerControl):
             client.camera.position = self.position
             client.camera.wxyz = self.wxyz
             client.camera.fov = self.fov
-
-
-def _opencv_rotation(rotation: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "4"]:
-    """Quaternion (wxyz) of a camera that looks along -z with y up, as nerfstudio's do, for viser,
-    whose look along +z with y down."""
-    turned = transforms.SO3.from_matrix(rotation) @ transforms.SO3.from_x_radians(np.pi)
-    return turned.wxyz
-
-
-def _layer(name: str, outputs: dict[str, Tensor]) -> Tensor:
-    composite = outputs["rgb_composite"]
-    if name == "distractors":
-        return outputs["rgb_distractor"].clamp(0.0, 1.0)
-    if name == "mask":
-        return outputs["distractor_mask"].to(composite).expand_as(composite)
-    return composite

@@ -41,8 +41,7 @@ from desplat_ns.losses import (
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
-from desplat_ns.rendering.compositing import over_background
-from desplat_ns.rendering.layers import layered_outputs, static_outputs
+from desplat_ns.rendering.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight

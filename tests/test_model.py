@@ -10,7 +10,7 @@ from desplat_ns.errors import BackendUnavailableError, CaptureError, ConfigError
 from desplat_ns.gaussians import densification
 from desplat_ns.gaussians.densification import DistractorDensifier
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
+from desplat_ns.rendering.layers import composite_alpha, composite_color, over_background
 from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.small_model import (
     HEIGHT,

@@ -24,7 +24,7 @@ def test_desplat_trains_on_a_gpu_places_distractors_and_writes_its_checkpoint(tm
     assert all(parameter.is_cuda for parameter in model.parameters())
     assert model.rasterizer.name == "gsplat"
     assert model.losses and all(math.isfinite(loss) for loss in model.losses.values())
-    assert trainer._guard.in_a_row == 0
+    assert trainer.optimizers.skipped_in_a_row == 0
     assert model.num_points > 300 and all(model.distractors.counts())
     state = load_checkpoint(checkpoint_path(config.get_checkpoint_dir(), STEPS - 1))
     saved = [value for value in state["pipeline"].values() if isinstance(value, torch.Tensor)]

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from desplat_ns.errors import ConfigError
-from desplat_ns.settings.options import check_ranges, ranged
+from desplat_ns.settings.options import ranged
 
 ProtocolName = Literal["auto", "half", "full", "right"]
 
@@ -31,24 +30,3 @@ class EvaluationConfig:
     lpips_net: LpipsNet = "alex"
     """Network of LPIPS. alex (AlexNet): as nerfstudio, on which the paper builds; vgg (VGG16): as
     3DGS and what is built on it. Figures of one say nothing about those of the other."""
-
-
-def chosen_protocol(config: EvaluationConfig, image_light: bool) -> ProtocolName:
-    """The protocol; auto is resolved.
-
-    Args:
-        image_light: whether the model's images have a light of their own.
-
-    Raises:
-        ConfigError: halves are asked for, but images have no embedding; or steps or rate are out of
-            range.
-    """
-    check_ranges(config, "-")
-    if config.protocol == "half" and not image_light:
-        raise ConfigError(
-            "The half protocol finds an image's embedding, and this model has none: its "
-            "effects.appearance is off. Evaluate by `desplat-eval --protocol full`, or train with "
-            "`--pipeline.model.effects.appearance affine`."
-        )
-    automatic = "half" if image_light else "full"
-    return automatic if config.protocol == "auto" else config.protocol

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 import desplat_ns
 from desplat_ns.console import progress_over
 from desplat_ns.errors import CaptureError, DeSplatError
-from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
+from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.mask_scores import score_masks
 from desplat_ns.evaluation.scorer import ScoredImage, Scorer
 from desplat_ns.gaussians.distractors import DistractorGaussians
@@ -65,7 +65,7 @@ def evaluate(
         ConfigError: the protocol does not fit the model.
         DeSplatError: a figure of an image is not a finite number.
     """
-    scorer = scorer_of(model, config)
+    scorer = Scorer.of(model, config)
     model.lpips.use(config.lpips_net)
     if images:  # compilation and caches are no part of the time per image
         model.get_outputs_for_camera(images[0][0])
@@ -83,21 +83,15 @@ def evaluate(
     if model.distractors is not None:
         results |= score_masks(model.get_outputs_for_camera, masks)
     results["backend"], results["device"] = model.rasterizer.name, str(model.device)
-    results["versions"], reason = versions(), model.lpips.reason
+    own = {"python": platform.python_version(), "desplat_ns": desplat_ns.__version__}
+    results["versions"] = own | {package: version(package) for package in PACKAGES}
+    reason = model.lpips.reason
     results |= {"lpips_net": model.lpips.net} if reason is None else {"lpips_reason": reason}
     results["protocol"] = scorer.describe()
     results["images"] = [
         {"name": i.name, "width": i.width, "height": i.height} | i.metrics for i in scored
     ]
     return results
-
-
-def scorer_of(model: DeSplatModel, config: EvaluationConfig) -> Scorer:
-    """The scorer that the options ask for. Raises ConfigError as `evaluate`."""
-    protocol = chosen_protocol(config, model.effects.image_light)
-    if protocol != "half":
-        return Scorer(model, "full image" if protocol == "full" else "right half")
-    return Scorer(model, "right half", config)
 
 
 def _score(
@@ -156,9 +150,3 @@ def gaussian_counts(
         "static_memory_mb": mb(static.values()),
         "distractor_memory_mb": mb(p for view in views for p in view.params.values()),
     }
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python, this package and those that a figure may depend on."""
-    own = {"python": platform.python_version(), "desplat_ns": desplat_ns.__version__}
-    return own | {package: version(package) for package in PACKAGES}

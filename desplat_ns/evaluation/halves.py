@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import torch
-from jaxtyping import Bool, Float, Shaped
+from jaxtyping import Float, Shaped
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
@@ -21,7 +21,7 @@ from desplat_ns.losses import photometric_loss
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.camera_response import fit_response, squared_radius
 from desplat_ns.photo_tourism.image_effects import FEATURES
-from desplat_ns.rendering.compositing import over_background
+from desplat_ns.rendering.layers import over_background
 from desplat_ns.rendering.views import view_of
 
 MIN_WIDTH = 4
@@ -90,24 +90,26 @@ def embedding_from_left_half(
             f"A photo to evaluate is {view.width} pixels wide; its halves need {MIN_WIDTH // 2} "
             "each. Leave it out of the test images, or evaluate by `desplat-eval --protocol full`."
         )
+    average = model.image_effects.mean()
     if model.effects.closed_form:
         left = torch.arange(view.width, device=photo.device) < view.width // 2
         counts = left.expand(view.height, -1)
         if mask is not None:
             counts = counts & (mask[..., 0].to(photo.device) != 0)
-        return response_in_closed_form(model, view, photo, counts)
+        with torch.no_grad():
+            static = model.render_static(view, average)
+            behind = model.background_of(view, average)
+            image = over_background(static.rgb, static.alpha, behind)
+        return fit_response(image[counts], photo[counts], squared_radius(view)[counts])
     draw = as_function_of_embedding(model, view, view.width // 2)
-    ssim_weight = model.config.ssim_lambda
     weight = 1.0 if mask is None else left_half(mask.to(photo))
     target = left_half(photo) * weight
-    return fit_embedding(
-        lambda embedding: photometric_loss(
-            left_half(draw(embedding)) * weight, target, ssim_weight
-        ),
-        model.image_effects.mean(),
-        config.steps,
-        config.learning_rate,
-    )
+
+    def loss(embedding: Tensor) -> Tensor:
+        drawn = left_half(draw(embedding)) * weight
+        return photometric_loss(drawn, target, model.config.ssim_lambda)
+
+    return fit_embedding(loss, average, config.steps, config.learning_rate)
 
 
 def as_function_of_embedding(
@@ -125,7 +127,7 @@ def as_function_of_embedding(
         splats = activate_static(params, model.active_sh_degree)
         weights = accumulated_weights(model.rasterizer, splats, view, settings, columns)
         params = {name: value[weights > 0] for name, value in params.items()}
-    lit = model.in_light(params, view, frozen=True)
+    lit = model.in_light(params, view)
     drawn = None
 
     def draw(embedding: Tensor) -> Tensor:
@@ -136,18 +138,3 @@ def as_function_of_embedding(
         return model.image_of(drawn, background, view, embedding).clamp(0, 1)
 
     return draw
-
-
-@torch.no_grad()
-def response_in_closed_form(
-    model: DeSplatModel,
-    view: View,
-    photo: Float[Tensor, "H W 3"],
-    counts: Bool[Tensor, "H W"],
-) -> Float[Tensor, " 5"]:
-    """The numbers of the camera's response that explain a photo best in the pixels that count. Call
-    it only if `model.effects.closed_form`."""
-    average = model.image_effects.mean()
-    static = model.render_static(view, average)
-    image = over_background(static.rgb, static.alpha, model.background_of(view, average))
-    return fit_response(image[counts], photo[counts], squared_radius(view)[counts])

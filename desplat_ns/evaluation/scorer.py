@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import torch
-from jaxtyping import Shaped
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
+from desplat_ns.errors import ConfigError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import embedding_from_left_half, right_half
 from desplat_ns.model import DeSplatModel
+from desplat_ns.settings.options import check_ranges
 
 Region = Literal["full image", "right half"]
 
@@ -43,6 +44,26 @@ class Scorer:
     fit: EvaluationConfig | None = None
     """How each image's light is found on its left half, the protocol of Photo Tourism (App. B.1);
     None: it is the training images' average."""
+
+    @classmethod
+    def of(cls, model: DeSplatModel, config: EvaluationConfig) -> Scorer:
+        """The scorer that the options ask for.
+
+        Raises:
+            ConfigError: halves are asked for, but images have no embedding; or steps or rate are
+                out of range.
+        """
+        check_ranges(config, "-")
+        has_light = model.effects.image_light
+        if config.protocol == "half" and not has_light:
+            raise ConfigError(
+                "The half protocol finds an image's embedding, and this model has none: its "
+                "effects.appearance is off. Evaluate by `desplat-eval --protocol full`, or train "
+                "with `--pipeline.model.effects.appearance affine`."
+            )
+        if config.protocol == "half" or (config.protocol == "auto" and has_light):
+            return cls(model, "right half", config)
+        return cls(model, "right half" if config.protocol == "right" else "full image")
 
     def describe(self) -> str:
         """The way in words, for the JSON."""
@@ -75,8 +96,11 @@ class Scorer:
         if self.fit is not None:
             before = {f"{key}_before": value for key, value in figures.items()}
             start = self._now()
-            photo = model.photo_of(outputs, batch)
-            embedding = embedding_from_left_half(model, camera, photo, self.fit, _counted(batch))
+            photo, mask = model.photo_of(outputs, batch), batch.get("mask")
+            if batch["image"].shape[2] == 4:  # what is transparent does not count
+                opaque = batch["image"][..., 3:] > 0
+                mask = opaque if mask is None else opaque & (mask.to(opaque.device) != 0)
+            embedding = embedding_from_left_half(model, camera, photo, self.fit, mask)
             before["embedding_seconds"] = self._now() - start
             start = self._now()
             with model.shown_in(embedding):
@@ -104,12 +128,3 @@ class Scorer:
         figures, _ = self.model.get_image_metrics_and_images(right, half)
         photo = self.model.photo_of(outputs, batch)
         return figures, {"img": torch.cat([photo, outputs["rgb"]], dim=1)}
-
-
-def _counted(batch: dict[str, Any]) -> Shaped[Tensor, "H W 1"] | None:
-    """The mask of a photo, without what is transparent in it; None if all of it counts."""
-    image, mask = batch["image"], batch.get("mask")
-    if image.shape[2] < 4:
-        return mask
-    opaque = image[..., 3:] > 0
-    return opaque if mask is None else opaque & (mask.to(opaque.device) != 0)

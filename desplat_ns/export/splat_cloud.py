@@ -21,7 +21,7 @@ from desplat_ns.backend.spherical_harmonics import sh_basis
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.export.formats import Axes, Frame
 from desplat_ns.gaussians.activation import MAX_LOG_SCALE
-from desplat_ns.photo_tourism.lit_splats import as_harmonics
+from desplat_ns.photo_tourism.appearance import as_harmonics
 
 MAX_DEGREE = 3
 """Of the spherical harmonics that PLY, SPZ and glTF readers take."""

@@ -83,13 +83,9 @@ class DistractorDensifier:
                 **grow,
             )
 
-    def _fallen_due(self, step: int) -> int:
-        """How many refinements have fallen due until `step`."""
-        return step // self.every
-
     def before_backward(self, rendering: Rendering) -> None:
         """Keep the gradient of the projected means, which refinement reads."""
-        self.strategy.step_pre_backward({}, {}, {}, 0, {"means2d": rendering.means2d})
+        rendering.means2d.retain_grad()
 
     def after_step(
         self,
@@ -99,6 +95,10 @@ class DistractorDensifier:
         weights_of: Callable[[RawParameters], Float[Tensor, " N"]],
     ) -> None:
         """Sample a step that drew `view`; refine its distractors if that is due.
+
+        By pixels the sample is of the gradients of the loss, summed over all pixels, by a shift of
+        one pixel, which do not depend on the image's size: gsplat multiplies by half the width and
+        height, and the loss is a mean over width times height.
 
         Args:
             step: nominal; nothing happens before the warm-up, and nothing but pruning from
@@ -111,36 +111,20 @@ class DistractorDensifier:
             return
         densifying = step < STOP_DENSIFY_AT
         if densifying:
-            self._sample(view, info)
-        if self._fallen_due(step) > max(view.refinement, self._fallen_due(self.start)):
-            view.refinement = self._fallen_due(step)
-            view.state["scene_scale"] = DEPTH if self.by_pixels else 1.0
-            change = refine if densifying else prune
             if self.by_pixels:
-                self._prune_the_small(view, weights_of)
-                change(self.strategy, view.params, view.optimizers, view.state)
-            else:
-                change(self.strategy, view.params, view.optimizers, view.state, step)
-
-    def _prune_the_small(
-        self,
-        view: ViewDistractors,
-        weights_of: Callable[[RawParameters], Float[Tensor, " N"]],
-    ) -> None:
-        """Remove distractors that make up less than `MIN_PIXELS`."""
-        large = weights_of(view.params) >= MIN_PIXELS
-        if not bool(large.all()):
-            nothing = {name: value.data[:0] for name, value in view.params.items()}
-            view.exchange(large.nonzero()[:, 0], nothing)
-
-    def _sample(self, view: ViewDistractors, info: dict[str, Any]) -> None:
-        """Gather the gradients of a step.
-
-        By pixels those of the sum of the loss over all pixels by a shift of one pixel, which do not
-        depend on the image's size. gsplat multiplies by half the width and height, and the loss is
-        a mean over width times height.
-        """
+                twice_the_pixels = 2 * info["width"] * info["height"]
+                info = info | {"width": twice_the_pixels, "height": twice_the_pixels}
+            sample(self.strategy, view.params, view.state, info)
+        fallen_due = step // self.every
+        if fallen_due <= max(view.refinement, self.start // self.every):
+            return
+        view.refinement = fallen_due
+        view.state["scene_scale"] = DEPTH if self.by_pixels else 1.0
         if self.by_pixels:
-            twice_the_pixels = 2 * info["width"] * info["height"]
-            info = info | {"width": twice_the_pixels, "height": twice_the_pixels}
-        sample(self.strategy, view.params, view.state, info)
+            large = weights_of(view.params) >= MIN_PIXELS
+            if not bool(large.all()):
+                nothing = {name: value.data[:0] for name, value in view.params.items()}
+                view.exchange(large.nonzero()[:, 0], nothing)
+        change = refine if densifying else prune
+        by_step = 0 if self.by_pixels else step
+        change(self.strategy, view.params, view.optimizers, view.state, by_step)

@@ -13,9 +13,9 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.gaussians.adam import adam
 from desplat_ns.gaussians.distractor_config import DEPTH, DistractorConfig, check_options
 from desplat_ns.rendering.views import view_of
+from desplat_ns.training.optimizers import adam
 
 PARAMETER_NAMES = ("means", "scales", "quats", "rgbs", "opacities")
 """Raw values, under the names that gsplat's strategy reads: scales are logarithms, opacities
@@ -51,14 +51,12 @@ class ViewDistractors:
             parameter.grad = None
             if name not in self.optimizers:
                 self.optimizers[name] = adam([parameter], rates[name])
-                self._load_moments(name)
+                saved = self._saved_moments.pop(name, None)
+                if saved is not None:
+                    groups = self.optimizers[name].state_dict()["param_groups"]
+                    state = {"state": {0: saved}, "param_groups": groups}
+                    self.optimizers[name].load_state_dict(state)
             self.optimizers[name].param_groups[0]["lr"] = rates[name]
-
-    def _load_moments(self, name: str) -> None:
-        saved = self._saved_moments.pop(name, None)
-        if saved is not None:
-            groups = self.optimizers[name].state_dict()["param_groups"]
-            self.optimizers[name].load_state_dict({"state": {0: saved}, "param_groups": groups})
 
     @torch.no_grad()
     def exchange(self, kept: Int[Tensor, " M"], new: Mapping[str, Tensor]) -> None:
@@ -150,13 +148,6 @@ class DistractorGaussians(nn.Module):
         """Number of Gaussians of all views."""
         return sum(self.counts())
 
-    def param_groups(self) -> dict[str, list[nn.Parameter]]:
-        """The parameters of all views, by kind."""
-        return {
-            f"distractor_{name}": [view.params[name] for view in self.views]
-            for name in PARAMETER_NAMES
-        }
-
     def _apply(self, fn: Callable[[Tensor], Tensor], *args: Any, **options: Any) -> Any:
         """torch's hook of `to`: parameters move in place."""
         for view in self.views:
@@ -211,10 +202,11 @@ def fill_view(view: View, config: DistractorConfig) -> dict[str, Tensor]:
     Source: B.3 ("1000 distractor points in every training image"); the spread is ours.
     """
     n = config.per_view if config.start == "everywhere" else 0
+    # The R2 additive recurrence fills the unit square evenly.
+    steps = torch.tensor([1 / PLASTIC_NUMBER, 1 / PLASTIC_NUMBER**2], dtype=torch.float64)
+    unit = (0.5 + torch.arange(1, n + 1, dtype=torch.float64)[:, None] * steps) % 1.0
     size = torch.tensor([view.width, view.height])
-    return distractors_at(
-        view, config, even_points(n).to(view.K) * size.to(view.K), torch.rand(n, 3)
-    )
+    return distractors_at(view, config, unit.to(view.K) * size.to(view.K), torch.rand(n, 3))
 
 
 def distractors_at(
@@ -246,10 +238,3 @@ def distractors_at(
         "rgbs": rgbs.to(**like),
         "opacities": torch.full((n, 1), config.initial_opacity, **like).logit(),
     }
-
-
-def even_points(n: int) -> Float[Tensor, "n 2"]:
-    """`n` points that fill the unit square evenly: the R2 additive recurrence, in float64."""
-    steps = torch.tensor([1 / PLASTIC_NUMBER, 1 / PLASTIC_NUMBER**2], dtype=torch.float64)
-    index = torch.arange(1, n + 1, dtype=torch.float64)
-    return (0.5 + index[:, None] * steps) % 1.0

@@ -23,7 +23,6 @@ from desplat_ns.gaussians.activation import RawParameters
 UNLIMITED = 2**62
 """A step that no training reaches, and a number of Gaussians that no set has."""
 
-
 LAST = "last_step"
 """Key in a strategy's state: the step that it was called at before."""
 
@@ -72,7 +71,7 @@ def refine(
     params: RawParameters,
     optimizers: Mapping[str, Any],
     state: dict[str, Any],
-    step: int = 0,
+    step: int,
 ) -> None:
     """Clone, split and prune by the statistics in `state`, which are then set to zero."""
     strategy._grow_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
@@ -87,7 +86,7 @@ def prune(
     params: RawParameters,
     optimizers: Mapping[str, Any],
     state: dict[str, Any],
-    step: int = 0,
+    step: int,
 ) -> None:
     """Remove faint Gaussians, and those that are too wide once `step` is beyond the first reset."""
     strategy._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
@@ -98,9 +97,8 @@ class StaticStrategy(DefaultStrategy):
     """gsplat's DefaultStrategy for a run of any length on a capture of any size.
 
     Its settings are nominal steps but for `refine_every`: it refines when so many steps of the run
-    were sampled. The `pause_refine_after_reset` steps after a
-    reset of the opacities, in which the scene recovers, are not sampled; so the sample is the same
-    however close resets are.
+    were sampled. The `pause_refine_after_reset` steps after a reset of the opacities, in which the
+    scene recovers, are not sampled; so the sample is the same however close resets are.
     """
 
     most: int = UNLIMITED

@@ -1,36 +1,38 @@
 """The colours that static Gaussians have in one image: affine toning (Eq. 6-7), or a change of SH.
 
-Both models read the image's embedding and features of each Gaussian, leave every colour as it is at
-the start, and give spherical-harmonics coefficients again, so that every backend and every PLY
-viewer can show the result. Letters in shapes: N Gaussians, K bases, E and Z numbers per embedding.
+Both networks read the image's embedding and features of each Gaussian, and leave every colour as it
+is at the start. Letters in shapes: N Gaussians, K bases, E and Z numbers per embedding.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
+from desplat_ns.backend.inputs import finite_colors
+from desplat_ns.backend.projection import uncut_colors
+from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
-from desplat_ns.photo_tourism.config import AppearanceConfig, has_bfloat16
-from desplat_ns.photo_tourism.mlp import hidden_layers, zero_head
+from desplat_ns.photo_tourism.config import AppearanceConfig
+from desplat_ns.rendering.in_view import in_view
 
 ROWS_AT_ONCE = {"cpu": 2048, "cuda": 65536}
-"""Gaussians that pass through the MLP together: layers of 128 units that stay in a core's cache
+"""Gaussians that pass through the network together: layers of 128 units that stay in a core's cache
 (1,536 to 3,072 take the same time), or a small part of a GPU's memory."""
-
-MORE_IN_BFLOAT16 = 4
-"""Times as many rows at once: what each call costs beside its products counts for more there
-(2,048 rows take 1.14 times as long as 8,192, 16,384 as long)."""
 
 CENTRAL_QUANTILE = 0.97
 """Share of the points that set the scale of Fourier features: a few far ones do not count."""
 
 FARTHEST = 1e6
 """Units of that scale. Farther points get the features of this distance, which are arbitrary."""
+
+Lit = Callable[[Tensor], Splats]
+"""From an embedding [E] to the Gaussians in its light; colours out of view mean nothing."""
 
 
 def fourier_features(points: Float[Tensor, "N 3"], frequencies: int) -> Float[Tensor, "N Z"]:
@@ -78,17 +80,38 @@ def toned_coefficients(
     return torch.cat([(zeroth / C0)[:, None], gamma[:, None] * coefficients[:, 1:]], dim=1)
 
 
+def as_harmonics(splats: Splats) -> Splats:
+    """Colours without spherical harmonics as zeroth coefficients, which say the same."""
+    if splats.sh_degree is not None:
+        return splats
+    return replace(splats, colors=(splats.colors[:, None] - 0.5) / C0, sh_degree=0)
+
+
+def hidden_layers(inputs: int, layers: int, width: int) -> nn.Sequential:
+    """`layers` linear layers of `width` units, a ReLU after each, where they lie in the cache."""
+    modules: list[nn.Module] = []
+    for i in range(layers):
+        modules += [nn.Linear(inputs if i == 0 else width, width), nn.ReLU(inplace=True)]
+    return nn.Sequential(*modules)
+
+
+def zero_head(inputs: int, outputs: int) -> nn.Linear:
+    """A linear layer that gives 0 until it is trained."""
+    head = nn.Linear(inputs, outputs)
+    nn.init.zeros_(head.weight)
+    nn.init.zeros_(head.bias)
+    return head
+
+
 class _Appearance(nn.Module):
     """An MLP from an image's embedding and what is known of each Gaussian."""
 
     def __init__(self, config: AppearanceConfig, per_gaussian: int, outputs: int):
         super().__init__()
-        self.in_bfloat16 = config.mlp_dtype == "bfloat16"
         self.scale = config.mlp_scale
-        width = config.hidden_width
         inputs = config.embedding_dim + per_gaussian
-        self.body = hidden_layers(inputs, config.hidden_layers, width)
-        self.head = zero_head(width, outputs)
+        self.body = hidden_layers(inputs, config.hidden_layers, config.hidden_width)
+        self.head = zero_head(config.hidden_width, outputs)
 
     def _predict(
         self,
@@ -106,16 +129,12 @@ class _Appearance(nn.Module):
         if rows is not None:
             inputs = inputs.index_select(0, rows)
         of_image, of_gaussian = first.weight.split([len(embedding), inputs.shape[1]], dim=1)
-        bias, device = first.bias + of_image @ embedding, inputs.device.type
-        fewer_bits = self.in_bfloat16 and has_bfloat16(device)
-        at_once = ROWS_AT_ONCE.get(device, 2048) * (MORE_IN_BFLOAT16 if fewer_bits else 1)
-        # Without the cache, what the blocks add to a weight's gradient is added up in float32.
-        with torch.autocast(device, torch.bfloat16, enabled=fewer_bits, cache_enabled=False):
-            blocks = [
-                self.head(self.body[1:](nn.functional.linear(block, of_gaussian, bias)))
-                for block in inputs.split(at_once)
-            ]
-        outputs = self.scale * torch.cat(blocks).to(inputs.dtype)
+        bias = first.bias + of_image @ embedding
+        blocks = [
+            self.head(self.body[1:](nn.functional.linear(block, of_gaussian, bias)))
+            for block in inputs.split(ROWS_AT_ONCE.get(inputs.device.type, 2048))
+        ]
+        outputs = self.scale * torch.cat(blocks)
         if rows is None:
             return outputs
         return outputs.new_zeros(len(own[0]), outputs.shape[1]).index_copy(0, rows, outputs)
@@ -155,9 +174,27 @@ class AffineAppearance(_Appearance):
         coefficients: Float[Tensor, "N K 3"],
         sh_degree: int,
     ) -> Float[Tensor, "N K 3"]:
-        """The coefficients as the image shows them; `sh_degree` plays no part."""
+        """All coefficients as the image shows them; `sh_degree` plays no part."""
         beta, gamma = self.tones(embedding, features, coefficients[:, 0])
         return toned_coefficients(coefficients, gamma, beta)
+
+    def in_view(self, splats: Splats, features: Float[Tensor, "N Z"], view: View) -> Lit:
+        """What `view` shows, by Eq. 7 as it stands: three numbers for each Gaussian are toned, not
+        all coefficients. What does not depend on the embedding is worked out once."""
+        splats = as_harmonics(splats)
+        finite, shown = finite_colors(splats.colors), in_view(splats, view)
+        shown = shown if finite is None else shown & finite
+        rows = shown.nonzero()[:, 0]
+        colors, zeroth = uncut_colors(splats, view, shown)
+
+        def lit(embedding: Tensor) -> Splats:
+            beta, gamma = self.tones(embedding, features, zeroth, rows)
+            toned = toned_color(colors, gamma, beta).clamp(min=0)
+            if finite is not None:  # for the backend to cull them
+                toned = toned.masked_fill(~finite[:, None], float("nan"))
+            return replace(splats, colors=toned, sh_degree=None)
+
+        return lit
 
 
 class ShAppearance(_Appearance):
@@ -186,3 +223,12 @@ class ShAppearance(_Appearance):
         added = self._predict(embedding, [features], rows).unflatten(1, (self.num_bases, 3))
         used = (sh_degree + 1) ** 2
         return torch.cat([coefficients[:, :used] + added[:, :used], coefficients[:, used:]], dim=1)
+
+    def in_view(self, splats: Splats, features: Float[Tensor, "N Z"], view: View) -> Lit:
+        """What `view` shows."""
+        splats = as_harmonics(splats)
+        rows, degree = in_view(splats, view).nonzero()[:, 0], splats.sh_degree
+        assert degree is not None
+        return lambda embedding: replace(
+            splats, colors=self(embedding, features, splats.colors, degree, rows)
+        )

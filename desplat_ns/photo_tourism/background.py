@@ -10,13 +10,12 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.backend.spherical_harmonics import sh_basis
+from desplat_ns.photo_tourism.appearance import hidden_layers, zero_head
 from desplat_ns.photo_tourism.config import BackgroundConfig
-from desplat_ns.photo_tourism.mlp import hidden_layers, zero_head
 
 BACKGROUND_DEGREE_INTERVAL = 500
 """Nominal steps after which one degree more of its harmonics is learned; as in the authors' code.
 """
-
 
 NODES = 96
 """Rays along each side of a picture along which the harmonics are evaluated; in between, colours
@@ -73,10 +72,6 @@ class SharedBackground(nn.Module):
         super().__init__()
         self.degree = degree
         self.coefficients = nn.Parameter(torch.zeros((degree + 1) ** 2, 3))
-
-    def forward(self) -> Float[Tensor, "K 3"]:
-        """The coefficients."""
-        return self.coefficients
 
     def param_groups(self) -> dict[str, list[nn.Parameter]]:
         """An optimizer group by name."""

@@ -12,9 +12,9 @@ import math
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.func import jacfwd
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.photo_tourism.embeddings import ImageTable
 
 NUMBERS = 5
 """Of one photo: the logarithms of a gain for red, green and blue, that of gamma, and vignetting."""
@@ -63,28 +63,11 @@ def camera_response(
     return toned * torch.exp(numbers[:3] + numbers[4] * radius2)
 
 
-def _slopes(
-    rgb: Float[Tensor, "P 3"], numbers: Float[Tensor, " 5"], radius2: Float[Tensor, "P 1"]
-) -> Float[Tensor, "P 3 5"]:
-    """Derivatives of `camera_response` by its numbers."""
-    gamma = numbers[3].exp()
-    gain = torch.exp(numbers[:3] + numbers[4] * radius2)
-    log, log_floor = torch.log(rgb + FLOOR), math.log(FLOOR)
-    power, power_floor = torch.exp(gamma * log), torch.exp(gamma * log_floor)
-    response = gain * (power - power_floor)
-    by_gamma = gamma * gain * (power * log - power_floor * log_floor)
-    by_vignetting = response * radius2
-    return torch.cat(
-        [torch.diag_embed(response), by_gamma[..., None], by_vignetting[..., None]], dim=-1
-    )
-
-
 @torch.no_grad()
 def fit_response(
     rgb: Float[Tensor, "P 3"],
     photo: Float[Tensor, "P 3"],
     radius2: Float[Tensor, "P 1"],
-    rounds: int = FIT_ROUNDS,
 ) -> Float[Tensor, " 5"]:
     """The numbers with which the scene's colours come closest to a photo's.
 
@@ -102,29 +85,14 @@ def fit_response(
     rgb, photo, radius2 = rgb.double(), photo.double(), radius2.double()
     in_range = ((photo > FLOOR) & (photo < 1 - FLOOR)).all(dim=-1)
     rgb, photo, radius2 = rgb[in_range], photo[in_range], radius2[in_range]
-    numbers = rgb.new_zeros(NUMBERS)
+    numbers, slopes_of = rgb.new_zeros(NUMBERS), jacfwd(camera_response, argnums=1)
     ridge = 1e-4 * max(1, len(rgb)) * torch.eye(NUMBERS).to(numbers)
-    for i in range(rounds):
+    for i in range(FIT_ROUNDS):
         scale = OUTLIER * max(1.0, 10 * 0.75**i)
-        slopes = _slopes(rgb, numbers, radius2).reshape(-1, NUMBERS)
+        slopes = slopes_of(rgb, numbers, radius2).reshape(-1, NUMBERS)
         error = (photo - camera_response(rgb, numbers, radius2)).reshape(-1)
         weight = (1 + (error / scale).square()).reciprocal().square()[:, None]
         normal = slopes.T @ (weight * slopes) + ridge
         step = torch.linalg.solve(normal, slopes.T @ (weight[:, 0] * error) - ridge @ numbers)
         numbers = (numbers + step.clamp(-0.5, 0.5)).clamp(-3, 3)
     return numbers.float()
-
-
-class CameraResponses(ImageTable):
-    """The numbers of the training photos; all start at no change."""
-
-    def __init__(self, num_images: int):
-        """Args:
-        num_images: training photos.
-        """
-        super().__init__(torch.zeros(num_images, NUMBERS))
-
-    @torch.no_grad()
-    def centre(self) -> None:
-        """Take the mean off what must not stand for the scene's own colours. See `CENTRED`."""
-        self.weight[:, :CENTRED] -= self.weight[:, :CENTRED].mean(dim=0)

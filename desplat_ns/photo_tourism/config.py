@@ -6,14 +6,8 @@ Sizes may be from the least that works to more than anyone has used.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
-from typing import Literal
-
-import torch
 
 from desplat_ns.settings.options import ranged
-
-MlpDtype = Literal["float32", "bfloat16"]
 
 
 @dataclass
@@ -32,10 +26,6 @@ class AppearanceConfig:
     mlp_scale: float = ranged(0.01, "(0, inf)")
     """Factor of the MLP's output. The authors' code has 0.01, made for 200,000 steps; short runs
     need 1."""
-    mlp_dtype: MlpDtype = "float32"
-    """Of the MLP's products and of what lies between its layers. bfloat16 has 8 bits of mantissa
-    and takes about 0.6 of the time; a processor without instructions for it (a CPU needs
-    avx512_bf16 or AMX) uses float32. docs/results/speed.md has its errors."""
 
 
 @dataclass
@@ -54,12 +44,3 @@ class BackgroundConfig:
     max_error: float = 0.003
     """T_eps of Eq. 10 (colours in [0, 1]): how well the background alone has to explain a pixel for
     Gaussians there to be unwanted. B.3."""
-
-
-@cache
-def has_bfloat16(device_type: str) -> bool:
-    """Whether products of bfloat16 have instructions of their own on this kind of device."""
-    if device_type == "cuda":
-        return torch.cuda.is_bf16_supported(including_emulation=False)
-    tests = ("_is_avx512_bf16_supported", "_is_amx_tile_supported")  # torch 2.4 and later
-    return device_type == "cpu" and any(getattr(torch.cpu, name, bool)() for name in tests)

@@ -21,8 +21,7 @@ from desplat_ns.photo_tourism.split_file import (
     PhotoSplit,
     draw_split,
     find_split_file,
-    match_split,
-    read_split_file,
+    read_split,
 )
 
 ROOTS = (Path("dense"), Path())
@@ -89,16 +88,29 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
                 f"--split-file {config.split_file} and --test-fraction {config.test_fraction} "
                 "contradict each other; give one of them."
             )
-        path = self._split_file()
+        if config.test_fraction is not None:
+            path = None
+        elif config.split_file is not None:
+            path = config.data / config.split_file
+        else:
+            path = find_split_file(split_folders(config.data))
         if path is None:
-            return self._drawn(names)
-        listed = read_split_file(path)
-        split = match_split(names, listed)
+            given = config.test_fraction
+            fraction = TEST_FRACTION if given is None else given
+            split = draw_split(names, fraction, config.seed)
+            why = f"{config.data} has no split file" if given is None else "drawn, as asked for"
+            announce_once(
+                f"Split: {why}; {len(split.train)} photos train, {len(split.test)} test "
+                f"(--test-fraction {fraction:g} --seed {config.seed}): "
+                f"{', '.join(names[i] for i in split.test)}."
+            )
+            return split
+        split = read_split(path, names)
         unlisted = len(names) - len(split.train) - len(split.test)
         announce_once(
             f"Split by {path}: {len(split.train)} photos train, {len(split.test)} test."
             + (f" {unlisted} more in the reconstruction are not listed: not used." * bool(unlisted))
-            + (f" {listed.num_skipped} rows without an id: ignored." * bool(listed.num_skipped))
+            + (f" {split.num_skipped} rows without an id: ignored." * bool(split.num_skipped))
         )
         return split
 
@@ -121,46 +133,22 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
         if self.config.downscale_factor is not None:
             sources = super().sources(frames)
         else:
-            sources = self._reduced_where_large(frames)
+            folder = self.config.data / self.images_path
+            rounding = self.config.downscale_rounding_mode
+            factors = [downscale_factor(None, [frame]) for frame in frames]
+            sources = [
+                photo_sources(folder, [frame], factor, rounding)[0][0]
+                for frame, factor in zip(frames, factors, strict=True)
+            ]
+            check_files([source.path for source in sources], folder, "photos", "--images-path")
+            num_large = sum(factor > 1 for factor in factors)
+            if num_large:
+                announce_once(
+                    f"{num_large} of {len(frames)} photos have sides of more than "
+                    f"{MAX_AUTO_RESOLUTION} pixels and are halved until they do not; "
+                    "--downscale-factor 1 leaves them."
+                )
         return {frame.name: source for frame, source in zip(frames, sources, strict=True)}
-
-    def _reduced_where_large(self, frames: Sequence[Frame]) -> list[PhotoSource]:
-        folder = self.config.data / self.images_path
-        rounding = self.config.downscale_rounding_mode
-        factors = [downscale_factor(None, [frame]) for frame in frames]
-        sources = [
-            photo_sources(folder, [frame], factor, rounding)[0][0]
-            for frame, factor in zip(frames, factors, strict=True)
-        ]
-        check_files([source.path for source in sources], folder, "photos", "--images-path")
-        num_large = sum(factor > 1 for factor in factors)
-        if num_large:
-            announce_once(
-                f"{num_large} of {len(frames)} photos have sides of more than {MAX_AUTO_RESOLUTION}"
-                " pixels and are halved until they do not; --downscale-factor 1 leaves them."
-            )
-        return sources
-
-    def _split_file(self) -> Path | None:
-        config = self.config
-        if config.test_fraction is not None:
-            return None
-        if config.split_file is not None:
-            return config.data / config.split_file
-        return find_split_file(split_folders(config.data))
-
-    def _drawn(self, names: Sequence[str]) -> PhotoSplit:
-        config = self.config
-        given = config.test_fraction
-        fraction = TEST_FRACTION if given is None else given
-        split = draw_split(names, fraction, config.seed)
-        why = f"{config.data} has no split file" if given is None else "drawn, as asked for"
-        announce_once(
-            f"Split: {why}; {len(split.train)} photos train, {len(split.test)} test "
-            f"(--test-fraction {fraction:g} --seed {config.seed}): "
-            f"{', '.join(names[i] for i in split.test)}."
-        )
-        return split
 
 
 def split_folders(data: Path) -> list[Path]:

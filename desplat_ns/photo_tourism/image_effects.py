@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
 from dataclasses import replace
 
 import torch
@@ -11,20 +10,15 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
-from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance
-from desplat_ns.photo_tourism.background import (
-    Background,
-    SharedBackground,
-    background_image,
-)
+from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance, as_harmonics
+from desplat_ns.photo_tourism.background import Background, SharedBackground, background_image
 from desplat_ns.photo_tourism.camera_response import (
-    CameraResponses,
+    CENTRED,
+    NUMBERS,
     camera_response,
     squared_radius,
 )
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
-from desplat_ns.photo_tourism.embeddings import ImageTable, image_embeddings
-from desplat_ns.photo_tourism.lit_splats import Lit, as_harmonics, lit_splats
 from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_ranges
 
@@ -32,12 +26,18 @@ FEATURES = "appearance_features"
 """Name of z_i among the static Gaussians' parameters, where every split, clone and prune finds
 them."""
 
+INITIAL_STD = 0.01
+"""Standard deviation of the embeddings at the start: nearly alike, but not equal."""
+
 
 class ImageEffects(nn.Module):
     """What an image's embedding changes: the static colours, the finished picture, the background.
 
     The embedding [E] of an image is all that is known of its light: the numbers of its camera's
-    response, or what the networks of appearance and background read.
+    response, then what the networks of appearance and background read, as far as these are on.
+    Both are dense parameters with a row for each training image: Adam moves a row on by its
+    momentum after the step that saw the image, so a visit counts for some ten steps of the learning
+    rate. B.3's rate is made for it.
     """
 
     def __init__(
@@ -60,55 +60,42 @@ class ImageEffects(nn.Module):
         check_ranges(appearance, "--pipeline.model.appearance")
         check_ranges(background, "--pipeline.model.background")
         super().__init__()
-        self.responses = CameraResponses(num_images) if effects.appearance == "camera" else None
-        self.embeddings: ImageTable | None = None
-        if effects.image_embeddings:
-            self.embeddings = image_embeddings(num_images, appearance.embedding_dim)
+        self.responses: nn.Parameter | None = None
+        """Of the cameras [V, 5]."""
+        self.embeddings: nn.Parameter | None = None
+        """The e_j [V, embedding_dim]."""
         self.appearance: AffineAppearance | ShAppearance | None = None
+        self.background: Background | SharedBackground | None = None
+        if effects.appearance == "camera":
+            self.responses = nn.Parameter(torch.zeros(num_images, NUMBERS))
+        if effects.image_embeddings:
+            start = INITIAL_STD * torch.randn(num_images, appearance.embedding_dim)
+            self.embeddings = nn.Parameter(start)
         if effects.appearance == "affine":
             self.appearance = AffineAppearance(appearance)
         elif effects.appearance == "sh":
             self.appearance = ShAppearance(appearance, sh_degree)
-        self.background: Background | SharedBackground | None = None
         if effects.background == "image":
             self.background = Background(background, appearance.embedding_dim)
         elif effects.background != "off":
-            self.background = SharedBackground(
-                background.sh_degree if effects.background == "sh" else 0
-            )
-
-    # --- lights ------------------------------------------------------------------------------
+            degree = background.sh_degree if effects.background == "sh" else 0
+            self.background = SharedBackground(degree)
 
     def of(self, image: int) -> Float[Tensor, " E"]:
         """The embedding of a training image; empty if images do not differ."""
-        return self._joined([table.of(image) for table in self._tables()])
+        parts = [table[image] for table in (self.responses, self.embeddings) if table is not None]
+        return torch.cat(parts) if parts else torch.zeros(0)
 
     def mean(self) -> Float[Tensor, " E"]:
         """The training images' average light: that of an image that was not trained on."""
-        return self._joined([table.mean() for table in self._tables()])
-
-    def _tables(self) -> list[ImageTable]:
-        return [table for table in (self.responses, self.embeddings) if table is not None]
-
-    def _joined(self, parts: list[Tensor]) -> Tensor:
-        return torch.cat(parts) if parts else torch.zeros(0)
-
-    def _numbers(self, embedding: Float[Tensor, " E"]) -> Float[Tensor, " 5"]:
-        """The part of an embedding that `responses` holds."""
-        assert self.responses is not None
-        return embedding[: self.responses.weight.shape[1]]
-
-    def _read_by_networks(self, embedding: Float[Tensor, " E"]) -> Tensor:
-        """The part of an embedding that `embeddings` holds."""
-        assert self.embeddings is not None
-        return embedding[-self.embeddings.weight.shape[1] :]
-
-    # --- what they change --------------------------------------------------------------------
+        tables = [table for table in (self.responses, self.embeddings) if table is not None]
+        return torch.cat([table.mean(dim=0) for table in tables]) if tables else torch.zeros(0)
 
     def apply_appearance(
         self, splats: Splats, features: Float[Tensor, "N Z"], embedding: Float[Tensor, " E"]
     ) -> Splats:
-        """All static Gaussians in the colours of the image that `embedding` describes.
+        """All static Gaussians in the colours of the image that `embedding` describes, for a file;
+        for a picture `appearance.in_view` is quicker.
 
         Args:
             features: z_i.
@@ -117,8 +104,7 @@ class ImageEffects(nn.Module):
             return splats
         splats = as_harmonics(splats)
         assert splats.sh_degree is not None
-        read = self._read_by_networks(embedding)
-        colors = self.appearance(read, features, splats.colors, splats.sh_degree)
+        colors = self.appearance(embedding, features, splats.colors, splats.sh_degree)
         return replace(splats, colors=colors)
 
     def apply_camera_response(
@@ -130,31 +116,10 @@ class ImageEffects(nn.Module):
         Args:
             colors: >= 0.
         """
-        if self.responses is None:
-            return colors
-        numbers = self._numbers(embedding)
-        if not self.training and not numbers.any():
+        numbers = embedding[:NUMBERS]
+        if self.responses is None or not (self.training or numbers.any()):
             return colors
         return camera_response(colors, numbers, squared_radius(view))
-
-    def appearance_in_view(
-        self,
-        splats: Splats,
-        features: Float[Tensor, "N Z"],
-        view: View,
-        frozen: bool = False,
-    ) -> Lit:
-        """Static Gaussians as a view shows them, given an embedding [E]; quicker than
-        `apply_appearance`.
-
-        Args:
-            features: z_i.
-            frozen: whether nothing but the embedding is to get a gradient.
-        """
-        assert self.appearance is not None
-        appearance = deepcopy(self.appearance).requires_grad_(False) if frozen else self.appearance
-        lit = lit_splats(appearance, splats, features, view)
-        return lambda embedding: lit(self._read_by_networks(embedding))
 
     def background_of(
         self, embedding: Float[Tensor, " E"], view: View, degree: int
@@ -166,29 +131,29 @@ class ImageEffects(nn.Module):
         """
         assert self.background is not None
         if isinstance(self.background, Background):
-            coefficients = self.background(self._read_by_networks(embedding))
+            assert self.embeddings is not None
+            coefficients = self.background(embedding[-self.embeddings.shape[1] :])
         else:
-            coefficients = self.background()
+            coefficients = self.background.coefficients
         degree = min(degree, self.background.degree)
         if degree == 0:
             color = (C0 * coefficients[0] + 0.5).clamp(0, 1)
             return color if self.training else color.expand(view.height, view.width, 3)
         return background_image(coefficients, view, degree)
 
-    # --- training ----------------------------------------------------------------------------
-
+    @torch.no_grad()
     def after_step(self) -> None:
-        """Keep the average camera's response at no change, after an optimizer step."""
+        """Keep the average camera's response at no change, after an optimizer step (`CENTRED`)."""
         if self.responses is not None:
-            self.responses.centre()
+            self.responses[:, :CENTRED] -= self.responses[:, :CENTRED].mean(dim=0)
 
     def param_groups(self) -> dict[str, list[nn.Parameter]]:
         """An optimizer group for each learning rate; none for what is off."""
         groups: dict[str, list[nn.Parameter]] = {}
         if self.responses is not None:
-            groups["camera_responses"] = [self.responses.weight]
+            groups["camera_responses"] = [self.responses]
         if self.embeddings is not None:
-            groups["image_embeddings"] = list(self.embeddings.parameters())
+            groups["image_embeddings"] = [self.embeddings]
         if self.appearance is not None:
             groups["appearance_mlp"] = list(self.appearance.parameters())
         return groups if self.background is None else groups | self.background.param_groups()

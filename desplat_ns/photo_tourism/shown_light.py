@@ -1,6 +1,5 @@
-"""Which training photo's light is shown outside of training.
-
-In the viewer, in ns-render, and in what ns-export writes."""
+"""Which training photo's light is shown outside of training: in the viewer, in ns-render, and in
+what ns-export writes."""
 
 from __future__ import annotations
 
@@ -16,7 +15,6 @@ from torch import Tensor, nn
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import ConfigError
-from desplat_ns.photo_tourism.embeddings import ImageTable
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 
 VARIABLE = "DESPLAT_NS_APPEARANCE"
@@ -38,7 +36,7 @@ def parse_light(
     Raises:
         ConfigError: an image that is not a training image, or shares that make no mix.
     """
-    parts = []
+    parts: list[tuple[int, float]] = []
     for part in filter(None, text.split(",")):
         name, share = part.strip(), "1"
         if name not in names and ":" in name:
@@ -50,15 +48,13 @@ def parse_light(
             )
         try:
             parts.append((names.index(name), float(share)))
-        except ValueError as error:
-            raise ConfigError(
-                f"{given_by} gives '{name}' the share '{share}', which is no number. Write for "
-                f"example {names[0]}:0.5."
-            ) from error
+        except ValueError:
+            parts.append((names.index(name), math.nan))
     total = sum(share for _, share in parts)
     if not 0 < total < math.inf or any(share < 0 for _, share in parts):
         raise ConfigError(
-            f"{given_by} is '{text}': its shares must not be negative or infinite, nor all zero."
+            f"{given_by} is '{text}': the shares of its photos have to be numbers, not negative or "
+            f"infinite, nor all zero. Write for example {names[0]}:0.5."
         )
     return [(index, share / total) for index, share in parts]
 
@@ -102,22 +98,16 @@ class ShownLight(nn.Module):
         finally:
             self._suspended = before
 
-    def embedding(
-        self, lights: ImageEffects | ImageTable, image: int | None = None
-    ) -> Float[Tensor, " E"]:
+    def embedding(self, lights: ImageEffects, image: int | None = None) -> Float[Tensor, " E"]:
         """The chosen one; else that of training image `image`; else the average."""
         if self._fixed is not None:
             return self._fixed
-        mix = [] if self._suspended else self._mix()
-        if mix:
-            return torch.stack([share * lights.of(i) for i, share in mix]).sum(dim=0)
+        if self.names and not self._suspended:
+            share = self.share.value if self.second.value != OWN else 0.0
+            chosen = [(self.first.value, 1 - share), (self.second.value, share)]
+            mix = [(self.names.index(name), s) for name, s in chosen if name != OWN and s > 0]
+            text = os.environ.get(VARIABLE, "")
+            mix = mix or (parse_light(text, self.names) if text else [])
+            if mix:
+                return torch.stack([share * lights.of(i) for i, share in mix]).sum(dim=0)
         return lights.mean() if image is None else lights.of(image)
-
-    def _mix(self) -> list[tuple[int, float]]:
-        if not self.names:
-            return []
-        share = self.share.value if self.second.value != OWN else 0.0
-        chosen = [(self.first.value, 1 - share), (self.second.value, share)]
-        mix = [(self.names.index(name), part) for name, part in chosen if name != OWN and part > 0]
-        text = os.environ.get(VARIABLE, "")
-        return mix or (parse_light(text, self.names) if text else [])

@@ -28,23 +28,13 @@ EMPTY = {"", "nan"}
 
 
 @dataclass(frozen=True)
-class SplitFile:
-    """What a split file says."""
-
-    path: Path
-    train: list[str]
-    """File names, in the file's order."""
-    test: list[str]
-    num_skipped: int
-    """Rows without an id or without a file name."""
-
-
-@dataclass(frozen=True)
 class PhotoSplit:
     """Photos by their index in the reconstruction, ascending."""
 
     train: list[int]
     test: list[int]
+    num_skipped: int = 0
+    """Rows of the file without an id or without a file name."""
 
 
 def split_files(folders: Sequence[Path]) -> tuple[list[Path], list[str]]:
@@ -82,47 +72,12 @@ def find_split_file(folders: Sequence[Path]) -> Path | None:
     return fitting[0] if fitting else None
 
 
-def read_split_file(path: Path) -> SplitFile:
-    """Photos that train and photos for testing; rows without an id or a file name do not count.
-
-    Raises:
-        CaptureError: as `read_rows`; a split that is neither train nor test; fewer than two photos
-            that train, or none for testing.
-    """
-    names: dict[str, list[str]] = {"train": [], "test": []}
-    skipped = 0
-    for line, row in read_rows(path):
-        if row["filename"].lower() in EMPTY or row["id"].lower() in EMPTY:
-            skipped += 1
-            continue
-        split = row["split"].lower()
-        if split not in names:
-            raise CaptureError(
-                f"Line {line} of the split file {path} gives {row['filename']} the split "
-                f"'{row['split']}'; it must be train or test. To leave a photo out, delete its row."
-            )
-        names[split].append(PurePosixPath(row["filename"]).as_posix())
-    train, test = names["train"], names["test"]
-    if len(train) < 2 or not test:
-        raise CaptureError(
-            f"The split file {path} lists {len(train)} photos to train on and {len(test)} to test "
-            f"on ({skipped} rows have no id or no file name and do not count). Needed: at least "
-            "two to train on and one to test on."
-        )
-    return SplitFile(path, train, test, skipped)
-
-
 def read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
     """Line numbers and values of `COLUMNS`, stripped, missing ones empty; blank lines are skipped.
 
     Raises:
         CaptureError: no such file, not UTF-8, not a table, or columns that are missing.
     """
-    if not path.is_file():
-        raise CaptureError(
-            f"The split file {path} does not exist. Name a file with the columns "
-            f"{', '.join(COLUMNS)} with --split-file, relative to --data."
-        )
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file, dialect="excel-tab", strict=True)
@@ -139,32 +94,49 @@ def read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
                 (reader.line_num, {name: (row[name] or "").strip() for name in COLUMNS})
                 for row in reader
             ]
-    except UnicodeDecodeError as error:
+    except (UnicodeDecodeError, csv.Error, OSError) as error:
         raise CaptureError(
-            f"The split file {path} is not UTF-8 text ({error.reason} at byte {error.start}). "
-            "Save it as UTF-8, with tabs between the columns."
-        ) from error
-    except (csv.Error, OSError) as error:
-        raise CaptureError(
-            f"The split file {path} cannot be read: {error}. It must be a text file with one row "
-            "for each photo and tabs between the columns."
+            f"The split file {path} cannot be read: {error}. It must be UTF-8 text with one row "
+            f"for each photo, the columns {', '.join(COLUMNS)} and tabs between; --split-file, "
+            "relative to --data, names another."
         ) from error
 
 
-def match_split(names: Sequence[str], listed: SplitFile) -> PhotoSplit:
-    """Find the listed photos among `names` (paths inside the images folder).
+def read_split(path: Path, names: Sequence[str]) -> PhotoSplit:
+    """The split of the photos `names` (paths inside the images folder) that a file lists.
 
-    A row may give the path or, where that is unambiguous, the file name alone.
+    A row may give the path or, where that is unambiguous, the file name alone. Rows without an id
+    or a file name do not count.
 
     Raises:
-        CaptureError: rows that name no photo of the reconstruction, several, or one once more.
+        CaptureError: as `read_rows`; a split that is neither train nor test; fewer than two photos
+            that train, or none for testing; rows that name no photo, several, or one once more.
     """
-    rows = listed.train + listed.test
+    listed: dict[str, list[str]] = {"train": [], "test": []}
+    skipped = 0
+    for line, row in read_rows(path):
+        if row["filename"].lower() in EMPTY or row["id"].lower() in EMPTY:
+            skipped += 1
+            continue
+        split = row["split"].lower()
+        if split not in listed:
+            raise CaptureError(
+                f"Line {line} of the split file {path} gives {row['filename']} the split "
+                f"'{row['split']}'; it must be train or test. To leave a photo out, delete its row."
+            )
+        listed[split].append(PurePosixPath(row["filename"]).as_posix())
+    num_train, rows = len(listed["train"]), listed["train"] + listed["test"]
+    if num_train < 2 or not listed["test"]:
+        raise CaptureError(
+            f"The split file {path} lists {num_train} photos to train on and {len(listed['test'])} "
+            f"to test on ({skipped} rows have no id or no file name and do not count). Needed: at "
+            "least two to train on and one to test on."
+        )
     matches = find_photos(names, rows)
     wrong = [name for name, where in zip(rows, matches, strict=True) if len(where) != 1]
     if wrong:
         raise CaptureError(
-            f"{len(wrong)} of {len(rows)} photos in the split file {listed.path} are not in the "
+            f"{len(wrong)} of {len(rows)} photos in the split file {path} are not in the "
             f"reconstruction, or not unambiguously: {list_names(wrong)}. The reconstruction has "
             f"{list_names(names)}. Take the split file that belongs to it, or delete these rows."
         )
@@ -172,11 +144,10 @@ def match_split(names: Sequence[str], listed: SplitFile) -> PhotoSplit:
     twice = [names[i] for i, count in Counter(indices).items() if count > 1]
     if twice:
         raise CaptureError(
-            f"The split file {listed.path} lists {len(twice)} photos more than once: "
+            f"The split file {path} lists {len(twice)} photos more than once: "
             f"{list_names(twice)}. Keep one row for each photo."
         )
-    num_train = len(listed.train)
-    return PhotoSplit(sorted(indices[:num_train]), sorted(indices[num_train:]))
+    return PhotoSplit(sorted(indices[:num_train]), sorted(indices[num_train:]), skipped)
 
 
 def draw_split(names: Sequence[str], test_fraction: float, seed: int) -> PhotoSplit:

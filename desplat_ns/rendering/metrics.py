@@ -8,10 +8,8 @@ asked for.
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import torch
 from jaxtyping import Bool, Float
@@ -25,24 +23,14 @@ PSNR_MAX = 100.0
 RMS error of 1e-5, a two-hundredth of the rounding of an 8-bit photo (54 dB at most)."""
 
 LpipsNet = Literal["alex", "vgg"]
-"""Networks of torchmetrics' LPIPS, as it calls them."""
+"""Networks of torchmetrics' LPIPS, as it calls them; Splatfacto has alex."""
 
-LPIPS_NET: LpipsNet = "alex"
-"""As Splatfacto calls LPIPS."""
-
-
-class _Net(NamedTuple):
-    name: str
-    weights: str
-    """The file that torchvision fetches."""
-    min_side: int
-    """Pixels. On a shorter side its last pooling that counts has nothing left to pool."""
-
-
-_NETS: dict[LpipsNet, _Net] = {
-    "alex": _Net("AlexNet", "alexnet-owt-7be5be79.pth", 31),
-    "vgg": _Net("VGG16", "vgg16-397923af.pth", 16),
+_NETS: dict[LpipsNet, tuple[str, str, int]] = {
+    "alex": ("AlexNet", "alexnet-owt-7be5be79.pth", 31),
+    "vgg": ("VGG16", "vgg16-397923af.pth", 16),
 }
+"""Name, the file that torchvision fetches, and the least side of an image in pixels: on a shorter
+one the last pooling that counts has nothing left to pool."""
 
 DOWNLOAD_TIMEOUT = 20.0
 """Seconds of silence after which fetching LPIPS's weights is given up; torch.hub waits for ever."""
@@ -95,9 +83,9 @@ def image_metrics(
     return figures
 
 
-def lpips_weights(net: LpipsNet = LPIPS_NET) -> Path:
+def lpips_weights(net: LpipsNet = "alex") -> Path:
     """Where the weights of LPIPS's network are looked for, and put once they were fetched."""
-    return Path(torch.hub.get_dir()) / "checkpoints" / _NETS[net].weights
+    return Path(torch.hub.get_dir()) / "checkpoints" / _NETS[net][1]
 
 
 class LazyLpips:
@@ -110,11 +98,10 @@ class LazyLpips:
 
     def __init__(self, normalize: bool = True) -> None:
         self.normalize = normalize
-        self.net: LpipsNet = LPIPS_NET
+        self.net: LpipsNet = "alex"
         self.reason: str | None = None
         """Why there is no LPIPS; None as long as nothing is in its way."""
         self._metric: Any = None
-        """torchmetrics', imported when it is built, which takes half a second."""
 
     def use(self, net: LpipsNet) -> None:
         """Take a network from now on; what was in the way of another one does not count."""
@@ -125,7 +112,7 @@ class LazyLpips:
         self, truth: Float[Tensor, "B 3 H W"], pred: Float[Tensor, "B 3 H W"]
     ) -> Float[Tensor, ""] | None:
         """Mean perceptual distance of images in [0, 1], 0 for equal ones; None without weights."""
-        least = _NETS[self.net].min_side
+        least = _NETS[self.net][2]
         if self.reason is None and min(truth.shape[-2:]) < least:
             self._give_up(f"images are smaller than the {least} pixels that it needs")
         if self.reason is None and self._metric is None:
@@ -137,32 +124,24 @@ class LazyLpips:
         return distance
 
     def _build(self, device: torch.device) -> None:
-        from torchmetrics.image.lpip import LearnedPerceptualImagePatchSimilarity
+        from torchmetrics.image.lpip import LearnedPerceptualImagePatchSimilarity  # takes long
 
+        timeout = socket.getdefaulttimeout()
+        socket.setdefaulttimeout(DOWNLOAD_TIMEOUT)
         try:
-            with _socket_timeout(DOWNLOAD_TIMEOUT):
-                metric = LearnedPerceptualImagePatchSimilarity(self.net, normalize=self.normalize)
+            metric = LearnedPerceptualImagePatchSimilarity(self.net, normalize=self.normalize)
+            self._metric = metric.to(device)
         # A missing network shows as URLError, OSError, RuntimeError (bad hash) or others by proxy;
         # none of them is worth losing an evaluation.
         except Exception as error:
             self._give_up(
-                f"{_NETS[self.net].name}'s weights could not be had ({type(error).__name__}: "
+                f"{_NETS[self.net][0]}'s weights could not be had ({type(error).__name__}: "
                 f"{error}). They are fetched once where there is a network; elsewhere copy the "
                 f"file to {lpips_weights(self.net)}"
             )
-            return
-        self._metric = metric.to(device)
+        finally:
+            socket.setdefaulttimeout(timeout)
 
     def _give_up(self, reason: str) -> None:
         self.reason = reason
         announce(f"LPIPS is left out: {reason}.", warning=True)
-
-
-@contextmanager
-def _socket_timeout(seconds: float) -> Iterator[None]:
-    before = socket.getdefaulttimeout()
-    socket.setdefaulttimeout(seconds)
-    try:
-        yield
-    finally:
-        socket.setdefaulttimeout(before)

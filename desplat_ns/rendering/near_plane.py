@@ -15,7 +15,7 @@ from torch import Tensor
 
 from desplat_ns.backend.projection import rotation_columns
 from desplat_ns.backend.protocol import View
-from desplat_ns.rendering.views import image_points
+from desplat_ns.rendering.views import image_points, in_image
 
 NEAREST_QUANTILE = 0.01
 """Of the depths of the points in a view; a few points of every reconstruction are astray."""
@@ -32,7 +32,7 @@ def sampled(points: Float[Tensor, "P 3"], most: int = MAX_POINTS) -> Float[Tenso
 def scene_start(points: Float[Tensor, "P 3"], view: View) -> float:
     """Depth at which the points in a view start, world units; 0 where it shows none."""
     u, v, depth = image_points(points, view)
-    visible = (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
+    visible = in_image(u, v, depth)
     return float(depth[visible].quantile(NEAREST_QUANTILE)) if bool(visible.any()) else 0.0
 
 
@@ -58,14 +58,7 @@ def stands_clear(
     depth = image_points(means, view)[2]
     clear = depth >= share * start
     near = (clear & (depth < start)).nonzero()[:, 0]
-    deviation = _deviation_along_axis(quats[near], scales[near], view)
-    return clear.index_put((near,), deviation < depth[near])
-
-
-def _deviation_along_axis(
-    quats: Float[Tensor, "N 4"], scales: Float[Tensor, "N 3"], view: View
-) -> Float[Tensor, " N"]:
-    """Standard deviations along the optical axis."""
-    axis = view.viewmat[2, :3]
-    turned = [torch.stack(column, dim=-1) @ axis for column in rotation_columns(quats)]
-    return (torch.stack(turned, dim=-1) * scales).norm(dim=-1)
+    # Standard deviations along the optical axis.
+    axis, columns = view.viewmat[2, :3], rotation_columns(quats[near])
+    turned = torch.stack([torch.stack(column, dim=-1) @ axis for column in columns], dim=-1)
+    return clear.index_put((near,), (turned * scales[near]).norm(dim=-1) < depth[near])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from nerfstudio.cameras.cameras import Cameras, CameraType
 from torch import Tensor
 
@@ -81,3 +81,10 @@ def image_points(
     u = (x / z * view.K[0, 0] + view.K[0, 2]) / view.width
     v = (y / z * view.K[1, 1] + view.K[1, 2]) / view.height
     return u, v, z
+
+
+def in_image(
+    u: Float[Tensor, " N"], v: Float[Tensor, " N"], depth: Float[Tensor, " N"]
+) -> Bool[Tensor, " N"]:
+    """Which of the places that `image_points` gives lie before the camera and inside its image."""
+    return (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)

@@ -28,7 +28,7 @@ from desplat_ns.files.pages import LARGEST_SIDE, shrunk
 from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.model import DeSplatModel
-from desplat_ns.photo_tourism.lit_splats import as_harmonics
+from desplat_ns.photo_tourism.appearance import as_harmonics
 from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.near_plane import scene_start

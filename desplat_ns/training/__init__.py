@@ -1,1 +1,1 @@
-"""What a run is made of: losses, schedules, guards against NaN, checkpoints, resume."""
+"""What a run is made of: schedules, optimizers that skip unsound steps, checkpoints, resume."""

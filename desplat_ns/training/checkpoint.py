@@ -34,7 +34,7 @@ def register_safe_globals() -> None:
         return
     rebuild: Any = np.float64(0.0).__reduce__()[0]  # the function that a pickled scalar names
     names = ("numpy.core.multiarray.scalar", "numpy._core.multiarray.scalar")
-    dtypes = [type(np.dtype(kind)) for kind in ("f8", "f4", "f2", "i8", "i4", "u8", "u4", "?")]
+    dtypes = [type(np.dtype(kind)) for kind in ("f8", "f4", "i8", "i4", "?")]
     torch.serialization.add_safe_globals([*((rebuild, n) for n in names), np.dtype, *dtypes])
 
 
@@ -120,13 +120,13 @@ def run_folder(folder: Path) -> Iterator[None]:
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(
-                f"The run's folder {folder} cannot be made ({error}). Name another place with "
-                "--output-dir."
-            ) from error
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(
+            f"The run's folder {folder} cannot be made ({error}). Name another place with "
+            "--output-dir."
+        ) from error
+    try:
         yield
     except BaseException:
         for path in made:  # inner ones first; one that is not empty keeps those around it
@@ -168,11 +168,14 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     return state
 
 
-def load_newest(folder: Path) -> tuple[Path, dict[str, Any]]:
-    """The newest intact checkpoint of `folder` and its contents.
+def load_newest(folder: Path, step: int | None = None) -> tuple[Path, dict[str, Any]]:
+    """The newest intact checkpoint of `folder`, or that of a step, and its contents.
 
     Says so where a newer one is damaged. Raises CheckpointError where none is left.
     """
+    if step is not None:
+        path = checkpoint_path(folder, step)
+        return path, load_checkpoint(path)
     failures: list[str] = []
     for path in reversed(checkpoints_in(folder)):
         try:
@@ -188,17 +191,6 @@ def load_newest(folder: Path) -> tuple[Path, dict[str, Any]]:
     if failures:
         raise CheckpointError(f"No checkpoint in {folder} is intact. {failures[0]}")
     raise CheckpointError(f"No checkpoint to load. {_contents(folder)}")
-
-
-def load_step(folder: Path, step: int | None) -> tuple[Path, dict[str, Any]]:
-    """The checkpoint of `step`, or without one the newest intact one, and its contents.
-
-    Raises CheckpointError where there is none.
-    """
-    if step is None:
-        return load_newest(folder)
-    path = checkpoint_path(folder, step)
-    return path, load_checkpoint(path)
 
 
 def checkpoint_folder(load_dir: Path, relative_model_dir: Path) -> Path:

@@ -1,22 +1,82 @@
-"""Saves and restores what a run needs, besides the model, to go on as if it had never stopped.
-
-Moments of the optimizers, positions on the schedules, random generators.
-"""
+"""What a checkpoint holds so that a run goes on as if it had never stopped, besides the model and
+the optimizers: the scene that it belongs to, and the random generators."""
 
 from __future__ import annotations
 
 import random
 from collections.abc import Mapping
-from pathlib import Path
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 import torch
-from nerfstudio.engine.optimizers import Optimizers
-from torch.optim.lr_scheduler import LambdaLR
 
 from desplat_ns.errors import CheckpointError
-from desplat_ns.training.optimizers import set_position
+
+FORMAT = 1
+"""Version of `SceneRecord`, raised whenever checkpoints are no longer those of before."""
+
+
+@dataclass(frozen=True)
+class SceneRecord:
+    """What a checkpoint was trained with; a checkpoint holds it as a dictionary of plain values,
+    which `torch.load(weights_only=True)` reads."""
+
+    effects: dict[str, Any]
+    """The switches in `pipeline.model.effects`."""
+    sh_degree: int
+    """Spherical-harmonics degree of the static Gaussians."""
+    train_images: list[str]
+    """Names of the training photos, in the order of the training views; empty where unknown."""
+    format: int = FORMAT
+
+    @classmethod
+    def from_state(cls, state: object) -> SceneRecord:
+        """Read a record back.
+
+        Raises CheckpointError where there is none, or one that this version cannot read.
+        """
+        if not isinstance(state, Mapping) or "format" not in state:
+            raise CheckpointError(
+                "The checkpoint holds no record of its scene, so it was not saved by `desplat`. "
+                "Pass a `desplat` run's folder `.../desplat/<timestamp>/nerfstudio_models` to "
+                "`--load-dir`."
+            )
+        names = {field.name for field in fields(cls)}
+        if state["format"] != FORMAT or not names <= set(state):
+            raise CheckpointError(
+                f"The checkpoint has format {state['format']}, this desplat-ns reads format "
+                f"{FORMAT} alone: another version saved it. Use that version, or train anew."
+            )
+        return cls(**{name: state[name] for name in names})
+
+    def check_fits(self, here: SceneRecord) -> None:
+        """Raise CheckpointError, saying what differs, unless this can be loaded into `here`."""
+        options = [
+            (f"effects.{name.replace('_', '-')}", self.effects.get(name), value)
+            for name, value in sorted(here.effects.items())
+        ]
+        options.append(("sh-degree", self.sh_degree, here.sh_degree))
+        differing = [(name, was, now) for name, was, now in options if was != now]
+        if differing:
+            trained = ", ".join(f"{name} {was} (here {now})" for name, was, now in differing)
+            switches = " ".join(f"--pipeline.model.{name} {was}" for name, was, _ in differing)
+            raise CheckpointError(f"The checkpoint was trained with {trained}. Add `{switches}`.")
+        theirs, ours = self.train_images, here.train_images
+        if not theirs or not ours or theirs == ours:
+            return
+        different = sorted({*theirs} ^ {*ours}, key=lambda name: (name in ours, name))
+        what = "the same photos in another order; views would get each other's distractors"
+        if different:
+            side = "the checkpoint" if different[0] in theirs else "this run"
+            what = (
+                f"another scene or split: {len(theirs)} photos, this run has {len(ours)}; "
+                f"'{different[0]}' is a photo of {side} alone"
+            )
+        raise CheckpointError(
+            f"The checkpoint was trained on {what}. Pass the `--data` and the split options that "
+            "it was trained with, or drop `--load-dir` to train from the start."
+        )
 
 
 def rng_state() -> dict[str, Any]:
@@ -24,19 +84,13 @@ def rng_state() -> dict[str, Any]:
 
     Tensors and plain Python values only, so that `torch.load(weights_only=True)` reads it.
     """
-    kind, keys, position, has_gauss, cached_gaussian = np.random.get_state()
-    version, internal, gauss_next = random.getstate()
+    numpy: Any = np.random.get_state(legacy=False)
+    numpy["state"]["key"] = torch.from_numpy(numpy["state"]["key"].astype(np.int64))
     return {
         "torch": torch.get_rng_state(),
         "cuda": torch.cuda.get_rng_state_all() if torch.cuda.is_initialized() else [],
-        "numpy": {
-            "kind": str(kind),
-            "keys": torch.from_numpy(np.asarray(keys, dtype=np.int64)),
-            "position": int(position),
-            "has_gauss": int(has_gauss),
-            "cached_gaussian": float(cached_gaussian),
-        },
-        "python": (version, tuple(internal), gauss_next),
+        "numpy": numpy,
+        "python": random.getstate(),
     }
 
 
@@ -46,52 +100,7 @@ def restore_rng(state: Mapping[str, Any]) -> None:
     if torch.cuda.is_available():
         for device, generator in zip(range(torch.cuda.device_count()), state["cuda"], strict=False):
             torch.cuda.set_rng_state(generator, device)
-    saved = state["numpy"]
-    keys = saved["keys"].numpy().astype(np.uint32)
-    np.random.set_state(
-        (saved["kind"], keys, saved["position"], saved["has_gauss"], saved["cached_gaussian"])
-    )
-    version, internal, gauss_next = state["python"]
-    random.setstate((version, tuple(internal), gauss_next))
-
-
-def load_optimizers(optimizers: Optimizers, saved: Mapping[str, Any], source: Path) -> None:
-    """Bring back the optimizers' moments from the checkpoint `source`.
-
-    Rates, epsilons and the like stay those of this run's options, except a rate that only the
-    scheduler's history gives. The parameters must have their saved shapes already: the pipeline is
-    loaded first. Raises CheckpointError, before anything is changed, where groups do not match.
-    """
-    here, there = set(optimizers.optimizers), set(saved)
-    if here != there:
-        raise CheckpointError(
-            f"The checkpoint {source} was trained with other effects: it alone has "
-            f"{', '.join(sorted(there - here)) or 'nothing'}, this run alone "
-            f"{', '.join(sorted(here - there)) or 'nothing'}. Switch on the same "
-            "--pipeline.model.effects as in that run's config.yml."
-        )
-    for name, optimizer in optimizers.optimizers.items():
-        scheduler = optimizers.schedulers.get(name)
-        from_saved = {"params"}
-        if scheduler is not None and not isinstance(scheduler, LambdaLR):
-            from_saved.add("lr")
-        options = [
-            {key: value for key, value in group.items() if key not in from_saved}
-            for group in optimizer.param_groups
-        ]
-        optimizer.load_state_dict(saved[name])
-        for group, own in zip(optimizer.param_groups, options, strict=True):
-            group.update(own)
-
-
-def load_schedulers(optimizers: Optimizers, saved: Mapping[str, Any], steps_done: int) -> None:
-    """Set each schedule to where it is after `steps_done`.
-
-    The curve is this run's: continued with a larger number of steps, the learning rate is the one
-    that the longer schedule has at that position.
-    """
-    for name, scheduler in optimizers.schedulers.items():
-        if isinstance(scheduler, LambdaLR):
-            set_position(scheduler, steps_done)
-        elif name in saved:
-            scheduler.load_state_dict(saved[name])
+    numpy = state["numpy"]
+    key = numpy["state"]["key"].numpy().astype(np.uint32)
+    np.random.set_state({**numpy, "state": {**numpy["state"], "key": key}})
+    random.setstate(state["python"])

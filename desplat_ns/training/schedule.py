@@ -43,8 +43,8 @@ def schedule_scale(max_num_iterations: int, nominal: int) -> float:
     """
     if max_num_iterations < 1 or nominal < 1:
         raise ConfigError(
-            f"A run needs at least one step: --max-num-iterations is {max_num_iterations} and "
-            f"--nominal-num-iterations is {nominal}. Give both a value of 1 or more."
+            f"--max-num-iterations is {max_num_iterations} and --nominal-num-iterations {nominal}; "
+            "both have to be 1 or more."
         )
     return min(1.0, max_num_iterations / nominal)
 
@@ -282,9 +282,8 @@ class BudgetSchedule(Schedule):
         scale: planned steps for each nominal step.
         """
         super().__init__(scale)
-        self.budget, self.plan, self.reserve = budget, plan, END_SECONDS
+        self.budget, self.plan = budget, plan
         self._costs = np.cumsum([0.0, *costs])
-        self._numbers = np.arange(len(self._costs))
         self._seconds, self._before = seconds, plan.spent
         self._last = (-1, 0.0)
         """The last step that was done in this process, and its position."""
@@ -308,21 +307,18 @@ class BudgetSchedule(Schedule):
             saved_bytes: what the last checkpoint will hold.
         """
         plan, now = self.plan, self.spent()
-        self.reserve = END_SECONDS + saved_bytes / BYTES_A_SECOND
-        left, used = self.budget - self.reserve - plan.spent, now - plan.spent
-        ahead = plan.steps - plan.reached
-        by_time = self._planned_steps(min(1.0, used / left) if left > 0 else 1.0)
+        end = self.budget - END_SECONDS - saved_bytes / BYTES_A_SECOND
+        left, used, ahead = end - plan.spent, now - plan.spent, plan.steps - plan.reached
+        # Planned steps whose expected cost is the used share of the cost of all steps ahead.
+        numbers = np.arange(len(self._costs))
+        done = np.interp(plan.reached, numbers, self._costs)
+        cost = done + (min(1.0, used / left) if left > 0 else 1.0) * (self._costs[-1] - done)
+        by_time = float(np.interp(cost, self._costs, numbers)) - plan.reached
         moved = max(1.0 if self._last[0] < 0 else by_time, ahead / max(1, plan.most - step))
         self._last, plan.spent = (step, plan.reached), now
         plan.reached += min(moved, ahead)
         is_at_end = plan.steps - plan.reached < 0.5 or step + 1 >= plan.most
-        return is_at_end or now >= self.budget - self.reserve
-
-    def _planned_steps(self, share: float) -> float:
-        """Planned steps whose expected cost is a share of the cost of all steps ahead."""
-        done = np.interp(self.plan.reached, self._numbers, self._costs)
-        target = done + share * (self._costs[-1] - done)
-        return float(np.interp(target, self._costs, self._numbers)) - self.plan.reached
+        return is_at_end or now >= end
 
 
 def seconds_of(text: str, option: str = "--budget") -> float:

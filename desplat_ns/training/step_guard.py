@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.utils import writer
 from torch import Tensor, nn
@@ -31,33 +31,50 @@ MOST_BROKEN_SHARE = 0.5
 
 
 class GuardedOptimizers(Optimizers):
-    """Optimizers that step only if the step at hand is sound, with those of the drawn view."""
+    """Optimizers that step, together with those of the drawn view, only if the step is sound."""
 
     def __init__(
         self,
         config: dict[str, Any],
         param_groups: dict[str, list[nn.Parameter]],
-        may_step: Callable[[], bool],
-        of_view: Callable[[], Mapping[str, Optimizer]],
+        model: Callable[[], Any],
     ):
-        """Args:
-        may_step: is called after each backward pass.
-        of_view: gives the optimizers that belong to the view of the step at hand.
-        """
+        """`model`: gives the `DeSplatModel`, whose step is judged."""
         super().__init__(config, param_groups)
-        self._may_step, self._of_view = may_step, of_view
+        self._model = model
         self.is_logged = True
         """Whether the rates of the step at hand are."""
+        self.skipped_in_a_row = 0
+        self._photos: set[str] = set()
+        self._last = ""
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether the run is to stop."""
+        return self.skipped_in_a_row >= MOST_SKIPPED
 
     def optimizer_scaler_step_some(self, grad_scaler: GradScaler, param_groups: list[str]) -> None:
-        """Step, or change nothing and drop all gradients; nerfstudio 1.1.5 steps no other way."""
-        of_view = self._of_view()  # first: a step that is dropped has no view any more
-        if self._may_step():
+        """Step, or change nothing, drop all gradients and say so once for each photo; nerfstudio
+        1.1.5 steps no other way."""
+        model = self._model()
+        of_view = model.view_optimizers()
+        every = [*self.optimizers.values(), *of_view.values()]
+        if is_sound(model.losses.values(), every):
+            self.skipped_in_a_row = 0
             super().optimizer_scaler_step_some(grad_scaler, param_groups)
             for optimizer in of_view.values():
                 grad_scaler.step(optimizer)
             return
-        for optimizer in (*self.optimizers.values(), *of_view.values()):
+        self.skipped_in_a_row += 1
+        photo = model.view_name()
+        self._last = f"At step {model.step}, in the photo {photo}, the loss or a gradient is not "
+        self._last += "finite"
+        if photo not in self._photos:
+            self._photos.add(photo)
+            what = "The step is skipped, and so are others of this photo if they are like it."
+            announce(f"{self._last}. {what}", warning=True)
+        model.drop_step()
+        for optimizer in every:
             optimizer.zero_grad()
 
     def scheduler_step_all(self, step: int) -> None:
@@ -68,9 +85,18 @@ class GuardedOptimizers(Optimizers):
                 scheduler.step()
             return
         super().scheduler_step_all(step)
-        for name, optimizer in self._of_view().items():
+        for name, optimizer in self._model().view_optimizers().items():
             rate = optimizer.param_groups[0]["lr"]
             writer.put_scalar(name=f"learning_rate/{name}", scalar=rate, step=step)
+
+    def error(self, saved: Path) -> TrainingError:
+        """Why the run stopped, and what to do. `saved`: the checkpoint of the sound state."""
+        return TrainingError(
+            f"{self.skipped_in_a_row} steps one after the other were skipped. {self._last}. The "
+            f"state without these steps is saved as {saved}. Give a lower "
+            "--optimizers.GROUP.optimizer.lr, or try --pipeline.model.backend torch to rule out "
+            f"the rasterizer; then go on with `--load-checkpoint {saved}`."
+        )
 
 
 def parameters_of(optimizer: Optimizer) -> list[Tensor]:
@@ -84,55 +110,17 @@ def sum_of_squares(tensors: list[Tensor]) -> Float[Tensor, ""]:
     return reduce(torch.add, [torch.dot(t.flatten(), t.flatten()) for t in tensors])
 
 
-class StepGuard:
-    """Judges steps, and counts those that were skipped one after the other."""
-
-    def __init__(self) -> None:
-        self.in_a_row = 0
-        self._photos: set[str] = set()
-        self._last = ""
-
-    @property
-    def exhausted(self) -> bool:
-        """Whether the run is to stop."""
-        return self.in_a_row >= MOST_SKIPPED
-
-    @torch.no_grad()
-    def is_sound(
-        self, step: int, photo: str, losses: Iterable[Tensor], optimizers: Iterable[Optimizer]
-    ) -> bool:
-        """Whether the loss and all gradients of a step are finite, which takes one pass over the
-        memory; said once for each photo if not.
-
-        Args:
-            photo: drawn in the step.
-            losses: terms of the loss.
-            optimizers: of all parameters.
-        """
-        gradients = [p.grad for each in optimizers for p in parameters_of(each)]
-        gradients = [gradient for gradient in gradients if gradient is not None]
-        values = [*losses, *([sum_of_squares(gradients)] if gradients else [])]
-        if not values or bool(reduce(torch.add, values).isfinite()):
-            self.in_a_row = 0
-            return True
-        self.in_a_row += 1
-        self._last = f"At step {step}, in the photo {photo}, the loss or a gradient is not finite"
-        if photo not in self._photos:
-            self._photos.add(photo)
-            what = "The step is skipped, and so are others of this photo if they are like it."
-            announce(f"{self._last}. {what}", warning=True)
-        return False
-
-    def error(self, saved: Path) -> TrainingError:
-        """Why the run stopped, and what to do. `saved`: the checkpoint of the sound state."""
-        return TrainingError(
-            f"{self.in_a_row} steps one after the other were skipped. {self._last}. The state "
-            f"without these steps is saved as {saved}. Give a lower --optimizers.GROUP.optimizer.lr"
-            ", or try --pipeline.model.backend torch to rule out the rasterizer; then go on with "
-            f"`--load-checkpoint {saved}`."
-        )
+@torch.no_grad()
+def is_sound(losses: Iterable[Tensor], optimizers: Iterable[Optimizer]) -> bool:
+    """Whether the terms of the loss and the gradients of all parameters are finite, which takes one
+    pass over the memory."""
+    gradients = [p.grad for each in optimizers for p in parameters_of(each)]
+    gradients = [gradient for gradient in gradients if gradient is not None]
+    values = [*losses, *([sum_of_squares(gradients)] if gradients else [])]
+    return not values or bool(reduce(torch.add, values).isfinite())
 
 
+@torch.no_grad()
 def check_parameters(
     gaussians: Mapping[str, Tensor], optimizers: Mapping[str, Optimizer], step: int, folder: Path
 ) -> None:
@@ -147,7 +135,9 @@ def check_parameters(
     Raises:
         TrainingError: what is not finite.
     """
-    fault, broken = None, _broken_rows(gaussians)
+    fault, broken = None, gaussians["means"].abs().amax(1) >= FAR_PLANE
+    for values in gaussians.values():
+        broken = broken | ~values.flatten(1).isfinite().all(1)
     if float(broken.double().mean()) > MOST_BROKEN_SHARE:
         fault = f"{int(broken.sum())} of {len(broken)} static Gaussians can be drawn in no view"
     for name, optimizer in optimizers.items():
@@ -160,12 +150,3 @@ def check_parameters(
             f"is not saved; checkpoints in {folder} are untouched. Go on from the newest with "
             f"`--load-dir {folder}`, or start anew, with a lower --optimizers.GROUP.optimizer.lr."
         )
-
-
-@torch.no_grad()
-def _broken_rows(gaussians: Mapping[str, Tensor]) -> Bool[Tensor, " N"]:
-    """Gaussians that are not finite, or lie beyond the far plane of every view."""
-    away = gaussians["means"].abs().amax(1) >= FAR_PLANE
-    return reduce(
-        torch.logical_or, (~g.flatten(1).isfinite().all(1) for g in gaussians.values()), away
-    )

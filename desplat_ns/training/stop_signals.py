@@ -12,14 +12,10 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ctrl+C; what a batch system or a shutdown sends before it kills; a terminal that is closed."""
 
 
-class EndAtOnce(Exception):
-    """Raised by `stop` to end the process now instead of after a step."""
-
-
 @contextmanager
-def on_stop_signal(stop: Callable[[str], None]) -> Iterator[None]:
+def on_stop_signal(stop: Callable[[str], bool]) -> Iterator[None]:
     """Within, the first of `STOP_SIGNALS` calls `stop` with its name; the next ends the process, as
-    the first one does if `stop` raises EndAtOnce.
+    the first one does if `stop` returns False: there is nothing to wait for.
 
     Outside of the main thread, which alone gets signals, nothing is caught; nor is SIGHUP where
     nohup has it ignored.
@@ -38,11 +34,7 @@ def on_stop_signal(stop: Callable[[str], None]) -> Iterator[None]:
 
     def handle(number: int, _: object) -> None:
         restore()
-        try:
-            stop("Ctrl+C" if number == signal.SIGINT else signal.Signals(number).name)
-        except EndAtOnce:
-            if number == signal.SIGINT:
-                raise KeyboardInterrupt from None
+        if not stop("Ctrl+C" if number == signal.SIGINT else signal.Signals(number).name):
             signal.raise_signal(number)
 
     for number in previous:

@@ -1,17 +1,14 @@
-"""Averages that an evaluation reports, and which protocol it follows."""
+"""Averages that an evaluation reports."""
 
 from __future__ import annotations
 
 import json
 import math
-from typing import Any
 
 import pytest
 import torch
 from torch import nn
 
-from desplat_ns.errors import ConfigError
-from desplat_ns.evaluation.config import EvaluationConfig, chosen_protocol
 from desplat_ns.evaluation.evaluate import gaussian_counts, summarize
 from desplat_ns.evaluation.scorer import ScoredImage
 
@@ -48,30 +45,3 @@ def test_without_distractors_their_count_and_memory_are_0():
         "static_memory_mb": pytest.approx(0.003),
         "distractor_memory_mb": 0.0,
     }
-
-
-@pytest.mark.parametrize(
-    ("asked", "image_light", "holds"),
-    [
-        ("auto", True, "half"),
-        ("auto", False, "full"),
-        ("full", True, "full"),
-        ("half", True, "half"),
-        ("right", False, "right"),
-    ],
-)
-def test_which_protocol_holds(asked: Any, image_light: bool, holds: str):
-    assert chosen_protocol(EvaluationConfig(protocol=asked), image_light) == holds
-
-
-@pytest.mark.parametrize(
-    ("values", "image_light", "named"),
-    [
-        ({"protocol": "half"}, False, "appearance"),
-        ({"steps": -1}, True, "--steps"),
-        ({"learning_rate": 0.0}, True, "--learning-rate"),
-    ],
-)
-def test_what_cannot_be_is_refused(values: dict[str, Any], image_light: bool, named: str):
-    with pytest.raises(ConfigError, match=named):
-        chosen_protocol(EvaluationConfig(**values), image_light)

@@ -10,7 +10,6 @@ from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import (
     as_function_of_embedding,
     embedding_from_left_half,
-    fit_embedding,
     left_half,
     right_half,
 )
@@ -58,18 +57,6 @@ def test_what_is_fitted_is_what_is_scored(model):
     with torch.no_grad():
         image = as_function_of_embedding(model, view)(model.image_effects.of(1))
     torch.testing.assert_close(image, photo_in_the_light_of(model, 1), atol=1e-6, rtol=0)
-
-
-def test_a_fit_is_adam_on_the_loss_alone():
-    target = torch.tensor([1.0, -2.0])
-    reference = torch.zeros(2, requires_grad=True)
-    optimizer = torch.optim.Adam([reference], lr=0.1)
-    for _ in range(20):
-        optimizer.zero_grad()
-        (reference - target).square().sum().backward()
-        optimizer.step()
-    fitted = fit_embedding(lambda e: (e - target).square().sum(), torch.zeros(2), 20, 0.1)
-    assert torch.equal(fitted, reference.detach())
 
 
 @pytest.mark.parametrize("width", [1, 3])

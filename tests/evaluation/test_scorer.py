@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
+from desplat_ns.errors import ConfigError
 from desplat_ns.evaluation import scorer
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import left_half, right_half
@@ -94,3 +95,17 @@ def test_the_narrowest_photo_is_scored(model):
     batch = {"image": torch.rand(HEIGHT, 4, 3)}
     scored, _ = by_left_half(model, SHORT).score(held_out(4), batch, "a")
     assert scored.metrics["psnr"] > 0
+
+
+def test_which_protocol_holds(model):
+    assert Scorer.of(model, SHORT).fit is SHORT
+    right, full = (Scorer.of(model, EvaluationConfig(protocol=p)) for p in ("right", "full"))
+    assert (right.region, right.fit) == ("right half", None)
+    plain = Scorer.of(model_with("off"), EvaluationConfig())
+    assert (full.region, full.fit) == (plain.region, plain.fit) == ("full image", None)
+    with pytest.raises(ConfigError, match="--steps"):
+        Scorer.of(model, EvaluationConfig(steps=-1))
+    with pytest.raises(ConfigError, match="--learning-rate"):
+        Scorer.of(model, EvaluationConfig(learning_rate=0.0))
+    with pytest.raises(ConfigError, match="appearance"):
+        Scorer.of(model_with("off"), EvaluationConfig(protocol="half"))

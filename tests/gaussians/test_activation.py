@@ -44,11 +44,6 @@ def test_a_log_scale_that_overflows_has_a_finite_scale_and_no_gradient():
         assert torch.equal(slope, torch.zeros(4, 3))
 
 
-def test_without_sh_colours_are_logits():
-    splats = activate_static(static_params(), sh_degree=None)
-    assert torch.allclose(splats.colors, torch.sigmoid(torch.full((2, 3), 0.5)))
-
-
 def test_distractor_colours_are_clamped_and_a_colour_on_the_border_still_learns():
     rgbs = torch.tensor([[-0.5, 0.0, 0.25], [1.0, 1.5, 0.75]], requires_grad=True)
     params = static_params() | {"rgbs": rgbs}

@@ -92,17 +92,6 @@ def test_faint_ones_are_pruned_and_the_others_keep_their_moments():
         assert torch.allclose(scene.moment(name)[:, 0], expected, rtol=1e-5)
 
 
-def test_a_steep_one_is_cloned_and_the_clone_has_no_moments_yet():
-    scene = Scene()
-    with torch.no_grad():
-        scene.params()["scales"].fill_(-20.0)
-    assert scene.refined([0.0, 0.9, 2.0, 0.0]) == [5, 4]
-    means = scene.params()["means"]
-    assert torch.equal(means[4], means[2])
-    assert (scene.moment("means")[4] == 0).all()
-    assert (scene.moment("means")[:4] != 0).all()
-
-
 def test_a_steep_and_wide_one_is_split():
     scene = Scene()
     with torch.no_grad():
@@ -111,16 +100,6 @@ def test_a_steep_and_wide_one_is_split():
     # The two halves come last, each 1.6 times smaller.
     scales = scene.params()["scales"].exp()
     assert torch.allclose(scales[3:], scales[:1] / 1.6, rtol=1e-2)
-
-
-def test_where_distractors_start_everywhere_all_that_are_steep_are_cloned():
-    """Against a scene of size 1 even four that cover the whole image are small."""
-    scene = Scene()
-    start = scene.params()["scales"].exp().max()
-    assert DEPTH / 10 < start < STATIC.densify_size_thresh
-    assert scene.refined(2.0) == [8, 4]
-    for name, value in scene.params().items():
-        assert torch.equal(value[4:], value[:4]), name
 
 
 def test_by_pixels_width_is_measured_against_the_depth_at_which_distractors_start():
@@ -164,15 +143,6 @@ def test_the_other_views_are_left_alone():
     assert all(torch.equal(scene.params(1)[name], value) for name, value in other.items())
     assert scene.distractors.counts()[0] > 4
     assert [view.refinement for view in scene.distractors.views] == [10, 0]
-
-
-def test_refinement_falls_due_for_all_views_and_each_has_it_when_it_is_next_seen():
-    scene = Scene()
-    scene.visit(11, view=0, grad=2.0)
-    scene.visit(12, view=1, grad=2.0)
-    assert scene.distractors.counts() == [4, 8]
-    scene.visit(13, view=0, grad=2.0)
-    assert scene.distractors.counts() == [8, 8]
 
 
 @pytest.mark.parametrize(

@@ -140,15 +140,6 @@ def test_a_set_stays_within_the_limit_where_gaussians_are_cloned_and_split_at_on
     assert count == max(full for full in (4, 6, 8, 10, 11) if full <= most)
 
 
-def test_without_room_nothing_grows_and_pruning_goes_on():
-    scene = Scene(most=2)
-    with torch.no_grad():
-        scene.params["opacities"][2] = -9.0
-    for step in (1, 2, 3):
-        count = scene.step(step, 5.0)
-    assert count == 3
-
-
 @pytest.mark.parametrize(("to_the_end", "left"), [(False, 4), (True, 3)])
 def test_faint_ones_go_after_densification_where_that_is_wanted(to_the_end, left):
     scene = Scene(refine_stop_iter=10, cull_to_the_end=to_the_end)
@@ -166,9 +157,3 @@ def test_an_interrupted_sample_goes_on_from_a_checkpoint():
     second.state = {k: v for k, v in first.state.items()}
     assert second.step(3, 0.9) == 8
     assert [whole.step(step, 0.9) for step in (1, 2, 3)] == [4, 4, 8]
-
-
-def test_it_takes_over_what_upstream_was_told():
-    upstream = DefaultStrategy(prune_opa=0.3, absgrad=True, reset_every=70)
-    ours = StaticStrategy.in_place_of(upstream, reset_every=7, most=9)
-    assert (ours.prune_opa, ours.absgrad, ours.reset_every, ours.most) == (0.3, True, 7, 9)

@@ -55,7 +55,7 @@ class StubModel:
 
     def __init__(self, scale: float | None = None) -> None:
         self.schedule = Schedule(scale or 1.0)
-        self.losses: dict[str, torch.Tensor] = {}
+        self.step, self.losses = 0, dict[str, torch.Tensor]()
         self.gauss_params = {"means": torch.zeros(1, 3)}
 
     def view_name(self) -> str:
@@ -92,6 +92,7 @@ class StubPipeline(Pipeline):
         return "cpu"
 
     def get_train_loss_dict(self, step: int) -> Any:
+        self._model.step = step
         self.at_step(step)
         self.trained.append(step)
         target = torch.rand(4) + self.datamanager.next_view() + np.random.normal()

@@ -9,10 +9,7 @@ import torch
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.photo_tourism.camera_response import (
-    CENTRED,
     FLOOR,
-    NUMBERS,
-    CameraResponses,
     camera_response,
     fit_response,
     squared_radius,
@@ -84,15 +81,3 @@ def test_a_black_or_overexposed_photo_and_one_without_pixels_tell_nothing():
     for level in (0.0, 1.0):
         assert not fit_response(rgb, torch.full_like(rgb, level), radius2).any()
     assert not fit_response(rgb[:0], rgb[:0], radius2[:0]).any()
-
-
-def test_centred_responses_keep_their_differences_and_vignetting():
-    responses = CameraResponses(3)
-    assert not responses.weight.any()
-    responses.weight.data = torch.randn(3, NUMBERS)
-    before = responses.weight.detach().clone()
-    responses.centre()
-    mean = responses.weight.mean(dim=0)
-    torch.testing.assert_close(mean[:CENTRED], torch.zeros(CENTRED), atol=1e-6, rtol=0)
-    assert torch.equal(responses.weight[:, CENTRED:], before[:, CENTRED:])
-    torch.testing.assert_close(responses.weight.diff(dim=0), before.diff(dim=0))

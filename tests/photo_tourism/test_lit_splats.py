@@ -56,13 +56,13 @@ def test_pictures_and_gradients_are_those_of_all_toned(appearance, has_harmonics
     (splats, view), features = scene(has_harmonics), torch.randn(NUM, FEATURES).double()
     features.requires_grad_()
     embedding = effects.of(1)
-    assert effects.embeddings is not None
+    assert effects.embeddings is not None and effects.appearance is not None
     leaves = [*(getattr(splats, n) for n in ("means", "scales", "opacities", "colors")), features]
-    leaves += [effects.embeddings.weight, *weights_of(effects)]
+    leaves += [effects.embeddings, *weights_of(effects)]
     results = []
     for lit in (
         effects.apply_appearance(splats, features, embedding),
-        effects.appearance_in_view(splats, features, view)(embedding),
+        effects.appearance.in_view(splats, features, view)(embedding),
     ):
         image = resolve("torch", "cpu")(lit, view, SETTINGS).rgb
         weight = torch.linspace(-1, 1, image.numel()).double().view(image.shape)
@@ -76,11 +76,12 @@ def test_a_gaussian_of_broken_coefficients_is_culled_and_breaks_nothing():
     effects, (splats, view) = effects_of("affine"), scene(dtype=torch.float32)
     features = torch.randn(NUM, FEATURES, requires_grad=True)
     numba = resolve("numba", "cpu")
-    lit = effects.appearance_in_view(splats, features, view)(effects.of(0))
+    assert effects.appearance is not None
+    lit = effects.appearance.in_view(splats, features, view)(effects.of(0))
     broken = int(numba(lit, view, SETTINGS).visible.nonzero()[0])
     with torch.no_grad():
         splats.colors[broken, 3] = float("nan")
-    lit = effects.appearance_in_view(splats, features, view)(effects.of(0))
+    lit = effects.appearance.in_view(splats, features, view)(effects.of(0))
     drawn = numba(lit, view, SETTINGS)
     assert drawn.rgb.isfinite().all() and not drawn.visible[broken]
     leaves = [*weights_of(effects), splats.means, splats.colors]

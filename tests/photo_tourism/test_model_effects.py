@@ -87,7 +87,7 @@ def test_a_step_trains_every_group_but_other_images_embeddings(appearance):
     losses = trainer.step(4000, view=1)["losses"]  # all degrees are active
     assert "background_opacity" in losses
     assert model.image_effects.embeddings is not None
-    grad = model.image_effects.embeddings.weight.grad
+    grad = model.image_effects.embeddings.grad
     assert grad is not None and (grad[1] != 0).any() and (grad[[0, 2]] == 0).all()
     for name, parameter in model.named_parameters():
         if "image_effects" in name or FEATURES in name:
@@ -187,7 +187,7 @@ def test_training_finds_the_cameras_responses_and_leaves_the_scene_its_colours()
         trainer.photo = photos[step % 3]
         trainer.step(step, view=step % 3)
     assert model.image_effects.responses is not None
-    responses = model.image_effects.responses.weight.detach()
+    responses = model.image_effects.responses.detach()
     torch.testing.assert_close(responses[:, :3], lights[:, :3], atol=0.06, rtol=0)
     assert model.image_effects.mean()[:CENTRED].abs().max() < 1e-5
     assert not torch.equal(draw(model.eval(), 0), draw(model, 2))
@@ -197,7 +197,7 @@ def test_distractors_keep_their_own_colours_before_a_toned_scene():
     model = model_with("camera").eval()
     before = model.get_outputs_for_camera(camera(1))
     assert model.image_effects.responses is not None
-    model.image_effects.responses.weight.data[1, :3] = 0.5
+    model.image_effects.responses.data[1, :3] = 0.5
     after = model.get_outputs_for_camera(camera(1))
     assert torch.equal(before["rgb_distractor"], after["rgb_distractor"])
     alpha, layer = after["alpha_distractor"], after["rgb_distractor"]
@@ -223,7 +223,7 @@ def test_the_light_of_a_test_photo_is_found_on_its_left_half_at_once():
 def test_transparent_pixels_of_a_training_photo_do_not_pull_at_its_light():
     model = model_with("camera", distractors=DistractorConfig(per_view=0))
     assert model.image_effects.responses is not None
-    model.image_effects.responses.weight.data[0, :3] = 0.3
+    model.image_effects.responses.data[0, :3] = 0.3
     trainer = Trainer(model)
     trainer.photo = torch.zeros(HEIGHT, WIDTH, 4)
     losses = []

@@ -4,63 +4,66 @@ import pytest
 import torch
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.photo_tourism.embeddings import ImageTable, image_embeddings
+from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
+from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.photo_tourism.shown_light import VARIABLE, ShownLight, parse_light
+from desplat_ns.settings.effects import Effects
 
 NAMES = ["a.jpg", "b:1.jpg", "c.jpg"]
 
 
 @pytest.fixture
-def embeddings() -> ImageTable:
+def lights() -> ImageEffects:
     torch.manual_seed(0)
-    return image_embeddings(3, 4)
+    config = AppearanceConfig(embedding_dim=4)
+    return ImageEffects(Effects(appearance="affine"), config, BackgroundConfig(), 3, 3)
 
 
-def test_an_image_of_its_own_else_the_average(embeddings):
+def test_an_image_of_its_own_else_the_average(lights):
     shown = ShownLight(NAMES)
-    assert torch.equal(shown.embedding(embeddings, 1), embeddings.weight[1])
-    torch.testing.assert_close(shown.embedding(embeddings), embeddings.weight.mean(dim=0))
+    assert torch.equal(shown.embedding(lights, 1), lights.of(1))
+    torch.testing.assert_close(shown.embedding(lights), lights.mean())
 
 
-def test_the_viewer_mixes_two_images(embeddings):
+def test_the_viewer_mixes_two_images(lights):
     shown = ShownLight(NAMES)
     shown.first.value, shown.second.value, shown.share.value = "a.jpg", "c.jpg", 0.25
-    expected = 0.75 * embeddings.weight[0] + 0.25 * embeddings.weight[2]
-    torch.testing.assert_close(shown.embedding(embeddings, 1), expected)
+    expected = 0.75 * lights.of(0) + 0.25 * lights.of(2)
+    torch.testing.assert_close(shown.embedding(lights, 1), expected)
 
 
-def test_one_choice_counts_whatever_the_slider_says(embeddings):
+def test_one_choice_counts_whatever_the_slider_says(lights):
     shown = ShownLight(NAMES)
     shown.first.value, shown.share.value = "c.jpg", 1.0
-    torch.testing.assert_close(shown.embedding(embeddings), embeddings.weight[2])
+    torch.testing.assert_close(shown.embedding(lights), lights.of(2))
 
 
-def test_the_environment_names_a_mix(embeddings, monkeypatch):
+def test_the_environment_names_a_mix(lights, monkeypatch):
     monkeypatch.setenv(VARIABLE, "a.jpg:3, c.jpg:1")
     shown = ShownLight(NAMES)
-    expected = 0.75 * embeddings.weight[0] + 0.25 * embeddings.weight[2]
-    torch.testing.assert_close(shown.embedding(embeddings), expected)
+    expected = 0.75 * lights.of(0) + 0.25 * lights.of(2)
+    torch.testing.assert_close(shown.embedding(lights), expected)
     shown.first.value = "c.jpg"  # the viewer comes before it
-    torch.testing.assert_close(shown.embedding(embeddings), embeddings.weight[2])
+    torch.testing.assert_close(shown.embedding(lights), lights.of(2))
 
 
-def test_an_evaluation_sees_neither(embeddings, monkeypatch):
+def test_an_evaluation_sees_neither(lights, monkeypatch):
     monkeypatch.setenv(VARIABLE, "a.jpg")
     shown = ShownLight(NAMES)
     with shown.suspended():
-        torch.testing.assert_close(shown.embedding(embeddings), embeddings.weight.mean(dim=0))
+        torch.testing.assert_close(shown.embedding(lights), lights.mean())
         with shown.fixed(torch.ones(4)):
-            assert torch.equal(shown.embedding(embeddings), torch.ones(4))
-    torch.testing.assert_close(shown.embedding(embeddings), embeddings.weight[0])
+            assert torch.equal(shown.embedding(lights), torch.ones(4))
+    torch.testing.assert_close(shown.embedding(lights), lights.of(0))
 
 
-def test_a_name_of_another_scene_matters_only_where_it_is_worn(embeddings, monkeypatch):
+def test_a_name_of_another_scene_matters_only_where_it_is_worn(lights, monkeypatch):
     monkeypatch.setenv(VARIABLE, "elsewhere.jpg")
     shown = ShownLight(NAMES)
     with shown.suspended():
-        shown.embedding(embeddings)
+        shown.embedding(lights)
     with pytest.raises(ConfigError, match=r"elsewhere\.jpg"):
-        shown.embedding(embeddings)
+        shown.embedding(lights)
 
 
 def test_names_may_hold_colons():

@@ -27,13 +27,6 @@ def test_right_is_right_and_up_is_up_in_the_image():
     assert torch.allclose(project(cameras(), [2, 12, 5]), torch.tensor([58.0, 7.0]), atol=1e-5)
 
 
-def test_the_transform_is_rigid():
-    transform = world_to_camera(looking_along_y()).double()
-    rotation = transform[:3, :3]
-    assert torch.allclose(rotation @ rotation.T, torch.eye(3, dtype=torch.float64))
-    assert torch.det(rotation).item() == 1.0
-
-
 def test_downscaling_halves_pixels_and_rounds_sizes_down():
     camera = cameras()
     view = view_of(camera, downscale=2)

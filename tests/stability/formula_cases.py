@@ -18,7 +18,7 @@ from desplat_ns.gaussians.activation import MAX_LOG_SCALE, activate_static, clam
 from desplat_ns.losses import photometric_loss
 from desplat_ns.photo_tourism.appearance import AffineAppearance
 from desplat_ns.photo_tourism.config import AppearanceConfig
-from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
+from desplat_ns.rendering.layers import composite_alpha, composite_color, over_background
 
 SSIM_C1, SSIM_C2 = mpf("1e-4"), mpf("9e-4")
 """0.01^2 and 0.03^2 (Wang et al. 2004)."""

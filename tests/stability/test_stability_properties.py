@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from desplat_ns.backend import Rendering, RenderSettings
-from desplat_ns.rendering.compositing import composite_alpha, composite_color
+from desplat_ns.rendering.layers import composite_alpha, composite_color
 from tests.backend.scenes import (
     BACKENDS,
     PARAMETERS,

@@ -221,7 +221,7 @@ def test_photo_tourism_finds_light_on_the_left_half_in_128_steps_at_001():
     assert METHODS["desplat-phototourism-paper"].scoring(PHOTO_TOURISM) == "half"
     assert METHODS["splatfacto"].scoring(PHOTO_TOURISM) == "right", "the same pixels"
     assert METHODS["desplat-phototourism-paper"].scoring(ROBUSTNERF) == "full"
-    assert LPIPS_NET == metrics.LPIPS_NET == EvaluationConfig().lpips_net
+    assert LPIPS_NET == metrics.LazyLpips().net == EvaluationConfig().lpips_net
 
 
 @pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)

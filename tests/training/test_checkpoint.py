@@ -51,12 +51,6 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / MODELS
 
 
-def test_saving_leaves_nothing_but_the_checkpoint(tmp_path):
-    save_atomically(state(3), checkpoint_path(tmp_path / MODELS, 3))
-    assert [p.name for p in tmp_path.iterdir()] == [MODELS.name]
-    assert [p.name for p in (tmp_path / MODELS).iterdir()] == ["step-000000003.ckpt"]
-
-
 def test_of_older_ones_the_one_before_stays(folder):
     (folder / "notes.txt").write_text("mine")
     save_atomically(state(7), checkpoint_path(folder, 7))  # after 10: of another run

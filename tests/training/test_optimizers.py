@@ -14,7 +14,6 @@ from nerfstudio.engine.optimizers import AdamOptimizerConfig, Optimizers
 from nerfstudio.engine.schedulers import (
     CosineDecaySchedulerConfig,
     ExponentialDecaySchedulerConfig,
-    MultiStepSchedulerConfig,
 )
 from torch import nn
 
@@ -121,12 +120,6 @@ def test_a_short_run_samples_the_schedule_of_the_long_one(config):
 def test_a_decay_that_cannot_be_followed_is_refused_with_the_option_to_set(lr, options, named):
     with pytest.raises(ConfigError, match=named):
         learning_rates(decay(**options), lr, 1)
-
-
-def test_a_scheduler_that_is_no_function_of_the_step_keeps_the_runs_steps_and_that_is_said(capsys):
-    config = MultiStepSchedulerConfig(milestones=(2, 4), gamma=0.5)
-    assert learning_rates(config, 1.0, 5, scale=0.5) == [1.0, 1.0, 0.5, 0.5, 0.25]
-    assert "MultiStepLR" in capsys.readouterr().out
 
 
 def test_only_the_static_sets_rates_are_raised_and_the_originals_stay():

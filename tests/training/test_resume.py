@@ -1,9 +1,11 @@
-"""State beyond the model: generators, moments and schedule positions come back."""
+"""State beyond the model: generators, moments and positions come back, of the same scene only."""
 
 from __future__ import annotations
 
 import io
 import random
+import re
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +17,11 @@ from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
 from torch.nn import Parameter
 
 from desplat_ns.errors import CheckpointError
-from desplat_ns.training.resume import load_optimizers, load_schedulers, restore_rng, rng_state
+from desplat_ns.training.optimizers import load_moments, set_position
+from desplat_ns.training.resume import FORMAT, SceneRecord, restore_rng, rng_state
 
 FILE = Path("step-000000005.ckpt")
+HERE = SceneRecord({"distractors": True}, 3, ["a.png", "b.png", "c.png"])
 
 
 def draws() -> list[Any]:
@@ -32,13 +36,14 @@ def test_restored_generators_draw_the_same_numbers(drawn):
         np.random.normal()
         random.gauss(0, 1)
     file = io.BytesIO()
-    torch.save(rng_state(), file)
+    torch.save(rng_state() | {"record": asdict(HERE)}, file)
     file.seek(0)
     state = torch.load(file, weights_only=True)
     expected = draws()
     draws()
     restore_rng(state)
     assert draws() == expected
+    assert SceneRecord.from_state(state["record"]) == HERE
 
 
 def test_a_gpu_that_a_run_does_not_use_is_left_alone(monkeypatch):
@@ -67,11 +72,8 @@ def run(optimizers: Optimizers, steps: int) -> None:
             scheduler.step()
 
 
-def saved(optimizers: Optimizers) -> tuple[dict[str, Any], dict[str, Any]]:
-    return (
-        {name: o.state_dict() for name, o in optimizers.optimizers.items()},
-        {name: s.state_dict() for name, s in optimizers.schedulers.items()},
-    )
+def saved(optimizers: Optimizers) -> dict[str, Any]:
+    return {name: o.state_dict() for name, o in optimizers.optimizers.items()}
 
 
 @pytest.mark.parametrize(
@@ -80,9 +82,9 @@ def saved(optimizers: Optimizers) -> tuple[dict[str, Any], dict[str, Any]]:
 def test_moments_and_rates_come_back_exactly(scheduler):
     first, second = build(scheduler), build(scheduler)
     run(first, 5)
-    moments, positions = saved(first)
-    load_optimizers(second, moments, FILE)
-    load_schedulers(second, positions, 5)
+    load_moments(second, saved(first), FILE)
+    for each in second.schedulers.values():
+        set_position(each, 5)  # pyright: ignore[reportArgumentType]
     theirs, ours = first.optimizers["means"], second.optimizers["means"]
     assert ours.param_groups[0]["lr"] == theirs.param_groups[0]["lr"]
     (a,), (b,) = theirs.state.values(), ours.state.values()
@@ -95,17 +97,37 @@ def test_moments_and_rates_come_back_exactly(scheduler):
     assert ours.param_groups[0]["lr"] == theirs.param_groups[0]["lr"]
 
 
-def test_a_schedule_that_the_checkpoint_lacks_starts_at_the_steps_done():
-    first = build(None)
-    second = build(ExponentialDecaySchedulerConfig(lr_final=1e-4, max_steps=10))
-    run(first, 5)
-    load_optimizers(second, saved(first)[0], FILE)
-    load_schedulers(second, {}, 5)
-    # half way from 1e-2 to 1e-4
-    assert second.optimizers["means"].param_groups[0]["lr"] == pytest.approx(1e-3, rel=1e-12)
-
-
 def test_other_groups_are_named_in_both_directions():
-    moments = saved(build(name="distractors"))[0]
+    moments = saved(build(name="distractors"))
     with pytest.raises(CheckpointError, match=r"distractors.*means"):
-        load_optimizers(build(), moments, FILE)
+        load_moments(build(), moments, FILE)
+
+
+# --- the scene of a checkpoint --------------------------------------------------------------------
+
+
+def test_the_same_scene_is_accepted():
+    HERE.check_fits(HERE)
+    replace(HERE, train_images=[]).check_fits(HERE)  # unknown on one side
+    HERE.check_fits(replace(HERE, train_images=[]))
+
+
+@pytest.mark.parametrize("state", [None, {"effects": {}}, asdict(HERE) | {"format": FORMAT + 1}])
+def test_a_checkpoint_of_another_method_or_version_is_refused(state: object):
+    with pytest.raises(CheckpointError):
+        SceneRecord.from_state(state)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"effects": {"distractors": False}}, "--pipeline.model.effects.distractors False"),
+        ({"sh_degree": 2}, "--pipeline.model.sh-degree 2"),
+        ({"train_images": ["a.png", "x.png", "y.png"]}, "'x.png'"),
+        ({"train_images": ["a.png", "b.png"]}, "'c.png'"),
+        ({"train_images": ["b.png", "a.png", "c.png"]}, "order"),
+    ],
+)
+def test_what_differs_is_named_with_the_option_to_set(change: dict, named: str):
+    with pytest.raises(CheckpointError, match=re.escape(named)):
+        replace(HERE, **change).check_fits(HERE)

@@ -23,7 +23,7 @@ from desplat_ns.backend.numba_kernels.runtime import (
     take,
 )
 from desplat_ns.losses import layered_photometric_losses
-from desplat_ns.rendering.compositing import composite_color
+from desplat_ns.rendering.layers import composite_color
 from tests.backend.scenes import random_scene
 
 KERNELS = (binning, passes, projection, sh, ssim)
