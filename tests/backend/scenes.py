@@ -155,12 +155,6 @@ def tolerance(dtype: torch.dtype, size: tuple[int, int], sharpness: float) -> fl
     return 8 * torch.finfo(dtype).eps * max(*size, 16) * 3.4 * sharpness
 
 
-def gradient_tolerance(forward: float) -> float:
-    """Share of the largest gradient: a term is a product of fewer than 10 factors, each of which
-    is off by the forward error at most."""
-    return 10 * forward
-
-
 @dataclass
 class Backend:
     """A rasterizer, where it draws, and in which dtype."""
@@ -188,11 +182,6 @@ BACKENDS = [
 
 EXACT_BACKENDS: list[Any] = [backend for backend in BACKENDS if backend.id != "gsplat"]
 """gsplat cuts opaque Gaussians off at 3 sigma, by design."""
-
-MODES = [
-    pytest.param(RenderSettings(depth=True, absgrad=True), id="classic"),
-    pytest.param(RenderSettings(depth=True, absgrad=True, antialiased=True), id="antialiased"),
-]
 
 
 def make_backend(name: str, device: str, dtype: torch.dtype) -> Backend:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
-from lab.stability import catalogue, mutations
+from lab.stability import catalogue, kills, mutations
 from lab.stability.catalogue import CASES
 from lab.stability.mutations import Mutation, noticed_by
 from lab.stability.soak import EVERY, Sample, verdict
@@ -24,6 +26,13 @@ def test_the_catalogue_has_a_row_for_each_case_and_finds_the_one_beyond_its_boun
 
     monkeypatch.setattr(catalogue, "run", beyond)
     assert not catalogue.measured(CASES[:1])[1]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="kills forked processes, needs POSIX")
+def test_a_kill_loses_the_steps_since_the_last_save_and_nothing_else():
+    text, is_kept = kills.measured()
+    assert is_kept, text
 
 
 def run_of(growth: float, jump: float = 0.0) -> list[Sample]:
