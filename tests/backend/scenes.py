@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pytest
@@ -126,6 +126,11 @@ def joined(a: TestScene, b: TestScene) -> TestScene:
     """The Gaussians of both, seen by the camera of `a`."""
     both = {name: torch.cat([getattr(a, name), getattr(b, name)]) for name in PARAMETERS}
     return TestScene(**both, viewmat=a.viewmat, K=a.K, size=a.size, sh_degree=a.sh_degree)
+
+
+def picked(scene: TestScene, rows: Tensor | list[int]) -> TestScene:
+    """Some of a scene's Gaussians, in this order."""
+    return replace(scene, **{name: getattr(scene, name)[rows] for name in PARAMETERS})
 
 
 def render_reference(scene: TestScene, settings: RenderSettings) -> reference.Reference:

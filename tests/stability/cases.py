@@ -12,10 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import torch
-from torch import Tensor
 
 from desplat_ns.backend import RenderSettings
-from tests.backend.scenes import PARAMETERS, TestScene, camera, joined, random_scene
+from tests.backend.scenes import TestScene, camera, joined, picked, random_scene
 
 CLASSIC = RenderSettings(depth=True, absgrad=True)
 ANTIALIASED = RenderSettings(depth=True, absgrad=True, antialiased=True)
@@ -39,11 +38,6 @@ class Case:
         scene = self.make()
         keep = [i for i in range(len(scene.means)) if i not in self.culled]
         return picked(scene, keep).to(torch.float64)
-
-
-def picked(scene: TestScene, rows: Tensor | list[int]) -> TestScene:
-    """Some of a scene's Gaussians, in this order."""
-    return replace(scene, **{name: getattr(scene, name)[rows] for name in PARAMETERS})
 
 
 def hard(**changes) -> TestScene:

@@ -25,10 +25,11 @@ from tests.backend.scenes import (
     TestScene,
     joined,
     make_backend,
+    picked,
     random_scene,
 )
 from tests.stability.bounds import error_bounds
-from tests.stability.cases import hard, picked, witness
+from tests.stability.cases import hard, witness
 from tests.stability.measure import features
 
 few = settings(max_examples=5)
