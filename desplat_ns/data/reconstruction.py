@@ -190,7 +190,7 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
         rgb=np.array([point.color for point in by_id.values()], dtype=np.uint8).reshape(-1, 3),
         ids=np.array(list(by_id), dtype=np.int64),
     )
-    has_tracks = any(image.num_points3D for image in model.images.values())
+    has_tracks = any(point.track.length() for point in by_id.values())
     return Reconstruction(folder, frames, points, has_tracks)
 
 

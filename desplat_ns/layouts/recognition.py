@@ -221,17 +221,11 @@ def _robustnerf(data: Path) -> Evidence | None:
     model = _model_of(data)
     images, options = _photos(data)
     names = photo_names(images) if model else []
-    found = {
-        word for name in names for word in ("extra", "clutter", "clean") if word in _stem(name)
-    }
-    if "extra" not in found or len(found) == 1:
+    stems = " ".join(Path(name).stem.lower() for name in names)
+    if "extra" not in stems or not ("clutter" in stems or "clean" in stems):
         return None
     summary = f"photos named by what they show ({describe(names)}) and {model}"
     return Evidence(summary, options, covers=("colmap",))
-
-
-def _stem(name: str) -> str:
-    return Path(name).stem.lower()
 
 
 def _photo_tourism(data: Path) -> Evidence | None:
