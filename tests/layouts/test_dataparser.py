@@ -60,7 +60,7 @@ def test_config_yml_names_the_dataparser_that_was_recognised(tmp_path):
     config.pipeline.datamanager.data = scene.folder
     set_up(config)
     (tmp_path / "scene" / "transforms.json").write_text(json.dumps({"frames": []}))
-    saved = yaml.load((config.get_base_dir() / "config.yml").read_text(), Loader=yaml.Loader)
+    saved = yaml.load((config.get_base_dir() / "config.yml").read_text(), Loader=yaml.UnsafeLoader)
     manager = saved.pipeline.datamanager
     assert manager.dataparser == RobustNerfDataParserConfig(data=scene.folder)
     assert manager.settle_dataparser() == RobustNerfDataParserConfig(data=scene.folder)
