@@ -37,8 +37,7 @@ class Arguments:
         """
         if not self.name:
             for name, source in SOURCES.items():
-                addresses = (file.address for file in source.files)
-                print(name, source.title, source.page, *addresses, sep="\n    ")
+                print(name, source.title, source.page, *source.files, sep="\n    ")
             return
         if self.name not in SOURCES:
             raise ConfigError(

@@ -78,7 +78,7 @@ def recognised_words(data: Path) -> tuple[str, ...]:
 
     recognition = recognise(data)
     announce(recognition.line())
-    return recognition.match.words
+    return recognition.words
 
 
 def default_jobs(device: str) -> int:

@@ -86,7 +86,7 @@ def test_the_full_protocol_scores_whole_images(run: Path, tmp_path: Path):
 def test_half_without_appearance_and_a_run_without_it_are_refused(run: Path, tmp_path: Path):
     from desplat_ns.errors import CheckpointError
 
-    config = yaml.load(run.read_text(), Loader=yaml.Loader)
+    config = yaml.load(run.read_text(), Loader=yaml.UnsafeLoader)
     config.pipeline.model.effects.appearance = "off"
     there = tmp_path / "config.yml"
     there.write_text(yaml.dump(config))
@@ -95,7 +95,7 @@ def test_half_without_appearance_and_a_run_without_it_are_refused(run: Path, tmp
 
 
 def test_resuming_goes_on_with_every_group(run: Path, tmp_path: Path):
-    config: Any = yaml.load(run.read_text(), Loader=yaml.Loader)
+    config: Any = yaml.load(run.read_text(), Loader=yaml.UnsafeLoader)
     config.load_dir = run.parent / "nerfstudio_models"
     config.output_dir, config.max_num_iterations = tmp_path, STEPS + 2
     trainer: Any = config.setup(local_rank=0, world_size=1)

@@ -115,7 +115,7 @@ def test_a_copied_run_has_a_page_of_its_own_and_curves_only_if_they_were_copied(
     """With the survey's findings beside it; without TensorBoard's files."""
     from desplat_ns.commands.report import Report
 
-    config: Any = yaml.load(trained.read_text(), Loader=yaml.Loader)
+    config: Any = yaml.load(trained.read_text(), Loader=yaml.UnsafeLoader)
     config.output_dir = tmp_path / "gone"
     (tmp_path / "config.yml").write_text(yaml.dump(config))
     shutil.copytree(trained.parent / "nerfstudio_models", tmp_path / "nerfstudio_models")
@@ -138,7 +138,7 @@ def test_a_config_of_another_version_and_a_damaged_checkpoint_are_named(
     (tmp_path / "config.yml").write_text(text)
     with pytest.raises(ConfigError, match="elsewhere"):
         Report(tmp_path / "config.yml", tmp_path / "p.html").main()
-    config: Any = yaml.load(trained.read_text(), Loader=yaml.Loader)
+    config: Any = yaml.load(trained.read_text(), Loader=yaml.UnsafeLoader)
     config.output_dir = tmp_path / "gone"
     (tmp_path / "config.yml").write_text(yaml.dump(config))
     (tmp_path / "nerfstudio_models").mkdir()

@@ -11,7 +11,7 @@ from torch import Tensor
 from desplat_ns.backend.ssim import ssim
 from desplat_ns.gaussians.activation import MAX_LOG_SCALE, activate_static, clamp_colors, sigmoid
 from desplat_ns.losses import photometric_loss
-from desplat_ns.rendering.compositing import composite_alpha, composite_color, over_background
+from desplat_ns.rendering.layers import composite_alpha, composite_color, over_background
 
 U = torch.finfo(torch.float32).eps / 2
 """The error of one rounding."""

@@ -123,7 +123,7 @@ def test_photo_tourism_is_split_by_nerf_ws_file_whose_ids_have_points(data_sets,
     (scene,) = (s for s in scenes if s.folder == folder)
     content = read_scene(scene)
     assert (content.photos, content.held_out) == (6, 2)
-    files = [file.address for file in SOURCES[scene.fetch].files]
+    files = SOURCES[scene.fetch].files
     assert any(address.endswith(f"/{SPLITS[folder]}.tsv") for address in files)
 
 
