@@ -42,7 +42,6 @@ class Unlike:
     """Where a training photo does not show the static scene."""
 
     name: str
-    """Of the photo."""
     view: View
     cells: Bool[Tensor, "rows columns"]
     """Cells that differ from the static scene or that distractors cover."""
@@ -68,44 +67,34 @@ def unlike_in(
     static: Float[Tensor, "H W 3"],
     config: DistractorConfig,
 ) -> Unlike:
-    """How a photo differs from the static scene.
-
-    Args:
-        photo: in [0, 1]; under the user's mask as the static scene.
-        static: in the photo's light, in [0, 1].
-    """
+    """How a photo differs from the static scene in the photo's light, both in [0, 1]; under the
+    user's mask they are the same."""
     covered = (alpha_d.detach() > MASK_THRESHOLD).float()
     unlike = region_pixels(differences(photo, static, config).float(), view.height, view.width)
     cells = pooled(torch.maximum(covered, unlike), grid_of(view.width, view.height, CELLS))[0]
     return Unlike(name, held(view), cells > 0.5)
 
 
-def seen_and_unlike(
+def _seen_and_unlike(
     means: Float[Tensor, "N 3"], photo: Unlike
 ) -> tuple[Bool[Tensor, " N"], Bool[Tensor, " N"], Int[Tensor, " N"]]:
-    """Which places are in the image, which of these it does not show, and their cells.
-
-    Static Gaussians do not hide one another here: an object in the way hides all behind it.
-    """
+    """Which places are in the image, which of these it does not show, and their cells. Static
+    Gaussians do not hide one another here: an object in the way hides all behind it."""
     rows, columns = photo.cells.shape
     u, v, depth = image_points(means, photo.view)
     column, row = u * columns, v * rows
-    visible = depth > NEAR_PLANE
-    visible = visible & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    visible = (depth > NEAR_PLANE) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     cell = torch.where(visible, row.floor() * columns + column.floor(), 0.0).long()
     return visible, visible & photo.cells.flatten()[cell], cell
 
 
 @torch.no_grad()
 def disputed_places(means: Float[Tensor, "N 3"], photos: Sequence[Unlike]) -> Disputed | None:
-    """The disputed places, if more than `MAX_DISPUTED` of those that `MIN_VIEWS` photos see are.
-
-    Args:
-        means: of the static Gaussians.
-    """
+    """The disputed places among static Gaussians, if more than `MAX_DISPUTED` of those that
+    `MIN_VIEWS` photos see are."""
     if not photos:
         return None
-    found = [seen_and_unlike(sampled(means.detach(), MAX_PLACES), photo) for photo in photos]
+    found = [_seen_and_unlike(sampled(means.detach(), MAX_PLACES), photo) for photo in photos]
     visible, unlike, cells = (torch.stack(part) for part in zip(*found, strict=True))
     times_seen = visible.sum(0)
     judged = times_seen >= MIN_VIEWS
@@ -117,6 +106,5 @@ def disputed_places(means: Float[Tensor, "N 3"], photos: Sequence[Unlike]) -> Di
     where = hits.scatter_add(1, cells, (unlike & disputed).float()) > 0
     counts = where.sum(dim=1).tolist()
     order = sorted((i for i, count in enumerate(counts) if count), key=lambda i: -counts[i])
-    worst = photos[order[0]]
-    shown = where[order[0]].reshape(worst.cells.shape).cpu().numpy()
+    shown = where[order[0]].reshape(photos[order[0]].cells.shape).cpu().numpy()
     return Disputed(share, [photos[i].name for i in order], shown)

@@ -1,4 +1,7 @@
-"""Which views can be trusted, and which photos to take next: what the training photos see."""
+"""Which views can be trusted, and which photos to take next: what the training photos see.
+
+Letters in shapes: P points, V photos.
+"""
 
 from __future__ import annotations
 
@@ -86,7 +89,6 @@ def alone(
     """Photos of which no other photo shows more than `MUCH`; those that show most alone first.
 
     Args:
-        names: of the photos.
         shown: which points each shows.
         places: where in the photo, as shares of its width and height.
     """
@@ -95,13 +97,8 @@ def alone(
     for name, of_photo, visible, where in zip(names, lonely, shown, places, strict=True):
         share = float(of_photo.sum() / visible.sum().clamp(min=1))
         if share > MUCH:
-            photos.append(Alone(name, share, side_of(where[of_photo])))
+            u, v = where[of_photo].mean(dim=0).tolist()
+            across = "left" if u < 0.4 else "right" if u > 0.6 else ""
+            along = "upper" if v < 0.4 else "lower" if v > 0.6 else ""
+            photos.append(Alone(name, share, f"{along} {across}".strip() or "middle"))
     return sorted(photos, key=lambda photo: -photo.share)
-
-
-def side_of(places: Float[Tensor, "P 2"]) -> str:
-    """Which part of a photo these places lie in, in words."""
-    u, v = places.mean(dim=0).tolist()
-    across = "left" if u < 0.4 else "right" if u > 0.6 else ""
-    along = "upper" if v < 0.4 else "lower" if v > 0.6 else ""
-    return " ".join(filter(None, (along, across))) or "middle"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 
 OURS = "tag:yaml.org,2002:python/object:desplat_ns."
 """How the tag of the configuration of one of our runs begins."""
@@ -25,6 +25,8 @@ class RunFiles:
 
     config: Path
     checkpoints: Path
+    data: Path | None = None
+    """Folder of the capture, if it is not where it was trained on."""
 
     @property
     def folder(self) -> Path:
@@ -42,24 +44,30 @@ class RunFiles:
         return self.folder / SURVEY
 
 
-def find_run(config: Path) -> RunFiles:
+def find_run(config: Path, data: Path | None = None) -> RunFiles:
     """The files of the run that a config.yml belongs to.
 
     Checkpoints are looked for where the configuration says they are, then beside it: a run's
     folder may have been moved.
 
+    Args:
+        data: as `RunFiles.data`.
+
     Raises:
+        CaptureError: there is no such capture.
         ConfigError: there is no such file, or it is not of a run of this package.
         CheckpointError: the run saved no checkpoint.
     """
     settings = _settings(config)
+    if data is not None and not data.exists():
+        raise CaptureError(f"There is no '{data}'. Name the folder of the run's capture by --data.")
     relative = _text(settings.get("relative_model_dir")) or "nerfstudio_models"
     names = [_text(settings.get(key)) for key in ("experiment_name", "method_name", "timestamp")]
     said = Path(_text(settings.get("output_dir")), *filter(None, names), relative)
     beside = config.parent / relative
     for folder in (said, beside):
         if any(folder.glob("step-*.ckpt")):
-            return RunFiles(config, folder.resolve())
+            return RunFiles(config, folder.resolve(), data)
     raise CheckpointError(
         f"The run of {config} has no checkpoint: neither {said} nor {beside} holds a "
         "step-NNNNNNNNN.ckpt. Let the training end, or save earlier by --steps-per-save; a run's "

@@ -125,7 +125,7 @@ def reproduce(
     Args:
         data: folder with the data sets.
         device: type of the device on which runs are done, `cpu` or `cuda`.
-        smoke: how it is cut short; None: it is not.
+        smoke: as `Grid.smoke`.
 
     Raises:
         CaptureError: scenes cannot be read, or none is there.
@@ -177,7 +177,8 @@ def announce_runs(grid: Grid) -> None:
 def find_contents(
     table: Table, data: Path, smoke: Smoke | None = None
 ) -> tuple[dict[PaperScene, Content], list[str]]:
-    """What is in the scenes that are there, and the names of the others, which are said.
+    """What is in the scenes of a table that are there, with their places, and the names of the
+    others, which are said. Of a smoke run: of those that can be read, or of captures of any name.
 
     Raises:
         CaptureError: none is there, or one cannot be read.
@@ -196,15 +197,27 @@ def find_contents(
     return checked(found, smoke), [scene.name for scene in missing]
 
 
+def checked(scenes: Iterable[PaperScene], smoke: Smoke | None = None) -> dict[PaperScene, Content]:
+    """Scenes with their content; of a smoke run those that can be read. Raises CaptureError where a
+    scene cannot be read, of a smoke run where none can."""
+    contents: dict[PaperScene, Content] = {}
+    wrong: list[str] = []
+    for scene in scenes:
+        if any(s.place == scene.place and s.data_set != scene.data_set for s in contents):
+            continue  # of a smoke run: another data set's way of reading it came first
+        try:
+            scene = scene if smoke is None else smaller(scene, smoke.side)
+            contents[scene] = content_of(outputs_of(scene, "train"), outputs_of(scene, "test"))
+        except CaptureError as error:
+            wrong.append(str(error))
+    if wrong and (smoke is None or not contents):
+        raise CaptureError("\n".join(wrong))
+    return contents
+
+
 def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperScene]]:
     """Scenes of a table whose folders are there, with their places, and those that are missing.
-
-    They are looked for in the folder that `desplat-fetch-data` makes for their data set, in `data`
-    or being `data`.
-
-    Raises:
-        CaptureError: there is no such folder.
-    """
+    Raises CaptureError where there is no folder `data`."""
     if not data.is_dir():
         raise CaptureError(f"There is no folder '{data}'. Name that with the data sets by --data.")
     found, missing = [], []
@@ -231,22 +244,14 @@ def any_scenes(table: Table, data: Path) -> Iterator[PaperScene]:
 
 
 def _homes(folder: str, data: Path) -> tuple[Path, ...]:
-    """Folders in which a data set's scenes may be; some archives have one of their own name."""
+    """Folders in which a data set's scenes may be: in `data`, where `desplat-fetch-data` makes one,
+    some archives have another of their own name in it; or `data` itself."""
     return data / folder, data / folder / folder, data
 
 
-def read_scene(scene: PaperScene) -> Content:
-    """What a scene's data parser finds, which makes sure that all photos are there. Raises
-    CaptureError as `outputs_of`."""
-    return content_of(outputs_of(scene, "train"), outputs_of(scene, "test"))
-
-
 def outputs_of(scene: PaperScene, split: str) -> Any:
-    """nerfstudio's DataparserOutputs of a split.
-
-    Raises:
-        CaptureError: it cannot be read, or no photo is in it; the message names the scene.
-    """
+    """nerfstudio's DataparserOutputs of a split. Raises CaptureError, which names the scene, where
+    it cannot be read, or no photo is in it."""
     try:
         return split_of("desplat-paper", scene.place, scene.parser, split)
     except CaptureError as error:
@@ -261,27 +266,6 @@ def smaller(scene: PaperScene, side: int) -> PaperScene:
     cameras = outputs_of(replace(scene, downscale=1), "train").cameras
     longest = int(max(cameras.width.max(), cameras.height.max()))
     return replace(scene, downscale=2 ** max(0, math.ceil(math.log2(longest / side))))
-
-
-def checked(scenes: Iterable[PaperScene], smoke: Smoke | None = None) -> dict[PaperScene, Content]:
-    """Scenes with their content; of a smoke run those that can be read.
-
-    Raises:
-        CaptureError: a scene cannot be read; of a smoke run none can.
-    """
-    contents: dict[PaperScene, Content] = {}
-    wrong: list[str] = []
-    for scene in scenes:
-        if any(s.place == scene.place and s.data_set != scene.data_set for s in contents):
-            continue  # of a smoke run: another data set's way of reading it came first
-        try:
-            scene = scene if smoke is None else smaller(scene, smoke.side)
-            contents[scene] = read_scene(scene)
-        except CaptureError as error:
-            wrong.append(str(error))
-    if wrong and not (smoke is not None and contents):
-        raise CaptureError("\n".join(wrong))
-    return contents
 
 
 # --- the table -----------------------------------------------------------------------------------

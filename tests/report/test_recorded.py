@@ -59,11 +59,6 @@ def test_a_run_that_went_on_has_one_curve_and_the_time_of_both_sessions(tmp_path
     assert history.seconds == pytest.approx(5.0 + 30.0)
 
 
-def test_a_run_that_logged_nothing_has_no_curves(tmp_path: Path):
-    assert read_history([]).charts == ()
-    assert read_history([tmp_path / "gone"]).seconds is None
-
-
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An event file with 50 steps of two numbers."""
