@@ -9,10 +9,9 @@ from typing import Any, get_args
 
 from desplat_ns.console import list_names
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.report.disputed import Disputed
 from desplat_ns.report.pictures import Rgb, TrainingPhoto, marked
 from desplat_ns.report.recorded import Cost, EffectReason
-from desplat_ns.report.views import Alone
+from desplat_ns.report.views import Alone, Disputed
 from desplat_ns.separation.placement import FEW_VIEWS, about_few_views
 from desplat_ns.settings.effects import AppearanceGrade, BackgroundGrade
 from desplat_ns.training.schedule import steps_for_visits

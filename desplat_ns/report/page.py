@@ -22,7 +22,6 @@ from desplat_ns.files.pages import (
 )
 from desplat_ns.files.pages import chart as new_chart
 from desplat_ns.files.whole import plain_errors, write_whole
-from desplat_ns.report.disputed import disputed_places
 from desplat_ns.report.notices import Notice, notices
 from desplat_ns.report.pictures import (
     ERROR_COLORS,
@@ -43,7 +42,7 @@ from desplat_ns.report.recorded import (
     read_history,
     read_survey,
 )
-from desplat_ns.report.views import angles_of_held_out, seen_alone
+from desplat_ns.report.views import angles_of_held_out, disputed_places, seen_alone
 from desplat_ns.runs.files import RunFiles
 from desplat_ns.runs.loading import LoadedRun, even_subset, load_run
 from desplat_ns.scene.gather import gather as scene_contents

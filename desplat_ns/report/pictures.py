@@ -20,7 +20,7 @@ from desplat_ns.files.pages import LARGEST_SIDE, shrunk
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.metrics import psnr
 from desplat_ns.rendering.views import view_of
-from desplat_ns.report.disputed import Unlike, unlike_in
+from desplat_ns.report.views import Unlike, unlike_in
 from desplat_ns.scene.gather import training_images
 from desplat_ns.separation.regions import apply_mask
 

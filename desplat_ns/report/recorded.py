@@ -241,10 +241,9 @@ def read_survey(path: Path) -> dict[str, Any] | None:
 def effect_reasons(
     effects: Effects, survey: Mapping[str, Any] | None, num_photos: int, in_the_way: Sequence[str]
 ) -> list[EffectReason]:
-    """Every effect with its reason.
+    """Every effect of the trained model with its reason.
 
     Args:
-        effects: of the trained model.
         survey: as `read_survey` gives it.
         num_photos: training photos.
         in_the_way: names of the training photos that have distractors.

@@ -11,7 +11,7 @@ from functools import cached_property
 from itertools import product
 from pathlib import Path
 from statistics import fmean
-from typing import Any
+from typing import Any, NamedTuple
 
 from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
@@ -35,13 +35,12 @@ SMOKE_SAID = (
 )
 
 
-@dataclass(frozen=True)
-class Smoke:
-    """How a run is cut short that tries everything and measures nothing."""
+class Smoke(NamedTuple):
+    """How a run is cut short that tries everything and measures nothing: steps, and pixels of the
+    longer side that photos have at most."""
 
     steps: int = 100
     side: int = 160
-    """Pixels of the longer side that photos have at most."""
 
 
 @dataclass
@@ -178,14 +177,8 @@ def find_contents(
     table: Table, data: Path, smoke: Smoke | None = None
 ) -> tuple[dict[PaperScene, Content], list[str]]:
     """What is in the scenes of a table that are there, with their places, and the names of the
-    others, which are said. Of a smoke run: of those that can be read, or of captures of any name.
-
-    Raises:
-        CaptureError: none is there, or one cannot be read.
-    """
+    others, which are said. Raises CaptureError where none is there, or as `checked`."""
     found, missing = find_scenes(table, data)
-    if smoke is not None and not found:
-        found = [*any_scenes(table, data)]
     if missing:
         fetches = dict.fromkeys(scene.fetch for scene in missing)
         typed = ", ".join(f"`desplat-fetch-data {name} --folder {data}`" for name in fetches)
@@ -203,8 +196,6 @@ def checked(scenes: Iterable[PaperScene], smoke: Smoke | None = None) -> dict[Pa
     contents: dict[PaperScene, Content] = {}
     wrong: list[str] = []
     for scene in scenes:
-        if any(s.place == scene.place and s.data_set != scene.data_set for s in contents):
-            continue  # of a smoke run: another data set's way of reading it came first
         try:
             scene = scene if smoke is None else smaller(scene, smoke.side)
             contents[scene] = content_of(outputs_of(scene, "train"), outputs_of(scene, "test"))
@@ -223,30 +214,15 @@ def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperS
     found, missing = [], []
     for scene in table.scenes:
         names = (scene.folder, scene.folder.replace("_", "-"))
-        places = (home / name for home in _homes(scene.data_set.folder, data) for name in names)
+        folder = scene.data_set.folder  # some archives have another of their own name in it
+        homes = (data / folder, data / folder / folder, data)
+        places = (home / name for home in homes for name in names)
         place = next((place for place in places if place.is_dir()), None)
         if place is None:
             missing.append(scene)
         else:
             found.append(replace(scene, place=place.resolve()))
     return found, missing
-
-
-def any_scenes(table: Table, data: Path) -> Iterator[PaperScene]:
-    """Captures of other names in the same places, for a smoke run."""
-    for of in table.data_sets:
-        homes = (home for home in _homes(of.folder, data) if home.is_dir())
-        places = [data, *(place for home in homes for place in sorted(home.iterdir()))]
-        for place in dict.fromkeys(place.resolve() for place in places):
-            if any((place / name).is_dir() for name in ("images", "dense", "sparse")):
-                name = f"{of.folder}/{place.name}" if len(table.data_sets) > 1 else place.name
-                yield PaperScene(of, name, place.name, None, "", place=place)
-
-
-def _homes(folder: str, data: Path) -> tuple[Path, ...]:
-    """Folders in which a data set's scenes may be: in `data`, where `desplat-fetch-data` makes one,
-    some archives have another of their own name in it; or `data` itself."""
-    return data / folder, data / folder / folder, data
 
 
 def outputs_of(scene: PaperScene, split: str) -> Any:

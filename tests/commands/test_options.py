@@ -67,13 +67,6 @@ def test_options_that_cannot_be_are_named(tmp_path: Path):
         tradeoff.Arguments(photos).main(())
 
 
-def test_without_methods_those_of_the_table_are_taken():
-    names = [method.name for method in Arguments("A8").chosen_methods()]
-    assert names == ["desplat", "desplat-paper", "splatfacto"]
-    given = Arguments("A8", methods=("desplat", "lab.reproduce.baselines:by_residual"))
-    assert given.chosen_methods()[1].name == "lab.reproduce.baselines.by_residual"
-
-
 @pytest.mark.parametrize("data", [["--data", "a"], ["--data=a"], ["a"]])
 def test_the_capture_is_named_as_ns_train_takes_it_too(data: list[str]):
     parser = ["colmap", "--downscale-factor", "2"]

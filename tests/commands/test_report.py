@@ -94,23 +94,6 @@ def test_fewer_photos_and_no_evaluation_are_said(trained: Path, tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_the_worst_pictures_are_shown_but_all_photos_are_scored(trained: Path):
-    from nerfstudio.utils.eval_utils import eval_setup
-
-    from desplat_ns.report.pictures import held_out_photos
-
-    pipeline: Any = eval_setup(trained)[1]
-    results, shown = held_out_photos(pipeline, 1)
-    assert results["num_images"] == NUM_TEST
-    worst = min(results["images"], key=lambda image: image["psnr"])
-    assert [photo.name for photo in shown] == [worst["name"]]
-    shown = held_out_photos(pipeline, 12)[1]
-    assert [photo.figures["psnr"] for photo in shown] == sorted(
-        image["psnr"] for image in results["images"]
-    )
-
-
-@pytest.mark.slow
 def test_a_run_and_its_capture_that_were_moved_have_a_page(
     trained: Path, tiny_scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

@@ -67,13 +67,6 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_events(tmp_path_factory.mktemp("events"), {"Train Loss": loss, "other": other})
 
 
-def test_the_numbers_of_a_tag_come_in_order_with_step_and_time(written: Path):
-    tags = scalars(written, {"Train Loss", "Train"})
-    assert set(tags) == {"Train Loss"}
-    assert [number.step for number in tags["Train Loss"]] == [1000 * step for step in range(50)]
-    assert tags["Train Loss"][3] == Scalar(103.0, 3000, 0.25)
-
-
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
 def test_a_file_that_is_cut_off_or_damaged_gives_what_stands_before(
     written: Path, tmp_path: Path, share: float

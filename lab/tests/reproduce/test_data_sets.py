@@ -14,7 +14,6 @@ from desplat_ns.studies.methods import Content
 from desplat_ns.studies.paper import TABLES, PaperScene, TableName
 from desplat_ns.studies.reproduce import (
     Smoke,
-    any_scenes,
     checked,
     find_scenes,
     outputs_of,
@@ -137,14 +136,6 @@ def test_every_eighth_photo_of_mipnerf360_tests_by_colmaps_number(data_sets: Pat
     held_out = outputs_of(scenes["garden"], "test").image_filenames
     assert [f"{path.parent.name}/{path.name}" for path in held_out] == ["images_4/DSC07963.JPG"]
     assert read(scenes["kitchen"]).width == 192, "rooms are 2 times smaller"
-
-
-def test_a_smoke_run_takes_captures_of_any_name_and_passes_over_others(data_sets, tmp_path):
-    (tmp_path / "mine").symlink_to(data_sets / "robustnerf" / "yoda")
-    (tmp_path / "broken" / "images").mkdir(parents=True)
-    scenes = [*any_scenes(TABLES["robustnerf"], tmp_path)]
-    assert {scene.name for scene in scenes} == {"yoda", "broken"}
-    assert [scene.name for scene in checked(scenes, SMOKE)] == ["yoda"]
 
 
 def test_a_data_set_half_downloaded_is_refused_by_name(spot: Path, tmp_path: Path):
