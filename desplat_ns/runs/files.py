@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 
 OURS = "!!python/object:desplat_ns."
 """How the configuration of one of our runs begins."""
@@ -20,6 +20,8 @@ class RunFiles:
 
     config: Path
     checkpoints: Path
+    data: Path | None = None
+    """Folder of the capture, if it is not where it was trained on."""
 
     @property
     def folder(self) -> Path:
@@ -37,14 +39,20 @@ class RunFiles:
         return self.folder / SURVEY
 
 
-def find_run(config: Path) -> RunFiles:
+def find_run(config: Path, data: Path | None = None) -> RunFiles:
     """The files of the run that a config.yml belongs to; checkpoints lie in a folder beside it,
     wherever the run's folder was moved.
 
+    Args:
+        data: as `RunFiles.data`.
+
     Raises:
+        CaptureError: there is no such capture.
         ConfigError: there is no such file, or it is not of a run of this package.
         CheckpointError: the run saved no checkpoint.
     """
+    if data is not None and not data.exists():
+        raise CaptureError(f"There is no '{data}'. Name the folder of the run's capture by --data.")
     why = "there is no such file"
     try:
         if config.is_file():
@@ -65,4 +73,4 @@ def find_run(config: Path) -> RunFiles:
             "step-NNNNNNNNN.ckpt. Let the training end, or save earlier by --steps-per-save; a "
             "run's folder that was copied needs its checkpoints beside config.yml."
         )
-    return RunFiles(config, saved[-1].parent.resolve())
+    return RunFiles(config, saved[-1].parent.resolve(), data)

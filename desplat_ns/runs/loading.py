@@ -47,6 +47,8 @@ def load_run(
     try:
         config = read_config(files.config)
         config.relative_model_dir = files.checkpoints
+        if files.data is not None:
+            config.pipeline.datamanager.data = files.data
         config = change(config)
         config.load_dir = config.get_checkpoint_dir()
         device = "cuda" if torch.cuda.is_available() else "cpu"
