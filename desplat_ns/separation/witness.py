@@ -49,10 +49,8 @@ COMMON_POINTS = 10
 RADIUS = 1
 """Photos are compared over windows of 2 `RADIUS` + 1 cells."""
 
-LOOKED_AT, SLACK = 0.9, 0.1
-"""Share of the planes in the scene at which two neighbours have to look at a cell, lest it shows a
-place of the scene that they do not see. In the scene are planes between the nearest and the
-farthest point, and beyond both by `SLACK` of the inverse depth."""
+LOOKED_AT = 0.5
+"""Share of the planes at which two neighbours have to look at a cell."""
 
 DARKEST = 8
 """Of 255: darker colours say nothing of the exposure."""
@@ -70,20 +68,16 @@ class Looker:
 
 
 def unexplained(
-    photo: Looker,
-    others: Sequence[Looker],
-    inverse_depths: Float[np.ndarray, " D"],
-    in_scene: Bool[np.ndarray, " D"],
+    photo: Looker, others: Sequence[Looker], inverse_depths: Float[np.ndarray, " D"]
 ) -> Float[np.ndarray, "rows columns"]:
     """By how much each cell of a photo differs from what two others show, at the depth where they
     come nearest to it; colours in [0, 1].
 
-    NaN where fewer than two others look at most of the depths at which the scene may be: nobody
-    knows. The second-best other counts, since the best one may show the same thing in the way.
+    NaN where fewer than two others look at most of the depths: nobody knows. The second-best other
+    counts, since the best one may show the same thing in the way.
 
     Args:
         others: in the exposure of the photo.
-        in_scene: depths at which the scene may be.
         inverse_depths: of planes before the photo's camera, per world unit.
 
     Source: plane sweep of Collins 1996, with the mean absolute difference of colours.
@@ -107,8 +101,8 @@ def unexplained(
             second = cv2.min(second, cv2.max(best, step))
             best = cv2.min(best, step)
         least = cv2.min(least, second)
-        looked += in_scene[plane] & (second < 255)
-    is_known = looked >= LOOKED_AT * in_scene.sum()
+        looked += second < 255
+    is_known = looked >= LOOKED_AT * len(inverse_depths)
     return np.where(is_known, least / np.float32(255), np.float32(np.nan))
 
 
@@ -194,9 +188,7 @@ class Witnesses:
         nearest, farthest = np.quantile(seen.depths[index, seen.visible[index]], [0.01, 0.99])
         ends = 1 / (NEAREST * nearest), 1 / (FARTHEST * farthest)
         others = [self._in_exposure_of(index, other) for _, other in chosen]
-        depths = np.append(np.linspace(*ends, PLANES), 0.0)
-        in_scene = (depths <= (1 + SLACK) / nearest) & (depths >= (1 - SLACK) / farthest)
-        return unexplained(photo, others, depths, in_scene)
+        return unexplained(photo, others, np.append(np.linspace(*ends, PLANES), 0.0))
 
     def _neighbours(self, index: int) -> Iterator[tuple[float, int]]:
         """How much each other photo has to say about one, and its number."""

@@ -16,7 +16,6 @@ NEAR, FAR, EDGE = 2.0, 4.0, -0.3
 """Depths of the two planes; the near one ends at this x."""
 
 INVERSE_DEPTHS = np.append(np.linspace(1.0, 1 / 32, 64), 0.0)
-IN_SCENE = (INVERSE_DEPTHS < 1.1 / NEAR) & (INVERSE_DEPTHS > 0.9 / FAR)
 THING = (slice(14, 26), slice(30, 42))
 """Cells of a thing that is pasted into a photo: on the far plane, as the middle camera sees it."""
 
@@ -77,7 +76,7 @@ def inside(cells: np.ndarray) -> np.ndarray:
 
 def test_what_all_photos_show_is_explained_on_both_planes():
     photo, *others = photos_of(cameras(*ROW))
-    left = unexplained(photo, others, INVERSE_DEPTHS, IN_SCENE)
+    left = unexplained(photo, others, INVERSE_DEPTHS)
     near, far = left[4:-4, 10:20], left[4:-4, 32:50]  # the near plane ends in column 22
     assert not np.isnan(near).any() and not np.isnan(far).any()
     assert np.quantile(near, 0.95) < 0.03
@@ -86,30 +85,26 @@ def test_what_all_photos_show_is_explained_on_both_planes():
 
 def test_what_one_photo_alone_shows_is_not():
     photo, *others = photos_of(cameras(*ROW))
-    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS, IN_SCENE)).min() > 0.2
+    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS)).min() > 0.2
 
 
 def test_one_neighbour_that_shows_the_same_explains_nothing_and_two_do():
     photo, *others = photos_of(cameras(*ROW))
     # 0.2 apart they see something before the far plane 3 cells apart, and 0.4 apart 6 cells
     others[2] = pasted(others[2], 3)
-    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS, IN_SCENE)).min() > 0.2
+    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS)).min() > 0.2
     others[3] = pasted(others[3], 6)
-    assert (
-        inside(unexplained(pasted(photo), others, INVERSE_DEPTHS, IN_SCENE))[3:-3, 3:-3].max()
-        < 0.01
-    )
+    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS))[3:-3, 3:-3].max() < 0.01
 
 
 def test_where_fewer_than_two_others_look_nobody_knows():
-    """The others are 1 to the right: of the near plane they see columns from 25 on, of the far one
-    from 13 on, and of what is nearer than the scene less."""
+    """The others are 1 to the right: at half of the depths columns up to 26 are beyond them."""
     photo, *others = photos_of(cameras((0.0, 0.0), (1.0, 0.0), (1.0, 0.1)))
-    left = unexplained(photo, others, INVERSE_DEPTHS, IN_SCENE)
+    left = unexplained(photo, others, INVERSE_DEPTHS)
     assert np.isnan(left[:, :24]).all()
     assert not np.isnan(left[4:-8, 28:]).any()
-    assert np.isnan(unexplained(photo, others[:1], INVERSE_DEPTHS, IN_SCENE)).all()
-    assert np.isnan(unexplained(photo, [], INVERSE_DEPTHS, IN_SCENE)).all()
+    assert np.isnan(unexplained(photo, others[:1], INVERSE_DEPTHS)).all()
+    assert np.isnan(unexplained(photo, [], INVERSE_DEPTHS)).all()
 
 
 # --- the photos of a capture ----------------------------------------------------------------------
