@@ -36,7 +36,7 @@ MIN_SIDE = 2
 
 
 class CaptureDataset(InputDataset):
-    """nerfstudio's dataset, read with OpenImageIO: upright, any format, reduced by area.
+    """nerfstudio's dataset: photos upright, of any format, reduced by area.
 
     A photo larger than its camera is reduced to it, if its shape is the same.
     """

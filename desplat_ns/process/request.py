@@ -21,7 +21,7 @@ SMALLEST_SIDE = 100
 """Pixels. Smaller photos have hardly any features."""
 MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
-SUFFIXES = PHOTO_SUFFIXES | {".avif", ".jpe", ".jp2", ".ppm", ".pgm", ".tga"}
+SUFFIXES = PHOTO_SUFFIXES | {".jpe", ".jp2", ".ppm", ".pgm", ".tga"}
 VIDEO_SUFFIXES = frozenset(
     (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".3gp", ".insv")
 )
