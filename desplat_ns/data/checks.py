@@ -39,20 +39,6 @@ def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> 
     )
 
 
-def read_lines(file: Path) -> list[str]:
-    """Lines of a text file that are not blank, without blanks around them; UTF-8, with or without
-    a byte order mark.
-
-    Raises:
-        CaptureError: it cannot be read, or is in another encoding.
-    """
-    try:
-        text = file.read_text("utf-8-sig")
-    except (OSError, ValueError) as error:
-        raise CaptureError(f"{file} cannot be read as UTF-8 text: {error}.") from error
-    return [line.strip() for line in text.splitlines() if line.strip()]
-
-
 def find_photos(names: Sequence[str], wanted: Sequence[str]) -> list[list[int]]:
     """Indices of the photos that each entry means: the path inside the images folder or, where no
     path is so, the file name."""

@@ -34,13 +34,6 @@ def test_photos_of_differing_sizes_keep_them(capture, photo_writer):
     np.testing.assert_array_equal(dataset.get_numpy_image(1), pixels)
 
 
-def test_uint8_and_float32_are_the_same_photo(capture):
-    dataset = dataset_of(capture())
-    whole, real = (dataset.get_data(0, kind)["image"] for kind in ("uint8", "float32"))
-    assert (whole.dtype, real.dtype) == (torch.uint8, torch.float32)
-    torch.testing.assert_close(whole / 255.0, real)
-
-
 def test_a_downscale_factor_takes_means(capture):
     data = capture()
     with Image.open(data / "images" / "a.png") as photo:
@@ -65,12 +58,6 @@ def test_masks_come_as_booleans_at_the_cameras_size(capture):
     mask = dataset_of(data, masks_path=Path("masks"), downscale_factor=2).get_data(0)["mask"]
     assert (mask.shape, mask.dtype) == ((3, 4, 1), torch.bool)
     assert mask[0, :, 0].tolist() == [False, False, True, True]
-
-
-def test_what_undistortion_does_to_the_cameras_does_not_change_the_photos(capture):
-    dataset = dataset_of(capture())
-    dataset.cameras.width[0] = 7
-    assert dataset.get_data(0)["image"].shape == (6, 8, 3)
 
 
 def test_a_photo_that_is_turned_missing_or_corrupt_is_named(capture, photo_writer):

@@ -173,13 +173,6 @@ def test_what_is_written_reads_back(tmp_path: Path, channels: int):
     np.testing.assert_array_equal(read_image(path), expected)
 
 
-def test_floats_and_booleans_are_written_as_8_bits(tmp_path: Path):
-    write_image(tmp_path / "f.png", np.array([[[-1.0], [0.2], [2.0]]], dtype=np.float64))
-    write_image(tmp_path / "b.png", np.array([[True, False]]))
-    assert read_image(tmp_path / "f.png")[0, :, 0].tolist() == [0, 51, 255]
-    assert read_image(tmp_path / "b.png")[0, :, 0].tolist() == [255, 0]
-
-
 def test_a_picture_that_cannot_be_written_is_named(tmp_path: Path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(DeSplatError, match=r"p\.png"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -80,15 +81,6 @@ def test_a_listed_photo_without_a_pose_is_left_out_and_said(capture, capsys):
     assert "1 of 3 train photos" in capsys.readouterr().out
 
 
-def test_lists_of_names_may_begin_with_a_byte_order_mark_and_have_to_be_text(capture):
-    data = capture(NAMES)
-    (data / "test_list.txt").write_bytes(b"\xef\xbb\xbf1extra_a.png\r\n")
-    assert names_of(data, "test") == {"1extra_a.png"}
-    (data / "test_list.txt").write_bytes("grün.png".encode("latin-1"))
-    with pytest.raises(CaptureError, match=r"test_list\.txt"):
-        names_of(data, "test")
-
-
 @pytest.mark.parametrize(
     "content",
     [
@@ -107,6 +99,8 @@ def test_a_wrong_split_file_is_an_error_that_names_it(capture, content: str):
         (data / "split.json").unlink(missing_ok=True)
         if text is not None:
             (data / "split.json").write_text(text)
+        else:
+            os.mkfifo(data / "split.json")  # reading it would wait for ever
         with pytest.raises(CaptureError, match=r"split\.json"):
             outputs_of(data, "train")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -144,18 +143,6 @@ def test_what_a_file_is_like_does_not_change_what_is_seen(still: DataparserOutpu
     assert survey(capture).to_json() == survey(still).to_json()
 
 
-def test_photos_of_two_sizes_are_compared(still: DataparserOutputs, tmp_path: Path):
-    capture = copied(still, tmp_path)
-    cameras = copy.deepcopy(capture.cameras)
-    for path in capture.image_filenames[::2]:
-        write_image(path, cv2.resize(read_image(path), (48, 36), interpolation=cv2.INTER_AREA))
-    for name in ("width", "height", "fx", "fy", "cx", "cy"):
-        values = getattr(cameras, name)
-        values[::2] = values[::2] // 2 if name in ("width", "height") else values[::2] / 2
-    result = survey(replace(capture, cameras=cameras))
-    assert result.decisions() == OFF
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_points_without_a_place_are_passed_over(still: DataparserOutputs):
@@ -164,12 +151,3 @@ def test_points_without_a_place_are_passed_over(still: DataparserOutputs):
         xyz = points_of(still).copy()
         xyz[::50] = broken
         assert survey(with_points(still, xyz)).decisions() == OFF
-
-
-def test_photos_of_which_none_shows_what_another_does_take_the_safe_side(still: DataparserOutputs):
-    """Each observes points of its own."""
-    xyz, tracks = points_of(still), still.metadata[TRACKS]
-    alone = replace(tracks, point_ids=np.arange(len(xyz)) + 10**6)
-    result = survey(with_points(still, xyz, tracks=alone))
-    assert result.decisions() == OFF
-    assert result.appearance.confidence == "none"
