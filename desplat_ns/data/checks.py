@@ -10,14 +10,6 @@ from desplat_ns.console import list_names
 from desplat_ns.errors import CaptureError
 
 
-def how_to_get_poses(photos: Path) -> str:
-    """What to do with photos whose cameras have no poses yet, for errors."""
-    return (
-        f"Type `desplat-process '{photos}' CAPTURE` to find them, or run COLMAP by itself; then "
-        "train with --data CAPTURE."
-    )
-
-
 def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> None:
     """Make sure that all files are there.
 

@@ -17,7 +17,6 @@ from nerfstudio.data.dataparsers.blender_dataparser import BlenderDataParserConf
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.console import list_names
-from desplat_ns.data.checks import how_to_get_poses
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.on_the_go import (
@@ -177,7 +176,8 @@ def _nothing_found(data: Path) -> str:
     if photos:
         return (
             f"{data} has {len(photos)} photos ({list_names(photos, LISTED_ENTRIES)}) and no poses "
-            f"of their cameras. {how_to_get_poses(data)}"
+            f"of their cameras. Type `desplat-process '{data}' CAPTURE` to find them, or run "
+            "COLMAP by itself; then train with --data CAPTURE."
         )
     looked = "; or ".join(layout.needs for layout in LAYOUTS)
     return (

@@ -74,16 +74,6 @@ def test_a_photo_that_is_turned_missing_or_corrupt_is_named(capture, photo_write
         dataset.check_photos()
 
 
-@pytest.mark.parametrize(("width", "downscales", "small"), [(8, 1, 0), (8, 2, 3), (1, 0, 1)])
-def test_photos_too_small_to_be_scored_are_named(capture, width: int, downscales: int, small: int):
-    dataset = dataset_of(capture(cameras=(f"1 PINHOLE {width} 6 10 10 1 3", *CAMERAS[1:])))
-    if small == 0:
-        dataset.check_sides(downscales)  # b.png is 12x4
-        return
-    with pytest.raises(CaptureError, match=rf"{small} of 3 photos .*a\.png \({width}x6\)"):
-        dataset.check_sides(downscales)
-
-
 @pytest.mark.parametrize(
     ("size", "camera", "fits"),
     [
