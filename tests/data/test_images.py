@@ -27,20 +27,6 @@ def noise(height: int, width: int, channels: int = 3, seed: int = 0) -> np.ndarr
     return np.random.default_rng(seed).integers(0, 256, (height, width, channels), dtype=np.uint8)
 
 
-def area_mean(image: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Independent reference: overlap lengths of every old and new pixel, float64."""
-
-    def overlaps(old: int, new: int) -> np.ndarray:
-        ratio = old / new
-        edges = np.arange(new)[:, None] * ratio
-        left = np.maximum(np.arange(old)[None], edges)
-        right = np.minimum(np.arange(old)[None] + 1, edges + ratio)
-        return np.maximum(right - left, 0) / ratio
-
-    rows, columns = overlaps(image.shape[0], height), overlaps(image.shape[1], width)
-    return np.einsum("yh,xw,hwc->yxc", rows, columns, image.astype(np.float64))
-
-
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_every_exif_orientation_comes_in_as_pil_shows_it(tmp_path: Path, orientation: int):
     path = tmp_path / "turned.png"
@@ -112,14 +98,6 @@ def test_a_damaged_or_missing_photo_is_named(tmp_path: Path, damage: str):
         path.unlink()
     with pytest.raises(CaptureError, match=r"broken\.jpg"):
         read_image(path)
-
-
-@pytest.mark.parametrize(("width", "height"), [(4, 3), (2, 6), (5, 4), (7, 5), (8, 1)])
-def test_reducing_takes_the_mean_of_the_covered_area(width: int, height: int):
-    image = noise(6, 8)
-    reduced = resize_image(image, width, height)
-    # Half a step for rounding, and as much again for float32 sums that fall on the other side.
-    assert np.abs(reduced - area_mean(image, width, height)).max() <= 0.5 + 48 * 255 * 2**-23
 
 
 def test_what_is_transparent_does_not_bleed():

@@ -15,7 +15,7 @@ from desplat_ns.commands.process import run
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.layouts.recognition import recognise
 from desplat_ns.process import process, video
-from desplat_ns.process.process import LISTED, open_record, report_lines
+from desplat_ns.process.process import open_record, report_lines
 from desplat_ns.process.request import Request
 from tests.helpers.yard import CLOSE, EDGE, Yard, places_of, silent, write_mask_of_the_mark
 
@@ -135,13 +135,6 @@ def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path):
     with pytest.raises(ConfigError, match=r"thesis\.doc"):
         open_record(tmp_path, {})
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.doc"]
-
-
-def test_photos_that_are_left_out_for_one_reason_share_a_line_and_few_reasons_are_told():
-    missing = [{"source": f"{i}.jpg", "reason": f"reason {i // 2}"} for i in range(2 * LISTED + 3)]
-    lines = report_lines(Path("out"), {**FIGURES, "others": [], "left_out": missing})
-    told = [line for line in lines if line[:2] == "  "]
-    assert told[0] == "  0.jpg, 1.jpg: reason 0" and len(told) == LISTED + 1
 
 
 @pytest.mark.parametrize(("photos", "observations"), [(4, 2000), (20, 900), (20, 20_000)])
