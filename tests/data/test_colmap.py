@@ -82,13 +82,6 @@ def test_outputs_equal_upstreams_on_a_generated_scene(tiny_scene, options):
     assert_same_outputs(tiny_scene.folder, **options)
 
 
-@pytest.mark.slow
-@pytest.mark.real_data
-@pytest.mark.parametrize("options", OPTIONS[:3], ids=str)
-def test_outputs_equal_upstreams_on_fox(data_folder, options):
-    assert_same_outputs(data_folder("fox"), **options)
-
-
 def test_cameras_scale_by_the_rounded_size(capture):
     data = capture(cameras=["1 PINHOLE 9 7 10 11 4.5 3.5"])
     outputs = DeSplatColmapDataParserConfig(data=data, downscale_factor=2).setup()

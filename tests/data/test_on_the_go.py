@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.on_the_go import OnTheGoDataParserConfig, ordered_names
 from desplat_ns.errors import CaptureError
 
@@ -63,14 +62,6 @@ def test_every_photo_keeps_its_own_camera(scene: Path):
     names = [path.name for path in outputs.image_filenames]
     places = outputs.cameras.camera_to_worlds[:, :, 3].norm(dim=1)
     assert places.tolist() == pytest.approx([NAMES.index(name) for name in names])
-
-
-def test_photos_have_the_size_that_is_asked_for_and_points_come_from_the_model(scene: Path):
-    outputs = outputs_of(scene, "train", downscale_factor=2)
-    dataset = CaptureDataset(outputs)
-    dataset.check_photos()
-    assert dataset.get_data(0)["image"].shape == (3, 4, 3)
-    assert ("points3D_xyz" in outputs.metadata) == (scene / "sparse").exists()
 
 
 def test_a_listed_photo_without_a_pose_is_left_out_and_said(capture, capsys):

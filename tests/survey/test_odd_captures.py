@@ -15,7 +15,6 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from desplat_ns.data.images import read_image, write_image
 from desplat_ns.data.reconstruction import TRACKS
 from desplat_ns.errors import CaptureError
-from desplat_ns.survey import observations
 from tests.helpers.surveyed import copied, points_of, some, survey, with_points
 
 ORIENTATION = 0x0112
@@ -87,15 +86,6 @@ def test_a_black_or_white_photo_changes_no_decision_and_is_named(
 
 
 @pytest.mark.slow
-def test_a_photo_of_the_sky_alone_does_not_make_a_background(
-    still: DataparserOutputs, tmp_path: Path
-):
-    capture = copied(still, tmp_path)
-    write_image(capture.image_filenames[3], np.full((72, 96, 3), (120, 170, 230), np.uint8))
-    assert survey(capture).background.decision == "off"
-
-
-@pytest.mark.slow
 def test_what_is_cut_out_of_all_photos_is_no_sky(still: DataparserOutputs, tmp_path: Path):
     capture = copied(still, tmp_path)
     for path in capture.image_filenames:
@@ -115,16 +105,6 @@ def test_no_photo_is_an_error_and_one_that_cannot_be_read_is_named(
     Path(capture.image_filenames[2]).write_bytes(b"no picture")
     with pytest.raises(CaptureError, match=capture.image_filenames[2].name):
         survey(capture)
-
-
-@pytest.mark.slow
-def test_large_captures_are_sampled_evenly_and_say_so(
-    still: DataparserOutputs, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setattr(observations, "MOST_PHOTOS", 5)
-    result = survey(still)
-    assert (result.num_surveyed, result.num_photos) == (5, 10)
-    assert result.notes
 
 
 def test_what_a_file_is_like_does_not_change_what_is_seen(still: DataparserOutputs, tmp_path: Path):
