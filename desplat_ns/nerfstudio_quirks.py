@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from enum import Enum
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import torch
 import yaml
@@ -197,15 +197,13 @@ def read_only_configurations() -> None:
         return
 
     def construct_object(self: yaml.Loader, node: yaml.Node, deep: bool = False) -> Any:
-        is_python = node.tag.startswith(f"{_STANDARD}python/")
-        if is_python and not any(node.tag in trusted_tags(which) for which in ("ours", "all")):
+        if node.tag.startswith(f"{_STANDARD}python/") and node.tag not in trusted_tags():
             raise ConfigError(
                 f"config.yml names '{node.tag.removeprefix(_STANDARD)}' in line "
-                f"{node.start_mark.line + 1}. Reading the file would run it, and no method or data "
-                "parser that is registered here needs it, so the file is not read. If another "
-                "version of this package, or of nerfstudio, wrote the file, use that version, or "
-                "train anew; if a plugin did, install it. Else do not use the file unless you know "
-                "who wrote it."
+                f"{node.start_mark.line + 1}, which no registered method or data parser needs. "
+                "Reading the file would run it, so it is not read. If another version of this "
+                "package, or of nerfstudio, wrote it, use that version, or train anew; if a plugin "
+                "did, install it. Else do not use the file unless you know who wrote it."
             )
         return upstream(self, node, deep)
 
@@ -213,9 +211,9 @@ def read_only_configurations() -> None:
 
 
 @cache
-def trusted_tags(which: Literal["ours", "all"]) -> frozenset[str]:
-    """The tags with which nerfstudio writes registered methods, ours (which takes half a second) or
-    all, and data parsers: kind and full name, as `python/object:desplat_ns.trainer.RunConfig`."""
+def trusted_tags() -> frozenset[str]:
+    """The tags with which nerfstudio writes registered methods and data parsers: kind and full
+    name, as `python/object:desplat_ns.trainer.RunConfig`. It takes a second or two."""
     from nerfstudio.configs.dataparser_configs import all_dataparsers
     from nerfstudio.configs.method_configs import all_methods
 
@@ -223,16 +221,10 @@ def trusted_tags(which: Literal["ours", "all"]) -> frozenset[str]:
     from desplat_ns.layouts.choices import OURS
 
     parsers: dict[str, Any] = {**OURS, **all_dataparsers}
+    settled = [without_prompts(parsers[name]) for name in ("colmap", "nerfstudio-data")]
     parsers.pop(UNPICKLES, None)
-    methods = all_methods.values()
-    configs: list[Any] = [m for m in methods if which == "all" or _is_ours(m)]
-    configs += parsers.values()
-    for name, parser in parsers.items():
-        if name != "desplat-data":  # which looks for a capture
-            with suppress(ConfigError):  # of a data parser that our data manager refuses
-                configs.append(without_prompts(parser))
     tags: set[str | None] = set()
-    for config in configs:
+    for config in (*all_methods.values(), *parsers.values(), *settled):
         with suppress(yaml.YAMLError, TypeError):  # a plugin's that cannot be written
             tags |= {getattr(event, "tag", None) for event in yaml.parse(yaml.dump(config))}
     return frozenset(filter(None, tags))

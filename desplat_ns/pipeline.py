@@ -59,8 +59,6 @@ class DeSplatPipeline(VanillaPipeline):
         if test_mode != "val":  # else it is trained, on the device that was asked for
             device = where_to_render(cast(DeSplatModelConfig, config.model).backend, device)
         super().__init__(config, str(device), test_mode, **kwargs)
-        self.datamanager.train_dataset.check_sides(self._model.config.num_downscales)
-        self.datamanager.eval_dataset.check_sides(0)
         self.first_photo_view = FirstPhotoView(self.datamanager.train_dataset.cameras)
         give_masks_a_colormap_in_the_viewer()
         load_evaluated_checkpoints_like_resumed_ones()

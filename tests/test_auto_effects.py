@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 from desplat_ns.errors import ConfigError
+from desplat_ns.runs.files import SURVEY
 from desplat_ns.settings.effects import Effects, EffectsConfig
-from desplat_ns.survey.survey import FILE
 from lab.synthetic import Scene, write_scene
 from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up
 
@@ -41,7 +41,7 @@ def saved_effects(config: Any) -> Effects:
 def test_the_survey_decides_and_the_run_is_saved_with_what_it_decided(scene, tmp_path):
     config = auto_run(scene, tmp_path)
     trainer = set_up(config)
-    record = json.loads((config.get_base_dir() / FILE).read_text())
+    record = json.loads((config.get_base_dir() / SURVEY).read_text())
     decided = {name: record[name]["decision"] for name in ("appearance", "background")}
     assert trainer.pipeline.model.effects == Effects(True, **decided) == saved_effects(config)
     assert trainer.pipeline.model.effects.appearance == "off"
@@ -57,7 +57,7 @@ def test_what_is_given_stays(scene, tmp_path):
 def test_nothing_is_surveyed_where_all_is_given(scene, tmp_path):
     config = auto_run(scene, tmp_path, appearance="off", background="off")
     assert set_up(config).pipeline.model.effects == Effects()
-    assert not (config.get_base_dir() / FILE).exists()
+    assert not (config.get_base_dir() / SURVEY).exists()
 
 
 @pytest.mark.slow
@@ -70,7 +70,7 @@ def test_a_resumed_run_keeps_the_effects_of_its_checkpoint(scene, tmp_path):
     trainer = set_up(second)
     assert trainer.pipeline.model.effects.appearance == "camera"
     assert not trainer.pipeline.model.effects.distractors
-    assert not (second.get_base_dir() / FILE).exists()
+    assert not (second.get_base_dir() / SURVEY).exists()
     assert saved_effects(second).appearance == "camera"
 
 

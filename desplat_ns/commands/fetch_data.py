@@ -25,8 +25,6 @@ class Arguments:
     """Of a data set, or of a scene of Photo Tourism."""
     folder: Path = Path("data")
     """Where the data set's own folder is made."""
-    keep_archive: bool = False
-    """Keep archives once they are unpacked."""
 
     def main(self) -> None:
         """List, or fetch. Raises DeSplatError where it is not known or cannot be had."""
@@ -45,7 +43,7 @@ class Arguments:
         source = SOURCES[self.name]
         announce(f"{source.title}. Whose it is, and what may be done with it: {source.page}")
         announce(f"{free_bytes(self.folder) / 1e9:.0f} GB are free in '{self.folder}'.")
-        scenes = fetch(source, self.folder, self.keep_archive)
+        scenes = fetch(source, self.folder)
         announce(f"{len(scenes)} in '{scenes[0].parent}': {', '.join(s.name for s in scenes)}.")
         announce(f"    {source.train.format(scene=scenes[0])}")
 

@@ -10,14 +10,6 @@ from desplat_ns.console import list_names
 from desplat_ns.errors import CaptureError
 
 
-def how_to_get_poses(photos: Path) -> str:
-    """What to do with photos whose cameras have no poses yet, for errors."""
-    return (
-        f"Type `desplat-process '{photos}' CAPTURE` to find them, or run COLMAP by itself; then "
-        "train with --data CAPTURE."
-    )
-
-
 def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> None:
     """Make sure that all files are there.
 
@@ -37,20 +29,6 @@ def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> 
         f"{len(missing)} of {len(paths)} {what} that the capture names are not in {folder}: "
         f"{names}. Put them there, or name their folder with {option}."
     )
-
-
-def read_lines(file: Path) -> list[str]:
-    """Lines of a text file that are not blank, without blanks around them; UTF-8, with or without
-    a byte order mark.
-
-    Raises:
-        CaptureError: it cannot be read, or is in another encoding.
-    """
-    try:
-        text = file.read_text("utf-8-sig")
-    except (OSError, ValueError) as error:
-        raise CaptureError(f"{file} cannot be read as UTF-8 text: {error}.") from error
-    return [line.strip() for line in text.splitlines() if line.strip()]
 
 
 def find_photos(names: Sequence[str], wanted: Sequence[str]) -> list[list[int]]:

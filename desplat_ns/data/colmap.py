@@ -179,11 +179,10 @@ class DeSplatColmapDataParser(ColmapDataParser):
                     f"{len(picked)} are in it. Mend its lists of file names, or remove them all."
                 )
             return sorted(picked)
-        listed = [
-            name
-            for name in _LIST_FILES.get(split, ())
-            if (self.config.data / f"{name}_list.txt").exists()
-        ]
+        lists = {name: self.config.data / f"{name}_list.txt" for name in _LIST_FILES.get(split, ())}
+        listed = [name for name, path in lists.items() if path.exists()]
+        if listed and not lists[listed[0]].is_file():
+            raise CaptureError(f"{lists[listed[0]]} is no file. Remove it.")
         folder = self.config.data / self.config.images_path
         paths = [folder / name for name in names]
         try:

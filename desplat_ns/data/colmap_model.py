@@ -72,6 +72,7 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
         if kind == "bin":
             _check_counts(folder / "images.bin", 64, 24, is_named=True)
             _check_counts(folder / "points3D.bin", 43, 8)
+            _check_counts(folder / "frames.bin", 64, 16, counted_by="<I")
         if not kind or (folder / f"points3D.{kind}").is_file():
             model = pycolmap.Reconstruction(folder)
         else:
@@ -138,12 +139,14 @@ def _names_in(path: Path) -> dict[int, str]:
     return names
 
 
-def _check_counts(path: Path, head: int, each: int, is_named: bool = False) -> None:
+def _check_counts(
+    path: Path, head: int, each: int, is_named: bool = False, counted_by: str = "<Q"
+) -> None:
     """Make sure that a binary file holds as many entries as it says: `head` bytes, perhaps a name
-    that ends in a zero, 8 bytes that count what follows, and as often `each` bytes.
+    that ends in a zero, a number that counts what follows, and as often `each` bytes.
 
     pycolmap 4.2.1 believes the counts and goes on reading behind the file's end: a file that was
-    copied in part keeps it busy, and takes memory, for ever. Raises ValueError where it does not.
+    copied in part keeps it busy, and takes memory, for ever, or crashes it. Raises ValueError.
     """
     if not path.is_file():
         return
@@ -154,8 +157,8 @@ def _check_counts(path: Path, head: int, each: int, is_named: bool = False) -> N
             at += head
             if is_named:
                 at = data.index(b"\0", at) + 1
-            (count,) = struct.unpack_from("<Q", data, at)
-            at += 8 + each * count
+            (count,) = struct.unpack_from(counted_by, data, at)
+            at += struct.calcsize(counted_by) + each * count
     except (struct.error, OverflowError, ValueError):
         at = -1
     if at != len(data):

@@ -18,7 +18,6 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.datasets.base_dataset import InputDataset
 from torch import Tensor
 
-from desplat_ns.console import list_names
 from desplat_ns.data.downscale import SIZE_TOLERANCE
 from desplat_ns.data.images import image_size, read_image, read_mask, resize_image, resize_mask
 from desplat_ns.errors import CaptureError
@@ -31,12 +30,9 @@ Photo = dict[str, Any]
 
 ImageType = Literal["uint8", "float32"]
 
-MIN_SIDE = 2
-"""Pixels; pytorch-msssim (1.0) takes a side of one pixel for a missing dimension."""
-
 
 class CaptureDataset(InputDataset):
-    """nerfstudio's dataset, read with OpenImageIO: upright, any format, reduced by area.
+    """nerfstudio's dataset: photos upright, of any format, reduced by area.
 
     A photo larger than its camera is reduced to it, if its shape is the same.
     """
@@ -55,26 +51,6 @@ class CaptureDataset(InputDataset):
         """
         for path, size in zip(self.image_filenames, self.sizes, strict=True):
             check_size(path, image_size(path, size), size)
-
-    def check_sides(self, num_downscales: int) -> None:
-        """Make sure that all photos can be scored (SSIM) when they are reduced to 1/2^d.
-
-        Raises:
-            CaptureError: photos whose shorter side then has fewer than `MIN_SIDE` pixels.
-        """
-        least = MIN_SIDE << num_downscales
-        small = [
-            f"{path} ({width}x{height})"
-            for path, (width, height) in zip(self.image_filenames, self.sizes, strict=True)
-            if min(width, height) < least
-        ]
-        if small:
-            raise CaptureError(
-                f"{len(small)} of {len(self)} photos are used with fewer than {least} pixels on a "
-                f"side, which is too small to be scored (training begins at 1/{2**num_downscales} "
-                f"of the size): {list_names(small)}. Leave them out of the split, or use a smaller "
-                "--downscale-factor or --pipeline.model.num-downscales."
-            )
 
     def get_numpy_image(self, image_idx: int) -> UInt8[np.ndarray, "H W C"]:
         """The photo at its camera's size.

@@ -18,7 +18,6 @@ from typing import Any, Literal
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
 from desplat_ns.console import announce_once, list_names
-from desplat_ns.data.checks import read_lines
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.photo_files import photo_names
@@ -28,9 +27,6 @@ from desplat_ns.errors import CaptureError
 
 SPLIT_FILE = "split.json"
 TRANSFORMS_FILE = "transforms.json"
-
-LISTS = {"clutter": "train_list.txt", "extra": "test_list.txt"}
-"""What stands in for the lists of split.json in the undistorted copy."""
 
 
 @dataclass
@@ -54,7 +50,20 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
         Raises:
             CaptureError: a split.json that does not fit, or no photo for this split.
         """
-        path, wanted = self._listed(split)
+        data, kind = self.config.data, self.config.train_on if split == "train" else "extra"
+        path = data / SPLIT_FILE
+        if not path.exists() and (data / "test_list.txt").exists():
+            return super().views(names, split)
+        ordered = ordered_names(data, self.config.images_path)
+        positions = read_split(path).get(kind, [])
+        if not positions or not all(0 <= i < len(ordered) for i in positions):
+            raise CaptureError(
+                f"{path} lists as `{kind}` the photos {list_names(map(str, positions)) or 'none'}; "
+                f"there are {len(ordered)}, counted from 0. It needs `clutter` or `clean` photos "
+                "to train on (--train-on) and `extra` photos to hold out: take the split.json that "
+                "belongs to this scene."
+            )
+        wanted = {ordered[i] for i in positions}
         picked = [i for i, name in enumerate(names) if PurePosixPath(name).name in wanted]
         missing = wanted - {PurePosixPath(names[i]).name for i in picked}
         if not picked:
@@ -69,23 +78,6 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
                 warning=True,
             )
         return picked
-
-    def _listed(self, split: str) -> tuple[Path, set[str]]:
-        """The file that lists the photos of a split, and their file names."""
-        data, kind = self.config.data, self.config.train_on if split == "train" else "extra"
-        path, listing = data / SPLIT_FILE, data / LISTS.get(kind, SPLIT_FILE)
-        if listing.is_file() and not path.is_file():
-            return listing, set(read_lines(listing))
-        ordered = ordered_names(data, self.config.images_path)
-        positions = read_split(path).get(kind, [])
-        if not positions or not all(0 <= i < len(ordered) for i in positions):
-            raise CaptureError(
-                f"{path} lists as `{kind}` the photos {list_names(map(str, positions)) or 'none'}; "
-                f"there are {len(ordered)}, counted from 0. It needs `clutter` or `clean` photos "
-                "to train on (--train-on) and `extra` photos to hold out: take the split.json that "
-                "belongs to this scene."
-            )
-        return path, {ordered[i] for i in positions}
 
     def read(self) -> Reconstruction:
         """The COLMAP model, else transforms.json. Raises as their readers."""
@@ -102,7 +94,7 @@ def read_split(path: Path) -> dict[str, list[int]]:
         CaptureError: no such file, or not lists of positions under `clutter` and `extra`.
     """
     try:
-        content: Any = json.loads(path.read_text("utf8"))
+        content: Any = json.loads(path.read_text("utf8")) if path.is_file() else None
     except (OSError, ValueError) as error:
         raise CaptureError(f"The split file {path} cannot be read: {error}.") from error
     lists = content if isinstance(content, dict) else {}

@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 
 PHOTO_SUFFIXES = frozenset(
-    (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".exr", ".hdr", ".jxl", ".heic")
-) | {".heif", ".hif"}
+    (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".avif", ".heic", ".heif", ".hif")
+)
 """Endings of file names, in lower case."""
 
 

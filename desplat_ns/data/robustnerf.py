@@ -104,7 +104,10 @@ def views_by_ratio(names: Sequence[str], ratio: float, seed: int) -> list[int]:
             f"--train-split-clean-clutter-ratio is {ratio}; it must lie between 0 (only clean) and "
             "1 (only clutter)."
         )
-    clean, clutter = _by_viewpoint(names, "clean"), _by_viewpoint(names, "clutter")
+    groups: dict[Kind, dict[str, list[int]]] = {"clean": {}, "clutter": {}, "extra": {}}
+    for i, name in enumerate(names):
+        groups[kind_of(name)].setdefault(viewpoint_of(name), []).append(i)
+    clean, clutter = groups["clean"], groups["clutter"]
     twins = shuffled(clean.keys() & clutter.keys(), seed)
     num_cluttered = round(ratio * len(twins))
     picked = [clutter[key] for key in twins[:num_cluttered]]
@@ -119,14 +122,6 @@ def describe(names: Sequence[str]) -> str:
     """`40 clean, 40 clutter, 10 extra`: what the file names say."""
     kinds = [kind_of(name) for name in names]
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in ("clean", "clutter", "extra"))
-
-
-def _by_viewpoint(names: Sequence[str], kind: Kind) -> dict[str, list[int]]:
-    groups: dict[str, list[int]] = {}
-    for i, name in enumerate(names):
-        if kind_of(name) == kind:
-            groups.setdefault(viewpoint_of(name), []).append(i)
-    return groups
 
 
 robustnerf_dataparser = DataParserSpecification(

@@ -16,7 +16,7 @@ import numpy as np
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.console import announce_once
-from desplat_ns.data.checks import find_photos, how_to_get_poses
+from desplat_ns.data.checks import find_photos
 from desplat_ns.data.colmap import DeSplatColmapDataParser, DeSplatColmapDataParserConfig
 from desplat_ns.data.colmap_model import UNEXPECTED, find_models, read_cloud
 from desplat_ns.data.images import image_size
@@ -70,7 +70,10 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
     """
     folder = path.parent
     if not path.is_file():
-        raise CaptureError(_missing(path))
+        raise CaptureError(
+            f"The capture {folder} has no {path.name}. Check --data, or end the command with "
+            f"another dataparser: `colmap --data {folder}` where COLMAP made the reconstruction."
+        )
     try:
         document = json.loads(path.read_text("utf-8-sig"))
         head = {key: value for key, value in document.items() if key != "frames"}
@@ -119,17 +122,6 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
         orientation=head.get("orientation_override"),
         to_world=to_world,
         splits=lists,
-    )
-
-
-def _missing(path: Path) -> str:
-    message = f"The capture {path.parent} has no {path.name}. "
-    if not find_models(path.parent, Path("sparse")):
-        return f"{message}Check --data. {how_to_get_poses(Path('PHOTOS'))}"
-    return message + (
-        "It has a COLMAP reconstruction: add the dataparser at the end of the command, "
-        f"`colmap --data {path.parent}` (or `robustnerf-data --data {path.parent}` for clean, "
-        "clutter and extra in the file names)."
     )
 
 

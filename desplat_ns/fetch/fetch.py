@@ -23,12 +23,9 @@ DAMAGE = (
 """What unpacking an archive may raise."""
 
 
-def fetch(source: Source, folder: Path, keep_archive: bool = False) -> list[Path]:
+def fetch(source: Source, folder: Path) -> list[Path]:
     """Download and unpack what is not there into the data set's own folder, which is made in
     `folder`. What was begun is gone on with.
-
-    Args:
-        keep_archive: whether archives stay once they are unpacked.
 
     Returns:
         The folders of its captures.
@@ -41,7 +38,7 @@ def fetch(source: Source, folder: Path, keep_archive: bool = False) -> list[Path
     home = folder / source.folder
     with only_process_in(home):
         for address in source.files:
-            _fetch_file(address, home, keep_archive)
+            _fetch_file(address, home)
     captures = [place for place in (home, *sorted(home.iterdir())) if _is_capture(place)]
     if not captures:
         raise CaptureError(
@@ -55,7 +52,7 @@ def _is_capture(folder: Path) -> bool:
     return any((folder / name).is_dir() for name in ("images", "dense"))
 
 
-def _fetch_file(address: str, home: Path, keep_archive: bool) -> None:
+def _fetch_file(address: str, home: Path) -> None:
     target = home / address.rpartition("/")[2]
     mark, is_archive = home / f".{target.name}.unpacked", target.suffix != ".tsv"
     if mark.exists() or (target.exists() and not is_archive):
@@ -72,8 +69,7 @@ def _fetch_file(address: str, home: Path, keep_archive: bool) -> None:
         announce(f"Unpacking {target}, {target.stat().st_size / 1e9:.2f} GB")
         unpack(target, home)
         mark.touch()
-        if not keep_archive:
-            target.unlink()
+        target.unlink()
 
 
 def unpack(archive: Path, folder: Path) -> None:

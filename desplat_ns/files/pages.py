@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jinja2
 import numpy as np
@@ -23,17 +23,11 @@ from PIL import Image
 
 from desplat_ns.errors import ConfigError
 
-LADDER = (
-    *((1024, 82), (1024, 72), (800, 72), (640, 70), (640, 60)),
-    *((512, 55), (400, 50), (320, 50), (240, 45), (160, 40)),
-)
+LADDER = ((1024, 80), (800, 70), (640, 60), (480, 55), (320, 50), (160, 40))
 """Pixels of the longer side, at most, and WebP's quality: from what is best to what is smallest."""
 
 LARGEST_SIDE = LADDER[0][0]
 """Pixels; no picture on a page is larger."""
-
-SAMPLE = 12
-"""Pictures by which it is judged whether all would fit."""
 
 
 def template(path: Path, **filters: Callable[..., Any]) -> jinja2.Template:
@@ -81,11 +75,10 @@ class Picture:
         return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
-@dataclass(frozen=True)
-class Encoded:
+class Encoded(NamedTuple):
     """Pictures as data addresses, in the order in which they were given."""
 
-    sources: tuple[str, ...]
+    sources: list[str]
     side: int
     """Pixels of the longer side, at most."""
     quality: int
@@ -101,17 +94,15 @@ def fitted_into(pictures: Sequence[Picture], budget: int) -> Encoded:
     Raises:
         ConfigError: there are too many pictures even for the smallest size.
     """
-
-    def encoded(some: Sequence[Picture]) -> tuple[tuple[str, ...], int]:
-        sources = tuple(picture.address(side, quality) for picture in some)
-        return sources, sum(map(len, sources))
-
-    sample = pictures[:: max(1, len(pictures) // SAMPLE)]
     for side, quality in LADDER:
-        if encoded(sample)[1] * len(pictures) <= 1.1 * budget * len(sample):
-            sources, size = encoded(pictures)
-            if size <= budget:
-                return Encoded(sources, side, quality)
+        sources, size = [], 0
+        for picture in pictures:
+            sources.append(picture.address(side, quality))
+            size += len(sources[-1])
+            if size > budget:
+                break
+        else:
+            return Encoded(sources, side, quality)
     raise ConfigError(
         f"{len(pictures)} pictures do not fit into a page of {budget / 1e6:.3g} MB, however small "
         "they are made. Ask for fewer: --training-photos 50 --held-out-photos 12."
@@ -120,12 +111,11 @@ def fitted_into(pictures: Sequence[Picture], budget: int) -> Encoded:
 
 def shrunk(pixels: UInt8[np.ndarray, "H W 3"], side: int) -> UInt8[np.ndarray, "h w 3"]:
     """A picture whose longer side has at most `side` pixels; never enlarged."""
-    height, width = pixels.shape[:2]
-    scale = side / max(height, width)
-    if scale >= 1:
+    if max(pixels.shape[:2]) <= side:
         return pixels
-    size = (max(1, round(width * scale)), max(1, round(height * scale)))
-    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.LANCZOS))
+    image = Image.fromarray(pixels)
+    image.thumbnail((side, side), Image.Resampling.LANCZOS)
+    return np.asarray(image)
 
 
 @contextmanager

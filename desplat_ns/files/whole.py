@@ -1,9 +1,5 @@
 """Files that appear whole or not at all: written beside their place, put there when complete. And
-folders in which one process works at a time.
-
-What is put in place outlives a power cut. Copies of photos, thousands of them, are not waited for:
-they are told by their last bytes (`process.photos`).
-"""
+folders in which one process works at a time."""
 
 from __future__ import annotations
 
@@ -14,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from filelock import FileLock, Timeout, UnixFileLock
+from filelock import FileLock, Timeout
 
 from desplat_ns.errors import ConfigError
 
@@ -22,7 +18,7 @@ FEW_BYTES = 20_000_000
 """With less left on the disk, what went wrong went wrong because the disk is full."""
 
 IN_USE = ".in-use"
-"""Name of a folder's lock file. It holds the number of the process."""
+"""Name of a folder's lock file."""
 
 
 def check_new_file(path: Path, overwrite: bool, option: str = "--output") -> None:
@@ -70,11 +66,6 @@ def check_room(folder: Path, needed: int, what: str, option: str = "--output") -
         )
 
 
-def disk_is_full(folder: Path) -> bool:
-    """Whether hardly anything is left on the disk of a folder, which need not exist yet."""
-    return free_bytes(folder) < FEW_BYTES
-
-
 def free_bytes(folder: Path) -> int:
     """What is left on the disk of a folder, which need not exist yet."""
     return shutil.disk_usage(_nearest(folder)).free
@@ -100,7 +91,7 @@ def draft_of(path: Path, staging: Path | None = None) -> Iterator[Path]:
         yield folder / path.name
         _sync(folder / path.name)
         os.replace(folder / path.name, path)
-        _sync(path.parent)
+        _sync(path.parent)  # what is in place outlives a power cut
 
 
 @contextmanager
@@ -137,25 +128,18 @@ def only_process_in(folder: Path) -> Iterator[None]:
     """
     path, made = folder / IN_USE, not folder.exists()
     lock = FileLock(path, timeout=0)
-    if folder.is_file():
-        raise ConfigError(f"'{folder}' is a file. Name a folder.")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire()
     except Timeout as error:
-        holder = "Another process"
-        with suppress(OSError, ValueError):
-            holder = f"Process {int(path.read_text())}"
         raise ConfigError(
-            f"{holder} is at work in '{folder}'. Wait for its end, or name another folder."
+            f"Another process is at work in '{folder}'. Wait for its end, or name another folder."
         ) from error
     except OSError as error:
         raise ConfigError(
             f"Nothing can be written to '{folder}' ({error}). Name another folder."
         ) from error
     try:
-        if type(lock) is UnixFileLock:  # the others keep marks of their own in it, or nobody may
-            path.write_text(str(os.getpid()))
         yield
     finally:
         with suppress(OSError):
@@ -170,12 +154,10 @@ def only_process_in(folder: Path) -> Iterator[None]:
 def _drafts(path: Path, staging: Path | None = None) -> Iterator[Path]:
     """An empty folder on the same disk, removed in the end."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    if staging is None:
-        folder = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
-    else:
-        folder = staging
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir()
+    if staging is not None:
+        shutil.rmtree(staging, ignore_errors=True)
+        staging.mkdir()
+    folder = staging or Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
     try:
         yield folder
     finally:

@@ -17,7 +17,6 @@ from nerfstudio.data.dataparsers.blender_dataparser import BlenderDataParserConf
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.console import list_names
-from desplat_ns.data.checks import how_to_get_poses
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.on_the_go import (
@@ -134,7 +133,7 @@ def recognise(data: Path) -> Recognition:
     """
     if not data.exists():
         raise CaptureError(f"There is no folder {data}. Check the path after --data.")
-    if not data.is_dir() and data.suffix != ".json":
+    if not data.is_dir() and not (data.suffix == ".json" and data.is_file()):
         raise CaptureError(
             f"{data} is a file. --data takes the folder of a capture, or its transforms.json."
         )
@@ -153,11 +152,7 @@ def _readings(data: Path) -> list[Recognition]:
 
 
 def _nothing_found(data: Path) -> str:
-    if not data.is_dir():
-        return f"{data} cannot be read. --data takes the folder of a capture, or its file."
     entries = sorted(path.name for path in data.iterdir())
-    if not entries:
-        return f"The folder {data} is empty. Check the path after --data."
     if BLENDER_FILES[0] in entries:
         path = data / BLENDER_FILES[0]
         return (
@@ -181,12 +176,14 @@ def _nothing_found(data: Path) -> str:
     if photos:
         return (
             f"{data} has {len(photos)} photos ({list_names(photos, LISTED_ENTRIES)}) and no poses "
-            f"of their cameras. {how_to_get_poses(data)}"
+            f"of their cameras. Type `desplat-process '{data}' CAPTURE` to find them, or run "
+            "COLMAP by itself; then train with --data CAPTURE."
         )
     looked = "; or ".join(layout.needs for layout in LAYOUTS)
     return (
-        f"No capture was found in {data}, which has {list_names(entries, LISTED_ENTRIES)}. Needed "
-        f"is one of these: {looked}. Check the path after --data, or name a dataparser at the end "
+        f"No capture was found in {data}, which has "
+        f"{list_names(entries, LISTED_ENTRIES) or 'no files'}. Needed is one of these: {looked}. "
+        "Check the path after --data, or name a dataparser at the end "
         "of the command (ns-train desplat --help lists them)."
     )
 

@@ -107,21 +107,10 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
         """Files of these photos and the sizes at which they are used.
 
         Raises:
-            CaptureError: photos of either split that are not there.
+            CaptureError: photos that are not there.
         """
-        return [self._sources[frame.name] for frame in frames]
-
-    @cached_property
-    def _sources(self) -> dict[str, PhotoSource]:
-        """Of all photos that are used, so that an error lists what is missing from both splits."""
-        frames = [self.reconstruction.frames[i] for i in self.split.train + self.split.test]
         if self.config.downscale_factor is not None:
-            sources = super().sources(frames)
-        else:
-            sources = self._reduced_where_large(frames)
-        return {frame.name: source for frame, source in zip(frames, sources, strict=True)}
-
-    def _reduced_where_large(self, frames: Sequence[Frame]) -> list[PhotoSource]:
+            return super().sources(frames)
         folder, rounding = self.photos_folder, self.config.downscale_rounding_mode
         factors = [downscale_factor(None, [frame]) for frame in frames]
         sources = [

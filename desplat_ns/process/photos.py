@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import io
-import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from statistics import median
-from typing import Any
 
 import cv2
 import numpy as np
@@ -97,8 +95,7 @@ def prepare_photos(
     threads: int,
     progress: Callable[[int, int], None],
 ) -> list[Photo]:
-    """Copy all photos to `copies`, and say of each what was seen; what an earlier call copied as a
-    whole is not copied again: `copies`/photos.json says what was seen then.
+    """Copy all photos to `copies`, and say of each what was seen. A second call writes the same.
 
     Args:
         folder: of the sources.
@@ -109,27 +106,20 @@ def prepare_photos(
         OSError: a copy cannot be written.
     """
     copies.mkdir(parents=True, exist_ok=True)
-    record, photos = copies / "photos.json", numbered(sources)
-    if record.is_file():
-        seen = json.loads(record.read_text("utf8"))
-    else:
-        seen, first = [], {}
-        with ThreadPoolExecutor(threads) as pool:
-            for facts in pool.map(lambda photo: _copy(folder, photo, copies, longest_side), photos):
-                source = photos[len(seen)].source
-                twin = first.setdefault(facts.pop("digest", source), source)
-                if twin != source:
-                    facts = {"problem": f"the same picture as {twin}"}
-                seen.append(facts)
-                progress(len(seen), len(sources))
-        write_whole(record, json.dumps(seen).encode())
-    # names are not taken from the record: in somebody else's folder they may lead out of it
-    names = [{"source": p.source, "name": p.name, "copy": p.copy} for p in photos]
-    return [Photo(**{**facts, **name}) for name, facts in zip(names, seen, strict=True)]
+    photos, first = [], dict[str, str]()
+    with ThreadPoolExecutor(threads) as pool:
+        copied = pool.map(lambda p: _copy(folder, p, copies, longest_side), numbered(sources))
+        for photo, digest in copied:
+            twin = first.setdefault(digest, photo.source)
+            if twin != photo.source:
+                photo = replace(photo, problem=f"the same picture as {twin}")
+            photos.append(photo)
+            progress(len(photos), len(sources))
+    return photos
 
 
-def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> dict[str, Any]:
-    """Write the copy; fields of `Photo`, and a digest of the pixels where it can be used."""
+def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> tuple[Photo, str]:
+    """Write the copy; what was seen, and a digest of the pixels or, without any, the source."""
     path = folder / photo.source
     try:
         pixels = np.ascontiguousarray(read_image(path)[..., :3])
@@ -137,21 +127,22 @@ def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> dict[s
         # Without the path, which is said beside it, and without advice.
         _, _, reason = str(error).partition(" cannot be read: ")
         reason = f"cannot be read: {reason.partition('. Copy it')[0]}" if reason else str(error)
-        return {"problem": reason}
+        return replace(photo, problem=reason), photo.source
     scale = min(1.0, longest_side / max(pixels.shape[:2]))
     height, width = (max(1, round(side * scale)) for side in pixels.shape[:2])
     pixels = resize_image(pixels, width, height)
     encoded, lens = io.BytesIO(), lens_of(path)
     PIL.Image.fromarray(pixels).save(encoded, "JPEG", quality=JPEG_QUALITY, subsampling=0)
     write_whole(copies / photo.copy, encoded.getvalue())
-    return {
-        "width": width,
-        "height": height,
-        "sharpness": round(sharpness(pixels), 2),
-        "digest": hashlib.sha1(pixels.tobytes()).hexdigest(),
-        "camera": lens.name,
-        "focal": round(lens.focal_35mm / FILM_DIAGONAL * float(np.hypot(width, height)), 2),
-    }
+    seen = replace(
+        photo,
+        width=width,
+        height=height,
+        sharpness=round(sharpness(pixels), 2),
+        camera=lens.name,
+        focal=round(lens.focal_35mm / FILM_DIAGONAL * float(np.hypot(width, height)), 2),
+    )
+    return seen, hashlib.sha1(pixels.tobytes()).hexdigest()
 
 
 def sharpness(pixels: UInt8[np.ndarray, "H W 3"]) -> float:

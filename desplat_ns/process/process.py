@@ -52,24 +52,20 @@ def process(request: Request, sources: Sources) -> None:
     """
     output = request.output
     with only_process_in(output):
-        record: dict[str, Any] = {}
         try:
             record = open_record(output, {**request.lasting(), **sources.sizes()})
             findings = record.get("findings")
-            may_be_thorough = findings is not None and THOROUGH.name not in findings["tried"]
-            if findings is None or (may_be_thorough and request.effort == "thorough"):
-                findings = _make(request, sources, findings)
+            if findings is None:
+                findings = _make(request, sources)
                 _write_record(output, {**record, "findings": findings})
             else:
-                thorough = "To try the thorough way on it, type the same with --effort thorough. "
                 announce(
-                    f"{output} is made already. {thorough * may_be_thorough}To make it anew, remove"
-                    f" it first: rm -r {shlex.quote(str(output))}."
+                    f"{output} is made already. To make it anew, also with another --effort, "
+                    f"remove it first: rm -r {shlex.quote(str(output))}."
                 )
-        except CaptureError:
-            if record and "findings" not in record:  # other photos may be tried in the folder
-                shutil.rmtree(output / "work", ignore_errors=True)
-                (output / RECORD).unlink()
+        except CaptureError:  # other photos may be tried in the folder
+            shutil.rmtree(output / "work", ignore_errors=True)
+            (output / RECORD).unlink()
             raise
         except OSError as error:
             raise unwritable(output, error) from error
@@ -141,17 +137,11 @@ def _write_record(output: Path, record: Mapping[str, Any]) -> None:
 # --- the stages ----------------------------------------------------------------------------------
 
 
-def _make(request: Request, sources: Sources, earlier: dict[str, Any] | None) -> dict[str, Any]:
-    """The findings of the capture; `earlier` are those of the one that is there, which stays until
-    a better one is ready."""
+def _make(request: Request, sources: Sources) -> dict[str, Any]:
+    """Make the capture; its findings."""
     begin, output = monotonic(), request.output
-    if earlier:
-        announce(f"{output} is made from plain features. Once more, thoroughly.")
     photos = _usable_photos(request, sources)
-    best, tried = _best_attempt(request, sources.is_video, photos)
-    if earlier and (earlier["photos"], earlier["observations"]) >= best.score:
-        announce(f"That poses {best.score[0]} photos, no more: {output} stays.")
-        return {**earlier, "tried": [*earlier["tried"], *tried]}
+    best = _best_attempt(request, sources.is_video, photos)
     missing = left_out(photos, best)
     if not best.models:
         reasons = (f"{list_names(names)}: {reason}" for reason, names in _by_reason(missing))
@@ -174,7 +164,6 @@ def _make(request: Request, sources: Sources, earlier: dict[str, Any] | None) ->
         "observations": model.observations,
         "error": model.error,
         "recipe": best.recipe.name,
-        "tried": tried,
         "left_out": missing,
         "seconds": round(monotonic() - begin, 1),
     }
@@ -215,11 +204,9 @@ def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
     return good
 
 
-def _best_attempt(
-    request: Request, is_video: bool, photos: Sequence[Photo]
-) -> tuple[Attempt, list[str]]:
+def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> Attempt:
     """The plain way, the thorough one where it leaves photos out, or what was asked for: whichever
-    poses more photos; and the names of the recipes that were tried."""
+    poses more photos."""
     work, masks = request.output / "work", None
     cameras = group_by_camera(photos, request.cameras, request.camera_model)
     announce(f"{len(photos)} photos, {len(cameras)} camera{'s' if len(cameras) > 1 else ''}.")
@@ -235,18 +222,17 @@ def _best_attempt(
         return _run(request, reconstruct, place, copies, cameras, masks, is_video, recipe)
 
     if request.effort == "thorough":
-        return attempt(THOROUGH), [THOROUGH.name]
+        return attempt(THOROUGH)
     plain = attempt(PLAIN)
     posed = plain.score[0]
     if request.effort == "plain" or (posed == len(photos) and not plain.is_thin):
-        return plain, [PLAIN.name]
+        return plain
     thin = ", which share few points" if plain.is_thin else ""
     announce(
         f"{posed} of {len(photos)} photos have a pose{thin}. Once more, thoroughly: more and truer "
         "features at full size, which takes several times as long (--effort plain leaves that out)."
     )
-    best = max(plain, attempt(THOROUGH), key=lambda one: one.score)
-    return best, [PLAIN.name, THOROUGH.name]
+    return max(plain, attempt(THOROUGH), key=lambda one: one.score)
 
 
 # --- what came out -------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ SMALLEST_SIDE = 100
 """Pixels. Smaller photos have hardly any features."""
 MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
-SUFFIXES = PHOTO_SUFFIXES | {".avif", ".jpe", ".jp2", ".ppm", ".pgm", ".tga"}
+SUFFIXES = PHOTO_SUFFIXES | {".jpe", ".jp2", ".ppm", ".pgm", ".tga"}
 VIDEO_SUFFIXES = frozenset(
     (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".3gp", ".insv")
 )
@@ -46,8 +46,7 @@ class Request:
     camera_model: CameraModel = "auto"
     """COLMAP's name. auto: up to two terms of radial distortion, by the number of photos."""
     effort: Effort = "auto"
-    """auto: plain, and where that leaves photos out thorough, which takes several times as long.
-    thorough takes up a capture that plain has finished."""
+    """auto: plain, and where that leaves photos out thorough, which takes several times as long."""
     mask: Path | None = None
     """Folder with a mask for each photo, or one picture for all: no features where it is black."""
     frames: int = 150

@@ -15,7 +15,7 @@ from typing import Any
 
 from desplat_ns.console import progress_with_time_left
 from desplat_ns.errors import ConfigError, DeSplatError
-from desplat_ns.files.whole import disk_is_full
+from desplat_ns.files.whole import FEW_BYTES, free_bytes
 
 LOG = "colmap.log"
 """File in the work folder with all that pycolmap prints."""
@@ -63,7 +63,7 @@ def in_worker(work: Path, do: Callable[..., Any], *arguments: Any) -> Any:
         return content
     if isinstance(content, DeSplatError):
         raise content
-    if disk_is_full(work):
+    if free_bytes(work) < FEW_BYTES:
         raise unwritable(work.parent)
     said = content if kind == "error" else f"exit code {process.exitcode}"
     raise DeSplatError(
@@ -105,7 +105,7 @@ def _work(sender: Any, log: Path, do: Callable[..., Any], arguments: tuple[Any, 
 
 def unwritable(output: Path, error: Exception | None = None) -> DeSplatError:
     """What to say where writing failed."""
-    if not disk_is_full(output):
+    if free_bytes(output) >= FEW_BYTES:
         return ConfigError(f"Nothing can be written to {output} ({error}). Name another folder.")
     return DeSplatError(
         f"The disk of {output} is full. What is done is kept: make room, and the same command goes "

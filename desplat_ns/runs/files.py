@@ -11,7 +11,7 @@ OURS = "!!python/object:desplat_ns."
 """How the configuration of one of our runs begins."""
 
 SURVEY = "survey.json"
-"""What `desplat_ns.survey.survey` writes into a run's folder."""
+"""In a run's folder: what its effects were decided by."""
 
 
 @dataclass(frozen=True)

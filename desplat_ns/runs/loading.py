@@ -45,7 +45,8 @@ def load_run(
         ConfigError: another version wrote config.yml, or it names what no run needs.
     """
     try:
-        config = read_config(files.config)
+        read_only_configurations()
+        config: Any = yaml.load(files.config.read_text("utf8"), Loader=yaml.Loader)
         config.relative_model_dir = files.checkpoints
         if files.data is not None:
             config.pipeline.datamanager.data = files.data
@@ -63,17 +64,6 @@ def load_run(
     pipeline.eval()
     checkpoint, step = eval_utils.eval_load_checkpoint(config, pipeline)
     return LoadedRun(files, config, pipeline, checkpoint, step + 1)
-
-
-def read_config(path: Path) -> Any:
-    """What a config.yml holds.
-
-    Raises:
-        ConfigError: it names something else than what configures runs.
-        OSError, yaml.YAMLError: it cannot be read.
-    """
-    read_only_configurations()
-    return yaml.load(path.read_text("utf8"), Loader=yaml.Loader)
 
 
 def even_subset(count: int, most: int) -> list[int]:

@@ -58,8 +58,8 @@ class View:
     focal: Float[np.ndarray, "2"]
     """fx, fy in pixels."""
     center: Float[np.ndarray, "2"]
-    width: int
-    height: int
+    size: tuple[int, int]
+    """Width and height in pixels."""
     distortion: Float[np.ndarray, "6"]
     """k1, k2, k3, k4, p1, p2, as nerfstudio keeps them."""
     is_fisheye: bool
@@ -105,19 +105,15 @@ class View:
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
     @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
-        return self.width, self.height
-
-    @property
     def cell(self) -> float:
         """Pixels of a cell's side."""
-        return max(1.0, CELL * max(self.width, self.height))
+        return max(1.0, CELL * max(self.size))
 
     @property
     def grid(self) -> tuple[int, int]:
         """Rows and columns of cells that cover the photo."""
-        return int(np.ceil(self.height / self.cell)), int(np.ceil(self.width / self.cell))
+        width, height = self.size
+        return int(np.ceil(height / self.cell)), int(np.ceil(width / self.cell))
 
     def cells_of(
         self, places: Float[np.ndarray, "M 2"]
@@ -160,8 +156,7 @@ def small_view(cameras: Cameras, index: int) -> View:
         position=pose[:, 3],
         focal=np.array([fx, fy]) * ratios,
         center=np.array([cx, cy]) * ratios,
-        width=small[0],
-        height=small[1],
+        size=small,
         distortion=distortion,
         is_fisheye=kind == CameraType.FISHEYE.value,
     )
@@ -260,11 +255,11 @@ def _read_small(
     size = int(cameras.width.reshape(-1)[index]), int(cameras.height.reshape(-1)[index])
     image = read_image(path, size)
     check_size(path, (image.shape[1], image.shape[0]), size)
-    image = resize_image(image, view.width, view.height)
+    image = resize_image(image, *view.size)
     allowed = (image[..., 3:] == 255).all(axis=-1)
     if capture.mask_filenames is not None:
         mask = read_mask(capture.mask_filenames[index], size)
-        allowed &= resize_mask(mask, view.width, view.height)
+        allowed &= resize_mask(mask, *view.size)
     return image[..., :3], allowed
 
 
@@ -309,7 +304,7 @@ def in_view_of(
     """Which points project into the photo, and which of these have another one before them, in
     their cell or in the eight around it."""
     cell = HIDING_CELL * max(view.size)
-    nearest = np.full((int(view.height / cell) + 3, int(view.width / cell) + 3), np.inf, np.float32)
+    nearest = np.full([int(side / cell) + 3 for side in view.size[::-1]], np.inf, np.float32)
     places, depths = view.project(xyz)
     inside = view.shows(places, depths)
     column, row = (np.where(inside[:, None], places / cell, 0).astype(int) + 1).T
@@ -334,7 +329,7 @@ def _sample(
         reach = np.linalg.norm(corners[:, -1] - corners[:, 0], axis=-1) / np.sqrt(8)
         shown = inside & (reach > SCALES[0] * PATCH_RADIUS) & (reach < SCALES[1] * PATCH_RADIUS)
     at = np.where(inside[:, None], places, 0).astype(int)
-    shown &= allowed[at[:, 1].clip(0, view.height - 1), at[:, 0].clip(0, view.width - 1)] & ~hidden
+    shown &= allowed[at[:, 1], at[:, 0]] & ~hidden
     patches = np.zeros((len(xyz), GRID * GRID, 3), np.float32)
     if shown.any():
         x, y = np.moveaxis((corners[shown] - 0.5).astype(np.float32), -1, 0)

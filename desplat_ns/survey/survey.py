@@ -13,6 +13,7 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError
+from desplat_ns.runs.files import SURVEY
 from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.survey.appearance import (
     LOCAL_STEP,
@@ -26,8 +27,6 @@ from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.observations import Observations, observe
 from desplat_ns.survey.photo_light import PhotoLight, fit_light, from_middle
 
-FILE = "survey.json"
-"""In a run's folder: what its effects were decided by."""
 LEAST_IN_VIEW, LEAST_COMPARED = 8, 50
 """Points that most photos have to show, and that a photo's brightness is compared at."""
 LEAST_AGREEMENT = 0.25
@@ -161,10 +160,10 @@ def decided_effects(
 
 
 def write_findings(findings: Survey, folder: Path) -> None:
-    """Write `FILE` into a folder, which is made; where that cannot be done, it is said."""
+    """Write `SURVEY` into a run's folder, which is made; where that cannot be, it is said."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / FILE).write_text(findings.to_json(), "utf8")
+        (folder / SURVEY).write_text(findings.to_json(), "utf8")
     except OSError as error:
         announce(f"The survey's findings could not be written ({error}).", warning=True)
 

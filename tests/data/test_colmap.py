@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -81,13 +82,6 @@ def test_outputs_equal_upstreams_on_a_generated_scene(tiny_scene, options):
     assert_same_outputs(tiny_scene.folder, **options)
 
 
-@pytest.mark.slow
-@pytest.mark.real_data
-@pytest.mark.parametrize("options", OPTIONS[:3], ids=str)
-def test_outputs_equal_upstreams_on_fox(data_folder, options):
-    assert_same_outputs(data_folder("fox"), **options)
-
-
 def test_cameras_scale_by_the_rounded_size(capture):
     data = capture(cameras=["1 PINHOLE 9 7 10 11 4.5 3.5"])
     outputs = DeSplatColmapDataParserConfig(data=data, downscale_factor=2).setup()
@@ -97,17 +91,6 @@ def test_cameras_scale_by_the_rounded_size(capture):
     assert camera.fx.item() == pytest.approx(40 / 9)
     assert camera.fy.item() == pytest.approx(33 / 7)
     assert (camera.cx.item(), camera.cy.item()) == pytest.approx((2.0, 1.5))
-
-
-def test_complete_copies_need_no_originals_and_nothing_is_written(capture, photo_writer):
-    data = capture()
-    for photo in (data / "images").iterdir():
-        photo_writer(data / "images_2" / photo.name, 4, 3)
-        photo.unlink()
-    before = sorted(data.rglob("*"))
-    outputs = outputs_of(data, downscale_factor=2)
-    assert {path.parent.name for path in outputs.image_filenames} == {"images_2"}
-    assert sorted(data.rglob("*")) == before
 
 
 def outputs_of(data: Path, split: str = "train", **options: Any):
@@ -135,13 +118,9 @@ def test_list_files_decide_the_splits_and_test_stands_in_for_val(capture):
     (data / "train_list.txt").write_text("nothing.png\n")
     with pytest.raises(CaptureError, match=r"nothing\.png.*_list\.txt"):
         outputs_of(data)
-
-
-def test_missing_photos_are_listed_at_once(capture):
-    data = capture([f"{i}.png" for i in range(16)])
-    for i in range(1, 15):
-        (data / "images" / f"{i}.png").unlink()
-    with pytest.raises(CaptureError, match=r"13 of 14 photos .*1\.png, 2\.png.* and 3 more"):
+    (data / "train_list.txt").unlink()
+    os.mkfifo(data / "train_list.txt")  # reading it would wait for ever
+    with pytest.raises(CaptureError, match=r"train_list\.txt"):
         outputs_of(data)
 
 
@@ -207,12 +186,3 @@ def test_a_geo_referenced_capture_is_as_sharp_as_one_at_the_origin(tiny_scene, t
     turn, shift = near.dataparser_transform[:, :3].double(), near.dataparser_transform[:, 3]
     want = shift.double() - turn @ torch.from_numpy(OUT)
     assert torch.allclose(far.dataparser_transform[:, 3].double(), want, rtol=1e-5)
-
-
-def test_without_centring_places_are_as_they_were_given(tiny_scene, tmp_path):
-    data = moved_out(tiny_scene.folder, tmp_path / "far", np.array([500.0, 0.0, 0.0]))
-    options: dict[str, Any] = {"orientation_method": "none", "center_method": "none"}
-    parser = DeSplatColmapDataParserConfig(
-        data=data, downscale_factor=1, auto_scale_poses=False, **options
-    ).setup()
-    assert parser.get_dataparser_outputs("train").cameras.camera_to_worlds[:, 0, 3].min() > 400

@@ -34,13 +34,6 @@ def test_photos_of_differing_sizes_keep_them(capture, photo_writer):
     np.testing.assert_array_equal(dataset.get_numpy_image(1), pixels)
 
 
-def test_uint8_and_float32_are_the_same_photo(capture):
-    dataset = dataset_of(capture())
-    whole, real = (dataset.get_data(0, kind)["image"] for kind in ("uint8", "float32"))
-    assert (whole.dtype, real.dtype) == (torch.uint8, torch.float32)
-    torch.testing.assert_close(whole / 255.0, real)
-
-
 def test_a_downscale_factor_takes_means(capture):
     data = capture()
     with Image.open(data / "images" / "a.png") as photo:
@@ -67,12 +60,6 @@ def test_masks_come_as_booleans_at_the_cameras_size(capture):
     assert mask[0, :, 0].tolist() == [False, False, True, True]
 
 
-def test_what_undistortion_does_to_the_cameras_does_not_change_the_photos(capture):
-    dataset = dataset_of(capture())
-    dataset.cameras.width[0] = 7
-    assert dataset.get_data(0)["image"].shape == (6, 8, 3)
-
-
 def test_a_photo_that_is_turned_missing_or_corrupt_is_named(capture, photo_writer):
     data = capture()
     dataset, photo = dataset_of(data), data / "images" / "b.png"
@@ -85,16 +72,6 @@ def test_a_photo_that_is_turned_missing_or_corrupt_is_named(capture, photo_write
     photo.unlink()
     with pytest.raises(CaptureError, match=r"b\.png does not exist"):
         dataset.check_photos()
-
-
-@pytest.mark.parametrize(("width", "downscales", "small"), [(8, 1, 0), (8, 2, 3), (1, 0, 1)])
-def test_photos_too_small_to_be_scored_are_named(capture, width: int, downscales: int, small: int):
-    dataset = dataset_of(capture(cameras=(f"1 PINHOLE {width} 6 10 10 1 3", *CAMERAS[1:])))
-    if small == 0:
-        dataset.check_sides(downscales)  # b.png is 12x4
-        return
-    with pytest.raises(CaptureError, match=rf"{small} of 3 photos .*a\.png \({width}x6\)"):
-        dataset.check_sides(downscales)
 
 
 @pytest.mark.parametrize(

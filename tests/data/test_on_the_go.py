@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.on_the_go import OnTheGoDataParserConfig, ordered_names
 from desplat_ns.errors import CaptureError
 
@@ -64,29 +64,12 @@ def test_every_photo_keeps_its_own_camera(scene: Path):
     assert places.tolist() == pytest.approx([NAMES.index(name) for name in names])
 
 
-def test_photos_have_the_size_that_is_asked_for_and_points_come_from_the_model(scene: Path):
-    outputs = outputs_of(scene, "train", downscale_factor=2)
-    dataset = CaptureDataset(outputs)
-    dataset.check_photos()
-    assert dataset.get_data(0)["image"].shape == (3, 4, 3)
-    assert ("points3D_xyz" in outputs.metadata) == (scene / "sparse").exists()
-
-
 def test_a_listed_photo_without_a_pose_is_left_out_and_said(capture, capsys):
     data = capture(NAMES[:3])
     write_transforms(data)
     (data / "split.json").write_text(json.dumps({"clutter": [2, 3, 0], "extra": [1]}))
     assert names_of(data, "train") == {"2clutter_a.png", "2clutter_b.png"}
     assert "1 of 3 train photos" in capsys.readouterr().out
-
-
-def test_lists_of_names_may_begin_with_a_byte_order_mark_and_have_to_be_text(capture):
-    data = capture(NAMES)
-    (data / "test_list.txt").write_bytes(b"\xef\xbb\xbf1extra_a.png\r\n")
-    assert names_of(data, "test") == {"1extra_a.png"}
-    (data / "test_list.txt").write_bytes("grün.png".encode("latin-1"))
-    with pytest.raises(CaptureError, match=r"test_list\.txt"):
-        names_of(data, "test")
 
 
 @pytest.mark.parametrize(
@@ -107,6 +90,8 @@ def test_a_wrong_split_file_is_an_error_that_names_it(capture, content: str):
         (data / "split.json").unlink(missing_ok=True)
         if text is not None:
             (data / "split.json").write_text(text)
+        else:
+            os.mkfifo(data / "split.json")  # reading it would wait for ever
         with pytest.raises(CaptureError, match=r"split\.json"):
             outputs_of(data, "train")
 

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 
 import pytest
 
-from desplat_ns.data import photo_cache
 from desplat_ns.data.photo_cache import AHEAD, BoundedPhotos, Photo
 from desplat_ns.errors import CaptureError
 
@@ -107,15 +106,3 @@ def test_a_photo_that_cannot_be_read_is_told_when_it_is_asked_for_and_read_again
         photos[1]
     files.lost.clear()
     assert photos[1] == {"image_idx": 1}
-
-
-def test_several_photos_are_read_at_once(monkeypatch):
-    monkeypatch.setattr(photo_cache, "cores", lambda: 4)
-    together = threading.Barrier(4)
-
-    def read(index: int) -> Photo:
-        together.wait(SECONDS)  # breaks where fewer come
-        return {"image_idx": index}
-
-    photos = BoundedPhotos(read, [1] * 4, 4, lambda index: range(index + 1, 4))
-    assert photos[0] == {"image_idx": 0}

@@ -15,8 +15,8 @@ def touch(folder: Path, *names: str) -> Path:
 
 
 def test_photos_are_listed_below_their_folder(tmp_path: Path):
-    touch(tmp_path, "b.JPG", "a/c.png", "a/b/d.exr", "notes.txt", "._b.jpg")
-    assert photo_names(tmp_path) == ["a/b/d.exr", "a/c.png", "b.JPG"]
+    touch(tmp_path, "b.JPG", "a/c.png", "a/b/d.tif", "notes.txt", "._b.jpg")
+    assert photo_names(tmp_path) == ["a/b/d.tif", "a/c.png", "b.JPG"]
     assert photo_names(tmp_path / "absent") == []
 
 
@@ -28,7 +28,7 @@ def test_photos_behind_links_to_folders_are_listed_once(tmp_path: Path):
 
 
 def test_photos_near_are_not_looked_for_far_down(tmp_path: Path):
-    touch(tmp_path, "b.JPG", "a/c.png", "a/b/d.exr")
+    touch(tmp_path, "b.JPG", "a/c.png", "a/b/d.tif")
     assert photos_near(tmp_path) == ["a/c.png", "b.JPG"]
 
 

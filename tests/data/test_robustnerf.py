@@ -115,13 +115,3 @@ def test_no_photo_for_a_split_is_an_error_that_says_what_was_found(capture, phot
     parser = RobustNerfDataParserConfig(data=capture(photos)).setup()
     with pytest.raises(CaptureError, match=describe(photos)):
         parser.get_dataparser_outputs(split)
-
-
-@pytest.mark.real_data
-def test_fox_cluttered_has_forty_pairs_and_ten_extras(data_folder):
-    data = data_folder("fox_cluttered")
-    parser = RobustNerfDataParserConfig(data=data, downscale_factor=2).setup()
-    train, test = (parser.get_dataparser_outputs(split) for split in ("train", "test"))
-    assert (len(train.image_filenames), len(test.image_filenames)) == (40, 10)
-    assert all(path is not None for path in train.metadata["distractor_mask_filenames"])
-    assert {(c.width.item(), c.height.item()) for c in train.cameras} == {(135, 240)}

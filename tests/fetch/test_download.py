@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections import namedtuple
 from pathlib import Path
 
 import pytest
 
-from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.errors import CaptureError
 from desplat_ns.fetch import download as module
 from desplat_ns.fetch.download import check_encrypted, download
 from tests.fetch.server import Site, serving
@@ -83,11 +82,3 @@ def test_an_address_that_has_moved_and_a_server_that_is_gone_are_named(tmp_path:
             fetched(site, tmp_path)
     with pytest.raises(CaptureError, match=r"gone\.zip"):
         fetched(site, tmp_path)
-
-
-def test_a_disk_that_will_not_hold_it_is_said_before(tmp_path: Path, monkeypatch):
-    usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr("shutil.disk_usage", lambda path: usage(10, 0, 1_000_000))
-    with serving(Site(CONTENT)) as site, pytest.raises(ConfigError, match="--folder"):
-        fetched(site, tmp_path)
-    assert not (tmp_path / "data.zip.part").exists()

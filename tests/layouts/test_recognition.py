@@ -127,20 +127,6 @@ def test_on_the_go_is_its_split_file_over_poses(capture, tmp_path, poses: str):
     assert parser_of(data) is not OnTheGoDataParserConfig
 
 
-def test_mipnerf_360s_smaller_copies_are_said(capture: Callable[..., Path]):
-    data = capture()
-    for name in ("images_8", "images_2", "images_540x960"):
-        (data / name).mkdir()
-    chosen = recognise(data)
-    assert "COLMAP: COLMAP's model in sparse/0, images_2, images_8." in chosen.line()
-    assert chosen.words == ("colmap",)
-    (data / "images").rename(data / "taken_away")
-    assert recognise(data).words == ("colmap", "--downscale-factor", "2")
-
-
-# --- several at once -----------------------------------------------------------------------------
-
-
 def test_of_two_layouts_it_says_which_was_taken_and_what_to_type_for_the_other(capture):
     chosen = recognise(write_transforms(capture()))
     assert chosen.layout.parser == "nerfstudio-data"
@@ -219,23 +205,6 @@ def test_the_folder_of_captures_and_the_photos_of_one_lead_to_it(capture: Callab
 
 
 # --- real captures -------------------------------------------------------------------------------
-
-
-@pytest.mark.real_data
-@pytest.mark.parametrize(
-    ("scene", "parser"),
-    [
-        ("fox", "colmap"),
-        ("fox_cluttered", "robustnerf-data"),
-        ("sacre_coeur", "photo-tourism-data"),
-    ],
-)
-def test_real_captures(data_folder, scene: str, parser: str):
-    chosen = recognise(data_folder(scene))
-    assert (chosen.layout.parser, chosen.others) == (parser, ())
-
-
-# --- Blender's layout ----------------------------------------------------------------------------
 
 
 def test_nerf_synthetic_scenes_are_read_by_blender_data(tmp_path: Path, photo_writer):

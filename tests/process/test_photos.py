@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -49,18 +48,6 @@ def test_a_focal_length_by_exif_sees_the_same_across_as_on_film(
     rounded = 0.005 / photo.focal + 1e-4 / np.hypot(*FILM)
     assert across == pytest.approx(np.hypot(*FILM) / 28, rel=rounded)
     assert without.focal == 0.0
-
-
-def test_what_was_copied_stays_and_names_are_not_those_of_the_record(photo_writer, tmp_path: Path):
-    """In somebody else's folder they may lead out of it."""
-    photo_writer(tmp_path / "a.png", 60, 40)
-    first = prepared(tmp_path, "a.png")
-    record, copy = tmp_path / "copies" / "photos.json", tmp_path / "copies" / first[0].copy
-    (facts,) = json.loads(record.read_text())
-    record.write_text(json.dumps([{**facts, "name": "../b.jpg", "copy": "../b.jpg"}]))
-    copy.write_bytes(b"there")
-    assert prepared(tmp_path, "a.png") == first
-    assert copy.read_bytes() == b"there"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of files are those of Linux")

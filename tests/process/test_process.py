@@ -1,5 +1,4 @@
-"""The whole way on the generated yard, whose cameras are known; what a second call does; and, with
-pycolmap's part made up, what becomes of a capture that is made."""
+"""The whole way on the generated yard, whose cameras are known, and what a second call does."""
 
 from __future__ import annotations
 
@@ -13,11 +12,10 @@ import PIL.Image
 import pytest
 
 from desplat_ns.commands.process import run
-from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.layouts.recognition import recognise
 from desplat_ns.process import process, video
-from desplat_ns.process.process import LISTED, open_record, report_lines
-from desplat_ns.process.reconstruction import Attempt, Model, Recipe, reconstruct
+from desplat_ns.process.process import open_record, report_lines
 from desplat_ns.process.request import Request
 from tests.helpers.yard import CLOSE, EDGE, Yard, places_of, silent, write_mask_of_the_mark
 
@@ -139,83 +137,8 @@ def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path):
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.doc"]
 
 
-def test_photos_that_are_left_out_for_one_reason_share_a_line_and_few_reasons_are_told():
-    missing = [{"source": f"{i}.jpg", "reason": f"reason {i // 2}"} for i in range(2 * LISTED + 3)]
-    lines = report_lines(Path("out"), {**FIGURES, "others": [], "left_out": missing})
-    told = [line for line in lines if line[:2] == "  "]
-    assert told[0] == "  0.jpg, 1.jpg: reason 0" and len(told) == LISTED + 1
-
-
 @pytest.mark.parametrize(("photos", "observations"), [(4, 2000), (20, 900), (20, 20_000)])
 def test_few_photos_or_points_are_said(photos: int, observations: int):
     changed = {"photos": photos, "observations": observations, "others": [], "left_out": []}
     lines = report_lines(Path("out"), {**FIGURES, **changed})
     assert any(line.startswith("Warning") for line in lines) == (observations < 20_000)
-
-
-# --- a capture that is made plainly, made once more thoroughly -----------------------------------
-
-OBSERVATIONS = {"plain": 700, "thorough": 800}
-
-
-@pytest.fixture
-def made(photo_writer, tmp_path: Path, monkeypatch) -> Callable[..., Request]:
-    """`made()`: three photos, made plainly; `thorough` says how many photos that way poses then."""
-    posed = {"plain": 3, "thorough": 3}
-
-    def in_worker(work: Path, do: Callable[..., Any], *arguments: Any) -> Attempt | None:
-        recipe = next((a for a in arguments if isinstance(a, Recipe)), None)
-        if do is not reconstruct or recipe is None:
-            (work.parent / "images").mkdir(exist_ok=True)
-            (work.parent / "images" / "made").write_text(arguments[0].name)
-            return None
-        copies = tuple(f"0000{i + 1}.jpg" for i in range(posed[recipe.name]))
-        model = Model(Path(recipe.name), copies, 9, OBSERVATIONS[recipe.name], 0.5)
-        features = {f"0000{i}.jpg": 100 for i in (1, 2, 3)}
-        return Attempt(recipe, [model], features, [])
-
-    monkeypatch.setattr(process, "in_worker", in_worker)
-
-    def make(**changed: int) -> Request:
-        for seed, name in enumerate("abc"):
-            photo_writer(tmp_path / "p" / f"{name}.png", 60, 40, seed=seed)
-        run(Request(tmp_path / "p", tmp_path / "out", threads=1))
-        assert findings_of(tmp_path / "out")["recipe"] == "plain"
-        posed.update(changed)
-        return Request(tmp_path / "p", tmp_path / "out", threads=1, effort="thorough")
-
-    return make
-
-
-@pytest.mark.parametrize(("posed", "recipe"), [(3, "thorough"), (2, "plain")])
-def test_a_better_one_takes_the_place_of_the_first(
-    made, monkeypatch: pytest.MonkeyPatch, posed: int, recipe: str
-):
-    thorough = made(thorough=posed)
-    run(thorough)
-    assert (thorough.output / "images" / "made").read_text() == recipe
-    found = findings_of(thorough.output)
-    assert (found["recipe"], found["observations"]) == (recipe, OBSERVATIONS[recipe])
-    monkeypatch.setattr(process, "in_worker", pytest.fail)
-    run(thorough)  # nothing is left to do
-
-
-def test_the_first_stays_where_the_second_is_interrupted_or_its_photos_are_gone(
-    made, monkeypatch: pytest.MonkeyPatch
-):
-    thorough = made()
-
-    def interrupted(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(process, "in_worker", interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            run(thorough)
-    run(Request(thorough.photos, thorough.output, threads=1))
-    for photo in thorough.photos.iterdir():
-        photo.write_bytes(bytes(photo.stat().st_size))
-    with pytest.raises(DeSplatError):
-        run(thorough)
-    assert (thorough.output / "images" / "made").read_text() == "plain"
-    assert findings_of(thorough.output)["recipe"] == "plain"

@@ -149,28 +149,3 @@ def test_features_that_were_cut_off_go_on_where_they_stopped(
     once = sorted(name for names in asked for name in names)
     assert once == [photo.copy for photo in photos]
     assert all(feature_counts(mine.database).values())
-
-
-@pytest.mark.slow
-def test_photos_that_were_entered_in_part_share_their_camera_all_the_same(
-    yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    photos = copied(yard.write(tmp_path / "photos", range(5)), tmp_path / "copies")
-    photos = [replace(photo, focal=321.5) for photo in photos]
-    mine = Features(tmp_path / "database.db", tmp_path / "copies", photos)
-    enter = pycolmap.import_images
-
-    def in_part(at: Path, folder: Path, mode: Any, names: list[str], options: Any) -> None:
-        enter(at, folder, mode, names[:2], options)
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(reconstruction.pycolmap, "import_images", in_part)
-        with pytest.raises(KeyboardInterrupt):
-            extract(mine)
-    extract(mine)
-    with pycolmap.Database.open(mine.database) as db:
-        (camera,) = db.read_all_cameras()
-        images = db.read_all_images()
-    assert camera.mean_focal_length() == 321.5 and camera.has_prior_focal_length
-    assert {image.name for image in images} == {photo.copy for photo in photos}

@@ -12,8 +12,8 @@ from desplat_ns.commands.process import run
 from desplat_ns.data.images import read_image
 from desplat_ns.errors import CaptureError
 from desplat_ns.process.request import Request
-from desplat_ns.process.video import look_at, motion, take_frames
-from tests.helpers.yard import BLUR, FRAMES_OF_A_VIEW, Yard, silent, view_of
+from desplat_ns.process.video import motion, take_frames
+from tests.helpers.yard import BLUR, Yard, silent, view_of
 
 pytestmark = pytest.mark.slow
 
@@ -35,13 +35,6 @@ def test_frames_that_are_taken_are_the_sharp_ones_of_their_numbers(
         assert int(np.argmin(off)) == view_of(name)
     assert take_frames(film, tmp_path / "frames", 150, silent) == names
     assert len(take_frames(film, tmp_path / "few", 4, silent)) <= 4
-
-
-def test_every_frame_is_looked_at_and_progress_ends_at_their_number(film: Path, yard: Yard):
-    reports: list[tuple[int, int]] = []
-    frames = list(look_at(film, lambda done, total: reports.append((done, total))))
-    assert [frame.index for frame in frames] == list(range(FRAMES_OF_A_VIEW * len(yard.pictures)))
-    assert reports[-1] == (len(frames), len(frames))
 
 
 @pytest.mark.parametrize("views", [1, 12], ids=["three frames", "all the same"])

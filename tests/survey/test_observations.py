@@ -18,8 +18,7 @@ VIEW = View(
     np.zeros(3),
     np.array([90.0, 80.0]),
     np.array([48.0, 36.0]),
-    96,
-    72,
+    (96, 72),
     np.zeros(6),
     False,
 )
@@ -51,17 +50,12 @@ def test_directions_lead_to_the_points():
     np.testing.assert_allclose(VIEW.directions(pixels), unit, atol=1e-12)
 
 
-def test_what_is_behind_has_no_pixel():
-    pixels, depths = VIEW.project(np.array([[0.0, 0.0, -1.0]]))
-    assert np.isnan(pixels).all() and depths[0] == -1
-
-
 def test_a_small_view_sees_a_generated_scenes_points_where_they_were_observed(still):
     observed = still.metadata[TRACKS].read([0, 5])
     for index, track in zip((0, 5), observed, strict=True):
         view = small_view(still.cameras, index)
         pixels, _ = view.project(points_of(still)[track.points])
-        off = np.abs(pixels / [view.width, view.height] - track.places) * [view.width, view.height]
+        off = np.abs(pixels / view.size - track.places) * view.size
         assert np.median(off) < 1.0
 
 

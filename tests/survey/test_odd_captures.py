@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +15,6 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from desplat_ns.data.images import read_image, write_image
 from desplat_ns.data.reconstruction import TRACKS
 from desplat_ns.errors import CaptureError
-from desplat_ns.survey import observations
 from tests.helpers.surveyed import copied, points_of, some, survey, with_points
 
 ORIENTATION = 0x0112
@@ -88,15 +86,6 @@ def test_a_black_or_white_photo_changes_no_decision_and_is_named(
 
 
 @pytest.mark.slow
-def test_a_photo_of_the_sky_alone_does_not_make_a_background(
-    still: DataparserOutputs, tmp_path: Path
-):
-    capture = copied(still, tmp_path)
-    write_image(capture.image_filenames[3], np.full((72, 96, 3), (120, 170, 230), np.uint8))
-    assert survey(capture).background.decision == "off"
-
-
-@pytest.mark.slow
 def test_what_is_cut_out_of_all_photos_is_no_sky(still: DataparserOutputs, tmp_path: Path):
     capture = copied(still, tmp_path)
     for path in capture.image_filenames:
@@ -118,16 +107,6 @@ def test_no_photo_is_an_error_and_one_that_cannot_be_read_is_named(
         survey(capture)
 
 
-@pytest.mark.slow
-def test_large_captures_are_sampled_evenly_and_say_so(
-    still: DataparserOutputs, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setattr(observations, "MOST_PHOTOS", 5)
-    result = survey(still)
-    assert (result.num_surveyed, result.num_photos) == (5, 10)
-    assert result.notes
-
-
 def test_what_a_file_is_like_does_not_change_what_is_seen(still: DataparserOutputs, tmp_path: Path):
     """16 bits, grey levels in four channels, and pixels that lie on their side by EXIF."""
     capture = copied(still, tmp_path)
@@ -144,18 +123,6 @@ def test_what_a_file_is_like_does_not_change_what_is_seen(still: DataparserOutpu
     assert survey(capture).to_json() == survey(still).to_json()
 
 
-def test_photos_of_two_sizes_are_compared(still: DataparserOutputs, tmp_path: Path):
-    capture = copied(still, tmp_path)
-    cameras = copy.deepcopy(capture.cameras)
-    for path in capture.image_filenames[::2]:
-        write_image(path, cv2.resize(read_image(path), (48, 36), interpolation=cv2.INTER_AREA))
-    for name in ("width", "height", "fx", "fy", "cx", "cy"):
-        values = getattr(cameras, name)
-        values[::2] = values[::2] // 2 if name in ("width", "height") else values[::2] / 2
-    result = survey(replace(capture, cameras=cameras))
-    assert result.decisions() == OFF
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_points_without_a_place_are_passed_over(still: DataparserOutputs):
@@ -164,12 +131,3 @@ def test_points_without_a_place_are_passed_over(still: DataparserOutputs):
         xyz = points_of(still).copy()
         xyz[::50] = broken
         assert survey(with_points(still, xyz)).decisions() == OFF
-
-
-def test_photos_of_which_none_shows_what_another_does_take_the_safe_side(still: DataparserOutputs):
-    """Each observes points of its own."""
-    xyz, tracks = points_of(still), still.metadata[TRACKS]
-    alone = replace(tracks, point_ids=np.arange(len(xyz)) + 10**6)
-    result = survey(with_points(still, xyz, tracks=alone))
-    assert result.decisions() == OFF
-    assert result.appearance.confidence == "none"

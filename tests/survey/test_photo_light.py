@@ -51,7 +51,7 @@ def chain(gains: np.ndarray) -> Observations:
         tracked[row : row + 2, shared * row : shared * (row + 1)] = True
     colors = rng.uniform(0.2, 0.6, (number, 3)) * np.exp(gains)[:, None, None]
     eye, zero, focal, center = np.eye(3), np.zeros(3), np.full(2, 90.0), np.array([48.0, 36.0])
-    view = View(eye, zero, focal, center, 96, 72, np.zeros(6), False)
+    view = View(eye, zero, focal, center, (96, 72), np.zeros(6), False)
     return Observations(
         names=[str(row) for row in range(count)],
         views=[view] * count,

@@ -22,7 +22,6 @@ from desplat_ns.survey.appearance import (
 from desplat_ns.survey.findings import CLEAR, Figure, Finding, confidence_of
 from desplat_ns.survey.observations import observe
 from desplat_ns.survey.photo_light import from_middle
-from desplat_ns.survey.survey import evidence_picture
 from desplat_ns.survey.survey import survey as survey_with_evidence
 from lab.synthetic import DaylightSpec, SceneSpec, make_scene
 from tests.helpers.surveyed import copied, survey
@@ -205,9 +204,3 @@ def test_a_lens_that_darkens_corners_is_no_light_that_changes_place_by_place(
     result, evidence = survey_with_evidence(darkened(still, tmp_path, 2, 2, np.log(2)))
     assert result.appearance.decision != "affine"
     assert evidence.light.vignetting.std() > 0.05
-
-
-def test_the_picture_shows_all_rows(still: DataparserOutputs):
-    picture = evidence_picture(survey_with_evidence(still)[1])
-    assert picture.dtype == np.uint8
-    assert picture.shape[0] > 4 * 150
