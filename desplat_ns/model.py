@@ -143,9 +143,9 @@ class DeSplatModel(SplatfactoModel):
                 gaussians, own, config, cameras, seeds, effects.background, scale
             )
         angle = (lambda view: self.photo_angle.degrees(view)) if self.has_points else None
-        self.layer_control = LayerControl(
-            num_views if effects.distractors else 0, config.near_plane, angle
-        )
+        views = range(num_views if effects.distractors else 0)
+        shown = [view_name(self.names, index) for index in views]
+        self.layer_control = LayerControl(shown, config.near_plane, angle)
 
     @property
     def rasterizer(self) -> Rasterizer:
@@ -402,6 +402,7 @@ class DeSplatModel(SplatfactoModel):
         remembered. A refinement or reset that was due follows at the next one."""
         self.train_step = None
 
+    @torch.no_grad()  # torch warns where numbers with a gradient are logged
     def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
         """Splatfacto's figures, and the number of distractors; none of a training step that is not
         logged."""

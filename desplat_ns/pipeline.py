@@ -179,6 +179,15 @@ class DeSplatPipeline(VanillaPipeline):
         """
         saved = SceneRecord.from_state(state_dict.get("_extra_state"))
         saved.check_fits(self.scene_record())
+        rows: dict[str, Any] = {}
+        for key, value in state_dict.items():
+            group = key.rpartition(".")[0]
+            is_of_gaussians = "gauss_params." in key or "distractors.views." in key
+            if is_of_gaussians and rows.setdefault(group, value.shape[:1]) != value.shape[:1]:
+                raise CheckpointError(
+                    f"The checkpoint is damaged: in {group} parameters have unequal numbers of "
+                    "Gaussians. Give another one with `--load-checkpoint FILE`."
+                )
         try:
             super().load_state_dict(state_dict, strict=True)
         except (RuntimeError, KeyError) as error:

@@ -74,6 +74,11 @@ class RunConfig(TrainerConfig):
                 "to derive it from the number of steps."
             )
 
+    def print_to_terminal(self) -> None:
+        """Name the run, in place of nerfstudio's hundreds of lines: config.yml has the settings."""
+        data, config = self.pipeline.datamanager.data, self.get_base_dir() / "config.yml"
+        announce(f"{self.method_name} trains on {data}. Its settings will be in {config}")
+
     def save_config(self) -> None:
         """Check what can be checked at once; nothing is written yet, see `write_config`.
 

@@ -28,6 +28,7 @@ from desplat_ns.backend.numba_kernels.passes import Frame, backward_frame, draw_
 from desplat_ns.backend.numba_kernels.pixels import AREA, GEOMETRY, Limits
 from desplat_ns.backend.numba_kernels.projection import Project, make_camera
 from desplat_ns.backend.numba_kernels.runtime import (
+    empty,
     flat,
     launching,
     new_counter,
@@ -119,26 +120,26 @@ class _Rasterize(torch.autograd.Function):
             colors=flat(colors),
             channels=channels,
         )
-        rgb = torch.empty(grid.height, grid.width, channels)
-        alpha = torch.empty(grid.height, grid.width, 1)
-        depth = torch.empty((grid.height, grid.width, 1) if settings.depth else (0,))
+        rgb = empty(grid.height, grid.width, channels)
+        alpha = empty(grid.height, grid.width, 1)
+        depth = empty(grid.height, grid.width, 1) if settings.depth else empty(0)
         area = grid.tiles_x * grid.tiles_y * AREA
         state = (np.empty(area, np.float32), np.empty(area, np.float32))
         frame = Frame(flat(rgb), flat(depth), flat(alpha), *state)
         with launching():
             lists, stride = tile_lists(gaussians, flat(radii), grid, settings.depth, ALPHA_CUTOFF)
             draw_frame(lists, stride, grid, frame, channels, _LIMITS, new_counter(), num_workers())
-        ctx.state = (lists, stride, frame, channels, grid, settings)
+        ctx.save_for_backward(rgb, depth, alpha)
+        ctx.state = (lists, stride, state, channels, grid, settings)
         ctx.means2d = means2d
         return rgb, alpha, depth
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad_rgb, grad_alpha, grad_depth):  # type: ignore[override]
-        lists, stride, frame, channels, grid, settings = ctx.state
-        pulled = Frame(
-            flat(grad_rgb), flat(grad_depth), flat(grad_alpha), frame.transmittance, frame.last
-        )
+        lists, stride, state, channels, grid, settings = ctx.state
+        frame = Frame(*map(flat, ctx.saved_tensors), *state)
+        pulled = Frame(flat(grad_rgb), flat(grad_depth), flat(grad_alpha), *state)
         sums = torch.from_numpy(
             _backward(lists, stride, grid, (frame, pulled), channels, ctx.means2d.shape[1])
         )

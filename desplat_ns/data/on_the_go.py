@@ -55,6 +55,12 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
             CaptureError: a split.json that does not fit, or no photo for this split.
         """
         path, wanted = self._listed(split)
+        both = wanted & self._listed("test")[1] if split == "train" else set()
+        if both:
+            raise CaptureError(
+                f"{path} lists {len(both)} photos to train on and to hold out, too: "
+                f"{list_names(sorted(both))}. Take each out of one of the lists."
+            )
         picked = [i for i, name in enumerate(names) if PurePosixPath(name).name in wanted]
         missing = wanted - {PurePosixPath(names[i]).name for i in picked}
         if not picked:

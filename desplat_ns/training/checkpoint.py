@@ -5,6 +5,7 @@ The files are nerfstudio's (`step-000000299.ckpt`): `ns-eval` and the other comm
 
 from __future__ import annotations
 
+import pickle
 import re
 import zipfile
 from collections.abc import Iterator
@@ -154,8 +155,11 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     except (PermissionError, MemoryError):
         raise
     except Exception as error:  # damaged bytes raise whatever the unpickler stumbles over
+        why = str(error) or type(error).__name__
+        if isinstance(error, pickle.UnpicklingError):  # torch's text advises to read it unsafely
+            why = "it names code that no training saves, which is not run"
         raise CheckpointError(
-            f"The checkpoint {path} is damaged or not a checkpoint ({error}). Give another one "
+            f"The checkpoint {path} is damaged or not a checkpoint ({why}). Give another one "
             "with `--load-checkpoint FILE`."
         ) from error
     held = state if isinstance(state, dict) else {}

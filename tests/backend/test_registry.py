@@ -26,6 +26,12 @@ def test_a_backend_of_the_other_device_says_what_to_type(monkeypatch):
         resolve("gsplat", "cpu")
 
 
+def test_no_thread_at_all_is_refused_before_numba_fails(monkeypatch):
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "0")
+    with pytest.raises(BackendUnavailableError, match="NUMBA_NUM_THREADS"):
+        resolve("numba", "cpu")
+
+
 KERNELS = "desplat_ns.backend.gsplat_build.unavailable_reason"
 
 
