@@ -59,10 +59,7 @@ from desplat_ns.rendering.views import held, view_of, views_of
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
 from desplat_ns.settings.effects import Effects
-from desplat_ns.training.schedule import (
-    Schedule,
-    pause_after_reset,
-)
+from desplat_ns.training.schedule import Schedule, pause_after_reset
 from desplat_ns.viewer import LayerControl
 
 MIN_SEED_POINTS = 4
@@ -274,9 +271,7 @@ class DeSplatModel(SplatfactoModel):
             if step.distractors is not None and own.static_alone:
                 owned = distractor_weight(alpha_d, in_region)
                 leak = own.leak if step.number < config.stop_split_at else 0.0
-                if (
-                    mask is not None
-                ):  # there the composite shows the static scene, as the photo does
+                if mask is not None:  # there the composite shows the static scene, as photos do
                     composite = torch.where(mask, composite, static.detach())
                 if config.use_bilateral_grid:  # the composite moves the grids everywhere
                     alone = photometric_loss(static, photo, config.ssim_lambda, owned, leak)
@@ -533,10 +528,8 @@ class DeSplatModel(SplatfactoModel):
 
     def in_light(self, params: RawParameters, view: View) -> Callable[[Tensor], Splats]:
         """Static Gaussians in the colours of an embedding [E], for what `view` shows of them."""
-        splats, appearance = (
-            activate_static(params, self.active_sh_degree),
-            self.image_effects.appearance,
-        )
+        splats = activate_static(params, self.active_sh_degree)
+        appearance = self.image_effects.appearance
         if appearance is None:
             return lambda embedding: splats
         return appearance.in_view(splats, params[FEATURES], view)
@@ -577,9 +570,8 @@ class DeSplatModel(SplatfactoModel):
         splats = activate_static(params, self.active_sh_degree)
         if FEATURES not in params:
             return splats
-        return self.image_effects.apply_appearance(
-            splats, params[FEATURES], self.embedding_of(None)
-        )
+        light = self.embedding_of(None)
+        return self.image_effects.apply_appearance(splats, params[FEATURES], light)
 
     @property
     def shs_0(self) -> Tensor:

@@ -46,12 +46,7 @@ from desplat_ns.training.checkpoint import (
     save_atomically,
     step_of,
 )
-from desplat_ns.training.optimizers import (
-    follow,
-    load_moments,
-    optimizer_options,
-    set_position,
-)
+from desplat_ns.training.optimizers import follow, load_moments, optimizer_options, set_position
 from desplat_ns.training.schedule import (
     TIMED_SHARE,
     TIMED_STEPS,
@@ -64,11 +59,7 @@ from desplat_ns.training.schedule import (
     saved_plan,
     seconds_of,
 )
-from desplat_ns.training.step_guard import (
-    GuardedOptimizers,
-    check_parameters,
-    parameters_of,
-)
+from desplat_ns.training.step_guard import GuardedOptimizers, check_parameters, parameters_of
 from desplat_ns.training.stop_signals import on_stop_signal
 
 
@@ -117,30 +108,27 @@ class DeSplatTrainer(Trainer):
             ConfigError: a budget in which nothing can be trained; or a folder that holds another
                 run, in which another process trains, or that cannot be written.
         """
+        config = self.config
         with run_folder(self.base_dir), ExitStack() as stack:
             with plain_errors(self.base_dir, "--output-dir"):
                 stack.enter_context(only_process_in(self.base_dir))
-            self._setup(test_mode)
+            self._saved = config.saved_run()
+            refuse_to_replace(self.checkpoint_dir, None if self._saved is None else self._saved[0])
+            backend, device = self._model_config.backend, config.machine.device_type
+            self._started += compile_kernels(backend, device)  # no part of a budget
+            manager = cast(DeSplatDataManagerConfig, config.pipeline.datamanager)
+            capture = cache(partial(training_split, manager))
+            findings = config.decide_effects(self._saved, capture)
+            config.settle_length(capture)
+            if config.budget and self._saved is not None:
+                budget, most = seconds_of(config.budget), config.max_num_iterations
+                self._settle(saved_plan(*self._saved, budget, self._seconds(), most))
+            super().setup(test_mode)
+            with plain_errors(self.base_dir, "--output-dir"):
+                config.write_config()
+            if findings is not None:
+                write_findings(findings, self.base_dir)
             self._folder_lock = stack.pop_all()  # held until the training is over
-
-    def _setup(self, test_mode: Literal["test", "val", "inference"]) -> None:
-        config = self.config
-        self._saved = config.saved_run()
-        refuse_to_replace(self.checkpoint_dir, None if self._saved is None else self._saved[0])
-        device = config.machine.device_type
-        self._started += compile_kernels(self._model_config.backend, device)  # no part of a budget
-        manager = cast(DeSplatDataManagerConfig, config.pipeline.datamanager)
-        capture = cache(partial(training_split, manager))
-        findings = config.decide_effects(self._saved, capture)
-        config.settle_length(capture)
-        if config.budget and self._saved is not None:
-            budget, most = seconds_of(config.budget), config.max_num_iterations
-            self._settle(saved_plan(*self._saved, budget, self._seconds(), most))
-        super().setup(test_mode)
-        with plain_errors(self.base_dir, "--output-dir"):
-            config.write_config()
-        if findings is not None:
-            write_findings(findings, self.base_dir)
 
     @property
     def _model_config(self) -> Any:
@@ -259,9 +247,8 @@ class DeSplatTrainer(Trainer):
         if remaining <= 0:
             announce(
                 f"Nothing left to train: {self._steps_done} steps are done and "
-                f"--max-num-iterations, the total, is {whole.max_num_iterations}. To train on, "
-                "give a larger --max-num-iterations. To evaluate or render, use the config.yml of "
-                "the run that wrote the checkpoint; nothing was saved for this one.",
+                f"--max-num-iterations, the total, is {whole.max_num_iterations}. Give more to go "
+                "on; else use the config.yml of the run that wrote the checkpoint.",
                 warning=True,
             )
             self._folder_lock.close()

@@ -18,7 +18,7 @@ import torch
 
 from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CheckpointError, ConfigError
-from desplat_ns.files.whole import draft_of
+from desplat_ns.files.whole import draft_of, plain_errors
 
 CHECKPOINT_NAME = re.compile(r"step-(\d+)\.ckpt")
 STAGING_FOLDER = ".saving"
@@ -120,13 +120,8 @@ def run_folder(folder: Path) -> Iterator[None]:
         ConfigError: the folder cannot be made.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
-    try:
+    with plain_errors(folder, "--output-dir"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(
-            f"The run's folder {folder} cannot be made ({error}). Name another place with "
-            "--output-dir."
-        ) from error
     try:
         yield
     except BaseException:
