@@ -22,18 +22,21 @@ from rich.progress import (
 )
 from rich.progress_bar import ProgressBar
 
+from desplat_ns.errors import printable
+
 LISTED_NAMES = 10
 """So many names are listed in an error; the rest is counted."""
 
 
 def announce(line: str, warning: bool = False) -> None:
-    """Print one line on nerfstudio's console; paths stay whole, brackets in them are kept.
+    """Print one line on nerfstudio's console; paths stay whole, brackets in them are kept, control
+    characters are shown.
 
     A console that cannot be written to, such as a log on a full disk, is no reason to stop.
     """
     style = "yellow" if warning else None
     with suppress(OSError):
-        CONSOLE.print(escape(line), style=style, soft_wrap=True, highlight=False)
+        CONSOLE.print(escape(printable(line)), style=style, soft_wrap=True, highlight=False)
 
 
 @cache

@@ -30,6 +30,12 @@ class TrainingError(DeSplatError):
     """Training cannot go on: what it computes, or its state, is not finite any more."""
 
 
+def printable(text: str) -> str:
+    """A text in one line, whatever files are called: line breaks, escapes that a terminal would
+    follow, and bytes that are no text, become `\\n`, `\\x1b` and `\\udcfc`."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 def print_user_errors_plainly() -> None:
     """From now on, a `DeSplatError` that ends the program prints its message without a traceback.
 
@@ -40,7 +46,7 @@ def print_user_errors_plainly() -> None:
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         if isinstance(error, DeSplatError):
-            print(f"\nError: {error}", file=sys.stderr)
+            print(f"\nError: {printable(str(error))}", file=sys.stderr)
         else:
             before(kind, error, trace)
 

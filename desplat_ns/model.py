@@ -191,7 +191,7 @@ class DeSplatModel(SplatfactoModel):
     # --- a step ------------------------------------------------------------------------------
 
     def get_outputs(self, camera: Cameras) -> dict[str, Tensor]:
-        """Render one camera; in training this begins the `TrainStep`.
+        """Render one camera.
 
         Returns:
             Images [H, W, C] with colours in [0, 1]: rgb (in training what the loss sees, else the
@@ -199,42 +199,42 @@ class DeSplatModel(SplatfactoModel):
             distractors also rgb_static, rgb_composite, rgb_distractor (weighted by its alpha),
             alpha_distractor and distractor_mask (bool).
         """
-        index, training, layer = train_index(camera), self.training, self.layer
+        index = train_index(camera)
+        if self.training:
+            assert index is not None, "a camera to train on says which training view it is"
+            return self._training_outputs(camera, index)
         view = self.view_of_camera(camera, index)
-        if not training:
-            index = self.layer_control.train_idx() if index is None else index
-            self.layer_control.tell_photo_angle(view)
+        index = self.layer_control.train_idx() if index is None else index
+        self.layer_control.tell_photo_angle(view)
         embedding = self.embedding_of(index)
         static = self.render_static(view, embedding)
-        settings, step = self.render_settings(depth=False), None
-        if training:
-            assert index is not None, "a camera to train on says which training view it is"
-            self.train_step = step = TrainStep(self.nominal_step, index, view, static)
-            if layer is not None:
-                constant = held(view)  # poses are the static scene's to learn
-                step.distractors = layer.draw_for_training(
-                    step.number, index, lambda splats: self.rasterizer(splats, constant, settings)
-                )
         background = self.background_of(view, embedding)
         image = self.image_of(static, background, view, embedding)
-        if not training:
-            background = self._photographed(background, view, embedding)
-        outputs = static_outputs(static, image, background)
-        if layer is not None:
+        outputs = static_outputs(static, image, self._photographed(background, view, embedding))
+        if self.layer is not None:
+            drawn = None if index is None else self.layer.draw(index, self._rasterizer_of(view))
             outputs["rgb_static"] = outputs["rgb"]
-            if step is not None:
-                outputs |= layer.training_outputs(step, image, outputs["rgb"])
-                outputs["rgb"] = outputs["rgb_composite"]
-            else:
-                drawn = None
-                if index is not None:
-                    drawn = layer.draw(index, lambda s: self.rasterizer(s, view, settings))
-                outputs |= layered_outputs(image, outputs["rgb"], drawn)
-        if step is None:
-            return self.layer_control.chosen(outputs)
+            outputs |= layered_outputs(image, outputs["rgb"], drawn)
+        return self.layer_control.chosen(outputs)
+
+    def _training_outputs(self, camera: Cameras, index: int) -> dict[str, Tensor]:
+        """As `get_outputs`; begins the `TrainStep`."""
+        view, embedding = self.view_of_camera(camera, index), self.embedding_of(index)
+        static = self.render_static(view, embedding)
+        self.train_step = step = TrainStep(self.nominal_step, index, view, static)
+        if self.layer is not None:
+            rasterize = self._rasterizer_of(held(view))  # poses are the static scene's to learn
+            step.distractors = self.layer.draw_for_training(step.number, index, rasterize)
+        background = self.background_of(view, embedding)
+        image = self.image_of(static, background, view, embedding)
+        outputs = static_outputs(static, image, background)
+        if self.layer is not None:
+            outputs["rgb_static"] = outputs["rgb"]
+            outputs |= self.layer.training_outputs(step, image, outputs["rgb"])
+            outputs["rgb"] = outputs["rgb_composite"]
         if self.config.use_bilateral_grid:
             for name in outputs.keys() & {"rgb", "rgb_static"}:
-                toned = self._apply_bilateral_grid(outputs[name][None], step.index, *self.last_size)
+                toned = self._apply_bilateral_grid(outputs[name][None], index, *self.last_size)
                 outputs[name] = toned[0]
         return outputs
 
@@ -243,50 +243,36 @@ class DeSplatModel(SplatfactoModel):
     ) -> dict[str, Tensor]:
         """The terms of Eq. 5 and 12, and those that `distractors.static_alone` and `opacity_prior`
         add; training adds them up. Outside of training, those of the static scene."""
-        config, step, layer = self.config, self.train_step, self.layer
-        if not self.training:
-            photo = self.photo_of(outputs, batch)
-            main = self._main_loss(outputs["rgb"], photo, self.mask_of(batch, photo.device))
-            return {"main_loss": main} | self._others()
-        assert step is not None
-        sky = self.effects.background
-        if sky != "off" or batch["image"].shape[2] == 4:
+        config, step, layer, sky = self.config, self.train_step, self.layer, self.effects.background
+        if step is not None and (sky != "off" or batch["image"].shape[2] == 4):
             light = self.embedding_of(step.index)
             behind = self._photographed(outputs["background"], step.view, light)
             outputs = {**outputs, "background": behind}
         photo = self.photo_of(outputs, batch)
         mask = self.mask_of(batch, photo.device)
-        composite, alpha_s = outputs["rgb"], outputs["accumulation"]
+        if not self.training:
+            return {"main_loss": self._main_loss(outputs["rgb"], photo, mask)} | self._others()
+        assert step is not None
+        alpha_s = outputs["accumulation"]
         alpha_d = outputs.get("alpha_distractor", torch.zeros_like(alpha_s))
         losses: dict[str, Tensor] = {}
-        owned = None
+        owned = in_region = None
         if layer is not None:
-            own, static = layer.config, outputs["rgb_static"]
-            opacities = self.gauss_params["opacities"]
+            static, opacities = outputs["rgb_static"], self.gauss_params["opacities"]
             photo, in_region = layer.look(step, photo, static, mask, opacities, self.memory)
-            losses["distractor_opacity"] = alpha_d.new_zeros(())
-            if step.distractors is not None:
-                price = distractor_opacity_loss(alpha_d, in_region)
-                losses["distractor_opacity"] = own.lambda_d * price
-            if step.distractors is not None and own.static_alone:
+            if step.distractors is not None and layer.config.static_alone:
                 owned = distractor_weight(alpha_d, in_region)
-                leak = own.leak if step.number < config.stop_split_at else 0.0
-                if mask is not None:  # there the composite shows the static scene, as photos do
-                    composite = torch.where(mask, composite, static.detach())
-                if config.use_bilateral_grid:  # the composite moves the grids everywhere
-                    alone = photometric_loss(static, photo, config.ssim_lambda, owned, leak)
-                    main = photometric_loss(composite, photo, config.ssim_lambda)
-                else:
-                    alone, main = layered_photometric_losses(
-                        static, composite, photo, config.ssim_lambda, owned, leak
-                    )
-                losses |= {"main_loss": main, "static_photometric": alone}
+        if owned is None:
+            losses["main_loss"] = self._main_loss(outputs["rgb"], photo, mask)
+        else:
+            losses |= self._separate_losses(outputs, photo, mask, owned)
+        if layer is not None:
+            price = distractor_opacity_loss(alpha_d, in_region)
+            losses["distractor_opacity"] = layer.config.lambda_d * price
             # Before a photo's own sky, B.3 has 0.
             if sky == "off" or (sky != "image" and owned is not None):
                 transparency = static_transparency_loss(alpha_s, None if sky == "off" else owned)
-                losses["static_transparency"] = own.lambda_s * transparency
-        if owned is None:
-            losses["main_loss"] = self._main_loss(composite, photo, mask)
+                losses["static_transparency"] = layer.config.lambda_s * transparency
         if sky != "off":
             most = config.background.max_error
             explained = explained_by_background(outputs["background"], photo, most)
@@ -296,6 +282,24 @@ class DeSplatModel(SplatfactoModel):
         losses |= self._others()
         self.losses = {name: value.detach() for name, value in losses.items()}
         return losses
+
+    def _separate_losses(
+        self, outputs: dict[str, Any], photo: Tensor, mask: Tensor | None, owned: Tensor
+    ) -> dict[str, Tensor]:
+        """L_GS of the composite, which moves distractors only, and of the static scene on what they
+        do not own; in masked pixels the composite shows the static scene, as the photo does."""
+        assert self.layer is not None and self.train_step is not None
+        static, composite, weight = outputs["rgb_static"], outputs["rgb"], self.config.ssim_lambda
+        grows = self.train_step.number < self.config.stop_split_at
+        leak = self.layer.config.leak if grows else 0.0
+        if mask is not None:
+            composite = torch.where(mask, composite, static.detach())
+        if self.config.use_bilateral_grid:  # the composite moves the grids everywhere
+            own = photometric_loss(static, photo, weight, owned, leak)
+            main = photometric_loss(composite, photo, weight)
+        else:
+            own, main = layered_photometric_losses(static, composite, photo, weight, owned, leak)
+        return {"main_loss": main, "static_photometric": own}
 
     def _main_loss(self, image: Tensor, photo: Tensor, mask: Tensor | None) -> Tensor:
         """L_GS of an image; what is masked is black in it and in the photo."""
@@ -454,6 +458,11 @@ class DeSplatModel(SplatfactoModel):
                 self.gauss_params, self.optimizers, self.strategy_state, self.step, self.info
             )
         return rendering
+
+    def _rasterizer_of(self, view: View) -> Callable[[Splats], Rendering]:
+        """Draws distractors into a view."""
+        settings = self.render_settings(depth=False)
+        return lambda splats: self.rasterizer(splats, view, settings)
 
     def params_in(self, view: View) -> RawParameters:
         """All in training; else those in the crop box that do not stand before the camera."""

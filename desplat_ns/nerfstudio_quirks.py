@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from enum import Enum
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import torch
 import yaml
@@ -18,6 +19,7 @@ from nerfstudio.viewer import control_panel
 from desplat_ns.backend import BackendName
 from desplat_ns.backend.registry import rendering_device
 from desplat_ns.console import announce
+from desplat_ns.errors import ConfigError
 from desplat_ns.rendering.metrics import LazyLpips
 from desplat_ns.training.checkpoint import load_newest
 
@@ -146,7 +148,7 @@ def load_evaluated_checkpoints_like_resumed_ones() -> None:
         return
 
     def load(config: Any, pipeline: Any) -> tuple[Path, int]:
-        if not type(config).__module__.startswith("desplat_ns."):
+        if not _is_ours(config):
             return upstream(config, pipeline)
         path, state = load_newest(config.load_dir, config.load_step)
         pipeline.load_pipeline(state["pipeline"], state["step"])
@@ -155,11 +157,15 @@ def load_evaluated_checkpoints_like_resumed_ones() -> None:
     eval_utils.eval_load_checkpoint = load
 
 
+def _is_ours(config: Any) -> bool:
+    return type(config).__module__.startswith("desplat_ns.")
+
+
 def write_enumerations_by_value() -> None:
     """From now on PyYAML writes members of enumerations as their class and value.
 
     Python 3.11.0 to 3.11.3 pickles them as a call of `getattr`, and PyYAML writes what pickle says:
-    a config.yml that calls a function is not read (`runs.loading`).
+    a config.yml that calls a function is not read (`read_only_configurations`).
     """
     yaml.add_multi_representer(Enum, _enumeration)
 
@@ -168,3 +174,65 @@ def _enumeration(dumper: yaml.Dumper, member: Enum) -> yaml.Node:
     named = f"{type(member).__module__}.{type(member).__name__}"
     tag = f"tag:yaml.org,2002:python/object/apply:{named}"
     return dumper.represent_sequence(tag, [member.value])
+
+
+UNPICKLES = "minimal-parser"
+"""nerfstudio's data parser that reads pickles, which run code, out of a capture."""
+
+_STANDARD = "tag:yaml.org,2002:"
+
+
+def read_only_configurations() -> None:
+    """From now on `yaml.Loader` makes nothing of a Python tag with which no registered method or
+    data parser is written; it raises ConfigError.
+
+    Runs are shared, and nerfstudio 1.1.5 writes config.yml with PyYAML's tags of Python objects and
+    reads it by `yaml.Loader`, which imports, calls and fills whatever a tag names:
+    `!!python/object/apply:os.system [...]` is run. So do `ns-eval`, `ns-render`, `ns-viewer`,
+    `ns-export` (eval_utils.py, `eval_setup`) and `ns-train --load-config` (train.py). Both name the
+    class when they read, and neither module can be imported yet when this one is.
+    """
+    upstream = yaml.Loader.construct_object
+    if upstream.__module__ == __name__:
+        return
+
+    def construct_object(self: yaml.Loader, node: yaml.Node, deep: bool = False) -> Any:
+        is_python = node.tag.startswith(f"{_STANDARD}python/")
+        if is_python and not any(node.tag in trusted_tags(which) for which in ("ours", "all")):
+            raise ConfigError(
+                f"config.yml names '{node.tag.removeprefix(_STANDARD)}' in line "
+                f"{node.start_mark.line + 1}. Reading the file would run it, and no method or data "
+                "parser that is registered here needs it, so the file is not read. If another "
+                "version of this package, or of nerfstudio, wrote the file, use that version, or "
+                "train anew; if a plugin did, install it. Else do not use the file unless you know "
+                "who wrote it."
+            )
+        return upstream(self, node, deep)
+
+    yaml.Loader.construct_object = construct_object
+
+
+@cache
+def trusted_tags(which: Literal["ours", "all"]) -> frozenset[str]:
+    """The tags with which nerfstudio writes registered methods, ours (which takes half a second) or
+    all, and data parsers: kind and full name, as `python/object:desplat_ns.trainer.RunConfig`."""
+    from nerfstudio.configs.dataparser_configs import all_dataparsers
+    from nerfstudio.configs.method_configs import all_methods
+
+    from desplat_ns.datamanager import without_prompts
+    from desplat_ns.layouts.choices import OURS
+
+    parsers: dict[str, Any] = {**OURS, **all_dataparsers}
+    parsers.pop(UNPICKLES, None)
+    methods = all_methods.values()
+    configs: list[Any] = [m for m in methods if which == "all" or _is_ours(m)]
+    configs += parsers.values()
+    for name, parser in parsers.items():
+        if name != "desplat-data":  # which looks for a capture
+            with suppress(ConfigError):  # of a data parser that our data manager refuses
+                configs.append(without_prompts(parser))
+    tags: set[str | None] = set()
+    for config in configs:
+        with suppress(yaml.YAMLError, TypeError):  # a plugin's that cannot be written
+            tags |= {getattr(event, "tag", None) for event in yaml.parse(yaml.dump(config))}
+    return frozenset(filter(None, tags))

@@ -30,7 +30,9 @@ def auto_run(scene: Scene, output: Path, **effects: Any) -> Any:
 
 
 def saved_effects(config: Any) -> Effects:
-    written = yaml.load((config.get_base_dir() / "config.yml").read_text(), Loader=yaml.Loader)
+    written = yaml.load(
+        (config.get_base_dir() / "config.yml").read_text(), Loader=yaml.UnsafeLoader
+    )
     assert not written.pipeline.model.effects.auto
     return written.pipeline.model.effects.settled()
 

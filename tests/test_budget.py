@@ -85,7 +85,7 @@ def test_a_run_spends_its_budget_on_the_schedules_that_were_planned(config, cloc
     assert plan["seconds"] == pytest.approx((0.5, 0.2))
     assert saved["step"] + 1 == trainer.config.max_num_iterations > plan["steps"] > 15
     text = (trainer.base_dir / "config.yml").read_text()
-    model = yaml.load(text, yaml.Loader).pipeline.model
+    model = yaml.load(text, yaml.UnsafeLoader).pipeline.model
     assert model.schedule_scale == plan["steps"] / 30_000 == trainer.pipeline.model.schedule.scale
     assert model.train_downscale == 1
     assert trainer.optimizers.optimizers["means"].param_groups[0]["lr"] < 1.3 * 1.6e-6

@@ -98,7 +98,7 @@ def test_ns_eval_writes_every_figure(trained: Path, tmp_path: Path, checkpoint: 
 def test_a_run_from_a_gpu_machine_is_evaluated_without_one(trained: Path, tmp_path: Path):
     from nerfstudio.scripts.eval import ComputePSNR
 
-    config = yaml.load(trained.read_text(), Loader=yaml.Loader)
+    config = yaml.load(trained.read_text(), Loader=yaml.UnsafeLoader)
     config.machine.device_type = "cuda"
     config.pipeline.model.backend = "gsplat"
     there = tmp_path / "config.yml"
@@ -112,7 +112,7 @@ def test_a_run_from_a_gpu_machine_is_evaluated_without_one(trained: Path, tmp_pa
 def test_ns_eval_passes_over_a_truncated_newest_checkpoint(trained: Path, tmp_path: Path):
     from nerfstudio.scripts.eval import ComputePSNR
 
-    config = yaml.load(trained.read_text(), Loader=yaml.Loader)
+    config = yaml.load(trained.read_text(), Loader=yaml.UnsafeLoader)
     (saved,) = config.get_checkpoint_dir().glob("*.ckpt")
     config.output_dir = tmp_path
     folder = config.get_checkpoint_dir()

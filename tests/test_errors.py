@@ -4,6 +4,7 @@ import sys
 
 import pytest
 
+from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError, print_user_errors_plainly
 
 
@@ -18,6 +19,15 @@ def hook(monkeypatch):
 def test_a_users_mistake_is_told_plainly(hook, capsys):
     assert hook(CaptureError("no photos in 'x'")) == []
     assert capsys.readouterr().err.strip() == "Error: no photos in 'x'"
+
+
+def test_names_forge_no_lines_and_no_colours(hook, capsys):
+    name = "grün\x1b[2J\nError: all is well\r\udcfc\u202e"
+    hook(CaptureError(name))
+    announce(name)
+    shown = capsys.readouterr()
+    escaped = r"grün\x1b[2J\nError: all is well\r\udcfc\u202e"
+    assert shown.err == f"\nError: {escaped}\n" and shown.out == f"{escaped}\n"
 
 
 def test_any_other_error_goes_where_it_went_before(hook, capsys):

@@ -105,7 +105,7 @@ def test_enumerations_are_written_by_value_in_any_python():
     nerfstudio_quirks.write_enumerations_by_value()
     text = yaml.dump([_AsInPython3112.ONE])
     assert "getattr" not in text
-    assert yaml.load(text, Loader=yaml.Loader) == [_AsInPython3112.ONE]
+    assert yaml.load(text, Loader=yaml.UnsafeLoader) == [_AsInPython3112.ONE]
 
 
 UNREAD = """

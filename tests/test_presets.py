@@ -42,7 +42,7 @@ def test_a_preset_is_as_long_as_the_photos_ask_for(name, tiny_scene, tmp_path):
     steps = round(visits * 40)
     assert trainer.config.max_num_iterations == steps
     assert trainer.config.pipeline.model.schedule_scale == steps / config.nominal_num_iterations
-    saved = yaml.load((config.get_base_dir() / "config.yml").read_text(), Loader=yaml.Loader)
+    saved = yaml.load((config.get_base_dir() / "config.yml").read_text(), Loader=yaml.UnsafeLoader)
     assert saved.max_num_iterations == steps
     assert saved.pipeline.model.schedule_scale == steps / config.nominal_num_iterations
     for scheduler in trainer.optimizers.schedulers.values():

@@ -129,7 +129,7 @@ def contents(folder: Path) -> dict[Path, bytes]:
 def test_config_yml_holds_the_schedule_scale_that_was_resolved(config):
     set_up(config)
     text = (config.get_base_dir() / "config.yml").read_text()
-    saved = yaml.load(text, Loader=yaml.Loader)
+    saved = yaml.load(text, Loader=yaml.UnsafeLoader)
     assert saved.pipeline.model.schedule_scale == 0.5
     assert config.setup().config.pipeline.model.schedule_scale == 0.5
 

@@ -44,7 +44,7 @@ def _gsplat_unavailable(device: str) -> str | None:
     from desplat_ns.backend.gsplat_build import unavailable_reason
 
     reason = unavailable_reason()
-    return None if reason is None else f"{reason}\n{ON_THE_CPU}"
+    return None if reason is None else f"{reason} {ON_THE_CPU}"
 
 
 def unavailable_reason(name: str, device: str) -> str | None:

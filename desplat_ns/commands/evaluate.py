@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.commands import run
+from desplat_ns.commands import OfRun, run
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError
 from desplat_ns.evaluation.config import EvaluationConfig, LpipsNet, ProtocolName
@@ -19,15 +19,19 @@ from desplat_ns.files.whole import (
     whole_folder,
     write_whole,
 )
-from desplat_ns.runs.files import find_run
+
+FIGURES = {
+    "psnr": "PSNR {:.2f} dB",
+    "ssim": "SSIM {:.3f}",
+    "lpips": "LPIPS {:.3f}",
+    "mask_iou": "IoU of masks with true ones {:.2f}",
+}
 
 
-@dataclass
-class Evaluate:
+@dataclass(kw_only=True)
+class Evaluate(OfRun):
     """Score a trained run and write the figures as JSON, as ns-eval does."""
 
-    load_config: Path
-    """config.yml of the run."""
     output_path: Path = Path("output.json")
     """The figures."""
     render_output_path: Path | None = None
@@ -48,14 +52,11 @@ class Evaluate:
     """Replace the figures if they are there, and write into a folder that is not empty."""
 
     def main(self) -> None:
-        """Evaluate, write, say where.
-
-        Raises:
-            ConfigError: a path that cannot be or is taken, or options that are of no use here.
-        """
+        """Evaluate, write, say what came out. Raises ConfigError where a path cannot be or is
+        taken, or an option is of no use here."""
         if self.output_path.suffix != ".json":
             raise ConfigError(f"--output-path is '{self.output_path}'; give it the ending .json.")
-        files, pictures = find_run(self.load_config), self.render_output_path
+        files, pictures = self.find(), self.render_output_path
         check_new_file(self.output_path, self.overwrite, "--output-path")
         if pictures is not None:
             check_new_folder(pictures, self.overwrite, "--render-output-path")
@@ -79,6 +80,11 @@ class Evaluate:
         }
         with plain_errors(self.output_path, "--output-path"):
             write_whole(self.output_path, json.dumps(record, indent=2).encode())
+        figures = [form.format(results[key]) for key, form in FIGURES.items() if key in results]
+        announce(
+            f"{', '.join(figures)}; means of {results['num_images']} held-out photos. Scored: "
+            f"{results['protocol']}."
+        )
         announce(f"Saved results to: {self.output_path}")
 
     def _with_protocol(self, config: Any) -> Any:

@@ -8,20 +8,17 @@ from typing import Annotated
 
 import tyro
 
-from desplat_ns.commands import run
+from desplat_ns.commands import OfRun, run
 from desplat_ns.errors import ConfigError
-from desplat_ns.export.formats import PAGE_ENDING, Frame, Naming, format_of
+from desplat_ns.export.formats import Frame, Naming, format_of
 from desplat_ns.files.whole import check_new_file, check_new_folder
-from desplat_ns.runs.files import find_run
-from desplat_ns.settings.options import check_ranges, ranged
+from desplat_ns.settings.options import ranged
 
 
-@dataclass
-class Splats:
+@dataclass(kw_only=True)
+class Splats(OfRun):
     """Write the static scene, without distractors, as splats: .ply, .spz or .glb."""
 
-    load_config: Path
-    """config.yml of the run."""
     output: Path
     """The file. Its ending chooses the format: .ply (everything reads it), .spz (an eighth of
     its size, rounded), .glb (glTF with KHR_gaussian_splatting, exact)."""
@@ -38,14 +35,9 @@ class Splats:
     """Replace the file if it is there."""
 
     def main(self) -> None:
-        """Check what can be checked at once, then load and write.
-
-        Raises:
-            DeSplatError: the run is not there or cannot be loaded, or the file not be written.
-        """
-        check_ranges(self)
+        """Check what can be checked at once, then load and write. Raises DeSplatError."""
         format_of(self.output)
-        files = find_run(self.load_config)
+        files = self.find()
         check_new_file(self.output, self.overwrite)
 
         from desplat_ns.export.export import export_splats  # seconds
@@ -53,15 +45,13 @@ class Splats:
         export_splats(files, self.output, self.frame, self.crop, self.light)
 
 
-@dataclass
-class Masks:
+@dataclass(kw_only=True)
+class Masks(OfRun):
     """Write the distractor mask of every training photo as PNG, at the photo's full size.
 
     Black is what is to be ignored, as COLMAP and nerfstudio want it.
     """
 
-    load_config: Path
-    """config.yml of the run."""
     output: Path
     """The folder; folders of the photos are kept inside it."""
     invert: bool = False
@@ -75,8 +65,7 @@ class Masks:
 
     def main(self) -> None:
         """As `Splats.main`."""
-        check_ranges(self)
-        files = find_run(self.load_config)
+        files = self.find()
         check_new_folder(self.output, self.overwrite)
 
         from desplat_ns.export.export import export_masks  # seconds
@@ -84,16 +73,14 @@ class Masks:
         export_masks(files, self.output, self.invert, self.dilate, self.names)
 
 
-@dataclass
-class Page:
+@dataclass(kw_only=True)
+class Page(OfRun):
     """Write the scene itself as one HTML page: to walk around in, without a server or a network.
 
     It begins at the first training photo's camera. Photos can be laid over the scene, and what was
     taken out of each can be put back.
     """
 
-    load_config: Path
-    """config.yml of the run."""
     output: Path
     """The page, FILE.html."""
     training_photos: int = ranged(200, "[0, inf)")
@@ -112,13 +99,12 @@ class Page:
 
     def main(self) -> None:
         """As `Splats.main`."""
-        check_ranges(self)
-        if self.output.suffix.lower() != PAGE_ENDING:
-            raise ConfigError(f"--output is '{self.output}'; give it the ending {PAGE_ENDING}.")
-        files = find_run(self.load_config)
+        if self.output.suffix.lower() != ".html":
+            raise ConfigError(f"--output is '{self.output}'; give it the ending .html.")
+        files = self.find()
         check_new_file(self.output, self.overwrite)
 
-        from desplat_ns.scene.gather import write_scene  # seconds
+        from desplat_ns.scene.page import write_scene  # seconds
 
         photos = self.training_photos, self.held_out_photos
         write_scene(files, self.output, *photos, self.megabytes, self.crop, self.light)

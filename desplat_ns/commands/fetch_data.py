@@ -29,16 +29,10 @@ class Arguments:
     """Keep archives once they are unpacked."""
 
     def main(self) -> None:
-        """List, or fetch.
-
-        Raises:
-            CaptureError: it cannot be downloaded or unpacked.
-            ConfigError: there is no data set of that name.
-        """
+        """List, or fetch. Raises DeSplatError where it is not known or cannot be had."""
         if not self.name:
             for name, source in SOURCES.items():
-                addresses = (file.address for file in source.files)
-                print(name, source.title, source.page, *addresses, sep="\n    ")
+                print(name, source.title, source.page, *source.files, sep="\n    ")
             return
         if self.name not in SOURCES:
             raise ConfigError(

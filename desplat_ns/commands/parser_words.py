@@ -26,22 +26,26 @@ Arguments = TypeVar("Arguments")
 def parse(
     options: type[Arguments], command: str, words: Sequence[str]
 ) -> tuple[Arguments, tuple[str, ...]]:
-    """A command's options, and the data parser's words that follow them, which are not looked at.
+    """A command's options, a dataclass, and the data parser's words that follow them, which are not
+    looked at.
 
     The capture, the first word, may also stand anywhere as `--data CAPTURE`, as ns-train takes it.
     Where help is asked for it is printed, that of the data parser if one is named, and the process
     ends.
-
-    Args:
-        options: a dataclass that tyro reads.
-        command: its name, for errors.
 
     Raises:
         ConfigError: an option is not known, and no data parser is named before it.
     """
     words = _data_first(words)
     if not HELP.isdisjoint(words):
-        _help(options, command, [word for word in words if word not in HELP])
+        known, rest = [word for word in words if word not in HELP], list[str]()
+        with suppress(SystemExit):  # what is wrong beside --help is not complained about
+            _, rest = tyro.cli(
+                options, prog=command, args=known, return_unknown_args=True, console_outputs=False
+            )
+        if rest and not rest[0].startswith("-"):
+            data_parser(command, [rest[0], "--help"])
+        tyro.cli(options, prog=command, args=["--help"])
     parsed, rest = tyro.cli(options, prog=command, args=words, return_unknown_args=True)
     if rest and rest[0].startswith("-"):
         raise ConfigError(
@@ -60,18 +64,6 @@ def _data_first(words: Sequence[str]) -> list[str]:
             data = [value] if is_joined else words[at + 1 : end]
             return [*data, *words[:at], *words[end:]]
     return list(words)
-
-
-def _help(options: type, command: str, words: Sequence[str]) -> None:
-    """Print the help of the data parser, if one is named, or of the command; ends the process."""
-    rest: list[str] = []
-    with suppress(SystemExit):  # what is wrong beside --help is not complained about
-        _, rest = tyro.cli(
-            options, prog=command, args=words, return_unknown_args=True, console_outputs=False
-        )
-    if rest and not rest[0].startswith("-"):
-        data_parser(command, [rest[0], "--help"])
-    tyro.cli(options, prog=command, args=["--help"])
 
 
 def data_parser(command: str, words: Sequence[str]) -> DataParserConfig:

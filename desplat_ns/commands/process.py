@@ -9,11 +9,7 @@ from desplat_ns.process.request import Request, find_sources
 
 
 def run(request: Request) -> None:
-    """Check what can be checked at once, then make the capture.
-
-    Raises:
-        DeSplatError: see `process.process`.
-    """
+    """Check what can be checked at once, then make the capture; raises as `process.process`."""
     request.check()
     sources = find_sources(request.photos, request.output)
 

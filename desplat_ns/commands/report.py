@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from desplat_ns.commands import run
-from desplat_ns.console import announce
+from desplat_ns.commands import OfRun, run
 from desplat_ns.errors import ConfigError
 from desplat_ns.files.whole import check_new_file
-from desplat_ns.runs.files import find_run
-from desplat_ns.settings.options import check_ranges, ranged
+from desplat_ns.settings.options import ranged
 
 
-@dataclass
-class Report:
+@dataclass(kw_only=True)
+class Report(OfRun):
     """Write a trained run on one HTML page that needs no other file.
 
     The scene itself, to walk around in; each training photo beside the static scene, its
@@ -22,8 +20,6 @@ class Report:
     they were chosen, cost, warnings.
     """
 
-    load_config: Path
-    """config.yml of the run."""
     output: Path | None = None
     """The page, FILE.html. Without it: report.html beside config.yml."""
     training_photos: int = ranged(50, "[0, inf)")
@@ -34,24 +30,16 @@ class Report:
     """The scene itself on top, to walk around in; the page is 25 MB at most then, else 10."""
 
     def main(self) -> None:
-        """Check what can be checked at once, then load, render, write, say where.
-
-        Raises:
-            DeSplatError: the run is not there or cannot be loaded, or the page not be written.
-        """
-        check_ranges(self)
-        files = find_run(self.load_config)
+        """Check what can be checked at once, then load, render, write. Raises DeSplatError."""
+        files = self.find()
         output = self.output or files.folder / "report.html"
         if output.suffix != ".html":
             raise ConfigError(f"--output is '{output}'; give it the ending .html.")
         check_new_file(output, overwrite=True)
 
-        from desplat_ns.report.report import write_report  # seconds: not before the checks
-        from desplat_ns.studies.machine import describe_machine
+        from desplat_ns.report.page import write_report  # seconds: not before the checks
 
-        photos = self.training_photos, self.held_out_photos
-        size = write_report(files, output, *photos, describe_machine(), self.scene)
-        announce(f"Saved the page to: {output} ({size / 1e6:.1f} MB)")
+        write_report(files, output, self.training_photos, self.held_out_photos, self.scene)
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ from desplat_ns.commands import run
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError
 from desplat_ns.settings.options import check_ranges, ranged
-from desplat_ns.studies.paper import TABLES, Method, TableName, method_of
+from desplat_ns.studies.paper import TABLES, TableName, method_of
 
 
 @dataclass
@@ -46,19 +46,12 @@ class Arguments:
     """Try everything in minutes: 100 steps, photos of 160 pixels at most, whatever scenes are
     there. The figures mean nothing."""
 
-    def chosen_methods(self) -> tuple[Method, ...]:
-        """What is compared. Raises ConfigError where one is not known."""
-        names = self.methods or TABLES[self.table].methods
-        return tuple(method_of(name) for name in dict.fromkeys(names))
-
     def main(self) -> None:
-        """Check what can be checked at once, then make the table, say where it is.
-
-        Raises:
-            DeSplatError: an option cannot be, or as `reproduce.reproduce`.
-        """
+        """Check what can be checked at once, then make the table, say where it is. Raises
+        DeSplatError where an option cannot be, or as `reproduce.reproduce`."""
         check_ranges(self)
-        methods = self.chosen_methods()
+        table = TABLES[self.table]
+        methods = tuple(map(method_of, dict.fromkeys(self.methods or table.methods)))
         if not self.data.is_dir():
             raise CaptureError(
                 f"There is no folder '{self.data}'. Name that with the data sets by --data; "
@@ -71,7 +64,7 @@ class Arguments:
 
         here = self.ray_address is None
         folder = reproduce(
-            TABLES[self.table],
+            table,
             self.data,
             self.output,
             methods,

@@ -37,16 +37,8 @@ class Arguments:
     """Whether to print every figure with its threshold; survey.json has them in any case."""
 
     def main(self, parser: tuple[str, ...] = ()) -> Survey:
-        """Check what can be checked at once, then survey, print and write.
-
-        Args:
-            parser: name and options of a data parser; empty to have the layout recognised.
-
-        Raises:
-            CaptureError: there is no such capture, or it cannot be surveyed.
-            ConfigError: no capture is named, or the files in `output` are there already or cannot
-                be written.
-        """
+        """Check what can be checked at once, then survey by a data parser of this name and options,
+        or the recognised one, print and write. Raises DeSplatError where that cannot be."""
         if self.data is None:
             raise ConfigError("No capture is named. Type: desplat-survey FOLDER.")
         if not self.data.exists():
@@ -55,10 +47,11 @@ class Arguments:
         for file in (findings_file, sheet_file):
             check_new_file(file, self.overwrite)
 
-        from desplat_ns.console import announce  # seconds: not before the checks
-        from desplat_ns.data.images import write_image
+        import cv2  # seconds: not before the checks
+
+        from desplat_ns.console import announce
         from desplat_ns.datamanager import without_prompts
-        from desplat_ns.files.whole import draft_of, plain_errors, write_whole
+        from desplat_ns.files.whole import plain_errors, write_whole
         from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
         from desplat_ns.survey.survey import evidence_picture, survey
 
@@ -68,10 +61,10 @@ class Arguments:
         findings, evidence = survey(outputs)
         for line in findings.summary(self.verbose):
             announce(line)
+        _, sheet = cv2.imencode(".png", evidence_picture(evidence)[..., ::-1])
         with plain_errors(self.output):
             write_whole(findings_file, findings.to_json().encode())
-            with draft_of(sheet_file) as draft:
-                write_image(draft, evidence_picture(evidence))
+            write_whole(sheet_file, sheet.tobytes())
         announce(f"Saved {findings_file} and {sheet_file}.")
         return findings
 

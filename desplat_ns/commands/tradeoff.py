@@ -45,14 +45,8 @@ class Arguments:
     """Of a cluster; without one Ray is started here."""
 
     def main(self, parser: tuple[str, ...]) -> None:
-        """Check what can be checked at once, then measure, say where the page is.
-
-        Args:
-            parser: name and options of a data parser; empty to have the layout recognised.
-
-        Raises:
-            DeSplatError: an option cannot be, or as `tradeoff.tradeoff`.
-        """
+        """Check what can be checked at once, then measure by a data parser of this name and
+        options, or the recognised one. Raises DeSplatError as `tradeoff.tradeoff`."""
         check_ranges(self)
         seconds = seconds_of(self.time, "--time")
         if not self.data.exists():
@@ -62,7 +56,9 @@ class Arguments:
         from desplat_ns.studies.runs import Executor
         from desplat_ns.studies.tradeoff import BASE, tradeoff
 
-        jobs = self.jobs or default_jobs(method_config(BASE).machine.device_type)
+        # a GPU is shared badly, and times beside others mean little
+        on_cpu = method_config(BASE).machine.device_type == "cpu"
+        jobs = self.jobs or (min(cores(), MOST_JOBS) if on_cpu else 1)
         executor = Executor(self.executor, jobs, self.ray_address)
         parser = parser or recognised_words(self.data)
         announce(f"Written: {tradeoff(self.data, parser, self.output, seconds, executor)}")
@@ -70,20 +66,12 @@ class Arguments:
 
 def recognised_words(data: Path) -> tuple[str, ...]:
     """The data parser, and its options, that ns-train takes for a capture; says which and why.
-
-    Raises:
-        CaptureError: no capture is found.
-    """
+    Raises CaptureError where none is found."""
     from desplat_ns.layouts.recognition import recognise
 
     recognition = recognise(data)
     announce(recognition.line())
-    return recognition.match.words
-
-
-def default_jobs(device: str) -> int:
-    """Trainings beside each other: a GPU is shared badly, and times beside others mean little."""
-    return min(cores(), MOST_JOBS) if device == "cpu" else 1
+    return recognition.words
 
 
 def main() -> None:

@@ -86,19 +86,9 @@ class DeSplatColmapDataParser(ColmapDataParser):
 
     config: DeSplatColmapDataParserConfig
 
-    @cached_property
-    def images_path(self) -> Path:
-        """Folder of the photos, relative to the data."""
-        return self.config.images_path
-
-    @cached_property
-    def colmap_path(self) -> Path:
-        """Where the reconstruction is looked for, relative to the data."""
-        return self.config.colmap_path
-
     def read(self) -> Reconstruction:
         """The COLMAP model. Raises as `read_reconstruction`."""
-        return read_reconstruction(self.config.data, self.colmap_path)
+        return read_reconstruction(self.config.data, self.config.colmap_path)
 
     @cached_property
     def reconstruction(self) -> Reconstruction:
@@ -132,7 +122,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
     @cached_property
     def photos_folder(self) -> Path:
         """In which the reconstruction's names of photos are."""
-        return self.reconstruction.photos or self.config.data / self.images_path
+        return self.reconstruction.photos or self.config.data / self.config.images_path
 
     @cached_property
     def oriented(self) -> OrientedPoses:
@@ -194,7 +184,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
             for name in _LIST_FILES.get(split, ())
             if (self.config.data / f"{name}_list.txt").exists()
         ]
-        folder = self.config.data / self.images_path
+        folder = self.config.data / self.config.images_path
         paths = [folder / name for name in names]
         try:
             picked = self._get_image_indices(paths, listed[0] if listed else split)

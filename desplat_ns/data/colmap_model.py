@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 # PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
 import PIL.Image  # noqa: F401
+from jaxtyping import Float, UInt8
 
 from desplat_ns.errors import CaptureError
 
@@ -17,13 +22,16 @@ if TYPE_CHECKING:
 USUAL_FOLDERS = (Path("sparse"), Path("colmap/sparse"), Path("sparse/0"), Path("colmap/sparse/0"))
 """Where reconstructions are looked for, in this order, unless the user names another folder."""
 
+UNEXPECTED = (OSError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError)
+"""What contents that are not of the kind expected end in."""
+
 
 def find_models(data: Path, colmap_path: Path) -> list[Path]:
     """Folders of COLMAP models in a named or usual place; empty if there are none."""
     for folder in (data / place for place in places_of(colmap_path)):
-        models = [folder] if _is_model(folder) else []
+        models = [folder] if _kind_of(folder) else []
         if not models and folder.is_dir():
-            models = [child for child in sorted(folder.iterdir()) if _is_model(child)]
+            models = [child for child in sorted(folder.iterdir()) if _kind_of(child)]
         if models:
             return models
     return []
@@ -35,13 +43,14 @@ def places_of(colmap_path: Path) -> list[Path]:
     return [colmap_path, *(place for place in others if place != colmap_path)]
 
 
-def _is_model(folder: Path) -> bool:
-    return _has_files(folder, "bin") or _has_files(folder, "txt")
-
-
-def _has_files(folder: Path, kind: str) -> bool:
-    parts = ("cameras", "images", "points3D")
-    return all((folder / f"{part}.{kind}").is_file() for part in parts)
+def _kind_of(folder: Path) -> str:
+    """`bin` or `txt`; empty where a folder holds no model. Points may be a PLY, as programs of
+    Gaussian splatting leave them."""
+    for kind in ("bin", "txt"):
+        points = any((folder / f"points3D.{end}").is_file() for end in (kind, "ply"))
+        if points and all((folder / f"{part}.{kind}").is_file() for part in ("cameras", "images")):
+            return kind
+    return ""
 
 
 def state_of(folder: Path) -> tuple[tuple[str, int, int, int], ...]:
@@ -58,14 +67,19 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
     """
     import pycolmap  # a quarter of a second: not for `--help`
 
+    kind = _kind_of(folder)
     try:
-        _check_points_file(folder / "points3D.bin")
-        names = {} if _has_files(folder, "bin") else _names_in(folder / "images.txt")
-        model = pycolmap.Reconstruction(folder)
-        for number, name in names.items():
+        if kind == "bin":
+            _check_counts(folder / "images.bin", 64, 24, is_named=True)
+            _check_counts(folder / "points3D.bin", 43, 8)
+        if not kind or (folder / f"points3D.{kind}").is_file():
+            model = pycolmap.Reconstruction(folder)
+        else:
+            model = _with_points_of_ply(folder, kind)
+        for number, name in _names_in(folder / "images.txt").items() if kind == "txt" else ():
             model.image(number).name = name
         return model
-    except (OSError, ValueError, LookupError, RuntimeError, MemoryError) as error:
+    except (*UNEXPECTED, RuntimeError, MemoryError) as error:
         reason = str(error).strip().partition("\n")[0] or "damaged"
         raise CaptureError(
             f"The reconstruction {folder} cannot be read: {reason}. Mend it, copy it again or run "
@@ -73,12 +87,41 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
         ) from error
 
 
+def _with_points_of_ply(folder: Path, kind: str) -> pycolmap.Reconstruction:
+    """A model whose points stand in points3D.ply; no photo observes them."""
+    import pycolmap
+
+    with TemporaryDirectory() as place:
+        for path in folder.glob(f"*.{kind}"):
+            shutil.copy(path, place)
+        Path(place, f"points3D.{kind}").write_bytes(bytes(8 * (kind == "bin")))  # there are none
+        model = pycolmap.Reconstruction(place)
+    for xyz, color in zip(*read_cloud(folder / "points3D.ply"), strict=True):
+        model.add_point3D(xyz, pycolmap.Track(), color)
+    return model
+
+
+def read_cloud(path: Path) -> tuple[Float[np.ndarray, "P 3"], UInt8[np.ndarray, "P 3"]]:
+    """Places and colours of the P points of a PLY file, grey where it has no colours.
+
+    By trimesh: nerfstudio's open3d takes seconds to import and needs system libraries (libusb,
+    libGL) that a bare machine lacks. Raises one of `UNEXPECTED` where it cannot be read.
+    """
+    import trimesh  # it brings a hundred modules, which only such captures need
+
+    cloud: Any = trimesh.load(path, process=False)
+    xyz = np.array(getattr(cloud, "vertices", ()), np.float64).reshape(-1, 3)
+    colors = cloud.colors if isinstance(cloud, trimesh.PointCloud) else None
+    if colors is None or len(colors) != len(xyz):
+        colors = np.full((len(xyz), 3), 128)
+    return xyz, np.array(colors, np.uint8)[:, :3]
+
+
 def _names_in(path: Path) -> dict[int, str]:
     """Photos' names by number; pycolmap 4.2.1 ends them at the first space, and where observations
     (an empty line, if there are none) do not follow each photo it passes over every second one.
 
-    Raises:
-        ValueError: they do not.
+    Raises ValueError where they do not.
     """
     lines = [line for line in path.read_text("utf-8").split("\n") if not line.startswith("#")]
     names = {}
@@ -95,25 +138,25 @@ def _names_in(path: Path) -> dict[int, str]:
     return names
 
 
-def _check_points_file(path: Path) -> None:
-    """Make sure that a binary file of points holds as many as it says.
+def _check_counts(path: Path, head: int, each: int, is_named: bool = False) -> None:
+    """Make sure that a binary file holds as many entries as it says: `head` bytes, perhaps a name
+    that ends in a zero, 8 bytes that count what follows, and as often `each` bytes.
 
-    pycolmap 4.2.1 believes the file's counts and goes on reading behind its end: a file that was
-    copied in part keeps it busy for ever. A point has 51 bytes, of which the last 8 count the
-    observations that follow, 8 bytes each.
-
-    Raises:
-        ValueError: it does not.
+    pycolmap 4.2.1 believes the counts and goes on reading behind the file's end: a file that was
+    copied in part keeps it busy, and takes memory, for ever. Raises ValueError where it does not.
     """
     if not path.is_file():
         return
-    data, end = path.read_bytes(), 8
+    data, at = path.read_bytes(), 8
     try:
-        (count,) = struct.unpack_from("<Q", data)
-        for _ in range(count):
-            (observations,) = struct.unpack_from("<Q", data, end + 43)
-            end += 51 + 8 * observations
-    except (struct.error, OverflowError):
-        end = -1
-    if end != len(data):
+        (entries,) = struct.unpack_from("<Q", data)
+        for _ in range(entries):
+            at += head
+            if is_named:
+                at = data.index(b"\0", at) + 1
+            (count,) = struct.unpack_from("<Q", data, at)
+            at += 8 + each * count
+    except (struct.error, OverflowError, ValueError):
+        at = -1
+    if at != len(data):
         raise ValueError(f"{path.name} has {len(data)} bytes, which is not what its counts say")

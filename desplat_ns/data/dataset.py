@@ -53,12 +53,6 @@ class CaptureDataset(InputDataset):
         Raises:
             CaptureError: photos that are missing, unreadable, or do not fit their cameras.
         """
-        missing = [path for path in self.image_filenames if not path.is_file()]
-        if missing:
-            raise CaptureError(
-                f"{len(missing)} of {len(self)} photos that the capture names do not exist: "
-                f"{list_names(map(str, missing))}. Put them there, or check --data."
-            )
         for path, size in zip(self.image_filenames, self.sizes, strict=True):
             check_size(path, image_size(path, size), size)
 

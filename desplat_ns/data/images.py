@@ -1,7 +1,7 @@
 """Photos in, pictures out: upright, 8 bit, RGB or RGBA; and what files say of their lens.
 
-By OpenImageIO, whose wheel has no HEIC, in which iPhones keep photos: those are read by
-pillow-heif, an extra. EXIF is read by Pillow.
+Read by OpenImageIO, whose wheel has no HEIC, in which iPhones keep photos: those are read by
+pillow-heif, an extra. EXIF is read, and pictures are written, by Pillow.
 
 Letters in shapes: H x W pixels, C channels.
 """
@@ -9,6 +9,7 @@ Letters in shapes: H x W pixels, C channels.
 from __future__ import annotations
 
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,6 +39,9 @@ _UPRIGHT: dict[int, Callable[[Array], Array]] = {
 _HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1"}
 """Of ISO 23008-12, at the beginning of a file, whatever it is called."""
 
+MOST_PIXELS = 1 << 28
+"""Of a photo, 16,384 x 16,384; one whose header says more is not decoded."""
+
 
 class Lens(NamedTuple):
     """What a photo was taken with, as its file gives it: often absent, sometimes wrong."""
@@ -60,7 +64,8 @@ def read_image(path: Path, camera: tuple[int, int] | None = None) -> UInt8[np.nd
     into the colours.
 
     Raises:
-        CaptureError: the file is missing, is not an image, or ends too early.
+        CaptureError: the file is missing, is not an image, has more than `MOST_PIXELS` or no
+            finite values, or ends too early.
     """
     if _is_heic(path):
         try:
@@ -69,15 +74,18 @@ def read_image(path: Path, camera: tuple[int, int] | None = None) -> UInt8[np.nd
             raise _unreadable(path, str(error)) from error
     file = _open(path)
     spec = file.spec()
-    wants_float = _is_linear(spec)
-    pixels = file.read_image(oiio.FLOAT if wants_float else oiio.UINT8)
+    picked = _pick_channels(list(spec.channelnames), path)
+    kind = oiio.FLOAT if _is_float(spec) else oiio.UINT8
+    pixels = file.read_image(0, 0, 0, max(picked) + 1, kind)
     problem = file.geterror()
     file.close()
     if pixels is None or problem:
         raise _unreadable(path, problem)
-    pixels = _pick_channels(np.asarray(pixels), list(spec.channelnames), path)
-    if wants_float:
-        pixels = _encode_srgb(pixels)
+    pixels = np.asarray(pixels)[..., picked]
+    if _is_float(spec):
+        if not np.isfinite(pixels).any():
+            raise _unreadable(path, "none of its values is finite")
+        pixels = _to_uint8(_encode_srgb(pixels) if _is_linear(spec) else pixels)
     upright = _UPRIGHT.get(_orientation(spec, camera), _UPRIGHT[1])
     return np.ascontiguousarray(upright(pixels))
 
@@ -86,7 +94,7 @@ def image_size(path: Path, camera: tuple[int, int] | None = None) -> tuple[int, 
     """(width, height) in pixels, turned as `read_image` does it; reads the header only.
 
     Raises:
-        CaptureError: the file is missing or is not an image.
+        CaptureError: the file is missing, is not an image, or has more than `MOST_PIXELS`.
     """
     if _is_heic(path):
         width, height = _open_heic(path).size
@@ -140,20 +148,25 @@ def _above_black(values: Array) -> Bool[np.ndarray, "H W"]:
 def resize_image(
     image: UInt8[np.ndarray, "H W C"], width: int, height: int
 ) -> UInt8[np.ndarray, "h w C"]:
-    """Reduce by area: each new pixel is the mean of the rectangle it covers.
+    """Reduce by area: each new pixel is the mean of the rectangle it covers, rounded.
 
     RGBA is averaged with colours weighted by alpha, so that what is transparent does not bleed.
     """
     if image.shape[:2] == (height, width):
         return image
-    if image.shape[2] == 4:
-        return _resize_rgba(image, width, height)
-    return _resize_area(image, width, height)
+    if image.shape[2] == 3:
+        return cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+    weighted = image.astype(np.float32)
+    weighted[..., :3] *= weighted[..., 3:] / 255
+    weighted = cv2.resize(weighted, (width, height), interpolation=cv2.INTER_AREA)
+    weighted[..., :3] *= 255 / np.maximum(weighted[..., 3:], 1e-3)
+    return np.rint(weighted).clip(0, 255).astype(np.uint8)
 
 
 def resize_mask(mask: Bool[np.ndarray, "H W"], width: int, height: int) -> Bool[np.ndarray, "h w"]:
     """Reduce by area: True where at least half of the rectangle is True."""
-    return _resize_area(mask.astype(np.float32)[..., None], width, height)[..., 0] >= 0.5
+    area = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+    return area >= 0.5
 
 
 def write_image(
@@ -162,35 +175,23 @@ def write_image(
 ) -> None:
     """Write a picture in the format that the file name asks for; makes missing folders.
 
-    Booleans become 0 and 255. Floats in [0, 1] are rounded to 8 bits (EXR keeps them as they are).
+    Booleans become 0 and 255; floats in [0, 1] are rounded to 8 bits.
 
     Raises:
-        DeSplatError: the folder cannot be written, or nothing knows the format.
+        DeSplatError: it cannot be written there, or nothing knows the format.
     """
-    pixels = _for_file(image, keep_float=path.suffix.lower() == ".exr")
+    pixels = image if image.dtype == np.uint8 else _to_uint8(image.astype(np.float32))
     try:
+        kind, content = Image.registered_extensions()[path.suffix.lower()], BytesIO()
+        single = pixels.ndim == 3 and pixels.shape[2] == 1
+        Image.fromarray(pixels[..., 0] if single else pixels).save(content, kind, quality=98)
         path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _unwritable(path, str(error)) from error
-    file = oiio.ImageOutput.create(str(path))
-    if file is None:
-        raise _unwritable(path, oiio.geterror())
-    kind = oiio.FLOAT if pixels.dtype == np.float32 else oiio.UINT8
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
-    spec.attribute("oiio:UnassociatedAlpha", 1)
-    if not (file.open(str(path), spec) and file.write_image(pixels) and file.close()):
-        raise _unwritable(path, file.geterror())
-
-
-def _for_file(image: Array, keep_float: bool) -> Array:
-    pixels = image[..., None] if image.ndim == 2 else image
-    if pixels.dtype == np.bool_:
-        pixels = pixels.astype(np.uint8) * 255
-    elif pixels.dtype != np.uint8:
-        pixels = pixels.astype(np.float32)
-        if not keep_float:
-            pixels = _to_uint8(pixels)
-    return np.ascontiguousarray(pixels)
+        path.write_bytes(content.getvalue())  # a disk that is full is noticed here
+    except (OSError, LookupError, ValueError) as error:
+        raise DeSplatError(
+            f"Picture {path} cannot be written: {error}. Needed: a folder that may be written, "
+            "free space, and a file name that ends in a known format such as .png."
+        ) from error
 
 
 def _open(path: Path) -> oiio.ImageInput:
@@ -204,6 +205,7 @@ def _open(path: Path) -> oiio.ImageInput:
     file = oiio.ImageInput.open(str(path), hints)
     if file is None:
         raise _unreadable(path, oiio.geterror())
+    _check_pixels(path, file.spec().width, file.spec().height)
     return file
 
 
@@ -225,9 +227,17 @@ def _open_heic(path: Path) -> Any:
             "convert the photos to JPEG."
         ) from error
     try:
-        return pillow_heif.open_heif(path)
+        photo = pillow_heif.open_heif(path)
     except (OSError, ValueError, RuntimeError) as error:
         raise _unreadable(path, str(error)) from error
+    _check_pixels(path, *photo.size)
+    return photo
+
+
+def _check_pixels(path: Path, width: int, height: int) -> None:
+    if width * height > MOST_PIXELS:
+        reason = f"it has {width}x{height} pixels, and {MOST_PIXELS} is the most that is decoded"
+        raise _unreadable(path, reason)
 
 
 def _unreadable(path: Path, problem: str) -> CaptureError:
@@ -238,26 +248,21 @@ def _unreadable(path: Path, problem: str) -> CaptureError:
     )
 
 
-def _unwritable(path: Path, problem: str) -> DeSplatError:
-    reason = problem.strip() or "unknown reason"
-    return DeSplatError(
-        f"Picture {path} cannot be written: {reason}. Needed: a folder that may be written, free "
-        "space, and a file name that ends in a known format such as .png."
-    )
-
-
 def _orientation(spec: oiio.ImageSpec, camera: tuple[int, int] | None) -> int:
     orientation = int(spec.getattribute("Orientation") or 1)
     is_camera = camera and (spec.width > spec.height) == (camera[0] > camera[1])
     return 1 if is_camera or (camera and orientation < 5) else orientation
 
 
+def _is_float(spec: oiio.ImageSpec) -> bool:
+    return spec.format.basetype in (oiio.FLOAT, oiio.HALF)
+
+
 def _is_linear(spec: oiio.ImageSpec) -> bool:
-    space = str(spec.getattribute("oiio:ColorSpace") or "").lower()
-    return spec.format.basetype in (oiio.FLOAT, oiio.HALF) and space.startswith(("lin", "scene"))
+    return str(spec.getattribute("oiio:ColorSpace") or "").lower().startswith(("lin", "scene"))
 
 
-def _pick_channels(pixels: Array, names: list[str], path: Path) -> Array:
+def _pick_channels(names: list[str], path: Path) -> list[int]:
     """RGB(A) from grey, grey + alpha, RGB, RGBA, or files that hold more than that."""
     upper = [name.upper() for name in names]
     if {"R", "G", "B"} <= set(upper):
@@ -266,48 +271,20 @@ def _pick_channels(pixels: Array, names: list[str], path: Path) -> Array:
         picked = [0, 0, 0]
     else:
         raise CaptureError(
-            f"Image {path} has the channels {', '.join(names)}; grey, RGB or RGBA is needed. "
+            f"Image {path} has the channels {', '.join(names[:8])}; grey, RGB or RGBA is needed. "
             "Convert it, for example to PNG."
         )
-    if "A" in upper:
-        picked.append(upper.index("A"))
-    return pixels[..., picked]
+    return [*picked, upper.index("A")] if "A" in upper else picked
 
 
 def _encode_srgb(linear: Array) -> Array:
-    """Linear light to 8-bit sRGB (IEC 61966-2-1); alpha stays linear."""
-    values = np.nan_to_num(linear, nan=0.0, posinf=1.0, neginf=0.0).clip(0.0, 1.0)
+    """Linear light to sRGB (IEC 61966-2-1); alpha stays linear."""
+    values = linear.clip(0.0, 1.0)
     colors = values[..., :3]
     curve = 1.055 * np.maximum(colors, 0.0031308) ** (1 / 2.4) - 0.055
     values[..., :3] = np.where(colors <= 0.0031308, 12.92 * colors, curve)
-    return _to_uint8(values)
+    return values
 
 
 def _to_uint8(values: Array) -> Array:
     return np.rint(np.nan_to_num(values).clip(0.0, 1.0) * 255.0).astype(np.uint8)
-
-
-def _resize_area(image: Array, width: int, height: int) -> Array:
-    """Mean over each new pixel's rectangle, rounded for integers; [H, W, C] in and out.
-
-    OpenImageIO's box filter does this where the ratio is whole. Elsewhere it takes or leaves whole
-    pixels by their centres (at a ratio of 1.5: two, one, two, ...), so there OpenCV's exact
-    area filter is used.
-    """
-    channels = image.shape[2]
-    if image.shape[0] % height == 0 and image.shape[1] % width == 0:
-        roi = oiio.ROI(0, width, 0, height, 0, 1, 0, channels)
-        source = oiio.ImageBuf(np.ascontiguousarray(image))
-        reduced = oiio.ImageBufAlgo.resize(source, filtername="box", roi=roi, nthreads=1)
-        return np.asarray(reduced.get_pixels(oiio.UINT8 if image.dtype == np.uint8 else oiio.FLOAT))
-    reduced = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
-    return reduced.reshape(height, width, channels)
-
-
-def _resize_rgba(image: Array, width: int, height: int) -> Array:
-    alpha = image[..., 3:].astype(np.float32)
-    weighted = np.concatenate([image[..., :3] * (alpha / 255.0), alpha], axis=-1)
-    weighted = _resize_area(weighted.astype(np.float32), width, height)
-    alpha = weighted[..., 3:]
-    colors = weighted[..., :3] * (255.0 / np.maximum(alpha, 1e-3))
-    return np.rint(np.concatenate([colors, alpha], -1)).clip(0, 255).astype(np.uint8)

@@ -96,7 +96,7 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
     def read(self) -> Reconstruction:
         """The COLMAP model, else transforms.json. Raises as their readers."""
         config = self.config
-        if find_models(config.data, self.colmap_path):
+        if find_models(config.data, config.colmap_path):
             return super().read()
         return read_transforms(config.data / TRANSFORMS_FILE, config.load_3D_points)
 

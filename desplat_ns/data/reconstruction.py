@@ -160,8 +160,8 @@ def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
         raise CaptureError(
             f"No COLMAP reconstruction in {data} (looked in "
             f"{', '.join(map(str, places_of(colmap_path)))}). Needed: a folder with cameras, "
-            "images and points3D as .bin or .txt. Run COLMAP first, or name the folder with "
-            "--colmap-path, relative to --data."
+            "images and points3D as .bin or .txt (points also as .ply). Run COLMAP first, or name "
+            "the folder with --colmap-path, relative to --data."
         )
     return _largest(tuple(folders), tuple(map(state_of, folders)))
 
@@ -190,7 +190,7 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
         rgb=np.array([point.color for point in by_id.values()], dtype=np.uint8).reshape(-1, 3),
         ids=np.array(list(by_id), dtype=np.int64),
     )
-    has_tracks = any(image.num_points3D for image in model.images.values())
+    has_tracks = any(point.track.length() for point in by_id.values())
     return Reconstruction(folder, frames, points, has_tracks)
 
 

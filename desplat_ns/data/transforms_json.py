@@ -18,7 +18,7 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataPars
 from desplat_ns.console import announce_once
 from desplat_ns.data.checks import find_photos, how_to_get_poses
 from desplat_ns.data.colmap import DeSplatColmapDataParser, DeSplatColmapDataParserConfig
-from desplat_ns.data.colmap_model import find_models
+from desplat_ns.data.colmap_model import UNEXPECTED, find_models, read_cloud
 from desplat_ns.data.images import image_size
 from desplat_ns.data.poses import camera_to_worlds
 from desplat_ns.data.reconstruction import (
@@ -30,9 +30,6 @@ from desplat_ns.data.reconstruction import (
     read_reconstruction,
 )
 from desplat_ns.errors import CaptureError
-
-_UNEXPECTED = (OSError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError)
-"""What contents that are not of the kind expected end in."""
 
 _NO_POINTS = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int64))
 
@@ -85,7 +82,7 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
         lists = {s: head.get(f"{s}_filenames") for s in ("train", "val", "test")}
         lists = {s: [_name(name, folder) for name in names] for s, names in lists.items() if names}
         cloud = folder / head["ply_file_path"] if head.get("ply_file_path") else None
-    except _UNEXPECTED as error:
+    except UNEXPECTED as error:
         raise CaptureError(
             f"{path} cannot be used ({type(error).__name__}: {error}). It needs a list `frames`, "
             "each with file_path and transform_matrix. Mend it or write it again."
@@ -94,7 +91,7 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
     for number, row in enumerate(rows):
         try:
             frames.append(_frame(row, number, path))
-        except _UNEXPECTED as error:
+        except UNEXPECTED as error:
             raise CaptureError(
                 f"frames[{number}] ({row.get('file_path')}) in {path} cannot be used "
                 f"({type(error).__name__}: {error}). Needed are file_path, transform_matrix (rows "
@@ -187,7 +184,14 @@ def _points(cloud: Path | None, folder: Path, frames: Sequence[Frame]) -> Points
     """The points to start from; none where nothing gives them, which is said."""
     points, why = _NO_POINTS, f"{folder} names no 3D points"
     if cloud is not None:
-        points = _read_cloud(cloud)
+        try:
+            xyz, rgb = read_cloud(cloud)
+        except UNEXPECTED as error:
+            raise CaptureError(
+                f"The point cloud {cloud} cannot be read: {error}. Put it there, or take "
+                f"ply_file_path out of transforms.json."
+            ) from error
+        points = Points(xyz, rgb, np.arange(len(xyz)))
     elif find_models(folder, Path("colmap/sparse/0")):
         model = read_reconstruction(folder, Path("colmap/sparse/0"))
         points = _moved(model, frames)
@@ -195,25 +199,6 @@ def _points(cloud: Path | None, folder: Path, frames: Sequence[Frame]) -> Points
     if not len(points.xyz):
         announce_once(f"{why}: training starts at random.", warning=True)
     return points
-
-
-def _read_cloud(path: Path) -> Points:
-    """Points of a PLY file. By trimesh: nerfstudio's open3d takes seconds to import and needs
-    system libraries (libusb, libGL) that a bare machine lacks."""
-    import trimesh  # it brings a hundred modules, which only such captures need
-
-    try:
-        cloud: Any = trimesh.load(path, process=False)
-        xyz = np.array(getattr(cloud, "vertices", ()), np.float64).reshape(-1, 3)
-    except _UNEXPECTED as error:
-        raise CaptureError(
-            f"The point cloud {path} cannot be read: {error}. Put it there, or take ply_file_path "
-            "out of transforms.json."
-        ) from error
-    colors = cloud.colors if isinstance(cloud, trimesh.PointCloud) else None
-    if colors is None or len(colors) != len(xyz):
-        colors = np.full((len(xyz), 3), 128)
-    return Points(xyz, np.array(colors, np.uint8)[:, :3], np.arange(len(xyz)))
 
 
 def _moved(model: Reconstruction, frames: Sequence[Frame]) -> Points:

@@ -7,6 +7,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
@@ -14,11 +15,10 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.console import announce, progress_over
-from desplat_ns.data.images import write_image
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.formats import Frame, Naming, format_of
 from desplat_ns.export.gltf import glb_bytes
-from desplat_ns.export.masks import dilated, distractor_mask, mask_names, training_photos
+from desplat_ns.export.masks import dilated, distractor_mask, mask_names, photos_on_disk
 from desplat_ns.export.ply import ply_bytes
 from desplat_ns.export.splat_cloud import SplatCloud, baked, moved, shown_anywhere, similarity_to
 from desplat_ns.export.spz import placed, spz_bytes
@@ -50,13 +50,10 @@ COVERED = 0.5
 
 def export_splats(
     files: RunFiles, output: Path, frame: Frame, crop: float | None, light: str | None
-) -> SplatCloud:
+) -> None:
     """Write the static Gaussians of a run; say how many, how large, and what was left out.
 
     Args: see `desplat-export splats --help`.
-
-    Returns:
-        What was written, before the format rounds it.
 
     Raises:
         CaptureError: the capture cannot be read any more, or Gaussians cannot follow its transform.
@@ -84,27 +81,21 @@ def export_splats(
         left_out.append(
             "The background behind the scene (the sky) is no Gaussians and is not in the file."
         )
-    if cloud.antialiased and not kind.keeps_antialiasing:
+    if cloud.antialiased and ending != ".spz":
         left_out.append(
             "The run was trained with `rasterize-mode antialiased`, which this format cannot say: "
             "switch antialiasing on in the viewer, or write .spz."
         )
     for what in left_out:
         announce(what, warning=True)
-    return cloud
 
 
 def export_masks(
     files: RunFiles, output: Path, invert: bool, dilate: float, naming: Naming
-) -> list[float]:
+) -> None:
     """Write the distractor mask of every training photo as PNG, at the photo's full size.
 
-    Args:
-        invert: white where distractors are; else black there, as what is to be ignored.
-        dilate: pixels of the photo by which masks are grown.
-
-    Returns:
-        The share of each photo that is masked.
+    Args: see `desplat-export masks --help`.
 
     Raises:
         CaptureError: a photo cannot be read any more.
@@ -118,21 +109,22 @@ def export_masks(
             f"The run of {files.config} has no distractors, so there is nothing to mask: "
             "--pipeline.model.effects.distractors was False. Train without it."
         )
-    photos = list(training_photos(pipeline.datamanager))
-    names = mask_names([photo.name for photo in photos], naming)
+    photos = list(photos_on_disk(pipeline.datamanager))
+    names = mask_names([name for name, _ in photos], naming)
     shares = []
     drawing = progress_over(len(photos), "Drawing masks...")
     with plain_errors(output), whole_folder(output) as folder, drawing as advance:
-        for photo, name in zip(photos, names, strict=True):
-            mask = dilated(distractor_mask(model, photo), dilate)
-            write_image(folder / name, mask == invert)
+        for index, ((_, camera), name) in enumerate(zip(photos, names, strict=True)):
+            mask = dilated(distractor_mask(model, index, camera), dilate)
+            _, png = cv2.imencode(".png", np.uint8(255) * (mask == invert))
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(png.tobytes())  # which tells of a full disk
             shares.append(float(mask.mean()))
             advance()
     announce(
         f"Saved {len(names)} masks to {output}: {names[0]}, ... They cover {np.mean(shares):.1%} "
-        f"of the photos on average, {max(shares):.1%} at most; {shares.count(0.0)} cover nothing."
+        f"of the photos on average, {max(shares):.1%} at most. Empty masks: {shares.count(0.0)}."
     )
-    return shares
 
 
 def static_cloud(
@@ -153,16 +145,11 @@ def static_cloud(
         # Other viewers have no near plane: Gaussians right before a camera would be in their way.
         near_plane = model.config.near_plane
         visible = seen_by_any(splats, allowed_views(cameras), model.points, near_plane)
-        if not bool(visible.any()):
-            raise ConfigError(
-                f"Of {model.num_points} static Gaussians no training camera shows any: there is "
-                "nothing to export. Train longer, or take an earlier checkpoint."
-            )
-        cloud, unseen = baked(splats.rows(visible), settings.antialiased), int((~visible).sum())
+        cloud = baked(splats.rows(visible), settings.antialiased)
         rows = visible & shown_anywhere(splats)
         announce(
-            f"{len(cloud)} of {model.num_points} static Gaussians can be seen; {unseen} are left "
-            "out that no training camera shows, nor a view half-way between two."
+            f"Static Gaussians: {model.num_points}; exported: {len(cloud)}; left out because no "
+            f"training camera shows them, nor a view half-way between two: {int((~visible).sum())}."
         )
         if crop is None:
             return cloud, rows

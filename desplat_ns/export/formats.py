@@ -6,9 +6,8 @@ To add one, write a function from a `SplatCloud` to the file's bytes and enter i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from desplat_ns.errors import ConfigError
 
@@ -28,38 +27,28 @@ Y_DOWN: Axes = ((1, 0, 0), (0, 0, -1), (0, 1, 0))
 """... as x right, y down, z forward: what viewers expect of a PLY, and turn upright."""
 
 
-@dataclass(frozen=True)
-class Format:
+class Format(NamedTuple):
     """A file format for splats."""
 
     name: str
     upright_axes: Axes
     """From nerfstudio's axes to those that viewers take for upright in such a file."""
-    keeps_antialiasing: bool = False
-    """Whether it says that opacities are meant for Mip-Splatting's low-pass filter."""
 
 
 FORMATS = {
     ".ply": Format("PLY", Y_DOWN),
-    ".spz": Format("SPZ", Y_UP, keeps_antialiasing=True),
+    ".spz": Format("SPZ", Y_UP),
     ".glb": Format("glTF with KHR_gaussian_splatting", Y_UP),
 }
 
-PAGE_ENDING = ".html"
-"""Of a page with the scene in it, which another command writes."""
-
 
 def format_of(path: Path) -> Format:
-    """The format that a file's name asks for.
-
-    Raises:
-        ConfigError: none has this ending.
-    """
+    """The format that a file's name asks for. Raises ConfigError where none has this ending."""
     suffix = path.suffix.lower()
-    if suffix == PAGE_ENDING:
-        raise ConfigError(f"'{path}' is a page: write it with `desplat-export page`.")
     if suffix not in FORMATS:
         known = ", ".join(f"{suffix} ({kind.name})" for suffix, kind in FORMATS.items())
-        ending = f"the ending '{path.suffix}'" if path.suffix else "no ending"
-        raise ConfigError(f"--output is '{path}', which has {ending}. Known are: {known}.")
+        raise ConfigError(
+            f"--output is '{path}'; give it one of the endings {known}. `desplat-export page` "
+            "writes .html."
+        )
     return FORMATS[suffix]

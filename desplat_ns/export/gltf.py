@@ -19,13 +19,9 @@ from desplat_ns.export.splat_cloud import SplatCloud, xyzw
 
 EXTENSION = "KHR_gaussian_splatting"
 
-MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", b"JSON", b"BIN\0"
-
 COMPONENTS = {np.dtype("<f4"): 5126, np.dtype("u1"): 5121}
 KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
-POINTS = 0
-"""glTF's numbers of component types and of a primitive; what does not know the extension draws
-points."""
+"""glTF's numbers of component types, and its names of columns."""
 
 
 def glb_bytes(cloud: SplatCloud) -> bytes:
@@ -33,8 +29,10 @@ def glb_bytes(cloud: SplatCloud) -> bytes:
     attributes = dict(_attributes(cloud))
     binary = b"".join(values.tobytes() for values in attributes.values())
     text = json.dumps(_document(attributes, len(binary)), separators=(",", ":")).encode("ascii")
-    chunks = _chunk(JSON_CHUNK, text, b" ") + _chunk(BINARY_CHUNK, binary, b"\0")
-    return MAGIC + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
 def _attributes(cloud: SplatCloud) -> Iterator[tuple[str, np.ndarray]]:
@@ -64,15 +62,11 @@ def _document(attributes: Mapping[str, np.ndarray], length: int) -> dict[str, An
         accessors.append(accessor)
         views.append({"buffer": 0, "byteOffset": offset, "byteLength": values.nbytes})
         offset += values.nbytes
-    settings = {
-        "kernel": "ellipse",
-        "colorSpace": "srgb_rec709_display",
-        "projection": "perspective",
-        "sortingMethod": "cameraDistance",
-    }
+    settings = {"kernel": "ellipse", "colorSpace": "srgb_rec709_display"}
+    settings |= {"projection": "perspective", "sortingMethod": "cameraDistance"}
     primitive = {
         "attributes": {name: i for i, name in enumerate(attributes)},
-        "mode": POINTS,
+        "mode": 0,  # points, for what does not know the extension
         "extensions": {EXTENSION: settings},
     }
     return {
@@ -86,9 +80,3 @@ def _document(attributes: Mapping[str, np.ndarray], length: int) -> dict[str, An
         "bufferViews": views,
         "buffers": [{"byteLength": length}],
     }
-
-
-def _chunk(kind: bytes, content: bytes, padding: bytes) -> bytes:
-    """A GLB chunk: its length, its kind, its content, filled up to 4 bytes."""
-    content += padding * (-len(content) % 4)
-    return struct.pack("<I", len(content)) + kind + content

@@ -8,8 +8,7 @@ pixels of the photo, h x w of the pinhole's image.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import PurePosixPath
 
 import cv2
@@ -39,20 +38,9 @@ CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 """When inverting a lens model stops; OpenCV's default of 5 rounds is off by pixels in corners."""
 
 
-@dataclass(frozen=True)
-class Photo:
-    """A training photo before it was reduced or undistorted for training."""
-
-    index: int
-    """Which training view it is."""
-    name: str
-    """Its path below the folder of the photos, with forward slashes."""
-    camera: Cameras
-    """[1], at the photo's full size, with its distortion."""
-
-
-def training_photos(manager: DeSplatDataManager) -> Iterator[Photo]:
-    """All training photos in the order of their views.
+def photos_on_disk(manager: DeSplatDataManager) -> Iterator[tuple[str, Cameras]]:
+    """Of each training photo, in the order of the views: its path below the photos' folder, and the
+    camera [1] at the photo's full size, with its distortion.
 
     Raises:
         CaptureError: a photo that cannot be read any more.
@@ -67,36 +55,19 @@ def training_photos(manager: DeSplatDataManager) -> Iterator[Photo]:
         paths = [a if a.is_file() else b for a, b in zip(whole, paths, strict=True)]
     for index, (path, name) in enumerate(zip(paths, names, strict=True)):
         camera = outputs.cameras[index : index + 1]
-        size = int(camera.width), int(camera.height)
-        yield Photo(index, name, _at_size(camera, *image_size(path, size)))
-
-
-def _at_size(camera: Cameras, width: int, height: int) -> Cameras:
-    """The same camera [1] with more pixels."""
-    x_ratio = width / float(camera.width)
-    y_ratio = height / float(camera.height)
-    return Cameras(
-        camera_to_worlds=camera.camera_to_worlds,
-        fx=camera.fx * x_ratio,
-        fy=camera.fy * y_ratio,
-        cx=camera.cx * x_ratio,
-        cy=camera.cy * y_ratio,
-        width=torch.full_like(camera.width, width),
-        height=torch.full_like(camera.height, height),
-        distortion_params=camera.distortion_params,
-        camera_type=camera.camera_type,
-    )
+        trained = int(camera.width), int(camera.height)
+        width, height = image_size(path, trained)
+        x_ratio, y_ratio = width / trained[0], height / trained[1]
+        camera.fx, camera.cx = camera.fx * x_ratio, camera.cx * x_ratio
+        camera.fy, camera.cy = camera.fy * y_ratio, camera.cy * y_ratio
+        camera.width = torch.full_like(camera.width, width)
+        camera.height = torch.full_like(camera.height, height)
+        yield name, camera
 
 
 def mask_names(photos: Sequence[str], naming: Naming) -> list[str]:
-    """Names of the masks of photos, as paths below the masks' folder.
-
-    Args:
-        photos: as paths below the photos' folder.
-
-    Raises:
-        ConfigError: two photos would have the same mask.
-    """
+    """Paths of photos' masks below the masks' folder, from the photos' below theirs. Raises
+    ConfigError where two photos would have the same mask."""
     if naming == "colmap":
         return [f"{photo}.png" for photo in photos]
     names = [str(PurePosixPath(photo).with_suffix(".png")) for photo in photos]
@@ -109,44 +80,27 @@ def mask_names(photos: Sequence[str], naming: Naming) -> list[str]:
     return names
 
 
-@dataclass(frozen=True)
-class Pinhole:
-    """A pinhole camera that sees what a photo shows, and where the photo's pixels are in it."""
-
-    camera: Cameras
-    """[1]"""
-    places: Float[np.ndarray, "H W 2"] | None
-    """x and y of the photo's pixel centres in the pinhole's image, from its corner, in pixels; None
-    where they are the same pixels."""
-
-    def to_photo(self, image: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "H W"]:
-        """An image of the pinhole's as the lens shows it; 0 where the pinhole sees nothing."""
-        if self.places is None:
-            return image
-        x, y = np.moveaxis(self.places.astype(np.float32) - 0.5, -1, 0)
-        return cv2.remap(image, x, y, cv2.INTER_LINEAR)
+ToPhoto = Callable[[Float[np.ndarray, "h w"]], Float[np.ndarray, "H W"]]
 
 
-def pinhole_of(camera: Cameras) -> Pinhole:
-    """The pinhole that sees all that the photo of a camera [1] shows, at the same focal lengths."""
+def pinhole_of(camera: Cameras) -> tuple[Cameras, ToPhoto]:
+    """The pinhole [1] that sees all that the photo of a camera [1] shows, at the same focal
+    lengths, and what makes of its images what the lens shows; 0 where the pinhole sees nothing."""
     if not is_distorted(camera):
-        return Pinhole(camera, None)
+        return camera, lambda image: image
     rays = _slopes(camera)
     rays = np.where(np.isfinite(rays) & (np.abs(rays) <= WIDEST), rays, np.nan)
     least, most = np.nanmin(rays, axis=(0, 1)), np.nanmax(rays, axis=(0, 1))
     focal = np.array([float(camera.fx), float(camera.fy)])
     cx, cy = center = MARGIN - least * focal
     width, height = np.ceil((most - least) * focal).astype(int) + 2 * MARGIN
-    pinhole = Cameras(
-        camera.camera_to_worlds,
-        camera.fx,
-        camera.fy,
-        float(cx),
-        float(cy),
-        int(width),
-        int(height),
+    size = int(width), int(height)
+    pinhole = Cameras(camera.camera_to_worlds, camera.fx, camera.fy, float(cx), float(cy), *size)
+    # of the photo's pixels, in the pinhole's image, from the middle of its first pixel
+    x, y = np.moveaxis(
+        np.nan_to_num(rays * focal + center, nan=-2.0).astype(np.float32) - 0.5, 2, 0
     )
-    return Pinhole(pinhole, np.nan_to_num(rays * focal + center, nan=-2.0))
+    return pinhole, lambda image: cv2.remap(image, x, y, cv2.INTER_LINEAR)
 
 
 def _slopes(camera: Cameras) -> Float[np.ndarray, "H W 2"]:
@@ -167,20 +121,17 @@ def _slopes(camera: Cameras) -> Float[np.ndarray, "H W 2"]:
 
 
 @torch.no_grad()
-def distractor_mask(model: DeSplatModel, photo: Photo) -> Bool[np.ndarray, "H W"]:
-    """Where the distractors of a training photo cover it, at its full size.
-
-    A run without distractors has none to ask for. The threshold is that of all masks (App. C.1).
-    """
+def distractor_mask(model: DeSplatModel, index: int, camera: Cameras) -> Bool[np.ndarray, "H W"]:
+    """Where the distractors of a training view cover its photo, which a camera [1] took, above the
+    threshold of all masks (App. C.1). For models with distractors."""
     assert model.layer is not None
-    pinhole = pinhole_of(photo.camera)
-    view = model.view_of_camera(pinhole.camera.to(model.device), photo.index)
+    pinhole, to_photo = pinhole_of(camera)
+    view = model.view_of_camera(pinhole.to(model.device), index)
     settings = model.render_settings(depth=False)
-    drawn = model.layer.draw(photo.index, lambda splats: model.rasterizer(splats, view, settings))
-    alpha = np.zeros((view.height, view.width), np.float32)
-    if drawn is not None:
-        alpha = drawn.alpha[..., 0].cpu().numpy()
-    return pinhole.to_photo(alpha) > MASK_THRESHOLD
+    drawn = model.layer.draw(index, lambda splats: model.rasterizer(splats, view, settings))
+    if drawn is None:
+        return np.zeros((int(camera.height), int(camera.width)), bool)
+    return to_photo(drawn.alpha[..., 0].cpu().numpy()) > MASK_THRESHOLD
 
 
 def dilated(mask: Bool[np.ndarray, "H W"], pixels: float) -> Bool[np.ndarray, "H W"]:

@@ -6,7 +6,6 @@ Letters in shapes: N Gaussians.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from desplat_ns.export.splat_cloud import SplatCloud
 
@@ -21,38 +20,24 @@ def ply_bytes(cloud: SplatCloud) -> bytes:
     of red first, then green, then blue.
     """
     rest = cloud.harmonics[:, 1:].transpose(0, 2, 1).reshape(len(cloud), -1)
-    columns = {
-        **_named(cloud.means, "{}", "xyz"),
-        **_named(np.zeros_like(cloud.means), "n{}", "xyz"),
-        **_named(cloud.harmonics[:, 0], "f_dc_{}"),
-        **_named(rest, "f_rest_{}"),
-        "opacity": logit(cloud.opacities),
-        **_named(np.log(cloud.scales), "scale_{}"),
-        **_named(cloud.quats, "rot_{}"),
+    p = np.clip(cloud.opacities.astype(np.float64), np.finfo(np.float32).tiny, OPAQUE)
+    parts = {
+        "x y z": cloud.means,
+        "nx ny nz": np.zeros_like(cloud.means),
+        "f_dc_0 f_dc_1 f_dc_2": cloud.harmonics[:, 0],
+        " ".join(f"f_rest_{i}" for i in range(rest.shape[1])): rest,
+        "opacity": (np.log(p) - np.log1p(-p))[:, None],
+        "scale_0 scale_1 scale_2": np.log(cloud.scales),
+        "rot_0 rot_1 rot_2 rot_3": cloud.quats,
     }
-    table = np.empty(len(cloud), dtype=[(name, "<f4") for name in columns])
-    for name, values in columns.items():
-        table[name] = values
+    names = " ".join(parts).split()
     header = [
         "ply",
         "format binary_little_endian 1.0",
         "comment written by desplat-ns",
         f"element vertex {len(cloud)}",
-        *(f"property float {name}" for name in columns),
+        *(f"property float {name}" for name in names),
         "end_header",
     ]
+    table = np.concatenate([values.astype("<f4") for values in parts.values()], axis=1)
     return "".join(f"{line}\n" for line in header).encode("ascii") + table.tobytes()
-
-
-def _named(
-    values: Float[np.ndarray, "N _"], pattern: str, names: str | None = None
-) -> dict[str, np.ndarray]:
-    """Columns by name; numbered where there are no names."""
-    labels = names or range(values.shape[1])
-    return {pattern.format(label): values[:, i] for i, label in enumerate(labels)}
-
-
-def logit(opacities: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
-    """log(p / (1 - p)), finite: 0 and 1 are taken as the nearest numbers between."""
-    p = np.clip(opacities.astype(np.float64), np.finfo(np.float32).tiny, OPAQUE)
-    return np.log(p) - np.log1p(-p)

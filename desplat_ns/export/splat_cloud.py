@@ -83,7 +83,6 @@ def baked(splats: Splats, antialiased: bool) -> SplatCloud:
 
     Args:
         splats: activated, with the colours of one light.
-        antialiased: as `SplatCloud.antialiased`.
 
     Raises:
         ConfigError: nothing is left.
@@ -91,7 +90,7 @@ def baked(splats: Splats, antialiased: bool) -> SplatCloud:
     shown = shown_anywhere(splats)
     if not shown.any():
         raise ConfigError(
-            f"Of {len(shown)} static Gaussians no view shows any: there is nothing to export. "
+            "No training camera shows any of the static Gaussians: there is nothing to export. "
             "Train longer, or take an earlier checkpoint."
         )
     splats = splats.rows(shown)
@@ -121,10 +120,7 @@ class Similarity:
 
 
 def similarity_to(
-    frame: Frame,
-    transform: Float[np.ndarray, "3 4"],
-    scale: float,
-    upright_axes: Axes,
+    frame: Frame, transform: Float[np.ndarray, "3 4"], scale: float, upright_axes: Axes
 ) -> Similarity:
     """From the coordinates of training to those of a file.
 
@@ -157,11 +153,19 @@ def similarity_to(
 
 
 def moved(cloud: SplatCloud, by: Similarity) -> SplatCloud:
-    """The same scene in other coordinates: what a camera that moves along sees does not change."""
+    """The same scene in other coordinates: what a camera that moves along sees does not change.
+
+    An ellipsoid is its own mirror image through its centre, so a reflection turns it as the turn of
+    opposite sign does.
+    """
+    w, x, y, z = quaternion_from_matrix(by.turn * np.sign(np.linalg.det(by.turn)))
+    product = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    quats = cloud.quats @ product.T
+    quats /= np.linalg.norm(quats, axis=1, keepdims=True)
     return replace(
         cloud,
         means=cloud.means @ (by.scale * by.turn.T) + by.shift,
-        quats=_turned_quats(cloud.quats, by.turn),
+        quats=quats.astype(np.float32),
         scales=(cloud.scales * by.scale).astype(np.float32),
         harmonics=turned_harmonics(cloud.harmonics, by.turn),
     )
@@ -172,34 +176,17 @@ def turned_harmonics(
 ) -> Float[np.ndarray, "N K 3"]:
     """Coefficients c' with sum_k c'_k Y_k(turn d) = sum_k c_k Y_k(d) for every direction d.
 
-    A turn mixes the harmonics of one degree only, linearly: the mixing matrix is solved for from
-    more directions than there are harmonics, in float64.
+    A turn mixes the harmonics linearly: the mixing matrix is solved for from more directions, which
+    spread over the sphere as a Fibonacci lattice, than there are harmonics, in float64.
     """
     degree = round(harmonics.shape[1] ** 0.5) - 1
     if degree == 0:
         return harmonics
-    directions = _spread_directions(4 * harmonics.shape[1])
+    steps = np.arange(4 * harmonics.shape[1]) + 0.5
+    z, angle = 1 - 2 * steps / len(steps), np.pi * (1 + 5**0.5) * steps
+    radius = np.sqrt(1 - z**2)
+    directions = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
     there = sh_basis(degree, torch.from_numpy(directions)).numpy()
     after = sh_basis(degree, torch.from_numpy(directions @ turn.T)).numpy()
     mixing = np.linalg.lstsq(after, there, rcond=None)[0]
     return np.einsum("jk,nkc->njc", mixing.astype(harmonics.dtype), harmonics)
-
-
-def _spread_directions(count: int) -> Float[np.ndarray, "count 3"]:
-    """Unit vectors spread evenly over the sphere: a Fibonacci lattice."""
-    steps = np.arange(count) + 0.5
-    z = 1 - 2 * steps / count
-    angle = np.pi * (1 + 5**0.5) * steps
-    radius = np.sqrt(1 - z**2)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
-
-
-def _turned_quats(
-    quats: Float[np.ndarray, "N 4"], turn: Float[np.ndarray, "3 3"]
-) -> Float[np.ndarray, "N 4"]:
-    """Quaternions of turn R. An ellipsoid is its own mirror image through its centre, so that a
-    reflection may be taken as the turn with the opposite sign."""
-    w, x, y, z = quaternion_from_matrix(turn * np.sign(np.linalg.det(turn)))
-    left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
-    turned = quats @ left.T
-    return (turned / np.linalg.norm(turned, axis=1, keepdims=True)).astype(np.float32)

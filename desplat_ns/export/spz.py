@@ -81,14 +81,11 @@ def color_bytes(cloud: SplatCloud) -> UInt8[np.ndarray, " B"]:
 def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], list[str]]:
     """For which Gaussians a file has places that are precise enough, and what to tell a user.
 
-    A place is rounded to a multiple of 2^-bits along each axis, so it is off by 2^-bits / 2 at
-    most. That is `OFF_BY` of a scale s, or less, from bits = ceil(log2(1 / (2 OFF_BY s))) on, where
-    s is such that a share `PRECISE` of the Gaussians is larger. With so many bits coordinates end
-    at LARGEST / 2^bits, a quarter of a million times s at least, and what lies beyond is left out:
-    one Gaussian that floats far away would coarsen all the others. No more than a share `FAR` is
-    left out, by the quantile of the largest coordinates; where that does not suffice, a line says
-    so.
-    Where all Gaussians have the bits that they need, all stay.
+    A place is rounded to a multiple of 2^-bits, so it is off by 2^-bits / 2 at most: by `OFF_BY` of
+    a scale s, or less, from bits = ceil(log2(1 / (2 OFF_BY s))) on. A share `PRECISE` of the
+    Gaussians is larger than s. With these bits coordinates end at LARGEST / 2^bits. Gaussians
+    beyond are left out, at most a share `FAR` of all: one that floats far away would coarsen all
+    the others. A line says where that does not suffice.
     """
     reach = np.abs(cloud.means).max(axis=1)
     size = float(np.quantile(np.sort(cloud.scales, axis=1)[:, 1], 1 - PRECISE))
@@ -102,8 +99,7 @@ def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], list[str]]:
             f"Not in the file: {(~near).sum()} of {len(cloud)} Gaussians, more than "
             f"{LARGEST / 2.0**bits:.3g} units from the origin. With them SPZ would round all "
             f"places to steps of {2.0**-with_all:.3g} units, and Gaussians are as small as "
-            f"{size:.2g}. Write .glb or .ply, which hold them, or leave out more of what is far "
-            "away: --crop 2."
+            f"{size:.2g}. Write .glb or .ply, or leave out more of what is far away: --crop 2."
         )
     step = 2.0 ** -_room(reach[near].max())
     if step / 2 > OFF_BY * size:
@@ -116,11 +112,8 @@ def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], list[str]]:
 
 
 def fractional_bits(means: Float[np.ndarray, "N 3"]) -> int:
-    """As many binary places as leave room for the largest coordinate.
-
-    Raises:
-        ConfigError: it lies beyond what the format can hold.
-    """
+    """Binary places that leave room for the largest coordinate. Raises ConfigError where it lies
+    beyond what the format can hold."""
     farthest = float(np.abs(means).max(initial=0.0))
     bits = _room(farthest)
     if bits < 0:

@@ -63,14 +63,7 @@ def _bytes_of(path: Path) -> int:
 
 
 def _go_on(address: str, part: Path, version: Path, progress: Progress) -> None:
-    """Fetch what is missing.
-
-    Raises:
-        CaptureError: there is no such file.
-        ConfigError: there is no room for it.
-        requests.RequestException: the connection broke.
-        OSError: the file cannot be written.
-    """
+    """Fetch what is missing. Raises as `download`, or requests.RequestException, OSError."""
     known = version.read_text() if version.is_file() else ""
     have = _bytes_of(part) if known else 0
     headers = {"Accept-Encoding": "identity"}
@@ -98,11 +91,7 @@ def _go_on(address: str, part: Path, version: Path, progress: Progress) -> None:
 
 
 def check_encrypted(address: str, led_through: list[str]) -> None:
-    """Refuse to be led from an encrypted address to one that is not.
-
-    Raises:
-        CaptureError: names that one.
-    """
+    """Raise CaptureError where an encrypted address leads to one that is not."""
     plain = [url for url in led_through if not url.startswith("https:")]
     if address.startswith("https:") and plain:
         raise CaptureError(

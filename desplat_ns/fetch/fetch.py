@@ -9,13 +9,12 @@ import zipfile
 import zlib
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 from desplat_ns.console import announce, progress_with_time_left
 from desplat_ns.errors import CaptureError
 from desplat_ns.fetch.download import download
-from desplat_ns.fetch.sources import File, Source
-from desplat_ns.files.whole import only_process_in
+from desplat_ns.fetch.sources import Source
+from desplat_ns.files.whole import check_room, only_process_in
 
 DAMAGE = (
     *(tarfile.TarError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError),
@@ -25,10 +24,10 @@ DAMAGE = (
 
 
 def fetch(source: Source, folder: Path, keep_archive: bool = False) -> list[Path]:
-    """Download and unpack what is not there. What was begun is gone on with.
+    """Download and unpack what is not there into the data set's own folder, which is made in
+    `folder`. What was begun is gone on with.
 
     Args:
-        folder: the data set's own folder is made in it.
         keep_archive: whether archives stay once they are unpacked.
 
     Returns:
@@ -41,39 +40,35 @@ def fetch(source: Source, folder: Path, keep_archive: bool = False) -> list[Path
     """
     home = folder / source.folder
     with only_process_in(home):
-        for file in source.files:
-            _fetch_file(file, home, keep_archive)
-    if _is_capture(home):
-        return [home]
-    captures = [place for place in sorted(home.iterdir()) if _is_capture(place)]
+        for address in source.files:
+            _fetch_file(address, home, keep_archive)
+    captures = [place for place in (home, *sorted(home.iterdir())) if _is_capture(place)]
     if not captures:
         raise CaptureError(
             f"There are no photos in '{home}': the data set is laid out in another way than it was "
             f"when this was written. Look at what is there, and at {source.page}."
         )
-    return captures
+    return captures[:1] if captures[0] == home else captures
 
 
 def _is_capture(folder: Path) -> bool:
     return any((folder / name).is_dir() for name in ("images", "dense"))
 
 
-def _fetch_file(file: File, home: Path, keep_archive: bool) -> None:
-    target = home / Path(urlsplit(file.address).path).name
-    mark = home / f".{target.name}.unpacked"
-    if mark.exists() or (target.exists() and not file.is_archive):
+def _fetch_file(address: str, home: Path, keep_archive: bool) -> None:
+    target = home / address.rpartition("/")[2]
+    mark, is_archive = home / f".{target.name}.unpacked", target.suffix != ".tsv"
+    if mark.exists() or (target.exists() and not is_archive):
         again = f" To have it unpacked anew: remove '{home}'." if mark.exists() else ""
         announce(f"{target.name} is there already.{again}")
         return
     if not target.exists():
-        announce(f"Fetching {file.address}")
+        announce(f"Fetching {address}")
         with progress_with_time_left(f"{target.name}, MB") as bar:
-
-            def show(done: int, total: int) -> None:
-                bar(done // 10**6, max(done, total) // 10**6)
-
-            download(file.address, target, show)
-    if file.is_archive:
+            download(
+                address, target, lambda done, total: bar(done // 10**6, max(done, total) // 10**6)
+            )
+    if is_archive:
         announce(f"Unpacking {target}, {target.stat().st_size / 1e9:.2f} GB")
         unpack(target, home)
         mark.touch()
@@ -90,23 +85,27 @@ def unpack(archive: Path, folder: Path) -> None:
     Raises:
         CaptureError: it is damaged, it would write elsewhere, the disk is full, or something of it
             is there already.
+        ConfigError: the disk will not hold what a `.zip` says that it holds.
     """
     unpacked = folder / f".{archive.name}.unpacking"
     shutil.rmtree(unpacked, ignore_errors=True)
     # Python's zip archives leave out names that lead elsewhere; its tar archives have a filter.
     safely: dict[str, Any] = {} if archive.suffix == ".zip" else {"filter": "data"}
     try:
+        if archive.suffix == ".zip":  # of which no more is unpacked than it says
+            with zipfile.ZipFile(archive) as content:
+                size = sum(entry.file_size for entry in content.infolist())
+            check_room(folder, size, f"{archive.name} holds", "--folder")
         shutil.unpack_archive(archive, unpacked, **safely)
         shutil.rmtree(unpacked / "__MACOSX", ignore_errors=True)
         inner = unpacked / folder.name
         source = inner if [*unpacked.iterdir()] == [inner] and inner.is_dir() else unpacked
-        for entry in source.iterdir():
-            if (folder / entry.name).exists():
-                raise CaptureError(
-                    f"'{folder / entry.name}' is there already. Move it away to have it unpacked "
-                    "anew."
-                )
-        for entry in [*source.iterdir()]:
+        entries = [*source.iterdir()]
+        if there := [folder / entry.name for entry in entries if (folder / entry.name).exists()]:
+            raise CaptureError(
+                f"'{there[0]}' is there already. Move it away to have it unpacked anew."
+            )
+        for entry in entries:
             entry.rename(folder / entry.name)
     except DAMAGE as error:
         raise CaptureError(

@@ -6,14 +6,6 @@ Sizes and checksums are not published; what the server says of a file is what ca
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
-
-
-class File(NamedTuple):
-    """A file of a data set."""
-
-    address: str
-    is_archive: bool = True
 
 
 @dataclass(frozen=True)
@@ -25,7 +17,8 @@ class Source:
     """Who made it, how to cite it, and what may be done with it."""
     folder: str
     """Where its files go, below the folder that is asked for."""
-    files: tuple[File, ...]
+    files: tuple[str, ...]
+    """Addresses; all but a .tsv are archives."""
     train: str
     """What to type then; {scene} is the folder of a capture."""
 
@@ -43,7 +36,7 @@ def _photo_tourism(title: str, archive: str, split: str) -> Source:
         f"Photo Tourism, {title}: photos by many people, and NeRF-W's split",
         "https://www.cs.ubc.ca/~kmyi/imw2020/data.html",
         f"phototourism/{archive}",
-        (File(f"{_MATCHING}/{archive}.tar.gz"), File(f"{_SPLITS}/{split}.tsv", is_archive=False)),
+        (f"{_MATCHING}/{archive}.tar.gz", f"{_SPLITS}/{split}.tsv"),
         "ns-train desplat-phototourism --data {scene}",
     )
 
@@ -53,21 +46,21 @@ SOURCES: dict[str, Source] = {
         "RobustNeRF: five scenes with clean and cluttered photos",
         "https://robustnerf.github.io",
         "robustnerf",
-        (File(f"{_GOOGLE}/jax3d-public/projects/robustnerf/robustnerf.tar.gz"),),
+        (f"{_GOOGLE}/jax3d-public/projects/robustnerf/robustnerf.tar.gz",),
         "ns-train desplat --data {scene} robustnerf-data --downscale-factor 8",
     ),
     "on-the-go": Source(
         "NeRF On-the-go: scenes with people in 5 to 30% of the pixels",
         "https://rwn17.github.io/nerf-on-the-go/",
         "on-the-go",
-        (File("https://cvg-data.inf.ethz.ch/on-the-go.zip"),),
+        ("https://cvg-data.inf.ethz.ch/on-the-go.zip",),
         "ns-train desplat --data {scene} on-the-go-data --downscale-factor 8",
     ),
     "mipnerf360": Source(
         "Mip-NeRF 360: scenes in which nothing moves",
         "https://jonbarron.info/mipnerf360/",
         "mipnerf360",
-        (File(f"{_GOOGLE}/gresearch/refraw360/360_v2.zip"),),
+        (f"{_GOOGLE}/gresearch/refraw360/360_v2.zip",),
         "ns-train desplat --data {scene} colmap --downscale-factor 4",
     ),
     "brandenburg-gate": _photo_tourism("Brandenburg Gate", "brandenburg_gate", "brandenburg"),

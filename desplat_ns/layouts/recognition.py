@@ -1,26 +1,43 @@
-"""Which layout a capture has: what was found, what else could be read, or what is missing."""
+"""Which layout a capture has: what was found, what else could be read, or what is missing.
+
+To add a layout, write what finds it and enter it in `LAYOUTS`, before those that are less specific.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
+from nerfstudio.data.dataparsers.blender_dataparser import BlenderDataParserConfig
+from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.console import list_names
 from desplat_ns.data.checks import how_to_get_poses
-from desplat_ns.data.photo_files import photos_near
-from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.layouts.table import (
-    BLENDER_FILES,
-    LAYOUTS,
-    Evidence,
-    Layout,
-    blender_misfit,
-    option_of,
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.colmap_model import find_models
+from desplat_ns.data.on_the_go import (
+    SPLIT_FILE,
+    TRANSFORMS_FILE,
+    OnTheGoDataParserConfig,
+    read_split,
 )
+from desplat_ns.data.photo_files import downscale_factors, photo_names, photos_near
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig, describe
+from desplat_ns.data.transforms_json import TransformsDataParser
+from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.photo_tourism.dataparser import ROOTS, PhotoTourismDataParserConfig, split_folders
+from desplat_ns.photo_tourism.split_file import split_files
+
+IMAGES = DeSplatColmapDataParserConfig().images_path
+"""Folder of the photos; beside it, `images_N` has copies at 1/N of their size."""
+
+BLENDER_FILES = tuple(f"transforms_{split}.json" for split in ("train", "val", "test"))
+"""What nerfstudio's blender-data reads."""
 
 SPLIT_OPTIONS = ("eval_mode", "train_split_fraction", "eval_interval")
 """Options without a meaning where the layout itself says which photos are held out."""
@@ -30,17 +47,32 @@ LISTED_ENTRIES = 5
 
 
 @dataclass(frozen=True)
-class Match:
-    """A layout that a folder has."""
+class Evidence:
+    """Why a folder is taken for a layout."""
 
-    layout: Layout
-    evidence: Evidence
+    summary: str
+    """What lies there, as part of a sentence."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """Options of the dataparser that it calls for."""
+    covers: tuple[str, ...] = ()
+    """Dataparsers that could read the same photos and would know less about them."""
 
-    @property
-    def words(self) -> tuple[str, ...]:
-        """What names this reading at the end of an ns-train command."""
-        options = [(option_of(name), str(value)) for name, value in self.evidence.options.items()]
-        return (self.layout.parser, *(word for option in options for word in option))
+
+@dataclass(frozen=True)
+class Layout:
+    """A way in which captures lie on disk."""
+
+    name: str
+    needs: str
+    """What has to lie in the folder."""
+    parser: str
+    """Name of the dataparser in ns-train."""
+    config: Callable[..., Any]
+    """Makes the dataparser's configuration from its options."""
+    find: Callable[[Path], Evidence | None]
+    """None if the folder has another layout."""
+    split_by: str = ""
+    """What says which photos are held out, if not --eval-mode and the options beside it."""
 
 
 @dataclass(frozen=True)
@@ -48,16 +80,23 @@ class Recognition:
     """What lies in a capture's folder and how it is read."""
 
     data: Path
-    match: Match
-    others: tuple[Match, ...]
+    layout: Layout
+    evidence: Evidence
+    others: tuple[Recognition, ...] = ()
     """Other readings that see other photos or poses."""
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What names this reading at the end of an ns-train command."""
+        options = self.evidence.options.items()
+        words = [word for name, value in options for word in (_option_of(name), str(value))]
+        return (self.layout.parser, *words)
 
     def line(self) -> str:
         """What was found, what reads it, and what to type for another reading."""
-        layout = self.match.layout
         return (
-            f"Capture {self.data} has the layout of {layout.name}: {self.match.evidence.summary}. "
-            f"It is read by {layout.parser}."
+            f"Capture {self.data} has the layout of {self.layout.name}: {self.evidence.summary}. "
+            f"It is read by {self.layout.parser}."
         ) + "".join(
             f" Also found: {other.evidence.summary}; to read that instead, end the command "
             f"with `{' '.join(other.words)}`."
@@ -73,16 +112,18 @@ class Recognition:
         Raises:
             ConfigError: options that this layout has no use for.
         """
-        layout = self.match.layout
-        useless = [name for name in SPLIT_OPTIONS if layout.split_by and name in options]
-        if useless:
-            given = " ".join(f"{option_of(name)} {options[name]}" for name in useless)
+        layout = self.layout
+        useful = {f.name for f in fields(layout.config())}
+        useful -= set(SPLIT_OPTIONS) if layout.split_by else set()
+        if useless := [name for name in options if name not in useful]:
+            given = " ".join(f"{_option_of(name)} {options[name]}" for name in useless)
+            why = f", where {layout.split_by} decides which photos are held out"
             raise ConfigError(
-                f"{given} has no use here: {self.data} has the layout of {layout.name}, where "
-                f"{layout.split_by} decides which photos are held out. Leave it out, or see the "
-                f"options of {layout.parser}: end the command with `{layout.parser} --help`."
+                f"{given} has no use here: {self.data} has the layout of {layout.name}"
+                f"{why * bool(layout.split_by)}. Leave it out, or see the options of "
+                f"{layout.parser}: end the command with `{layout.parser} --help`."
             )
-        return layout.config(data=self.data, **{**self.match.evidence.options, **options})
+        return layout.config(data=self.data, **{**self.evidence.options, **options})
 
 
 def recognise(data: Path) -> Recognition:
@@ -93,44 +134,48 @@ def recognise(data: Path) -> Recognition:
     """
     if not data.exists():
         raise CaptureError(f"There is no folder {data}. Check the path after --data.")
-    if data.is_file() and data.suffix != ".json":
+    if not data.is_dir() and data.suffix != ".json":
         raise CaptureError(
             f"{data} is a file. --data takes the folder of a capture, or its transforms.json."
         )
-    matches = _matches(data)
-    if not matches:
+    if not (readings := _readings(data)):
         raise CaptureError(_nothing_found(data))
-    taken, *others = matches
+    taken, *others = readings
     known = taken.evidence.covers
-    return Recognition(data, taken, tuple(m for m in others if m.layout.parser not in known))
+    return Recognition(
+        data, taken.layout, taken.evidence, tuple(r for r in others if r.layout.parser not in known)
+    )
 
 
-def _matches(data: Path) -> list[Match]:
+def _readings(data: Path) -> list[Recognition]:
     candidates = ((layout, layout.find(data)) for layout in LAYOUTS)
-    return [Match(layout, evidence) for layout, evidence in candidates if evidence is not None]
+    return [Recognition(data, layout, found) for layout, found in candidates if found is not None]
 
 
 def _nothing_found(data: Path) -> str:
+    if not data.is_dir():
+        return f"{data} cannot be read. --data takes the folder of a capture, or its file."
     entries = sorted(path.name for path in data.iterdir())
     if not entries:
         return f"The folder {data} is empty. Check the path after --data."
     if BLENDER_FILES[0] in entries:
         path = data / BLENDER_FILES[0]
         return (
-            f"{path} cannot be read by nerfstudio's blender-data: {blender_misfit(data)}. Where it "
-            f"has nerfstudio's fields (fl_x, fl_y, cx, cy, w, h), name the file itself: --data "
-            f"{path}; nerfstudio-data reads it then and holds out one in ten of its photos. To "
-            "keep the splits, put all frames into one transforms.json with the lists "
+            f"{path} is not as nerfstudio's blender-data reads it: that needs "
+            f"{', '.join(BLENDER_FILES)}, each with camera_angle_x and a photo X.png for a "
+            "file_path X. Where they have nerfstudio's fields (fl_x, fl_y, cx, cy, w, h), name the "
+            f"file itself: --data {path}; nerfstudio-data holds out one in ten of its photos then. "
+            "To keep the splits, put all frames into one transforms.json with the lists "
             "train_filenames, val_filenames and test_filenames."
         )
-    inside = [name for name in entries if (data / name).is_dir() and _matches(data / name)]
+    inside = [name for name in entries if (data / name).is_dir() and _readings(data / name)]
     if inside:
         return (
             f"{data} is no capture, but holds some: {list_names(inside, LISTED_ENTRIES)}. Name "
             f"one, for example --data {data / inside[0]}."
         )
     above = data.resolve().parent
-    if _matches(above):
+    if _readings(above):
         return f"{data} is a part of the capture {above}. Name that: --data {above}."
     photos = photos_near(data)
     if photos:
@@ -144,3 +189,156 @@ def _nothing_found(data: Path) -> str:
         f"is one of these: {looked}. Check the path after --data, or name a dataparser at the end "
         "of the command (ns-train desplat --help lists them)."
     )
+
+
+def _option_of(name: str) -> str:
+    """How a field is called on the command line: `--eval-mode` for eval_mode."""
+    return f"--{name.replace('_', '-')}"
+
+
+# --- what finds each layout -----------------------------------------------------------------------
+
+
+def _on_the_go(data: Path) -> Evidence | None:
+    """split.json with the lists of NeRF On-the-go, and poses."""
+    model, has_transforms = _model_of(data), (data / TRANSFORMS_FILE).is_file()
+    try:
+        lists = read_split(data / SPLIT_FILE)
+    except CaptureError:
+        return None
+    if not (model or has_transforms):
+        return None
+    counts = ", ".join(f"{len(positions)} {name}" for name, positions in lists.items())
+    return Evidence(
+        f"{SPLIT_FILE} ({counts}) with {model or TRANSFORMS_FILE}",
+        _photos(data)[1],
+        covers=("robustnerf-data", "nerfstudio-data", "colmap"),
+    )
+
+
+def _robustnerf(data: Path) -> Evidence | None:
+    """`extra` and `clutter` or `clean` in the names of photos, over a COLMAP model."""
+    model = _model_of(data)
+    images, options = _photos(data)
+    names = photo_names(images) if model else []
+    stems = " ".join(Path(name).stem.lower() for name in names)
+    if "extra" not in stems or not ("clutter" in stems or "clean" in stems):
+        return None
+    summary = f"photos named by what they show ({describe(names)}) and {model}"
+    return Evidence(summary, options, covers=("colmap",))
+
+
+def _photo_tourism(data: Path) -> Evidence | None:
+    """dense/ with photos and a COLMAP model, or a NeRF-W split file beside them."""
+    split, _ = split_files(split_folders(data))
+    held_out = (
+        f"the split file {split[0].name}" if split else "no split file: a draw holds photos out"
+    )
+    dense = ROOTS[0]
+    if find_models(data, dense / "sparse") and (data / dense / "images").is_dir():
+        return Evidence(f"{dense}/images and {dense}/sparse ({held_out})")
+    model = _model_of(data)
+    if model and (split or data.resolve().name == dense.name):
+        return Evidence(f"{model} ({held_out})", covers=("colmap",))
+    return None
+
+
+def _transforms(data: Path) -> Evidence | None:
+    """A transforms.json, or such a file named itself."""
+    path = data if data.suffix == ".json" else data / TRANSFORMS_FILE
+    return Evidence(path.name, {"load_3D_points": True}) if path.is_file() else None
+
+
+def _blender(data: Path) -> Evidence | None:
+    """transforms_train.json and those beside it, as nerfstudio's blender-data reads them: it takes
+    one `camera_angle_x` for all photos, and adds .png to every `file_path`."""
+    for path in (data / name for name in BLENDER_FILES):
+        try:
+            document: Any = json.loads(path.read_text("utf8")) if path.is_file() else {}
+            photo = f"{document['frames'][0]['file_path']}.png"
+            is_fit = isinstance(document["camera_angle_x"], (int, float))
+        except (OSError, ValueError, LookupError, TypeError):
+            return None
+        if not (is_fit and (data / photo).is_file()):
+            return None
+    return Evidence(", ".join(BLENDER_FILES))
+
+
+def _colmap(data: Path) -> Evidence | None:
+    """A COLMAP model in a usual place; photos, or smaller copies as Mip-NeRF 360 has them."""
+    model = _model_of(data)
+    if not model:
+        return None
+    copies = "".join(f", {IMAGES}_{factor}" for factor in downscale_factors(data / IMAGES))
+    return Evidence(f"{model}{copies}", _photos(data)[1])
+
+
+def _model_of(data: Path) -> str:
+    """COLMAP's model in a usual place, as part of a sentence; empty if there is none."""
+    models = find_models(data, Path("sparse"))
+    if not models:
+        return ""
+    folder = models[0] if len(models) == 1 else models[0].parent  # of several, the parser takes one
+    return f"COLMAP's model in {folder.relative_to(data).as_posix()}"
+
+
+def _photos(data: Path) -> tuple[Path, dict[str, Any]]:
+    """Folder of the photos, or of the largest copies if they are all there is; the options with
+    which a dataparser reads it."""
+    images = data / IMAGES
+    factors = downscale_factors(images)
+    if images.is_dir() or not factors:
+        return images, {}
+    return data / f"{IMAGES}_{factors[0]}", {"downscale_factor": factors[0]}
+
+
+LAYOUTS = (
+    Layout(
+        "NeRF On-the-go",
+        "split.json with transforms.json or a COLMAP model",
+        "on-the-go-data",
+        OnTheGoDataParserConfig,
+        _on_the_go,
+        "split.json",
+    ),
+    Layout(
+        "RobustNeRF",
+        "images/ with clean or clutter, and extra, in the file names, and a COLMAP model",
+        "robustnerf-data",
+        RobustNerfDataParserConfig,
+        _robustnerf,
+        "the photos' file names",
+    ),
+    Layout(
+        "Photo Tourism",
+        "dense/images and dense/sparse",
+        "photo-tourism-data",
+        PhotoTourismDataParserConfig,
+        _photo_tourism,
+        "the split file, or without one a draw,",
+    ),
+    Layout(
+        "nerfstudio",
+        "transforms.json",
+        "nerfstudio-data",
+        partial(NerfstudioDataParserConfig, _target=TransformsDataParser),
+        _transforms,
+    ),
+    Layout(
+        "Blender (NeRF synthetic)",
+        "transforms_train.json, transforms_val.json and transforms_test.json",
+        "blender-data",
+        BlenderDataParserConfig,
+        _blender,
+        "transforms_train.json with those beside it",
+    ),
+    Layout(
+        "COLMAP",
+        "images/, or images_2, images_4, ..., and a COLMAP model (cameras, images and points3D as "
+        ".bin or .txt) in sparse/0, sparse or colmap/sparse/0",
+        "colmap",
+        DeSplatColmapDataParserConfig,
+        _colmap,
+    ),
+)
+"""The most specific ones first: the first that is found is taken."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from desplat_ns.photo_tourism.split_file import (
     PhotoSplit,
     draw_split,
     find_split_file,
-    read_split,
+    read_split_file,
 )
 
 ROOTS = (Path("dense"), Path())
@@ -63,15 +63,9 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
 
     config: PhotoTourismDataParserConfig
 
-    @cached_property
-    def images_path(self) -> Path:
-        """Folder of the photos, relative to the data."""
-        return find_paths(self.config)[0]
-
-    @cached_property
-    def colmap_path(self) -> Path:
-        """Where the reconstruction is looked for, relative to the data."""
-        return find_paths(self.config)[1]
+    def __init__(self, config: PhotoTourismDataParserConfig):
+        """Raises as `with_paths`."""
+        super().__init__(with_paths(config))
 
     @cached_property
     def split(self) -> PhotoSplit:
@@ -81,36 +75,27 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
             CaptureError: a split file that does not fit, see `split_file`.
             ConfigError: options that contradict each other, or are out of range.
         """
-        config = self.config
+        config, fraction = self.config, self.config.test_fraction
         names = [frame.name for frame in self.reconstruction.frames]
-        if config.split_file is not None and config.test_fraction is not None:
+        if config.split_file is not None and fraction is not None:
             raise ConfigError(
-                f"--split-file {config.split_file} and --test-fraction {config.test_fraction} "
-                "contradict each other; give one of them."
+                f"--split-file {config.split_file} and --test-fraction {fraction} contradict each "
+                "other; give one of them."
             )
-        if config.test_fraction is not None:
-            path = None
-        elif config.split_file is not None:
-            path = config.data / config.split_file
-        else:
+        path = None if config.split_file is None else config.data / config.split_file
+        if path is None and fraction is None:
             path = find_split_file(split_folders(config.data))
-        if path is None:
-            given = config.test_fraction
-            fraction = TEST_FRACTION if given is None else given
-            split = draw_split(names, fraction, config.seed)
-            why = f"{config.data} has no split file" if given is None else "drawn, as asked for"
-            announce_once(
-                f"Split: {why}; {len(split.train)} photos train, {len(split.test)} test "
-                f"(--test-fraction {fraction:g} --seed {config.seed}): "
-                f"{', '.join(names[i] for i in split.test)}."
-            )
-            return split
-        split = read_split(path, names)
-        unlisted = len(names) - len(split.train) - len(split.test)
+        if path is not None:
+            split = read_split_file(path, names)
+            unlisted = len(names) - len(split.train) - len(split.test)
+            more = f" {unlisted} more in the reconstruction are not listed: not used."
+            how = f"by {path}", more * bool(unlisted)
+        else:
+            split = draw_split(names, TEST_FRACTION if fraction is None else fraction, config.seed)
+            drawn = ", ".join(names[i] for i in split.test)
+            how = "drawn by --test-fraction and --seed", f" Those for testing: {drawn}."
         announce_once(
-            f"Split by {path}: {len(split.train)} photos train, {len(split.test)} test."
-            + (f" {unlisted} more in the reconstruction are not listed: not used." * bool(unlisted))
-            + (f" {split.num_skipped} rows without an id: ignored." * bool(split.num_skipped))
+            f"Split, {how[0]}: {len(split.train)} photos train, {len(split.test)} test.{how[1]}"
         )
         return split
 
@@ -133,22 +118,24 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
         if self.config.downscale_factor is not None:
             sources = super().sources(frames)
         else:
-            folder = self.config.data / self.images_path
-            rounding = self.config.downscale_rounding_mode
-            factors = [downscale_factor(None, [frame]) for frame in frames]
-            sources = [
-                photo_sources(folder, [frame], factor, rounding)[0][0]
-                for frame, factor in zip(frames, factors, strict=True)
-            ]
-            check_files([source.path for source in sources], folder, "photos", "--images-path")
-            num_large = sum(factor > 1 for factor in factors)
-            if num_large:
-                announce_once(
-                    f"{num_large} of {len(frames)} photos have sides of more than "
-                    f"{MAX_AUTO_RESOLUTION} pixels and are halved until they do not; "
-                    "--downscale-factor 1 leaves them."
-                )
+            sources = self._reduced_where_large(frames)
         return {frame.name: source for frame, source in zip(frames, sources, strict=True)}
+
+    def _reduced_where_large(self, frames: Sequence[Frame]) -> list[PhotoSource]:
+        folder, rounding = self.photos_folder, self.config.downscale_rounding_mode
+        factors = [downscale_factor(None, [frame]) for frame in frames]
+        sources = [
+            photo_sources(folder, [frame], factor, rounding)[0][0]
+            for frame, factor in zip(frames, factors, strict=True)
+        ]
+        check_files([source.path for source in sources], folder, "photos", "--images-path")
+        num_large = sum(factor > 1 for factor in factors)
+        if num_large:
+            announce_once(
+                f"{num_large} of {len(frames)} photos have sides of more than {MAX_AUTO_RESOLUTION}"
+                " pixels and are halved until they do not; --downscale-factor 1 leaves them."
+            )
+        return sources
 
 
 def split_folders(data: Path) -> list[Path]:
@@ -158,9 +145,9 @@ def split_folders(data: Path) -> list[Path]:
     return [data, data / ROOTS[0], *above]
 
 
-def find_paths(config: PhotoTourismDataParserConfig) -> tuple[Path, Path]:
-    """(photos, reconstruction), relative to the data, side by side in one of `ROOTS`; options come
-    before that.
+def with_paths(config: PhotoTourismDataParserConfig) -> PhotoTourismDataParserConfig:
+    """The same with photos and reconstruction side by side in one of `ROOTS`; options come before
+    that.
 
     Photos of one root never go with the reconstruction of the other: there they are undistorted,
     here perhaps not. A root that has both comes before one that has a reconstruction only.
@@ -168,28 +155,26 @@ def find_paths(config: PhotoTourismDataParserConfig) -> tuple[Path, Path]:
     Raises:
         CaptureError: no such folder, or no reconstruction.
     """
-    default = PhotoTourismDataParserConfig()
-    data = config.data
+    default, data = PhotoTourismDataParserConfig(), config.data
+    images, colmap = config.images_path, config.colmap_path
     pairs = [
         (
-            config.images_path if config.images_path != default.images_path else root / "images",
-            config.colmap_path if config.colmap_path != default.colmap_path else root / "sparse",
+            images if images != default.images_path else root / "images",
+            colmap if colmap != default.colmap_path else root / "sparse",
         )
         for root in ROOTS
     ]
-    with_model = [pair for pair in pairs if find_models(data, pair[1])]
-    complete = [pair for pair in with_model if (data / pair[0]).is_dir()]
-    if with_model:
-        return (complete or with_model)[0]
-    if not data.is_dir():
-        raise CaptureError(f"The folder {data} does not exist. Give the scene's with --data.")
-    looked = ", ".join(dict.fromkeys(colmap.as_posix() for _, colmap in pairs))
-    raise CaptureError(
-        f"No COLMAP reconstruction in {data} (looked in {looked}, and in folders inside them). "
-        "Needed: cameras, images and points3D as .bin or .txt, beside a folder `images`. Name the "
-        "scene's folder with --data, or the reconstruction with --colmap-path and the photos with "
-        "--images-path, relative to --data."
-    )
+    found = [pair for pair in pairs if find_models(data, pair[1])]
+    found.sort(key=lambda pair: not (data / pair[0]).is_dir())
+    if not found:
+        looked = ", ".join(dict.fromkeys(colmap.as_posix() for _, colmap in pairs))
+        raise CaptureError(
+            f"No COLMAP reconstruction in {data} (looked in {looked}, and in folders inside them). "
+            "Needed: cameras, images and points3D as .bin or .txt, beside a folder `images`. Name "
+            "the scene's folder with --data, or the reconstruction with --colmap-path and the "
+            "photos with --images-path, relative to --data."
+        )
+    return replace(config, images_path=found[0][0], colmap_path=found[0][1])
 
 
 photo_tourism_dataparser = DataParserSpecification(

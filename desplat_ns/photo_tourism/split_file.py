@@ -10,8 +10,8 @@ from __future__ import annotations
 import csv
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import NamedTuple
 
 from desplat_ns.console import list_names
 from desplat_ns.data.checks import find_photos, shuffled
@@ -27,14 +27,11 @@ EMPTY = {"", "nan"}
 """Values of `filename` and `id` that mean "not in the reconstruction"."""
 
 
-@dataclass(frozen=True)
-class PhotoSplit:
+class PhotoSplit(NamedTuple):
     """Photos by their index in the reconstruction, ascending."""
 
     train: list[int]
     test: list[int]
-    num_skipped: int = 0
-    """Rows of the file without an id or without a file name."""
 
 
 def split_files(folders: Sequence[Path]) -> tuple[list[Path], list[str]]:
@@ -72,51 +69,19 @@ def find_split_file(folders: Sequence[Path]) -> Path | None:
     return fitting[0] if fitting else None
 
 
-def read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
-    """Line numbers and values of `COLUMNS`, stripped, missing ones empty; blank lines are skipped.
-
-    Raises:
-        CaptureError: no such file, not UTF-8, not a table, or columns that are missing.
-    """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file, dialect="excel-tab", strict=True)
-            header = [(name or "").strip() for name in reader.fieldnames or []]
-            missing = [name for name in COLUMNS if name not in header]
-            if missing:
-                raise CaptureError(
-                    f"The split file {path} has no column {', '.join(missing)}. Found: "
-                    f"{', '.join(header) or 'nothing'}; needed: {', '.join(COLUMNS)}, with tabs "
-                    "between."
-                )
-            reader.fieldnames = header
-            return [
-                (reader.line_num, {name: (row[name] or "").strip() for name in COLUMNS})
-                for row in reader
-            ]
-    except (UnicodeDecodeError, csv.Error, OSError) as error:
-        raise CaptureError(
-            f"The split file {path} cannot be read: {error}. It must be UTF-8 text with one row "
-            f"for each photo, the columns {', '.join(COLUMNS)} and tabs between; --split-file, "
-            "relative to --data, names another."
-        ) from error
-
-
-def read_split(path: Path, names: Sequence[str]) -> PhotoSplit:
-    """The split of the photos `names` (paths inside the images folder) that a file lists.
-
-    A row may give the path or, where that is unambiguous, the file name alone. Rows without an id
-    or a file name do not count.
+def read_split_file(path: Path, names: Sequence[str]) -> PhotoSplit:
+    """The photos that a split file lists, found among `names` (paths inside the images folder) by
+    their path or, where that is unambiguous, by the file name alone. Rows without an id or a file
+    name do not count.
 
     Raises:
         CaptureError: as `read_rows`; a split that is neither train nor test; fewer than two photos
-            that train, or none for testing; rows that name no photo, several, or one once more.
+            that train, or none for testing; rows that name no photo of the reconstruction,
+            several, or one once more.
     """
     listed: dict[str, list[str]] = {"train": [], "test": []}
-    skipped = 0
     for line, row in read_rows(path):
         if row["filename"].lower() in EMPTY or row["id"].lower() in EMPTY:
-            skipped += 1
             continue
         split = row["split"].lower()
         if split not in listed:
@@ -125,29 +90,54 @@ def read_split(path: Path, names: Sequence[str]) -> PhotoSplit:
                 f"'{row['split']}'; it must be train or test. To leave a photo out, delete its row."
             )
         listed[split].append(PurePosixPath(row["filename"]).as_posix())
-    num_train, rows = len(listed["train"]), listed["train"] + listed["test"]
-    if num_train < 2 or not listed["test"]:
+    rows, num_train = listed["train"] + listed["test"], len(listed["train"])
+    if num_train < 2 or num_train == len(rows):
         raise CaptureError(
-            f"The split file {path} lists {num_train} photos to train on and {len(listed['test'])} "
-            f"to test on ({skipped} rows have no id or no file name and do not count). Needed: at "
+            f"The split file {path} lists {num_train} photos to train on and "
+            f"{len(rows) - num_train} to test on, of those with an id and a file name. Needed: at "
             "least two to train on and one to test on."
         )
     matches = find_photos(names, rows)
-    wrong = [name for name, where in zip(rows, matches, strict=True) if len(where) != 1]
-    if wrong:
+    if wrong := [name for name, where in zip(rows, matches, strict=True) if len(where) != 1]:
         raise CaptureError(
             f"{len(wrong)} of {len(rows)} photos in the split file {path} are not in the "
             f"reconstruction, or not unambiguously: {list_names(wrong)}. The reconstruction has "
             f"{list_names(names)}. Take the split file that belongs to it, or delete these rows."
         )
     indices = [where[0] for where in matches]
-    twice = [names[i] for i, count in Counter(indices).items() if count > 1]
-    if twice:
+    if twice := [names[i] for i, count in Counter(indices).items() if count > 1]:
         raise CaptureError(
-            f"The split file {path} lists {len(twice)} photos more than once: "
-            f"{list_names(twice)}. Keep one row for each photo."
+            f"The split file {path} lists {len(twice)} photos more than once: {list_names(twice)}. "
+            "Keep one row for each photo."
         )
-    return PhotoSplit(sorted(indices[:num_train]), sorted(indices[num_train:]), skipped)
+    return PhotoSplit(sorted(indices[:num_train]), sorted(indices[num_train:]))
+
+
+def read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
+    """Line numbers and values of `COLUMNS`, stripped, missing ones empty; blank lines are skipped.
+
+    Raises:
+        CaptureError: no such file, not UTF-8, not a table, or columns that are missing.
+    """
+    needed = f"It must be UTF-8 text with tabs between the columns {', '.join(COLUMNS)}."
+    if not path.is_file():
+        raise CaptureError(
+            f"There is no split file {path}; --split-file names one, relative to --data. {needed}"
+        )
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file, dialect="excel-tab", strict=True)
+            reader.fieldnames = [(name or "").strip() for name in reader.fieldnames or []]
+            if missing := [name for name in COLUMNS if name not in reader.fieldnames]:
+                raise CaptureError(
+                    f"The split file {path} has no column {', '.join(missing)}. {needed}"
+                )
+            return [
+                (reader.line_num, {name: (row[name] or "").strip() for name in COLUMNS})
+                for row in reader
+            ]
+    except (ValueError, csv.Error, OSError) as error:
+        raise CaptureError(f"The split file {path} cannot be read: {error}. {needed}") from error
 
 
 def draw_split(names: Sequence[str], test_fraction: float, seed: int) -> PhotoSplit:
@@ -165,8 +155,6 @@ def draw_split(names: Sequence[str], test_fraction: float, seed: int) -> PhotoSp
             "hold out every tenth photo."
         )
     num_test = min(max(1, round(test_fraction * len(names))), len(names) - 1)
-    test = set(shuffled(set(names), seed)[:num_test])
-    return PhotoSplit(
-        train=[i for i, name in enumerate(names) if name not in test],
-        test=[i for i, name in enumerate(names) if name in test],
-    )
+    held_out = set(shuffled(set(names), seed)[:num_test])
+    test = [i for i, name in enumerate(names) if name in held_out]
+    return PhotoSplit(sorted({*range(len(names))} - {*test}), test)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 from desplat_ns.console import list_names
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.report.disputed import Disputed
 from desplat_ns.report.pictures import Rgb, TrainingPhoto, marked
 from desplat_ns.report.recorded import Cost, EffectReason
-from desplat_ns.report.views import Alone
+from desplat_ns.report.views import Alone, Disputed
 from desplat_ns.separation.placement import FEW_VIEWS, about_few_views
+from desplat_ns.settings.effects import AppearanceGrade, BackgroundGrade
 from desplat_ns.training.schedule import steps_for_visits
 
 ENOUGH_VISITS = 150.0
@@ -39,6 +39,8 @@ WIDE_GAP = 8.0
 MAX_NAMES, MAX_PARTS = 5, 3
 """Photos, and photos with parts of the scene that they show alone, that are named."""
 
+GRADES = {"appearance": get_args(AppearanceGrade), "background": get_args(BackgroundGrade)}
+
 DISTRACTORS = "--pipeline.model.distractors"
 FOR_LIGHT_AND_SKY = (
     "--pipeline.model.effects.appearance affine, and --pipeline.model.effects.background image for "
@@ -48,12 +50,11 @@ FOR_LIGHT_AND_SKY = (
 
 @dataclass(frozen=True)
 class Notice:
-    """Something that stands out, and what may be done about it."""
+    """Something that stands out, what may be done about it, and a picture of where."""
 
     what: str
     advice: str = ""
     picture: Rgb | None = None
-    """Where."""
 
 
 def notices(
@@ -77,11 +78,9 @@ def notices(
     return [
         *([] if distractors is None else _of_distractors(photos, distractors)),
         *([] if disputed is None else [_of_places(disputed, photos)]),
-        *_of_length(cost),
-        *_of_photos(cost, distractors, alone),
+        *_of_capture(cost, distractors, alone),
         *_of_scores(results, photos),
-        *_unsure(reasons),
-        *_of_visits(cost),
+        *_of_choices(cost, reasons),
     ]
 
 
@@ -126,18 +125,15 @@ def _of_places(disputed: Disputed, photos: Sequence[TrainingPhoto]) -> Notice:
     )
 
 
-def _of_length(cost: Cost) -> Iterator[Notice]:
+def _of_capture(
+    cost: Cost, distractors: DistractorConfig | None, alone: Sequence[Alone]
+) -> Iterator[Notice]:
     if cost.steps < cost.planned and not cost.budget:  # a budget ends by its clock
         yield Notice(
             f"The run has {cost.steps:,} of {cost.planned:,} steps: it was stopped, or this is "
             "one of its earlier checkpoints.",
             "Go on with --load-dir and the folder of its checkpoints.",
         )
-
-
-def _of_photos(
-    cost: Cost, distractors: DistractorConfig | None, alone: Sequence[Alone]
-) -> Iterator[Notice]:
     by_others = distractors is not None and distractors.start == "residual"
     if by_others and cost.num_photos < FEW_VIEWS:
         yield Notice(about_few_views(cost.num_photos))
@@ -175,16 +171,15 @@ def _of_scores(results: Mapping[str, Any], photos: Sequence[TrainingPhoto]) -> I
         )
 
 
-def _unsure(reasons: Sequence[EffectReason]) -> Iterator[Notice]:
+def _of_choices(cost: Cost, reasons: Sequence[EffectReason]) -> Iterator[Notice]:
     for reason in reasons:
         if reason.is_unsure:
+            others = [grade for grade in GRADES[reason.effect] if grade != reason.value]
             yield Notice(
                 f"The survey was not sure about {reason.effect} ({reason.value}).",
-                f"Compare with a run that has another --pipeline.model.effects.{reason.effect}.",
+                f"Compare with a run that has --pipeline.model.effects.{reason.effect} "
+                f"{' or '.join(others)}.",
             )
-
-
-def _of_visits(cost: Cost) -> Iterator[Notice]:
     enough = steps_for_visits(ENOUGH_VISITS, cost.num_photos, LONG)
     if cost.steps < enough:
         yield Notice(

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import html
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from desplat_ns.console import announce
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.files.pages import (
     Picture,
     fitted_into,
@@ -18,14 +21,41 @@ from desplat_ns.files.pages import (
     template,
 )
 from desplat_ns.files.pages import chart as new_chart
-from desplat_ns.report.notices import Notice
-from desplat_ns.report.pictures import ERROR_COLORS, ERROR_TOP, HeldOutPhoto, TrainingPhoto
-from desplat_ns.report.recorded import Chart, Cost, EffectReason, History
+from desplat_ns.files.whole import plain_errors, write_whole
+from desplat_ns.report.notices import Notice, notices
+from desplat_ns.report.pictures import (
+    ERROR_COLORS,
+    ERROR_TOP,
+    HeldOutPhoto,
+    TrainingPhoto,
+    held_out_photos,
+    training_photos,
+)
+from desplat_ns.report.recorded import (
+    Chart,
+    Cost,
+    EffectReason,
+    History,
+    cost_of,
+    effect_reasons,
+    from_here,
+    read_history,
+    read_survey,
+)
+from desplat_ns.report.views import angles_of_held_out, disputed_places, seen_alone
+from desplat_ns.runs.files import RunFiles
+from desplat_ns.runs.loading import LoadedRun, even_subset, load_run
+from desplat_ns.scene.gather import gather as scene_contents
+from desplat_ns.scene.page import html_of as scene_page
 
 TEMPLATE = Path(__file__).with_name("page.html.jinja")
 
 PICTURE_BYTES = 9_000_000
 """Of all pictures; text and curves fit into what is left of 10 MB."""
+
+SCENE_BYTES = 14_500_000
+"""Of the scene: with a report of 10 MB at most, and the quotes in it written out, the page stays
+below 25 MB."""
 
 BESIDE = 0.6
 """Pictures that are shown at half the width get this share of the pixels' side."""
@@ -62,10 +92,63 @@ class Contents:
     """Of the evaluation; empty without one."""
     history: History
     reasons: Sequence[EffectReason]
-    machine: Mapping[str, str]
-    """On which the page was made."""
     config: str
-    """Path of config.yml, to be typed."""
+    """Path of config.yml, as a shell takes it."""
+
+
+def write_report(
+    files: RunFiles, output: Path, most_training: int, most_held_out: int, with_scene: bool
+) -> None:
+    """Write the page of a run, and say where.
+
+    Args: see `desplat-report --help`.
+
+    Raises:
+        DeSplatError: the run cannot be loaded or shown, or the page cannot be written.
+    """
+    run, scene = load_run(files), ""
+    contents = gather(run, most_training, most_held_out)
+    if with_scene:
+        try:
+            shown = scene_contents(run, most_training, most_held_out)
+            scene, left_out = scene_page(shown, SCENE_BYTES)
+        except (CaptureError, ConfigError) as error:
+            left_out = [f"left out. {error}"]
+        for line in left_out:
+            announce(f"The scene on the page: {line}", warning=True)
+    content = html_of(contents, scene=scene).encode()
+    with plain_errors(output):
+        write_whole(output, content)
+    announce(f"Saved the page to: {output} ({len(content) / 1e6:.1f} MB)")
+
+
+def gather(run: LoadedRun, most_training: int, most_held_out: int) -> Contents:
+    """All that the page of a run shows.
+
+    Args: see `desplat-report --help`.
+
+    Raises:
+        CaptureError: a photo that cannot be read any more.
+        DeSplatError: a figure of a held-out photo is not a finite number.
+    """
+    pipeline, files = run.pipeline, run.files
+    model = pipeline.model
+    history = read_history(files.events)
+    cost = cost_of(run, history.seconds)
+    photos = list(training_photos(pipeline, even_subset(cost.num_photos, most_training)))
+    results, held_out = held_out_photos(pipeline, most_held_out)
+    angles = angles_of_held_out(pipeline) if held_out else {}
+    for photo in held_out:
+        if photo.name in angles:
+            photo.figures["angle"] = angles[photo.name]
+    survey, in_the_way = read_survey(files.survey), model.photos_with_distractors()
+    reasons = effect_reasons(model.effects, survey, cost.num_photos, in_the_way)
+    distractors = None if model.layer is None else model.layer.config
+    disputed = disputed_places(model.means, [p.unlike for p in photos if p.unlike is not None])
+    alone = seen_alone(pipeline)
+    said = notices(cost, reasons, photos, results, distractors, disputed, alone)
+    config = shlex.quote(from_here(files.config))
+    return Contents(cost, said, photos, held_out, results, history, reasons, config)
 
 
 def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") -> str:
@@ -89,10 +172,15 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") ->
         (photo, {name: next(sources) for name in names})
         for photo, names in zip(photos, pictures, strict=True)
     ]
+    protocol, scored = contents.results.get("protocol", ""), "held-out photos"
+    if protocol.startswith("right half"):
+        scored = "right halves of held-out photos"
+        scored += ", light fitted on the left" if "left half" in protocol else ""
     return template(TEMPLATE, scores=scores, typed=typed).render(
         page=contents,
         scene=scene,
         cost=contents.cost,
+        scored=scored,
         training=shown[: len(training)],
         num_covered=sum(bool(photo.covered) for photo in training),
         held_out=shown[len(training) :],

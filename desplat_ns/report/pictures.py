@@ -19,8 +19,9 @@ from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
 from desplat_ns.files.pages import LARGEST_SIDE, shrunk
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.metrics import psnr
-from desplat_ns.rendering.views import is_distorted, view_of
-from desplat_ns.report.disputed import Unlike, unlike_in
+from desplat_ns.rendering.views import view_of
+from desplat_ns.report.views import Unlike, unlike_in
+from desplat_ns.scene.gather import training_images
 from desplat_ns.separation.regions import apply_mask
 
 Rgb = UInt8[np.ndarray, "_ _ 3"]
@@ -60,64 +61,46 @@ class HeldOutPhoto:
     photo: Rgb
     rendering: Rgb
     error: Rgb
-    figures: Mapping[str, float]
+    figures: dict[str, float]
 
 
 def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterator[TrainingPhoto]:
-    """Training photos taken apart.
-
-    Raises:
-        CaptureError: a photo that cannot be read any more.
-    """
+    """Training photos taken apart. Raises CaptureError of a photo that cannot be read any more."""
     model, manager = pipeline.model, pipeline.datamanager
-    dataset, undistorted = manager.train_dataset, None
-    if is_distorted(dataset.cameras):
-        undistorted = manager.cached_train  # changes the cameras
     with (
         model.layer_control.suspended(),
         model.shown_light.suspended(),
         progress_over(len(chosen), "Rendering training photos...") as advance,
     ):
-        for index in chosen:
-            batch = undistorted[index] if undistorted else dataset.get_data(index, "uint8")
-            camera = dataset.cameras[index : index + 1].to(pipeline.device)
+        for index, camera, batch in training_images(manager, chosen):
+            camera = camera.to(pipeline.device)
             outputs = model.get_outputs_for_camera(camera)
             photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
-            name, unlike = manager.train_image_names[index], None
-            if "alpha_distractor" in outputs:
+            name, size = manager.train_image_names[index], (photo.shape[1], photo.shape[0])
+            if "alpha_distractor" not in outputs:
+                quality, static = psnr(outputs["rgb"], photo), small_rgb(outputs["rgb"])
+                yield TrainingPhoto(name, size, quality, small_rgb(photo), static)
+            else:
                 alpha_d, static, seen = outputs["alpha_distractor"], outputs["rgb_static"], photo
                 if "mask" in batch:
                     seen, _ = apply_mask(photo, static, batch["mask"].to(photo.device))
                 config = model.config.distractors
                 unlike = unlike_in(name, view_of(camera), alpha_d, seen, static, config)
-            yield _taken_apart(name, photo, outputs, unlike)
+                layer = (outputs["rgb_distractor"].cpu().numpy(), alpha_d.cpu().numpy())
+                distractors = to_rgb8(over_checkerboard(*layer, max(8, max(size) // 48)))
+                mask = outputs["distractor_mask"].float()
+                yield TrainingPhoto(
+                    name,
+                    size,
+                    psnr(outputs["rgb_composite"], photo),
+                    small_rgb(photo),
+                    small_rgb(static),
+                    shrunk(distractors, LARGEST_SIDE),
+                    small_rgb(mask),
+                    float(mask.mean()),
+                    unlike,
+                )
             advance()
-
-
-def _taken_apart(
-    name: str,
-    photo: Float[Tensor, "H W 3"],
-    outputs: Mapping[str, Tensor],
-    unlike: Unlike | None,
-) -> TrainingPhoto:
-    size = photo.shape[1], photo.shape[0]
-    small = small_rgb(photo)
-    if unlike is None:
-        quality = psnr(outputs["rgb"], photo)
-        return TrainingPhoto(name, size, quality, small, small_rgb(outputs["rgb"]))
-    rgb_d, alpha_d = (outputs[key].cpu().numpy() for key in ("rgb_distractor", "alpha_distractor"))
-    mask = outputs["distractor_mask"]
-    return TrainingPhoto(
-        name,
-        size,
-        psnr(outputs["rgb_composite"], photo),
-        small,
-        small_rgb(outputs["rgb_static"]),
-        shrunk(to_rgb8(over_checkerboard(rgb_d, alpha_d, max(8, max(size) // 48))), LARGEST_SIDE),
-        small_rgb(mask.float()),
-        float(mask.float().mean()),
-        unlike,
-    )
 
 
 def small_rgb(image: Float[Tensor, "H W _"]) -> Rgb:
@@ -156,21 +139,15 @@ def held_out_photos(
         worst.sort(key=lambda entry: entry[:2])
         del worst[most:]  # full pictures of hundreds of photos would be gigabytes
 
-    results = pipeline.evaluate_held_out(keep)
-    shown = [_held_out(results["images"][index], beside) for _, index, beside in worst]
+    results, shown = pipeline.evaluate_held_out(keep), []
+    for _, index, beside in worst:
+        figures = results["images"][index]
+        photo, rendering = np.split(beside, 2, axis=1)
+        pictures = (photo, rendering, error_map(photo, rendering))
+        small = [shrunk(picture, LARGEST_SIDE) for picture in pictures]
+        numbers = {key: value for key, value in figures.items() if isinstance(value, float)}
+        shown.append(HeldOutPhoto(figures["name"], small[0], small[1], small[2], numbers))
     return results, sorted(shown, key=lambda photo: photo.figures["psnr"])
-
-
-def _held_out(figures: Mapping[str, Any], beside: Rgb) -> HeldOutPhoto:
-    """From the evaluation's picture: the photo on the left, the rendering on the right."""
-    photo, rendering = np.split(beside, 2, axis=1)
-    return HeldOutPhoto(
-        str(figures["name"]),
-        shrunk(photo, LARGEST_SIDE),
-        shrunk(rendering, LARGEST_SIDE),
-        shrunk(error_map(photo, rendering), LARGEST_SIDE),
-        {key: float(value) for key, value in figures.items() if isinstance(value, float)},
-    )
 
 
 def error_map(

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from desplat_ns.console import list_names
 from desplat_ns.evaluation.evaluate import gaussian_counts
@@ -52,18 +54,15 @@ CHARTS: tuple[tuple[str, Mapping[str, str], bool], ...] = (
 """Title, tags with the names of their curves, whether the scale is logarithmic."""
 
 
-@dataclass(frozen=True)
-class Chart:
-    """Curves that share their axes."""
+class Chart(NamedTuple):
+    """Curves that share their axes, by name."""
 
     title: str
     curves: Mapping[str, Points]
-    """By name."""
     is_logarithmic: bool = False
 
 
-@dataclass(frozen=True)
-class History:
+class History(NamedTuple):
     """What a run logged while it trained."""
 
     charts: tuple[Chart, ...]
@@ -72,11 +71,8 @@ class History:
 
 
 def read_history(files: Sequence[Path]) -> History:
-    """The charts of a run and how long it took, from its event files, oldest first.
-
-    Files that cannot be read are left out. If a run went on from an earlier checkpoint, the last
-    value of a step counts.
-    """
+    """The charts of a run and how long it took, from its event files, oldest first. If a run went
+    on from an earlier checkpoint, the last value of a step counts."""
     tags = {tag for _, names, _ in CHARTS for tag in names} | {TOTAL_TIME}
     values: dict[str, dict[int, float]] = {tag: {} for tag in tags}
     seconds = []
@@ -98,12 +94,8 @@ def read_history(files: Sequence[Path]) -> History:
 
 
 def scalars(path: Path, tags: Collection[str]) -> dict[str, Sequence[ScalarEvent]]:
-    """The numbers of an event file by tag, in the order in which they were logged.
-
-    Ends where the file is cut off or damaged; empty if it cannot be read.
-    """
-    if not path.is_file():
-        return {}
+    """The numbers of an event file by tag, in the order in which they were logged, up to where the
+    file is cut off or damaged; empty if it cannot be read."""
     from tensorboard.backend.event_processing import event_accumulator  # half a second
 
     all_of_them = {event_accumulator.SCALARS: 0}
@@ -118,23 +110,18 @@ def scalars(path: Path, tags: Collection[str]) -> dict[str, Sequence[ScalarEvent
 def thinned(
     values: Mapping[int, float], is_logarithmic: bool = False, most: int = MOST_POINTS
 ) -> Points:
-    """At most `most` points: means of neighbours where there are more.
-
-    Args:
-        values: by step; values that are not finite are left out, and on a logarithmic scale those
-            that are not positive.
-    """
-    points = [
-        (step, value)
-        for step, value in sorted(values.items())
-        if math.isfinite(value) and (value > 0 or not is_logarithmic)
-    ]
-    size = math.ceil(len(points) / most) or 1
-    groups = [points[start : start + size] for start in range(0, len(points), size)]
-    return tuple(
-        (sum(step for step, _ in group) / len(group), sum(value for _, value in group) / len(group))
-        for group in groups
+    """At most `most` points of values by step, means of neighbours where there are more; without
+    what is not finite, and on a logarithmic scale what is not positive."""
+    points = np.array(
+        [
+            (step, value)
+            for step, value in sorted(values.items())
+            if math.isfinite(value) and (value > 0 or not is_logarithmic)
+        ]
     )
+    size = math.ceil(len(points) / most) or 1
+    groups = (points[start : start + size] for start in range(0, len(points), size))
+    return tuple((float(step), float(value)) for step, value in (g.mean(axis=0) for g in groups))
 
 
 # --- cost ------------------------------------------------------------------------------------
@@ -161,8 +148,6 @@ class Cost:
     num_distractors: int
     parameter_mb: float
     """10^6 bytes of the Gaussians' parameters."""
-    checkpoint_mb: float
-    """10^6 bytes."""
     trained_on: str
     """The device, in words."""
 
@@ -177,10 +162,11 @@ def cost_of(run: LoadedRun, seconds: float | None) -> Cost:
     config, pipeline = run.config, run.pipeline
     device = config.machine.device_type
     counts = gaussian_counts(pipeline.model.gauss_params, pipeline.model.distractors)
+    capture = config.pipeline.datamanager.data
     return Cost(
         experiment=str(config.experiment_name),
         method=str(config.method_name),
-        capture=from_here(config.pipeline.datamanager.data),
+        capture="" if capture is None else from_here(capture),
         steps=run.steps,
         planned=config.max_num_iterations,
         num_photos=len(pipeline.datamanager.train_image_names),
@@ -189,16 +175,13 @@ def cost_of(run: LoadedRun, seconds: float | None) -> Cost:
         num_static=int(counts["num_static_gaussians"]),
         num_distractors=int(counts["num_distractor_gaussians"]),
         parameter_mb=counts["static_memory_mb"] + counts["distractor_memory_mb"],
-        checkpoint_mb=run.checkpoint.stat().st_size / 1e6,
         trained_on={"cuda": "a GPU", "cpu": "the CPU"}.get(device, device),
     )
 
 
-def from_here(path: Path | None) -> str:
+def from_here(path: Path) -> str:
     """A path as somebody types it in the working folder if it lies below it: then a page that is
     sent to others does not name the folders of this machine."""
-    if path is None:
-        return ""
     inside, here = path.absolute(), Path.cwd()
     return str(inside.relative_to(here) if inside.is_relative_to(here) else path)
 
@@ -227,8 +210,7 @@ NO_SURVEY = (
 )
 
 
-@dataclass(frozen=True)
-class EffectReason:
+class EffectReason(NamedTuple):
     """One effect of a run."""
 
     effect: str
@@ -259,44 +241,33 @@ def read_survey(path: Path) -> dict[str, Any] | None:
 def effect_reasons(
     effects: Effects, survey: Mapping[str, Any] | None, num_photos: int, in_the_way: Sequence[str]
 ) -> list[EffectReason]:
-    """Every effect with its reason.
+    """Every effect of the trained model with its reason.
 
     Args:
-        effects: of the trained model.
         survey: as `read_survey` gives it.
         num_photos: training photos.
         in_the_way: names of the training photos that have distractors.
     """
-    why = "As given."
-    if effects.distractors and in_the_way:
+    if not effects.distractors:
+        reasons = [EffectReason("distractors", "off", "As given.")]
+    elif in_the_way:
         names = list_names(in_the_way, MAX_NAMES)
         why = f"In {len(in_the_way):,} of {num_photos:,} photos: {names}."
-    elif effects.distractors:
+        reasons = [EffectReason("distractors", "on", why)]
+    else:
         why = f"In none of {num_photos:,} photos: nothing was found in the way."
-    first = EffectReason("distractors", in_words(effects.distractors), why)
-    grades = {name: asdict(effects)[name] for name in SURVEYED}
-    if survey is None:
-        return [first, *(EffectReason(k, in_words(v), NO_SURVEY) for k, v in grades.items())]
-    return [first, *(_surveyed(name, v, survey[name]) for name, v in grades.items())]
-
-
-def in_words(value: bool | str) -> str:
-    """An effect's switch: on, off, or its grade."""
-    return value if isinstance(value, str) else "on" if value else "off"
-
-
-def _surveyed(effect: str, grade: bool | str, finding: Mapping[str, Any]) -> EffectReason:
-    decision, confidence, reason = (finding[key] for key in ("decision", "confidence", "reason"))
-    is_followed = decision == grade
-    why = reason + CONFIDENCE[confidence]
-    if not is_followed:
-        would = in_words(decision)
-        why = f"As given. The survey of the photos would have said {would}: {reason}"
-    return EffectReason(
-        effect,
-        in_words(grade),
-        why,
-        is_followed and confidence in ("close", "none"),
-        finding.get("figures", ()),
-        finding.get("could_not_tell", ()),
-    )
+        reasons = [EffectReason("distractors", "on", why)]
+    for effect in SURVEYED:
+        grade = getattr(effects, effect)
+        if survey is None:
+            reasons.append(EffectReason(effect, grade, NO_SURVEY))
+            continue
+        finding = survey[effect]
+        decision, reason = finding["decision"], finding["reason"]
+        confidence = finding["confidence"] if decision == grade else "clear"
+        why = reason + CONFIDENCE[confidence]
+        if decision != grade:
+            why = f"As given. The survey of the photos would have said {decision}: {reason}"
+        details = finding.get("figures", ()), finding.get("could_not_tell", ())
+        reasons.append(EffectReason(effect, grade, why, confidence != "clear", *details))
+    return reasons

@@ -1,16 +1,19 @@
-"""From a trained run to what its page shows, in a few of the photos' lights, and to the page."""
+"""From a trained run to what its page shows, in a few of the photos' lights.
+
+Letters in shapes: N Gaussians, H x W pixels.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from datetime import date
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
@@ -18,14 +21,15 @@ from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.constants import NEAR_PLANE
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
-from desplat_ns.console import announce, progress_over, text_of
+from desplat_ns.console import progress_over, text_of
 from desplat_ns.data.training_views import image_names
+from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.evaluation.pictures import to_rgb8
 from desplat_ns.export.export import reach_of, shown_in, static_cloud
-from desplat_ns.export.splat_cloud import SplatCloud, baked, harmonics_of
+from desplat_ns.export.formats import Y_UP
+from desplat_ns.export.splat_cloud import Similarity, SplatCloud, baked, harmonics_of
 from desplat_ns.files.pages import LARGEST_SIDE, shrunk
-from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.appearance import as_harmonics
@@ -33,12 +37,10 @@ from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.near_plane import scene_start
 from desplat_ns.rendering.views import is_distorted
-from desplat_ns.runs.files import RunFiles
-from desplat_ns.runs.loading import LoadedRun, even_subset, load_run
-from desplat_ns.scene.contents import AVERAGE, Contents, Light, PageCamera, Rgb
-from desplat_ns.scene.page import html_of
+from desplat_ns.runs.loading import LoadedRun, even_subset
 
-MEGABYTE = 1_000_000
+AVERAGE = "the photos' average"
+"""Whose light is shown where none was chosen."""
 
 PICTURES = 6
 """Renderings for browsers that cannot draw the scene."""
@@ -56,34 +58,79 @@ ROUNDING = 1e-5
 WEIGHING_VIEWS = 30
 """Training views in which Gaussians are weighed, evenly chosen."""
 
+Rgb = UInt8[np.ndarray, "_ _ 3"]
+Color = tuple[float, float, float]
+"""In [0, 1]."""
 
-def write_scene(
-    files: RunFiles,
-    output: Path,
-    most_training: int,
-    most_held_out: int,
-    megabytes: float,
-    crop: float | None,
-    light: str | None,
-) -> int:
-    """Write the page of a run's scene; its size in bytes.
+TO_PAGE = Similarity(np.asarray(Y_UP, np.float64), 1.0, np.zeros(3))
+"""From nerfstudio's coordinates to the page's, where y is up. The scale stays that of training, in
+which cameras are at most about one unit from the origin."""
 
-    Args: see `desplat-export page --help`.
 
-    Raises:
-        CaptureError: the capture cannot be read any more, or has no camera to start from.
-        CheckpointError: no checkpoint is intact.
-        ConfigError: an unknown light, nothing left to show, or the page cannot be written.
-    """
-    contents = gather(load_run(files), most_training, most_held_out, crop, light)
-    text, left_out = html_of(contents, int(megabytes * MEGABYTE))
-    with plain_errors(output):
-        write_whole(output, text.encode())
-    size = len(text.encode())
-    announce(f"Saved {output}: a page with the scene in it, {size / MEGABYTE:.1f} MB.")
-    for line in left_out:
-        announce(line, warning=True)
-    return size
+@dataclass(frozen=True)
+class PageCamera:
+    """A photo's camera, and what belongs to it; lengths and places as in training."""
+
+    name: str
+    held_out: bool
+    view: View
+    near: float
+    """What is nearer is not shown there."""
+    reach: float
+    """Median depth of what is shown there."""
+    photo: Rgb
+    distractors: SplatCloud | None = None
+    """What was taken out of the photo; None if nothing was."""
+
+    def as_json(self) -> dict[str, Any]:
+        """As the page's script reads it: the pose, camera to world in OpenGL's axes, by columns."""
+        pose = np.linalg.inv(self.view.viewmat.double().cpu().numpy())
+        pose = pose @ np.diag([1.0, -1.0, -1.0, 1.0])
+        pose[:3] = TO_PAGE.turn @ pose[:3]
+        intrinsics = self.view.K.double().cpu().numpy()
+        return {
+            "name": self.name,
+            "heldOut": self.held_out,
+            "size": [self.view.width, self.view.height],
+            "lens": [float(intrinsics[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))],
+            "pose": pose.T.ravel().tolist(),
+            "near": self.near,
+            "reach": self.reach,
+        }
+
+
+@dataclass(frozen=True)
+class Light:
+    """A light in which the scene can be shown: a photo's."""
+
+    name: str
+    background: Color
+    """Behind everything."""
+    harmonics: Float[np.ndarray, "N K 3"]
+    """Of the scene's Gaussians, as `SplatCloud.harmonics`."""
+
+
+@dataclass(frozen=True)
+class Contents:
+    """All that is on a page."""
+
+    title: str
+    date: str
+    """When the run was trained, in ISO's form."""
+    cloud: SplatCloud
+    """The static scene, in the coordinates of training."""
+    weigh: Callable[[SplatCloud], Float[np.ndarray, " N"]]
+    """How much each of its Gaussians makes up of the photos; asked for if not all fit."""
+    background: Color
+    light: str
+    """Whose light is shown: a photo, a mix, or `AVERAGE`; empty where all photos have the same."""
+    cameras: Sequence[PageCamera]
+    pictures: Sequence[tuple[str, Rgb]]
+    """Renderings with their names, for browsers that cannot draw the scene."""
+    other_lights: Sequence[Light] = ()
+    """To choose from beside it, the most telling one first."""
+    not_shown: str = ""
+    """In words, which photos are not on the page."""
 
 
 @torch.no_grad()
@@ -96,10 +143,7 @@ def gather(
 ) -> Contents:
     """What the page of a run shows.
 
-    Args:
-        most_training: training photos; of more, as many evenly chosen.
-        most_held_out: held-out photos, likewise.
-        crop, light: see `desplat-export page --help`.
+    Args: see `desplat-export page --help`.
 
     Raises:
         CaptureError: the run has no camera to start from, or a photo cannot be read any more.
@@ -108,56 +152,63 @@ def gather(
     pipeline = run.pipeline
     model, manager = pipeline.model, pipeline.datamanager
     cloud, rows = static_cloud(pipeline, crop, light)
-    training = even_subset(len(manager.train_image_names), most_training)
-    held_out = even_subset(len(manager.eval_dataset), most_held_out)
+    totals = len(manager.train_image_names), len(manager.eval_dataset)
+    training, held_out = map(even_subset, totals, (most_training, most_held_out))
+    if not training and not held_out:
+        raise CaptureError(
+            "There is no camera to start from: the page has no photos. Ask for some: "
+            "--training-photos 50."
+        )
+    counts, not_shown = (len(training), len(held_out)), ""
+    if counts != totals:
+        not_shown = (
+            f"{counts[0]} of {totals[0]} training photos and {counts[1]} of {totals[1]} held-out "
+            "ones are here, evenly chosen."
+        )
+    cameras = []
     with (
         shown_in(model, light),
         model.layer_control.suspended(),
-        progress_over(len(training) + len(held_out), "Gathering photos...") as advance,
+        progress_over(sum(counts), "Gathering photos...") as advance,
     ):
-        cameras = []
-        for camera in _page_cameras(pipeline, training, held_out):
-            cameras.append(camera)
+        for index, camera, batch in training_images(manager, training):
+            name = manager.train_image_names[index]
+            cameras.append(_page_camera(model, camera, batch["image"], name, index))
             advance()
-        if not cameras:
-            raise CaptureError(
-                "There is no camera to start from: the page has no photos. Ask for some: "
-                "--training-photos 50."
-            )
-        pictures = _pictures(model, cameras)
-        background = mean_background(model, cameras[0].view, model.embedding_of(None))
-        lights = other_lights(model, rows, cameras[0].view)
-    return Contents(
-        title=str(run.config.experiment_name),
-        date=date.fromtimestamp(run.checkpoint.stat().st_mtime).isoformat(),
-        cloud=cloud,
-        weigh=lambda splats: _weights(pipeline, splats),
-        background=background,
-        light=light_of(model, light),
-        cameras=cameras,
-        pictures=pictures,
-        other_lights=lights,
-        not_shown=_not_shown(pipeline, len(training), len(held_out)),
-    )
+        names = image_names(manager.eval_dataset.image_filenames)
+        for index in held_out:
+            camera, batch = manager.fixed_indices_eval_dataloader[index]
+            cameras.append(_page_camera(model, camera, batch["image"], names[index], None))
+            advance()
+        shown = model.embedding_of(None)
+        return Contents(
+            title=str(run.config.experiment_name),
+            date=date.fromtimestamp(run.checkpoint.stat().st_mtime).isoformat(),
+            cloud=cloud,
+            weigh=lambda splats: _weights(pipeline, splats),
+            background=mean_background(model, cameras[0].view, shown),
+            light=light_of(model, light),
+            cameras=cameras,
+            pictures=[
+                (cameras[i].name, _picture(model, cameras[i].view, shown))
+                for i in even_subset(len(cameras), PICTURES)
+            ],
+            other_lights=other_lights(model, rows, cameras[0].view),
+            not_shown=not_shown,
+        )
 
 
-def _page_cameras(
-    pipeline: DeSplatPipeline, training: Sequence[int], held_out: Sequence[int]
-) -> Iterator[PageCamera]:
-    """The chosen training photos, then the chosen held-out ones."""
-    model, manager = pipeline.model, pipeline.datamanager
+def training_images(
+    manager: DeSplatDataManager, chosen: Sequence[int]
+) -> Iterator[tuple[int, Cameras, dict[str, Any]]]:
+    """Training views with their camera [1] and their photo as trained on, `image` of 8 bits and
+    perhaps `mask`; undistorted. Raises CaptureError of a photo that cannot be read any more."""
     dataset, undistorted = manager.train_dataset, None
     if is_distorted(dataset.cameras):
         undistorted = manager.cached_train  # changes the cameras
-    for index in training:
+    for index in chosen:
         batch = undistorted[index] if undistorted else dataset.get_data(index, "uint8")
-        camera, name = dataset.cameras[index : index + 1], manager.train_image_names[index]
-        yield _page_camera(model, camera, batch["image"], name, index)
-    names = image_names(manager.eval_dataset.image_filenames)
-    loader = manager.fixed_indices_eval_dataloader
-    for index in held_out:
-        camera, batch = loader[index]
-        yield _page_camera(model, camera, batch["image"], names[index], None)
+        yield index, dataset.cameras[index : index + 1], batch
 
 
 def _page_camera(
@@ -192,27 +243,21 @@ def _distractors(model: DeSplatModel, index: int) -> SplatCloud | None:
         return None
 
 
-def _pictures(model: DeSplatModel, cameras: Sequence[PageCamera]) -> list[tuple[str, Rgb]]:
-    """Renderings of the static scene, the first camera's first."""
-    chosen = [cameras[i] for i in even_subset(len(cameras), PICTURES)]
-    embedding, pictures = model.embedding_of(None), []
-    for camera in chosen:
-        static = model.render_static(camera.view, embedding)
-        background = model.background_of(camera.view, embedding)
-        image = model.image_of(static, background, camera.view, embedding).clamp(0, 1)
-        pictures.append((camera.name, shrunk(to_rgb8(image.cpu().numpy()), LARGEST_SIDE)))
-    return pictures
+def _picture(model: DeSplatModel, view: View, embedding: Tensor) -> Rgb:
+    """A rendering of the static scene."""
+    background = model.background_of(view, embedding)
+    image = model.image_of(model.render_static(view, embedding), background, view, embedding)
+    return shrunk(to_rgb8(image.clamp(0, 1).cpu().numpy()), LARGEST_SIDE)
 
 
 def _weights(pipeline: DeSplatPipeline, cloud: SplatCloud) -> np.ndarray:
     """Blending weights of Gaussians [N], summed over the pixels of training views."""
     model, manager = pipeline.model, pipeline.datamanager
-    splats = splats_of(cloud, model.device)
+    splats, settings = splats_of(cloud, model.device), RenderSettings(antialiased=cloud.antialiased)
     cameras = manager.train_dataset.cameras.to(model.device)
     weights = torch.zeros(len(cloud), device=splats.means.device)
     for index in even_subset(len(cameras), WEIGHING_VIEWS):
-        view: View = model.view_of_camera(cameras[index : index + 1], index)
-        settings = RenderSettings(antialiased=cloud.antialiased)
+        view = model.view_of_camera(cameras[index : index + 1], index)
         weights += accumulated_weights(model.rasterizer, splats, view, settings).detach()
     return weights.cpu().numpy()
 
@@ -222,17 +267,6 @@ def splats_of(cloud: SplatCloud, device: torch.device | str) -> Splats:
     values: Any = (cloud.means, cloud.quats, cloud.scales, cloud.opacities, cloud.harmonics)
     tensors = (torch.as_tensor(value, dtype=torch.float32, device=device) for value in values)
     return Splats(*tensors, sh_degree=cloud.degree)
-
-
-def _not_shown(pipeline: DeSplatPipeline, training: int, held_out: int) -> str:
-    manager = pipeline.datamanager
-    all_training, all_held_out = len(manager.train_image_names), len(manager.eval_dataset)
-    if training == all_training and held_out == all_held_out:
-        return ""
-    return (
-        f"{training} of {all_training} training photos and {held_out} of {all_held_out} held-out "
-        "ones are here, evenly chosen."
-    )
 
 
 # --- lights ----------------------------------------------------------------------------------
@@ -251,9 +285,8 @@ def light_of(model: DeSplatModel, light: str | None) -> str:
 
 
 def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
-    """Lights of photos, so chosen that with the one that is shown they stand for those of all.
-
-    None where the Gaussians have the same colours in every light.
+    """Lights of photos that, with the one that is shown, stand for those of all; none where the
+    Gaussians have the same colours in every light.
 
     Args:
         rows: which Gaussians [N] of the model are on the page.
@@ -262,14 +295,25 @@ def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
     effects = model.image_effects
     if effects.appearance is None or not model.names:
         return []
-    photos = even_subset(len(model.names), MOST_PHOTOS)
-    embeddings = [effects.of(photo) for photo in photos]
-    shown = model.embedding_of(None)
     among = rows.nonzero()[:, 0]
     some = among[even_subset(len(among), MOST_GAUSSIANS)]
-    first, *others = (_colors(model, some, embedding) for embedding in (shown, *embeddings))
-    chosen = standing_for_all(torch.stack(others), first, MORE_LIGHTS)
-    return list(_baked(model, rows, view, [photos[i] for i in chosen]))
+
+    def colors(embedding: Tensor) -> Tensor:
+        """[C], without view dependence, one Gaussian after the other."""
+        with model.shown_in(embedding):
+            lit = as_harmonics(model.shown_splats(some))
+        return (C0 * lit.colors[:, 0] + 0.5).clamp(0, 1).flatten()
+
+    photos = even_subset(len(model.names), MOST_PHOTOS)
+    of_photos = torch.stack([colors(effects.of(photo)) for photo in photos])
+    lights = []
+    for chosen in standing_for_all(of_photos, colors(model.embedding_of(None)), MORE_LIGHTS):
+        embedding = effects.of(photos[chosen])
+        background = mean_background(model, view, embedding)
+        with model.shown_in(embedding):
+            harmonics = harmonics_of(model.shown_splats(rows))
+        lights.append(Light(text_of(model.names[photos[chosen]]), background, harmonics))
+    return lights
 
 
 def standing_for_all(
@@ -293,25 +337,8 @@ def standing_for_all(
     return chosen
 
 
-def _colors(model: DeSplatModel, rows: Tensor, embedding: Tensor) -> Tensor:
-    """Colours [C] of some Gaussians without view dependence, in [0, 1], one after the other."""
-    with model.shown_in(embedding):
-        lit = as_harmonics(model.shown_splats(rows))
-    return (C0 * lit.colors[:, 0] + 0.5).clamp(0, 1).flatten()
-
-
-def _baked(model: DeSplatModel, rows: Tensor, view: View, photos: Sequence[int]) -> Iterator[Light]:
-    for photo in photos:
-        embedding = model.image_effects.of(photo)
-        with model.shown_in(embedding):
-            harmonics = harmonics_of(model.shown_splats(rows))
-        yield Light(text_of(model.names[photo]), mean_background(model, view, embedding), harmonics)
-
-
-def mean_background(
-    model: DeSplatModel, view: View, embedding: Tensor
-) -> tuple[float, float, float]:
-    """Colour in [0, 1] that stands for what is behind everything in a view."""
+def mean_background(model: DeSplatModel, view: View, embedding: Tensor) -> Color:
+    """Colour that stands for what is behind everything in a view."""
     colors = model.background_of(view, embedding).reshape(-1, 3)
     red, green, blue = colors.mean(dim=0).clamp(0, 1).tolist()
     return red, green, blue

@@ -6,18 +6,22 @@ import base64
 import gzip
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
+from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.splat_cloud import SplatCloud, moved, turned_harmonics
 from desplat_ns.export.spz import color_bytes, placed, spz_bytes
 from desplat_ns.files.pages import Picture, fitted_into, template
-from desplat_ns.scene.contents import TO_PAGE, Contents
+from desplat_ns.files.whole import plain_errors, write_whole
+from desplat_ns.runs.files import RunFiles
+from desplat_ns.runs.loading import load_run
+from desplat_ns.scene.gather import TO_PAGE, Contents, gather
 
 HERE = Path(__file__).parent
 TEMPLATE = HERE / "page.html.jinja"
@@ -26,6 +30,8 @@ IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE | re.DOTALL)
 STYLE = HERE / "scene.css"
 VIEWER = HERE / "viewer" / "viewer.js.gz"
 WASM = HERE / "viewer" / "spark.wasm.gz"
+
+MEGABYTE = 1_000_000
 
 PICTURES_SHARE, PICTURES_MOST = 0.4, 9_000_000
 """Of the page's bytes that pictures may take, and bytes that they take at most."""
@@ -43,6 +49,35 @@ LIGHTS_FRAME = 500
 """Bytes for a light beside its colours and its name, which is there twice and may be escaped."""
 
 
+def write_scene(
+    files: RunFiles,
+    output: Path,
+    most_training: int,
+    most_held_out: int,
+    megabytes: float,
+    crop: float | None,
+    light: str | None,
+) -> None:
+    """Write the page of a run's scene, and say what is not on it.
+
+    Args: see `desplat-export page --help`.
+
+    Raises:
+        CaptureError: the capture cannot be read any more, or has no camera to start from.
+        CheckpointError: no checkpoint is intact.
+        ConfigError: an unknown light, nothing left to show, or the page cannot be written.
+    """
+    contents = gather(load_run(files), most_training, most_held_out, crop, light)
+    text, left_out = html_of(contents, int(megabytes * MEGABYTE))
+    content = text.encode()
+    with plain_errors(output):
+        write_whole(output, content)
+    size = len(content) / MEGABYTE
+    announce(f"Saved {output}: a page with the scene in it, {size:.1f} MB.")
+    for line in left_out:
+        announce(line, warning=True)
+
+
 def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
     """The page, and lines about what is not on it.
 
@@ -58,27 +93,27 @@ def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
     sources = iter(encoded.sources)
     cameras = []
     for index, camera in enumerate(contents.cameras):
-        shown = {"index": index, "photo": next(sources), "distractors": ""}
-        cameras.append({**camera.as_json(), **shown})
+        distractors = ""
         if camera.distractors is not None:
             taken_out = moved(camera.distractors, TO_PAGE)
-            taken_out = taken_out.rows(placed(taken_out)[0])
-            cameras[-1]["distractors"] = _text(spz_bytes(taken_out))
+            distractors = _text(spz_bytes(taken_out.rows(placed(taken_out)[0])))
+        shown = {"index": index, "photo": next(sources), "distractors": distractors}
+        cameras.append({**camera.as_json(), **shown})
     renderings = [(name, next(sources)) for name, _ in contents.pictures]
-    near, left_out = placed(contents.cloud)
+    near, lines = placed(contents.cloud)
     cloud = contents.cloud.rows(near)
 
-    def page(scene: Fitted | None, others: Sequence[dict[str, Any]] = ()) -> str:
+    def page(scene: Fitted | None, reduced: str = "", others: Sequence[Any] = ()) -> str:
         first = {"name": contents.light, "background": contents.background, "change": ""}
+        lights = [first, *others]
         return template(TEMPLATE).render(
             page=contents,
             scene="" if scene is None else _text(scene.content),
-            kept=0 if scene is None else scene.kept,
-            reduced="" if scene is None else _reduced(scene, len(cloud)),
+            kept=0 if scene is None else scene.rows.sum(),
+            reduced=reduced,
             cameras=cameras,
-            lights=[first, *others],
-            data={"cameras": cameras, "lights": [first, *others]}
-            | {"antialiased": cloud.antialiased},
+            lights=lights,
+            data={"cameras": cameras, "lights": lights, "antialiased": cloud.antialiased},
             renderings=renderings,
             script=script(),
             style=STYLE.read_text("utf8"),
@@ -87,42 +122,30 @@ def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
         )
 
     room = most - len(page(None).encode()) - 1_000
-    turned = moved(cloud, TO_PAGE)
+    turned, reduced = moved(cloud, TO_PAGE), ""
     scene = fitted(turned, int(room * BASE64), lambda _: contents.weigh(cloud))
+    if not scene.rows.all():
+        reduced = (
+            f"Reduced to fit: {scene.rows.sum():,} of {len(cloud):,} Gaussians, which make up "
+            f"{scene.share:.1%} of what the photos show."
+        )
     rows = near.nonzero()[0][scene.rows]
-    one_light = len(page(scene).encode())
-    others = _other_lights(
-        contents, turned.rows(scene.rows), rows, min(one_light, most - one_light)
-    )
-    lines = [*left_out, contents.not_shown, _reduced(scene, len(cloud))]
-    if scene.kept < len(cloud) and len(others) < len(contents.other_lights):
-        lines.append(f"Room for {len(others)} of {len(contents.other_lights)} other lights.")
-    return page(scene, others), [line for line in lines if line]
-
-
-def _other_lights(
-    contents: Contents, scene: SplatCloud, rows: Int[np.ndarray, " N"], room: int
-) -> list[dict[str, Any]]:
-    """Other lights as the page's script reads them, as many as there is room for.
-
-    Of each there is what has to be added to the bytes of the first one's colours, modulo 256:
-    most of it is 0, or nearly so, and packs well.
-
-    Args:
-        scene: as it is on the page.
-        rows: which of the contents' Gaussians these are.
-        room: bytes for all.
-    """
-    first, others = color_bytes(scene), []
+    one_light = len(page(scene, reduced).encode())
+    room, others = min(one_light, most - one_light), list[dict[str, Any]]()
+    shown = turned.rows(scene.rows)
     for light in contents.other_lights:
+        # What has to be added to the bytes of the first light's colours, modulo 256, packs well.
         harmonics = turned_harmonics(light.harmonics[rows], TO_PAGE.turn)
-        change = color_bytes(replace(scene, harmonics=harmonics)) - first
+        change = color_bytes(replace(shown, harmonics=harmonics)) - color_bytes(shown)
         text = _text(gzip.compress(change.tobytes(), mtime=0))
         room -= len(text) + LIGHTS_FRAME + 10 * len(light.name.encode())
         if room < 0:
             break
         others.append({"name": light.name, "background": light.background, "change": text})
-    return others
+    lines += [contents.not_shown, reduced]
+    if reduced and len(others) < len(contents.other_lights):
+        lines.append(f"Room for {len(others)} of {len(contents.other_lights)} other lights.")
+    return page(scene, reduced, others), [line for line in lines if line]
 
 
 def script() -> str:
@@ -131,22 +154,11 @@ def script() -> str:
     return "\n".join(IMPORT.sub("", text) for text in texts)
 
 
-def _reduced(scene: Fitted, count: int) -> str:
-    """What was left out, in words; empty where all is there."""
-    if scene.kept == count:
-        return ""
-    return (
-        f"Reduced to fit: {scene.kept:,} of {count:,} Gaussians, which make up "
-        f"{scene.share:.1%} of what the photos show."
-    )
-
-
 def _text(content: bytes) -> str:
     return base64.b64encode(content).decode()
 
 
-@dataclass(frozen=True)
-class Fitted:
+class Fitted(NamedTuple):
     """A cloud as a file, and what was left out for it."""
 
     content: bytes
@@ -155,11 +167,6 @@ class Fitted:
     """Which of the cloud's Gaussians are kept."""
     share: float
     """Of the photos that what is kept makes up, in [0, 1]: blending weights over their sum."""
-
-    @property
-    def kept(self) -> int:
-        """How many."""
-        return int(self.rows.sum())
 
 
 def fitted(
@@ -176,8 +183,8 @@ def fitted(
     content = spz_bytes(cloud)
     if len(content) <= most:
         return Fitted(content, np.ones(len(cloud), bool), 1.0)
-    weights = weigh(cloud)
-    order, count = np.argsort(-weights, kind="stable"), len(cloud)
+    weights, count = weigh(cloud), len(cloud)
+    order = np.argsort(-weights, kind="stable")
     chosen = np.ones(count, bool)
     while len(content) > most:
         count = int(count * min(MARGIN * most / len(content), 0.99))
@@ -187,7 +194,6 @@ def fitted(
                 "MB, which is what the page has left for them. Give it more with --megabytes, or "
                 "fewer photos with --training-photos and --held-out-photos."
             )
-        chosen[:] = False
-        chosen[order[:count]] = True
+        chosen[order[count:]] = False
         content = spz_bytes(cloud.rows(chosen))
     return Fitted(content, chosen, float(weights[order[:count]].sum() / weights.sum()))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import platform
+import re
 import subprocess
 from importlib.metadata import version
 from pathlib import Path
@@ -20,16 +21,9 @@ PACKAGES = ("torch", "numba", "llvmlite", "numpy", "gsplat", "nerfstudio")
 
 
 def code_version(package: Path | None = None) -> str:
-    """The commit of the running `desplat_ns`, so that a figure can be traced to what made it.
-
-    Args:
-        package: the package's folder; by default that of the `desplat_ns` that is imported.
-
-    Returns:
-        The full hash, with `DIRTY` behind it where a file of the package was changed or added
-        since; `desplat-ns` and the version where git does not track the package, for instance in
-        a virtual environment, even one that lies inside a checkout.
-    """
+    """The commit of a package's folder, by default of the running `desplat_ns`, with `DIRTY` behind
+    it where a file there was changed or added since; `desplat-ns` and the version where git does
+    not track the package, for instance in a virtual environment, even one inside a checkout."""
     package = package or Path(desplat_ns.__file__).parent
 
     def git(*arguments: str) -> str:
@@ -82,6 +76,5 @@ def device_name(device: str) -> str:
 def processor() -> str:
     """The model of the processor, or its architecture where the system does not tell."""
     file = Path("/proc/cpuinfo")
-    lines = file.read_text().splitlines() if file.is_file() else []
-    models = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(models, "") or platform.processor() or platform.machine()
+    named = re.search(r"^model name\s*: (.+)$", file.read_text(), re.M) if file.is_file() else None
+    return named[1] if named else platform.processor() or platform.machine()

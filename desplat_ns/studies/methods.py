@@ -13,14 +13,8 @@ from desplat_ns.errors import CaptureError, DeSplatError
 
 
 def method_config(method: str) -> Any:
-    """A copy of a method's configuration.
-
-    Args:
-        method: a name that nerfstudio knows, or `module:attribute` of a MethodSpecification.
-
-    Raises:
-        KeyError: nerfstudio knows no method of this name.
-    """
+    """A copy of the configuration of a method that nerfstudio knows, or of a MethodSpecification
+    that is named as `module:attribute`. Raises KeyError where there is none."""
     from nerfstudio.configs.method_configs import all_methods  # takes seconds: not for `--help`
 
     module, _, attribute = method.partition(":")
@@ -30,11 +24,8 @@ def method_config(method: str) -> Any:
 
 
 def parse(method: str, options: Sequence[str]) -> Any:
-    """The configuration that `ns-train` makes of a method and options.
-
-    Raises:
-        SystemExit: an option is not understood; tyro has said which.
-    """
+    """The configuration that `ns-train` makes of a method and options. Raises SystemExit where an
+    option is not understood; tyro has said which."""
     import tyro
 
     config = method_config(method)
@@ -43,10 +34,8 @@ def parse(method: str, options: Sequence[str]) -> Any:
 
 
 def split_of(method: str, data: Path, parser: Sequence[str], split: str) -> Any:
-    """nerfstudio's DataparserOutputs of a capture's split, `train` or `test`.
-
-    Args:
-        parser: name and options of the data parser; none for the method's own.
+    """nerfstudio's DataparserOutputs of a capture's split, `train` or `test`, by the name and the
+    options of a data parser; without them by the method's own.
 
     Raises:
         CaptureError: it cannot be read, or no photo is in the split.

@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean, median, stdev
-from typing import Any
+from typing import Any, NamedTuple
 
 from desplat_ns.files.pages import chart, inline_svg, plain_logarithmic, svg_of, template
 from desplat_ns.files.whole import plain_errors, write_whole
@@ -38,14 +37,12 @@ COLUMNS = {
 MARKERS = "osD^vPXhd"
 
 
-@dataclass(frozen=True)
-class Measured:
-    """A variant at a length."""
+class Measured(NamedTuple):
+    """A variant at a length, and its scores by seed."""
 
     variant: str
     steps: int
     scores: Mapping[int, Mapping[str, Any]]
-    """By seed."""
 
     def values(self, name: str) -> list[float | int]:
         """A score of each seed that has it."""
@@ -88,25 +85,25 @@ def corrected(p_values: Sequence[float]) -> list[float]:
 def verdicts(points: Sequence[Measured]) -> list[str]:
     """What may be said of each point against the base at as many steps, in their order; empty
     where there is nothing to compare it with."""
-    base = {point.steps: point for point in points if point.variant == BASE}
+    base = {point.steps: point.scores for point in points if point.variant == BASE}
     gains: list[list[float]] = []
     for point in points:
-        theirs = base[point.steps].scores if point.steps in base else {}
-        common = [seed for seed in point.scores if seed in theirs and point.variant != BASE]
+        theirs = {} if point.variant == BASE else base.get(point.steps, {})
+        common = [seed for seed in point.scores if seed in theirs]
         gains.append([point.scores[seed]["psnr"] - theirs[seed]["psnr"] for seed in common])
     tested = [i for i, pairs in enumerate(gains) if len(pairs) == len(SEEDS)]
-    p = dict(zip(tested, corrected([p_value(gains[i]) for i in tested]), strict=True))
-    return [_verdict(pairs, p.get(i)) for i, pairs in enumerate(gains)]
+    p_values = dict(zip(tested, corrected([p_value(gains[i]) for i in tested]), strict=True))
 
+    def verdict(i: int) -> str:
+        if not gains[i]:
+            return ""
+        said, p = f"{fmean(gains[i]):+.2f} dB", p_values.get(i)
+        if p is None:
+            return f"{said}, {len(gains[i])} of {len(SEEDS)} seeds: no claim"
+        value = "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
+        return f"{said}, {value}" if p <= SIGNIFICANT else f"{said}, not told apart ({value})"
 
-def _verdict(gains: Sequence[float], p: float | None) -> str:
-    if not gains:
-        return ""
-    said = f"{fmean(gains):+.2f} dB"
-    if p is None:
-        return f"{said}, {len(gains)} of {len(SEEDS)} seeds: no claim"
-    value = "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
-    return f"{said}, {value}" if p <= SIGNIFICANT else f"{said}, not told apart ({value})"
+    return [verdict(i) for i in range(len(gains))]
 
 
 def write_page(study: Study) -> Path:

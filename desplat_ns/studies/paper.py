@@ -97,11 +97,8 @@ ROBUSTNERF = DataSet(
     "Five scenes, photos 8 times smaller (B.1); 30,000 steps (B.3). Trained on the cluttered "
     "photos, scored on the `extra` ones.",
 )
-ROBUSTNERF_SCENES = _scenes(
-    ROBUSTNERF,
-    *("robustnerf", 8),
-    "Statue:statue Android:android Crab_(1):crab1 Crab_(2):crab2 Yoda:yoda",
-)
+_FIVE = "Statue:statue Android:android Crab_(1):crab1 Crab_(2):crab2 Yoda:yoda"
+ROBUSTNERF_SCENES = _scenes(ROBUSTNERF, "robustnerf", 8, _FIVE)
 
 ROBUSTNERF_RATIOS = replace(
     ROBUSTNERF,
@@ -152,12 +149,8 @@ PHOTO_TOURISM = DataSet(
     ),
 )
 TOURISM_SCENES = tuple(
-    PaperScene(PHOTO_TOURISM, name, name.lower().replace(" ", "_"), None, fetch)
-    for name, fetch in (
-        ("Brandenburg Gate", "brandenburg-gate"),
-        ("Sacre Coeur", "sacre-coeur"),
-        ("Trevi Fountain", "trevi-fountain"),
-    )
+    PaperScene(PHOTO_TOURISM, f"{a} {b}", f"{a}_{b}".lower(), None, f"{a}-{b}".lower())
+    for a, b in (("Brandenburg", "Gate"), ("Sacre", "Coeur"), ("Trevi", "Fountain"))
 )
 
 MIPNERF360 = DataSet(
@@ -168,11 +161,10 @@ MIPNERF360 = DataSet(
     "times (B.1); 30,000 steps (B.3). Every eighth photo tests, as is usual on this data set; "
     "counted as nerfstudio counts, by COLMAP's numbers.",
 )
+_ROOMS = "room:room counter:counter kitchen:kitchen bonsai:bonsai"
 MIPNERF360_SCENES = (
     *_scenes(MIPNERF360, "mipnerf360", 4, "bicycle:bicycle garden:garden stump:stump"),
-    *_scenes(
-        *(MIPNERF360, "mipnerf360", 2), "room:room counter:counter kitchen:kitchen bonsai:bonsai"
-    ),
+    *_scenes(MIPNERF360, "mipnerf360", 2, _ROOMS),
 )
 
 
@@ -228,11 +220,8 @@ its masks."""
 
 
 def method_of(name: str) -> Method:
-    """A method of the table above, or one that is named as `module:attribute`.
-
-    Raises:
-        ConfigError: it is neither.
-    """
+    """A method of the table above, or one that is named as `module:attribute`. Raises ConfigError
+    where it is neither."""
     if name in METHODS:
         return METHODS[name]
     if ":" not in name:

@@ -54,11 +54,8 @@ class Record:
 
 
 def load(path: Path) -> dict[Key, Record]:
-    """The records of a file, none if there is no file; the later one of two of a run counts.
-
-    Raises:
-        ConfigError: the file holds something else, or cannot be read.
-    """
+    """The records of a file, none if there is no file; the later one of two of a run counts. Raises
+    ConfigError where the file holds something else, or cannot be read."""
     try:
         lines = path.read_text("utf8").splitlines() if path.exists() else []
         records = [Record(**json.loads(line)) for line in lines]
@@ -75,11 +72,8 @@ def save(path: Path, records: Iterable[Record]) -> None:
 
 
 def open_records(folder: Path) -> dict[Key, Record]:
-    """The records in a command's output folder, which has a file of them from then on.
-
-    Raises:
-        ConfigError: the folder holds something else, or runs by other code.
-    """
+    """The records in a command's output folder, which has a file of them from then on. Raises
+    ConfigError where the folder holds something else, or runs by other code."""
     there = folder.iterdir() if folder.is_dir() and not (folder / FILE).exists() else ()
     if any(path.name not in (IN_USE, RUNS) for path in there):
         raise ConfigError(
@@ -96,11 +90,8 @@ def open_records(folder: Path) -> dict[Key, Record]:
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:
-    """A Markdown table. Bars within cells are escaped.
-
-    Args:
-        align: `l` or `r` for each column; by default the first is left, all others right.
-    """
+    """A Markdown table with `l` or `r` for each column, by default `l` for the first, `r` for all
+    others. Bars within cells are escaped."""
     align = align or "l" + "r" * (len(head) - 1)
     rule = ["---" if side == "l" else "---:" for side in align]
     cells = ([cell.replace("|", "\\|") for cell in row] for row in (head, *rows))

@@ -11,7 +11,7 @@ from functools import cached_property
 from itertools import product
 from pathlib import Path
 from statistics import fmean
-from typing import Any
+from typing import Any, NamedTuple
 
 from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
@@ -35,13 +35,12 @@ SMOKE_SAID = (
 )
 
 
-@dataclass(frozen=True)
-class Smoke:
-    """How a run is cut short that tries everything and measures nothing."""
+class Smoke(NamedTuple):
+    """How a run is cut short that tries everything and measures nothing: steps, and pixels of the
+    longer side that photos have at most."""
 
     steps: int = 100
     side: int = 160
-    """Pixels of the longer side that photos have at most."""
 
 
 @dataclass
@@ -125,7 +124,7 @@ def reproduce(
     Args:
         data: folder with the data sets.
         device: type of the device on which runs are done, `cpu` or `cuda`.
-        smoke: how it is cut short; None: it is not.
+        smoke: as `Grid.smoke`.
 
     Raises:
         CaptureError: scenes cannot be read, or none is there.
@@ -177,14 +176,9 @@ def announce_runs(grid: Grid) -> None:
 def find_contents(
     table: Table, data: Path, smoke: Smoke | None = None
 ) -> tuple[dict[PaperScene, Content], list[str]]:
-    """What is in the scenes that are there, and the names of the others, which are said.
-
-    Raises:
-        CaptureError: none is there, or one cannot be read.
-    """
+    """What is in the scenes of a table that are there, with their places, and the names of the
+    others, which are said. Raises CaptureError where none is there, or as `checked`."""
     found, missing = find_scenes(table, data)
-    if smoke is not None and not found:
-        found = [*any_scenes(table, data)]
     if missing:
         fetches = dict.fromkeys(scene.fetch for scene in missing)
         typed = ", ".join(f"`desplat-fetch-data {name} --folder {data}`" for name in fetches)
@@ -196,21 +190,33 @@ def find_contents(
     return checked(found, smoke), [scene.name for scene in missing]
 
 
+def checked(scenes: Iterable[PaperScene], smoke: Smoke | None = None) -> dict[PaperScene, Content]:
+    """Scenes with their content; of a smoke run those that can be read. Raises CaptureError where a
+    scene cannot be read, of a smoke run where none can."""
+    contents: dict[PaperScene, Content] = {}
+    wrong: list[str] = []
+    for scene in scenes:
+        try:
+            scene = scene if smoke is None else smaller(scene, smoke.side)
+            contents[scene] = content_of(outputs_of(scene, "train"), outputs_of(scene, "test"))
+        except CaptureError as error:
+            wrong.append(str(error))
+    if wrong and (smoke is None or not contents):
+        raise CaptureError("\n".join(wrong))
+    return contents
+
+
 def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperScene]]:
     """Scenes of a table whose folders are there, with their places, and those that are missing.
-
-    They are looked for in the folder that `desplat-fetch-data` makes for their data set, in `data`
-    or being `data`.
-
-    Raises:
-        CaptureError: there is no such folder.
-    """
+    Raises CaptureError where there is no folder `data`."""
     if not data.is_dir():
         raise CaptureError(f"There is no folder '{data}'. Name that with the data sets by --data.")
     found, missing = [], []
     for scene in table.scenes:
         names = (scene.folder, scene.folder.replace("_", "-"))
-        places = (home / name for home in _homes(scene.data_set.folder, data) for name in names)
+        folder = scene.data_set.folder  # some archives have another of their own name in it
+        homes = (data / folder, data / folder / folder, data)
+        places = (home / name for home in homes for name in names)
         place = next((place for place in places if place.is_dir()), None)
         if place is None:
             missing.append(scene)
@@ -219,34 +225,9 @@ def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperS
     return found, missing
 
 
-def any_scenes(table: Table, data: Path) -> Iterator[PaperScene]:
-    """Captures of other names in the same places, for a smoke run."""
-    for of in table.data_sets:
-        homes = (home for home in _homes(of.folder, data) if home.is_dir())
-        places = [data, *(place for home in homes for place in sorted(home.iterdir()))]
-        for place in dict.fromkeys(place.resolve() for place in places):
-            if any((place / name).is_dir() for name in ("images", "dense", "sparse")):
-                name = f"{of.folder}/{place.name}" if len(table.data_sets) > 1 else place.name
-                yield PaperScene(of, name, place.name, None, "", place=place)
-
-
-def _homes(folder: str, data: Path) -> tuple[Path, ...]:
-    """Folders in which a data set's scenes may be; some archives have one of their own name."""
-    return data / folder, data / folder / folder, data
-
-
-def read_scene(scene: PaperScene) -> Content:
-    """What a scene's data parser finds, which makes sure that all photos are there. Raises
-    CaptureError as `outputs_of`."""
-    return content_of(outputs_of(scene, "train"), outputs_of(scene, "test"))
-
-
 def outputs_of(scene: PaperScene, split: str) -> Any:
-    """nerfstudio's DataparserOutputs of a split.
-
-    Raises:
-        CaptureError: it cannot be read, or no photo is in it; the message names the scene.
-    """
+    """nerfstudio's DataparserOutputs of a split. Raises CaptureError, which names the scene, where
+    it cannot be read, or no photo is in it."""
     try:
         return split_of("desplat-paper", scene.place, scene.parser, split)
     except CaptureError as error:
@@ -261,27 +242,6 @@ def smaller(scene: PaperScene, side: int) -> PaperScene:
     cameras = outputs_of(replace(scene, downscale=1), "train").cameras
     longest = int(max(cameras.width.max(), cameras.height.max()))
     return replace(scene, downscale=2 ** max(0, math.ceil(math.log2(longest / side))))
-
-
-def checked(scenes: Iterable[PaperScene], smoke: Smoke | None = None) -> dict[PaperScene, Content]:
-    """Scenes with their content; of a smoke run those that can be read.
-
-    Raises:
-        CaptureError: a scene cannot be read; of a smoke run none can.
-    """
-    contents: dict[PaperScene, Content] = {}
-    wrong: list[str] = []
-    for scene in scenes:
-        if any(s.place == scene.place and s.data_set != scene.data_set for s in contents):
-            continue  # of a smoke run: another data set's way of reading it came first
-        try:
-            scene = scene if smoke is None else smaller(scene, smoke.side)
-            contents[scene] = read_scene(scene)
-        except CaptureError as error:
-            wrong.append(str(error))
-    if wrong and not (smoke is not None and contents):
-        raise CaptureError("\n".join(wrong))
-    return contents
 
 
 # --- the table -----------------------------------------------------------------------------------

@@ -83,18 +83,17 @@ Do = Callable[[Run, Path], Record]
 """Does a run in a folder; see `execute`."""
 
 
-def surroundings(**variables: str) -> dict[str, str]:
-    """The environment of a process that imports what this one would, from a checkout as from an
+def import_path() -> dict[str, str]:
+    """The variable by which another process imports what this one would, from a checkout as from an
     installed package."""
-    paths = os.pathsep.join(dict.fromkeys(os.path.abspath(place) for place in sys.path))
-    return os.environ | {"PYTHONPATH": paths} | variables
+    return {"PYTHONPATH": os.pathsep.join(dict.fromkeys(map(os.path.abspath, sys.path)))}
 
 
 def in_own_process(method: str, options: list[str], folder: Path) -> dict[str, Any]:
     """A `Train` in a process of one thread. Raises DeSplatError that names its log."""
     line = [sys.executable, "-m", PROGRAM, str(folder / RESULTS), method, *options]
     with (folder / LOG).open("w") as log:
-        environment = surroundings(**ONE_THREAD, **{PARENT: str(os.getpid())})
+        environment = os.environ | import_path() | ONE_THREAD | {PARENT: str(os.getpid())}
         done = subprocess.run(line, stdout=log, stderr=subprocess.STDOUT, env=environment)
     if done.returncode != 0:
         raise DeSplatError(f"Training or scoring failed. Its log: {folder / LOG}")
@@ -102,13 +101,9 @@ def in_own_process(method: str, options: list[str], folder: Path) -> dict[str, A
 
 
 def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
-    """Train and score a run. Its log, pictures and results stay in a folder of its name.
-
-    An earlier run of that name is replaced once this one is whole. Checkpoints are removed.
-
-    Raises:
-        DeSplatError: the capture is not there; or training or evaluation failed.
-    """
+    """Train and score a run. Its log, pictures and results stay in a folder of its name, in which
+    they replace those of an earlier run once they are whole; checkpoints are removed. Raises
+    DeSplatError where the capture is not there, or training or evaluation failed."""
     if not run.data.exists():
         raise CaptureError(
             f"There is no capture at {run.data}. Every machine that trains for a study needs the "
@@ -154,16 +149,13 @@ class Executor:
         folder: Path,
         done: Callable[[Run, Record], None] = lambda run, record: None,
     ) -> dict[str, str]:
-        """Do all runs that have no record, and record each as it ends.
+        """Do all runs that have no record, and record each as it ends; why some failed, by name.
 
         Args:
             runs: the next is asked for when there is a place for it.
             file: of the records.
             folder: of what is trained.
             done: is told of each run once it is recorded.
-
-        Returns:
-            Why a run failed, by its name; that was said, too.
 
         Raises:
             ConfigError: records cannot be read or written, for instance because the disk is full.
@@ -207,8 +199,7 @@ class Executor:
             ) from error
         here: dict[str, Any] = {"num_cpus": self.jobs, "include_dashboard": False}
         options = here if self.address is None else {"address": self.address}
-        environment = {"env_vars": {"PYTHONPATH": surroundings()["PYTHONPATH"]}}
-        ray.init(runtime_env=environment, log_to_driver=False, **options)
+        ray.init(runtime_env={"env_vars": import_path()}, log_to_driver=False, **options)
         try:
             resources = ray.cluster_resources()
             gpus, cores = (int(resources.get(name, 0)) for name in ("GPU", "CPU"))

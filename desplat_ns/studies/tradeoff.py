@@ -103,11 +103,8 @@ class Study:
 def tradeoff(
     data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
 ) -> Path:
-    """Do a study as far as its time goes and write its page; where that is.
-
-    Args:
-        parser: name and options of the data parser, as `ns-train` takes them.
-        seconds: of wall time for the whole study, earlier sessions included.
+    """Do a study as far as its time goes, earlier sessions included, and write its page; where that
+    is.
 
     Raises:
         DeSplatError: the capture or the folder will not do, the first run failed, or another
@@ -126,12 +123,9 @@ def tradeoff(
 def open_study(
     data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
 ) -> Study:
-    """What an output folder holds of the study of a capture, or a new one. The capture is surveyed.
-
-    Raises:
-        CaptureError: the capture cannot be read, or nothing of it is held out.
-        ConfigError: the folder holds another study, or something else.
-    """
+    """What an output folder holds of the study of a capture, or a new one; the capture is surveyed.
+    Raises CaptureError where it cannot be read, or nothing of it is held out, ConfigError where the
+    folder holds another study, or something else."""
     records, data = open_records(output), data.resolve()
     for record in records.values():
         if record.capture != str(data):
@@ -148,15 +142,8 @@ def open_study(
 
 
 def do_study(study: Study, tell: Callable[[str], None]) -> None:
-    """Do the runs that are not done and for which time is left.
-
-    Args:
-        tell: is told what is being done.
-
-    Raises:
-        DeSplatError: the first run failed.
-        ConfigError: records cannot be written.
-    """
+    """Do the runs that are not done and for which time is left; `tell` is told of each. Raises
+    DeSplatError where the first run failed, ConfigError where records cannot be written."""
     study.planned = [run_of(study.capture)]
     for failure in study.finish(study.planned, tell).values():
         raise DeSplatError(f"The first run failed. {failure}")
@@ -181,12 +168,9 @@ Variant = tuple[str, tuple[str, ...]]
 
 
 def compared(base: Effects) -> dict[str, Variant]:
-    """What is compared, by name, the base first; each other one differs from it in one thing. All
-    are scored on right halves: the left half shows the light where photos have one of their own.
-
-    Args:
-        base: the effects that the capture calls for.
-    """
+    """What is compared, by name: first the base, with the effects that the capture calls for; each
+    other one differs from it in one thing. All are scored on right halves: the left half shows the
+    light where photos have one of their own."""
 
     def variant(what: str, effects: Effects = base, **options: str) -> Variant:
         given = {
@@ -227,12 +211,8 @@ def run_of(
 
 
 def planned(capture: Capture, steps: int, most: int) -> list[Run]:
-    """All runs, the most telling first: seed after seed the base's lengths, then every variant.
-
-    Args:
-        steps: of the comparison.
-        most: that a run may have.
-    """
+    """All runs for a comparison at a number of steps, none longer than `most`, the most telling
+    first: seed after seed the base's lengths, then every variant."""
     lengths = [max(1, round(steps * length)) for length in LADDER if steps * length <= most]
     runs = [run_of(capture)]
     for seed in SEEDS:
@@ -248,11 +228,7 @@ Pace = Callable[[Run], float]
 
 def pace_of(runs: Iterable[Run], done: Mapping[Key, Record]) -> Pace:
     """A run takes a + b steps: a is for imports, reading photos and evaluation, b for a step. Both
-    are those of the variant's longest run that is done, or of the base's.
-
-    Args:
-        done: among these is the first run, and it is among `runs`.
-    """
+    are those of the variant's longest run that is done, or of the base's; the first run is done."""
     known: dict[str, tuple[int, float, float]] = {}
     for run in sorted(runs, key=lambda run: run.steps):
         if (record := done.get(run.key)) is not None:
@@ -267,14 +243,8 @@ def pace_of(runs: Iterable[Run], done: Mapping[Key, Record]) -> Pace:
 
 
 def steps_that_fit(seconds: float, pace: Pace, capture: Capture, most: int) -> int:
-    """Steps of the longest comparison of which all runs fit. Of `WANTED` steps at most, those of
-    the first seed have to.
-
-    Args:
-        seconds: for all runs one after another.
-        pace: after the first run.
-        most: steps of the method itself.
-    """
+    """Steps of the longest comparison of which all runs, one after another, fit into the seconds;
+    up to `WANTED` steps those of the first seed. `most`: steps of the method itself."""
     chosen = steps = SHORTEST
     while steps <= most:
         seeds = SEEDS if steps > WANTED else SEEDS[:1]
@@ -288,13 +258,9 @@ def steps_that_fit(seconds: float, pace: Pace, capture: Capture, most: int) -> i
 def fitting(
     runs: Sequence[Run], done: Mapping[Key, Record], left: Callable[[], float]
 ) -> Iterator[Run]:
-    """The runs that are not done, in order, that are expected to end in time.
-
-    One that does not fit is passed over: shorter ones behind it may.
-
-    Args:
-        done, left: records, and seconds that are left; looked at when a run is asked for.
-    """
+    """The runs that are not done, in order, that are expected to end in time. One that does not fit
+    is passed over: shorter ones behind it may. `done` and the seconds left are looked at when a run
+    is asked for."""
     waiting = [run for run in runs if run.key not in done]
     while True:
         pace = pace_of(runs, done)

@@ -23,16 +23,11 @@ from desplat_ns.studies.runs import PARENT, PICTURES
 
 
 def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str, Any]:
-    """Figures, and what they are of.
-
-    Args:
-        method, options: see `methods.parse`.
-        pictures: folder for the photos and the renderings beside them.
+    """Train by a method and options of `ns-train`, score, and put pictures into a folder.
 
     Returns:
-        `figures` as `ns-eval` writes them, with `train_cpu_seconds` and `train_wall_seconds`, those
-        of the training steps without reading photos, the last checkpoint and evaluation; `commit`;
-        `device_name`.
+        `figures` as `ns-eval` writes them, with `train_cpu_seconds` and `train_wall_seconds` of the
+        training steps, without photos, last checkpoint and evaluation; `commit`; `device_name`.
 
     Raises:
         DeSplatError: training was stopped before its last step; such a model is not scored.

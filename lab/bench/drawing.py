@@ -144,8 +144,6 @@ class Errors:
 
     picture: float
     """RMSE of colours in [0, 1]."""
-    largest: float
-    """Largest error of a colour."""
     gradient: float
     """|error| / |gradient| in L2 norms, of the parameter where that is largest. Norms and not the
     largest entries: a cutoff flips single pixels, and training follows all of them."""
@@ -233,7 +231,7 @@ def errors_of(drawn: Drawn, truth: Drawn) -> Errors:
     }
     worst = max(off, key=lambda name: off[name])
     error = drawn.picture - truth.picture
-    return Errors(float(error.square().mean().sqrt()), float(error.abs().max()), off[worst], worst)
+    return Errors(float(error.square().mean().sqrt()), off[worst], worst)
 
 
 def relative_norm(actual: Tensor, wanted: Tensor) -> float:

@@ -46,28 +46,19 @@ RULES = (
 )
 
 
-@dataclass
-class Trace:
-    """Per step: the error of s, mean opacity in the free views and in the occluded ones."""
-
-    error: list[float]
-    haze: list[float]
-    cover: list[float]
+TITLES = ("error of the static colour", "opacity in free views", "opacity in occluded views")
 
 
-def photos() -> torch.Tensor:
-    """What each view shows at the pixel [V], with the noise of a texture not learned yet."""
-    generator = torch.Generator().manual_seed(0)
-    noise = 0.03 * torch.randn(VIEWS, generator=generator)
-    colors = torch.full((VIEWS,), TRUTH)
-    colors[:OCCLUDED] = OCCLUDER
-    return colors + noise
+def simulate(rules: Rules, steps: int = 3000) -> torch.Tensor:
+    """Train one pixel: a random view in each step, Adam as in training.
 
-
-def simulate(rules: Rules, steps: int = 3000) -> Trace:
-    """Train one pixel: a random view in each step, Adam as in training."""
+    Returns:
+        Per step what `TITLES` names, opacities as means over views, [steps, 3].
+    """
+    # What each view shows at the pixel, with the noise of a texture not learned yet.
+    y = 0.03 * torch.randn(VIEWS, generator=torch.Generator().manual_seed(0))
+    y = y + torch.where(torch.arange(VIEWS) < OCCLUDED, OCCLUDER, TRUTH)
     generator = torch.Generator().manual_seed(1)
-    y = photos()
     s = torch.tensor(0.5, requires_grad=True)
     r = torch.rand(VIEWS, generator=generator).unbind()
     r = [v.clone().requires_grad_() for v in r]
@@ -81,7 +72,7 @@ def simulate(rules: Rules, steps: int = 3000) -> Trace:
         eps=1e-15,
     )
     exists = [not rules.placed] * VIEWS
-    trace = Trace([], [], [])
+    trace = []
     for step in range(steps):
         v = int(torch.randint(VIEWS, (), generator=generator))
         if rules.placed and step >= rules.warmup and not exists[v]:
@@ -94,10 +85,9 @@ def simulate(rules: Rules, steps: int = 3000) -> Trace:
         optimizer.step()
         opacity = torch.stack([raw.sigmoid() for raw in logit]).detach() * torch.tensor(exists)
         opacity *= step >= rules.warmup
-        trace.error.append(abs(s.item() - TRUTH))
-        trace.haze.append(float(opacity[OCCLUDED:].mean()))
-        trace.cover.append(float(opacity[:OCCLUDED].mean()))
-    return trace
+        shares = opacity[OCCLUDED:].mean().item(), opacity[:OCCLUDED].mean().item()
+        trace.append((abs(s.item() - TRUTH), *shares))
+    return torch.tensor(trace)
 
 
 def _loss(rules: Rules, s, r, logit, y, drawn: bool) -> torch.Tensor:
@@ -118,11 +108,9 @@ def draw(path: Path) -> None:
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, 3)
     for rules in RULES:
-        trace = simulate(rules)
-        for axes, values in zip(panels, (trace.error, trace.haze, trace.cover), strict=True):
+        for axes, values in zip(panels, simulate(rules).T, strict=True):
             axes.plot(values, label=rules.label, lw=1.2)
-    titles = ("error of the static colour", "opacity in free views", "opacity in occluded views")
-    for axes, title in zip(panels, titles, strict=True):
+    for axes, title in zip(panels, TITLES, strict=True):
         axes.set(title=title, xlabel=f"steps ({VIEWS} views)", ylim=(0, None))
         axes.grid(True, alpha=0.25)
     panels[1].legend(frameon=False, fontsize=7)

@@ -23,7 +23,7 @@ TIMEOUT = 600
 
 STABILITY = " ".join(f"tests/stability/test_stability_{n}.py" for n in ("catalogue", "properties"))
 NUMBA = f"tests/backend/test_contract.py {STABILITY} -k numba"
-FORMULAS = f"{STABILITY} tests/training/test_losses.py -k 'not torch and not numba'"
+FORMULAS = "tests/stability/test_stability_formulas.py tests/training/test_losses.py"
 
 
 @dataclass(frozen=True)

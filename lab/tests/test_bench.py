@@ -1,11 +1,10 @@
-"""Dials are turned and turned back, errors are of the truth, and the table has every case."""
+"""Errors are of the truth, and the table has every case."""
 
 from __future__ import annotations
 
 import pytest
 import torch
 
-from desplat_ns.backend import numba_tiles
 from lab.bench.__main__ import STEPS, main
 from lab.bench.drawing import (
     DIALS,
@@ -17,7 +16,6 @@ from lab.bench.drawing import (
     Setting,
     contenders,
     errors_of,
-    turned,
 )
 from lab.bench.scenes import make_scene
 
@@ -36,15 +34,6 @@ def test_with_limits_that_stand_for_none_only_rounding_is_left(name: str):
     today = errors_of(Drawing(contender(name), SCENE, TODAY).drawn(), truth)
     assert errors.picture < 1e-5 < today.picture
     assert errors.gradient < 1e-3 < today.gradient
-    assert today.largest > today.picture
-
-
-def test_a_dial_is_turned_back():
-    before = numba_tiles._LIMITS
-    with pytest.raises(RuntimeError), turned(DIALS["early stop 1e-2"]):
-        assert before != numba_tiles._LIMITS
-        raise RuntimeError
-    assert before == numba_tiles._LIMITS
 
 
 def test_pictures_of_other_sizes_are_compared_in_the_scenes_size():

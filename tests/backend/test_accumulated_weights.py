@@ -7,6 +7,7 @@ from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.constants import ALPHA_MAX, TRANSMITTANCE_MIN
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.registry import resolve
+from tests.backend.scenes import picked, random_scene
 
 VIEW = View(torch.eye(4), torch.tensor([[20.0, 0, 16], [0, 20, 12], [0, 0, 1]]), 32, 24)
 
@@ -52,30 +53,14 @@ def test_nothing_is_left_behind_in_the_gradients(rasterizer):
     assert lone.opacities.grad is None
 
 
-def crowd(seed: int, count: int) -> Splats:
-    """Gaussians of some pixels, many of them behind others."""
-    rng = torch.Generator().manual_seed(seed)
-    z = 1 + 4 * torch.rand(count, generator=rng)
-    pixel = torch.rand(count, 2, generator=rng) * torch.tensor([VIEW.width, VIEW.height])
-    means = torch.cat([(pixel - VIEW.K[:2, 2]) / 20 * z[:, None], z[:, None]], dim=1)
-    return Splats(
-        means=means,
-        quats=torch.randn(count, 4, generator=rng),
-        scales=(0.3 + 2 * torch.rand(count, 3, generator=rng)) / 20 * z[:, None],
-        opacities=0.9 + 0.1 * torch.rand(count, generator=rng),
-        colors=torch.rand(count, 3, generator=rng),
-    )
-
-
 def test_columns_are_drawn_by_what_contributes_to_them(rasterizer):
     """What contributes nothing may have ended a pixel unseen: before it, blending has left at most
     TRANSMITTANCE_MIN / (1 - ALPHA_MAX), and so much at most shows of what is behind."""
-    everything, columns = crowd(0, 300), 14
-    whole = rasterizer(everything, VIEW, RenderSettings()).rgb[:, :columns]
-    needed = accumulated_weights(rasterizer, everything, VIEW, RenderSettings(), columns) > 0
-    assert 0.1 < needed.float().mean() < 0.9
-    names = ("means", "quats", "scales", "opacities", "colors")
-    fewer = Splats(**{name: getattr(everything, name)[needed] for name in names})
-    off = (rasterizer(fewer, VIEW, RenderSettings()).rgb[:, :columns] - whole).abs()
+    crowd, columns = random_scene(0, count=300, opacity=(0.9, 1.0)), 14
+    whole = rasterizer(crowd.splats, crowd.view, RenderSettings()).rgb[:, :columns]
+    weights = accumulated_weights(rasterizer, crowd.splats, crowd.view, RenderSettings(), columns)
+    assert 0.1 < (weights > 0).float().mean() < 0.9
+    fewer = picked(crowd, torch.nonzero(weights > 0)[:, 0]).splats
+    off = (rasterizer(fewer, crowd.view, RenderSettings()).rgb[:, :columns] - whole).abs()
     assert off.max() <= TRANSMITTANCE_MIN / (1 - ALPHA_MAX)
     assert off.mean() < TRANSMITTANCE_MIN

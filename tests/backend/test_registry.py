@@ -12,20 +12,6 @@ from desplat_ns.backend.numba_kernels import runtime
 from desplat_ns.errors import BackendUnavailableError
 
 
-def test_gsplat_without_cuda_says_what_to_type(monkeypatch):
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    with pytest.raises(BackendUnavailableError, match="backend numba"):
-        resolve("gsplat")
-
-
-def test_a_backend_of_the_other_device_says_what_to_type(monkeypatch):
-    with pytest.raises(BackendUnavailableError, match="device-type cpu"):
-        resolve("numba", "cuda")
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    with pytest.raises(BackendUnavailableError, match="device-type cuda"):
-        resolve("gsplat", "cpu")
-
-
 def test_no_thread_at_all_is_refused_before_numba_fails(monkeypatch):
     monkeypatch.setenv("NUMBA_NUM_THREADS", "0")
     with pytest.raises(BackendUnavailableError, match="NUMBA_NUM_THREADS"):
@@ -45,12 +31,24 @@ def test_auto_follows_the_device(monkeypatch):
     ]
 
 
-def test_on_cuda_without_kernels_auto_draws_with_nothing_slow_but_says_what_to_do(monkeypatch):
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+@pytest.mark.parametrize(
+    ("name", "device", "has_gpu", "said"),
+    [
+        ("gsplat", "cuda", False, "backend numba"),
+        ("numba", "cuda", True, "device-type cpu"),
+        ("gsplat", "cpu", True, "device-type cuda"),
+        ("auto", "cuda", True, "CUDA_VISIBLE_DEVICES="),  # nothing slow draws unasked
+    ],
+)
+def test_a_backend_that_cannot_draw_there_says_what_to_type(
+    monkeypatch, name, device, has_gpu, said
+):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: has_gpu)
     monkeypatch.setattr(KERNELS, lambda: "has no nvcc. Install it.")
-    with pytest.raises(BackendUnavailableError, match="CUDA_VISIBLE_DEVICES="):
-        resolve("auto", "cuda")
-    assert resolve("torch", "cuda").name == "torch"  # whoever asks for it has it
+    with pytest.raises(BackendUnavailableError, match=said):
+        resolve(name, device)
+    if has_gpu:
+        assert resolve("torch", "cuda").name == "torch"  # whoever asks for it has it
 
 
 @pytest.mark.parametrize(
@@ -83,28 +81,21 @@ def test_kernels_are_there_when_a_run_begins(monkeypatch, name, device):
     assert compiled == [device]
 
 
-@pytest.fixture
-def on_a_gpu(monkeypatch):
-    """What `compile_kernels` compiles on a machine with a GPU whose kernels fail."""
+@pytest.mark.parametrize("has_gpu", [True, False])
+def test_the_command_compiles_what_the_machine_needs_and_fails_where_that_fails(
+    monkeypatch, has_gpu
+):
+    """gsplat's kernels fail here; a machine without a GPU lacks them only where they are asked
+    for."""
     compiled = []
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.delenv("TORCH_CUDA_ARCH_LIST", raising=False)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: has_gpu)
     monkeypatch.setattr(runtime, "_prepare", lambda: compiled.append("numba"))
     monkeypatch.setattr(KERNELS, lambda: compiled.append("gsplat") or "has no nvcc.")
-    return compiled
-
-
-def test_the_command_compiles_both_and_fails_where_one_that_the_machine_needs_does(on_a_gpu):
-    assert compile_kernels.main([]) == 1
-    assert on_a_gpu == ["numba", "gsplat"]
+    assert compile_kernels.main([]) == has_gpu
+    assert compiled == (["numba", "gsplat"] if has_gpu else ["numba"])
     assert compile_kernels.main(["numba"]) == 0
-
-
-def test_a_machine_without_a_gpu_lacks_nothing_unless_gsplats_are_asked_for(on_a_gpu, monkeypatch):
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    monkeypatch.delenv("TORCH_CUDA_ARCH_LIST", raising=False)
-    assert compile_kernels.main([]) == 0
     assert compile_kernels.main(["gsplat"]) == 1
-    assert on_a_gpu == ["numba"]
 
 
 @pytest.mark.usefixtures("unchecked_types")  # jaxtyping would reject what is no Literal

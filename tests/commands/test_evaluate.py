@@ -59,7 +59,7 @@ def evaluate(run: Path, output: Path, **options: Any) -> dict[str, Any]:
     """Results of `desplat-eval`, the protocol's options given by name."""
     from desplat_ns.commands.evaluate import Evaluate
 
-    Evaluate(run, output, **options).main()
+    Evaluate(run, output_path=output, **options).main()
     return json.loads(output.read_text())["results"]
 
 
@@ -86,7 +86,7 @@ def test_the_full_protocol_scores_whole_images(run: Path, tmp_path: Path):
 def test_half_without_appearance_and_a_run_without_it_are_refused(run: Path, tmp_path: Path):
     from desplat_ns.errors import CheckpointError
 
-    config = yaml.load(run.read_text(), Loader=yaml.Loader)
+    config = yaml.load(run.read_text(), Loader=yaml.UnsafeLoader)
     config.pipeline.model.effects.appearance = "off"
     there = tmp_path / "config.yml"
     there.write_text(yaml.dump(config))
@@ -95,7 +95,7 @@ def test_half_without_appearance_and_a_run_without_it_are_refused(run: Path, tmp
 
 
 def test_resuming_goes_on_with_every_group(run: Path, tmp_path: Path):
-    config: Any = yaml.load(run.read_text(), Loader=yaml.Loader)
+    config: Any = yaml.load(run.read_text(), Loader=yaml.UnsafeLoader)
     config.load_dir = run.parent / "nerfstudio_models"
     config.output_dir, config.max_num_iterations = tmp_path, STEPS + 2
     trainer: Any = config.setup(local_rank=0, world_size=1)
@@ -184,11 +184,14 @@ def test_what_is_there_is_replaced_only_if_that_is_asked_for(run: Path, tmp_path
     figures.write_text("before")
     pictures.mkdir()
     (pictures / "mine.png").touch()
-    for given in (Evaluate(run, figures), Evaluate(run, other, pictures)):
+    for given in (
+        Evaluate(run, output_path=figures),
+        Evaluate(run, output_path=other, render_output_path=pictures),
+    ):
         with pytest.raises(ConfigError, match="--overwrite"):
             given.main()
     assert figures.read_text() == "before"
-    Evaluate(run, figures, pictures, steps=1, overwrite=True).main()
+    Evaluate(run, output_path=figures, render_output_path=pictures, steps=1, overwrite=True).main()
     assert figures.read_text() != "before" and len(list(pictures.iterdir())) == 3
 
 
@@ -212,8 +215,7 @@ def test_the_scenes_page_is_in_the_chosen_light(run: Path, tmp_path: Path):
     from desplat_ns.export.export import shown_in
     from desplat_ns.runs.files import find_run
     from desplat_ns.runs.loading import load_run
-    from desplat_ns.scene.contents import AVERAGE
-    from desplat_ns.scene.gather import gather
+    from desplat_ns.scene.gather import AVERAGE, gather
     from desplat_ns.scene.page import html_of
 
     loaded = load_run(find_run(run))

@@ -50,7 +50,7 @@ def test_help_and_mistakes_import_nothing_heavy(
 def test_options_that_cannot_be_are_named(tmp_path: Path):
     photos = tmp_path / "photos"
     for option, command in (
-        ("--output-path", Evaluate(Path("absent.yml"), Path("figures.txt"))),
+        ("--output-path", Evaluate(Path("absent.yml"), output_path=Path("figures.txt"))),
         ("--training-photos", Report(Path("config.yml"), training_photos=-1)),
         ("--seeds", Arguments("A5", tmp_path, seeds=0)),
         ("desplat-paper", Arguments("A5", tmp_path, methods=("desplt",))),
@@ -65,13 +65,6 @@ def test_options_that_cannot_be_are_named(tmp_path: Path):
             study.main(())
     with pytest.raises(CaptureError, match="photos"):
         tradeoff.Arguments(photos).main(())
-
-
-def test_without_methods_those_of_the_table_are_taken():
-    names = [method.name for method in Arguments("A8").chosen_methods()]
-    assert names == ["desplat", "desplat-paper", "splatfacto"]
-    given = Arguments("A8", methods=("desplat", "lab.reproduce.baselines:by_residual"))
-    assert given.chosen_methods()[1].name == "lab.reproduce.baselines.by_residual"
 
 
 @pytest.mark.parametrize("data", [["--data", "a"], ["--data=a"], ["a"]])

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 
 NUM_TRAIN, NUM_TEST = 6, 2
 
@@ -22,7 +22,7 @@ def page(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     from desplat_ns.commands.report import Report
 
     output = tmp_path_factory.mktemp("report") / "new" / "page.html"
-    Report(trained, output).main()
+    Report(trained, output=output).main()
     assert [path.name for path in output.parent.iterdir()] == ["page.html"]
     return output.read_text("utf8")
 
@@ -46,7 +46,9 @@ def test_the_scene_itself_is_on_top_unless_it_is_not_wanted(
     (scene,) = re.findall(r'<iframe class="scene"[^>]* srcdoc="([^"]*)"', page)
     assert "class ScenePage" in scene and scene.count("extra_") >= NUM_TEST
     assert len(page.encode()) < 25_000_000
-    Report(trained, tmp_path / "p.html", 1, 0, scene=False).main()
+    Report(
+        trained, output=tmp_path / "p.html", training_photos=1, held_out_photos=0, scene=False
+    ).main()
     without = (tmp_path / "p.html").read_text("utf8")
     assert "<iframe" not in without and "wasm-unsafe-eval" not in without
 
@@ -58,10 +60,10 @@ def test_a_run_whose_scene_cannot_be_shown_has_a_report_without_it(
     """Without photos there is no camera to start from."""
     from desplat_ns.commands.report import Report
 
-    Report(trained, tmp_path / "p.html", training_photos=0, held_out_photos=0).main()
+    Report(trained, output=tmp_path / "p.html", training_photos=0, held_out_photos=0).main()
     assert "<iframe" not in (tmp_path / "p.html").read_text("utf8")
     said = " ".join(capsys.readouterr().out.split())
-    assert "The report is without the scene itself. There is no camera to start from" in said
+    assert "The scene on the page: left out. There is no camera to start from" in said
 
 
 @pytest.mark.slow
@@ -70,7 +72,7 @@ def test_the_page_has_the_scores_of_ns_eval_and_what_the_run_logged(
 ):
     from desplat_ns.commands.evaluate import Evaluate
 
-    Evaluate(trained, tmp_path / "m.json").main()
+    Evaluate(trained, output_path=tmp_path / "m.json").main()
     results: dict[str, Any] = json.loads((tmp_path / "m.json").read_text())["results"]
     assert f"{results['psnr']:.2f} dB" in page
     for image in results["images"]:
@@ -85,47 +87,39 @@ def test_the_page_has_the_scores_of_ns_eval_and_what_the_run_logged(
 def test_fewer_photos_and_no_evaluation_are_said(trained: Path, tmp_path: Path):
     from desplat_ns.commands.report import Report
 
-    Report(trained, tmp_path / "p.html", training_photos=2, held_out_photos=0).main()
+    Report(trained, output=tmp_path / "p.html", training_photos=2, held_out_photos=0).main()
     html = (tmp_path / "p.html").read_text("utf8")
     assert "2 of 6 photos are shown" in html
     assert "None were evaluated" in html
 
 
 @pytest.mark.slow
-def test_the_worst_pictures_are_shown_but_all_photos_are_scored(trained: Path):
-    from nerfstudio.utils.eval_utils import eval_setup
-
-    from desplat_ns.report.pictures import held_out_photos
-
-    pipeline: Any = eval_setup(trained)[1]
-    results, shown = held_out_photos(pipeline, 1)
-    assert results["num_images"] == NUM_TEST
-    worst = min(results["images"], key=lambda image: image["psnr"])
-    assert [photo.name for photo in shown] == [worst["name"]]
-    shown = held_out_photos(pipeline, 12)[1]
-    assert [photo.figures["psnr"] for photo in shown] == sorted(
-        image["psnr"] for image in results["images"]
-    )
-
-
-@pytest.mark.slow
-def test_a_copied_run_has_a_page_of_its_own_and_curves_only_if_they_were_copied(
-    trained: Path, tmp_path: Path
+def test_a_run_and_its_capture_that_were_moved_have_a_page(
+    trained: Path, tiny_scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """With the survey's findings beside it; without TensorBoard's files."""
+    """With the survey's findings beside the run; without TensorBoard's files."""
     from desplat_ns.commands.report import Report
 
-    config: Any = yaml.load(trained.read_text(), Loader=yaml.Loader)
+    config: Any = yaml.load(trained.read_text(), Loader=yaml.UnsafeLoader)
     config.output_dir = tmp_path / "gone"
-    (tmp_path / "config.yml").write_text(yaml.dump(config))
-    shutil.copytree(trained.parent / "nerfstudio_models", tmp_path / "nerfstudio_models")
+    config.data = config.pipeline.datamanager.data = tmp_path / "gone"
+    config.pipeline.datamanager.dataparser.data = tmp_path / "gone"
+    (tmp_path / "my run").mkdir()
+    (tmp_path / "my run" / "config.yml").write_text(yaml.dump(config))
+    shutil.copytree(trained.parent / "nerfstudio_models", tmp_path / "my run/nerfstudio_models")
     finding = {"decision": "sh", "confidence": "clear", "reason": "There is a sky."}
     names = ("appearance", "background")
-    (tmp_path / "survey.json").write_text(json.dumps(dict.fromkeys(names, finding)))
-    Report(tmp_path / "config.yml", training_photos=1, held_out_photos=0).main()
-    html = (tmp_path / "report.html").read_text("utf8")
+    (tmp_path / "my run" / "survey.json").write_text(json.dumps(dict.fromkeys(names, finding)))
+    monkeypatch.chdir(tmp_path)
+    run = Path("my run/config.yml")
+    for data in (None, tmp_path / "elsewhere"):
+        with pytest.raises(CaptureError, match="--data"):
+            Report(run, data).main()
+    Report(run, tiny_scene.folder, training_photos=1, held_out_photos=0).main()
+    html = (tmp_path / "my run" / "report.html").read_text("utf8")
     assert "would have said sh: There is a sky." in html
     assert "there is no TensorBoard file" in html
+    assert "--load-config &#39;my run/config.yml&#39;" in html, "as a shell takes it"
 
 
 @pytest.mark.slow
@@ -137,14 +131,14 @@ def test_a_config_of_another_version_and_a_damaged_checkpoint_are_named(
     text = trained.read_text().replace("desplat_ns.model.DeSplat", "desplat_ns.elsewhere.DeSplat")
     (tmp_path / "config.yml").write_text(text)
     with pytest.raises(ConfigError, match="elsewhere"):
-        Report(tmp_path / "config.yml", tmp_path / "p.html").main()
-    config: Any = yaml.load(trained.read_text(), Loader=yaml.Loader)
+        Report(tmp_path / "config.yml", output=tmp_path / "p.html").main()
+    config: Any = yaml.load(trained.read_text(), Loader=yaml.UnsafeLoader)
     config.output_dir = tmp_path / "gone"
     (tmp_path / "config.yml").write_text(yaml.dump(config))
     (tmp_path / "nerfstudio_models").mkdir()
     (tmp_path / "nerfstudio_models" / "step-000000023.ckpt").write_bytes(b"cut off")
     with pytest.raises(CheckpointError, match=r"step-000000023\.ckpt is damaged"):
-        Report(tmp_path / "config.yml", tmp_path / "p.html").main()
+        Report(tmp_path / "config.yml", output=tmp_path / "p.html").main()
     assert not (tmp_path / "p.html").exists()
 
 
@@ -156,4 +150,4 @@ def test_a_page_that_cannot_be_is_refused_before_the_work(
 
     (tmp_path / "taken.html").mkdir()
     with pytest.raises(ConfigError, match="--output"):
-        Report(trained, tmp_path / output).main()
+        Report(trained, output=tmp_path / output).main()

@@ -9,7 +9,7 @@ import pytest
 
 from desplat_ns.commands.parser_words import parse
 from desplat_ns.commands.survey import Arguments
-from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.errors import ConfigError
 
 
 @pytest.mark.slow
@@ -45,8 +45,3 @@ def test_findings_that_are_there_are_replaced_only_if_that_is_asked_for(
     arguments.main()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["survey.json", "survey.png"]
     assert (tmp_path / name).read_bytes() != b"before"
-
-
-def test_an_empty_folder_is_named(tmp_path: Path):
-    with pytest.raises(CaptureError, match="empty"):
-        Arguments(tmp_path, tmp_path / "out").main()

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.commands.tradeoff import default_jobs, recognised_words
-from desplat_ns.cores import cores
+from desplat_ns.commands.tradeoff import recognised_words
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.studies import tradeoff as module
 from desplat_ns.studies.records import FILE, RUNS, load
@@ -48,11 +47,6 @@ def test_a_second_study_in_the_same_folder_is_refused(tmp_path: Path, checkout: 
     code += f"with only_process_in(Path({str(tmp_path / 'out')!r})):\n    wait()"
     with running(code, checkout) as first, pytest.raises(ConfigError, match=str(first.pid)):
         tradeoff(Path("photos"), PARSER, tmp_path / "out", 60.0, Executor())
-
-
-def test_a_gpu_has_one_training_at_a_time():
-    assert default_jobs("cuda") == 1
-    assert default_jobs("cpu") == min(cores(), 8)
 
 
 def test_layouts_are_found_and_read_as_ns_train_would(tiny_scene: Scene, tmp_path: Path):

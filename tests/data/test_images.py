@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import struct
+import zlib
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -79,20 +83,71 @@ def test_16_bit_samples_are_divided_by_257(tmp_path: Path):
 
 
 def test_linear_floats_get_the_srgb_curve_and_no_nan(tmp_path: Path):
-    path = tmp_path / "light.exr"
-    values = np.array([[0.0, 0.5, 1.0, 7.0, np.nan]], dtype=np.float32)
-    write_image(path, np.stack([values] * 3, -1))
+    path = floats(tmp_path / "light.exr", [0.0, 0.5, 1.0, 7.0, np.nan])
     # 1.055 * 0.5 ** (1 / 2.4) - 0.055 = 0.73536, times 255 = 187.5
     assert read_image(path)[0, :, 0].tolist() == [0, 188, 255, 255, 0]
 
 
 def test_floats_that_are_not_said_to_be_linear_keep_their_values(tmp_path: Path):
-    path = str(tmp_path / "float.tif")
-    file = oiio.ImageOutput.create(path)
-    file.open(path, oiio.ImageSpec(2, 1, 3, oiio.FLOAT))
-    file.write_image(np.array([[[0.2] * 3, [0.6] * 3]], dtype=np.float32))
+    assert read_image(floats(tmp_path / "float.tif", [0.2, 0.6]))[0, :, 0].tolist() == [51, 153]
+
+
+def floats(path: Path, values: list[float], channels: int = 3) -> Path:
+    """One row of grey pixels."""
+    file = oiio.ImageOutput.create(str(path))
+    file.open(str(path), oiio.ImageSpec(len(values), 1, channels, oiio.FLOAT))
+    file.write_image(np.repeat(np.array(values, np.float32)[None, :, None], channels, -1))
     file.close()
-    assert read_image(Path(path))[0, :, 0].tolist() == [51, 153]
+    return path
+
+
+def png_of(width: int, height: int) -> bytes:
+    """A PNG that says that it has a size, and has 30 rows."""
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        check = struct.pack(">I", zlib.crc32(kind + content))
+        return struct.pack(">I", len(content)) + kind + content + check
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    rows = zlib.compress(bytes(30 * (1 + 3 * width)))
+    parts = (b"IHDR", header), (b"IDAT", rows), (b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
+
+
+def jpeg_of(width: int, height: int) -> bytes:
+    content = BytesIO()
+    Image.fromarray(noise(64, 64)).save(content, "JPEG")
+    before, after = content.getvalue().split(b"\xff\xc0\x00\x11\x08", 1)
+    return before + b"\xff\xc0\x00\x11\x08" + struct.pack(">HH", height, width) + after[4:]
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.png", png_of(60_000, 40_000)),
+        ("a.jpg", jpeg_of(65_000, 65_000)),
+        ("a.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 60000 +X 60000\n" + bytes(99)),
+    ],
+    ids=["png", "jpg", "hdr"],
+)
+def test_a_header_that_says_too_much_is_refused_before_pixels_take_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, content: bytes
+):
+    (tmp_path / name).write_bytes(content)
+    monkeypatch.setattr(oiio.ImageInput, "read_image", None)
+    for read in (read_image, image_size):
+        with pytest.raises(CaptureError, match=f"{name} .*000x"):
+            read(tmp_path / name)
+
+
+def test_a_named_pipe_is_no_photo_and_many_channels_need_names(tmp_path: Path):
+    os.mkfifo(tmp_path / "pipe.jpg")
+    for read in (read_image, image_size):
+        with pytest.raises(CaptureError, match=r"pipe\.jpg"):
+            read(tmp_path / "pipe.jpg")
+    assert read_image(floats(tmp_path / "many.exr", [0.0, 1.0], 100)).shape == (1, 2, 4)
+    with pytest.raises(CaptureError, match=r"nan\.exr .*finite"):
+        read_image(floats(tmp_path / "nan.exr", [np.nan]))
 
 
 @pytest.mark.parametrize("damage", ["cut", "header", "text", "empty", "missing"])

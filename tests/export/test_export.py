@@ -12,7 +12,7 @@ import torch
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.errors import ConfigError
-from desplat_ns.export.export import SIDE, export_splats, within
+from desplat_ns.export.export import export_splats, within
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
 from desplat_ns.viewer import LayerControl
@@ -40,19 +40,6 @@ def test_points_are_kept_up_to_a_multiple_of_the_median_depth_that_a_camera_show
     points = np.array([[1.9, 0, 0], [2.1, 0, 0], [6.1, 0, 0], [14.1, 0, 0]])
     kept = within(points, [view(), view(pose)], lambda c: rendering(c, next(depths), 0.9), 2.0)
     assert kept.tolist() == [True, False, True, False]
-
-
-def test_the_views_that_are_looked_through_are_small_and_see_the_same():
-    sizes = []
-
-    def rasterize(camera: View) -> Rendering:
-        sizes.append((camera.width, camera.height))
-        assert camera.K[0, 0] / camera.width == pytest.approx(40 / 48, rel=0.02)
-        return rendering(camera, 1.0, 1.0)
-
-    large = View(view().viewmat, view().K * torch.tensor([[50.0], [50], [1]]), 2400, 2000)
-    within(np.zeros((1, 3)), [large], rasterize, 1.0)
-    assert sizes == [(SIDE, 53)]
 
 
 def test_a_scene_of_which_nothing_is_solid_cannot_be_cropped():

@@ -12,12 +12,11 @@ from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.masks import (
-    Photo,
     dilated,
     distractor_mask,
     mask_names,
+    photos_on_disk,
     pinhole_of,
-    training_photos,
 )
 from tests.helpers.small_model import camera, cameras, distractors_of, make_model
 
@@ -32,31 +31,25 @@ def with_distractors():
     return model
 
 
-def test_a_mask_is_that_of_the_models_own_output():
-    model = with_distractors()
-    photo = Photo(1, "b.jpg", cameras()[1:2])
-    mask = distractor_mask(model, photo)
+def test_a_mask_is_that_of_the_models_own_output_at_the_photos_full_size():
+    model, small = with_distractors(), cameras()[1:2]
+    mask = distractor_mask(model, 1, small)
     shown = model.get_outputs_for_camera(camera(1))["distractor_mask"][..., 0].numpy()
     assert np.array_equal(mask, shown)
     assert 0 < mask.mean() < 1
-
-
-def test_a_mask_has_the_photos_full_size():
-    model, small = with_distractors(), cameras()[1:2]
     large = Cameras(
         small.camera_to_worlds, small.fx * 4, small.fy * 4, small.cx * 4, small.cy * 4, 96, 80
     )
-    mask = distractor_mask(model, Photo(1, "b.jpg", large))
-    assert mask.shape == (80, 96)
-    of_small = distractor_mask(model, Photo(1, "b.jpg", small))
-    assert np.mean(mask[2::4, 2::4] == of_small) > 0.9
+    of_large = distractor_mask(model, 1, large)
+    assert of_large.shape == (80, 96)
+    assert np.mean(of_large[2::4, 2::4] == mask) > 0.9
 
 
 def test_a_photo_without_distractors_has_an_empty_mask():
     model = with_distractors()
     for parameter in distractors_of(model, 0).values():
         parameter.data = parameter.data[:0]
-    assert not distractor_mask(model, Photo(0, "a.jpg", cameras()[:1])).any()
+    assert not distractor_mask(model, 0, cameras()[:1]).any()
 
 
 @pytest.mark.parametrize("pixels", [0.0, 1.5, 7.2])
@@ -102,14 +95,14 @@ def project(kind: CameraType, distortion: tuple[float, ...], point: np.ndarray) 
 def test_a_disc_in_the_pinhole_is_found_where_the_lens_shows_it(
     kind: CameraType, distortion: tuple[float, ...], point: tuple[float, float]
 ):
-    pinhole = pinhole_of(lens(kind, *distortion))
-    matrix = pinhole.camera.get_intrinsics_matrices()[0].numpy()
+    pinhole, to_photo = pinhole_of(lens(kind, *distortion))
+    matrix = pinhole.get_intrinsics_matrices()[0].numpy()
     place = matrix[:2, :2] @ point + matrix[:2, 2]
-    height, width = int(pinhole.camera.height), int(pinhole.camera.width)
+    height, width = int(pinhole.height), int(pinhole.width)
     rows, columns = np.mgrid[:height, :width] + 0.5
     squared = (columns - place[0]) ** 2 + (rows - place[1]) ** 2
     disc = np.exp(-squared / 8).astype(np.float32)
-    photo = pinhole.to_photo(disc)
+    photo = to_photo(disc)
     assert photo.shape == (HEIGHT, WIDTH)
     rows, columns = np.mgrid[:HEIGHT, :WIDTH] + 0.5
     middle = np.array([(photo * columns).sum(), (photo * rows).sum()]) / photo.sum()
@@ -118,21 +111,18 @@ def test_a_disc_in_the_pinhole_is_found_where_the_lens_shows_it(
 
 
 def test_the_whole_photo_is_seen():
-    pinhole = pinhole_of(lens(CameraType.PERSPECTIVE, -0.25, 0.06, 0.0, 0.0, 0.0, 0.0))
-    shape = int(pinhole.camera.height), int(pinhole.camera.width)
-    assert np.allclose(pinhole.to_photo(np.ones(shape, np.float32)), 1)
+    pinhole, to_photo = pinhole_of(lens(CameraType.PERSPECTIVE, -0.25, 0.06, 0.0, 0.0, 0.0, 0.0))
+    shape = int(pinhole.height), int(pinhole.width)
+    assert np.allclose(to_photo(np.ones(shape, np.float32)), 1)
 
 
 PHOTOS = ["left/0001.jpg", "left/0002.JPG", "right/0001.jpg"]
 
 
-def test_colmap_appends_its_ending_and_nerfstudio_replaces_it():
+def test_colmap_appends_its_ending_and_nerfstudio_replaces_it_where_that_is_one_name_each():
     assert mask_names(PHOTOS, "colmap") == [f"{name}.png" for name in PHOTOS]
     without = ["left/0001.png", "left/0002.png", "right/0001.png"]
     assert mask_names(PHOTOS, "nerfstudio") == without
-
-
-def test_photos_whose_masks_would_be_one_file_are_named():
     twins = ["a/b.jpg", "a/b.png", "c.jpg"]
     assert len(set(mask_names(twins, "colmap"))) == 3
     with pytest.raises(ConfigError, match=r"a/b\.png"):
@@ -148,6 +138,5 @@ def test_a_reduced_copy_leads_to_the_photo_in_its_full_size(capture, photo_write
     outputs = parser.get_dataparser_outputs("train")
     manager = object.__new__(DeSplatDataManager)
     manager.__dict__ |= {"dataparser": parser, "train_dataparser_outputs": outputs}
-    photos = list(training_photos(manager))
-    assert [photo.name for photo in photos] == names
-    assert [int(photo.camera.width) for photo in photos] == [8, 4]
+    photos = [(name, int(camera.width)) for name, camera in photos_on_disk(manager)]
+    assert photos == list(zip(names, [8, 4], strict=True))

@@ -18,7 +18,6 @@ from desplat_ns.export.splat_cloud import (
     baked,
     moved,
     similarity_to,
-    turned_harmonics,
 )
 from desplat_ns.rendering.views import view_of
 from tests.helpers import small_model
@@ -82,12 +81,6 @@ def test_only_harmonics_that_are_evaluated_and_that_readers_know_are_written():
     assert baked(splats(colors=torch.rand(6, 25, 3), sh_degree=4), False).degree == 3
 
 
-def test_colours_without_harmonics_are_written_as_zeroth_coefficients():
-    colors = torch.rand(6, 3)
-    cloud = baked(splats(colors=colors, sh_degree=None), antialiased=False)
-    assert np.allclose(0.28209479 * cloud.harmonics[:, 0] + 0.5, colors, atol=1e-6)
-
-
 def test_an_empty_scene_is_refused():
     with pytest.raises(ConfigError, match="nothing"):
         baked(splats(opacities=torch.zeros(6)), antialiased=False)
@@ -129,16 +122,6 @@ def test_a_scene_seen_in_a_mirror_is_the_mirrored_picture():
     scene, mirror = cloud(3), np.diag([-1.0, 1.0, 1.0])
     there = moved(scene, Similarity(mirror, 1.0, np.zeros(3)))
     assert np.abs(drawn(there, view()) - drawn(scene, view())[:, ::-1]).max() < SEEN
-
-
-def test_harmonics_of_degree_one_turn_as_the_axes_do():
-    """Y_1 = C1 (-y, z, -x): the harmonic along z, turned so that z becomes x, is minus the last."""
-    z_to_x = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
-    assert np.allclose(z_to_x @ [0, 0, 1], [1, 0, 0])
-    along_z = np.zeros((1, 4, 3))
-    along_z[0, :, 0] = (0.5, 0, 1, 0)
-    turned = turned_harmonics(along_z, z_to_x)
-    assert np.allclose(turned[0, :, 0], (0.5, 0, 0, -1), atol=1e-12)
 
 
 def test_a_captures_own_coordinates_come_back():

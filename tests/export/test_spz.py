@@ -100,13 +100,6 @@ def test_more_than_a_hundredth_is_not_left_out_and_what_that_costs_is_told(count
         assert len(lines) == 1 and "--crop 2" in lines[0]
 
 
-def test_a_capture_far_from_its_own_origin_is_kept_and_told():
-    written = replace(cloud(), means=cloud().means + np.array([5e5, 5e6, 0.0]))
-    kept, lines = fitting(written)
-    assert len(kept) == len(written)
-    assert len(lines) == 1 and ".glb or .ply" in lines[0]
-
-
 def test_what_does_not_fit_is_refused_with_what_to_do():
     far = replace(cloud(), means=cloud().means * 1e8)
     with pytest.raises(ConfigError, match="--crop"):

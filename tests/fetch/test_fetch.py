@@ -15,7 +15,7 @@ import pytest
 
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.fetch.fetch import fetch, unpack
-from desplat_ns.fetch.sources import SOURCES, File, Source
+from desplat_ns.fetch.sources import SOURCES, Source
 from tests.fetch.server import Site, serving
 
 FILES = {"set/a/images/1.jpg": b"one", "set/a/sparse/0/cameras.bin": b"two", "set/b/3.jpg": b""}
@@ -83,6 +83,14 @@ def test_what_is_damaged_leaves_nothing(archive: Path):
     assert files_in(archive.parent / "set") == {}
 
 
+def test_an_archive_that_holds_more_than_the_disk_is_refused(tmp_path: Path, monkeypatch):
+    bomb = packed(tmp_path / "x.zip", {"zeros": bytes(10**6)})
+    monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 10**5}))
+    with pytest.raises(ConfigError, match=r"x\.zip"):
+        unpack(bomb, tmp_path / "set")
+    assert not (tmp_path / "set").exists()
+
+
 def test_what_is_there_is_not_replaced(archive: Path):
     (archive.parent / "set" / "a").mkdir(parents=True)
     (archive.parent / "set" / "a" / "mine.txt").write_text("mine")
@@ -92,7 +100,7 @@ def test_what_is_there_is_not_replaced(archive: Path):
 
 
 def source_at(site: Site) -> Source:
-    return Source("A set: photos", "https://example.org", "set", (File(site.address),), "train")
+    return Source("A set: photos", "https://example.org", "set", (site.address,), "train")
 
 
 def zipped(tmp_path: Path, *names: str) -> bytes:
@@ -103,8 +111,8 @@ def zipped(tmp_path: Path, *names: str) -> bytes:
 def test_a_set_is_fetched_once_with_the_files_beside_its_archive(tmp_path: Path, keep: bool):
     content = zipped(tmp_path, "set/b/images/1.jpg", "set/a/dense/images/1.jpg", "set/readme.txt")
     with serving(Site(content)) as site:
-        split = File(site.address.replace(".zip", ".tsv"), is_archive=False)
-        source = replace(source_at(site), files=(File(site.address), split))
+        split = site.address.replace(".zip", ".tsv")
+        source = replace(source_at(site), files=(site.address, split))
         for _ in range(2):
             captures = fetch(source, tmp_path / "data", keep)
     home = tmp_path / "data" / "set"
@@ -124,7 +132,7 @@ def test_an_archive_of_something_else_and_a_folder_that_is_a_file_are_errors(tmp
 
 def test_addresses_are_encrypted_and_each_set_has_a_folder_of_its_own():
     for source in SOURCES.values():
-        assert all(file.address.startswith("https://") for file in source.files)
+        assert all(file.startswith("https://") for file in source.files)
         assert source.page.startswith("https://") and "{scene}" in source.train
     assert len({source.folder for source in SOURCES.values()}) == len(SOURCES)
 

@@ -63,6 +63,6 @@ def test_resizing_keeps_the_parameter_that_the_optimizer_holds():
 
 
 def test_sigmoid_of_infinities_is_exact_and_of_nan_nan():
-    """Of what is finite: `tests/stability/formula_cases.py`."""
+    """Of what is finite: `tests/stability/test_stability_formulas.py`."""
     assert torch.equal(sigmoid(torch.tensor([math.inf, -math.inf])), torch.tensor([1.0, 0.0]))
     assert sigmoid(torch.tensor([math.nan])).isnan().all()

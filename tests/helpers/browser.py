@@ -34,7 +34,6 @@ ARGUMENTS = (
 )
 WITHOUT_WEBGL = ("--disable-gpu", "--disable-3d-apis")
 SOFTWARE_WEBGL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-BLANK = "about:blank"
 PATIENCE = 60.0
 """Seconds for the browser to start, or to answer."""
 
@@ -72,12 +71,8 @@ class Page:
     def open(self, address: str) -> None:
         """Go there and wait until it is loaded."""
         self.call("Page.navigate", url=address)
-        until = time.monotonic() + PATIENCE
-        while self.value("document.readyState") != "complete" or self.value("location.href") != (
-            address
-        ):
-            assert time.monotonic() < until, f"{address} is not loaded"
-            time.sleep(0.05)
+        is_there = f"location.href === {json.dumps(address)}"
+        self.wait_for(f"{is_there} && document.readyState === 'complete'")
 
     def value(self, expression: str) -> Any:
         """What a JavaScript expression gives."""
@@ -92,10 +87,10 @@ class Page:
             assert time.monotonic() < until, f"{expression} does not become true"
             time.sleep(0.05)
 
-    def resize(self, width: int, height: int, **options: Any) -> None:
+    def resize(self, width: int, height: int) -> None:
         """Give the window a size in CSS's pixels, one on the screen for each."""
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-        self.call("Emulation.setDeviceMetricsOverride", **{**size, **options})
+        self.call("Emulation.setDeviceMetricsOverride", **size)
 
     def press(self, key: str, code: int) -> None:
         """Press a key, as a user does."""
@@ -113,12 +108,8 @@ class Page:
     def swipe(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Put a finger on a place of the window, move it, lift it."""
         middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
-        for kind, places in (
-            ("touchStart", [start]),
-            ("touchMove", [middle]),
-            ("touchMove", [end]),
-            ("touchEnd", []),
-        ):
+        moves = [("touchStart", [start]), ("touchMove", [middle]), ("touchMove", [end])]
+        for kind, places in [*moves, ("touchEnd", [])]:
             points = [{"x": x, "y": y} for x, y in places]
             self.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
 
@@ -138,7 +129,7 @@ class Page:
 
 
 @contextmanager
-def headless_page(width: int = 1000, height: int = 800, webgl: bool = False) -> Iterator[Page]:
+def headless_page(webgl: bool = False) -> Iterator[Page]:
     """An empty page in a browser of its own, which is ended afterwards.
 
     Args:
@@ -153,8 +144,8 @@ def headless_page(width: int = 1000, height: int = 800, webgl: bool = False) -> 
                 *ARGUMENTS,
                 *(SOFTWARE_WEBGL if webgl else WITHOUT_WEBGL),
                 f"--user-data-dir={profile}",
-                f"--window-size={width},{height}",
-                BLANK,
+                "--window-size=1000,800",
+                "about:blank",
             ],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -24,7 +24,6 @@ COST = Cost(
     num_static=1200,
     num_distractors=340,
     parameter_mb=0.4,
-    checkpoint_mb=1.2,
     trained_on="the CPU",
 )
 
@@ -67,7 +66,6 @@ def contents(**changes: Any) -> Contents:
         results={"psnr": 25.0, "ssim": 0.9, "num_images": 1, "protocol": "full image"},
         history=History((Chart("Loss", {"loss": loss}, True),), 200.0),
         reasons=[EffectReason("distractors", "on", "Something is in the way.", figures=[FIGURE])],
-        machine={"Processor": "an abacus"},
         config="outputs/yard/desplat/run/config.yml",
     )
     return replace(made_up, **changes)

@@ -12,8 +12,7 @@ from desplat_ns.backend.protocol import RenderSettings, View
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.backend.torch_tiles import TorchRasterizer
 from desplat_ns.export.splat_cloud import SplatCloud
-from desplat_ns.scene.contents import Contents, Light, PageCamera
-from desplat_ns.scene.gather import splats_of
+from desplat_ns.scene.gather import Contents, Light, PageCamera, splats_of
 
 WIDTH, HEIGHT = 200, 150
 BACKGROUND = (0.2, 0.4, 0.1)

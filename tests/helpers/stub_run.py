@@ -19,6 +19,7 @@ from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
 from nerfstudio.pipelines.base_pipeline import Pipeline, VanillaPipelineConfig
 from nerfstudio.utils import writer
 from torch.nn import Parameter
+from torch.utils._pytree import keystr, tree_flatten_with_path
 
 from desplat_ns.trainer import DeSplatTrainerConfig
 from desplat_ns.training.schedule import Schedule
@@ -195,18 +196,11 @@ def resumed(config: DeSplatTrainerConfig, **changes: Any) -> DeSplatTrainerConfi
     )
 
 
-def assert_same(a: Any, b: Any, where: str = "") -> None:
+def assert_same(a: Any, b: Any) -> None:
     """Equality to the last bit, all the way down."""
-    assert type(a) is type(b), where
-    if isinstance(a, dict):
-        assert a.keys() == b.keys(), where
-        for key in a:
-            assert_same(a[key], b[key], f"{where}/{key}")
-    elif isinstance(a, (list, tuple)):
-        assert len(a) == len(b), where
-        for i, (left, right) in enumerate(zip(a, b, strict=True)):
-            assert_same(left, right, f"{where}/{i}")
-    elif isinstance(a, torch.Tensor):
-        assert torch.equal(a, b), where
-    else:
-        assert a == b, where
+    (ours, tree), (theirs, other) = tree_flatten_with_path(a), tree_flatten_with_path(b)
+    assert tree == other
+    for (where, left), (_, right) in zip(ours, theirs, strict=True):
+        assert type(left) is type(right), keystr(where)
+        is_same = torch.equal(left, right) if isinstance(left, torch.Tensor) else left == right
+        assert is_same, keystr(where)

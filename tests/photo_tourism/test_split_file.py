@@ -15,19 +15,18 @@ from desplat_ns.photo_tourism.split_file import (
     draw_split,
     find_split_file,
     read_rows,
-    read_split,
+    read_split_file,
 )
 
 ROWS = ("a.jpg\t1.0\ttest\tx", "b.jpg\t2.0\ttrain\tx", "c.jpg\t3.0\ttrain\tx")
+NAMES = ["a.jpg", "b.jpg", "c.jpg"]
+SPLIT = PhotoSplit([1, 2], [0])
 HEADER = "filename\tid\tsplit\tdataset"
 
 
 def table(path: Path, rows=ROWS, header: str = HEADER, encoding: str = "utf8") -> Path:
     path.write_text("\n".join([header, *rows]) + "\n", encoding=encoding)
     return path
-
-
-NAMES = ["c.jpg", "x/b.jpg", "a.jpg", "unlisted.jpg"]
 
 
 @pytest.fixture
@@ -40,23 +39,26 @@ def file(tmp_path: Path) -> Path:
 
 def test_columns_may_stand_in_any_order_beside_others(file: Path):
     rows = ("1\ttest\ta.jpg", "2\ttrain\tb.jpg", "3\ttrain\tc.jpg")
-    path = table(file, rows, header="id\tsplit\tfilename")
-    assert read_split(path, NAMES) == PhotoSplit([0, 1], [2])
+    assert read_split_file(table(file, rows, header="id\tsplit\tfilename"), NAMES) == SPLIT
     rows = tuple(f"note\t{row}" for row in ROWS)
-    assert read_split(table(file, rows, "note\t" + HEADER), NAMES).test == [2]
+    assert read_split_file(table(file, rows, "note\t" + HEADER), NAMES) == SPLIT
 
 
 def test_rows_without_id_or_name_do_not_count(file: Path):
     gone = ["d.jpg\t\ttrain\tx", "d.jpg\tNaN\ttest\tx", "\t7.0\ttrain\tx"]
-    split = read_split(table(file, (*ROWS, *gone)), NAMES)
-    assert (len(split.train), len(split.test), split.num_skipped) == (2, 1, 3)
+    assert read_split_file(table(file, (*ROWS, *gone)), NAMES) == SPLIT
 
 
-def test_marks_line_ends_and_blanks_of_other_editors_are_read(file: Path):
-    rows = (" ./a.jpg \t1\tTest\tx", "x/b.jpg\t2\t train\tx", "c.jpg\t3\ttrain\tx")
-    table(file, rows, encoding="utf-8-sig")
+def test_marks_and_line_ends_of_other_editors_are_read(file: Path):
+    table(file, encoding="utf-8-sig")
     file.write_bytes(file.read_bytes().replace(b"\n", b"\r\n") + b"\r\n")
-    assert read_split(file, NAMES) == PhotoSplit([0, 1], [2])
+    assert read_split_file(file, NAMES) == SPLIT
+
+
+def test_paths_are_kept_and_blanks_around_values_are_not(file: Path):
+    rows = (" ./x/a.jpg \t1\tTest\tx", "x/b.jpg\t2\t train\tx", "c.jpg\t3\ttrain\tx")
+    names = ["a.jpg", "x/a.jpg", "x/b.jpg", "b.jpg", "c.jpg"]
+    assert read_split_file(table(file, rows), names) == PhotoSplit([2, 4], [1])
 
 
 @pytest.mark.parametrize(
@@ -72,7 +74,7 @@ def test_marks_line_ends_and_blanks_of_other_editors_are_read(file: Path):
 )
 def test_tables_that_cannot_be_meant_are_errors(file: Path, rows, named: str):
     with pytest.raises(CaptureError, match=named):
-        read_split(table(file, rows), NAMES)
+        read_split_file(table(file, rows), NAMES)
 
 
 @pytest.mark.parametrize("header", ["name\tid\tset", HEADER.replace("\t", ",")])
@@ -88,7 +90,7 @@ def test_a_file_that_is_not_utf8_or_not_there_says_so(file: Path, encoding: str)
         read_rows(file)
     file.unlink()
     with pytest.raises(CaptureError, match="--split-file"):
-        read_rows(file)
+        read_split_file(file, NAMES)
 
 
 # --- finding ------------------------------------------------------------------------------------
@@ -125,7 +127,7 @@ def test_none_or_several_that_fit_are_an_error_and_no_silent_draw(tmp_path: Path
 def test_photos_are_found_by_path_and_by_an_unambiguous_file_name(file: Path):
     rows = ("a.jpg\t1\ttest\tx", "x/b.jpg\t2\ttrain\tx", "c.jpg\t3\ttrain\tx")
     names = ["y/c.jpg", "x/b.jpg", "y/b.jpg", "a.jpg", "x/a.jpg", "unlisted.jpg"]
-    assert read_split(table(file, rows), names) == PhotoSplit([0, 1], [3])
+    assert read_split_file(table(file, rows), names) == PhotoSplit([0, 1], [3])
 
 
 @pytest.mark.parametrize(
@@ -135,13 +137,13 @@ def test_photos_are_found_by_path_and_by_an_unambiguous_file_name(file: Path):
 )
 def test_photos_that_the_reconstruction_lacks_are_named(file: Path, names):
     with pytest.raises(CaptureError, match=r"b\.jpg"):
-        read_split(table(file), names)
+        read_split_file(table(file), names)
 
 
 @pytest.mark.parametrize("again", ["a.jpg\t1\ttest", "x/a.jpg\t1\ttrain"])
 def test_a_photo_in_two_rows_is_named(file: Path, again: str):
     with pytest.raises(CaptureError, match=r"x/a\.jpg"):
-        read_split(table(file, (*ROWS, again)), ["x/a.jpg", "b.jpg", "c.jpg"])
+        read_split_file(table(file, (*ROWS, again)), ["x/a.jpg", "b.jpg", "c.jpg"])
 
 
 # --- drawing ------------------------------------------------------------------------------------

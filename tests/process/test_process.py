@@ -38,7 +38,7 @@ def test_plain_features_pose_all_photos_in_their_places(yard: Yard, tmp_path: Pa
     run(Request(photos, out, effort="plain", threads=1))
     assert (findings_of(out)["photos"], findings_of(out)["of"]) == (12, 12)
     assert yard.farthest(out / "sparse" / "0", {f"{view:02d}.jpg": view for view in views}) < CLOSE
-    assert recognise(out).match.layout.name == "COLMAP"
+    assert recognise(out).layout.name == "COLMAP"
     assert (out / "cameras.png").is_file() and not (out / "work").exists()
 
 

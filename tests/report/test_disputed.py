@@ -6,7 +6,7 @@ import torch
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.report.disputed import Unlike, disputed_places, unlike_in
+from desplat_ns.report.views import Unlike, disputed_places, unlike_in
 from desplat_ns.separation.regions import apply_mask
 
 WIDTH, HEIGHT, VIEWS = 80, 60, 20

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.report.disputed import Disputed
 from desplat_ns.report.notices import notices
 from desplat_ns.report.recorded import EffectReason
-from desplat_ns.report.views import Alone
+from desplat_ns.report.views import Alone, Disputed
 from tests.helpers.report import COST, training_photo
 
 LONG = replace(COST, steps=30_000, planned=30_000, num_photos=20)

@@ -64,7 +64,6 @@ def test_names_are_text_whatever_is_in_them():
         training=[training_photo(EVIL)],
         held_out=[held_out_photo(EVIL)],
         notices=[replace(contents().notices[0], what=EVIL, advice=EVIL)],
-        machine={EVIL: EVIL},
         config=EVIL,
     )
     html = html_of(evil)

@@ -75,13 +75,6 @@ def test_no_request_leaves_the_page_and_nothing_goes_wrong(page: Page, address: 
     assert page.value(broken) == 0
 
 
-@pytest.mark.parametrize("width", [360, 1600])
-def test_a_page_is_as_wide_as_its_window(page: Page, width: int):
-    page.resize(width, 800)
-    assert page.value("document.documentElement.scrollWidth") <= width
-    page.call("Emulation.clearDeviceMetricsOverride")
-
-
 def test_the_scene_is_drawn_in_the_report_which_scrolls_on_until_it_is_clicked(tmp_path: Path):
     path = tmp_path / "report.html"
     path.write_text(html_of(contents(), scene=scene_page(scene_contents(), 4_000_000)[0]))

@@ -59,24 +59,12 @@ def test_a_run_that_went_on_has_one_curve_and_the_time_of_both_sessions(tmp_path
     assert history.seconds == pytest.approx(5.0 + 30.0)
 
 
-def test_a_run_that_logged_nothing_has_no_curves(tmp_path: Path):
-    assert read_history([]).charts == ()
-    assert read_history([tmp_path / "gone"]).seconds is None
-
-
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An event file with 50 steps of two numbers."""
     loss = [Scalar(100.0 + step, 1000 * step, 1 / (step + 1)) for step in range(50)]
     other = [Scalar(200.0, step, 7.0) for step in range(50)]
     return write_events(tmp_path_factory.mktemp("events"), {"Train Loss": loss, "other": other})
-
-
-def test_the_numbers_of_a_tag_come_in_order_with_step_and_time(written: Path):
-    tags = scalars(written, {"Train Loss", "Train"})
-    assert set(tags) == {"Train Loss"}
-    assert [number.step for number in tags["Train Loss"]] == [1000 * step for step in range(50)]
-    assert tags["Train Loss"][3] == Scalar(103.0, 3000, 0.25)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.99])

@@ -1,5 +1,6 @@
 """A run's files: found where they are, mistakes told with the file and what to do."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -9,44 +10,30 @@ from desplat_ns.runs.files import find_run
 
 CONFIG = """!!python/object:desplat_ns.trainer.DeSplatTrainerConfig
 experiment_name: yard
-method_name: desplat
-output_dir: !!python/object/apply:pathlib.PosixPath [{parts}]
-relative_model_dir: !!python/object/apply:pathlib.PosixPath [nerfstudio_models]
-timestamp: run
-_target: !!python/name:desplat_ns.trainer.DeSplatTrainer ''
 """
 
 
-def write_run(folder: Path, output_dir: Path, checkpoint: bool = True) -> Path:
+def write_run(folder: Path, checkpoint: bool = True) -> Path:
     """A run's folder, as far as it is looked at; its config.yml."""
-    folder.mkdir(parents=True)
-    parts = ", ".join(repr(part) for part in output_dir.parts)
-    (folder / "config.yml").write_text(CONFIG.format(parts=parts))
-    (folder / "nerfstudio_models").mkdir()
+    (folder / "models").mkdir(parents=True)
+    (folder / "config.yml").write_text(CONFIG)
     if checkpoint:
-        (folder / "nerfstudio_models" / "step-000000001.ckpt").touch()
+        (folder / "models" / "step-000000001.ckpt").touch()
     return folder / "config.yml"
 
 
-def test_checkpoints_are_where_the_configuration_says(tmp_path: Path):
-    folder = tmp_path / "out" / "yard" / "desplat" / "run"
-    config = write_run(folder, tmp_path / "out")
-    assert find_run(config).checkpoints == (folder / "nerfstudio_models").resolve()
-    elsewhere = tmp_path / "copy.yml"
-    elsewhere.write_text(config.read_text())
-    assert find_run(elsewhere).checkpoints == (folder / "nerfstudio_models").resolve()
-
-
-def test_a_run_that_was_moved_is_found_beside_its_config(tmp_path: Path):
-    config = write_run(tmp_path / "moved", tmp_path / "gone")
+def test_checkpoints_are_found_beside_config_yml_and_what_is_being_saved_is_none(tmp_path: Path):
+    config = write_run(tmp_path / "moved")
+    (tmp_path / "moved" / ".saving").mkdir()
+    (tmp_path / "moved" / ".saving" / "step-000000009.ckpt").touch()
     run = find_run(config)
-    assert run.checkpoints == (tmp_path / "moved" / "nerfstudio_models").resolve()
+    assert run.checkpoints == (tmp_path / "moved" / "models").resolve()
     assert run.folder == tmp_path / "moved"
     assert run.events == []
 
 
 def test_a_run_without_a_checkpoint_is_named(tmp_path: Path):
-    config = write_run(tmp_path / "run", tmp_path / "gone", checkpoint=False)
+    config = write_run(tmp_path / "run", checkpoint=False)
     with pytest.raises(CheckpointError, match="--steps-per-save"):
         find_run(config)
 
@@ -68,7 +55,8 @@ def test_what_is_no_run_of_ours_is_named(tmp_path: Path, content: bytes):
         find_run(tmp_path / "other.yml")
 
 
-def test_what_is_not_there_or_a_folder_is_named(tmp_path: Path):
-    for path in (tmp_path / "absent.yml", tmp_path):
+def test_what_is_not_there_a_folder_or_a_pipe_is_named(tmp_path: Path):
+    os.mkfifo(tmp_path / "pipe.yml")
+    for path in (tmp_path / "absent.yml", tmp_path / "pipe.yml", tmp_path):
         with pytest.raises(ConfigError, match=path.name):
             find_run(path)

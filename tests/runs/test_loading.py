@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import copy
 import importlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 from nerfstudio.configs.dataparser_configs import all_dataparsers
+from nerfstudio.configs.method_configs import all_methods
+from nerfstudio.utils import eval_utils
 
 from desplat_ns.datamanager import without_prompts
 from desplat_ns.errors import ConfigError
 from desplat_ns.layouts.choices import OURS
+from desplat_ns.nerfstudio_quirks import UNPICKLES, trusted_tags
 from desplat_ns.runs.files import find_run
-from desplat_ns.runs.loading import load_run, read_config, trusted_tags
+from desplat_ns.runs.loading import load_run, read_config
 
 PLUGIN = """
 from dataclasses import dataclass
@@ -67,13 +71,12 @@ def config_with(folder: Path, value: str) -> Path:
         "!!python/name:torch.load ''",
         "!!python/name:nerfstudiox.Thing ''",
         "!!python/module:os ''",
-        "!custom a",
         "[{{a: [!!python/name:os.system '']}}]",
     ],
 )
 def test_what_no_run_needs_is_refused_with_its_line_and_nothing_runs(tmp_path: Path, value: str):
     path = config_with(tmp_path, value.format(tmp_path / "run"))
-    with pytest.raises(ConfigError, match=r"config\.yml' ") as raised:
+    with pytest.raises(ConfigError, match=r"config\.yml") as raised:
         load_run(find_run(path))
     assert not (tmp_path / "run").exists()
     tag = value.split("!!")[-1].split(" ")[0] if "!!" in value else value.split(" ")[0]
@@ -81,10 +84,35 @@ def test_what_no_run_needs_is_refused_with_its_line_and_nothing_runs(tmp_path: P
     assert "in line 4." in str(raised.value)
 
 
+@pytest.mark.parametrize("command", ["eval_setup", "ns-train --load-config"])
+@pytest.mark.parametrize(
+    "first", [RUN, RUN.replace("desplat_ns.trainer.DeSplat", "nerfstudio.engine.trainer.")]
+)
+def test_nerfstudios_commands_refuse_it_too(tmp_path: Path, command: str, first: str):
+    from nerfstudio.scripts import train
+
+    path = tmp_path / "config.yml"
+    path.write_text(first.format(f"!!python/object/apply:os.system ['touch {tmp_path / 'run'}']"))
+    with pytest.raises(ConfigError, match=r"os\.system.*line 4"):
+        if command == "eval_setup":
+            eval_utils.eval_setup(path)
+        else:
+            train.main(replace(all_methods["desplat"], load_config=path))
+    assert not (tmp_path / "run").exists()
+
+
+def test_runs_of_other_methods_are_read_as_before_and_pickles_are_not(tmp_path: Path):
+    for method in ("nerfacto", "splatfacto"):
+        text = yaml.dump(all_methods[method])
+        assert yaml.load(text, Loader=yaml.Loader) == all_methods[method]
+    with pytest.raises(ConfigError, match="Minimal"):
+        yaml.load(yaml.dump(all_dataparsers[UNPICKLES]), Loader=yaml.Loader)
+
+
 def test_the_tag_would_run_if_it_were_not_refused(tmp_path: Path):
     """The file above is dangerous: without the check it is not seen that these tests test."""
     path = config_with(tmp_path, f"!!python/object/apply:os.system ['touch {tmp_path / 'run'}']")
-    yaml.load(path.read_text(), Loader=yaml.Loader)
+    yaml.load(path.read_text(), Loader=yaml.UnsafeLoader)
     assert (tmp_path / "run").exists()
 
 
@@ -92,10 +120,8 @@ def test_the_tag_would_run_if_it_were_not_refused(tmp_path: Path):
 def test_every_method_and_every_data_parser_is_read(tmp_path: Path):
     """As `ns-train` writes it: with the data parser that it was given, and with the one that our
     data manager takes instead."""
-    from nerfstudio.configs.method_configs import all_methods
-
     ours = [name for name in all_methods if name.startswith("desplat")]
-    parsers = list(({**OURS, **all_dataparsers}).values())
+    parsers = [p for name, p in {**OURS, **all_dataparsers}.items() if name != UNPICKLES]
     settled = [without_prompts(all_dataparsers[name]) for name in ("colmap", "nerfstudio-data")]
     assert len(parsers) > 10 and len(ours) >= 6
     for number, parser in enumerate([*parsers, *settled]):

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,22 +11,16 @@ import torch
 
 from desplat_ns.console import text_of
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.export.export import static_cloud
 from desplat_ns.export.splat_cloud import baked
 from desplat_ns.rendering.views import view_of
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import LoadedRun, load_run
-from desplat_ns.scene.contents import AVERAGE
-from desplat_ns.scene.gather import gather, light_of, other_lights, standing_for_all
+from desplat_ns.scene.gather import AVERAGE, gather, light_of, other_lights, standing_for_all
 from desplat_ns.scene.page import html_of
-from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.browser import find_browser
 from tests.helpers.scene import psnr
 from tests.helpers.scene_in_browser import bare_scene, settle, shown
 from tests.helpers.small_model import held_out, model_with, moved
-
-if TYPE_CHECKING:
-    from nerfstudio.engine.trainer import TrainerConfig
 
 pytestmark = pytest.mark.slow
 
@@ -54,14 +47,12 @@ def test_every_photo_has_its_camera_and_what_was_taken_out_of_it(run: LoadedRun)
     assert all(camera.distractors is None for camera in contents.cameras if camera.held_out)
 
 
-def test_fewer_photos_are_told(run: LoadedRun):
+def test_fewer_photos_are_told_and_gaussians_weighed_by_what_they_make_up_of_the_photos(
+    run: LoadedRun,
+):
     contents = gather(run, 2, 1)
     assert [camera.held_out for camera in contents.cameras] == [False, False, True]
     assert contents.not_shown.startswith("2 of 6 training photos and 1 of")
-
-
-def test_gaussians_are_weighed_by_what_they_make_up_of_the_photos(run: LoadedRun):
-    contents = gather(run, 1, 0)
     weights = contents.weigh(contents.cloud)
     assert weights.shape == (len(contents.cloud),) and (weights >= 0).all() and weights.max() > 1
 
@@ -79,26 +70,6 @@ def test_what_cannot_be_shown_is_an_error_that_names_the_option(
 ):
     with pytest.raises(error, match=named):
         gather(run, **{"most_training": 1, "most_held_out": 0, **options})
-
-
-def test_other_lights_are_those_of_the_same_gaussians(
-    tiny_run: Callable[[Path], TrainerConfig], tmp_path: Path
-):
-    """Also where a crop leaves some out."""
-    from nerfstudio.scripts import train
-
-    config: Any = tiny_run(tmp_path)
-    config.pipeline.model.effects = EffectsConfig(distractors=False, appearance="affine")
-    train.main(config)
-    lit = load_run(find_run(config.get_base_dir() / "config.yml"))
-    whole, cropped = (gather(lit, 2, 1, crop) for crop in (None, 1.0))
-    assert whole.light == AVERAGE and len(cropped.cloud) < len(whole.cloud)
-    for contents, crop in ((whole, None), (cropped, 1.0)):
-        assert contents.other_lights
-        for light in contents.other_lights:
-            baked, _ = static_cloud(lit.pipeline, crop, light.name)
-            assert np.abs(light.harmonics - baked.harmonics).max() < 1e-5
-            assert np.abs(light.harmonics - contents.cloud.harmonics).max() > 1e-6
 
 
 def test_in_a_browser_it_looks_as_the_model_renders_it(run: LoadedRun, tmp_path: Path):

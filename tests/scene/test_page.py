@@ -16,7 +16,7 @@ from desplat_ns.errors import ConfigError
 from desplat_ns.export.splat_cloud import SplatCloud, moved
 from desplat_ns.export.spz import color_bytes, spz_bytes
 from desplat_ns.rendering.views import image_points
-from desplat_ns.scene.contents import TO_PAGE
+from desplat_ns.scene.gather import TO_PAGE
 from desplat_ns.scene.page import VIEWER, fitted, html_of
 from tests.helpers.scene import HEIGHT, WIDTH, camera, cloud, contents, light, red_disc
 from tests.helpers.splat_files import read_splats
@@ -133,13 +133,6 @@ def test_a_page_is_as_large_as_it_may_be_and_says_what_is_left_out():
     assert len(json.loads(parts.text_of("data"))["lights"]) == 1 and "lights" in of_lights
 
 
-def test_without_a_browser_that_can_draw_there_are_pictures():
-    text, _ = html_of(contents(), MOST)
-    alternatives = [a.get("alt") for a, _ in Parts(text).tags("img")]
-    assert "The scene from the camera of a.png" in alternatives
-    assert "<noscript>" in text
-
-
 @pytest.mark.parametrize("degrees", [0, -70, 180])
 def test_a_point_of_the_page_is_seen_where_our_camera_sees_it(degrees: float):
     """OpenGL's camera looks along -z with y up: x = c_x - f_x X / Z, y = c_y + f_y Y / Z."""
@@ -164,7 +157,7 @@ def by_opacity(splats: SplatCloud) -> np.ndarray:
 def test_what_fits_stays_whole_and_is_not_weighed():
     whole = cloud()
     fitting = fitted(whole, len(spz_bytes(whole)), lambda _: pytest.fail("it is weighed"))
-    assert (fitting.kept, fitting.share) == (len(whole), 1.0)
+    assert fitting.rows.all() and fitting.share == 1.0
     assert fitting.content == spz_bytes(whole)
 
 
@@ -174,7 +167,7 @@ def test_what_shows_most_is_kept_and_its_share_is_told(part: float):
     most = int(part * len(spz_bytes(whole)))
     reduced = fitted(whole, most, by_opacity)
     assert 0.9 * most <= len(reduced.content) <= most, "not less than need be"
-    kept = np.sort(whole.opacities)[len(whole) - reduced.kept :]
+    kept = np.sort(whole.opacities)[len(whole) - reduced.rows.sum() :]
     read = np.sort(read_splats(reduced.content).opacities)
     assert np.allclose(read, kept, atol=0.01), "a byte holds an opacity"
     assert reduced.share == pytest.approx(kept.sum() / whole.opacities.sum(), rel=1e-6)

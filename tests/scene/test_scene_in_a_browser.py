@@ -211,14 +211,6 @@ def joined(*clouds: SplatCloud) -> SplatCloud:
     )
 
 
-@pytest.mark.parametrize("width", [360, 1600])
-def test_a_page_is_as_wide_as_its_window_and_the_stage_has_room(page: Page, width: int):
-    page.resize(width, 800)
-    assert page.value("document.documentElement.scrollWidth") <= width
-    assert page.value("stage.clientHeight") > 400
-    assert page.value("document.documentElement.scrollHeight") <= 800
-
-
 def test_no_request_leaves_the_page_and_nothing_goes_wrong(page: Page, address: Path):
     """The last of this module: it hears of all that the others did."""
     own = [request for request in page.requests() if not request.startswith(("data:", "blob:"))]

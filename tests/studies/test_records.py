@@ -11,7 +11,7 @@ import pytest
 import desplat_ns
 from desplat_ns.errors import ConfigError
 from desplat_ns.studies.machine import DIRTY, code_version, short
-from desplat_ns.studies.records import FILE, Record, load, markdown_table, open_records, save
+from desplat_ns.studies.records import FILE, Record, load, open_records, save
 
 SCORES = {"psnr": 25.5, "backend": "numba"}
 OURS = Record(code_version(), "2026-11-27", "desplat", "--steps 9", "fox", 42, SCORES, 12.5, "CPU")
@@ -42,11 +42,6 @@ def test_a_folder_with_something_else_or_of_other_code_is_refused(tmp_path: Path
     save(tmp_path / FILE, [replace(OURS, commit="other")])
     with pytest.raises(ConfigError, match="other"):
         open_records(tmp_path)
-
-
-def test_a_table_aligns_its_columns_and_escapes_bars():
-    lines = ["| name | dB |", "| --- | ---: |", "| a\\|b | 25 |"]
-    assert markdown_table(["name", "dB"], [["a|b", "25"]]).splitlines() == lines
 
 
 def git(folder: Path, *arguments: str) -> str:

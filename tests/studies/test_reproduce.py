@@ -130,14 +130,6 @@ def test_without_a_gpu_only_a_smoke_run_is_done(made, tmp_path: Path):
     assert len(executor.done) == 21
 
 
-def test_weights_of_lpips_that_are_missing_are_said_before_anything_is_run(
-    made, tmp_path: Path, monkeypatch, capsys
-):
-    monkeypatch.setenv("TORCH_HOME", str(tmp_path / "torch"))
-    made("A6", tmp_path / "out", smoke=Smoke())
-    assert "alexnet-owt-7be5be79.pth" in " ".join(capsys.readouterr().out.split())
-
-
 def test_missing_scenes_name_their_folder_and_what_to_type(tmp_path: Path):
     with pytest.raises(CaptureError, match="--data"):
         find_contents(TABLES["A5"], tmp_path / "absent")
@@ -162,12 +154,6 @@ def cells(
     return {cell["scene"]: cell for cell in cells_of(grid)}
 
 
-def test_a_figure_is_the_mean_of_seeds_beside_the_papers(tmp_path: Path):
-    cell = cells(tmp_path)["Sacre Coeur"]
-    assert cell["values"] == [20.0, 21.0] and cell["mean"] == 20.5
-    assert cell["paper"] == 20.14 and cell["difference"] == pytest.approx(0.36)
-
-
 def test_the_mean_is_that_of_scenes_and_then_of_seeds_that_have_all(tmp_path: Path):
     cell = cells(tmp_path)[MEAN]
     assert cell["values"] == [23.0, 24.0] and cell["mean"] == 23.5
@@ -186,12 +172,6 @@ def test_the_page_has_ours_the_papers_and_the_difference(made, tmp_path: Path):
     assert len(content["cells"]) == 2 * 12 and content["smoke"] is False
     assert content["conditions"]["seeds"] == [42, 43]
     assert content["conditions"]["devices"] == ["a device"]
-
-
-def test_a_smoke_table_says_so_and_has_nothing_of_the_papers(made, tmp_path: Path):
-    page = (made("A8", tmp_path / "out", smoke=Smoke()) / "table.md").read_text()
-    assert "SMOKE" in page and "(paper" not in page and "9:32" not in page
-    assert all(cell["paper"] is None for cell in cells(tmp_path, smoke=Smoke()).values())
 
 
 # --- the paper -----------------------------------------------------------------------------------
@@ -249,16 +229,6 @@ def test_the_last_column_is_the_mean_of_the_others(table: TableName, rounding: f
             assert mean == 94.01 and round(sum(known) / len(known), 2) == 94.10
             continue
         assert sum(known) / len(known) == pytest.approx(mean, abs=rounding)
-
-
-def test_figures_are_found_by_row_scene_and_metric():
-    assert figures_of("A5")["DeSplat-A", "Sacre Coeur", "psnr"] == 22.28
-    assert figures_of("A6")["DeSplat", "kitchen", "lpips"] == 0.105
-    assert ("DeSplat", MEAN, "psnr") not in figures_of("A6")
-    assert figures_of("A7")["DeSplat", MEAN, "distractor_mb"] == 21.01
-    assert figures_of("A8")["WildGaussians", "Fountain", "train_seconds"] == 4830
-    assert figures_of("A8")["WildGaussians", "Statue", "train_seconds"] is None
-    assert figures_of("robustnerf") == {}, "they are in the main text"
 
 
 def test_rates_are_one_over_seconds_and_times_are_written_as_the_paper_writes_them():

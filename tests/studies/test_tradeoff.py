@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import product
 from pathlib import Path
 
 import pytest
@@ -65,15 +64,6 @@ def test_variants_differ_from_the_base_in_one_thing_and_the_method_takes_them(ba
     for name, ours in options.items():
         changed = {k for k in ours if ours[k] != theirs.get(k)} - {"--pipeline.evaluation.protocol"}
         assert len(changed) == 1, name
-
-
-def test_every_run_is_there_once_and_the_base_comes_before_what_is_compared_with_it():
-    runs = planned(CAPTURE, 500, 30_000)
-    assert len(runs) == len({run.key for run in runs}) and runs[0] == FIRST
-    assert [run.steps for run in runs[:4]] == [125, 250, 500, 1000]
-    whole = {(run.variant, run.seed) for run in runs if run.steps == 500}
-    assert whole == set(product(compared(CAPTURE.effects), SEEDS))
-    assert max(run.steps for run in planned(CAPTURE, 500, 1500)) == 1000, "no longer than that"
 
 
 def test_runs_are_expected_to_take_what_the_longest_of_their_variant_took():
@@ -173,12 +163,6 @@ def test_runs_end_up_in_the_file_and_the_page(sit: Sit, time: Time, tmp_path: Pa
     assert (tmp_path / "training.svg").stat().st_size > 1000
 
 
-def test_a_study_whose_first_run_fails_ends_with_its_reason(sit: Sit, time: Time):
-    time.failing = ""
-    with pytest.raises(DeSplatError, match="too dark"):
-        sit(600.0)
-
-
 @pytest.mark.slow
 def test_another_session_goes_on_with_what_is_missing(sit: Sit, time: Time, tmp_path: Path):
     first = sit(600.0)
@@ -209,11 +193,6 @@ def test_a_difference_is_claimed_of_three_seeds_and_for_the_number_of_comparison
     claims = verdicts([base, apart, point(25.0)])
     assert claims[1:] == ["+0.30 dB, p = 0.035", "+5.00 dB, 1 of 3 seeds: no claim"]
     assert verdicts([apart]) == [""], "there is no base to compare it with"
-
-
-def test_what_seeds_have_in_common_hides_no_difference():
-    base = point(20.0, 22.0, 24.0, variant=BASE)
-    assert verdicts([base, point(20.5, 22.52, 24.48)]) == ["", "+0.50 dB, p < 0.001"]
 
 
 decibels = st.floats(-5, 5).map(lambda x: round(x, 3))

@@ -13,12 +13,7 @@ from PIL import Image
 from desplat_ns.data.gt_masks import METADATA_KEY
 from desplat_ns.errors import CaptureError
 from desplat_ns.studies.methods import method_config, parse
-from lab.reproduce.baselines import (
-    TRIMMED_SHARE,
-    _any_pixel,
-    _trimmed,
-    mask_of,
-)
+from lab.reproduce.baselines import TRIMMED_SHARE, _any_pixel, _trimmed, mask_of
 
 EFFECTS = "--pipeline.model.effects"
 OFF = (f"{EFFECTS}.auto", "False", f"{EFFECTS}.distractors", "False")
@@ -43,17 +38,14 @@ def test_a_mask_is_read_as_the_evaluation_reads_it(tmp_path: Path):
     assert mask.tolist() == [[True, False], [False, False]]
 
 
-def test_a_photo_without_a_mask_is_named():
-    metadata = {METADATA_KEY: [Path("a.png"), None], "train_image_names": ["a.jpg", "b.jpg"]}
-    assert mask_of(metadata, 0) == Path("a.png")
-    with pytest.raises(CaptureError, match=r"b\.jpg has no true mask"):
-        mask_of(metadata, 1)
-
-
-def test_a_clean_photo_needs_no_mask():
-    metadata = {METADATA_KEY: None, "train_image_names": ["clean_0001.jpg", "clutter_0002.jpg"]}
-    assert mask_of(metadata, 0) is None
-    with pytest.raises(CaptureError, match="clutter_0002"):
+@pytest.mark.parametrize(
+    ("masks", "names"),
+    [([Path("a.png"), None], ["a.jpg", "b.jpg"]), (None, ["clean_1.jpg", "clutter_2.jpg"])],
+)
+def test_a_photo_without_a_mask_is_named_unless_its_name_says_that_it_is_clean(masks, names):
+    metadata = {METADATA_KEY: masks, "train_image_names": names}
+    assert mask_of(metadata, 0) == (masks[0] if masks else None)
+    with pytest.raises(CaptureError, match=names[1]):
         mask_of(metadata, 1)
 
 

@@ -1,12 +1,14 @@
-"""Difficult occluders, and the model of one pixel."""
+"""Altered captures: difficult occluders, few views; and the model of one pixel."""
 
 from __future__ import annotations
 
 import numpy as np
+import pycolmap
 import pytest
 
 from desplat_ns.data.images import read_image, read_mask
 from lab.separation import one_pixel
+from lab.separation.few_views import keep_views
 from lab.separation.hard_cases import CASES, RECURRING, make_case
 from lab.synthetic import Scene
 
@@ -41,9 +43,29 @@ def test_the_recurring_one_stands_in_a_fifth_of_the_views(cases):
     assert [share > 0.02 for share in covered] == [True, True, False, False, False, False]
 
 
+def test_of_few_views_the_photos_are_spread_evenly_and_the_reconstruction_has_no_others(
+    tiny_scene: Scene, tmp_path
+):
+    assert tiny_scene.folder is not None
+    keep_views(3, tiny_scene.folder, tmp_path)
+    names = {path.name for path in (tmp_path / "images").iterdir()}
+    kept = [f"{kind}_{i:04d}.png" for kind in ("clean", "clutter") for i in (1, 3, 6)]
+    assert names == {*kept, "extra_0001.png", "extra_0002.png"}
+    assert read_image(tmp_path / "images" / "clutter_0003.png").shape == (32, 48, 3)
+    assert (tmp_path / "masks" / "clutter_0003.png").is_file()
+    whole, few = (
+        pycolmap.Reconstruction(f / "sparse" / "0") for f in (tiny_scene.folder, tmp_path)
+    )
+    assert {image.name for image in few.images.values()} == names
+    assert 0 < len(few.points3D) <= len(whole.points3D)
+    poses = {i.name: i.cam_from_world().matrix() for i in whole.images.values()}
+    for image in few.images.values():
+        assert image.cam_from_world().matrix() == pytest.approx(poses[image.name])
+
+
 def test_one_pixel_shows_haze_with_one_loss_and_none_with_placed_distractors():
-    paper, *_, placed = (one_pixel.simulate(rules, 1500) for rules in one_pixel.RULES)
-    assert paper.haze[-1] > 0.04
-    assert placed.haze[-1] == 0
-    assert placed.cover[-1] > 0.5 > paper.cover[-1]
-    assert placed.error[-1] < 0.02
+    paper, *_, placed = (one_pixel.simulate(rules, 1500)[-1] for rules in one_pixel.RULES)
+    (_, haze, cover), (error, no_haze, full_cover) = paper, placed
+    assert haze > 0.04 and no_haze == 0
+    assert full_cover > 0.5 > cover
+    assert error < 0.02

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
-from lab.stability import catalogue, mutations
-from lab.stability.catalogue import CASES, FORMULA_CASES
+from lab.stability import catalogue, kills, mutations
+from lab.stability.catalogue import CASES
 from lab.stability.mutations import Mutation, noticed_by
 from lab.stability.soak import EVERY, Sample, verdict
 
 
 @pytest.mark.slow
 def test_the_catalogue_has_a_row_for_each_case_and_finds_the_one_beyond_its_bound(monkeypatch):
-    text, is_kept = catalogue.measured(CASES[:2], FORMULA_CASES[:1])
+    text, is_kept = catalogue.measured(CASES[:2])
     rows = [line for line in text.splitlines() if line.startswith("|")]
-    assert len(rows) == 2 + 2 + 2 + 1 and is_kept
+    assert len(rows) == 2 + 2 and is_kept
     run = catalogue.run
 
     def beyond(*arguments):
@@ -23,7 +25,14 @@ def test_the_catalogue_has_a_row_for_each_case_and_finds_the_one_beyond_its_boun
         return outcome
 
     monkeypatch.setattr(catalogue, "run", beyond)
-    assert not catalogue.measured(CASES[:1], ())[1]
+    assert not catalogue.measured(CASES[:1])[1]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="kills forked processes, needs POSIX")
+def test_a_kill_loses_the_steps_since_the_last_save_and_nothing_else():
+    text, is_kept = kills.measured()
+    assert is_kept, text
 
 
 def run_of(growth: float, jump: float = 0.0) -> list[Sample]:

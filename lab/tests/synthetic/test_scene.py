@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from desplat_ns.data.images import read_image
 from desplat_ns.errors import ConfigError
-from lab.synthetic import DaylightSpec, OccluderSpec, SceneSpec, make_scene, write_scene
+from lab.synthetic import DaylightSpec, SceneSpec, make_scene, write_scene
 from lab.synthetic.daylight import apply_light
 from lab.synthetic.layouts import pycolmap
 from lab.synthetic.render import to_uint8
@@ -120,13 +120,6 @@ def test_other_places_have_points_and_occluders(place):
     scene = make_scene(replace(spec, num_extras=2, width=96, height=64, num_points=400))
     assert scene.points.xyz.shape[1] > 100
     assert all(frame.mask.mean() > 0.05 for frame in scene.clutter)
-
-
-def test_no_occluders_leave_twins_identical():
-    calm = OccluderSpec(min_fraction=0.0, max_fraction=0.0)
-    scene = make_scene(replace(SMALL, occluders=calm))
-    for clean, clutter in zip(scene.clean, scene.clutter, strict=True):
-        np.testing.assert_array_equal(clean.image, clutter.image)
 
 
 def test_daylight_changes_colours_only_and_the_sky_is_the_photos_own():

@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numba
@@ -17,11 +16,7 @@ from numba.core.dispatcher import Dispatcher
 from desplat_ns.backend import RenderSettings, resolve
 from desplat_ns.backend.numba_kernels import binning, passes, projection, sh, ssim
 from desplat_ns.backend.numba_kernels import runtime as numba_runtime
-from desplat_ns.backend.numba_kernels.runtime import (
-    fma,
-    kernel,
-    take,
-)
+from desplat_ns.backend.numba_kernels.runtime import fma, kernel
 from desplat_ns.losses import layered_photometric_losses
 from desplat_ns.rendering.layers import composite_color
 from tests.backend.scenes import random_scene
@@ -98,25 +93,6 @@ def test_where_no_folder_can_be_written_it_is_said_and_a_kernel_works(monkeypatc
     assert doubled(4) == 8 and doubled.stats.cache_path is None
 
 
-@numba.njit(nogil=True)
-def take_all(counter, marks):
-    place = take(counter)
-    while place < marks.size:
-        marks[place] += 1
-        place = take(counter)
-
-
-def test_no_piece_of_work_is_taken_twice_or_left_out():
-    counter, marks = np.zeros(1, np.int64), np.zeros(200_000, np.int32)
-    take_all(np.zeros(1, np.int64), np.zeros(1, np.int32))  # compiles
-    threads = [threading.Thread(target=take_all, args=(counter, marks)) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert (marks == 1).all()
-
-
 @numba.njit
 def call_fma(a, b, c):
     return fma(a, b, c)
@@ -126,3 +102,11 @@ def test_fma_rounds_once():
     a = np.float32(1 + 2**-12)
     # a^2 = 1 + 2^-11 + 2^-24; rounded to float32 first, the last term would be lost.
     assert call_fma(a, a, np.float32(-1 - 2**-11)) == np.float32(2**-24)
+
+
+def test_keys_are_sorted_by_all_bits_of_their_upper_halves():
+    rng = np.random.default_rng(7)
+    depths = np.concatenate([2 ** np.arange(32), rng.integers(0, 2**32, 500), [5, 5]])
+    keys = rng.permutation(depths).astype(np.uint64) << np.uint64(32)
+    keys |= np.arange(keys.size, dtype=np.uint64)
+    assert (binning._sorted(keys.copy(), np.empty_like(keys)) == np.sort(keys)).all()

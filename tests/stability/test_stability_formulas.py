@@ -1,0 +1,103 @@
+"""Hard inputs for the formulas outside of the rasterizers, in float32: values and gradients.
+
+Each has a closed form, evaluated in float64, and a bound in roundings.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from desplat_ns.backend.ssim import ssim
+from desplat_ns.gaussians.activation import MAX_LOG_SCALE, activate_static, clamp_colors, sigmoid
+from desplat_ns.losses import photometric_loss
+from desplat_ns.rendering.layers import composite_alpha, composite_color, over_background
+
+U = torch.finfo(torch.float32).eps / 2
+"""The error of one rounding."""
+
+TINY = torch.finfo(torch.float32).tiny
+SSIM_C1, SSIM_C2 = 1e-4, 9e-4
+"""0.01^2 and 0.03^2 (Wang et al. 2004)."""
+
+SSIM_ERROR = 22 * U / SSIM_C2
+"""Bound on the SSIM of images whose variance is 0, from docs/dev/stability.md."""
+
+
+def check(output: Tensor, leaf: Tensor, value: Tensor, slope: Tensor, *bounds: Tensor | float):
+    """Hold an output to its value, and the gradient of its sum by a leaf to its slope."""
+    (got_slope,) = torch.autograd.grad(output.sum(), leaf)
+    for got, want, bound in ((output, value, bounds[0]), (got_slope, slope, bounds[1])):
+        assert got.isfinite().all()
+        assert ((got.detach().double() - want).abs() <= bound).all()
+
+
+def test_nearly_opaque_distractors_leave_their_share_to_what_is_behind():
+    alpha = torch.tensor([0.0, 0.5, 0.999, 1 - 2.0**-20, 1 - U, 1.0]).reshape(-1, 1, 1)
+    front = (alpha * 0.75).expand(-1, 1, 3)
+    behind = torch.full((6, 1, 3), 0.625, requires_grad=True)
+    clear = (1 - alpha.double()).expand(-1, 1, 3)
+    got = composite_color(front, alpha, behind)
+    # 1 - alpha, the product and the sum are rounded; 1 - alpha is exact where alpha >= 1/2.
+    check(got, behind, front.double() + clear * 0.625, clear, 3 * U, U * clear)
+
+
+def test_two_opaque_layers_leave_nothing_for_the_background():
+    """Its weight is (1 - alpha_d) (1 - alpha_s)."""
+    values = torch.tensor([[a, b] for a in (0.0, 0.999, 1.0) for b in (0.0, 0.999, 1.0)])
+    alpha_d, alpha_s = (column.reshape(-1, 1, 1) for column in values.T)
+    background = torch.ones(9, 1, 3, requires_grad=True)
+    got = over_background(torch.zeros(9, 1, 3), composite_alpha(alpha_d, alpha_s), background)
+    clear = ((1 - alpha_d.double()) * (1 - alpha_s.double())).expand(-1, 1, 3)
+    # alpha is near 1, so that 1 - alpha has its absolute error, not its relative one.
+    check(got, background, clear, clear, 6 * U, 4 * U)
+
+
+def test_colours_are_clamped_exactly_and_learn_on_the_closed_range_alone():
+    rgbs = torch.tensor([-1e38, -1, -1e-30, -0.0, 0, 1e-30, 0.5, 1, 1 + 1e-6, 1e38, 0.25, 0.75])
+    rgbs = rgbs.reshape(-1, 3).requires_grad_()
+    exact = rgbs.detach().double()
+    inside = ((exact >= 0) & (exact <= 1)).double()
+    check(clamp_colors(rgbs), rgbs, exact.clamp(0, 1), inside, 0.0, 0.0)
+
+
+def test_opacity_logits_may_lie_far_out():
+    logits = torch.tensor([-1e30, -1e4, -90, -20, -1, -0.0, 0, 1, 20, 90, 1e4, 1e30])
+    exact = torch.sigmoid(logits.double())
+    slope = exact * torch.sigmoid(-logits.double())
+    check(sigmoid(logits.requires_grad_()), logits, exact, slope, 6 * U, 8 * U)
+
+
+def test_log_scales_may_lie_far_out_and_learn_nothing_above_their_limit():
+    """exp, of which gradients are as large as values: both bounds are relative."""
+    raw = torch.tensor([[-1e4, -200.0, -88.0], [-40.0, 0.0, 40.0], [79.0, 89.0, 1e4]])
+    raw.requires_grad_()
+    shapes = {"means": (3, 3), "quats": (3, 4), "opacities": (3, 1), "features_dc": (3, 3)}
+    params = {name: torch.ones(shape) for name, shape in shapes.items()}
+    params |= {"scales": raw, "features_rest": torch.zeros(3, 0, 3)}
+    want = raw.detach().double().clamp(max=MAX_LOG_SCALE).exp()
+    slope = torch.where(raw.detach() > MAX_LOG_SCALE, 0.0, want)
+    got = activate_static(params, 0).scales
+    check(got, raw, want, slope, 4 * U * want + TINY, 4 * U * slope + TINY)
+
+
+def test_flat_images_have_an_ssim_and_a_gradient():
+    """Without variance, SSIM = (2 a b + C1) / (a^2 + b^2 + C1); the gradients of its pixels sum up
+    to the derivative by a."""
+    for a, b in ((0.0, 0.0), (1.0, 1.0), (0.5, 0.25), (0.0, 1.0), (1e-3, 2e-3)):
+        level = torch.tensor(a, requires_grad=True)
+        value = ssim(level.expand(13, 15, 3).contiguous(), torch.full((13, 15, 3), b))
+        x, y = level.detach().double(), torch.tensor(b).double()
+        top, bottom = 2 * x * y + SSIM_C1, x * x + y * y + SSIM_C1
+        slope = (2 * y * bottom - 2 * x * top) / bottom**2
+        # A gradient divides by a mean square or a variance once more: at most 1 / C1 or 1 / C2.
+        allowed = SSIM_ERROR * (slope.abs() + 2 / SSIM_C2)
+        check(value, level, top / bottom, slope, SSIM_ERROR, allowed)
+
+
+def test_where_distractors_own_every_pixel_the_static_scene_has_nothing_to_learn():
+    static, photo = torch.rand(2, 14, 17, 3, generator=torch.Generator().manual_seed(3))
+    static.requires_grad_()
+    loss = photometric_loss(static, photo, 0.2, torch.ones(14, 17, 1))
+    zero = torch.zeros(14, 17, 3).double()
+    check(loss, static, zero.sum(), zero, 0.2 * SSIM_ERROR, 2 * SSIM_ERROR)
