@@ -5,6 +5,4 @@ import warnings
 __version__ = "0.1.0"
 
 # What torch and nerfstudio have to change, users cannot; `-W` still shows it.
-warnings.filterwarnings(
-    "ignore", category=FutureWarning, module=r"(torch|nerfstudio)\.", append=True
-)
+warnings.filterwarnings("ignore", "", FutureWarning, r"(torch|nerfstudio)\.", append=True)

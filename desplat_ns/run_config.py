@@ -84,9 +84,8 @@ class RunConfig(TrainerConfig):
         if count > 1:
             raise ConfigError(
                 f"--machine.num-devices {machine.num_devices} and --machine.num-machines "
-                f"{machine.num_machines} ask for {count} processes; this method trains in one. "
-                "Densification replaces the parameters in each process by itself, and the copies "
-                "would drift apart. Leave both at 1."
+                f"{machine.num_machines} ask for {count} processes; this method trains in one, as "
+                "each would densify by itself. Leave both at 1."
             )
         self.resolve_schedule_scale()
 

@@ -114,8 +114,7 @@ class DeSplatTrainer(Trainer):
                 stack.enter_context(only_process_in(self.base_dir))
             self._saved = config.saved_run()
             refuse_to_replace(self.checkpoint_dir, None if self._saved is None else self._saved[0])
-            backend, device = self._model_config.backend, config.machine.device_type
-            self._started += compile_kernels(backend, device)  # no part of a budget
+            self._started += compile_kernels(self._model_config.backend, config.machine.device_type)
             manager = cast(DeSplatDataManagerConfig, config.pipeline.datamanager)
             capture = cache(partial(training_split, manager))
             findings = config.decide_effects(self._saved, capture)
@@ -339,9 +338,8 @@ class DeSplatTrainer(Trainer):
     def _outcome(self) -> list[str]:
         """What came out, and the commands that take it up."""
         model, config = self.pipeline.model, quote(str(self.base_dir / "config.yml"))
-        gaussians = len(model.gauss_params["means"])
         return [
-            f"Trained: {self._steps_done} steps, {gaussians} static Gaussians.",
+            f"{self._steps_done} steps: {len(model.gauss_params['means'])} static Gaussians.",
             *model.found_in_the_way(),
             f"Next: desplat-report --load-config {config}",
             f"      desplat-export page --load-config {config} --output scene.html",

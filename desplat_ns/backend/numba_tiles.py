@@ -113,7 +113,7 @@ class _Rasterize(torch.autograd.Function):
     def forward(ctx, means2d, conics, depths, opacities, colors, radii, grid, settings):  # type: ignore[override]
         channels = colors.shape[1]
         inputs = map(flat, (means2d, conics, depths, opacities, colors))
-        gaussians = Gaussians(*inputs, channels)
+        gaussians = Gaussians(*inputs, channels=channels)
         rgb = empty(grid.height, grid.width, channels)
         alpha = empty(grid.height, grid.width, 1)
         depth = empty(grid.height, grid.width, 1) if settings.depth else empty(0)
