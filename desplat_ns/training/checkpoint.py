@@ -210,7 +210,7 @@ def checkpoint_folder(load_dir: Path, relative_model_dir: Path) -> Path:
     hint = f"Did you mean `--load-dir {newest}`?" if newest else _contents(load_dir)
     raise CheckpointError(
         f"--load-dir {load_dir} holds no checkpoint. {hint} Give the folder that ns-train printed "
-        f"as 'Checkpoint Directory'; it ends in {relative_model_dir}."
+        f"after 'Saving checkpoints to'; it ends in {relative_model_dir}."
     )
 
 
