@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from threading import Event, Thread
+from itertools import count
 from typing import Any
 
 from nerfstudio.utils.rich_utils import CONSOLE
@@ -15,10 +15,12 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    Task,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.progress_bar import ProgressBar
 
 from desplat_ns.errors import printable
 
@@ -58,35 +60,11 @@ def text_of(name: str) -> str:
 
 
 @contextmanager
-def twice_a_second(do: Callable[[], None]) -> Iterator[None]:
-    """Meanwhile something is done again and again, by a thread of its own."""
-    over = Event()
-
-    def go_on() -> None:
-        while not over.wait(0.5):
-            do()
-
-    thread = Thread(target=go_on, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
-
-
-@contextmanager
 def progress_over(total: int, label: str) -> Iterator[Any]:
     """A bar on the console; calling what is yielded advances it by one."""
-    columns = (
-        TextColumn("[progress.description]{task.description}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        MofNCompleteColumn(),
-    )
-    with Progress(*columns, transient=True) as bar:
-        task = bar.add_task(f"[green]{label}", total=total)
-        yield lambda: bar.advance(task)
+    with progress_with_time_left(label) as show:
+        done = count(1)
+        yield lambda: show(next(done), total)
 
 
 @contextmanager
@@ -113,13 +91,14 @@ def progress_in_time(seconds: float, spent: Callable[[], float]) -> Iterator[Any
         seconds: that the whole may take.
         spent: how many of them are over.
     """
-    columns = (BarColumn(), TextColumn("{task.fields[times]}"), TextColumn("{task.description}"))
+
+    class Clock(BarColumn):
+        def render(self, task: Task) -> ProgressBar:
+            task.completed = min(spent(), seconds) / 60
+            return super().render(task)
+
+    times = TextColumn("{task.completed:.0f} of {task.total:.0f} min")
+    columns = (Clock(), times, TextColumn("{task.description}"))
     with Progress(*columns, console=CONSOLE, transient=True) as bar:
-        task = bar.add_task("", total=seconds, times="")
-
-        def show_time() -> None:
-            times = f"{spent() / 60:.0f} of {seconds / 60:.0f} min"
-            bar.update(task, completed=min(spent(), seconds), times=times)
-
-        with twice_a_second(show_time):
-            yield lambda what: bar.update(task, description=escape(what))
+        task = bar.add_task("", total=seconds / 60)
+        yield lambda what: bar.update(task, description=escape(what))

@@ -59,10 +59,7 @@ from desplat_ns.rendering.views import held, view_of, views_of
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
 from desplat_ns.settings.effects import Effects
-from desplat_ns.training.schedule import (
-    Schedule,
-    pause_after_reset,
-)
+from desplat_ns.training.schedule import Schedule, pause_after_reset
 from desplat_ns.viewer import LayerControl
 
 MIN_SEED_POINTS = 4
@@ -143,9 +140,9 @@ class DeSplatModel(SplatfactoModel):
                 gaussians, own, config, cameras, seeds, effects.background, scale
             )
         angle = (lambda view: self.photo_angle.degrees(view)) if self.has_points else None
-        self.layer_control = LayerControl(
-            num_views if effects.distractors else 0, config.near_plane, angle
-        )
+        views = range(num_views if effects.distractors else 0)
+        shown = [view_name(self.names, index) for index in views]
+        self.layer_control = LayerControl(shown, config.near_plane, angle)
 
     @property
     def rasterizer(self) -> Rasterizer:
@@ -261,14 +258,8 @@ class DeSplatModel(SplatfactoModel):
         losses: dict[str, Tensor] = {}
         owned = in_region = None
         if layer is not None:
-            photo, in_region = layer.look(
-                step,
-                photo,
-                outputs["rgb_static"],
-                mask,
-                self.gauss_params["opacities"],
-                self.memory,
-            )
+            static, opacities = outputs["rgb_static"], self.gauss_params["opacities"]
+            photo, in_region = layer.look(step, photo, static, mask, opacities, self.memory)
             if step.distractors is not None and layer.config.static_alone:
                 owned = distractor_weight(alpha_d, in_region)
         if owned is None:
@@ -410,6 +401,7 @@ class DeSplatModel(SplatfactoModel):
         remembered. A refinement or reset that was due follows at the next one."""
         self.train_step = None
 
+    @torch.no_grad()  # torch warns where numbers with a gradient are logged
     def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
         """Splatfacto's figures, and the number of distractors; none of a training step that is not
         logged."""
@@ -545,10 +537,8 @@ class DeSplatModel(SplatfactoModel):
 
     def in_light(self, params: RawParameters, view: View) -> Callable[[Tensor], Splats]:
         """Static Gaussians in the colours of an embedding [E], for what `view` shows of them."""
-        splats, appearance = (
-            activate_static(params, self.active_sh_degree),
-            self.image_effects.appearance,
-        )
+        splats = activate_static(params, self.active_sh_degree)
+        appearance = self.image_effects.appearance
         if appearance is None:
             return lambda embedding: splats
         return appearance.in_view(splats, params[FEATURES], view)
@@ -589,9 +579,8 @@ class DeSplatModel(SplatfactoModel):
         splats = activate_static(params, self.active_sh_degree)
         if FEATURES not in params:
             return splats
-        return self.image_effects.apply_appearance(
-            splats, params[FEATURES], self.embedding_of(None)
-        )
+        light = self.embedding_of(None)
+        return self.image_effects.apply_appearance(splats, params[FEATURES], light)
 
     @property
     def shs_0(self) -> Tensor:

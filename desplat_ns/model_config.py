@@ -48,7 +48,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     """Background model, where `effects.background` has it."""
     backend: BackendName = "auto"
     """Rasterizer. auto takes gsplat on CUDA, and numba on the CPU."""
-    schedule_scale: float | None = None
+    schedule_scale: float | None = ranged(None, "(0, inf)")
     """Steps of the run for each nominal step; by default max-num-iterations over the method's own
     number, at most 1."""
     refine_every: int = ranged(0, "[0, inf)")

@@ -4,7 +4,6 @@ schedules, its effects, its steps. config.yml then has them.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from desplat_ns.errors import ConfigError
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import write_enumerations_by_value
 from desplat_ns.settings.effects import Effects
-from desplat_ns.settings.options import check_finite_options
+from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.survey import decided_effects
 from desplat_ns.training.checkpoint import checkpoint_folder, load_checkpoint, load_newest
@@ -37,15 +36,15 @@ Capture = Callable[[], DataparserOutputs]
 class RunConfig(TrainerConfig):
     """Settings of a training run."""
 
-    max_num_iterations: int = 0
+    max_num_iterations: int = ranged(0, "[0, inf)")
     """Steps in all, resumed or not. 0: as many as show each photo `visits` times."""
-    nominal_num_iterations: int = 30000
+    nominal_num_iterations: int = ranged(30000, "[1, inf)")
     """The method's own number of steps (B.3); shorter runs shrink every schedule by their ratio."""
-    visits: float = 0.0
+    visits: float = ranged(0.0, "[0, inf)")
     """How often each photo is shown on a CPU, and twice as often on a GPU, where neither
     `max_num_iterations` nor a budget is given; more often where there are few photos
     (`steps_for_visits`). 0: the method's own number of steps, which is the most in any case."""
-    full_rate_visits: float = 0.0
+    full_rate_visits: float = ranged(0.0, "[0, inf)")
     """Visits of each photo, steps over photos, for which the learning rates are meant; fewer than
     40 photos count as 40. A run with fewer visits multiplies the rates of the static Gaussians, by
     4 at most; 0: they are as they are given."""
@@ -60,34 +59,33 @@ class RunConfig(TrainerConfig):
         where the photos decide how many there are.
 
         Once settled it stays, whatever becomes of the numbers of steps.
-        Raises ConfigError where it is not a positive number.
         """
         model = cast(DeSplatModelConfig, self.pipeline.model)
         if model.schedule_scale is None and self.max_num_iterations != 0:
             model.schedule_scale = schedule_scale(
                 self.max_num_iterations, self.nominal_num_iterations
             )
-        scale = model.schedule_scale
-        if scale is not None and not 0 < scale < math.inf:
-            raise ConfigError(
-                f"--pipeline.model.schedule-scale is {scale}; it has to be above 0. Leave it out "
-                "to derive it from the number of steps."
-            )
+
+    def print_to_terminal(self) -> None:
+        """Name the run, in place of nerfstudio's hundreds of lines: config.yml has the settings."""
+        data, config = self.pipeline.datamanager.data, self.get_base_dir() / "config.yml"
+        announce(f"{self.method_name} trains on {data}. Its settings will be in {config}")
 
     def save_config(self) -> None:
         """Check what can be checked at once; nothing is written yet, see `write_config`.
 
         ns-train calls it before it starts any process. Raises ConfigError where there would be
-        several, or where the schedule scale is not a positive number.
+        several, or where a number lies outside its range.
         """
+        check_ranges(self)
+        check_ranges(self.pipeline.model, "--pipeline.model")
         machine = self.machine
         count = machine.num_devices * machine.num_machines
         if count > 1:
             raise ConfigError(
                 f"--machine.num-devices {machine.num_devices} and --machine.num-machines "
-                f"{machine.num_machines} ask for {count} processes; this method trains in one. "
-                "Densification replaces the parameters in each process by itself, and the copies "
-                "would drift apart. Leave both at 1."
+                f"{machine.num_machines} ask for {count} processes; this method trains in one, as "
+                "each would densify by itself. Leave both at 1."
             )
         self.resolve_schedule_scale()
 
@@ -110,14 +108,8 @@ class RunConfig(TrainerConfig):
                 or there would be several processes, or scaled gradients.
         """
         self.save_config()
-        check_finite_options(self)
         if self.budget:
             seconds_of(self.budget)
-        if self.visits < 0:
-            raise ConfigError(
-                f"--visits is {self.visits:g}; it has to be 0 or more: how often each photo is "
-                "shown, or 0 for the method's own number of steps."
-            )
         if self.mixed_precision or self.use_grad_scaler:
             raise ConfigError(
                 "--mixed-precision and --use-grad-scaler scale the gradients of a step, by which "

@@ -8,16 +8,20 @@ from __future__ import annotations
 import copy
 import sys
 import time
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
+from shlex import quote
 from statistics import median
 from typing import Any, Literal, cast
 
 import psutil
 import torch
+from nerfstudio.engine.callbacks import TrainingCallbackLocation
 from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.engine.trainer import Trainer
+from nerfstudio.utils import writer
 from nerfstudio.utils.decorators import check_main_thread
 from nerfstudio.utils.misc import step_check
 from torch.optim.lr_scheduler import LambdaLR
@@ -26,6 +30,7 @@ from desplat_ns.backend.registry import compile_kernels
 from desplat_ns.console import announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.errors import CaptureError, CheckpointError
+from desplat_ns.files.whole import only_process_in, plain_errors
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
 from desplat_ns.pipeline import DeSplatPipeline
@@ -34,17 +39,14 @@ from desplat_ns.survey.survey import write_findings
 from desplat_ns.training import resume
 from desplat_ns.training.checkpoint import (
     checkpoint_path,
+    checkpoints_in,
     refuse_to_replace,
     remove_older,
     run_folder,
     save_atomically,
+    step_of,
 )
-from desplat_ns.training.optimizers import (
-    follow,
-    load_moments,
-    optimizer_options,
-    set_position,
-)
+from desplat_ns.training.optimizers import follow, load_moments, optimizer_options, set_position
 from desplat_ns.training.schedule import (
     TIMED_SHARE,
     TIMED_STEPS,
@@ -57,11 +59,7 @@ from desplat_ns.training.schedule import (
     saved_plan,
     seconds_of,
 )
-from desplat_ns.training.step_guard import (
-    GuardedOptimizers,
-    check_parameters,
-    parameters_of,
-)
+from desplat_ns.training.step_guard import GuardedOptimizers, check_parameters, parameters_of
 from desplat_ns.training.stop_signals import on_stop_signal
 
 
@@ -95,6 +93,7 @@ class DeSplatTrainer(Trainer):
         self._plan: BudgetPlan | None = None
         self._budget: BudgetSchedule | None = None
         self._budget_is_up = False
+        self._folder_lock = ExitStack()
 
     # --- before the first step ---------------------------------------------------------------
 
@@ -106,26 +105,29 @@ class DeSplatTrainer(Trainer):
             BackendUnavailableError: the backend cannot run on this machine's device.
             CaptureError: photos that cannot be surveyed.
             CheckpointError: one that cannot be gone on from.
-            ConfigError: a budget in which nothing can be trained, or a folder that holds another
-                run.
+            ConfigError: a budget in which nothing can be trained; or a folder that holds another
+                run, in which another process trains, or that cannot be written.
         """
         config = self.config
-        self._saved = config.saved_run()
-        refuse_to_replace(self.checkpoint_dir, None if self._saved is None else self._saved[0])
-        device = config.machine.device_type
-        self._started += compile_kernels(self._model_config.backend, device)  # no part of a budget
-        manager = cast(DeSplatDataManagerConfig, config.pipeline.datamanager)
-        capture = cache(partial(training_split, manager))
-        findings = config.decide_effects(self._saved, capture)
-        config.settle_length(capture)
-        if config.budget and self._saved is not None:
-            budget, most = seconds_of(config.budget), config.max_num_iterations
-            self._settle(saved_plan(*self._saved, budget, self._seconds(), most))
-        with run_folder(self.base_dir):
+        with run_folder(self.base_dir), ExitStack() as stack:
+            with plain_errors(self.base_dir, "--output-dir"):
+                stack.enter_context(only_process_in(self.base_dir))
+            self._saved = config.saved_run()
+            refuse_to_replace(self.checkpoint_dir, None if self._saved is None else self._saved[0])
+            self._started += compile_kernels(self._model_config.backend, config.machine.device_type)
+            manager = cast(DeSplatDataManagerConfig, config.pipeline.datamanager)
+            capture = cache(partial(training_split, manager))
+            findings = config.decide_effects(self._saved, capture)
+            config.settle_length(capture)
+            if config.budget and self._saved is not None:
+                budget, most = seconds_of(config.budget), config.max_num_iterations
+                self._settle(saved_plan(*self._saved, budget, self._seconds(), most))
             super().setup(test_mode)
-            config.write_config()
-        if findings is not None:
-            write_findings(findings, self.base_dir)
+            with plain_errors(self.base_dir, "--output-dir"):
+                config.write_config()
+            if findings is not None:
+                write_findings(findings, self.base_dir)
+            self._folder_lock = stack.pop_all()  # held until the training is over
 
     @property
     def _model_config(self) -> Any:
@@ -244,11 +246,11 @@ class DeSplatTrainer(Trainer):
         if remaining <= 0:
             announce(
                 f"Nothing left to train: {self._steps_done} steps are done and "
-                f"--max-num-iterations, the total, is {whole.max_num_iterations}. To train on, "
-                "give a larger --max-num-iterations. To evaluate or render, use the config.yml of "
-                "the run that wrote the checkpoint; nothing was saved for this one.",
+                f"--max-num-iterations, the total, is {whole.max_num_iterations}. Give more to go "
+                "on; else use the config.yml of the run that wrote the checkpoint.",
                 warning=True,
             )
+            self._folder_lock.close()
             return
         if self._saved_rng is not None:
             resume.restore_rng(self._saved_rng)
@@ -258,13 +260,15 @@ class DeSplatTrainer(Trainer):
         try:
             with on_stop_signal(self._stop_after_this_step):
                 super().train()
-            for line in self.pipeline.model.found_in_the_way():
-                announce(line)
         except CaptureError:
             self.stop_training = True
             self._after_train()
             raise
+        except KeyboardInterrupt:  # nerfstudio's commands end with 0 then, as if all were done
+            announce(f"Ended at once. {self._how_to_go_on()}", warning=True)
+            raise SystemExit(130) from None
         finally:
+            self._folder_lock.close()
             self.config = whole
             if self._budget is not None:
                 whole.max_num_iterations = self._steps_done
@@ -273,7 +277,7 @@ class DeSplatTrainer(Trainer):
         """One step; counts it as done once it is. Figures and rates are worked out where logged."""
         is_logged = step_check(step, self.config.logging.steps_per_log, run_at_zero=True)
         self.pipeline.model.is_logged = self.optimizers.is_logged = is_logged
-        result = super().train_iteration(step)
+        loss, terms, metrics = super().train_iteration(step)
         self._steps_done = step + 1
         # nerfstudio clears `stop_training` once its viewer is filled
         self.stop_training |= self._stop_is_asked or self.optimizers.exhausted
@@ -282,7 +286,7 @@ class DeSplatTrainer(Trainer):
             with_moments = sum(3 * p.numel() * p.element_size() for p in kept)
             if self._budget.after_step(step, with_moments):
                 self.stop_training = self._budget_is_up = True
-        return result
+        return loss.detach(), {name: term.detach() for name, term in terms.items()}, metrics
 
     def eval_iteration(self, step: int) -> None:
         """Evaluate where it is due, and leave the random generators as they were.
@@ -308,23 +312,48 @@ class DeSplatTrainer(Trainer):
             resume.restore_rng(state)
 
     def _after_train(self) -> None:
-        """Save and report; raise the guard's error if it stopped the run.
+        """Save and report, in place of nerfstudio's; raise the guard's error if it stopped the run.
 
         A run stopped before a step has not done it, contrary to nerfstudio's count, which would
         then skip that step on resume; before the first there is nothing to save.
         """
-        self.step = self._steps_done - 1
+        self.step, self.training_state = self._steps_done - 1, "completed"
         if self._steps_done == 0:
-            self.training_state = "completed"
             announce("Stopped before the first step: nothing to save.")
             return
-        if self.optimizers.exhausted:
-            self.training_state = "completed"
-            self.save_checkpoint(self.step)
-            raise self.optimizers.error(checkpoint_path(self.checkpoint_dir, self.step))
-        if self._ran_to_its_end:  # of one that was stopped, going on must not tell the difference
+        is_whole = self._ran_to_its_end and not self.optimizers.exhausted
+        if is_whole:  # of one that was stopped, going on must not tell the difference
             self.pipeline.model.sweep()
-        super()._after_train()
+        self.save_checkpoint(self.step)
+        if self.optimizers.exhausted:
+            raise self.optimizers.error(checkpoint_path(self.checkpoint_dir, self.step))
+        writer.write_out_storage()
+        for callback in self.callbacks:
+            callback.run_callback_at_location(self.step, TrainingCallbackLocation.AFTER_TRAIN)
+        for line in self._outcome() if is_whole else [f"Stopped. {self._how_to_go_on()}"]:
+            announce(line)
+        if not self.config.viewer.quit_on_train_completion:
+            self._train_complete_viewer()
+
+    def _outcome(self) -> list[str]:
+        """What came out, and the commands that take it up."""
+        model, config = self.pipeline.model, quote(str(self.base_dir / "config.yml"))
+        return [
+            f"{self._steps_done} steps: {len(model.gauss_params['means'])} static Gaussians.",
+            *model.found_in_the_way(),
+            f"Next: desplat-report --load-config {config}",
+            f"      desplat-export page --load-config {config} --output scene.html",
+        ]
+
+    def _how_to_go_on(self) -> str:
+        saved, wanted = checkpoints_in(self.checkpoint_dir), self.config.max_num_iterations
+        if not saved:
+            return f"No checkpoint was saved: {self.checkpoint_dir} holds none."
+        of = "" if self._budget is not None else f" of {self._start_step + wanted}"
+        return (
+            f"{step_of(saved[-1]) + 1}{of} steps are saved. To go on, repeat the command with "
+            f"--load-dir {quote(str(self.checkpoint_dir))}"
+        )
 
     @property
     def _ran_to_its_end(self) -> bool:
@@ -335,7 +364,8 @@ class DeSplatTrainer(Trainer):
         """Keep the viewer open, unless the run was told to stop."""
         if self._ran_to_its_end:
             self._waiting_in_viewer = True
-            super()._train_complete_viewer()
+            with suppress(KeyboardInterrupt):
+                super()._train_complete_viewer()
 
     def _stop_after_this_step(self, name: str) -> bool:
         """What a stop signal does; once the viewer is kept open there is no step to wait for."""

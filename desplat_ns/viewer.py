@@ -3,7 +3,7 @@ as the first training photo was taken."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -62,17 +62,17 @@ class LayerControl(nn.Module):
 
     def __init__(
         self,
-        num_views: int,
+        names: Sequence[str],
         near_plane: float = 0.0,
         photo_angle: Callable[[View], float | None] | None = None,
     ) -> None:
         """Args:
-        num_views: training views with distractors; 0 for no controls of them.
+        names: of the training views with distractors; none for no controls of them.
         near_plane: the model's setting; 0 for no control of it.
         photo_angle: `PhotoAngle.degrees`; None to say nothing of it.
         """
         super().__init__()
-        self.num_views, self._near_plane = num_views, near_plane
+        self.names, self._near_plane = list(names), near_plane
         self._photo_angle = photo_angle
         if photo_angle is not None:
             self.angle = ViewerLine()
@@ -86,7 +86,7 @@ class LayerControl(nn.Module):
                 hint="Nothing is shown nearer than this share of the depth at which the "
                 "reconstruction's points start. Make it smaller to walk up to a wall",
             )
-        if num_views > 0:
+        if names:
             self.layer: ViewerDropdown[str] = ViewerDropdown(
                 "Layer",
                 LAYERS[0],
@@ -94,12 +94,10 @@ class LayerControl(nn.Module):
                 hint="What `rgb` shows: the scene without distractors, with those of one training "
                 "view, these alone, or where they cover the scene",
             )
-            self.view: ViewerSlider[int] = ViewerSlider(
+            self.view: ViewerDropdown[str] = ViewerDropdown(
                 "Distractors of training view",
-                0,
-                0,
-                max(1, num_views - 1),  # viser wants a range
-                1,
+                self.names[0],
+                self.names,
                 hint="Each training view has distractors of its own; layers show those of this one",
             )
         self._suspended = False
@@ -137,9 +135,9 @@ class LayerControl(nn.Module):
 
     def train_idx(self) -> int | None:
         """Training view whose distractors were asked for; None while the static scene is shown."""
-        if self._suspended or self.num_views == 0 or self.layer.value == "static":
+        if self._suspended or not self.names or self.layer.value == "static":
             return None
-        return min(int(self.view.value), self.num_views - 1)
+        return self.names.index(self.view.value)
 
     def chosen(self, outputs: dict[str, Tensor]) -> dict[str, Tensor]:
         """The same outputs with the chosen layer as `rgb`.

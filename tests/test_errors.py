@@ -1,5 +1,6 @@
 """What ends a command is told in a sentence, not in a traceback."""
 
+import subprocess
 import sys
 
 import pytest
@@ -34,3 +35,17 @@ def test_any_other_error_goes_where_it_went_before(hook, capsys):
     error = ValueError("ours")
     assert hook(error) == [error]
     assert capsys.readouterr().err == ""
+
+
+OLD = """
+import warnings
+import desplat_ns
+for module in ("torch.nn.init", "nerfstudio.engine.trainer", "desplat_ns.model"):
+    warnings.warn_explicit(module, FutureWarning, "a.py", 1, module=module)
+"""
+
+
+def test_of_what_will_change_only_ours_is_said():
+    done = subprocess.run([sys.executable, "-c", OLD], capture_output=True, text=True)
+    assert "torch" not in done.stderr and "nerfstudio" not in done.stderr
+    assert "desplat_ns.model" in done.stderr

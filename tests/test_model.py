@@ -196,3 +196,11 @@ def test_a_model_trained_on_a_gpu_renders_without_one_but_does_not_train(capsys)
     assert model.eval().get_outputs_for_camera(camera())["rgb"].shape == (HEIGHT, WIDTH, 3)
     with pytest.raises(BackendUnavailableError, match="gsplat"):
         Trainer(make_model(backend="gsplat")).step(0)
+
+
+def test_the_figures_of_a_step_have_no_gradient():
+    rgb = torch.rand(HEIGHT, WIDTH, 3, requires_grad=True)
+    outputs = {"rgb": rgb, "background": torch.zeros(3)}
+    batch = {"image": torch.zeros(HEIGHT, WIDTH, 3)}
+    figures = make_model().train().get_metrics_dict(outputs, batch)
+    assert not any(getattr(value, "requires_grad", False) for value in figures.values())

@@ -10,7 +10,10 @@ import pytest
 import torch
 from PIL import Image
 
+from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.errors import CaptureError, DeSplatError
+from desplat_ns.model_config import DeSplatModelConfig
+from desplat_ns.pipeline import DeSplatPipelineConfig
 from tests.helpers.known_pipeline import HEIGHT, WIDTH, KnownManager, known_pipeline, model_of
 
 
@@ -133,3 +136,13 @@ def test_photos_too_small_for_the_first_steps_stop_before_training(tiny_run, tmp
     config.pipeline.model.num_downscales = 5
     with pytest.raises(CaptureError, match="48x32"):
         config.pipeline.setup(device="cpu")
+
+
+def test_ns_render_is_told_that_ffmpeg_is_missing_before_anything_is_loaded(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr("sys.argv", ["/bin/ns-render", "interpolate"])
+    config = DeSplatPipelineConfig(
+        datamanager=DeSplatDataManagerConfig(data=Path("gone")), model=DeSplatModelConfig()
+    )
+    with pytest.raises(SystemExit):
+        config.setup(device="cpu", test_mode="inference")

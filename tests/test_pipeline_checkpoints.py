@@ -62,3 +62,12 @@ def test_a_checkpoint_of_another_method_is_refused():
     del state["_extra_state"]
     with pytest.raises(CheckpointError, match="not saved by `desplat`"):
         known_pipeline().load_pipeline(state, 7)
+
+
+@pytest.mark.parametrize("group", ["gauss_params", "distractors.views.1"])
+def test_parameters_of_unequal_numbers_of_gaussians_are_refused(group: str):
+    pipeline, state = known_pipeline(), _saved()
+    state[f"_model.{group}.scales"] = state[f"_model.{group}.means"].repeat(2, 1)
+    with pytest.raises(CheckpointError, match="unequal"):
+        pipeline.load_pipeline(state, 7)
+    assert _is_untouched(pipeline)

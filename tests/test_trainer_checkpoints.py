@@ -22,8 +22,26 @@ def test_the_runs_folder_and_a_single_file_can_be_loaded(config):
     by_folder = set_up(resumed(config, load_dir=config.get_base_dir()))
     assert by_folder._start_step == 12
     file = config.get_checkpoint_dir() / "step-000000005.ckpt"
-    by_file = set_up(resumed(config, load_dir=None, load_checkpoint=file))
+    by_file = set_up(resumed(config, timestamp="third", load_dir=None, load_checkpoint=file))
     assert by_file._start_step == 6
+
+
+def test_two_trainings_never_share_a_runs_folder(config):
+    trainer = set_up(config)
+    with pytest.raises(ConfigError, match="at work"):
+        set_up(dataclasses.replace(config, pipeline=StubPipelineConfig()))
+    trainer.train()
+    assert trainer.pipeline.trained == list(range(12))
+    longer = resumed(config, timestamp="first", max_num_iterations=14)
+    assert train(longer).pipeline.trained == [12, 13]
+
+
+def test_a_run_whose_setup_fails_leaves_no_lock(config, monkeypatch):
+    broken = dataclasses.replace(config, load_dir=config.output_dir / "nowhere")
+    with pytest.raises(CheckpointError):
+        set_up(broken)
+    assert not config.get_base_dir().exists()
+    train(config)
 
 
 def test_a_second_run_of_the_same_name_replaces_nothing(config):

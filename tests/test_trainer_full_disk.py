@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from desplat_ns.errors import CheckpointError
+from desplat_ns.errors import CheckpointError, ConfigError
 from desplat_ns.training.checkpoint import STAGING_FOLDER, checkpoints_in
 from tests.helpers.stub_run import config as config
 from tests.helpers.stub_run import resumed, set_up, train
@@ -60,3 +60,9 @@ def test_a_last_save_that_fails_ends_the_run_with_its_reason(config, capsys):
     ]
     assert not (config.get_base_dir() / STAGING_FOLDER).exists()
     assert train(resumed(config)).pipeline.trained == list(range(6, 12))
+
+
+def test_a_disk_that_is_full_from_the_start_is_a_plain_error(config, capsys):
+    with full_disk(0), pytest.raises(ConfigError, match="--output-dir"):
+        set_up(config)
+    assert not config.get_base_dir().exists()

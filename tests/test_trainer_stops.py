@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 import os
 import signal
+from pathlib import Path
 
 import pytest
 import torch
 
+from desplat_ns import trainer as trainer_module
 from desplat_ns.training.checkpoint import checkpoints_in, load_checkpoint
 from desplat_ns.training.stop_signals import STOP_SIGNALS
 from tests.helpers.stub_run import StubPipelineConfig, assert_same, resumed, set_up, train
@@ -99,7 +101,41 @@ def test_a_second_ctrl_c_ends_the_run_at_once(config, python_handles_sigint):
         os.kill(os.getpid(), signal.SIGINT)
 
     trainer.pipeline.at_step = twice
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(SystemExit, match="130"):
         trainer.train()
     assert trainer.pipeline.trained == []
     assert not config.get_checkpoint_dir().exists()
+
+
+def test_ctrl_c_twice_during_the_last_save_is_no_success_and_says_what_is_saved(
+    config, python_handles_sigint, monkeypatch, capsys
+):
+    trainer, save = set_up(config), trainer_module.save_atomically
+
+    def interrupted(state: dict, path: Path) -> None:
+        if state["step"] == 7:
+            os.kill(os.getpid(), signal.SIGINT)
+        save(state, path)
+
+    def stop_at_7(step: int) -> None:
+        if step == 7:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    trainer.pipeline.at_step = stop_at_7
+    monkeypatch.setattr(trainer_module, "save_atomically", interrupted)
+    with pytest.raises(SystemExit, match="130"):
+        trainer.train()
+    assert [path.name for path in config.get_checkpoint_dir().iterdir()] == ["step-000000005.ckpt"]
+    said = capsys.readouterr().out
+    assert "6 of 12 steps" in said and f"--load-dir {config.get_checkpoint_dir()}\n" in said
+
+
+def test_a_run_that_was_stopped_says_how_to_go_on_and_a_whole_one_what_comes_next(config, capsys):
+    trainer = set_up(config)
+    trainer.pipeline.at_step = lambda step: os.kill(os.getpid(), signal.SIGTERM)
+    trainer.train()
+    said = capsys.readouterr().out
+    assert f"--load-dir {config.get_checkpoint_dir()}\n" in said and "desplat-report" not in said
+    train(resumed(config))
+    said = capsys.readouterr().out
+    assert f"--load-config {config.output_dir}" in said and "--load-dir" not in said

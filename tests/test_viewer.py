@@ -23,6 +23,8 @@ from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.viewer import FirstPhotoView, LayerControl
 from tests.helpers.small_model import make_model
 
+NAMES = [f"{number}.jpg" for number in range(5)]
+
 
 def _outputs() -> dict[str, torch.Tensor]:
     static, composite = torch.full((1, 2, 3), 0.25), torch.full((1, 2, 3), 0.5)
@@ -36,13 +38,13 @@ def _outputs() -> dict[str, torch.Tensor]:
 
 
 def test_without_a_viewer_nothing_changes():
-    control, outputs = LayerControl(5), _outputs()
+    control, outputs = LayerControl(NAMES), _outputs()
     assert control.train_idx() is None
     assert control.chosen(outputs) is outputs
 
 
 def test_an_evaluation_has_the_models_near_plane_whatever_the_viewer_says():
-    control = LayerControl(5, 0.5)
+    control = LayerControl(NAMES, 0.5)
     assert control.near_plane_share() == 0.5
     control.near_plane.value = 0.1
     assert control.near_plane_share() == 0.1
@@ -70,7 +72,7 @@ class _Line:
 
 def test_a_line_says_how_far_the_view_is_from_the_photos():
     angles = iter([7.3, 7.4, 31.0, None, 5.0])
-    control, line = LayerControl(5, photo_angle=lambda view: next(angles)), _Line()
+    control, line = LayerControl(NAMES, photo_angle=lambda view: next(angles)), _Line()
     server: Any = ViserServer.__new__(ViserServer)
     server.gui = line
     view = View(torch.eye(4), torch.eye(3), 2, 2)
@@ -84,14 +86,14 @@ def test_a_line_says_how_far_the_view_is_from_the_photos():
     assert next(angles) == 5.0
 
 
-def test_the_chosen_view_never_lies_beyond_the_last():
-    control = LayerControl(1)
-    control.layer.value, control.view.value = "composite", 1
-    assert control.train_idx() == 0
+def test_a_photo_is_chosen_by_its_name():
+    control = LayerControl(NAMES)
+    control.layer.value, control.view.value = "composite", "3.jpg"
+    assert control.train_idx() == 3
 
 
 def test_while_suspended_an_open_viewers_choice_does_not_count():
-    control, outputs = LayerControl(5), _outputs()
+    control, outputs = LayerControl(NAMES), _outputs()
     control.layer.value = "composite"
     with control.suspended():
         assert control.train_idx() is None
@@ -103,14 +105,14 @@ def test_nerfstudios_viewer_finds_all_controls_on_the_pipeline():
     pipeline = DeSplatPipeline.__new__(DeSplatPipeline)
     nn.Module.__init__(pipeline)
     pipeline._model = model = make_model()
-    model.layer_control = LayerControl(5, photo_angle=lambda view: 7.0)
+    model.layer_control = LayerControl(NAMES, photo_angle=lambda view: 7.0)
     model.shown_light = ShownLight(["a.jpg", "b.jpg"])
     controls = parse_object(pipeline, ViewerElement, "Custom Elements")
     assert {path.removeprefix("Custom Elements/model/") for path, _ in controls} == {
         *(f"layer_control/{name}" for name in ("layer", "view", "angle")),
         *(f"shown_light/{name}" for name in ("first", "second", "share")),
     }
-    model.layer_control, model.shown_light = LayerControl(0), ShownLight([])
+    model.layer_control, model.shown_light = LayerControl([]), ShownLight([])
     assert parse_object(pipeline, ViewerElement, "Custom Elements") == []
 
 

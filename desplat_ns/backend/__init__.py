@@ -1,10 +1,9 @@
 """Rasterizers behind one protocol. `resolve` picks one; each is imported only when asked for."""
 
 from desplat_ns.backend.protocol import Rasterizer, Rendering, RenderSettings, Splats, View
-from desplat_ns.backend.registry import BACKEND_NAMES, BackendName, available, resolve
+from desplat_ns.backend.registry import BackendName, available, resolve
 
 __all__ = [
-    "BACKEND_NAMES",
     "BackendName",
     "Rasterizer",
     "RenderSettings",

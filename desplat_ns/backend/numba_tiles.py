@@ -22,12 +22,13 @@ import torch
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
 from desplat_ns.backend.inputs import check_inputs, finite_colors
 from desplat_ns.backend.numba_kernels import runtime
-from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, Lists, tile_lists
+from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, tile_lists
 from desplat_ns.backend.numba_kernels.ellipses import FEATURES, TILE
 from desplat_ns.backend.numba_kernels.passes import Frame, backward_frame, draw_frame, sum_rows
 from desplat_ns.backend.numba_kernels.pixels import AREA, GEOMETRY, Limits
 from desplat_ns.backend.numba_kernels.projection import Project, make_camera
 from desplat_ns.backend.numba_kernels.runtime import (
+    empty,
     flat,
     launching,
     new_counter,
@@ -111,57 +112,40 @@ class _Rasterize(torch.autograd.Function):
     @staticmethod
     def forward(ctx, means2d, conics, depths, opacities, colors, radii, grid, settings):  # type: ignore[override]
         channels = colors.shape[1]
-        gaussians = Gaussians(
-            means2d=flat(means2d),
-            conics=flat(conics),
-            depths=flat(depths),
-            opacities=flat(opacities),
-            colors=flat(colors),
-            channels=channels,
-        )
-        rgb = torch.empty(grid.height, grid.width, channels)
-        alpha = torch.empty(grid.height, grid.width, 1)
-        depth = torch.empty((grid.height, grid.width, 1) if settings.depth else (0,))
+        inputs = map(flat, (means2d, conics, depths, opacities, colors))
+        gaussians = Gaussians(*inputs, channels=channels)
+        rgb = empty(grid.height, grid.width, channels)
+        alpha = empty(grid.height, grid.width, 1)
+        depth = empty(grid.height, grid.width, 1) if settings.depth else empty(0)
         area = grid.tiles_x * grid.tiles_y * AREA
         state = (np.empty(area, np.float32), np.empty(area, np.float32))
         frame = Frame(flat(rgb), flat(depth), flat(alpha), *state)
         with launching():
             lists, stride = tile_lists(gaussians, flat(radii), grid, settings.depth, ALPHA_CUTOFF)
             draw_frame(lists, stride, grid, frame, channels, _LIMITS, new_counter(), num_workers())
-        ctx.state = (lists, stride, frame, channels, grid, settings)
+        ctx.save_for_backward(rgb, depth, alpha)
+        ctx.state = (lists, stride, state, channels, grid, settings)
         ctx.means2d = means2d
         return rgb, alpha, depth
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad_rgb, grad_alpha, grad_depth):  # type: ignore[override]
-        lists, stride, frame, channels, grid, settings = ctx.state
-        pulled = Frame(
-            flat(grad_rgb), flat(grad_depth), flat(grad_alpha), frame.transmittance, frame.last
-        )
-        sums = torch.from_numpy(
-            _backward(lists, stride, grid, (frame, pulled), channels, ctx.means2d.shape[1])
-        )
+        lists, stride, state, channels, grid, settings = ctx.state
+        frame = Frame(*map(flat, ctx.saved_tensors), *state)
+        pulled = Frame(flat(grad_rgb), flat(grad_depth), flat(grad_alpha), *state)
+        width = GEOMETRY + stride - FEATURES
+        sums = torch.zeros(ctx.means2d.shape[1], width, dtype=torch.float32)  # of those not drawn 0
+        grads, frames = np.empty(lists.ranks.size * width, np.float32), (frame, pulled)
+        with launching():
+            rest = channels, _LIMITS, grads, new_counter(), num_workers()
+            backward_frame(lists, stride, grid, *frames, *rest)
+            sum_rows(lists, grads, width, flat(sums), new_counter(), num_workers())
         if settings.absgrad:
             ctx.means2d.absgrad = sums[None, :, 2:4]
         depth = sums[:, GEOMETRY + channels] if settings.depth else None
         colors = sums[:, GEOMETRY : GEOMETRY + channels]
         return sums[None, :, :2], sums[:, 4:7], depth, sums[:, 7], colors, None, None, None
-
-
-def _backward(
-    lists: Lists, stride: int, grid: Grid, frames: tuple[Frame, Frame], channels: int, n: int
-) -> np.ndarray:
-    """Gradients [n, GEOMETRY + features] of all Gaussians; 0 for those not drawn."""
-    width = GEOMETRY + stride - FEATURES
-    sums = np.zeros((n, width), np.float32)
-    with launching():
-        grads = np.empty(lists.ranks.size * width, np.float32)
-        backward_frame(
-            lists, stride, grid, *frames, channels, _LIMITS, grads, new_counter(), num_workers()
-        )
-        sum_rows(lists, grads, width, sums.reshape(-1), new_counter(), num_workers())
-    return sums
 
 
 def compile_all() -> None:

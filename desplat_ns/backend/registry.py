@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import time
 from typing import Literal, get_args
 
@@ -60,6 +61,8 @@ def unavailable_reason(name: str, device: str) -> str | None:
             f"renders on the CPU and the model is on {device}. Add `--machine.device-type cpu`, or "
             "`--pipeline.model.backend gsplat`."
         )
+    if name == "numba" and os.environ.get("NUMBA_NUM_THREADS") == "0":
+        return "needs one thread at least and NUMBA_NUM_THREADS is 0. Leave it out for all cores."
     return None
 
 

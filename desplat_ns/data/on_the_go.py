@@ -54,14 +54,19 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
         path = data / SPLIT_FILE
         if not path.exists() and (data / "test_list.txt").exists():
             return super().views(names, split)
-        ordered = ordered_names(data, self.config.images_path)
-        positions = read_split(path).get(kind, [])
+        ordered, lists = ordered_names(data, self.config.images_path), read_split(path)
+        positions = lists.get(kind, [])
         if not positions or not all(0 <= i < len(ordered) for i in positions):
             raise CaptureError(
                 f"{path} lists as `{kind}` the photos {list_names(map(str, positions)) or 'none'}; "
                 f"there are {len(ordered)}, counted from 0. It needs `clutter` or `clean` photos "
                 "to train on (--train-on) and `extra` photos to hold out: take the split.json that "
                 "belongs to this scene."
+            )
+        if split == "train" and (both := {*positions} & {*lists["extra"]}):
+            raise CaptureError(
+                f"{path} lists {len(both)} photos to train on and to hold out, too: "
+                f"{list_names(ordered[i] for i in sorted(both))}. Take each out of one of the lists."
             )
         wanted = {ordered[i] for i in positions}
         picked = [i for i, name in enumerate(names) if PurePosixPath(name).name in wanted]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,8 @@ def load_run(
         device = "cuda" if torch.cuda.is_available() else "cpu"
         pipeline: Any = config.pipeline.setup(device=torch.device(device), test_mode="test")
     except (yaml.YAMLError, AttributeError, KeyError) as error:
+        if isinstance(error, AttributeError) and not is_dataclass(error.obj):
+            raise  # not of what config.yml holds
         raise ConfigError(
             f"'{files.config}' cannot be taken up ({str(error).partition(chr(10))[0]}): another "
             "version of this package, or of nerfstudio, wrote it. Use that version, or train anew."

@@ -33,6 +33,9 @@ PROGRAM = "desplat_ns.studies.train_and_score"
 RESULTS, LOG, PICTURES = "results.json", "run.log", "pictures"
 """In the folder of a run; pictures are the held-out photos with the renderings beside them."""
 
+PARENT = "DESPLAT_NS_PARENT"
+"""Environment variable: the process with which a training is to end."""
+
 RETRIES = 3
 """Times that a run is begun again on Ray if its worker was killed."""
 
@@ -90,7 +93,7 @@ def in_own_process(method: str, options: list[str], folder: Path) -> dict[str, A
     """A `Train` in a process of one thread. Raises DeSplatError that names its log."""
     line = [sys.executable, "-m", PROGRAM, str(folder / RESULTS), method, *options]
     with (folder / LOG).open("w") as log:
-        environment = os.environ | import_path() | ONE_THREAD
+        environment = os.environ | import_path() | ONE_THREAD | {PARENT: str(os.getpid())}
         done = subprocess.run(line, stdout=log, stderr=subprocess.STDOUT, env=environment)
     if done.returncode != 0:
         raise DeSplatError(f"Training or scoring failed. Its log: {folder / LOG}")

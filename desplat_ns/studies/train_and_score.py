@@ -19,7 +19,7 @@ from nerfstudio.scripts.train import _set_random_seed
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.machine import code_version, device_name
 from desplat_ns.studies.methods import parse
-from desplat_ns.studies.runs import PICTURES
+from desplat_ns.studies.runs import PARENT, PICTURES
 
 
 def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def end_with(parent: int) -> None:
 
 def main() -> None:
     """Entry point; pictures go into the folder `pictures` beside the results."""
-    end_with(os.getppid())
+    end_with(int(os.environ.get(PARENT, os.getppid())))  # it may have ended while this began
     target, method, *options = sys.argv[1:]
     results = train_and_score(method, options, Path(target).with_name(PICTURES))
     Path(target).write_text(json.dumps(results))

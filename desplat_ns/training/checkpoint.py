@@ -5,6 +5,7 @@ The files are nerfstudio's (`step-000000299.ckpt`): `ns-eval` and the other comm
 
 from __future__ import annotations
 
+import pickle
 import re
 import zipfile
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ import torch
 
 from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CheckpointError, ConfigError
-from desplat_ns.files.whole import draft_of
+from desplat_ns.files.whole import draft_of, plain_errors
 
 CHECKPOINT_NAME = re.compile(r"step-(\d+)\.ckpt")
 STAGING_FOLDER = ".saving"
@@ -119,13 +120,8 @@ def run_folder(folder: Path) -> Iterator[None]:
         ConfigError: the folder cannot be made.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
-    try:
+    with plain_errors(folder, "--output-dir"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(
-            f"The run's folder {folder} cannot be made ({error}). Name another place with "
-            "--output-dir."
-        ) from error
     try:
         yield
     except BaseException:
@@ -154,8 +150,11 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     except (PermissionError, MemoryError):
         raise
     except Exception as error:  # damaged bytes raise whatever the unpickler stumbles over
+        why = str(error) or type(error).__name__
+        if isinstance(error, pickle.UnpicklingError):  # torch's text advises to read it unsafely
+            why = "it names code that no training saves, which is not run"
         raise CheckpointError(
-            f"The checkpoint {path} is damaged or not a checkpoint ({error}). Give another one "
+            f"The checkpoint {path} is damaged or not a checkpoint ({why}). Give another one "
             "with `--load-checkpoint FILE`."
         ) from error
     held = state if isinstance(state, dict) else {}
@@ -211,7 +210,7 @@ def checkpoint_folder(load_dir: Path, relative_model_dir: Path) -> Path:
     hint = f"Did you mean `--load-dir {newest}`?" if newest else _contents(load_dir)
     raise CheckpointError(
         f"--load-dir {load_dir} holds no checkpoint. {hint} Give the folder that ns-train printed "
-        f"as 'Checkpoint Directory'; it ends in {relative_model_dir}."
+        f"after 'Saving checkpoints to'; it ends in {relative_model_dir}."
     )
 
 

@@ -98,8 +98,7 @@ def follow(
     """
 
     def read_at(curve: Callable[[int], float], factor: Any) -> Callable[[int], float]:
-        if factor is None:
-            return lambda step: float(curve(schedule.nominal(step)))
+        factor = factor or (lambda step: 1.0)
         return lambda step: float(curve(schedule.nominal(step))) * factor(step)
 
     for name, optimizer in optimizers.optimizers.items():

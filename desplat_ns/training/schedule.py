@@ -37,15 +37,7 @@ MOST_RATE_FACTOR = 4.0
 
 
 def schedule_scale(max_num_iterations: int, nominal: int) -> float:
-    """Steps of the run for each nominal step, at most 1; `nominal` is the method's own number.
-
-    Raises ConfigError where either is below 1.
-    """
-    if max_num_iterations < 1 or nominal < 1:
-        raise ConfigError(
-            f"--max-num-iterations is {max_num_iterations} and --nominal-num-iterations {nominal}; "
-            "both have to be 1 or more."
-        )
+    """Steps of the run for each nominal step, at most 1; `nominal` is the method's own number."""
     return min(1.0, max_num_iterations / nominal)
 
 

@@ -67,8 +67,7 @@ class GuardedOptimizers(Optimizers):
             return
         self.skipped_in_a_row += 1
         photo = model.view_name()
-        self._last = f"At step {model.step}, in the photo {photo}, the loss or a gradient is not "
-        self._last += "finite"
+        self._last = f"At step {model.step}, in the photo {photo}, a loss or gradient is not finite"
         if photo not in self._photos:
             self._photos.add(photo)
             what = "The step is skipped, and so are others of this photo if they are like it."

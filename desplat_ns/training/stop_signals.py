@@ -23,8 +23,7 @@ def on_stop_signal(stop: Callable[[str], bool]) -> Iterator[None]:
     previous = {number: signal.getsignal(number) for number in STOP_SIGNALS}
     if previous[signal.SIGHUP] is signal.SIG_IGN:
         del previous[signal.SIGHUP]
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    if None in previous.values() or not in_main_thread:
+    if None in previous.values() or threading.current_thread() is not threading.main_thread():
         yield
         return
 

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from desplat_ns.backend import RenderSettings, Splats, resolve
+from desplat_ns.backend.ssim import ssim
 from desplat_ns.errors import BackendUnavailableError
 from tests.backend.scenes import random_scene
 
@@ -103,3 +104,34 @@ def test_tensors_elsewhere_than_on_the_cpu_are_refused_with_advice():
     splats = Splats(means, quats, scales, opacities, colors)
     with pytest.raises(BackendUnavailableError, match=r"--pipeline\.model\.backend gsplat"):
         resolve("numba", "cpu")(splats, scene.view, SETTINGS)
+
+
+def test_torchs_default_dtype_changes_no_bit():
+    leaves = random_scene(26, sh_degree=2)
+
+    def drawn() -> list[Any]:
+        scene = leaves.to(torch.float32)
+        rendering = render(scene)
+        (rendering.rgb.sum() + rendering.alpha.sum()).backward()
+        score = ssim(rendering.rgb.detach(), torch.full_like(rendering.rgb, 0.5))
+        return [rendering.rgb, rendering.depth, score, *(p.grad for p in scene.parameters)]
+
+    usual = drawn()
+    torch.set_default_dtype(torch.float64)
+    try:
+        others = drawn()
+    finally:
+        torch.set_default_dtype(torch.float32)
+    for one, other in zip(usual, others, strict=True):
+        assert one.dtype == other.dtype and torch.equal(one, other)
+
+
+@pytest.mark.parametrize("name", ["means", "colors", "rgb"])
+def test_what_changes_in_place_before_the_backward_pass_is_refused(name):
+    scene = random_scene(26, sh_degree=2).to(torch.float32)
+    rendering = render(scene)
+    loss = rendering.rgb.sum() + rendering.alpha.sum()
+    with torch.no_grad():
+        (rendering.rgb if name == "rgb" else getattr(scene, name)).add_(0.1)
+    with pytest.raises(RuntimeError, match="modified by an inplace operation"):
+        loss.backward()

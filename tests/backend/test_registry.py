@@ -11,6 +11,13 @@ from desplat_ns.backend import compile_kernels, registry, resolve
 from desplat_ns.backend.numba_kernels import runtime
 from desplat_ns.errors import BackendUnavailableError
 
+
+def test_no_thread_at_all_is_refused_before_numba_fails(monkeypatch):
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "0")
+    with pytest.raises(BackendUnavailableError, match="NUMBA_NUM_THREADS"):
+        resolve("numba", "cpu")
+
+
 KERNELS = "desplat_ns.backend.gsplat_build.unavailable_reason"
 
 

@@ -58,7 +58,7 @@ def test_a_file_in_the_captures_frame_shows_the_scene_to_the_captures_cameras(
     export_splats(find_run(trained), tmp_path / f"a.{ending}", "capture", None, None)
     cloud = read_splats((tmp_path / f"a.{ending}").read_bytes(), ending)
     pipeline: Any = load_run(find_run(trained)).pipeline
-    pipeline.model.layer_control = LayerControl(0)  # without a near plane, as other viewers
+    pipeline.model.layer_control = LayerControl([])  # without a near plane, as other viewers
     camera, _ = pipeline.datamanager.fixed_indices_eval_dataloader[0]
     with torch.no_grad():
         outputs = pipeline.model.get_outputs_for_camera(camera)

@@ -53,7 +53,7 @@ class KnownModel(DeSplatModel):
         self.image_effects = ImageEffects(Effects(), AppearanceConfig(), BackgroundConfig(), 1, 3)
         self.gauss_params = nn.ParameterDict({"means": torch.zeros(points, 3)})
         self.distractors = KnownDistractors() if effects.distractors else None
-        self.layer_control = LayerControl(2 if effects.distractors else 0)
+        self.layer_control = LayerControl(["0.jpg", "1.jpg"] if effects.distractors else [])
         self.shown_light = ShownLight([])
         self.lpips = NoLpips()
         self.step, self.renders, self.value = 0, 0, 0.5

@@ -21,6 +21,7 @@ from nerfstudio.utils import writer
 from torch.nn import Parameter
 from torch.utils._pytree import keystr, tree_flatten_with_path
 
+from desplat_ns.settings.options import ranged
 from desplat_ns.trainer import DeSplatTrainerConfig
 from desplat_ns.training.schedule import Schedule
 from tests.helpers import registered
@@ -125,7 +126,7 @@ class StubPipeline(Pipeline):
 class StubModelConfig:
     """What the trainer settles of the model's configuration, and what it has compiled for it."""
 
-    schedule_scale: float | None = None
+    schedule_scale: float | None = ranged(None, "(0, inf)")
     backend: str = "torch"
     warmup: tuple[int, int] = (0, 0)
 

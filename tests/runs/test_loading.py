@@ -130,3 +130,17 @@ def test_a_plugin_is_trusted_once_it_is_registered(tmp_path: Path, monkeypatch):
     assert read(path).timestamp == [parser]
     monkeypatch.undo()
     trusted_tags.cache_clear()
+
+
+def test_a_mistake_of_a_program_is_not_taken_for_a_run_of_another_version(tmp_path: Path):
+    def of_config_yml(config: Any) -> Any:
+        return config.gone
+
+    def of_the_program(config: Any) -> Any:
+        return config.load_step.gone
+
+    files = find_run(config_with(tmp_path, "now"))
+    with pytest.raises(ConfigError, match="another version"):
+        load_run(files, of_config_yml)
+    with pytest.raises(AttributeError, match="NoneType"):
+        load_run(files, of_the_program)

@@ -225,3 +225,17 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     with pytest.raises(ConfigError, match="--output-dir"), run_folder(tmp_path / "outputs" / "run"):
         pytest.fail("went on")
     assert (tmp_path / "outputs").read_text() == "a file"
+
+
+class _Hostile:
+    def __reduce__(self) -> Any:
+        return os.system, ("touch hostile",)
+
+
+def test_of_a_hostile_checkpoint_nothing_is_run_and_nobody_is_told_how_to(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    torch.save(state(1) | {"pipeline": _Hostile()}, tmp_path / "step-000000001.ckpt")
+    with pytest.raises(CheckpointError) as refused:
+        load_checkpoint(tmp_path / "step-000000001.ckpt")
+    assert "weights_only" not in str(refused.value)
+    assert not (tmp_path / "hostile").exists()

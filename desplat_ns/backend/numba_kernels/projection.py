@@ -23,6 +23,7 @@ from desplat_ns.backend import projection
 from desplat_ns.backend.constants import EPS2D, FAR_PLANE, NEAR_PLANE
 from desplat_ns.backend.inputs import MIN_QUAT_NORM
 from desplat_ns.backend.numba_kernels.runtime import (
+    empty,
     flat,
     kernel,
     launching,
@@ -409,25 +410,26 @@ class Project(torch.autograd.Function):
     @staticmethod
     def forward(ctx, means, quats, scales, opacities, camera, drawable=None):  # type: ignore[override]
         n = means.shape[0]
-        out = torch.empty(1, n, 2), torch.empty(n, 3), torch.empty(n), torch.empty(n)
+        out = empty(1, n, 2), empty(n, 3), empty(n), empty(n)
         radii = torch.empty(n, dtype=torch.int32)
-        parameters = tuple(flat(t) for t in (means, quats, scales, opacities))
+        inputs = (means, quats, scales, opacities)
+        ctx.save_for_backward(*inputs, radii)
+        parameters, projected = tuple(map(flat, inputs)), tuple(map(flat, out))
         with launching():
-            projected = tuple(flat(t) for t in out)
             _project(parameters, projected, radii.numpy(), camera, new_counter(), num_workers())
         if drawable is not None:
             radii *= drawable
         ctx.mark_non_differentiable(radii)
-        ctx.state = (parameters, radii.numpy(), camera)
+        ctx.camera = camera
         return *out, radii
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, *grads):  # type: ignore[override]
-        parameters, radii, camera = ctx.state
-        n = radii.size
-        out = torch.empty(n, 3), torch.empty(n, 4), torch.empty(n, 3), torch.empty(n)
-        pulled, gradients = tuple(flat(g) for g in grads[:4]), tuple(flat(t) for t in out)
+        *parameters, radii = map(flat, ctx.saved_tensors)
+        n, rest = radii.size, (radii, ctx.camera, new_counter(), num_workers())
+        out = empty(n, 3), empty(n, 4), empty(n, 3), empty(n)
+        pulled, gradients = tuple(map(flat, grads[:4])), tuple(map(flat, out))
         with launching():
-            _backward(parameters, pulled, gradients, radii, camera, new_counter(), num_workers())
+            _backward(tuple(parameters), pulled, gradients, *rest)
         return *out, None, None

@@ -28,6 +28,7 @@ from typing import Any
 
 import numba
 import numpy as np
+import torch
 from filelock import FileLock
 from llvmlite import ir
 from numba import types
@@ -202,6 +203,11 @@ def _say(line: str) -> None:
 def num_workers() -> int:
     """How many workers a kernel is split into: numba's current number of threads."""
     return numba.get_num_threads()
+
+
+def empty(*shape: int) -> Tensor:
+    """A tensor in the kernels' float32, whatever torch's default dtype is."""
+    return torch.empty(shape, dtype=torch.float32)
 
 
 def flat(tensor: Tensor) -> np.ndarray:

@@ -20,6 +20,7 @@ import numpy as np
 import torch
 
 from desplat_ns.backend.numba_kernels.runtime import (
+    empty,
     flat,
     kernel,
     launching,
@@ -235,22 +236,24 @@ class EvaluateColors(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, means, values, radii, center, degree, is_cut=True):  # type: ignore[override]
-        out = torch.empty(means.shape[0], 3)
-        inputs = (flat(means), flat(values), radii.numpy(), flat(center), *sh_terms(degree))
+        out, terms = empty(means.shape[0], 3), sh_terms(degree)
+        ctx.save_for_backward(means, values, radii, center, out)
+        inputs = map(flat, (means, values, radii, center))
         sizes = (values.shape[1], (degree + 1) ** 2, int(is_cut))
         with launching():
-            _evaluate(*inputs, sizes, out.view(-1).numpy(), new_counter(), num_workers())
-        ctx.state = (inputs, sizes, out.view(-1).numpy(), values.shape)
+            _evaluate(*inputs, *terms, sizes, flat(out), new_counter(), num_workers())
+        ctx.state = (terms, sizes, values.shape)
         return out if is_cut else (out, values[:, 0].clone())
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad, by_zeroth=None):  # type: ignore[override]
-        inputs, sizes, out, shape = ctx.state
-        v_means, v_values = torch.empty(shape[0], 3), torch.empty(shape)
-        gradients = (v_means.view(-1).numpy(), v_values.view(-1).numpy())
+        *inputs, out = map(flat, ctx.saved_tensors)
+        terms, sizes, shape = ctx.state
+        v_means, v_values = empty(shape[0], 3), empty(*shape)
+        made = (out, *map(flat, (grad, v_means, v_values)))
         with launching():
-            _backward(*inputs, sizes, out, flat(grad), *gradients, new_counter(), num_workers())
+            _backward(*inputs, *terms, sizes, *made, new_counter(), num_workers())
         if by_zeroth is not None:
             v_values[:, 0] += by_zeroth
         return v_means, v_values, None, None, None, None

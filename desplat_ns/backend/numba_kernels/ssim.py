@@ -34,6 +34,7 @@ import torch
 from torch import Tensor
 
 from desplat_ns.backend.numba_kernels.runtime import (
+    empty,
     flat,
     kernel,
     launching,
@@ -369,14 +370,14 @@ class Photometric(torch.autograd.Function):
                 weights = flat(owned)
             elif owned is not None:
                 wanted = _blocks_of(owned, similarity.shape[1])
-            gradient = torch.empty(photo.shape)
+            gradient = empty(*photo.shape)
             with launching():
                 score_image(
                     *((flat(image), flat(photo), weights), (height, length), wanted, rates),
                     *((similarity, difference), flat(gradient), new_counter(), num_workers()),
                 )
             value = ssim_weight - per_window * similarity.sum() + per_number * difference.sum()
-            losses.append(torch.tensor(float(value)))
+            losses.append(torch.tensor(value, dtype=torch.float32))
             gradients.append(gradient)
         ctx.save_for_backward(*gradients)
         return tuple(losses)
