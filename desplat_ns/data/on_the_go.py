@@ -66,7 +66,7 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
         if split == "train" and (both := {*positions} & {*lists["extra"]}):
             raise CaptureError(
                 f"{path} lists {len(both)} photos to train on and to hold out, too: "
-                f"{list_names(ordered[i] for i in sorted(both))}. Take each out of one of the lists."
+                f"{list_names(ordered[i] for i in sorted(both))}. Take each out of one list."
             )
         wanted = {ordered[i] for i in positions}
         picked = [i for i, name in enumerate(names) if PurePosixPath(name).name in wanted]
