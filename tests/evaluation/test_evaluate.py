@@ -9,8 +9,7 @@ import pytest
 import torch
 from torch import nn
 
-from desplat_ns.evaluation.evaluate import gaussian_counts, summarize
-from desplat_ns.evaluation.scorer import ScoredImage
+from desplat_ns.evaluation.evaluate import ScoredImage, gaussian_counts, summarize
 
 
 def _image(seconds: float = 1.0, **metrics: float) -> ScoredImage:

@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.evaluation import scorer
+from desplat_ns.evaluation import evaluate as module
 from desplat_ns.evaluation.config import EvaluationConfig
+from desplat_ns.evaluation.evaluate import Scorer
 from desplat_ns.evaluation.halves import left_half, right_half
-from desplat_ns.evaluation.scorer import Scorer
 from desplat_ns.model import DeSplatModel
 from tests.helpers.small_model import (
     HEIGHT,
@@ -67,7 +67,7 @@ def test_figures_are_the_right_halfs(model, monkeypatch):
     photo = photo_in_the_light_of(model, 1)
     mean = model.image_effects.mean()
     protocol, known = by_left_half(model, SHORT), model.image_effects.of(1).detach()
-    monkeypatch.setattr(scorer, "embedding_from_left_half", lambda *_: known)
+    monkeypatch.setattr(module, "embedding_from_left_half", lambda *_: known)
     right, _ = protocol.score(held_out(), {"image": photo}, "a")
     assert right.metrics["psnr"] == pytest.approx(100)
     left_half(photo)[:] = 0
