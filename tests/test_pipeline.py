@@ -110,7 +110,7 @@ def test_an_open_viewer_never_puts_distractors_into_an_evaluation():
     pipeline.model.layer_control.layer.value = "composite"
     assert pipeline.get_average_eval_image_metrics()["psnr"] == plain
     assert pipeline.get_eval_image_metrics_and_images(0)[0]["psnr"] == pytest.approx(20, abs=1e-4)
-    assert float(pipeline.get_eval_loss_dict(0)[2]["psnr"]) == pytest.approx(20, abs=1e-4)
+    assert pipeline.get_eval_loss_dict(0)[2]["psnr"].item() == pytest.approx(20, abs=1e-4)
     assert pipeline.model.layer_control.train_idx() == 0
 
 

@@ -84,16 +84,6 @@ def test_the_page_has_the_scores_of_ns_eval_and_what_the_run_logged(
 
 
 @pytest.mark.slow
-def test_fewer_photos_and_no_evaluation_are_said(trained: Path, tmp_path: Path):
-    from desplat_ns.commands.report import Report
-
-    Report(trained, output=tmp_path / "p.html", training_photos=2, held_out_photos=0).main()
-    html = (tmp_path / "p.html").read_text("utf8")
-    assert "2 of 6 photos are shown" in html
-    assert "None were evaluated" in html
-
-
-@pytest.mark.slow
 def test_a_run_and_its_capture_that_were_moved_have_a_page(
     trained: Path, tiny_scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
