@@ -191,21 +191,6 @@ def test_what_is_there_is_replaced_only_if_that_is_asked_for(run: Path, tmp_path
     assert figures.read_text() != "before" and len(list(pictures.iterdir())) == 3
 
 
-def test_figures_that_cannot_be_written_whole_leave_the_earlier_ones(
-    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    from desplat_ns.errors import ConfigError
-
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    (tmp_path / "m.json").write_text("before")
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(ConfigError, match="--output-path"):
-        evaluate(run, tmp_path / "m.json", steps=1, overwrite=True)
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
-
-
 def test_the_scenes_page_is_in_the_chosen_light(run: Path, tmp_path: Path):
     """In a browser, as the model draws it in that light; the page says whose it is."""
     from desplat_ns.export.export import shown_in
