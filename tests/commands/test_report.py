@@ -118,6 +118,8 @@ def test_a_config_of_another_version_and_a_damaged_checkpoint_are_named(
 ):
     from desplat_ns.commands.report import Report
 
+    (tmp_path / "nerfstudio_models").mkdir()
+    (tmp_path / "nerfstudio_models" / "step-000000023.ckpt").write_bytes(b"cut off")
     text = trained.read_text().replace("desplat_ns.model.DeSplat", "desplat_ns.elsewhere.DeSplat")
     (tmp_path / "config.yml").write_text(text)
     with pytest.raises(ConfigError, match="elsewhere"):
@@ -125,8 +127,6 @@ def test_a_config_of_another_version_and_a_damaged_checkpoint_are_named(
     config: Any = yaml.load(trained.read_text(), Loader=yaml.UnsafeLoader)
     config.output_dir = tmp_path / "gone"
     (tmp_path / "config.yml").write_text(yaml.dump(config))
-    (tmp_path / "nerfstudio_models").mkdir()
-    (tmp_path / "nerfstudio_models" / "step-000000023.ckpt").write_bytes(b"cut off")
     with pytest.raises(CheckpointError, match=r"step-000000023\.ckpt is damaged"):
         Report(tmp_path / "config.yml", output=tmp_path / "p.html").main()
     assert not (tmp_path / "p.html").exists()
