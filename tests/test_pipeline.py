@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -14,21 +15,25 @@ from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.errors import CaptureError, DeSplatError
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig
-from tests.helpers.known_pipeline import HEIGHT, WIDTH, KnownManager, known_pipeline, model_of
+from tests.helpers.known_pipeline import KnownManager, known_pipeline
+from tests.helpers.small_model import HEIGHT, WIDTH
 
 
 def test_ns_evals_json_holds_every_figure_and_no_nan():
-    results = known_pipeline().get_average_eval_image_metrics(get_std=True)
+    pipeline = known_pipeline()
+    results = pipeline.get_average_eval_image_metrics(get_std=True)
     json.dumps(results, allow_nan=False)
     assert results["psnr"] == pytest.approx((20 - 10 * math.log10(0.04)) / 2, abs=1e-4)
     assert results["psnr_std"] == pytest.approx((20 + 10 * math.log10(0.04)) / 2**0.5, abs=1e-4)
     assert results["psnr_worst"] == min(image["psnr"] for image in results["images"])
     assert results["backend"] == "torch"
     assert results["num_images"] == 2
-    assert results["num_static_gaussians"] == 4
-    assert results["num_distractor_gaussians"] == 5
-    assert results["static_memory_mb"] == pytest.approx(4 * 3 * 4e-6)
-    assert results["distractor_memory_mb"] == pytest.approx(5 * 3 * 4e-6)
+    assert results["num_static_gaussians"] == 30
+    assert results["num_distractor_gaussians"] == 60
+    numbers = sum(p.numel() for p in pipeline.model.gauss_params.values())
+    assert results["static_memory_mb"] == pytest.approx(numbers * 4e-6)
+    numbers = 20 * (3 + 3 + 4 + 1 + 3)
+    assert results["distractor_memory_mb"] == pytest.approx(3 * numbers * 4e-6)
     assert 0 < results["seconds_per_image_render"] < results["seconds_per_image_with_metrics"]
     assert "lpips" not in results
     assert [image["name"] for image in results["images"]] == ["extra_0.png", "extra_1.png"]
@@ -47,8 +52,14 @@ def test_pictures_are_saved_beside_their_photos(tmp_path: Path):
     assert sorted(p.name for p in folder.iterdir()) == ["eval_img_0000.png", "eval_img_0001.png"]
     with Image.open(folder / "eval_img_0000.png") as picture:
         assert picture.size == (2 * WIDTH, HEIGHT)
-        assert picture.getpixel((0, 0)) == (153, 153, 153)  # 0.6 * 255
-        assert picture.getpixel((WIDTH, 0)) == (128, 128, 128)
+        assert picture.getpixel((0, 0)) == (26, 26, 26)  # 0.1 * 255
+        assert picture.getpixel((WIDTH, 0)) == (0, 0, 0)
+
+
+def render(pipeline: Any, **outputs: torch.Tensor) -> None:
+    """Have a pipeline's model render this, and else what it does."""
+    draw = pipeline.model.get_outputs_for_camera
+    pipeline.model.get_outputs_for_camera = lambda camera: {**draw(camera), **outputs}
 
 
 def _mask(path: Path, columns: int) -> Path:
@@ -60,18 +71,15 @@ def _mask(path: Path, columns: int) -> Path:
 
 
 def test_masks_are_scored_by_ns_eval_and_only_by_it(tmp_path: Path):
-    """Distractors cover 10 of 20 columns; masks cover 5, 15 and none of them."""
-    wide, narrow = _mask(tmp_path / "a.png", 15), _mask(tmp_path / "b.png", 5)
-    empty = _mask(tmp_path / "c.png", 0)
-    names = ["a.png", "b.png", "c.png", "d.png"]
-    pipeline = known_pipeline(
-        KnownManager(train_image_names=names, masks=[wide, narrow, empty, None])
-    )
-    model_of(pipeline).covered = 10
+    """Distractors cover 12 of 24 columns; masks cover 18, 6 and none of them."""
+    masks = [_mask(tmp_path / f"{columns}.png", columns) for columns in (18, 6, 0)]
+    pipeline, alpha = known_pipeline(KnownManager(masks=masks)), torch.zeros(HEIGHT, WIDTH, 1)
+    alpha[:, :12] = 0.75
+    render(pipeline, alpha_distractor=alpha, distractor_mask=alpha > 0.5)
     results = pipeline.get_average_eval_image_metrics(get_std=True)
     assert results["num_masks"] == 3
-    assert results["mask_iou"] == pytest.approx((10 / 15 + 5 / 10 + 0) / 3)
-    outside = (0.0 + 0.75 * 5 / 15 + 0.75 * 10 / 20) / 3
+    assert results["mask_iou"] == pytest.approx((12 / 18 + 6 / 12 + 0) / 3)
+    outside = (0.0 + 0.75 * 6 / 18 + 0.75 * 12 / 24) / 3
     assert results["alpha_outside_masks"] == pytest.approx(outside)
     assert "mask_iou" not in pipeline.get_average_eval_image_metrics()
 
@@ -90,7 +98,7 @@ def test_a_split_without_evaluation_images_says_what_to_do():
 
 def test_a_diverged_checkpoint_is_reported_by_ns_eval_and_survived_in_training():
     pipeline = known_pipeline()
-    model_of(pipeline).value = math.nan
+    render(pipeline, rgb=torch.full((HEIGHT, WIDTH, 3), math.nan))
     with pytest.raises(DeSplatError, match=r"extra_0\.png"):
         pipeline.get_average_eval_image_metrics(get_std=True)
     results = pipeline.get_average_eval_image_metrics()
@@ -102,11 +110,11 @@ def test_a_diverged_checkpoint_is_reported_by_ns_eval_and_survived_in_training()
 def test_an_open_viewer_never_puts_distractors_into_an_evaluation():
     pipeline = known_pipeline()
     plain = pipeline.get_average_eval_image_metrics()["psnr"]
-    model_of(pipeline).layer_control.layer.value = "composite"
+    pipeline.model.layer_control.layer.value = "composite"
     assert pipeline.get_average_eval_image_metrics()["psnr"] == plain
     assert pipeline.get_eval_image_metrics_and_images(0)[0]["psnr"] == pytest.approx(20, abs=1e-4)
-    assert pipeline.get_eval_loss_dict(0)[2]["psnr"] == pytest.approx(20, abs=1e-4)
-    assert model_of(pipeline).layer_control.train_idx() == 0
+    assert pipeline.get_eval_loss_dict(0)[2]["psnr"].item() == pytest.approx(20, abs=1e-4)
+    assert pipeline.model.layer_control.train_idx() == 0
 
 
 def test_a_trained_run_whose_backend_cannot_draw_on_the_gpu_is_rendered_on_the_cpu(

@@ -4,6 +4,7 @@ name and the options of a data parser behind a command's own.
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,4 +39,4 @@ def run(command: Any, **options: Any) -> None:
         options: of `tyro.cli`.
     """
     print_user_errors_plainly()
-    tyro.cli(command, **options).main()
+    tyro.cli(command, prog=Path(sys.argv[0]).name, **options).main()

@@ -50,4 +50,4 @@ class Arguments:
 
 def main() -> None:
     """Entry point of the command."""
-    run(Arguments, prog="desplat-fetch-data")
+    run(Arguments)

@@ -21,4 +21,4 @@ def run(request: Request) -> None:
 def main() -> None:
     """Entry point of the command."""
     print_user_errors_plainly()
-    run(tyro.cli(Request, description=__doc__))
+    run(tyro.cli(Request, prog="desplat-process", description=__doc__))

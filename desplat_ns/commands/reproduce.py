@@ -78,4 +78,4 @@ class Arguments:
 
 def main() -> None:
     """Entry point of the command."""
-    run(Arguments, prog="desplat-reproduce")
+    run(Arguments)

@@ -10,7 +10,7 @@ from desplat_ns.settings.options import ranged
 ProtocolName = Literal["auto", "half", "full", "right"]
 
 LpipsNet = Literal["alex", "vgg"]
-"""As `rendering/metrics.py` has them, which takes seconds to import."""
+"""Networks of torchmetrics' LPIPS, as it calls them; Splatfacto has alex."""
 
 
 @dataclass

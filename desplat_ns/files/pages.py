@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import io
-import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -33,7 +32,7 @@ LARGEST_SIDE = LADDER[0][0]
 def template(path: Path, **filters: Callable[..., Any]) -> jinja2.Template:
     """A template that escapes what it is given, and fails where a name is unknown.
 
-    Besides `filters` it has `digits` and `time`.
+    Besides `filters` it has `time`.
     """
     environment = jinja2.Environment(
         autoescape=True,
@@ -42,13 +41,8 @@ def template(path: Path, **filters: Callable[..., Any]) -> jinja2.Template:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"digits": digits, "time": time_in_words, **filters}
+    environment.filters |= {"time": time_in_words, **filters}
     return environment.from_string(path.read_text("utf8"))
-
-
-def digits(value: float | None) -> str:
-    """Three digits that count; "unknown" for what could not be measured."""
-    return "unknown" if value is None or not math.isfinite(value) else f"{value:.3g}"
 
 
 def time_in_words(seconds: float) -> str:

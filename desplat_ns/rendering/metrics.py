@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import socket
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
@@ -17,13 +17,11 @@ from pytorch_msssim import ssim as msssim_ssim
 from torch import Tensor
 
 from desplat_ns.console import announce
+from desplat_ns.evaluation.config import LpipsNet
 
 PSNR_MAX = 100.0
 """dB. Reported for identical images instead of infinity, which JSON cannot hold. It stands for an
 RMS error of 1e-5, a two-hundredth of the rounding of an 8-bit photo (54 dB at most)."""
-
-LpipsNet = Literal["alex", "vgg"]
-"""Networks of torchmetrics' LPIPS, as it calls them; Splatfacto has alex."""
 
 _NETS: dict[LpipsNet, tuple[str, str, int]] = {
     "alex": ("AlexNet", "alexnet-owt-7be5be79.pth", 31),

@@ -219,9 +219,6 @@ class EffectReason(NamedTuple):
     why: str
     is_unsure: bool = False
     """Whether the survey said that it was close, or that it could not tell."""
-    figures: Sequence[Mapping[str, Any]] = ()
-    """As `survey.findings.Figure`."""
-    could_not_tell: Sequence[str] = ()
 
     @property
     def title(self) -> str:
@@ -268,6 +265,5 @@ def effect_reasons(
         why = reason + CONFIDENCE[confidence]
         if decision != grade:
             why = f"As given. The survey of the photos would have said {decision}: {reason}"
-        details = finding.get("figures", ()), finding.get("could_not_tell", ())
-        reasons.append(EffectReason(effect, grade, why, confidence != "clear", *details))
+        reasons.append(EffectReason(effect, grade, why, confidence != "clear"))
     return reasons

@@ -21,7 +21,7 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.layers import MASK_THRESHOLD
 from desplat_ns.rendering.near_plane import sampled
-from desplat_ns.rendering.views import held, image_points, views_of
+from desplat_ns.rendering.views import held, image_points, in_image, views_of
 from desplat_ns.separation.grid import grid_of, pooled, region_pixels
 from desplat_ns.separation.regions import differences
 
@@ -81,7 +81,7 @@ def _shown(
     camera = pipeline.datamanager.train_dataset.cameras[index : index + 1].to(pipeline.device)
     outputs = model.get_outputs_for_camera(camera)
     u, v, depth = image_points(points, model.view_of_camera(camera, index))
-    inside = (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
+    inside = in_image(u, v, depth)
     rows, columns = outputs["depth"].shape[:2]
     row = (v.nan_to_num().clamp(0, 1) * rows).long().clamp(max=rows - 1)
     column = (u.nan_to_num().clamp(0, 1) * columns).long().clamp(max=columns - 1)

@@ -41,15 +41,13 @@ MEAN = "mean"
 
 @dataclass(frozen=True)
 class DataSet:
-    """A data set as the paper uses it."""
+    """A data set as the paper uses it (B.1); docs/compare-with-desplat.md has the protocols."""
 
     name: str
     folder: str
     """That `desplat-fetch-data` makes for it."""
     parser: tuple[str, ...]
     """Name and options of the data parser, as `ns-train` takes them, but for the resolution."""
-    said: str
-    """What the supplement says of it, and where."""
     scoring: ProtocolName = "full"
     """Which pixels, and in which light; `half` becomes `right` for models without light."""
     steps: int = STEPS
@@ -90,22 +88,11 @@ def _scenes(data_set: DataSet, fetch: str, downscale: int, names: str) -> tuple[
     return tuple(PaperScene(data_set, name, folder, downscale, fetch) for name, folder in pairs)
 
 
-ROBUSTNERF = DataSet(
-    "robustnerf",
-    "robustnerf",
-    ("robustnerf-data",),
-    "Five scenes, photos 8 times smaller (B.1); 30,000 steps (B.3). Trained on the cluttered "
-    "photos, scored on the `extra` ones.",
-)
+ROBUSTNERF = DataSet("robustnerf", "robustnerf", ("robustnerf-data",))
 _FIVE = "Statue:statue Android:android Crab_(1):crab1 Crab_(2):crab2 Yoda:yoda"
 ROBUSTNERF_SCENES = _scenes(ROBUSTNERF, "robustnerf", 8, _FIVE)
 
-ROBUSTNERF_RATIOS = replace(
-    ROBUSTNERF,
-    name="robustnerf-ratios",
-    said="Crab (2) and Yoda have clean and cluttered photos of the same viewpoints, whose ratio is "
-    "varied (B.1, Fig. 9 left); 30,000 steps (B.3).",
-)
+ROBUSTNERF_RATIOS = replace(ROBUSTNERF, name="robustnerf-ratios")
 RATIO_SCENES = tuple(
     replace(
         scene,
@@ -118,13 +105,7 @@ RATIO_SCENES = tuple(
     for ratio in RATIOS
 )
 
-ON_THE_GO = DataSet(
-    "on-the-go",
-    "on-the-go",
-    ("on-the-go-data",),
-    "Six scenes, photos 8 times smaller, those of Patio 4 times (B.1); 30,000 steps (B.3). "
-    "Trained on `clutter` of split.json, scored on `extra`.",
-)
+ON_THE_GO = DataSet("on-the-go", "on-the-go", ("on-the-go-data",))
 ON_THE_GO_SCENES = (
     *_scenes(ON_THE_GO, "on-the-go", 8, "Mountain:mountain Fountain:fountain Corner:corner"),
     *_scenes(ON_THE_GO, "on-the-go", 4, "Patio:patio"),
@@ -135,10 +116,8 @@ PHOTO_TOURISM = DataSet(
     "photo-tourism",
     "phototourism",
     ("photo-tourism-data",),
-    "NeRF-W's split. An embedding is found on the left half of a test photo, in 128 steps of Adam "
-    "at 0.01, and the right half is scored (B.1, B.3). 200,000 steps (B.3).",
     scoring="half",
-    steps=200_000,
+    steps=200_000,  # B.3
     methods=(
         "desplat-phototourism",
         "desplat-phototourism-paper",
@@ -157,9 +136,6 @@ MIPNERF360 = DataSet(
     "mipnerf360",
     "mipnerf360",
     ("colmap", "--eval-mode", "interval", "--eval-interval", "8"),
-    "Seven scenes without distractors, photos of rooms 2 times smaller and those of outdoors 4 "
-    "times (B.1); 30,000 steps (B.3). Every eighth photo tests, as is usual on this data set; "
-    "counted as nerfstudio counts, by COLMAP's numbers.",
 )
 _ROOMS = "room:room counter:counter kitchen:kitchen bonsai:bonsai"
 MIPNERF360_SCENES = (

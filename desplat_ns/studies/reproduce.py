@@ -343,7 +343,6 @@ def conditions_of(grid: Grid) -> dict[str, Any]:
         return sorted({str(record.scores[name]) for record in done if name in record.scores})
 
     return {
-        "the paper's protocol": {of.name: of.said for of in (s.data_set for s in grid.contents)},
         "the paper's LPIPS net": LPIPS_NET,
         "LPIPS net": said("lpips_net"),
         "no LPIPS because": said("lpips_reason"),

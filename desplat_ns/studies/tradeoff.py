@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from desplat_ns.backend.registry import compile_kernels, default_device
-from desplat_ns.console import announce, progress_in_time
+from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.files.whole import only_process_in
 from desplat_ns.settings.effects import AppearanceGrade, Effects
@@ -83,21 +83,19 @@ class Study:
         names = (run.name for run in self.planned if run.key not in self.records)
         return [name for name in names if name not in self.failed]
 
-    def finish(self, runs: Iterable[Run], tell: Callable[[str], None]) -> dict[str, str]:
-        """Do runs that have no record; why some failed. `tell` is told of each that begins."""
-
-        def told() -> Iterator[Run]:
-            for run in runs:
-                tell(f"training: {run.name}")
-                yield run
+    def finish(self, runs: Iterable[Run]) -> dict[str, str]:
+        """Do runs that have no record; why some failed."""
 
         def done(run: Run, record: Record) -> None:
             self.records[run.key] = record
             psnr, seconds = record.scores["psnr"], record.scores["train_wall_seconds"]
-            announce(f"{run.name}: {psnr:.2f} dB after {seconds:.0f} s of training")
+            announce(
+                f"{run.name}: {psnr:.2f} dB after {seconds:.0f} s of training. Spent: "
+                f"{self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
+            )
 
         folder = (self.output / RUNS).resolve()
-        return self.executor.finish(told(), self.output / FILE, folder, done)
+        return self.executor.finish(runs, self.output / FILE, folder, done)
 
 
 def tradeoff(
@@ -115,8 +113,7 @@ def tradeoff(
     with only_process_in(output):
         compile_kernels("auto", default_device())  # no part of the time that was given
         study = open_study(data, parser, output, seconds, executor)
-        with progress_in_time(seconds, lambda: study.spent) as tell:
-            do_study(study, tell)
+        do_study(study)
         return write_page(study)
 
 
@@ -141,11 +138,11 @@ def open_study(
     return Study(capture, output, seconds, executor, records)
 
 
-def do_study(study: Study, tell: Callable[[str], None]) -> None:
-    """Do the runs that are not done and for which time is left; `tell` is told of each. Raises
-    DeSplatError where the first run failed, ConfigError where records cannot be written."""
+def do_study(study: Study) -> None:
+    """Do the runs that are not done and for which time is left. Raises DeSplatError where the first
+    run failed, ConfigError where records cannot be written."""
     study.planned = [run_of(study.capture)]
-    for failure in study.finish(study.planned, tell).values():
+    for failure in study.finish(study.planned).values():
         raise DeSplatError(f"The first run failed. {failure}")
     most = method_config(BASE).nominal_num_iterations
     pace = pace_of(study.planned, study.records)
@@ -157,7 +154,7 @@ def do_study(study: Study, tell: Callable[[str], None]) -> None:
         f"{count}. Of the others those are done that fit into the time."
     )
     runs = fitting(study.planned, study.records, lambda: study.seconds - study.spent)
-    study.failed = study.finish(runs, tell)
+    study.failed = study.finish(runs)
 
 
 # --- which runs --------------------------------------------------------------------------------

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,16 @@ from desplat_ns.commands.parser_words import parse
 from desplat_ns.commands.report import Report
 from desplat_ns.commands.reproduce import Arguments
 from desplat_ns.errors import CaptureError, ConfigError
-from tests.helpers.quick_command import check_quick_command
+
+SCRIPT = """
+import sys
+from importlib import import_module
+name, *sys.argv = sys.argv[1:]
+try:
+    import_module(f"desplat_ns.commands.{name}").main()
+finally:
+    assert not {"torch", "nerfstudio.engine.trainer"} & set(sys.modules), "a heavy import"
+"""
 
 ABSENT = ["--load-config", "absent.yml"]
 
@@ -44,7 +55,11 @@ ABSENT = ["--load-config", "absent.yml"]
 def test_help_and_mistakes_import_nothing_heavy(
     command: str, arguments: list[str], status: int, words: str, checkout: Path
 ):
-    check_quick_command(command, arguments, status, words, checkout)
+    line = [sys.executable, "-c", SCRIPT, command, f"desplat-{command}", *arguments]
+    done = subprocess.run(line, cwd=checkout, capture_output=True, text=True)
+    assert words in done.stdout + done.stderr
+    assert "heavy" not in done.stderr
+    assert done.returncode == status
 
 
 def test_options_that_cannot_be_are_named(tmp_path: Path):

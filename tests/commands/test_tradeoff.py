@@ -8,14 +8,13 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.commands.tradeoff import recognised_words
-from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.errors import CaptureError
 from desplat_ns.studies import tradeoff as module
 from desplat_ns.studies.records import FILE, RUNS, load
 from desplat_ns.studies.runs import PICTURES, Executor, Run
 from desplat_ns.studies.tradeoff import BASE, Capture, tradeoff
 from lab.reproduce.smoke import here
 from lab.synthetic import Scene
-from tests.helpers.other_process import running
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
 
@@ -40,13 +39,6 @@ def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, mo
     assert (tmp_path / "out" / RUNS / "fewer-4-42" / PICTURES).is_dir()
     tradeoff(*given)
     assert load(tmp_path / "out" / FILE) == records, "all of it was done"
-
-
-def test_a_second_study_in_the_same_folder_is_refused(tmp_path: Path, checkout: Path):
-    code = "from pathlib import Path; from desplat_ns.files.whole import *\n"
-    code += f"with only_process_in(Path({str(tmp_path / 'out')!r})):\n    wait()"
-    with running(code, checkout) as first, pytest.raises(ConfigError, match=str(first.pid)):
-        tradeoff(Path("photos"), PARSER, tmp_path / "out", 60.0, Executor())
 
 
 def test_layouts_are_found_and_read_as_ns_train_would(tiny_scene: Scene, tmp_path: Path):

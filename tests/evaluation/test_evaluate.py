@@ -6,11 +6,8 @@ import json
 import math
 
 import pytest
-import torch
-from torch import nn
 
-from desplat_ns.evaluation.evaluate import gaussian_counts, summarize
-from desplat_ns.evaluation.scorer import ScoredImage
+from desplat_ns.evaluation.evaluate import ScoredImage, summarize
 
 
 def _image(seconds: float = 1.0, **metrics: float) -> ScoredImage:
@@ -35,13 +32,3 @@ def test_figures_that_are_not_finite_never_reach_the_json(value: float):
     assert "psnr" not in result
     assert result["ssim"] == pytest.approx(0.6)
     json.dumps(result, allow_nan=False)
-
-
-def test_without_distractors_their_count_and_memory_are_0():
-    params = nn.ParameterDict({"means": torch.zeros(250, 3)})
-    assert gaussian_counts(params, None) == {
-        "num_static_gaussians": 250,
-        "num_distractor_gaussians": 0,
-        "static_memory_mb": pytest.approx(0.003),
-        "distractor_memory_mb": 0.0,
-    }

@@ -1,12 +1,15 @@
-"""Left half to the embedding, right half to the figures, and nothing else moves."""
+"""Left half to the embedding, right half to the figures, and nothing else moves; right halves
+are scored, in a light found on the left ones or in the average."""
 
 from __future__ import annotations
 
 import pytest
 import torch
 
-from desplat_ns.errors import CaptureError
+from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.evaluation import evaluate as module
 from desplat_ns.evaluation.config import EvaluationConfig
+from desplat_ns.evaluation.evaluate import Scorer
 from desplat_ns.evaluation.halves import (
     as_function_of_embedding,
     embedding_from_left_half,
@@ -71,3 +74,83 @@ def test_what_a_mask_leaves_out_does_not_reach_the_embedding(model):
     other = torch.where(mask, photo, 1 - photo)
     fits = [embedding_from_left_half(model, held_out(), p, SHORT, mask) for p in (photo, other)]
     assert torch.equal(*fits)
+
+
+# --- scores ------------------------------------------------------------------------------
+
+
+def by_left_half(model: DeSplatModel, config: EvaluationConfig) -> Scorer:
+    """Right halves, each in the light that the left half asks for."""
+    return Scorer(model, "right half", config)
+
+
+def test_all_else_stays_bit_identical(model):
+    before = {
+        name: value.clone() for name, value in model.state_dict().items() if torch.is_tensor(value)
+    }
+    protocol = by_left_half(model, SHORT)
+    protocol.score(held_out(), {"image": torch.rand(HEIGHT, WIDTH, 3)}, "a")
+    after = model.state_dict()
+    assert all(torch.equal(after[name], value) for name, value in before.items())
+    assert all(p.grad is None for p in model.parameters())
+    assert not model.training
+
+
+@pytest.mark.slow
+def test_the_light_of_a_photo_is_found_again(model):
+    photo = photo_in_the_light_of(model, 2)
+    config = EvaluationConfig(steps=128, learning_rate=0.05)
+    scored, _ = by_left_half(model, config).score(held_out(), {"image": photo}, "a")
+    assert scored.metrics["psnr"] > scored.metrics["psnr_before"] + 6
+
+
+def test_images_do_not_influence_each_other(model):
+    photos = [photo_in_the_light_of(model, view) for view in (0, 2)]
+    together, alone = by_left_half(model, SHORT), by_left_half(model, SHORT)
+    together.score(held_out(), {"image": photos[0]}, "first")
+    _, after = together.score(held_out(), {"image": photos[1]}, "second")
+    _, first = alone.score(held_out(), {"image": photos[1]}, "second")
+    assert torch.equal(after["img"], first["img"])
+
+
+def test_figures_are_the_right_halfs(model, monkeypatch):
+    """A photo that is right on the left and wrong on the right scores as wrong."""
+    photo = photo_in_the_light_of(model, 1)
+    mean = model.image_effects.mean()
+    protocol, known = by_left_half(model, SHORT), model.image_effects.of(1).detach()
+    monkeypatch.setattr(module, "embedding_from_left_half", lambda *_: known)
+    right, _ = protocol.score(held_out(), {"image": photo}, "a")
+    assert right.metrics["psnr"] == pytest.approx(100)
+    left_half(photo)[:] = 0
+    same, _ = protocol.score(held_out(), {"image": photo}, "a")
+    assert same.metrics["psnr"] == right.metrics["psnr"]
+    right_half(photo)[:] = 0
+    wrong, _ = protocol.score(held_out(), {"image": photo}, "a")
+    assert wrong.metrics["psnr"] < 30
+    assert torch.equal(mean, model.image_effects.mean())
+
+
+def test_right_halves_without_embeddings_are_scored_in_the_average_light(model):
+    photo = photo_in_the_light_of(model, 1)
+    scored, pictures = Scorer(model, "right half").score(held_out(), {"image": photo}, "a")
+    both, _ = by_left_half(model, SHORT).score(held_out(), {"image": photo}, "a")
+    assert scored.metrics["psnr"] == both.metrics["psnr_before"]
+    assert "psnr_before" not in scored.metrics
+    assert pictures["img"].shape == (HEIGHT, 2 * WIDTH, 3)
+    left_half(photo)[:] = 0.0
+    again, _ = Scorer(model, "right half").score(held_out(), {"image": photo}, "a")
+    assert again.metrics == scored.metrics
+
+
+def test_which_protocol_holds(model):
+    assert Scorer.of(model, SHORT).fit is SHORT
+    right, full = (Scorer.of(model, EvaluationConfig(protocol=p)) for p in ("right", "full"))
+    assert (right.region, right.fit) == ("right half", None)
+    plain = Scorer.of(model_with("off"), EvaluationConfig())
+    assert (full.region, full.fit) == (plain.region, plain.fit) == ("full image", None)
+    with pytest.raises(ConfigError, match="--steps"):
+        Scorer.of(model, EvaluationConfig(steps=-1))
+    with pytest.raises(ConfigError, match="--learning-rate"):
+        Scorer.of(model, EvaluationConfig(learning_rate=0.0))
+    with pytest.raises(ConfigError, match="appearance"):
+        Scorer.of(model_with("off"), EvaluationConfig(protocol="half"))

@@ -48,11 +48,6 @@ def test_iou_and_alpha_outside_are_means_over_the_views_with_masks(tmp_path: Pat
     assert scores["alpha_outside_masks"] == pytest.approx(((2 * 0.8 + 4 * 0.1) / 6 + 0.1) / 2)
 
 
-def test_nothing_predicted_where_nothing_is_scores_1(tmp_path: Path):
-    masks = [None, write_mask(tmp_path / "1.png", 0)]
-    assert score_masks(_draw, _views(masks))["mask_iou"] == 1.0
-
-
 def test_a_mask_over_everything_leaves_alpha_outside_undefined(tmp_path: Path):
     scores = score_masks(_draw, _views([write_mask(tmp_path / "0.png", WIDTH)]))
     assert "alpha_outside_masks" not in scores

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from desplat_ns.backend.protocol import Splats
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.export.formats import FORMATS, Y_DOWN, Y_UP
+from desplat_ns.export.formats import FORMATS, Y_UP
 from desplat_ns.export.splat_cloud import (
     Similarity,
     baked,
@@ -144,12 +144,6 @@ def test_up_is_up_and_the_captures_scale_is_kept(suffix: str, up: int):
     raised = replace(cloud(count=1), means=np.array([[0.0, 0.0, 2.0]]))
     assert np.allclose(moved(raised, by).means, [[0, 20 * up, 0]])
     assert np.linalg.det(by.turn) == pytest.approx(1.0), "nothing is mirrored"
-
-
-def test_training_coordinates_stay_as_they_are():
-    by = similarity_to("training", np.eye(4)[:3] * 3.0, 0.1, Y_DOWN)
-    scene = cloud()
-    assert np.array_equal(moved(scene, by).means, scene.means)
 
 
 def test_a_transform_that_stretches_is_refused():

@@ -27,8 +27,6 @@ COST = Cost(
     trained_on="the CPU",
 )
 
-FIGURE = {"name": "covered", "value": None, "threshold": 0.004, "meaning": "share of the places"}
-
 
 def noise(seed: int, width: int = 48, height: int = 32) -> np.ndarray:
     """A picture that hardly shrinks when it is compressed."""
@@ -65,7 +63,7 @@ def contents(**changes: Any) -> Contents:
         held_out=[held_out_photo("extra.png")],
         results={"psnr": 25.0, "ssim": 0.9, "num_images": 1, "protocol": "full image"},
         history=History((Chart("Loss", {"loss": loss}, True),), 200.0),
-        reasons=[EffectReason("distractors", "on", "Something is in the way.", figures=[FIGURE])],
+        reasons=[EffectReason("distractors", "on", "Something is in the way.")],
         config="outputs/yard/desplat/run/config.yml",
     )
     return replace(made_up, **changes)

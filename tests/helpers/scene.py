@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import torch
 
-from desplat_ns.backend.protocol import RenderSettings, View
+from desplat_ns.backend.protocol import View
 from desplat_ns.backend.spherical_harmonics import C0
-from desplat_ns.backend.torch_tiles import TorchRasterizer
 from desplat_ns.export.splat_cloud import SplatCloud
-from desplat_ns.scene.gather import Contents, Light, PageCamera, splats_of
+from desplat_ns.scene.gather import Contents, Light, PageCamera
+from tests.helpers import splat_files
 
 WIDTH, HEIGHT = 200, 150
 BACKGROUND = (0.2, 0.4, 0.1)
@@ -22,23 +22,17 @@ PHOTO = (250, 240, 20)
 
 def cloud(seed: int = 0, count: int = 300, degree: int = 2) -> SplatCloud:
     """Gaussians of all shapes within about one unit of the origin, a little view-dependent."""
-    rng = np.random.default_rng(seed)
-    quats = rng.normal(size=(count, 4))
-    harmonics = rng.normal(size=(count, (degree + 1) ** 2, 3)) * 0.08
-    harmonics[:, 0] = rng.uniform(-1.5, 1.5, (count, 3))
-    return SplatCloud(
-        means=rng.normal(size=(count, 3)) * 0.5,
-        quats=(quats / np.linalg.norm(quats, axis=1, keepdims=True)).astype(np.float32),
-        scales=np.exp(rng.uniform(-4, -1.5, (count, 3))).astype(np.float32),
-        opacities=rng.uniform(0.2, 1, count).astype(np.float32),
-        harmonics=harmonics.astype(np.float32),
-    )
+    made = splat_files.cloud(seed, count, degree)
+    harmonics = made.harmonics * 0.4
+    harmonics[:, 0] *= 10
+    means = (made.means - splat_files.IN_FRONT) * 0.7
+    return replace(made, means=means, scales=made.scales * np.float32(0.5), harmonics=harmonics)
 
 
 def red_disc() -> SplatCloud:
     """What was taken out of a photo: a red disc near the camera that looks from `view(0)`."""
     count = 4
-    red = (np.array([1.0, 0.0, 0.0]) - 0.5) / 0.28209479177387814
+    red = (np.array([1.0, 0.0, 0.0]) - 0.5) / C0
     return SplatCloud(
         means=np.tile([0.0, -2.4, 0.5], (count, 1)),
         quats=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
@@ -101,11 +95,7 @@ def drawn(
     cloud: SplatCloud, view: View, background: tuple[float, float, float] = BACKGROUND
 ) -> np.ndarray:
     """Our own picture of it [H, W, 3], over a colour, in [0, 1]."""
-    view = replace(view, viewmat=view.viewmat.float(), K=view.K.float())
-    settings = RenderSettings(antialiased=cloud.antialiased)
-    rendering = TorchRasterizer()(splats_of(cloud, "cpu"), view, settings)
-    image = rendering.rgb + (1 - rendering.alpha) * torch.tensor(background)
-    return image.clamp(0, 1).numpy()
+    return splat_files.drawn(cloud, view, background).clip(0, 1)
 
 
 def psnr(image: np.ndarray, other: np.ndarray) -> float:

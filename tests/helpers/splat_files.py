@@ -46,8 +46,8 @@ def view(viewmat: np.ndarray | None = None) -> View:
     return View(torch.from_numpy(pose).double(), intrinsics, 48, 40)
 
 
-def drawn(cloud: SplatCloud, view: View) -> np.ndarray:
-    """The picture [H, W, 3], on black, in float64."""
+def drawn(cloud: SplatCloud, view: View, background: tuple[float, ...] = (0, 0, 0)) -> np.ndarray:
+    """The picture [H, W, 3] over a colour, in float64."""
     splats = Splats(
         *(
             torch.from_numpy(values.astype(np.float64))
@@ -57,7 +57,8 @@ def drawn(cloud: SplatCloud, view: View) -> np.ndarray:
     )
     view = replace(view, viewmat=view.viewmat.double(), K=view.K.double())
     with mock.patch.object(projection, "NEAR_PLANE", 1e-6):
-        return TorchRasterizer()(splats, view, RenderSettings()).rgb.numpy()
+        drawn = TorchRasterizer()(splats, view, RenderSettings(antialiased=cloud.antialiased))
+    return (drawn.rgb + (1 - drawn.alpha) * torch.tensor(background).double()).numpy()
 
 
 def read_splats(content: bytes, kind: str = "spz") -> SplatCloud:

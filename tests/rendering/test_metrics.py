@@ -20,8 +20,6 @@ from desplat_ns.rendering.metrics import (
     PSNR_MAX,
     LazyLpips,
     image_metrics,
-    mask_iou,
-    mean_alpha_outside,
     psnr,
     ssim,
 )
@@ -75,22 +73,6 @@ def test_ssim_agrees_with_scikit_image():
 
 
 # --- masks --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("pred", "truth", "expected"),
-    [([1, 1, 0, 0], [0, 1, 1, 0], 1 / 3), ([0, 0], [1, 1], 0.0), ([0, 0], [0, 0], 1.0)],
-)
-def test_mask_iou_of_hand_worked_pairs(pred: list[int], truth: list[int], expected: float):
-    a, b = torch.tensor(pred).bool(), torch.tensor(truth).bool()
-    assert mask_iou(a, b) == mask_iou(b, a) == pytest.approx(expected)
-
-
-def test_mean_alpha_outside_counts_only_pixels_off_the_mask():
-    alpha = torch.tensor([[[0.9], [0.2]], [[0.0], [0.4]]])
-    mask = torch.tensor([[[True], [False]], [[False], [False]]])
-    assert mean_alpha_outside(alpha, mask) == pytest.approx((0.2 + 0.0 + 0.4) / 3)
-    assert mean_alpha_outside(alpha, torch.ones_like(mask)) is None
 
 
 # --- LPIPS --------------------------------------------------------------------------------------
@@ -153,12 +135,6 @@ def test_without_weights_lpips_is_none_and_says_why_once(
     said = capsys.readouterr().out
     assert "no network" in lpips.reason and f"{tmp_path}/hub/checkpoints/alexnet" in lpips.reason
     assert said.count("LPIPS") == 1 and "[/cache]/[alex].pth" in said  # brackets are no markup
-
-
-def test_metrics_without_weights_have_no_lpips_key(offline: type[_Offline]):
-    pred, truth = _pair(0, 40, 40)
-    assert set(image_metrics(pred, truth, LazyLpips())) == {"psnr", "ssim"}
-    assert offline.calls == 1
 
 
 def test_lpips_is_built_when_first_called_as_splatfacto_builds_it(online: type[_Distance]):

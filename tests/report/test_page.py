@@ -106,13 +106,6 @@ def test_photos_that_are_covered_most_come_first_and_those_that_are_not_are_fold
     assert re.findall(r"<h3>(\d)\.jpg", folded.partition("</details>")[0]) == ["0", "3"]
 
 
-@pytest.mark.parametrize("share", [0.0, None, 0.2])
-def test_where_all_photos_are_alike_none_is_folded(share: float | None):
-    html = photos_covered(share, share).partition('<h2 id="curves"')[0]
-    assert re.findall(r"<h3>(\d)\.jpg", html) == ["0", "1"]
-    assert "<details>" not in html
-
-
 def test_pictures_stand_with_their_photo():
     photos = [training_photo(f"{n}.jpg") for n in range(4)]
     photos.insert(2, training_photo("plain.jpg", distractors=None, mask=None))

@@ -1,10 +1,9 @@
 """What an error map shows."""
 
-import numpy as np
 import pytest
 
 from desplat_ns.report.pictures import ERROR_COLORS, ERROR_TOP, error_map
-from tests.helpers.report import flat, noise
+from tests.helpers.report import flat
 
 
 def test_equal_pictures_have_no_error_and_large_errors_the_brightest_colour():
@@ -14,8 +13,3 @@ def test_equal_pictures_have_no_error_and_large_errors_the_brightest_colour():
     off = round(255 * ERROR_TOP / 2)
     colour = error_map(flat((0, 0, 0)), flat((off, off, off)))[0, 0]
     assert colour.tolist() == pytest.approx(ERROR_COLORS[2], abs=2)
-
-
-def test_the_sign_of_an_error_means_nothing():
-    photo, other = noise(0), noise(1)
-    assert np.array_equal(error_map(photo, other), error_map(other, photo))

@@ -95,28 +95,19 @@ def test_a_path_below_the_working_folder_is_written_from_there(tmp_path: Path, m
 
 
 def finding(decision: Any, confidence: str) -> dict[str, Any]:
-    figure = {"name": "covered", "value": None, "threshold": 0.004, "meaning": "share of places"}
-    return {
-        "decision": decision,
-        "confidence": confidence,
-        "reason": "Because.",
-        "figures": [figure],
-        "could_not_tell": ["what is before the sky"],
-    }
+    return {"decision": decision, "confidence": confidence, "reason": "Because."}
 
 
 SURVEY = {"appearance": finding("camera", "close"), "background": finding("off", "none")}
 
 
-def test_an_effect_has_the_surveys_reason_and_figures():
+def test_an_effect_has_the_surveys_reason():
     effects = Effects(True, "camera", "off")
     distractors, appearance, background = effect_reasons(effects, SURVEY, 29, ["a.jpg", "b.jpg"])
     assert (distractors.value, appearance.value, background.value) == ("on", "camera", "off")
     assert "2 of 29" in distractors.why and "a.jpg, b.jpg" in distractors.why
     assert appearance.why.startswith("Because.")
     assert [part.is_unsure for part in (distractors, appearance, background)] == [False, True, True]
-    assert appearance.figures[0]["value"] is None
-    assert appearance.could_not_tell == ["what is before the sky"]
 
 
 def test_an_effect_that_was_given_against_the_survey_says_so():

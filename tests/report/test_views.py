@@ -19,13 +19,6 @@ def test_a_photo_that_shows_a_place_alone_is_named_with_its_share_and_side():
     assert alone(["a.jpg", "b.jpg"], twice_or_never, torch.zeros(2, 3, 2)) == []
 
 
-def test_those_that_show_most_alone_come_first():
-    shown = torch.tensor([[1, 1, 0, 0, 0], [0, 1, 1, 0, 0], [0, 0, 0, 1, 1]], dtype=torch.bool)
-    photos = alone(["a", "b", "c"], shown, torch.full((3, 5, 2), 0.1))
-    assert [(photo.name, photo.share) for photo in photos] == [("c", 1.0), ("a", 0.5), ("b", 0.5)]
-    assert {photo.side for photo in photos} == {"upper left"}
-
-
 def test_a_trained_run_is_looked_at(trained: Path):
     pipeline = load_run(find_run(trained)).pipeline
     photos, angles = seen_alone(pipeline), angles_of_held_out(pipeline)

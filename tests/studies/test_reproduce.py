@@ -12,17 +12,12 @@ from typing import Any
 import pytest
 
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
-from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.fetch.sources import SOURCES
-from desplat_ns.rendering import metrics
 from desplat_ns.studies import reproduce as module
 from desplat_ns.studies.methods import Content
 from desplat_ns.studies.paper import (
-    LPIPS_NET,
     MEAN,
     METHODS,
-    PHOTO_TOURISM,
-    ROBUSTNERF,
     TABLES,
     TableName,
     figures_of,
@@ -175,33 +170,6 @@ def test_the_page_has_ours_the_papers_and_the_difference(made, tmp_path: Path):
 
 
 # --- the paper -----------------------------------------------------------------------------------
-
-
-def test_scenes_are_as_small_as_the_supplement_says():
-    """B.1."""
-    outdoor, indoor = ("bicycle", "garden", "stump"), ("room", "counter", "kitchen", "bonsai")
-    five = ("Statue", "Android", "Crab (1)", "Crab (2)", "Yoda")
-    six = ("Mountain", "Fountain", "Corner", "Patio", "Spot", "Patio-High")
-    expected: dict[TableName, dict[str, int]] = {
-        "robustnerf": dict.fromkeys(five, 8),
-        "on-the-go": {**dict.fromkeys(six, 8), "Patio": 4},
-        "A6": {**dict.fromkeys(outdoor, 4), **dict.fromkeys(indoor, 2)},
-    }
-    for table, sizes in expected.items():
-        assert {scene.name: scene.downscale for scene in TABLES[table].scenes} == sizes
-    ratios = TABLES["fig9"].scenes
-    assert {scene.folder for scene in ratios} == {"crab2", "yoda"}
-    assert len({scene.key for scene in ratios}) == 10
-
-
-def test_photo_tourism_finds_light_on_the_left_half_in_128_steps_at_001():
-    """B.1 and B.3."""
-    assert PHOTO_TOURISM.scoring == "half" and PHOTO_TOURISM.steps == 200_000
-    assert (EvaluationConfig().steps, EvaluationConfig().learning_rate) == (128, 0.01)
-    assert METHODS["desplat-phototourism-paper"].scoring(PHOTO_TOURISM) == "half"
-    assert METHODS["splatfacto"].scoring(PHOTO_TOURISM) == "right", "the same pixels"
-    assert METHODS["desplat-phototourism-paper"].scoring(ROBUSTNERF) == "full"
-    assert LPIPS_NET == metrics.LazyLpips().net == EvaluationConfig().lpips_net
 
 
 @pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.errors import ConfigError, DeSplatError
+from desplat_ns.errors import DeSplatError
 from desplat_ns.studies import runs as module
 from desplat_ns.studies.machine import code_version
 from desplat_ns.studies.records import FILE, Record, load
@@ -118,22 +118,6 @@ def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(tmp_path: Path):
 
     Executor(do=made_up).finish(coming(), tmp_path / FILE, tmp_path, keep)
     assert events == [(what, seed) for seed in range(4) for what in ("asked", "done")]
-
-
-def test_no_further_run_begins_once_a_record_cannot_be_written(tmp_path: Path, monkeypatch):
-    begun = []
-
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    def do(run: Run, folder: Path) -> Record:
-        begun.append(run)
-        monkeypatch.setattr("os.fsync", full)
-        return made_up(run, folder)
-
-    with pytest.raises(ConfigError):
-        Executor(do=do).finish(RUNS, tmp_path / FILE, tmp_path)
-    assert len(begun) == 1
 
 
 def test_a_study_without_ray_says_what_to_install(monkeypatch, tmp_path: Path):

@@ -143,7 +143,7 @@ def sit(time: Time, tmp_path: Path) -> Sit:
         time.done.clear()
         records = open_records(tmp_path)
         study = Study(CAPTURE, tmp_path, seconds, Executor(do=time.do), records)
-        do_study(study, lambda what: None)
+        do_study(study)
         return study
 
     return session

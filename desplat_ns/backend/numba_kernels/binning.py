@@ -36,9 +36,6 @@ from desplat_ns.backend.numba_kernels.runtime import kernel, new_counter, num_wo
 CHUNK = 512
 """Gaussians that one worker bins at a time."""
 
-BITS, DIGITS = 11, 3
-"""Depths, 32 bits, are sorted by so many digits of so many bits."""
-
 
 class Gaussians(NamedTuple):
     """Projected Gaussians as flat arrays, float32."""
@@ -98,36 +95,6 @@ def _visible_keys(gaussians, depth_bits, radii, cutoff, keys):
         keys[count] = ((bits ^ flip) << np.uint64(32)) | np.uint64(i)
         count += 1
     return count
-
-
-@kernel()
-def _sorted(keys, other):
-    """The keys in order; both arrays are written over.
-
-    A radix sort by the depths in their upper halves: the indices in the lower ones are in order
-    already. A tenth of what numpy's sort takes.
-    """
-    counts = np.zeros((DIGITS, 1 << BITS), np.int64)
-    for key in keys:
-        for digit in range(DIGITS):
-            counts[digit, _digit(key, digit)] += 1
-    for digit in range(DIGITS):
-        places, total = counts[digit], 0
-        for value in range(places.size):
-            number = places[value]
-            places[value] = total
-            total += number
-        for key in keys:
-            value = _digit(key, digit)
-            other[places[value]] = key
-            places[value] += 1
-        keys, other = other, keys
-    return keys
-
-
-@part()
-def _digit(key, digit):
-    return np.int64((key >> np.uint64(32 + BITS * digit)) & np.uint64((1 << BITS) - 1))
 
 
 @part()
@@ -268,7 +235,7 @@ def tile_lists(
     keys = np.empty(radii.size, np.uint64)
     bits = gaussians.depths.view(np.uint32)
     keys = keys[: _visible_keys(gaussians, bits, radii, cutoff, keys)]
-    keys = _sorted(keys, np.empty_like(keys))
+    keys.sort()
     ids = (keys & np.uint64(0xFFFFFFFF)).astype(np.int32)
     stride = FEATURES + max(4, -(-(gaussians.channels + with_depth) // 4) * 4)
     records = np.empty(ids.size * stride, np.float32)

@@ -102,11 +102,3 @@ def test_fma_rounds_once():
     a = np.float32(1 + 2**-12)
     # a^2 = 1 + 2^-11 + 2^-24; rounded to float32 first, the last term would be lost.
     assert call_fma(a, a, np.float32(-1 - 2**-11)) == np.float32(2**-24)
-
-
-def test_keys_are_sorted_by_all_bits_of_their_upper_halves():
-    rng = np.random.default_rng(7)
-    depths = np.concatenate([2 ** np.arange(32), rng.integers(0, 2**32, 500), [5, 5]])
-    keys = rng.permutation(depths).astype(np.uint64) << np.uint64(32)
-    keys |= np.arange(keys.size, dtype=np.uint64)
-    assert (binning._sorted(keys.copy(), np.empty_like(keys)) == np.sort(keys)).all()
