@@ -15,12 +15,10 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
-    Task,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.progress_bar import ProgressBar
 
 from desplat_ns.errors import printable
 
@@ -81,24 +79,3 @@ def progress_with_time_left(label: str) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=CONSOLE, transient=True) as bar:
         task = bar.add_task(f"[green]{escape(label)}", total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
-@contextmanager
-def progress_in_time(seconds: float, spent: Callable[[], float]) -> Iterator[Any]:
-    """A bar that fills as time goes by; calling what is yielded says what is being done.
-
-    Args:
-        seconds: that the whole may take.
-        spent: how many of them are over.
-    """
-
-    class Clock(BarColumn):
-        def render(self, task: Task) -> ProgressBar:
-            task.completed = min(spent(), seconds) / 60
-            return super().render(task)
-
-    times = TextColumn("{task.completed:.0f} of {task.total:.0f} min")
-    columns = (Clock(), times, TextColumn("{task.description}"))
-    with Progress(*columns, console=CONSOLE, transient=True) as bar:
-        task = bar.add_task("", total=seconds / 60)
-        yield lambda what: bar.update(task, description=escape(what))

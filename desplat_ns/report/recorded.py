@@ -230,9 +230,11 @@ def read_survey(path: Path) -> dict[str, Any] | None:
     """A survey's findings as they were written; None if there are none that can be read."""
     try:
         findings = json.loads(path.read_text("utf8"))
-    except (OSError, ValueError):
+        told = [findings[effect] for effect in SURVEYED]
+        is_whole = all(type(each[key]) is str for each in told for key in ("decision", "reason"))
+        return findings if is_whole and all(e["confidence"] in CONFIDENCE for e in told) else None
+    except (OSError, ValueError, KeyError, TypeError):
         return None
-    return findings if isinstance(findings, dict) and {*SURVEYED} <= set(findings) else None
 
 
 def effect_reasons(

@@ -117,7 +117,11 @@ def test_an_effect_that_was_given_against_the_survey_says_so():
     assert not appearance.is_unsure
 
 
-@pytest.mark.parametrize("content", ["", "[1, 2]", "{}", "{", '{"appearance": {}}'])
+ODD = '{"appearance": {}, "background": {}}'
+WORDS = ODD.replace("{}", '{"decision": "off", "reason": "", "confidence": "sure"}')
+
+
+@pytest.mark.parametrize("content", ["", "[1, 2]", "{}", "{", '{"appearance": {}}', ODD, WORDS])
 def test_findings_that_cannot_be_read_are_none(tmp_path: Path, content: str):
     path = tmp_path / "survey.json"
     path.write_text(content)
