@@ -110,8 +110,7 @@ class DeSplatTrainer(Trainer):
         """
         config = self.config
         with run_folder(self.base_dir), ExitStack() as stack:
-            with plain_errors(self.base_dir, "--output-dir"):
-                stack.enter_context(only_process_in(self.base_dir))
+            stack.enter_context(only_process_in(self.base_dir))
             self._saved = config.saved_run()
             refuse_to_replace(self.checkpoint_dir, None if self._saved is None else self._saved[0])
             self._started += compile_kernels(self._model_config.backend, config.machine.device_type)

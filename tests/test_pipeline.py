@@ -139,13 +139,6 @@ def test_a_run_that_trains_stays_on_its_device(tiny_run, tmp_path: Path, monkeyp
     assert tiny_run(tmp_path).pipeline.setup(device="cpu").device.type == "cpu"
 
 
-def test_photos_too_small_for_the_first_steps_stop_before_training(tiny_run, tmp_path: Path):
-    config = tiny_run(tmp_path)
-    config.pipeline.model.num_downscales = 5
-    with pytest.raises(CaptureError, match="48x32"):
-        config.pipeline.setup(device="cpu")
-
-
 def test_ns_render_is_told_that_ffmpeg_is_missing_before_anything_is_loaded(monkeypatch):
     monkeypatch.setenv("PATH", "")
     monkeypatch.setattr("sys.argv", ["/bin/ns-render", "interpolate"])

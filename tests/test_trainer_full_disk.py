@@ -63,6 +63,6 @@ def test_a_last_save_that_fails_ends_the_run_with_its_reason(config, capsys):
 
 
 def test_a_disk_that_is_full_from_the_start_is_a_plain_error(config, capsys):
-    with full_disk(0), pytest.raises(ConfigError, match="--output-dir"):
+    with full_disk(0), pytest.raises(ConfigError, match="written"):
         set_up(config)
     assert not config.get_base_dir().exists()

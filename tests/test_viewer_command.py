@@ -85,7 +85,7 @@ def test_the_viewer_shows_each_layer_and_at_first_the_static_scene(viewer: Any, 
     assert torch.equal(outputs["rgb"], outputs["rgb_static"])
     assert not outputs["alpha_distractor"].any()
     assert picture.any()
-    control.view.value = 2
+    control.view.value = control.names[2]
     for layer, output in (
         ("composite", "rgb_composite"),
         ("distractors", "rgb_distractor"),

@@ -136,10 +136,14 @@ def only_process_in(folder: Path) -> Iterator[None]:
             f"Another process is at work in '{folder}'. Wait for its end, or name another folder."
         ) from error
     except OSError as error:
-        raise ConfigError(
-            f"Nothing can be written to '{folder}' ({error}). Name another folder."
-        ) from error
+        raise ConfigError(f"'{folder}' cannot be made ({error}). Name another folder.") from error
     try:
+        try:
+            path.write_text("in use\n")  # a full disk is told at once
+        except OSError as error:
+            raise ConfigError(
+                f"Nothing can be written to '{folder}' ({error}). Name another folder."
+            ) from error
         yield
     finally:
         with suppress(OSError):
