@@ -71,9 +71,10 @@ def fit_response(
 ) -> Float[Tensor, " 5"]:
     """The numbers with which the scene's colours come closest to a photo's.
 
-    Gauss-Newton from no change on the Geman-McClure loss of the differences, whose scale shrinks
-    from step to step; pixels in which the photo is at the end of its range say nothing and are left
-    out.
+    Gauss-Newton from no change on the Geman-McClure loss of the differences. Its scale shrinks from
+    step to step, from ten times `OUTLIER`, which finds large changes of exposure, and once more
+    from `OUTLIER` itself, if something large stands in front; the better end counts. Pixels in
+    which the photo is at the end of its range say nothing and are left out.
 
     Args:
         rgb: the scene's colours, >= 0.
@@ -85,14 +86,23 @@ def fit_response(
     rgb, photo, radius2 = rgb.double(), photo.double(), radius2.double()
     in_range = ((photo > FLOOR) & (photo < 1 - FLOOR)).all(dim=-1)
     rgb, photo, radius2 = rgb[in_range], photo[in_range], radius2[in_range]
-    numbers, slopes_of = rgb.new_zeros(NUMBERS), jacfwd(camera_response, argnums=1)
-    ridge = 1e-4 * max(1, len(rgb)) * torch.eye(NUMBERS).to(numbers)
-    for i in range(FIT_ROUNDS):
-        scale = OUTLIER * max(1.0, 10 * 0.75**i)
-        slopes = slopes_of(rgb, numbers, radius2).reshape(-1, NUMBERS)
-        error = (photo - camera_response(rgb, numbers, radius2)).reshape(-1)
-        weight = (1 + (error / scale).square()).reciprocal().square()[:, None]
-        normal = slopes.T @ (weight * slopes) + ridge
-        step = torch.linalg.solve(normal, slopes.T @ (weight[:, 0] * error) - ridge @ numbers)
-        numbers = (numbers + step.clamp(-0.5, 0.5)).clamp(-3, 3)
-    return numbers.float()
+    ridge = 1e-4 * max(1, len(rgb)) * torch.eye(NUMBERS).to(rgb)
+    slopes_of = jacfwd(camera_response, argnums=1)
+
+    def fitted(widest: float) -> tuple[float, Tensor]:
+        numbers, loss = rgb.new_zeros(NUMBERS), rgb.new_zeros(())
+        for i in range(FIT_ROUNDS + 1):
+            scale = OUTLIER * max(1.0, widest * 0.75**i)
+            error = (photo - camera_response(rgb, numbers, radius2)).reshape(-1)
+            share = (1 + (error / scale).square()).reciprocal()
+            loss = (1 - share).sum() + numbers @ ridge @ numbers
+            if i == FIT_ROUNDS:
+                break
+            slopes = slopes_of(rgb, numbers, radius2).reshape(-1, NUMBERS)
+            weight = share.square()[:, None]
+            normal = slopes.T @ (weight * slopes) + ridge
+            step = torch.linalg.solve(normal, slopes.T @ (weight[:, 0] * error) - ridge @ numbers)
+            numbers = (numbers + step.clamp(-0.5, 0.5)).clamp(-3, 3)
+        return float(loss), numbers
+
+    return min((fitted(widest) for widest in (10.0, 1.0)), key=lambda end: end[0])[1].float()

@@ -10,6 +10,7 @@ import torch
 from desplat_ns.backend.protocol import View
 from desplat_ns.photo_tourism.camera_response import (
     FLOOR,
+    OUTLIER,
     camera_response,
     fit_response,
     squared_radius,
@@ -74,6 +75,17 @@ def test_what_stands_in_front_does_not_set_the_light():
     photo[: len(photo) // 4] = torch.tensor([0.9, 0.1, 0.1])
     fitted = fit_response(0.6 * rgb, photo, radius2)
     torch.testing.assert_close(fitted, LIGHT, atol=0.06, rtol=0)
+
+
+def test_a_dark_thing_at_the_border_is_not_taken_for_vignetting():
+    """Its pixels, two fifths, fit one light, and all others one like the scene's."""
+    rgb, radius2 = scene()
+    photo = camera_response(0.6 * rgb, 0.2 * LIGHT, radius2).clamp(0, 1)
+    covered = radius2[:, 0] > radius2.quantile(0.6)
+    seen = photo[~covered]
+    photo[covered] = torch.tensor([0.05, 0.06, 0.04])
+    shown = camera_response(0.6 * rgb, fit_response(0.6 * rgb, photo, radius2), radius2)
+    torch.testing.assert_close(shown.clamp(0, 1)[~covered], seen, atol=OUTLIER / 2, rtol=0)
 
 
 def test_a_black_or_overexposed_photo_and_one_without_pixels_tell_nothing():
