@@ -351,10 +351,10 @@ def page(job: Job, record: Figures) -> str:
     ]
     errors = [
         [f"{row['scene']}, {row['backend']}"]
-        + [f"{row[key]:.1e}" for key in ("picture", "largest", "gradient")]
+        + [f"{row[key]:.1e}" for key in ("picture", "gradient")]
         for row in parts.get("parity", {"rows": ()})["rows"]
     ]
-    head = ["float32 against float64", "RMSE of colours", "largest error", "error of gradients"]
+    head = ["float32 against float64", "RMSE of colours", "error of gradients"]
     seconds = parts.get("kernels", {}).get("seconds")
     tested = parts.get("tests", {})
     lines = [
