@@ -278,8 +278,8 @@ class DeSplatTrainer(Trainer):
         self.pipeline.model.is_logged = self.optimizers.is_logged = is_logged
         loss, terms, metrics = super().train_iteration(step)
         self._steps_done = step + 1
-        # nerfstudio clears `stop_training` once its viewer is filled
-        self.stop_training |= self._stop_is_asked or self.optimizers.exhausted
+        if self._stop_is_asked or self.optimizers.exhausted:
+            self.stop_training = True  # nerfstudio clears it once its viewer is filled
         if self._budget is not None:
             kept = [p for each in self.optimizers.optimizers.values() for p in parameters_of(each)]
             with_moments = sum(3 * p.numel() * p.element_size() for p in kept)
