@@ -24,7 +24,9 @@ SSIM_ERROR = 22 * U / SSIM_C2
 """Bound on the SSIM of images whose variance is 0, from docs/dev/stability.md."""
 
 
-def check(output: Tensor, leaf: Tensor, value: Tensor, slope: Tensor, *bounds: Tensor | float):
+def assert_within(
+    output: Tensor, leaf: Tensor, value: Tensor, slope: Tensor, *bounds: Tensor | float
+):
     """Hold an output to its value, and the gradient of its sum by a leaf to its slope."""
     (got_slope,) = torch.autograd.grad(output.sum(), leaf)
     for got, want, bound in ((output, value, bounds[0]), (got_slope, slope, bounds[1])):
@@ -39,7 +41,7 @@ def test_nearly_opaque_distractors_leave_their_share_to_what_is_behind():
     clear = (1 - alpha.double()).expand(-1, 1, 3)
     got = composite_color(front, alpha, behind)
     # 1 - alpha, the product and the sum are rounded; 1 - alpha is exact where alpha >= 1/2.
-    check(got, behind, front.double() + clear * 0.625, clear, 3 * U, U * clear)
+    assert_within(got, behind, front.double() + clear * 0.625, clear, 3 * U, U * clear)
 
 
 def test_two_opaque_layers_leave_nothing_for_the_background():
@@ -50,7 +52,7 @@ def test_two_opaque_layers_leave_nothing_for_the_background():
     got = over_background(torch.zeros(9, 1, 3), composite_alpha(alpha_d, alpha_s), background)
     clear = ((1 - alpha_d.double()) * (1 - alpha_s.double())).expand(-1, 1, 3)
     # alpha is near 1, so that 1 - alpha has its absolute error, not its relative one.
-    check(got, background, clear, clear, 6 * U, 4 * U)
+    assert_within(got, background, clear, clear, 6 * U, 4 * U)
 
 
 def test_colours_are_clamped_exactly_and_learn_on_the_closed_range_alone():
@@ -58,14 +60,14 @@ def test_colours_are_clamped_exactly_and_learn_on_the_closed_range_alone():
     rgbs = rgbs.reshape(-1, 3).requires_grad_()
     exact = rgbs.detach().double()
     inside = ((exact >= 0) & (exact <= 1)).double()
-    check(clamp_colors(rgbs), rgbs, exact.clamp(0, 1), inside, 0.0, 0.0)
+    assert_within(clamp_colors(rgbs), rgbs, exact.clamp(0, 1), inside, 0.0, 0.0)
 
 
 def test_opacity_logits_may_lie_far_out():
     logits = torch.tensor([-1e30, -1e4, -90, -20, -1, -0.0, 0, 1, 20, 90, 1e4, 1e30])
     exact = torch.sigmoid(logits.double())
     slope = exact * torch.sigmoid(-logits.double())
-    check(sigmoid(logits.requires_grad_()), logits, exact, slope, 6 * U, 8 * U)
+    assert_within(sigmoid(logits.requires_grad_()), logits, exact, slope, 6 * U, 8 * U)
 
 
 def test_log_scales_may_lie_far_out_and_learn_nothing_above_their_limit():
@@ -78,7 +80,7 @@ def test_log_scales_may_lie_far_out_and_learn_nothing_above_their_limit():
     want = raw.detach().double().clamp(max=MAX_LOG_SCALE).exp()
     slope = torch.where(raw.detach() > MAX_LOG_SCALE, 0.0, want)
     got = activate_static(params, 0).scales
-    check(got, raw, want, slope, 4 * U * want + TINY, 4 * U * slope + TINY)
+    assert_within(got, raw, want, slope, 4 * U * want + TINY, 4 * U * slope + TINY)
 
 
 def test_flat_images_have_an_ssim_and_a_gradient():
@@ -92,7 +94,7 @@ def test_flat_images_have_an_ssim_and_a_gradient():
         slope = (2 * y * bottom - 2 * x * top) / bottom**2
         # A gradient divides by a mean square or a variance once more: at most 1 / C1 or 1 / C2.
         allowed = SSIM_ERROR * (slope.abs() + 2 / SSIM_C2)
-        check(value, level, top / bottom, slope, SSIM_ERROR, allowed)
+        assert_within(value, level, top / bottom, slope, SSIM_ERROR, allowed)
 
 
 def test_where_distractors_own_every_pixel_the_static_scene_has_nothing_to_learn():
@@ -100,4 +102,4 @@ def test_where_distractors_own_every_pixel_the_static_scene_has_nothing_to_learn
     static.requires_grad_()
     loss = photometric_loss(static, photo, 0.2, torch.ones(14, 17, 1))
     zero = torch.zeros(14, 17, 3).double()
-    check(loss, static, zero.sum(), zero, 0.2 * SSIM_ERROR, 2 * SSIM_ERROR)
+    assert_within(loss, static, zero.sum(), zero, 0.2 * SSIM_ERROR, 2 * SSIM_ERROR)
