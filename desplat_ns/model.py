@@ -243,7 +243,8 @@ class DeSplatModel(SplatfactoModel):
     ) -> dict[str, Tensor]:
         """The terms of Eq. 5 and 12, and those that `distractors.static_alone` and `opacity_prior`
         add; training adds them up. Outside of training, those of the static scene."""
-        config, step, layer, sky = self.config, self.train_step, self.layer, self.effects.background
+        config, layer, sky = self.config, self.layer, self.effects.background
+        step = self.train_step if self.training else None
         if step is not None and (sky != "off" or batch["image"].shape[2] == 4):
             light = self.embedding_of(step.index)
             behind = self._photographed(outputs["background"], step.view, light)

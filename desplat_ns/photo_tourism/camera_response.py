@@ -31,7 +31,7 @@ FIT_ROUNDS = 20
 
 OUTLIER = 0.08
 """Colour difference at which a pixel counts a quarter in the last steps of `fit_response`: what
-stands in front of the scene must not set its light. The first steps take ten times as much."""
+stands in front of the scene must not set its light."""
 
 
 def squared_radius(view: View) -> Float[Tensor, "H W 1"]:

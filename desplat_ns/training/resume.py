@@ -13,7 +13,7 @@ import torch
 
 from desplat_ns.errors import CheckpointError
 
-FORMAT = 1
+FORMAT = 2
 """Version of `SceneRecord`, raised whenever checkpoints are no longer those of before."""
 
 
