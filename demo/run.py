@@ -105,7 +105,7 @@ def write_page(run: Run) -> None:
     """What `desplat-report` does; here, because another process would take longer to start."""
     from desplat_ns.commands.report import Report
 
-    Report(run.config, run.output / PAGE).main()
+    Report(run.config, output=run.output / PAGE).main()
 
 
 def draw_views(run: Run, scene: Scene) -> list[tuple[str, list[Picture]]]:
