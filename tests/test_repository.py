@@ -31,7 +31,7 @@ def test_no_tracked_file_is_of_one_machine_or_large(checkout: Path):
             content = path.read_bytes()
             assert len(content) <= LARGEST and path.name not in LOCK_FILES, path
             text = "" if b"\0" in content else content.decode()
-            assert not FOREIGN.search(text) and f"{checkout.parent}/" not in text, path
+            assert not FOREIGN.search(text) and f"{checkout}/" not in text, path
 
 
 def test_the_root_method_configs_is_a_link_into_the_package(checkout: Path):
