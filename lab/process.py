@@ -19,7 +19,6 @@ import pycolmap
 import tyro
 from jaxtyping import Float
 
-from desplat_ns.commands.process import run
 from desplat_ns.process.request import Request
 from lab import parser_of
 
@@ -76,7 +75,7 @@ def main() -> None:
     for name in ("photos", "known", "output"):
         parser.add_argument(name, metavar=name.upper())
     chosen, options = parser.parse_known_args()
-    run(tyro.cli(Request, args=[chosen.photos, chosen.output, *options]))
+    tyro.cli(Request, args=[chosen.photos, chosen.output, *options]).main()
     fit = compare(Path(chosen.output), Path(chosen.known))
     print(
         f"{fit.num_known - len(fit.missing)} of the {fit.num_known} known photos have a pose"

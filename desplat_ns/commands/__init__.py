@@ -1,17 +1,16 @@
-"""The package's own commands, one file each: options and printing only. `parser_words` reads the
-name and the options of a data parser behind a command's own.
-"""
+"""The package's own commands, one file each: options and printing only."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import tyro
 
-from desplat_ns.errors import print_user_errors_plainly
+from desplat_ns.errors import ConfigError, print_user_errors_plainly
 from desplat_ns.runs.files import RunFiles, find_run
 from desplat_ns.settings.options import check_ranges
 
@@ -40,3 +39,37 @@ def run(command: Any, **options: Any) -> None:
     """
     print_user_errors_plainly()
     tyro.cli(command, prog=Path(sys.argv[0]).name, **options).main()
+
+
+def run_on_capture(command: Any, name: str) -> None:
+    """As `run`, for a command whose options a data parser's name and options may follow, as those
+    of ns-train; `main` is given these words. They are not looked at here: data parsers come from
+    nerfstudio, which takes seconds to import.
+    """
+    print_user_errors_plainly()
+    options, words = split_words(command, name, sys.argv[1:])
+    options.main(words)
+
+
+def split_words(command: Any, name: str, words: Sequence[str]) -> tuple[Any, tuple[str, ...]]:
+    """A command's options, and the data parser's words that follow them. The capture, the first
+    word, may also stand anywhere as `--data CAPTURE` or `--data=CAPTURE`, as ns-train takes it.
+
+    Raises:
+        ConfigError: an option is not known, and no data parser is named before it.
+    """
+    words = list(words)
+    for at, word in enumerate(words):
+        option, is_joined, value = word.partition("=")
+        if option == "--data":
+            end = at + 1 if is_joined else at + 2
+            data = [value] if is_joined else words[at + 1 : end]
+            words = [*data, *words[:at], *words[end:]]
+            break
+    parsed, rest = tyro.cli(command, prog=name, args=words, return_unknown_args=True)
+    if rest and rest[0].startswith("-"):
+        raise ConfigError(
+            f"{rest[0]} is no option of {name}; see --help. Options of a data parser follow its "
+            f"name, as in: {name} DATA colmap --downscale-factor 2."
+        )
+    return parsed, tuple(rest)

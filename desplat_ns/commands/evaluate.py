@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +96,5 @@ class Evaluate(OfRun):
         return config
 
 
-def main() -> None:
-    """Entry point of the command."""
-    run(Evaluate, description=__doc__)
+main = partial(run, Evaluate, description=__doc__)
+"""Entry point of the command."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -117,6 +118,5 @@ Command = (
 )
 
 
-def main() -> None:
-    """Entry point of the command."""
-    run(Command, description=__doc__)
+main = partial(run, Command, description=__doc__)
+"""Entry point of the command."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -48,6 +49,5 @@ class Arguments:
         announce(f"    {source.train.format(scene=scenes[0])}")
 
 
-def main() -> None:
-    """Entry point of the command."""
-    run(Arguments)
+main = partial(run, Arguments)
+"""Entry point of the command."""

@@ -2,23 +2,10 @@
 
 from __future__ import annotations
 
-import tyro
+from functools import partial
 
-from desplat_ns.errors import print_user_errors_plainly
-from desplat_ns.process.request import Request, find_sources
+from desplat_ns.commands import run
+from desplat_ns.process.request import Request
 
-
-def run(request: Request) -> None:
-    """Check what can be checked at once, then make the capture; raises as `process.process`."""
-    request.check()
-    sources = find_sources(request.photos, request.output)
-
-    from desplat_ns.process.process import process  # takes a second: not before the checks
-
-    process(request, sources)
-
-
-def main() -> None:
-    """Entry point of the command."""
-    print_user_errors_plainly()
-    run(tyro.cli(Request, prog="desplat-process", description=__doc__))
+main = partial(run, Request, description=__doc__)
+"""Entry point of the command."""

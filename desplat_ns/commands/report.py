@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from desplat_ns.commands import OfRun, run
@@ -42,6 +43,5 @@ class Report(OfRun):
         write_report(files, output, self.training_photos, self.held_out_photos, self.scene)
 
 
-def main() -> None:
-    """Entry point of the command."""
-    run(Report, description=__doc__)
+main = partial(run, Report, description=__doc__)
+"""Entry point of the command."""

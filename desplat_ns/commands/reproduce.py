@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -76,6 +77,5 @@ class Arguments:
         announce(f"Written: {folder / 'table.md'}, and table.json beside it.")
 
 
-def main() -> None:
-    """Entry point of the command."""
-    run(Arguments)
+main = partial(run, Arguments)
+"""Entry point of the command."""

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from desplat_ns.commands.parser_words import data_parser, parse
-from desplat_ns.errors import CaptureError, ConfigError, print_user_errors_plainly
+from desplat_ns.commands import run_on_capture
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.files.whole import check_new_file
 
 if TYPE_CHECKING:  # seconds: not before the options are checked
@@ -23,8 +23,8 @@ class Arguments:
 
     A data parser's name and its options may follow, as in ns-train: colmap, nerfstudio-data,
     robustnerf-data, photo-tourism-data, on-the-go-data, or another of nerfstudio's. Without them
-    the capture's layout is recognised, as there. `desplat-survey DATA colmap --help` lists the
-    options of colmap.
+    the capture's layout is recognised, as there. `ns-train desplat colmap --help` lists the options
+    of colmap.
     """
 
     data: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")] = None
@@ -52,10 +52,13 @@ class Arguments:
         from desplat_ns.console import announce
         from desplat_ns.datamanager import without_prompts
         from desplat_ns.files.whole import plain_errors, write_whole
+        from desplat_ns.layouts.choices import AnyDataParser
         from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
         from desplat_ns.survey.survey import evidence_picture, survey
 
-        chosen: Any = data_parser("desplat-survey", parser) if parser else DeSplatDataParserConfig()
+        chosen: Any = DeSplatDataParserConfig()
+        if parser:
+            chosen = tyro.cli(AnyDataParser, prog="desplat-survey DATA", args=list(parser))
         chosen.data = self.data
         outputs = without_prompts(chosen).setup().get_dataparser_outputs("train")
         findings, evidence = survey(outputs)
@@ -69,8 +72,5 @@ class Arguments:
         return findings
 
 
-def main() -> None:
-    """Entry point of the command."""
-    print_user_errors_plainly()
-    arguments, parser = parse(Arguments, "desplat-survey", sys.argv[1:])
-    arguments.main(parser)
+main = partial(run_on_capture, Arguments, "desplat-survey")
+"""Entry point of the command."""

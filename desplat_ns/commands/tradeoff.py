@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from desplat_ns.commands.parser_words import parse
+from desplat_ns.commands import run_on_capture
 from desplat_ns.console import announce
 from desplat_ns.cores import cores
-from desplat_ns.errors import CaptureError, print_user_errors_plainly
+from desplat_ns.errors import CaptureError
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.training.schedule import seconds_of
 
@@ -25,8 +25,8 @@ class Arguments:
     """Measure what accuracy costs in time: lengths, sizes of photos, effects.
 
     A data parser's name and its options, as `ns-train` takes them, may follow; without them the
-    capture's layout is recognised, as there. `desplat-tradeoff DATA colmap --help` lists the
-    options of colmap.
+    capture's layout is recognised, as there. `ns-train desplat colmap --help` lists the options of
+    colmap.
     """
 
     data: Annotated[Path, tyro.conf.Positional]
@@ -74,8 +74,5 @@ def recognised_words(data: Path) -> tuple[str, ...]:
     return recognition.words
 
 
-def main() -> None:
-    """Entry point of the command."""
-    print_user_errors_plainly()
-    arguments, parser = parse(Arguments, "desplat-tradeoff", sys.argv[1:])
-    arguments.main(parser)
+main = partial(run_on_capture, Arguments, "desplat-tradeoff")
+"""Entry point of the command."""

@@ -2,6 +2,6 @@
 
 `request` has the options and finds the photos. `process.process` is the one function: it goes on
 with what is in the work folder, and says what came out. `video` and `photos` give copies, masks
-and groups of photos of one camera. `worker` runs the rest in a process of its own, which is all
-that speaks to pycolmap: `reconstruction` (features, pairs, matches, poses) and `undistortion`.
+and groups of photos of one camera. pycolmap does the rest: `reconstruction` (features, pairs,
+matches, poses) and `undistortion`.
 """

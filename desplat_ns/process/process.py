@@ -15,6 +15,7 @@ import json
 import shlex
 import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from statistics import median
 from time import monotonic
@@ -22,15 +23,23 @@ from typing import Any
 
 from desplat_ns.console import announce, list_names, progress_with_time_left
 from desplat_ns.cores import cores
-from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.files.whole import IN_USE, only_process_in, write_whole
+from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
+from desplat_ns.files.whole import (
+    FEW_BYTES,
+    IN_USE,
+    check_room,
+    free_bytes,
+    only_process_in,
+    write_whole,
+)
 from desplat_ns.process.photos import Photo, group_by_camera, prepare_masks, prepare_photos
 from desplat_ns.process.reconstruction import FEW, PLAIN, THOROUGH, Attempt, Recipe, reconstruct
 from desplat_ns.process.request import MIN_PHOTOS, Request, Sources
 from desplat_ns.process.undistortion import undistort
-from desplat_ns.process.worker import in_worker, unwritable
 
 RECORD = "process.json"
+BYTES = 4_000_000
+"""Of a photo at most: its copies, 8,192 features by two recipes, and their matches."""
 LISTED = 20
 """Reasons that are told, each with the first photos it holds for; process.json has all."""
 FEW_PHOTOS = 8
@@ -67,8 +76,17 @@ def process(request: Request, sources: Sources) -> None:
             shutil.rmtree(output / "work", ignore_errors=True)
             (output / RECORD).unlink()
             raise
-        except OSError as error:
-            raise unwritable(output, error) from error
+        except (OSError, RuntimeError) as error:
+            if free_bytes(output) < FEW_BYTES:
+                raise DeSplatError(
+                    f"The disk of {output} is full. What is done is kept: make room, and the same "
+                    "command goes on where it stopped. A smaller --longest-side, in another "
+                    "folder, needs less."
+                ) from error
+            raise ConfigError(
+                f"{output} could not be made ({error}). What is done is kept: the same command "
+                "goes on where it stopped. If that happens again, name another folder."
+            ) from error
         for line in report_lines(output, findings):
             announce(line, warning=line.startswith("Warning"))
         if not request.keep_work:
@@ -170,8 +188,18 @@ def _make(request: Request, sources: Sources) -> dict[str, Any]:
 
 
 def _run(request: Request, do: Any, *arguments: Any) -> Any:
-    """What a function of pycolmap's side returns, in the worker."""
-    return in_worker(request.output / "work", do, *arguments, request.threads or cores())
+    """What a function of pycolmap's side returns, with a bar for each stage of its progress."""
+    stage, show = "", None
+    with ExitStack() as bar:
+
+        def progress(name: str, done: int, total: int) -> None:
+            nonlocal stage, show
+            if show is None or name != stage:
+                bar.close()
+                stage, show = name, bar.enter_context(progress_with_time_left(name))
+            show(done, total)
+
+        return do(*arguments, request.threads or cores(), progress)
 
 
 def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
@@ -188,6 +216,8 @@ def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
         folder = work / "frames"
         with progress_with_time_left("Video") as show:
             names = take_frames(sources.folder / names[0], folder, request.frames, show)
+    # COLMAP's threads end the process where the disk is full
+    check_room(request.output, BYTES * len(names), "copies and features take up to", "OUTPUT")
     side, threads = request.longest_side, request.threads or cores()
     with progress_with_time_left("Photos") as show:
         photos = prepare_photos(folder, names, work / "photos", side, threads, show)

@@ -1,4 +1,4 @@
-"""Features, matches and poses of photos by pycolmap, plainly or thoroughly. Runs in the worker.
+"""Features, matches and poses of photos by pycolmap, plainly or thoroughly.
 
 COLMAP's database and models are the record of what is done: what is in them is not done again.
 Where the camera moves, the scene moves in the picture, and what stays is fixed to the camera: a
@@ -31,7 +31,12 @@ from desplat_ns.errors import CaptureError
 from desplat_ns.files.whole import draft_of
 from desplat_ns.process.photos import Camera
 from desplat_ns.process.request import MIN_PHOTOS
-from desplat_ns.process.worker import Progress
+
+# All that pycolmap tells stands on the console else, between the bars of progress.
+pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value
+
+Progress = Callable[[str, int, int], None]
+"""Called with the name of a stage, what is done of it, and what there is to do."""
 
 Count = Callable[[int, int], None]
 """Called with what is done of a stage and what there is to do."""

@@ -3,6 +3,7 @@ that takes time."""
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -72,6 +73,16 @@ class Request:
             wrong.append(f"--mask is {self.mask}, which does not exist.")
         if wrong:
             raise ConfigError(" ".join(wrong))
+
+    def main(self) -> None:
+        """Check what can be checked at once, then make the capture; raises as `process.process`."""
+        self.check()
+        sources = find_sources(self.photos, self.output)
+        os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read as pycolmap is imported
+
+        from desplat_ns.process.process import process  # takes a second: not before the checks
+
+        process(self, sources)
 
     def lasting(self) -> dict[str, str]:
         """The options that a second call must share with the first, by their names."""

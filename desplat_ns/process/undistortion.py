@@ -1,5 +1,5 @@
 """The capture: photos without distortion, the model that goes with them, and a picture of cameras
-and points from above. Runs in the worker.
+and points from above.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from desplat_ns.console import list_names
 from desplat_ns.files.whole import write_whole
 from desplat_ns.process.photos import JPEG_QUALITY
-from desplat_ns.process.worker import Progress
+from desplat_ns.process.reconstruction import Progress
 
 MOST_POINTS = 30_000
 """In the picture from above."""

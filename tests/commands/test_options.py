@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.commands import survey, tradeoff
+from desplat_ns.commands import split_words, survey, tradeoff
 from desplat_ns.commands.evaluate import Evaluate
-from desplat_ns.commands.parser_words import parse
 from desplat_ns.commands.report import Report
 from desplat_ns.commands.reproduce import Arguments
 from desplat_ns.errors import CaptureError, ConfigError
@@ -93,32 +92,11 @@ def test_the_capture_is_named_as_ns_train_takes_it_too(data: list[str]):
         ]
     for words in orders:
         for command in (survey.Arguments, tradeoff.Arguments):
-            arguments, rest = parse(command, "desplat-survey", words)
+            arguments, rest = split_words(command, "desplat-survey", words)
             assert (arguments.data, arguments.output) == (Path("a"), Path("o"))
             assert rest == tuple(parser)
 
 
 def test_an_option_that_is_not_known_is_not_taken_for_a_data_parsers():
     with pytest.raises(ConfigError, match="--tiem"):
-        parse(tradeoff.Arguments, "desplat-tradeoff", ["photos", "--tiem", "5min"])
-
-
-@pytest.mark.usefixtures("tyro_may_build")
-@pytest.mark.parametrize(
-    ("words", "usage", "option"),
-    [
-        (["--time", "5min", "-h"], "usage: desplat-tradeoff [-h]", "--time"),
-        (["photos", "--help"], "usage: desplat-tradeoff [-h]", "--time"),
-        (
-            ["photos", "robustnerf-data", "--help"],
-            "usage: desplat-tradeoff DATA robustnerf-data",
-            "--train-split-clean-clutter-ratio",
-        ),
-    ],
-)
-def test_help_is_that_of_the_data_parser_if_one_is_named(words, usage: str, option: str, capsys):
-    with pytest.raises(SystemExit) as caught:
-        parse(tradeoff.Arguments, "desplat-tradeoff", words)
-    said = capsys.readouterr()
-    assert caught.value.code == 0 and not said.err
-    assert said.out.startswith(usage) and option in said.out
+        split_words(tradeoff.Arguments, "desplat-tradeoff", ["photos", "--tiem", "5min"])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.commands.parser_words import parse
+from desplat_ns.commands import split_words
 from desplat_ns.commands.survey import Arguments
 from desplat_ns.errors import ConfigError
 
@@ -26,7 +26,7 @@ def test_a_capture_is_found_and_the_findings_are_written(tiny_scene, tmp_path: P
 def test_a_data_parser_and_its_options_choose_the_photos(tiny_scene, tmp_path: Path):
     clean = ("robustnerf-data", "--train-split-clean-clutter-ratio", "0")
     words = [str(tiny_scene.folder), "--output", str(tmp_path / "clean"), *clean]
-    arguments, parser = parse(Arguments, "desplat-survey", words)
+    arguments, parser = split_words(Arguments, "desplat-survey", words)
     assert arguments.main(parser).num_photos == tiny_scene.spec.num_views
     colmap = Arguments(tiny_scene.folder, tmp_path / "all").main(("colmap",))
     assert colmap.num_photos > tiny_scene.spec.num_views

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +10,12 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from desplat_ns.commands.process import run
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.layouts.recognition import recognise
-from desplat_ns.process import process, video
+from desplat_ns.process import video
 from desplat_ns.process.process import open_record, report_lines
 from desplat_ns.process.request import Request
-from tests.helpers.yard import CLOSE, EDGE, Yard, places_of, silent, write_mask_of_the_mark
+from tests.helpers.yard import CLOSE, EDGE, Yard, places_of, write_mask_of_the_mark
 
 
 def findings_of(output: Path) -> dict[str, Any]:
@@ -33,7 +31,7 @@ def test_plain_features_pose_all_photos_in_their_places(yard: Yard, tmp_path: Pa
     views = range(len(yard.pictures))
     photos, out = yard.write(tmp_path / "fotos über", views), tmp_path / "out"
     (photos / "cut off.png").write_bytes((photos / "00.png").read_bytes()[:5000])
-    run(Request(photos, out, effort="plain", threads=1))
+    Request(photos, out, effort="plain", threads=1).main()
     assert (findings_of(out)["photos"], findings_of(out)["of"]) == (12, 12)
     assert yard.farthest(out / "sparse" / "0", {f"{view:02d}.jpg": view for view in views}) < CLOSE
     assert recognise(out).layout.name == "COLMAP"
@@ -48,7 +46,7 @@ def test_thorough_features_stay_off_what_a_mask_blackens_and_pose_all_photos(
     views = range(1, 11, 2)
     photos = yard.write(tmp_path / "photos", views, is_marked=True)
     mask, out = write_mask_of_the_mark(tmp_path / "mask.png"), tmp_path / "out"
-    run(Request(photos, out, effort="thorough", mask=mask, threads=1, keep_work=True))
+    Request(photos, out, effort="thorough", mask=mask, threads=1, keep_work=True).main()
     place = out / "work" / "thorough"
     places = np.concatenate([*places_of(place / "database.db").values()])
     assert len(places) > 0 and (places[:, 1] < EDGE + 1).all()
@@ -65,19 +63,9 @@ def test_the_frames_of_a_video_have_their_places(
 
     monkeypatch.setattr(video, "LEAST_GAP", video.STEP)
     film, out = yard.film(tmp_path / "walk.mp4"), tmp_path / "out"
-    run(Request(film, out, effort="plain", threads=1))
+    Request(film, out, effort="plain", threads=1).main()
     views = {path.name: view_of(path.name) for path in (out / "images").iterdir()}
     assert yard.farthest(out / "sparse" / "0", views) < CLOSE
-
-
-@pytest.fixture
-def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing runs in a process of its own, which takes seconds to start."""
-
-    def in_worker(work: Path, do: Callable[..., Any], *arguments: Any) -> Any:
-        return do(*arguments, silent)
-
-    monkeypatch.setattr(process, "in_worker", in_worker)
 
 
 def noise(seed: int, height: int = 60, width: int = 80) -> np.ndarray:
@@ -85,7 +73,6 @@ def noise(seed: int, height: int = 60, width: int = 80) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 256, (height, width, 3), np.uint8)
 
 
-@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize("kind", ["noise", "bare", "tiny", "one place"])
 def test_photos_that_share_nothing_or_one_place_are_refused(tmp_path: Path, yard: Yard, kind: str):
     (tmp_path / "photos").mkdir()
@@ -97,14 +84,14 @@ def test_photos_that_share_nothing_or_one_place_are_refused(tmp_path: Path, yard
         PIL.Image.fromarray(pixels).save(tmp_path / "photos" / f"{i}.png")
     said = "camera does not move" if kind == "one place" else r"0\.png"
     with pytest.raises(CaptureError, match=said):
-        run(Request(tmp_path / "photos", tmp_path / "out", effort="plain", threads=1))
+        Request(tmp_path / "photos", tmp_path / "out", effort="plain", threads=1).main()
 
 
 def test_photos_that_are_all_the_same_are_told_and_nothing_is_left(photo_writer, tmp_path):
     for name in "abcd":
         photo_writer(tmp_path / "p" / f"{name}.png", 60, 40)
     with pytest.raises(CaptureError, match=r"a\.png"):
-        run(Request(tmp_path / "p", tmp_path / "out"))
+        Request(tmp_path / "p", tmp_path / "out").main()
     assert not (tmp_path / "out").exists()
 
 

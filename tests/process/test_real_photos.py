@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.commands.process import run
 from desplat_ns.process.request import Request
 from lab.process import compare
 
@@ -33,7 +32,7 @@ def test_of_two_places_the_one_with_more_photos_is_taken_and_the_other_named(
     for photo in [*photos_of(fox, 0, 9), *others]:
         shutil.copy(photo, tmp_path / "photos")
     out = tmp_path / "out"
-    run(Request(tmp_path / "photos", out, effort="plain", threads=1))
+    Request(tmp_path / "photos", out, effort="plain", threads=1).main()
     found = json.loads((out / "process.json").read_text("utf8"))["findings"]
     assert (found["photos"], found["of"], found["others"]) == (9, 17, [8])
     assert [photo["source"] for photo in found["left_out"]] == [photo.name for photo in others]

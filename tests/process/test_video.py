@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 import pytest
 
-from desplat_ns.commands.process import run
 from desplat_ns.data.images import read_image
 from desplat_ns.errors import CaptureError
 from desplat_ns.process.request import Request
@@ -45,7 +44,7 @@ def test_a_video_whose_camera_stands_still_is_refused_and_leaves_nothing(
     still = Yard([yard.pictures[0]] * views, yard.centres, yard.pixel)
     film = still.film(tmp_path / "FILM Ä 1.MP4")
     with pytest.raises(CaptureError, match=rf"FILM Ä 1\.MP4 has {3 * views} frames"):
-        run(Request(film, tmp_path / "out"))
+        Request(film, tmp_path / "out").main()
     assert not (tmp_path / "out").exists()
 
 
