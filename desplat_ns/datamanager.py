@@ -7,11 +7,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import torch
+import tyro
 from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.configs.dataparser_configs import all_dataparsers
 from nerfstudio.data.datamanagers.full_images_datamanager import (
     FullImageDatamanager,
     FullImageDatamanagerConfig,
@@ -25,13 +27,31 @@ from desplat_ns.console import announce
 from desplat_ns.data.colmap import with_pycolmap
 from desplat_ns.data.dataset import CaptureDataset, Photo, PhotoReader
 from desplat_ns.data.gt_masks import METADATA_KEY
+from desplat_ns.data.on_the_go import on_the_go_dataparser
 from desplat_ns.data.photo_cache import BoundedPhotos, PhotoMemory, PhotosOfCameras
+from desplat_ns.data.robustnerf import robustnerf_dataparser
 from desplat_ns.data.training_views import image_names
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
-from desplat_ns.layouts.choices import AnyDataParser
-from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
+from desplat_ns.layouts.dataparser import DeSplatDataParserConfig, desplat_dataparser
+from desplat_ns.photo_tourism.dataparser import photo_tourism_dataparser
 from desplat_ns.settings.options import check_ranges, ranged
+
+OURS = {
+    "desplat-data": desplat_dataparser.config,
+    "robustnerf-data": robustnerf_dataparser.config,
+    "photo-tourism-data": photo_tourism_dataparser.config,
+    "on-the-go-data": on_the_go_dataparser.config,
+}
+"""Also without the package's entry points: a checkout can be used without being installed."""
+
+if TYPE_CHECKING:
+    AnyDataParser = DataParserConfig
+else:
+    AnyDataParser = tyro.conf.OmitSubcommandPrefixes[
+        tyro.extras.subcommand_type_from_defaults({**OURS, **all_dataparsers}, prefix_names=False)
+    ]
+"""Union of the configurations of nerfstudio's dataparsers and ours, as tyro's subcommands."""
 
 
 @dataclass

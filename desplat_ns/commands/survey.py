@@ -50,9 +50,8 @@ class Arguments:
         import cv2  # seconds: not before the checks
 
         from desplat_ns.console import announce
-        from desplat_ns.datamanager import without_prompts
+        from desplat_ns.datamanager import AnyDataParser, without_prompts
         from desplat_ns.files.whole import plain_errors, write_whole
-        from desplat_ns.layouts.choices import AnyDataParser
         from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
         from desplat_ns.survey.survey import evidence_picture, survey
 

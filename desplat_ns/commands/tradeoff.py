@@ -67,7 +67,7 @@ class Arguments:
 def recognised_words(data: Path) -> tuple[str, ...]:
     """The data parser, and its options, that ns-train takes for a capture; says which and why.
     Raises CaptureError where none is found."""
-    from desplat_ns.layouts.recognition import recognise
+    from desplat_ns.layouts.dataparser import recognise
 
     recognition = recognise(data)
     announce(recognition.line())

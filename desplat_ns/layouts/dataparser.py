@@ -1,16 +1,349 @@
-"""`desplat-data`: the dataparser that looks at the capture and takes the one that reads it."""
+"""Which layout a capture has: what was found, what else could be read, or what is missing; and
+`desplat-data`, the dataparser that takes the one that reads it.
+
+To add a layout, write what finds it and enter it in `LAYOUTS`, before those that are less specific.
+"""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 from nerfstudio.data.dataparsers.base_dataparser import DataParser, DataParserConfig
+from nerfstudio.data.dataparsers.blender_dataparser import BlenderDataParserConfig
+from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
-from desplat_ns.console import announce
-from desplat_ns.layouts.recognition import recognise
+from desplat_ns.console import announce, list_names
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.colmap_model import find_models
+from desplat_ns.data.on_the_go import (
+    SPLIT_FILE,
+    TRANSFORMS_FILE,
+    OnTheGoDataParserConfig,
+    read_split,
+)
+from desplat_ns.data.photo_files import downscale_factors, photo_names, photos_near
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig, describe
+from desplat_ns.data.transforms_json import TransformsDataParser
+from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.photo_tourism.dataparser import (
+    ROOTS,
+    PhotoTourismDataParserConfig,
+    split_folders,
+)
+from desplat_ns.photo_tourism.split_file import split_files
+from desplat_ns.settings.options import option_of
+
+IMAGES = DeSplatColmapDataParserConfig().images_path
+"""Folder of the photos; beside it, `images_N` has copies at 1/N of their size."""
+
+BLENDER_FILES = tuple(f"transforms_{split}.json" for split in ("train", "val", "test"))
+"""What nerfstudio's blender-data reads."""
+
+SPLIT_OPTIONS = ("eval_mode", "train_split_fraction", "eval_interval")
+"""Options without a meaning where the layout itself says which photos are held out."""
+
+LISTED_ENTRIES = 5
+"""Entries of a folder that an error names before it only counts."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Why a folder is taken for a layout."""
+
+    summary: str
+    """What lies there, as part of a sentence."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """Options of the dataparser that it calls for."""
+    covers: tuple[str, ...] = ()
+    """Dataparsers that could read the same photos and would know less about them."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A way in which captures lie on disk."""
+
+    name: str
+    needs: str
+    """What has to lie in the folder."""
+    parser: str
+    """Name of the dataparser in ns-train."""
+    config: Callable[..., Any]
+    """Makes the dataparser's configuration from its options."""
+    find: Callable[[Path], Evidence | None]
+    """None if the folder has another layout."""
+    split_by: str = ""
+    """What says which photos are held out, if not --eval-mode and the options beside it."""
+
+
+@dataclass(frozen=True)
+class Recognition:
+    """What lies in a capture's folder and how it is read."""
+
+    data: Path
+    layout: Layout
+    evidence: Evidence
+    others: tuple[Recognition, ...] = ()
+    """Other readings that see other photos or poses."""
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What names this reading at the end of an ns-train command."""
+        options = self.evidence.options.items()
+        words = [word for name, value in options for word in (option_of(name), str(value))]
+        return (self.layout.parser, *words)
+
+    def line(self) -> str:
+        """What was found, what reads it, and what to type for another reading."""
+        return (
+            f"Capture {self.data} has the layout of {self.layout.name}: {self.evidence.summary}. "
+            f"It is read by {self.layout.parser}."
+        ) + "".join(
+            f" Also found: {other.evidence.summary}; to read that instead, end the command "
+            f"with `{' '.join(other.words)}`."
+            for other in self.others
+        )
+
+    def config(self, options: Mapping[str, Any]) -> DataParserConfig:
+        """The configuration of the dataparser that reads the capture.
+
+        Args:
+            options: what the user gave, by the names of the fields; they come before the layout's.
+
+        Raises:
+            ConfigError: options that this layout has no use for.
+        """
+        layout = self.layout
+        useful = {f.name for f in fields(layout.config())}
+        useful -= set(SPLIT_OPTIONS) if layout.split_by else set()
+        if useless := [name for name in options if name not in useful]:
+            given = " ".join(f"{option_of(name)} {options[name]}" for name in useless)
+            why = f", where {layout.split_by} decides which photos are held out"
+            raise ConfigError(
+                f"{given} has no use here: {self.data} has the layout of {layout.name}"
+                f"{why * bool(layout.split_by)}. Leave it out, or see the options of "
+                f"{layout.parser}: end the command with `{layout.parser} --help`."
+            )
+        return layout.config(data=self.data, **{**self.evidence.options, **options})
+
+
+def recognise(data: Path) -> Recognition:
+    """The layout of the capture in a folder; a transforms.json may be named itself.
+
+    Raises:
+        CaptureError: no such folder, or nothing in it that is a capture.
+    """
+    if not data.exists():
+        raise CaptureError(f"There is no folder {data}. Check the path after --data.")
+    if not data.is_dir() and not (data.suffix == ".json" and data.is_file()):
+        raise CaptureError(
+            f"{data} is a file. --data takes the folder of a capture, or its transforms.json."
+        )
+    if not (readings := _readings(data)):
+        raise CaptureError(_nothing_found(data))
+    taken, *others = readings
+    known = taken.evidence.covers
+    return Recognition(
+        data, taken.layout, taken.evidence, tuple(r for r in others if r.layout.parser not in known)
+    )
+
+
+def _readings(data: Path) -> list[Recognition]:
+    candidates = ((layout, layout.find(data)) for layout in LAYOUTS)
+    return [Recognition(data, layout, found) for layout, found in candidates if found is not None]
+
+
+def _nothing_found(data: Path) -> str:
+    entries = sorted(path.name for path in data.iterdir())
+    if BLENDER_FILES[0] in entries:
+        path = data / BLENDER_FILES[0]
+        return (
+            f"{path} is not as nerfstudio's blender-data reads it: that needs "
+            f"{', '.join(BLENDER_FILES)}, each with camera_angle_x and a photo X.png for a "
+            "file_path X. Where they have nerfstudio's fields (fl_x, fl_y, cx, cy, w, h), name the "
+            f"file itself: --data {path}; nerfstudio-data holds out one in ten of its photos then. "
+            "To keep the splits, put all frames into one transforms.json with the lists "
+            "train_filenames, val_filenames and test_filenames."
+        )
+    inside = [name for name in entries if (data / name).is_dir() and _readings(data / name)]
+    if inside:
+        return (
+            f"{data} is no capture, but holds some: {list_names(inside, LISTED_ENTRIES)}. Name "
+            f"one, for example --data {data / inside[0]}."
+        )
+    above = data.resolve().parent
+    if _readings(above):
+        return f"{data} is a part of the capture {above}. Name that: --data {above}."
+    photos = photos_near(data)
+    if photos:
+        return (
+            f"{data} has {len(photos)} photos ({list_names(photos, LISTED_ENTRIES)}) and no poses "
+            f"of their cameras. Type `desplat-process '{data}' CAPTURE` to find them, or run "
+            "COLMAP by itself; then train with --data CAPTURE."
+        )
+    looked = "; or ".join(layout.needs for layout in LAYOUTS)
+    return (
+        f"No capture was found in {data}, which has "
+        f"{list_names(entries, LISTED_ENTRIES) or 'no files'}. Needed is one of these: {looked}. "
+        "Check the path after --data, or name a dataparser at the end "
+        "of the command (ns-train desplat --help lists them)."
+    )
+
+
+# --- what finds each layout -----------------------------------------------------------------------
+
+
+def _on_the_go(data: Path) -> Evidence | None:
+    """split.json with the lists of NeRF On-the-go, and poses."""
+    model, has_transforms = _model_of(data), (data / TRANSFORMS_FILE).is_file()
+    try:
+        lists = read_split(data / SPLIT_FILE)
+    except CaptureError:
+        return None
+    if not (model or has_transforms):
+        return None
+    counts = ", ".join(f"{len(positions)} {name}" for name, positions in lists.items())
+    return Evidence(
+        f"{SPLIT_FILE} ({counts}) with {model or TRANSFORMS_FILE}",
+        _photos(data)[1],
+        covers=("robustnerf-data", "nerfstudio-data", "colmap"),
+    )
+
+
+def _robustnerf(data: Path) -> Evidence | None:
+    """`extra` and `clutter` or `clean` in the names of photos, over a COLMAP model."""
+    model = _model_of(data)
+    images, options = _photos(data)
+    names = photo_names(images) if model else []
+    stems = " ".join(Path(name).stem.lower() for name in names)
+    if "extra" not in stems or not ("clutter" in stems or "clean" in stems):
+        return None
+    summary = f"photos named by what they show ({describe(names)}) and {model}"
+    return Evidence(summary, options, covers=("colmap",))
+
+
+def _photo_tourism(data: Path) -> Evidence | None:
+    """dense/ with photos and a COLMAP model, or a NeRF-W split file beside them."""
+    split, _ = split_files(split_folders(data))
+    held_out = (
+        f"the split file {split[0].name}" if split else "no split file: a draw holds photos out"
+    )
+    dense = ROOTS[0]
+    if find_models(data, dense / "sparse") and (data / dense / "images").is_dir():
+        return Evidence(f"{dense}/images and {dense}/sparse ({held_out})")
+    model = _model_of(data)
+    if model and (split or data.resolve().name == dense.name):
+        return Evidence(f"{model} ({held_out})", covers=("colmap",))
+    return None
+
+
+def _transforms(data: Path) -> Evidence | None:
+    """A transforms.json, or such a file named itself."""
+    path = data if data.suffix == ".json" else data / TRANSFORMS_FILE
+    return Evidence(path.name, {"load_3D_points": True}) if path.is_file() else None
+
+
+def _blender(data: Path) -> Evidence | None:
+    """transforms_train.json and those beside it, as nerfstudio's blender-data reads them: it takes
+    one `camera_angle_x` for all photos, and adds .png to every `file_path`."""
+    for path in (data / name for name in BLENDER_FILES):
+        try:
+            document: Any = json.loads(path.read_text("utf8")) if path.is_file() else {}
+            photo = f"{document['frames'][0]['file_path']}.png"
+            is_fit = isinstance(document["camera_angle_x"], (int, float))
+        except (OSError, ValueError, LookupError, TypeError):
+            return None
+        if not (is_fit and (data / photo).is_file()):
+            return None
+    return Evidence(", ".join(BLENDER_FILES))
+
+
+def _colmap(data: Path) -> Evidence | None:
+    """A COLMAP model in a usual place; photos, or smaller copies as Mip-NeRF 360 has them."""
+    model = _model_of(data)
+    if not model:
+        return None
+    copies = "".join(f", {IMAGES}_{factor}" for factor in downscale_factors(data / IMAGES))
+    return Evidence(f"{model}{copies}", _photos(data)[1])
+
+
+def _model_of(data: Path) -> str:
+    """COLMAP's model in a usual place, as part of a sentence; empty if there is none."""
+    models = find_models(data, Path("sparse"))
+    if not models:
+        return ""
+    folder = models[0] if len(models) == 1 else models[0].parent  # of several, the parser takes one
+    return f"COLMAP's model in {folder.relative_to(data).as_posix()}"
+
+
+def _photos(data: Path) -> tuple[Path, dict[str, Any]]:
+    """Folder of the photos, or of the largest copies if they are all there is; the options with
+    which a dataparser reads it."""
+    images = data / IMAGES
+    factors = downscale_factors(images)
+    if images.is_dir() or not factors:
+        return images, {}
+    return data / f"{IMAGES}_{factors[0]}", {"downscale_factor": factors[0]}
+
+
+LAYOUTS = (
+    Layout(
+        "NeRF On-the-go",
+        "split.json with transforms.json or a COLMAP model",
+        "on-the-go-data",
+        OnTheGoDataParserConfig,
+        _on_the_go,
+        "split.json",
+    ),
+    Layout(
+        "RobustNeRF",
+        "images/ with clean or clutter, and extra, in the file names, and a COLMAP model",
+        "robustnerf-data",
+        RobustNerfDataParserConfig,
+        _robustnerf,
+        "the photos' file names",
+    ),
+    Layout(
+        "Photo Tourism",
+        "dense/images and dense/sparse",
+        "photo-tourism-data",
+        PhotoTourismDataParserConfig,
+        _photo_tourism,
+        "the split file, or without one a draw,",
+    ),
+    Layout(
+        "nerfstudio",
+        "transforms.json",
+        "nerfstudio-data",
+        partial(NerfstudioDataParserConfig, _target=TransformsDataParser),
+        _transforms,
+    ),
+    Layout(
+        "Blender (NeRF synthetic)",
+        "transforms_train.json, transforms_val.json and transforms_test.json",
+        "blender-data",
+        BlenderDataParserConfig,
+        _blender,
+        "transforms_train.json with those beside it",
+    ),
+    Layout(
+        "COLMAP",
+        "images/, or images_2, images_4, ..., and a COLMAP model (cameras, images and points3D as "
+        ".bin or .txt) in sparse/0, sparse or colmap/sparse/0",
+        "colmap",
+        DeSplatColmapDataParserConfig,
+        _colmap,
+    ),
+)
+"""The most specific ones first: the first that is found is taken."""
+
+
+# --- the dataparser ------------------------------------------------------------------------------
 
 
 @dataclass
@@ -50,18 +383,14 @@ class DeSplatDataParserConfig(DataParserConfig):
             ConfigError: options that the layout has no use for.
         """
         match = recognise(self.data)
-        config = match.config(self._given())
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        config = match.config({n: v for n, v in given.items() if n not in ("_target", "data")})
         announce(match.line())
         return config
 
     def setup(self, **kwargs: Any) -> Any:
         """The dataparser that reads the capture. Raises as `recognised`."""
         return self.recognised().setup(**kwargs)
-
-    def _given(self) -> dict[str, Any]:
-        names = (f.name for f in fields(self) if f.name not in ("_target", "data"))
-        options = {name: getattr(self, name) for name in names}
-        return {name: value for name, value in options.items() if value is not None}
 
 
 desplat_dataparser = DataParserSpecification(

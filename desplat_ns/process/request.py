@@ -13,6 +13,7 @@ import tyro
 from desplat_ns.console import list_names, text_of
 from desplat_ns.data.photo_files import PHOTO_SUFFIXES, file_names
 from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.settings.options import option_of
 
 Cameras = Literal["auto", "one", "folder", "photo"]
 CameraModel = Literal["auto", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"]
@@ -89,11 +90,6 @@ class Request:
         names = ("longest_side", "cameras", "camera_model", "mask", "frames")
         asked = {"PHOTOS": str(self.photos.resolve())}
         return asked | {option_of(name): str(getattr(self, name)) for name in names}
-
-
-def option_of(name: str) -> str:
-    """How a field of `Request` is called on the command line."""
-    return f"--{name.replace('_', '-')}"
 
 
 @dataclass(frozen=True)

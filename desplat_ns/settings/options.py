@@ -82,3 +82,8 @@ def _numbers(value: Any, name: str) -> Iterator[tuple[str, float]]:
 
 def _option(name: str, part: str) -> str:
     return f"{name}-{part}" if name == "-" else f"{name}.{part}"
+
+
+def option_of(name: str) -> str:
+    """How a field is called on the command line: `--eval-mode` for eval_mode."""
+    return f"--{name.replace('_', '-')}"

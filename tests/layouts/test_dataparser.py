@@ -15,9 +15,8 @@ from nerfstudio.configs.method_configs import all_methods
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.on_the_go import OnTheGoDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
+from desplat_ns.datamanager import AnyDataParser, DeSplatDataManagerConfig, training_split
 from desplat_ns.errors import CaptureError
-from desplat_ns.layouts.choices import AnyDataParser
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
 from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up
 

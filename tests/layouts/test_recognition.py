@@ -16,7 +16,7 @@ from desplat_ns.data.on_the_go import OnTheGoDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.layouts.recognition import LAYOUTS, Recognition, recognise
+from desplat_ns.layouts.dataparser import LAYOUTS, Recognition, recognise
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 
 MODELS = ("sparse", "sparse/0", "colmap/sparse/0")

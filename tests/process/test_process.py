@@ -11,7 +11,7 @@ import PIL.Image
 import pytest
 
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.layouts.recognition import recognise
+from desplat_ns.layouts.dataparser import recognise
 from desplat_ns.process import video
 from desplat_ns.process.process import open_record, report_lines
 from desplat_ns.process.request import Request

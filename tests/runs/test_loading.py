@@ -14,9 +14,8 @@ from nerfstudio.configs.dataparser_configs import all_dataparsers
 from nerfstudio.configs.method_configs import all_methods
 from nerfstudio.utils import eval_utils
 
-from desplat_ns.datamanager import without_prompts
+from desplat_ns.datamanager import OURS, without_prompts
 from desplat_ns.errors import ConfigError
-from desplat_ns.layouts.choices import OURS
 from desplat_ns.nerfstudio_quirks import UNPICKLES, trusted_tags
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
