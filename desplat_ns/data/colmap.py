@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import torch
@@ -20,9 +20,9 @@ from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParser, Colm
 from nerfstudio.data.scene_box import SceneBox
 
 from desplat_ns.console import announce_once, list_names
-from desplat_ns.data.checks import check_files, find_photos
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
 from desplat_ns.data.gt_masks import gt_masks
+from desplat_ns.data.photo_files import check_files, find_photos
 from desplat_ns.data.poses import (
     OrientedPoses,
     make_cameras,
@@ -85,6 +85,8 @@ class DeSplatColmapDataParser(ColmapDataParser):
     """Reads a COLMAP capture once for all splits. See `DeSplatColmapDataParserConfig`."""
 
     config: DeSplatColmapDataParserConfig
+    sizes_differ: ClassVar[bool] = False
+    """Whether each photo is reduced by itself, and not all to the same share of their size."""
 
     def read(self) -> Reconstruction:
         """The COLMAP model. Raises as `read_reconstruction`."""
@@ -135,10 +137,13 @@ class DeSplatColmapDataParser(ColmapDataParser):
         Raises:
             CaptureError: photos that are not there.
         """
-        config = self.config
-        images = self.photos_folder
-        factor = downscale_factor(config.downscale_factor, self.reconstruction.frames)
-        sources, note = photo_sources(images, frames, factor, config.downscale_rounding_mode)
+        config, images, every = self.config, self.photos_folder, self.reconstruction.frames
+        requested = config.downscale_factor
+        if requested is None and self.sizes_differ:
+            factors = [downscale_factor(None, [frame]) for frame in frames]
+        else:
+            factors = [downscale_factor(requested, every)] * len(frames)
+        sources, note = photo_sources(images, frames, factors, config.downscale_rounding_mode)
         check_files([source.path for source in sources], images, "photos", "--images-path")
         if note:
             announce_once(note)
@@ -233,7 +238,6 @@ class DeSplatColmapDataParser(ColmapDataParser):
             known.points, oriented.transform, oriented.scale, known.folder
         )
         photos = tuple(frame.image_id for frame in frames)
-        sizes = tuple((frame.width, frame.height) for frame in frames)
         if known.has_tracks:
-            metadata[TRACKS] = Tracks(known.folder, photos, sizes, ids)
+            metadata[TRACKS] = Tracks(known.folder, photos, ids)
         return metadata

@@ -47,31 +47,33 @@ def downscale_factor(requested: int | float | None, frames: Sequence[Frame]) -> 
 
 
 def photo_sources(
-    images: Path, frames: Sequence[Frame], factor: int | float, rounding: Rounding
+    images: Path, frames: Sequence[Frame], factors: Sequence[float], rounding: Rounding
 ) -> tuple[list[PhotoSource], str]:
-    """Files and sizes of photos at 1/`factor` of their size, and a line that says whence.
+    """Files and sizes of photos, each at 1/factor of its size, and a line that says whence.
 
-    A folder beside `images` with the suffix `_factor` is used if it holds every photo at that size
-    (`SIZE_TOLERANCE`). Otherwise the photos in `images` are named with the reduced size. Nothing
-    is written.
+    Folders beside `images` with the suffix `_factor` are used if they hold every photo that is
+    reduced, at that size (`SIZE_TOLERANCE`). Otherwise the photos in `images` are named with the
+    reduced size. Nothing is written.
     """
-    sources = [
-        PhotoSource(
-            images / frame.name,
-            reduced_length(frame.width, factor, rounding),
-            reduced_length(frame.height, factor, rounding),
-        )
-        for frame in frames
-    ]
-    if factor == 1:
+    sources, copies, folders = [], [], {}
+    for frame, factor in zip(frames, factors, strict=True):
+        sides = (reduced_length(side, factor, rounding) for side in (frame.width, frame.height))
+        sources.append(PhotoSource(images / frame.name, *sides))
+        if factor > 1:
+            folder = folders.setdefault(factor, images.parent / f"{images.name}_{factor:g}")
+            copies.append(_copy_of(folder / frame.name, frame, factor))
+    if not copies:
         return sources, ""
-    folder = images.parent / f"{images.name}_{factor:g}"
-    copies = [_copy_of(folder / frame.name, frame, factor) for frame in frames]
-    ready = [copy for copy in copies if copy is not None]
-    if len(ready) == len(frames):
-        return ready, f"Photos at 1/{factor:g} of their size are read from {folder}."
-    note = f" ({folder} has {len(ready)} of {len(frames)})" if folder.is_dir() else ""
-    return sources, f"Photos are reduced to 1/{factor:g} of their size while reading{note}."
+    found, places = len(copies) - copies.count(None), ", ".join(map(str, folders.values()))
+    what = f"{len(copies)} of {len(frames)} photos are"
+    if found == len(copies):
+        taken = iter(copies)
+        pairs = zip(sources, factors, strict=True)
+        sources = [next(taken) if factor > 1 else source for source, factor in pairs]
+        return sources, f"{what} read in smaller copies from {places}."
+    shares = ", ".join(f"1/{factor:g}" for factor in sorted(folders))
+    note = f" ({places} has {found})" if any(map(Path.is_dir, folders.values())) else ""
+    return sources, f"{what} reduced to {shares} of their size while reading{note}."
 
 
 def reduced_length(length: int, factor: int | float, rounding: Rounding) -> int:

@@ -1,10 +1,15 @@
-"""Which files of a folder are photos, and the folders of smaller copies beside it."""
+"""Which files of a folder are photos, which of them lists mean, and files that must exist."""
 
 from __future__ import annotations
 
 import os
+import random
 import re
-from pathlib import Path
+from collections.abc import Iterable, Sequence
+from pathlib import Path, PurePosixPath
+
+from desplat_ns.console import list_names
+from desplat_ns.errors import CaptureError
 
 PHOTO_SUFFIXES = frozenset(
     (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".avif", ".heic", ".heif", ".hif")
@@ -51,3 +56,41 @@ def downscale_factors(images: Path) -> list[int]:
         if path.is_dir()
     )
     return sorted(int(match[1]) for match in matches if match is not None)
+
+
+def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> None:
+    """Make sure that all files are there.
+
+    Raises:
+        CaptureError: lists what is missing from `folder`, `what` it is, and the `option` to set.
+    """
+    missing = [path for path in paths if not path.is_file()]
+    if not missing:
+        return
+    if not folder.is_dir():
+        raise CaptureError(f"The {what} folder {folder} does not exist. Name it with {option}.")
+    names = list_names(
+        path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
+        for path in missing
+    )
+    raise CaptureError(
+        f"{len(missing)} of {len(paths)} {what} that the capture names are not in {folder}: "
+        f"{names}. Put them there, or name their folder with {option}."
+    )
+
+
+def find_photos(names: Sequence[str], wanted: Sequence[str]) -> list[list[int]]:
+    """Indices of the photos that each entry means: the path inside the images folder or, where no
+    path is so, the file name."""
+    places: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        places.setdefault(PurePosixPath(name).name, []).append(i)
+    places |= {name: [i] for i, name in enumerate(names)}
+    return [places.get(entry, []) for entry in wanted]
+
+
+def shuffled(keys: Iterable[str], seed: int) -> list[str]:
+    """The keys in an order that depends on them and on `seed` alone."""
+    ordered = sorted(keys)
+    random.Random(seed).shuffle(ordered)
+    return ordered

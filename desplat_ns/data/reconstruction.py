@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -98,15 +98,6 @@ class Reconstruction:
     """Names of the photos of each split that the file lists."""
 
 
-class Observed(NamedTuple):
-    """The points that one photo observes."""
-
-    points: Int[np.ndarray, " M"]
-    """Indices into the points of the capture."""
-    places: Float[np.ndarray, "M 2"]
-    """Where, as fractions of the photo's width and height: the same at every size."""
-
-
 @dataclass(frozen=True)
 class Tracks:
     """Where to read what the photos of a split observe: training does not need it, so the metadata
@@ -116,26 +107,21 @@ class Tracks:
     """The reconstruction."""
     image_ids: tuple[int, ...]
     """Of the photos, in the order of the split."""
-    sizes: tuple[tuple[int, int], ...]
-    """Width and height of each photo's camera in the reconstruction."""
     point_ids: Int[np.ndarray, " P"]
     """Of the capture's points, in their order, which is ascending."""
 
-    def read(self, photos: Sequence[int]) -> list[Observed]:
-        """What some photos, given by their numbers in the split, observe.
+    def read(self, photos: Sequence[int]) -> list[Int[np.ndarray, " M"]]:
+        """The points, as indices into those of the capture, that some photos, given by their
+        numbers in the split, observe.
 
         Raises:
             CaptureError: the reconstruction cannot be read any more.
         """
-        model = read_model(self.folder)
-        observed = []
+        model, observed = read_model(self.folder), []
         for photo in photos:
             found = model.image(self.image_ids[photo]).get_observation_points2D()
             ids = np.array([point.point3D_id for point in found], dtype=np.int64)
-            places = np.array([point.xy for point in found], dtype=np.float64).reshape(-1, 2)
-            known = np.isin(ids, self.point_ids)
-            points = np.searchsorted(self.point_ids, ids[known])
-            observed.append(Observed(points, places[known] / self.sizes[photo]))
+            observed.append(np.searchsorted(self.point_ids, ids[np.isin(ids, self.point_ids)]))
         return observed
 
 

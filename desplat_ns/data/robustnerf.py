@@ -15,8 +15,8 @@ from typing import Literal
 
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
-from desplat_ns.data.checks import shuffled
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
+from desplat_ns.data.photo_files import shuffled
 from desplat_ns.errors import CaptureError, ConfigError
 
 Kind = Literal["clean", "clutter", "extra"]

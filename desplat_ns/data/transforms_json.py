@@ -16,10 +16,10 @@ import numpy as np
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.console import announce_once
-from desplat_ns.data.checks import find_photos
 from desplat_ns.data.colmap import DeSplatColmapDataParser, DeSplatColmapDataParserConfig
 from desplat_ns.data.colmap_model import UNEXPECTED, find_models, read_cloud
 from desplat_ns.data.images import image_size
+from desplat_ns.data.photo_files import find_photos
 from desplat_ns.data.poses import camera_to_worlds
 from desplat_ns.data.reconstruction import (
     Frame,

@@ -7,15 +7,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-from nerfstudio.data.dataparsers.colmap_dataparser import MAX_AUTO_RESOLUTION
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
 from desplat_ns.console import announce_once
-from desplat_ns.data.checks import check_files
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.colmap_model import find_models
-from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
-from desplat_ns.data.reconstruction import Frame
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.photo_tourism.split_file import (
     PhotoSplit,
@@ -62,6 +58,7 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
     """See `PhotoTourismDataParserConfig`."""
 
     config: PhotoTourismDataParserConfig
+    sizes_differ = True
 
     def __init__(self, config: PhotoTourismDataParserConfig):
         """Raises as `with_paths`."""
@@ -102,29 +99,6 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
     def views(self, names: Sequence[str], split: str) -> list[int]:
         """Indices of the training photos or, for any other split, of the test photos."""
         return self.split.train if split == "train" else self.split.test
-
-    def sources(self, frames: Sequence[Frame]) -> list[PhotoSource]:
-        """Files of these photos and the sizes at which they are used.
-
-        Raises:
-            CaptureError: photos that are not there.
-        """
-        if self.config.downscale_factor is not None:
-            return super().sources(frames)
-        folder, rounding = self.photos_folder, self.config.downscale_rounding_mode
-        factors = [downscale_factor(None, [frame]) for frame in frames]
-        sources = [
-            photo_sources(folder, [frame], factor, rounding)[0][0]
-            for frame, factor in zip(frames, factors, strict=True)
-        ]
-        check_files([source.path for source in sources], folder, "photos", "--images-path")
-        num_large = sum(factor > 1 for factor in factors)
-        if num_large:
-            announce_once(
-                f"{num_large} of {len(frames)} photos have sides of more than {MAX_AUTO_RESOLUTION}"
-                " pixels and are halved until they do not; --downscale-factor 1 leaves them."
-            )
-        return sources
 
 
 def split_folders(data: Path) -> list[Path]:

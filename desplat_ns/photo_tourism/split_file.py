@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from desplat_ns.console import list_names
-from desplat_ns.data.checks import find_photos, shuffled
+from desplat_ns.data.photo_files import find_photos, shuffled
 from desplat_ns.errors import CaptureError, ConfigError
 
 COLUMNS = ("filename", "id", "split")

@@ -217,7 +217,7 @@ def observe(capture: DataparserOutputs) -> Observations:
     if tracks is not None:
         tracked[:] = False
         for row, observed in zip(tracked, tracks.read(indices), strict=True):
-            row[observed.points] = True
+            row[observed] = True
     tracked &= np.isfinite(all_xyz).all(axis=1)
     chosen = _chosen_points(tracked)
     xyz, tracked = all_xyz[chosen], tracked[:, chosen]

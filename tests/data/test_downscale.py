@@ -42,7 +42,7 @@ def test_copies_are_used_at_their_own_size_if_all_fit(tmp_path: Path, photo_writ
     photo_writer(copies / "a.png", 5, 4)  # rounded up by who made them
     if fault != "missing":
         photo_writer(copies / "b.png", *((9, 7) if fault == "size" else (5, 4)))
-    sources, note = photo_sources(tmp_path / "images", frames, 2, "floor")
+    sources, note = photo_sources(tmp_path / "images", frames, [2.0, 2.0], "floor")
     folder, size = (tmp_path / "images", (4, 3)) if fault else (copies, (5, 4))
     assert sources == [PhotoSource(folder / f.name, *size) for f in frames]
     assert str(copies) in note
@@ -50,7 +50,7 @@ def test_copies_are_used_at_their_own_size_if_all_fit(tmp_path: Path, photo_writ
 
 
 def test_without_copies_or_at_full_size_the_originals_are_used(tmp_path: Path):
-    for factor, size in ((1, (9, 7)), (2, (4, 3))):
-        sources, _ = photo_sources(tmp_path / "i", [frame("a.png", 9, 7)], factor, "floor")
+    for factor, size in ((1.0, (9, 7)), (2.0, (4, 3))):
+        sources, _ = photo_sources(tmp_path / "i", [frame("a.png", 9, 7)], [factor], "floor")
         assert sources == [PhotoSource(tmp_path / "i" / "a.png", *size)]
     assert list(tmp_path.iterdir()) == []

@@ -10,7 +10,7 @@ import pytest
 import torch
 from nerfstudio.cameras.cameras import CameraType
 
-from desplat_ns.data.checks import check_files
+from desplat_ns.data.photo_files import check_files
 from desplat_ns.data.poses import points_metadata
 from desplat_ns.data.reconstruction import Frame, Points, check_frame
 from desplat_ns.errors import CaptureError

@@ -9,9 +9,7 @@ import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras, CameraType
 
-from desplat_ns.data.reconstruction import TRACKS
-from desplat_ns.survey.observations import View, small_view
-from tests.helpers.surveyed import points_of
+from desplat_ns.survey.observations import View
 
 VIEW = View(
     np.eye(3),
@@ -48,15 +46,6 @@ def test_directions_lead_to_the_points():
     pixels, _ = VIEW.project(POINTS)
     unit = POINTS / np.linalg.norm(POINTS, axis=1, keepdims=True)
     np.testing.assert_allclose(VIEW.directions(pixels), unit, atol=1e-12)
-
-
-def test_a_small_view_sees_a_generated_scenes_points_where_they_were_observed(still):
-    observed = still.metadata[TRACKS].read([0, 5])
-    for index, track in zip((0, 5), observed, strict=True):
-        view = small_view(still.cameras, index)
-        pixels, _ = view.project(points_of(still)[track.points])
-        off = np.abs(pixels / view.size - track.places) * view.size
-        assert np.median(off) < 1.0
 
 
 def test_the_mean_is_that_of_the_others_in_three_by_three_cells():
