@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from desplat_ns.console import list_names
 from desplat_ns.survey.findings import Confidence, Decision, Figure, Finding, confidence_of
 from desplat_ns.survey.observations import Observations
 from desplat_ns.survey.photo_light import FEWEST, PhotoLight, from_middle, robust_spread
@@ -133,17 +132,11 @@ def appearance_finding(
     less = f"{what}, less what photos from nearly the same direction show, too"
     local = Figure("local", own, less, LOCAL_SHARE)
     figures = (median, largest, local, explained, Figure("places", places, what))
-    unknown = ("which photo observed which point: there are no tracks",)
-    unknown *= not observations.has_tracks
-    if dark := [n for n, x in zip(observations.names, changes, strict=True) if np.isnan(x)]:
-        shown = f"fewer than {FEWEST} known points with values that are not clipped"
-        missing = f"the light of {len(dark)} photos that show {shown}: {list_names(dark, 5)}"
-        unknown = (missing, *unknown)
     if len(known) < 2:
         reason = "Fewer than two photos show enough common points to compare their colours."
-        return Finding("appearance", "off", "none", reason, figures, unknown)
+        return Finding("appearance", "off", "none", reason, figures)
     decision, sure, reason = _decided(median, largest, local, explained)
-    return Finding("appearance", decision, sure, reason, figures, unknown)
+    return Finding("appearance", decision, sure, reason, figures)
 
 
 def _decided(

@@ -202,12 +202,11 @@ def background_finding(
         "share of the photos' area, smooth and high up, with no point behind or above it",
         VISIBLE_SHARE,
     )
-    unknown = ("whether a bare wall or ceiling above everything else is a sky",)
     reason = f"Fewer than {FEWEST_POINTS} points say where the scene is."
     if len(observations.all_xyz) >= FEWEST_POINTS:
         reason = "" if shares else f"No photo shows {FEWEST} of the points."
     if reason:
-        return Finding("background", "off", "none", reason, (share,), unknown)
+        return Finding("background", "off", "none", reason, (share,))
     cells = sky_colors(observations, light, skies)
     logs = np.log(np.maximum(cells.colors, LOWEST))
     chroma = logs - logs.mean(axis=1, keepdims=True)
@@ -226,9 +225,7 @@ def background_finding(
         RANGE,
     )
     decision, sure, reason = _decided(share, by_photo, by_direction)
-    if share.is_above and not by_photo.is_known:
-        unknown += ("whether photos have different skies: too few look in the same direction",)
-    return Finding("background", decision, sure, reason, (share, by_photo, by_direction), unknown)
+    return Finding("background", decision, sure, reason, (share, by_photo, by_direction))
 
 
 def _decided(

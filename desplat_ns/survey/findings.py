@@ -1,4 +1,4 @@
-"""What the survey says: figures with thresholds, a decision for each effect, what is unknown."""
+"""What the survey says: figures with thresholds and a decision for each effect."""
 
 from __future__ import annotations
 
@@ -52,10 +52,9 @@ class Finding:
     reason: str
     """A sentence with the figures that decided."""
     figures: tuple[Figure, ...]
-    could_not_tell: tuple[str, ...] = ()
 
     def lines(self, verbose: bool = False) -> list[str]:
-        """For a console: the decision and why; with `verbose` its figures and what is unknown."""
+        """For a console: the decision and why; with `verbose` its figures."""
         sure = {"clear": "", "close": " (a close call)", "none": " (the safe side)"}
         head = f"{self.effect}: {self.decision}{sure[self.confidence]}. {self.reason}"
         lines = [head]
@@ -64,7 +63,7 @@ class Finding:
             if figure.threshold is not None:
                 value += f" (calls for it above {figure.threshold:.3g})"
             lines.append(f"  {figure.name} {value}: {figure.meaning}")
-        return lines + [f"  Not told: {line}" for line in self.could_not_tell if verbose]
+        return lines
 
 
 @dataclass(frozen=True)

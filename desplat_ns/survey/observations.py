@@ -166,7 +166,6 @@ def small_view(cameras: Cameras, index: int) -> View:
 class Observations:
     """What the photos show at the points."""
 
-    names: list[str]
     views: list[View]
     photos: list[np.ndarray]
     """Small copies: [H, W, 3], uint8."""
@@ -228,7 +227,6 @@ def observe(capture: DataparserOutputs) -> Observations:
     ]
     places, shown, colors, clipped, structures = map(np.stack, zip(*sampled, strict=True))
     return Observations(
-        names=[photos[index].name for index in indices],
         views=views,
         photos=[photo for photo, _ in small],
         allowed=[allowed for _, allowed in small],

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import CaptureError
-from desplat_ns.fetch import download as module
-from desplat_ns.fetch.download import check_encrypted, download
+from desplat_ns.fetch import fetch as module
+from desplat_ns.fetch.fetch import check_encrypted, download
 from tests.fetch.server import Site, serving
 
 CONTENT = bytes(range(256)) * 40_000  # ten chunks

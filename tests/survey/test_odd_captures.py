@@ -74,15 +74,12 @@ def test_two_photos_and_one_call_for_nothing(still: DataparserOutputs):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", [0, 255])
-def test_a_black_or_white_photo_changes_no_decision_and_is_named(
+def test_a_black_or_white_photo_changes_no_decision(
     still: DataparserOutputs, tmp_path: Path, level: int
 ):
     capture = copied(still, tmp_path)
     write_image(capture.image_filenames[3], np.full((72, 96, 3), level, np.uint8))
-    result = survey(capture)
-    assert result.decisions() == OFF
-    unknown = result.appearance.could_not_tell
-    assert any(capture.image_filenames[3].name in line for line in unknown)
+    assert survey(capture).decisions() == OFF
 
 
 @pytest.mark.slow
