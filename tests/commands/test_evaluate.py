@@ -15,9 +15,6 @@ import torch
 import yaml
 from PIL import Image
 
-from tests.helpers import scene_in_browser
-from tests.helpers.scene import psnr
-
 pytestmark = pytest.mark.slow
 
 STEPS, SIZES = 24, {(48, 32), (32, 48)}
@@ -189,26 +186,3 @@ def test_what_is_there_is_replaced_only_if_that_is_asked_for(run: Path, tmp_path
     assert figures.read_text() == "before"
     Evaluate(run, output_path=figures, render_output_path=pictures, steps=1, overwrite=True).main()
     assert figures.read_text() != "before" and len(list(pictures.iterdir())) == 3
-
-
-def test_the_scenes_page_is_in_the_chosen_light(run: Path, tmp_path: Path):
-    """In a browser, as the model draws it in that light; the page says whose it is."""
-    from desplat_ns.export.export import shown_in
-    from desplat_ns.runs.files import find_run
-    from desplat_ns.runs.loading import load_run
-    from desplat_ns.scene.gather import AVERAGE, gather
-    from desplat_ns.scene.page import html_of
-
-    loaded = load_run(find_run(run))
-    model: Any = loaded.pipeline.model
-    light = model.names[1]
-    contents = gather(loaded, 1, 0, light=light)
-    assert contents.light == light
-    assert gather(loaded, 1, 0).light == AVERAGE
-    view = contents.cameras[0].view
-    with torch.no_grad(), shown_in(model, light):
-        static = model.render_static(view, model.embedding_of(None))
-    ours = static.rgb + (1 - static.alpha) * torch.tensor(contents.background)
-    text, _ = html_of(contents, 5_000_000)
-    with scene_in_browser.bare_scene(tmp_path / "a.html", text, view.width, view.height) as page:
-        assert psnr(scene_in_browser.shown(page), ours.clamp(0, 1).numpy()) > 30

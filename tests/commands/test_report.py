@@ -54,19 +54,6 @@ def test_the_scene_itself_is_on_top_unless_it_is_not_wanted(
 
 
 @pytest.mark.slow
-def test_a_run_whose_scene_cannot_be_shown_has_a_report_without_it(
-    trained: Path, tmp_path: Path, capsys
-):
-    """Without photos there is no camera to start from."""
-    from desplat_ns.commands.report import Report
-
-    Report(trained, output=tmp_path / "p.html", training_photos=0, held_out_photos=0).main()
-    assert "<iframe" not in (tmp_path / "p.html").read_text("utf8")
-    said = " ".join(capsys.readouterr().out.split())
-    assert "The scene on the page: left out. There is no camera to start from" in said
-
-
-@pytest.mark.slow
 def test_the_page_has_the_scores_of_ns_eval_and_what_the_run_logged(
     page: str, trained: Path, tmp_path: Path
 ):

@@ -52,17 +52,6 @@ def test_a_photo_is_upright(tmp_path: Path):
     assert abs(read.astype(int) - np.rot90(photo(), -1)).mean() < 5
 
 
-@pytest.mark.parametrize("read", [read_image, image_size])
-@pytest.mark.parametrize("content", [None, b"", b"no photo", b"\0\0\0\x18ftypheic"])
-def test_what_is_damaged_is_named(tmp_path: Path, read, content: bytes | None):
-    path = tmp_path / "a.heic"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(CaptureError, match=r"a\.heic"):
-        read(path)
-    assert lens_of(path) == ("", 0.0)
-
-
 def test_where_it_cannot_be_read_the_library_is_named(tmp_path: Path, monkeypatch):
     path = tmp_path / "a.heic"
     path.write_bytes(b"\0\0\0\x18ftypheic")

@@ -57,15 +57,6 @@ def test_a_file_looks_like_the_static_scene_in_the_light_that_is_shown(appearanc
     assert shown.max() > 0.2, "something is seen"
 
 
-def test_the_light_of_one_photo_is_baked_when_it_is_shown():
-    model = small_model.moved(model_with("affine")).eval()
-    of_each = []
-    for photo in (0, 1):
-        with model.shown_in(model.image_effects.of(photo)):
-            of_each.append(baked(model.shown_splats(), antialiased=False).harmonics)
-    assert np.abs(of_each[0] - of_each[1]).max() > 0.01
-
-
 def test_what_no_view_shows_is_left_out():
     scene = splats()
     scene.opacities[0] = 1 / 256

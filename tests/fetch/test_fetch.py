@@ -129,13 +129,6 @@ def test_an_archive_of_something_else_and_a_folder_that_is_a_file_are_errors(tmp
             fetch(source_at(site), tmp_path / "file")
 
 
-def test_addresses_are_encrypted_and_each_set_has_a_folder_of_its_own():
-    for source in SOURCES.values():
-        assert all(file.startswith("https://") for file in source.files)
-        assert source.page.startswith("https://") and "{scene}" in source.train
-    assert len({source.folder for source in SOURCES.values()}) == len(SOURCES)
-
-
 def test_the_command_lists_what_there_is_and_refuses_what_there_is_not():
     code = "from desplat_ns.commands.fetch_data import main; main()"
     listed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

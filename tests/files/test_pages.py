@@ -17,7 +17,6 @@ from desplat_ns.files.pages import (
     Picture,
     fitted_into,
     inline_svg,
-    shrunk,
     template,
     time_in_words,
 )
@@ -69,13 +68,6 @@ def test_pictures_in_order_and_those_shown_smaller_have_fewer_pixels():
     assert first.size == (LARGEST_SIDE, LARGEST_SIDE // 2)
     assert second.size == (LARGEST_SIDE // 4, LARGEST_SIDE // 2)
     assert np.asarray(first)[5, 5, 0] > 200 > np.asarray(second)[5, 5, 0]
-
-
-def test_small_pictures_keep_their_pixels_and_very_long_ones_a_side():
-    picture = noise(1, 48, 32)
-    assert shrunk(picture, 48) is picture
-    assert opened(fitted_into([Picture(picture)], 10**6).sources[0]).size == (48, 32)
-    assert shrunk(noise(1, 3000, 1), 100).shape == (1, 100, 3)
 
 
 def test_too_many_pictures_are_refused_with_what_to_type():

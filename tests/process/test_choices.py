@@ -43,26 +43,11 @@ def test_photos_are_paired_with_those_that_look_alike():
     assert similar_pairs(likeness, 2) == [(0, 2), (0, 4), (1, 3), (1, 5), (2, 4), (3, 5)]
 
 
-def test_photos_without_features_are_like_no_other():
-    descriptors = [np.zeros((0, 128), np.float32), np.ones((3, 128), np.float32)]
-    assert similarities(2, descriptors.__getitem__)[0].tolist() == [0, 0]
-
-
 def test_photos_of_one_size_share_a_camera_unless_exif_says_otherwise():
     photos = [*(photo(i) for i in range(12)), photo(12, camera="A 5.0", focal=50.0)]
     first, other = group_by_camera(photos, "auto", "auto")
     assert (first.model, len(first.copies), first.focal) == ("RADIAL", 12, 0)
     assert (other.model, other.focal) == ("SIMPLE_PINHOLE", 50.0)
-
-
-def test_digital_zoom_makes_a_camera_of_its_own():
-    """Lens and size stay; the focal length as on 35 mm film tells."""
-    photos = [photo(i, camera="Maker X1 4.2", focal=(50.0, 75.0)[i % 2]) for i in range(4)]
-    cameras = group_by_camera(photos, "auto", "auto")
-    assert [(camera.focal, camera.copies) for camera in cameras] == [
-        (50.0, ("00000.jpg", "00002.jpg")),
-        (75.0, ("00001.jpg", "00003.jpg")),
-    ]
 
 
 def test_photos_of_many_sizes_have_a_camera_each():

@@ -9,7 +9,7 @@ import pytest
 
 from desplat_ns.report.page import html_of, svg
 from desplat_ns.report.recorded import Chart, History
-from tests.helpers.report import COST, contents, held_out_photo, noise, training_photo
+from tests.helpers.report import COST, contents, held_out_photo, training_photo
 
 VOID = {"meta", "link", "img", "input", "br"}
 EVIL = "<script>alert(1)</script>\"'&.png"
@@ -70,13 +70,6 @@ def test_names_are_text_whatever_is_in_them():
     assert "<script>alert" not in html
     assert html.count("<script>") == 1
     assert "alert" not in "".join(v for _, attrs in Tags(html).tags for v in attrs if v)
-
-
-def test_fifty_large_photos_stay_below_ten_megabytes():
-    """Noise, which compresses worst; what a page gets of photos of any size is 1024 pixels."""
-    changes = dict.fromkeys(("photo", "static", "distractors", "mask"), noise(0, 512, 384))
-    photo, budget = training_photo("a.jpg", size=(6000, 4000), **changes), 9_000_000 // 50
-    assert len(html_of(contents(training=[photo], held_out=[]), budget)) < budget + 100_000
 
 
 def test_a_run_that_recorded_and_scored_nothing_has_a_page():

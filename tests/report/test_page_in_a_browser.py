@@ -57,15 +57,6 @@ def test_a_slider_moves_by_keyboard_and_changes_what_is_shown(page: Page):
     assert (shown(page, 0, 0.6), shown(page, 0, 0.8)) == (PHOTO, STATIC)
 
 
-def test_a_slider_follows_mouse_and_finger(page: Page):
-    left, top, width, height = box_of(page, "document.querySelectorAll('.compare')[1]")
-    middle = top + height / 2
-    page.drag((left + 0.5 * width, middle), (left + 0.2 * width, middle))
-    assert (shown(page, 1, 0.1), shown(page, 1, 0.3)) == (PHOTO, STATIC)
-    page.swipe((left + 0.2 * width, middle), (left + 0.8 * width, middle))
-    assert (shown(page, 1, 0.7), shown(page, 1, 0.9)) == (PHOTO, STATIC)
-
-
 def test_no_request_leaves_the_page_and_nothing_goes_wrong(page: Page, address: str):
     asked = [request for request in page.requests() if not request.startswith("data:")]
     assert asked == [address]

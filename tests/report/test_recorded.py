@@ -13,7 +13,6 @@ from desplat_ns.report.recorded import (
     MOST_POINTS,
     TOTAL_TIME,
     effect_reasons,
-    from_here,
     read_history,
     read_survey,
     scalars,
@@ -77,21 +76,6 @@ def test_a_file_that_is_cut_off_or_damaged_gives_what_stands_before(
         path.write_bytes(content)
         read = sum(map(len, scalars(path, {"Train Loss", "other"}).values()))
         assert 100 * (share - 0.3) <= read < 100
-
-
-@pytest.mark.parametrize("content", [b"", b"\0" * 64, b"no events at all" * 8])
-def test_what_is_no_event_file_gives_nothing(tmp_path: Path, content: bytes):
-    path = tmp_path / "events.out.tfevents.1"
-    path.write_bytes(content)
-    assert scalars(path, {"Train Loss"}) == {}
-
-
-def test_a_path_below_the_working_folder_is_written_from_there(tmp_path: Path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert from_here(tmp_path / "outputs" / "config.yml") == "outputs/config.yml"
-    assert from_here(Path("outputs") / "config.yml") == "outputs/config.yml"
-    elsewhere = tmp_path.parent / "other" / "config.yml"
-    assert from_here(elsewhere) == str(elsewhere)
 
 
 def finding(decision: Any, confidence: str) -> dict[str, Any]:

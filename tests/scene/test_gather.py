@@ -16,10 +16,6 @@ from desplat_ns.rendering.views import view_of
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import LoadedRun, load_run
 from desplat_ns.scene.gather import AVERAGE, gather, light_of, other_lights, standing_for_all
-from desplat_ns.scene.page import html_of
-from tests.helpers.browser import find_browser
-from tests.helpers.scene import psnr
-from tests.helpers.scene_in_browser import bare_scene, settle, shown
 from tests.helpers.small_model import held_out, model_with, moved
 
 pytestmark = pytest.mark.slow
@@ -72,23 +68,6 @@ def test_what_cannot_be_shown_is_an_error_that_names_the_option(
         gather(run, **{"most_training": 1, "most_held_out": 0, **options})
 
 
-def test_in_a_browser_it_looks_as_the_model_renders_it(run: LoadedRun, tmp_path: Path):
-    find_browser()
-    model: Any = run.pipeline.model
-    contents = gather(run, 100, 100)
-    size = contents.cameras[0].view.width, contents.cameras[0].view.height
-    decibels = []
-    with bare_scene(tmp_path / "a.html", html_of(contents, MOST)[0], *size) as page:
-        for index, camera in enumerate(contents.cameras):
-            settle(page, f"scenePage.goTo({index})")
-            with torch.no_grad():
-                static = model.render_static(camera.view, model.embedding_of(None))
-            background = np.asarray(contents.background, np.float32)
-            ours = static.rgb.numpy() + (1 - static.alpha.numpy()) * background
-            decibels.append(psnr(shown(page), ours.clip(0, 1)))
-    assert min(decibels) > 30, decibels
-
-
 def on_a_line(*places: float) -> torch.Tensor:
     return torch.tensor(places)[:, None]
 
@@ -100,13 +79,6 @@ def test_lights_are_taken_that_all_are_nearest_to():
     assert standing_for_all(lights, torch.zeros(1), 2) == [2, 4]
     lights = on_a_line(*[0.0] * 10, *[5.0] * 10, 20.0)
     assert 10 <= standing_for_all(lights, torch.zeros(1), 1)[0] < 20, "not the strange one"
-
-
-def test_lights_that_are_all_the_same_are_not_repeated():
-    assert standing_for_all(on_a_line(3.0, 3.0, 3.0), torch.tensor([3.0]), 3) == []
-    assert standing_for_all(on_a_line(3.0, 3.0, 5.0), torch.tensor([3.0]), 3) == [2]
-    many = torch.rand(1500, generator=torch.Generator().manual_seed(0)).expand(40, 1500)
-    assert len(standing_for_all(many, torch.zeros(1500), 3)) == 1
 
 
 @pytest.mark.parametrize("appearance", ["affine", "sh"])

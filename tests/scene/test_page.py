@@ -107,18 +107,6 @@ def test_other_lights_are_what_is_to_be_added_to_the_first_ones_colours():
     assert (before + change == after).all() and (change != 0).any()
 
 
-@pytest.mark.slow
-def test_other_lights_at_most_double_a_page():
-    large = cloud(count=10_000)
-    several = [light(f"light {i}", 0.1 * i, large) for i in range(1, 40)]
-    alone, with_all = (
-        html_of(contents(cloud=large, other_lights=lights), 1_000_000_000)[0]
-        for lights in ((), several)
-    )
-    assert 3 < len(json.loads(Parts(with_all).text_of("data"))["lights"]) < 40
-    assert 1.8 * len(alone) < len(with_all) <= 2 * len(alone)
-
-
 def test_a_page_is_as_large_as_it_may_be_and_says_what_is_left_out():
     large = cloud(count=30_000)
     most = 1_500_000
