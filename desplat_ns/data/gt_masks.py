@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Bool
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 from torch import Tensor
 
+from desplat_ns.data.images import read_image
 from desplat_ns.data.reconstruction import Frame
-from desplat_ns.errors import CaptureError
 
 METADATA_KEY = "distractor_mask_filenames"
 """Where the data parser leaves the masks' paths (or None), one for each training photo."""
@@ -51,16 +51,8 @@ def shadow_mask_of(mask: Path) -> Path | None:
 
 
 def read_gt_mask(path: Path, width: int, height: int) -> Bool[Tensor, "H W 1"]:
-    """A mask image (white = distractor) at the given size in pixels, nearest neighbour.
-
-    Raises CaptureError, naming the file, where it is missing or no image.
-    """
-    try:
-        with Image.open(path) as image:
-            grey = image.convert("L").resize((width, height), Image.Resampling.NEAREST)
-    except (OSError, UnidentifiedImageError) as error:
-        raise CaptureError(
-            f"The distractor mask {path} cannot be read ({error}). Put an 8-bit PNG there, white "
-            "where a distractor is, or remove the `masks` folder to evaluate without masks."
-        ) from error
-    return torch.from_numpy(np.asarray(grey) > MASK_LEVEL)[..., None]
+    """A mask image (white = distractor) at the given size in pixels, nearest neighbour. Raises
+    CaptureError, naming the file, where it is missing or no image."""
+    grey = Image.fromarray(read_image(path)[..., :3]).convert("L")
+    mask = np.asarray(grey.resize((width, height), Image.Resampling.NEAREST)) > MASK_LEVEL
+    return torch.from_numpy(mask)[..., None]

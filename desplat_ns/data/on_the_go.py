@@ -1,10 +1,10 @@
 """NeRF On-the-go captures: split.json says which photos train and which are held out.
 
-`split.json` has the lists `clutter` (photos with distractors), `extra` (held out) and, in some
-scenes, `clean`. Their entries are positions, from 0, among the photos of transforms.json in the
-order of their file names. Source: the published dataset of NeRF On-the-go, Ren et al., CVPR 2024.
-Its undistorted copy by the authors of WildGaussians has train_list.txt and test_list.txt instead,
-with file names.
+`split.json` has the lists `clutter` (photos with distractors, which train), `extra` (held out) and,
+in some scenes, `clean` (not used). Their entries are positions, from 0, among the photos of
+transforms.json in the order of their file names. Source: the published dataset of NeRF On-the-go,
+Ren et al., CVPR 2024. Its undistorted copy by the authors of WildGaussians has train_list.txt and
+test_list.txt instead, with file names.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import Any, Literal
+from typing import Any
 
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
@@ -34,8 +34,6 @@ class OnTheGoDataParserConfig(OwnSplitConfig):
     """NeRF On-the-go scene: split.json over a COLMAP model, or over transforms.json."""
 
     _target: type = field(default_factory=lambda: OnTheGoDataParser)
-    train_on: Literal["clutter", "clean"] = "clutter"
-    """Which list of split.json trains; `extra` is always held out."""
 
 
 class OnTheGoDataParser(DeSplatColmapDataParser):
@@ -50,7 +48,7 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
         Raises:
             CaptureError: a split.json that does not fit, or no photo for this split.
         """
-        data, kind = self.config.data, self.config.train_on if split == "train" else "extra"
+        data, kind = self.config.data, "clutter" if split == "train" else "extra"
         path = data / SPLIT_FILE
         if not path.exists() and (data / "test_list.txt").exists():
             return super().views(names, split)
@@ -59,9 +57,8 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
         if not positions or not all(0 <= i < len(ordered) for i in positions):
             raise CaptureError(
                 f"{path} lists as `{kind}` the photos {list_names(map(str, positions)) or 'none'}; "
-                f"there are {len(ordered)}, counted from 0. It needs `clutter` or `clean` photos "
-                "to train on (--train-on) and `extra` photos to hold out: take the split.json that "
-                "belongs to this scene."
+                f"there are {len(ordered)}, counted from 0. It needs `clutter` photos to train on "
+                "and `extra` photos to hold out: take the split.json that belongs to this scene."
             )
         if split == "train" and (both := {*positions} & {*lists["extra"]}):
             raise CaptureError(
@@ -103,12 +100,12 @@ def read_split(path: Path) -> dict[str, list[int]]:
     except (OSError, ValueError) as error:
         raise CaptureError(f"The split file {path} cannot be read: {error}.") from error
     lists = content if isinstance(content, dict) else {}
-    lists = {name: lists[name] for name in ("clutter", "clean", "extra") if name in lists}
+    lists = {name: lists[name] for name in ("clutter", "extra") if name in lists}
     is_valid = all(
         isinstance(positions, list) and all(type(entry) is int for entry in positions)
         for positions in lists.values()
     )
-    if not (is_valid and "extra" in lists and len(lists) > 1):
+    if not (is_valid and len(lists) == 2):
         raise CaptureError(
             f"{path} is no split file of NeRF On-the-go: it needs the lists `clutter` and `extra` "
             "of photos' positions (0, 1, ...) in the order of their file names."

@@ -15,7 +15,6 @@ import json
 import shlex
 import shutil
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from statistics import median
 from time import monotonic
@@ -171,7 +170,8 @@ def _make(request: Request, sources: Sources) -> dict[str, Any]:
     model, *others = best.models
     names = {photo.copy: photo.name for photo in photos}
     folder, copies = model.folder, output / "work" / "photos"
-    _run(request, undistort, folder, copies, output, names, request.longest_side)
+    with progress_with_time_left("Undistortion"):
+        undistort(folder, copies, output, names, request.longest_side, request.threads or cores())
     # A first try that failed, whose photos are all in the model that is taken, is no other model.
     sizes = [len(o.photos) for o in others if not set(model.photos).issuperset(o.photos)]
     return {
@@ -185,21 +185,6 @@ def _make(request: Request, sources: Sources) -> dict[str, Any]:
         "left_out": missing,
         "seconds": round(monotonic() - begin, 1),
     }
-
-
-def _run(request: Request, do: Any, *arguments: Any) -> Any:
-    """What a function of pycolmap's side returns, with a bar for each stage of its progress."""
-    stage, show = "", None
-    with ExitStack() as bar:
-
-        def progress(name: str, done: int, total: int) -> None:
-            nonlocal stage, show
-            if show is None or name != stage:
-                bar.close()
-                stage, show = name, bar.enter_context(progress_with_time_left(name))
-            show(done, total)
-
-        return do(*arguments, request.threads or cores(), progress)
 
 
 def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
@@ -248,8 +233,8 @@ def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> 
             announce(f"{unmasked} in {request.mask}.", warning=True)
 
     def attempt(recipe: Recipe) -> Attempt:
-        place, copies = work / recipe.name, work / "photos"
-        return _run(request, reconstruct, place, copies, cameras, masks, is_video, recipe)
+        place, copies, threads = work / recipe.name, work / "photos", request.threads or cores()
+        return reconstruct(place, copies, cameras, masks, is_video, recipe, threads)
 
     if request.effort == "thorough":
         return attempt(THOROUGH)

@@ -14,8 +14,8 @@ Letters in shapes: N photos, F features, D numbers of a descriptor, W words.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from functools import partial
 from itertools import combinations, count
 from pathlib import Path
 
@@ -27,6 +27,7 @@ import PIL.Image  # noqa: F401
 import pycolmap
 from jaxtyping import Float32
 
+from desplat_ns.console import progress_with_time_left
 from desplat_ns.errors import CaptureError
 from desplat_ns.files.whole import draft_of
 from desplat_ns.process.photos import Camera
@@ -34,9 +35,6 @@ from desplat_ns.process.request import MIN_PHOTOS
 
 # All that pycolmap tells stands on the console else, between the bars of progress.
 pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value
-
-Progress = Callable[[str, int, int], None]
-"""Called with the name of a stage, what is done of it, and what there is to do."""
 
 Count = Callable[[int, int], None]
 """Called with what is done of a stage and what there is to do."""
@@ -154,9 +152,9 @@ def reconstruct(
     is_video: bool,
     recipe: Recipe,
     threads: int,
-    progress: Progress,
 ) -> Attempt:
-    """Find poses of photos by a recipe; goes on where an earlier call was stopped.
+    """Find poses of photos by a recipe, with a bar for each stage; goes on where an earlier call
+    was stopped.
 
     Args:
         place: a folder for this recipe: database.db with features and matches, models once there
@@ -171,11 +169,13 @@ def reconstruct(
     place.mkdir(parents=True, exist_ok=True)
     database = place / "database.db"
 
-    def counts(stage: str) -> Callable[[int, int], None]:
-        return partial(progress, f"{stage} ({recipe.name})")
+    def stage(name: str) -> AbstractContextManager[Count]:
+        return progress_with_time_left(f"{name} ({recipe.name})")
 
-    features = find_features(database, photos, cameras, masks, recipe, threads, counts("features"))
-    match_photos(database, is_video, recipe, threads, counts("matching"))
+    with stage("Features") as show:
+        features = find_features(database, photos, cameras, masks, recipe, threads, show)
+    with stage("Matching") as show:
+        match_photos(database, is_video, recipe, threads, show)
     matched, verified = verified_pairs(database)
     if matched >= MIN_PHOTOS > len(verified) + 1:
         raise CaptureError(
@@ -184,7 +184,8 @@ def reconstruct(
             "around while taking photos. If a watermark or a part of the camera's stand is all "
             "that matches, the photos share no place."
         )
-    models = map_photos(database, photos, place / "models", recipe, threads, counts("mapping"))
+    with stage("Mapping") as show:
+        models = map_photos(database, photos, place / "models", recipe, threads, show)
     return Attempt(recipe, models, features, verified)
 
 

@@ -13,14 +13,12 @@ import tyro
 from desplat_ns.console import list_names, text_of
 from desplat_ns.data.photo_files import PHOTO_SUFFIXES, file_names
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.settings.options import option_of
+from desplat_ns.settings.options import check_ranges, option_of, ranged
 
 Cameras = Literal["auto", "one", "folder", "photo"]
 CameraModel = Literal["auto", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"]
 Effort = Literal["auto", "plain", "thorough"]
 
-SMALLEST_SIDE = 100
-"""Pixels. Smaller photos have hardly any features."""
 MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
 SUFFIXES = PHOTO_SUFFIXES | {".jpe", ".jp2", ".ppm", ".pgm", ".tga"}
@@ -40,8 +38,8 @@ class Request:
     """Folder of photos, with or without folders in it, or a video."""
     output: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUTPUT")]
     """Folder for the capture: images/, sparse/0 and a picture of it from above."""
-    longest_side: int = 1600
-    """Pixels; larger photos are reduced to it."""
+    longest_side: int = ranged(1600, "[100, inf)")
+    """Pixels; larger photos are reduced to it. Smaller ones than 100 have hardly any features."""
     cameras: Cameras = "auto"
     """Which photos share focal length and distortion. auto: what EXIF and size say; one: all of one
     size; folder: those of one folder and size; photo: none."""
@@ -51,33 +49,18 @@ class Request:
     """auto: plain, and where that leaves photos out thorough, which takes several times as long."""
     mask: Path | None = None
     """Folder with a mask for each photo, or one picture for all: no features where it is black."""
-    frames: int = 150
+    frames: int = ranged(150, "[3, inf)")
     """Of a video, at most: the sharpest, at even distances."""
-    threads: int = 0
+    threads: int = ranged(0, "[0, inf)")
     """0: all cores."""
     keep_work: bool = False
     """Keep features, matches and all models, in OUTPUT/work."""
 
-    def check(self) -> None:
-        """Make sure that numbers are in their range.
-
-        Raises:
-            ConfigError: lists all that are not.
-        """
-        least = {"longest_side": SMALLEST_SIDE, "frames": MIN_PHOTOS, "threads": 0}
-        wrong = [
-            f"{option_of(name)} is {getattr(self, name)}; give {bound} or more."
-            for name, bound in least.items()
-            if getattr(self, name) < bound
-        ]
-        if self.mask is not None and not self.mask.exists():
-            wrong.append(f"--mask is {self.mask}, which does not exist.")
-        if wrong:
-            raise ConfigError(" ".join(wrong))
-
     def main(self) -> None:
         """Check what can be checked at once, then make the capture; raises as `process.process`."""
-        self.check()
+        check_ranges(self)
+        if self.mask is not None and not self.mask.exists():
+            raise ConfigError(f"--mask is {self.mask}, which does not exist.")
         sources = find_sources(self.photos, self.output)
         os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read as pycolmap is imported
 

@@ -20,7 +20,6 @@ from matplotlib.figure import Figure
 from desplat_ns.console import list_names
 from desplat_ns.files.whole import write_whole
 from desplat_ns.process.photos import JPEG_QUALITY
-from desplat_ns.process.reconstruction import Progress
 
 MOST_POINTS = 30_000
 """In the picture from above."""
@@ -35,7 +34,6 @@ def undistort(
     names: Mapping[str, str],
     longest_side: int,
     threads: int,
-    progress: Progress,
 ) -> None:
     """Write `output`/cameras.png, `output`/images and `output`/sparse/0, whole or not at all.
 
@@ -53,7 +51,6 @@ def undistort(
     read = pycolmap.Reconstruction(model)
     if unknown := {read.image(i).name for i in read.reg_image_ids()} - names.keys():
         raise OSError(f"{model} has photos of something else: {list_names(sorted(unknown), 5)}")
-    progress("undistortion", 0, read.num_reg_images())
     pycolmap.undistort_images(
         flat,
         model,

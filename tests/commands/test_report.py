@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
+from desplat_ns.errors import CaptureError, ConfigError
 
 NUM_TRAIN, NUM_TEST = 6, 2
 
@@ -97,26 +97,6 @@ def test_a_run_and_its_capture_that_were_moved_have_a_page(
     assert "would have said sh: There is a sky." in html
     assert "there is no TensorBoard file" in html
     assert "--load-config &#39;my run/config.yml&#39;" in html, "as a shell takes it"
-
-
-@pytest.mark.slow
-def test_a_config_of_another_version_and_a_damaged_checkpoint_are_named(
-    trained: Path, tmp_path: Path
-):
-    from desplat_ns.commands.report import Report
-
-    (tmp_path / "nerfstudio_models").mkdir()
-    (tmp_path / "nerfstudio_models" / "step-000000023.ckpt").write_bytes(b"cut off")
-    text = trained.read_text().replace("desplat_ns.model.DeSplat", "desplat_ns.elsewhere.DeSplat")
-    (tmp_path / "config.yml").write_text(text)
-    with pytest.raises(ConfigError, match="elsewhere"):
-        Report(tmp_path / "config.yml", output=tmp_path / "p.html").main()
-    config: Any = yaml.load(trained.read_text(), Loader=yaml.UnsafeLoader)
-    config.output_dir = tmp_path / "gone"
-    (tmp_path / "config.yml").write_text(yaml.dump(config))
-    with pytest.raises(CheckpointError, match=r"step-000000023\.ckpt is damaged"):
-        Report(tmp_path / "config.yml", output=tmp_path / "p.html").main()
-    assert not (tmp_path / "p.html").exists()
 
 
 @pytest.mark.parametrize("output", ["p.pdf", "taken.html"])

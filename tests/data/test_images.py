@@ -17,7 +17,6 @@ from desplat_ns.data.images import (
     read_image,
     read_mask,
     resize_image,
-    resize_mask,
     write_image,
 )
 from desplat_ns.errors import CaptureError, DeSplatError
@@ -103,11 +102,6 @@ def test_a_damaged_or_missing_photo_is_named(tmp_path: Path, damage: str):
 def test_what_is_transparent_does_not_bleed():
     image = np.array([[[200, 0, 0, 255], [0, 255, 0, 0]]], dtype=np.uint8)
     assert resize_image(image, 1, 1)[0, 0].tolist() == [200, 0, 0, 128]
-
-
-def test_a_reduced_mask_is_true_where_half_the_area_is():
-    mask = np.array([[1, 1, 1, 0], [0, 0, 0, 0]], dtype=bool)
-    assert resize_mask(mask, 2, 1).tolist() == [[True, False]]
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,6 @@ def names_of(data: Path, split: str, **options) -> set[str]:
 def test_clutter_trains_and_extras_are_held_out(scene: Path):
     assert names_of(scene, "train") == {"2clutter_a.png", "2clutter_b.png"}
     assert names_of(scene, "test") == names_of(scene, "val") == {"1extra_a.png"}
-    assert names_of(scene, "train", train_on="clean") == {"0clean_a.png"}
 
 
 def test_every_photo_keeps_its_own_camera(scene: Path):

@@ -43,17 +43,6 @@ def test_rotations_come_back_within_half_a_step_of_each_part():
     assert np.abs(read.quats * same_sign - written.quats).max() <= 2 * np.sqrt(3) * half + 1e-5
 
 
-def test_precision_follows_the_scenes_size():
-    small, large = cloud(), cloud()
-    small = replace(small, means=small.means * 0.01)
-    large = replace(large, means=large.means * 1000.0)
-    assert fractional_bits(small.means) == 20
-    for splats in (small, large):
-        step = 2.0 ** -fractional_bits(splats.means)
-        assert np.abs(read_splats(spz_bytes(splats)).means - splats.means).max() <= step / 2 * 1.01
-        assert step == 2.0**-20 or np.abs(splats.means).max() / step > 2**22, "a bit is wasted"
-
-
 def fitting(cloud: SplatCloud) -> tuple[SplatCloud, list[str]]:
     """The Gaussians that are `placed` precisely enough, and what is said of the rest."""
     near, lines = placed(cloud)

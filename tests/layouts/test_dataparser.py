@@ -23,8 +23,8 @@ from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up
 
 @pytest.mark.usefixtures("tyro_may_build")
 def test_our_dataparsers_can_be_named_with_their_options():
-    words = ["on-the-go-data", "--train-on", "clean"]
-    assert tyro.cli(AnyDataParser, args=words) == OnTheGoDataParserConfig(train_on="clean")
+    words = ["on-the-go-data", "--downscale-factor", "8"]
+    assert tyro.cli(AnyDataParser, args=words) == OnTheGoDataParserConfig(downscale_factor=8)
 
 
 def test_options_that_are_not_given_are_the_dataparsers_own(capture):

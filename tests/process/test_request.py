@@ -51,6 +51,8 @@ def test_a_name_that_is_no_text_is_named(tmp_path: Path):
     str(caught.value).encode()  # it can be printed
 
 
-def test_all_wrong_numbers_are_told_at_once():
-    with pytest.raises(ConfigError, match=r"--longest-side.*--threads"):
-        Request(Path("p"), Path("o"), longest_side=5, threads=-1).check()
+@pytest.mark.parametrize("wrong", [{"longest_side": 5}, {"frames": 2}, {"threads": -1}])
+def test_a_number_that_cannot_be_is_named(tmp_path: Path, wrong: dict[str, int]):
+    (name,) = wrong
+    with pytest.raises(ConfigError, match=f"--{name.replace('_', '-')}"):
+        Request(tmp_path, tmp_path / "o", **wrong).main()  # pyright: ignore[reportArgumentType]
