@@ -39,11 +39,9 @@ class Arguments:
             )
         from desplat_ns.console import announce  # a second
         from desplat_ns.fetch.fetch import fetch
-        from desplat_ns.files.whole import free_bytes
 
         source = SOURCES[self.name]
         announce(f"{source.title}. Whose it is, and what may be done with it: {source.page}")
-        announce(f"{free_bytes(self.folder) / 1e9:.0f} GB are free in '{self.folder}'.")
         scenes = fetch(source, self.folder)
         announce(f"{len(scenes)} in '{scenes[0].parent}': {', '.join(s.name for s in scenes)}.")
         announce(f"    {source.train.format(scene=scenes[0])}")

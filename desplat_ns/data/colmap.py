@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 import torch
 import tyro
-from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
+from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig, DataparserOutputs
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParser, ColmapDataParserConfig
 from nerfstudio.data.scene_box import SceneBox
 
@@ -73,10 +73,12 @@ class OwnSplitConfig(DeSplatColmapDataParserConfig):
     """Not used: the capture decides."""
 
 
-def with_pycolmap(config: ColmapDataParserConfig) -> DeSplatColmapDataParserConfig:
-    """The same options for our parser; nerfstudio's default `colmap_path` becomes a search."""
-    options = {f.name: getattr(config, f.name) for f in fields(config) if f.name != "_target"}
-    if options["colmap_path"] == ColmapDataParserConfig().colmap_path:
+def with_pycolmap(config: DataParserConfig, **changes: Any) -> DeSplatColmapDataParserConfig:
+    """What a parser of nerfstudio shares with ours, for ours, with `changes`; nerfstudio's default
+    `colmap_path` becomes a search."""
+    ours = {f.name for f in fields(DeSplatColmapDataParserConfig)} - {"_target"}
+    options = {f.name: getattr(config, f.name) for f in fields(config) if f.name in ours} | changes
+    if options.get("colmap_path") == ColmapDataParserConfig().colmap_path:
         options["colmap_path"] = Path("colmap/sparse")
     return DeSplatColmapDataParserConfig(**options)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.console import announce_once
-from desplat_ns.data.colmap import DeSplatColmapDataParser, DeSplatColmapDataParserConfig
+from desplat_ns.data.colmap import DeSplatColmapDataParser, with_pycolmap
 from desplat_ns.data.colmap_model import UNEXPECTED, find_models, read_cloud
 from desplat_ns.data.images import image_size
 from desplat_ns.data.photo_files import find_photos
@@ -43,11 +43,9 @@ class TransformsDataParser(DeSplatColmapDataParser):
     """nerfstudio's `nerfstudio-data`, read as COLMAP captures are: it asks and writes nothing."""
 
     def __init__(self, config: NerfstudioDataParserConfig):
-        ours = {f.name for f in fields(DeSplatColmapDataParserConfig)} - {"_target"}
-        shared = {f.name: getattr(config, f.name) for f in fields(config) if f.name in ours}
         data, self._mask_color = config.data, config.mask_color
         self._path = data if data.suffix == ".json" else data / "transforms.json"
-        super().__init__(DeSplatColmapDataParserConfig(**{**shared, "data": self._path.parent}))
+        super().__init__(with_pycolmap(config, data=self._path.parent))
 
     def read(self) -> Reconstruction:
         """Raises as `read_transforms`."""

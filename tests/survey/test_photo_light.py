@@ -53,7 +53,6 @@ def chain(gains: np.ndarray) -> Observations:
     eye, zero, focal, center = np.eye(3), np.zeros(3), np.full(2, 90.0), np.array([48.0, 36.0])
     view = View(eye, zero, focal, center, (96, 72), np.zeros(6), False)
     return Observations(
-        names=[str(row) for row in range(count)],
         views=[view] * count,
         photos=[],
         allowed=[],
