@@ -77,34 +77,28 @@ def test_on_the_cpu_nothing_is_pinned(tiny_scene, monkeypatch):
     assert data.next_train(0)[1]["image"].device.type == "cpu"
 
 
-def test_upstreams_parsers_are_swapped_where_they_would_ask(tiny_scene):
+def test_upstreams_parsers_are_swapped_where_they_would_ask_or_refused_with_the_name_of_ours(
+    tiny_scene,
+):
     data = manager(ColmapDataParserConfig(data=tiny_scene.folder))
     assert type(data.config.dataparser) is DeSplatColmapDataParserConfig
     assert isinstance(data.train_dataset, CaptureDataset)
     assert without_prompts(NerfstudioDataParserConfig())._target is TransformsDataParser
-    own = RobustNerfDataParserConfig()
-    assert without_prompts(own) is own
-
-
-def test_upstreams_phototourism_parser_is_refused_and_ours_named():
     with pytest.raises(ConfigError, match="photo-tourism-data"):
         without_prompts(PhototourismDataParserConfig())
-    own = PhotoTourismDataParserConfig()
-    assert without_prompts(own) is own
+    for own in (RobustNerfDataParserConfig(), PhotoTourismDataParserConfig()):
+        assert without_prompts(own) is own
 
 
-@pytest.mark.parametrize("strategy", ["random"])
-def test_a_restored_sampler_goes_on_in_the_same_order(tiny_scene, tmp_path: Path, strategy: str):
-    parser = ColmapDataParserConfig(data=tiny_scene.folder)  # fpsample needs 8 photos or more
-    first = manager(parser, train_cameras_sampling_strategy=strategy)
+def test_a_restored_sampler_goes_on_in_the_same_order(tiny_scene, tmp_path: Path):
+    parser = ColmapDataParserConfig(data=tiny_scene.folder)
+    first = manager(parser)
     for step in range(4):
         first.next_train(step)
     torch.save(first.sampler_state(), tmp_path / "state.pt")
-    rng = np.random.get_state()
     expected = [first.next_train(step)[1]["image_idx"] for step in range(20)]
-    other = manager(parser, train_cameras_sampling_strategy=strategy, train_cameras_sampling_seed=7)
+    other = manager(parser, train_cameras_sampling_seed=7)
     other.load_sampler_state(torch.load(tmp_path / "state.pt", weights_only=True))
-    np.random.set_state(rng)  # farthest-point sampling draws from it; the trainer restores it
     assert [other.next_train(step)[1]["image_idx"] for step in range(20)] == expected
 
 

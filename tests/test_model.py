@@ -6,7 +6,7 @@ import pytest
 import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
 
-from desplat_ns.errors import BackendUnavailableError, CaptureError, ConfigError, DeSplatError
+from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
 from desplat_ns.gaussians import densification
 from desplat_ns.gaussians.densification import DistractorDensifier
 from desplat_ns.gaussians.distractor_config import DistractorConfig
@@ -33,12 +33,6 @@ ALL_OUTPUTS = {
     "accumulation",
     "background",
 }
-
-
-@pytest.mark.parametrize(("option", "value"), [("sh_degree", 5), ("sh_degree_interval", 0)])
-def test_harmonics_that_cannot_be_are_refused(option, value):
-    with pytest.raises(ConfigError, match="sh-degree"):
-        make_model(**{option: value})
 
 
 def test_training_draws_the_distractors_of_that_view_over_the_static_scene():

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from desplat_ns.errors import BackendUnavailableError, CheckpointError, ConfigError
 from desplat_ns.trainer import DeSplatTrainerConfig
@@ -124,21 +123,6 @@ def contents(folder: Path) -> dict[Path, bytes]:
     """Of all files but tensorboard's, which a thread of its own writes to the end."""
     files = (path for path in folder.rglob("*") if path.is_file())
     return {path: path.read_bytes() for path in files if "tfevents" not in path.name}
-
-
-def test_config_yml_holds_the_schedule_scale_that_was_resolved(config):
-    set_up(config)
-    text = (config.get_base_dir() / "config.yml").read_text()
-    saved = yaml.load(text, Loader=yaml.UnsafeLoader)
-    assert saved.pipeline.model.schedule_scale == 0.5
-    assert config.setup().config.pipeline.model.schedule_scale == 0.5
-
-
-@pytest.mark.parametrize("scale", [0.0, float("nan")])
-def test_a_schedule_scale_that_is_not_positive_is_refused(config, scale):
-    config.pipeline.model.schedule_scale = scale
-    with pytest.raises(ConfigError, match=r"--pipeline\.model\.schedule-scale"):
-        config.setup()
 
 
 @pytest.mark.parametrize("option", ["mixed_precision", "use_grad_scaler"])

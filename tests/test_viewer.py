@@ -26,23 +26,6 @@ from tests.helpers.small_model import make_model
 NAMES = [f"{number}.jpg" for number in range(5)]
 
 
-def _outputs() -> dict[str, torch.Tensor]:
-    static, composite = torch.full((1, 2, 3), 0.25), torch.full((1, 2, 3), 0.5)
-    return {
-        "rgb": static,
-        "rgb_static": static,
-        "rgb_composite": composite,
-        "rgb_distractor": torch.full((1, 2, 3), 1.5),
-        "distractor_mask": torch.tensor([[[True], [False]]]),
-    }
-
-
-def test_without_a_viewer_nothing_changes():
-    control, outputs = LayerControl(NAMES), _outputs()
-    assert control.train_idx() is None
-    assert control.chosen(outputs) is outputs
-
-
 def test_an_evaluation_has_the_models_near_plane_whatever_the_viewer_says():
     control = LayerControl(NAMES, 0.5)
     assert control.near_plane_share() == 0.5
@@ -84,21 +67,6 @@ def test_a_line_says_how_far_the_view_is_from_the_photos():
         control.tell_photo_angle(view)
     assert [text[:4] for text in line.sent] == ["**7°", "**31", "No p"]
     assert next(angles) == 5.0
-
-
-def test_a_photo_is_chosen_by_its_name():
-    control = LayerControl(NAMES)
-    control.layer.value, control.view.value = "composite", "3.jpg"
-    assert control.train_idx() == 3
-
-
-def test_while_suspended_an_open_viewers_choice_does_not_count():
-    control, outputs = LayerControl(NAMES), _outputs()
-    control.layer.value = "composite"
-    with control.suspended():
-        assert control.train_idx() is None
-        assert control.chosen(outputs) is outputs
-    assert control.train_idx() == 0
 
 
 def test_nerfstudios_viewer_finds_all_controls_on_the_pipeline():
