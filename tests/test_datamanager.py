@@ -12,7 +12,6 @@ import torch
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismDataParserConfig
-from nerfstudio.data.utils.dataloaders import FixedIndicesEvalDataloader
 
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.dataset import CaptureDataset
@@ -54,17 +53,6 @@ def test_training_cameras_say_which_view_they_are(tiny_scene):
     held_out = [camera for camera, _ in data.fixed_indices_eval_dataloader]
     held_out.append(data.next_eval(0)[0])
     assert all("train_idx" not in (camera.metadata or {}) for camera in held_out)
-
-
-@pytest.mark.parametrize("test_mode", ["test", "inference"])
-def test_ns_render_dataset_sees_the_number_in_training_views_only(tiny_scene, test_mode: str):
-    data = manager(RobustNerfDataParserConfig(data=tiny_scene.folder), test_mode)
-    train = list(FixedIndicesEvalDataloader(data.train_dataset, device="cpu"))
-    test = list(FixedIndicesEvalDataloader(data.eval_dataset, device="cpu"))
-    numbers = [(camera.metadata or {})["train_idx"].item() for camera, _ in train]
-    assert numbers == list(range(6))
-    assert all("train_idx" not in (camera.metadata or {}) for camera, _ in test)
-    assert train[0][1]["image"].shape == (32, 48, 3)
 
 
 def test_on_the_cpu_nothing_is_pinned(tiny_scene, monkeypatch):

@@ -156,8 +156,3 @@ def test_what_a_step_gives_to_be_logged_has_no_gradient(config):
     trainer.stop_training = False  # as nerfstudio's loop does
     loss, terms, _ = trainer.train_iteration(0)
     assert not any(value.requires_grad for value in (loss, *terms.values()))
-
-
-def test_before_training_a_run_is_named_in_a_line(config, capsys):
-    config.print_to_terminal()
-    assert capsys.readouterr().out.count("\n") == 1

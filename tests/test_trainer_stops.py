@@ -55,9 +55,10 @@ def test_what_was_cleared_away_is_swept_at_the_end_of_a_run_and_not_where_it_is_
 
 @pytest.mark.parametrize("number", STOP_SIGNALS)
 def test_a_signal_finishes_the_step_saves_and_nothing_is_lost(config, number):
-    train(dataclasses.replace(config, timestamp="straight", pipeline=StubPipelineConfig()))
-    trainer = set_up(config)
     handler = signal.getsignal(number)
+    train(dataclasses.replace(config, timestamp="straight", pipeline=StubPipelineConfig()))
+    assert signal.getsignal(number) is handler
+    trainer = set_up(config)
     trainer.pipeline.at_step = lambda step: os.kill(os.getpid(), number) if step == 3 else None
     trainer.train()
     assert trainer.pipeline.trained == [0, 1, 2, 3]

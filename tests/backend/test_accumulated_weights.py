@@ -38,12 +38,6 @@ def test_what_stands_behind_makes_up_what_is_left(rasterizer):
     assert front + behind == pytest.approx(alpha, rel=1e-4)
 
 
-def test_what_the_view_does_not_show_makes_up_nothing(rasterizer):
-    hidden = splats([0.9, 0.9, 0.0], [2.0, -2.0, 3.0], [50.0, 0.0, 0.0])
-    sums = accumulated_weights(rasterizer, hidden, VIEW, RenderSettings())
-    assert sums.tolist() == [0.0, 0.0, 0.0]
-
-
 def test_columns_are_drawn_by_what_contributes_to_them(rasterizer):
     """What contributes nothing may have ended a pixel unseen: before it, blending has left at most
     TRANSMITTANCE_MIN / (1 - ALPHA_MAX), and so much at most shows of what is behind."""

@@ -44,12 +44,6 @@ def test_a_bent_lens_is_nerfstudios(is_fisheye: bool):
     np.testing.assert_allclose(rays, unit, atol=1e-4)
 
 
-def test_directions_lead_to_the_points():
-    pixels, _ = VIEW.project(POINTS)
-    unit = POINTS / np.linalg.norm(POINTS, axis=1, keepdims=True)
-    np.testing.assert_allclose(VIEW.directions(pixels), unit, atol=1e-12)
-
-
 def test_a_small_view_sees_a_generated_scenes_points_where_they_were_observed(still):
     observed = still.metadata[TRACKS].read([0, 5])
     for index, track in zip((0, 5), observed, strict=True):
@@ -57,11 +51,3 @@ def test_a_small_view_sees_a_generated_scenes_points_where_they_were_observed(st
         pixels, _ = view.project(points_of(still)[track.points])
         off = np.abs(pixels / view.size - track.places) * view.size
         assert np.median(off) < 1.0
-
-
-def test_the_mean_is_that_of_the_others_in_three_by_three_cells():
-    places = np.array([[1.0, 1.0], [3.0, 1.0], [5.9, 1.0], [6.1, 1.0], [90.0, 60.0]])
-    mean, count = VIEW.near_means(places, np.array([1.0, 2.0, 3.0, 4.0, 5.0]))
-    # Cells are 2 pixels wide: columns 0, 1, 2, 3 and one far away.
-    np.testing.assert_allclose(count, [1, 2, 2, 1, 0])
-    np.testing.assert_allclose(mean, [2, 2, 3, 3, 0])
