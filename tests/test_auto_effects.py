@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -80,11 +79,3 @@ def test_without_a_survey_nothing_is_guessed():
     whole = EffectsConfig(auto=True, distractors=False, appearance="sh", background="off")
     assert whole.settled() == Effects(False, "sh", "off")
     assert EffectsConfig().settled() == Effects(True, "off", "off")
-
-
-def test_what_is_decided_fills_in_what_is_not_given():
-    effects = Effects(distractors=False, appearance="affine", background="sh")
-    assert EffectsConfig(auto=True).decided(effects).settled() == effects
-    kept = EffectsConfig(auto=True, appearance="off").decided(effects)
-    assert kept.settled() == dataclasses.replace(effects, appearance="off")
-    assert not kept.auto

@@ -18,7 +18,7 @@ from desplat_ns.data.images import write_image
 from desplat_ns.data.photo_cache import SHARE, BoundedPhotos
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.datamanager import DeSplatDataManager, DeSplatDataManagerConfig
-from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.errors import CaptureError
 from desplat_ns.report.pictures import training_photos
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
@@ -83,11 +83,6 @@ def test_what_the_machine_can_spare_decides(tiny_scene, monkeypatch, free):
     monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=free))
     photos = manager(RobustNerfDataParserConfig(data=tiny_scene.folder)).cached_train
     assert isinstance(photos, BoundedPhotos) == (SHARE * free < 8 * 4608)
-
-
-def test_a_bound_that_cannot_be_is_refused(tiny_scene):
-    with pytest.raises(ConfigError, match="photo-memory"):
-        manager(RobustNerfDataParserConfig(data=tiny_scene.folder), 0.0)
 
 
 def last_checkpoint(config: Any) -> Any:

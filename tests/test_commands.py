@@ -6,16 +6,13 @@ import json
 import math
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 import yaml
 from PIL import Image
-
-if TYPE_CHECKING:
-    pass
 
 pytestmark = pytest.mark.slow
 

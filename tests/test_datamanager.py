@@ -12,7 +12,6 @@ import torch
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismDataParserConfig
-from nerfstudio.data.utils.dataloaders import FixedIndicesEvalDataloader
 
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.dataset import CaptureDataset
@@ -56,17 +55,6 @@ def test_training_cameras_say_which_view_they_are(tiny_scene):
     assert all("train_idx" not in (camera.metadata or {}) for camera in held_out)
 
 
-@pytest.mark.parametrize("test_mode", ["test", "inference"])
-def test_ns_render_dataset_sees_the_number_in_training_views_only(tiny_scene, test_mode: str):
-    data = manager(RobustNerfDataParserConfig(data=tiny_scene.folder), test_mode)
-    train = list(FixedIndicesEvalDataloader(data.train_dataset, device="cpu"))
-    test = list(FixedIndicesEvalDataloader(data.eval_dataset, device="cpu"))
-    numbers = [(camera.metadata or {})["train_idx"].item() for camera, _ in train]
-    assert numbers == list(range(6))
-    assert all("train_idx" not in (camera.metadata or {}) for camera, _ in test)
-    assert train[0][1]["image"].shape == (32, 48, 3)
-
-
 def test_on_the_cpu_nothing_is_pinned(tiny_scene, monkeypatch):
     def fail(self):
         raise RuntimeError("pinned")
@@ -77,34 +65,28 @@ def test_on_the_cpu_nothing_is_pinned(tiny_scene, monkeypatch):
     assert data.next_train(0)[1]["image"].device.type == "cpu"
 
 
-def test_upstreams_parsers_are_swapped_where_they_would_ask(tiny_scene):
+def test_upstreams_parsers_are_swapped_where_they_would_ask_or_refused_with_the_name_of_ours(
+    tiny_scene,
+):
     data = manager(ColmapDataParserConfig(data=tiny_scene.folder))
     assert type(data.config.dataparser) is DeSplatColmapDataParserConfig
     assert isinstance(data.train_dataset, CaptureDataset)
     assert without_prompts(NerfstudioDataParserConfig())._target is TransformsDataParser
-    own = RobustNerfDataParserConfig()
-    assert without_prompts(own) is own
-
-
-def test_upstreams_phototourism_parser_is_refused_and_ours_named():
     with pytest.raises(ConfigError, match="photo-tourism-data"):
         without_prompts(PhototourismDataParserConfig())
-    own = PhotoTourismDataParserConfig()
-    assert without_prompts(own) is own
+    for own in (RobustNerfDataParserConfig(), PhotoTourismDataParserConfig()):
+        assert without_prompts(own) is own
 
 
-@pytest.mark.parametrize("strategy", ["random"])
-def test_a_restored_sampler_goes_on_in_the_same_order(tiny_scene, tmp_path: Path, strategy: str):
-    parser = ColmapDataParserConfig(data=tiny_scene.folder)  # fpsample needs 8 photos or more
-    first = manager(parser, train_cameras_sampling_strategy=strategy)
+def test_a_restored_sampler_goes_on_in_the_same_order(tiny_scene, tmp_path: Path):
+    parser = ColmapDataParserConfig(data=tiny_scene.folder)
+    first = manager(parser)
     for step in range(4):
         first.next_train(step)
     torch.save(first.sampler_state(), tmp_path / "state.pt")
-    rng = np.random.get_state()
     expected = [first.next_train(step)[1]["image_idx"] for step in range(20)]
-    other = manager(parser, train_cameras_sampling_strategy=strategy, train_cameras_sampling_seed=7)
+    other = manager(parser, train_cameras_sampling_seed=7)
     other.load_sampler_state(torch.load(tmp_path / "state.pt", weights_only=True))
-    np.random.set_state(rng)  # farthest-point sampling draws from it; the trainer restores it
     assert [other.next_train(step)[1]["image_idx"] for step in range(20)] == expected
 
 

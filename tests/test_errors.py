@@ -1,9 +1,10 @@
-"""What ends a command is told in a sentence, not in a traceback."""
+"""What ends a command is told in a sentence, not in a traceback; what is said on the console."""
 
 import subprocess
 import sys
 
 import pytest
+from nerfstudio.utils.rich_utils import CONSOLE
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError, print_user_errors_plainly
@@ -49,3 +50,21 @@ def test_of_what_will_change_only_ours_is_said():
     done = subprocess.run([sys.executable, "-c", OLD], capture_output=True, text=True)
     assert "torch" not in done.stderr and "nerfstudio" not in done.stderr
     assert "desplat_ns.model" in done.stderr
+
+
+def test_brackets_in_paths_survive_the_console(capsys: pytest.CaptureFixture[str]):
+    announce("/a/[bold]/" + "x" * 200)
+    assert capsys.readouterr().out == "/a/[bold]/" + "x" * 200 + "\n"
+
+
+def test_a_console_that_cannot_be_written_to_stops_nothing(monkeypatch: pytest.MonkeyPatch):
+    tried = []
+
+    def full(line: str, **_: object) -> None:
+        tried.append(line)
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(CONSOLE, "print", full)
+    announce("unheard")
+    announce("unheard as well")
+    assert tried == ["unheard", "unheard as well"]

@@ -6,7 +6,7 @@ import pytest
 import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
 
-from desplat_ns.errors import BackendUnavailableError, CaptureError, ConfigError, DeSplatError
+from desplat_ns.errors import CaptureError, DeSplatError
 from desplat_ns.gaussians import densification
 from desplat_ns.gaussians.densification import DistractorDensifier
 from desplat_ns.gaussians.distractor_config import DistractorConfig
@@ -21,24 +21,6 @@ from tests.helpers.small_model import (
     make_model,
 )
 from tests.helpers.stub_run import assert_same
-
-ALL_OUTPUTS = {
-    "rgb",
-    "rgb_static",
-    "rgb_composite",
-    "rgb_distractor",
-    "alpha_distractor",
-    "distractor_mask",
-    "depth",
-    "accumulation",
-    "background",
-}
-
-
-@pytest.mark.parametrize(("option", "value"), [("sh_degree", 5), ("sh_degree_interval", 0)])
-def test_harmonics_that_cannot_be_are_refused(option, value):
-    with pytest.raises(ConfigError, match="sh-degree"):
-        make_model(**{option: value})
 
 
 def test_training_draws_the_distractors_of_that_view_over_the_static_scene():
@@ -58,7 +40,6 @@ def test_training_draws_the_distractors_of_that_view_over_the_static_scene():
 def test_evaluation_shows_the_static_scene_and_the_layers_of_a_training_view():
     model = make_model().eval()
     outputs = model.get_outputs_for_camera(camera(2))
-    assert set(outputs) == ALL_OUTPUTS
     assert torch.equal(outputs["rgb"], outputs["rgb_static"])
     assert outputs["alpha_distractor"].mean() > 0.05
     assert outputs["distractor_mask"].dtype == torch.bool
@@ -69,7 +50,6 @@ def test_evaluation_shows_the_static_scene_and_the_layers_of_a_training_view():
 @pytest.mark.parametrize("metadata", [{}, {"cam_idx": 0}])
 def test_a_view_that_is_no_training_view_has_no_distractors(metadata):
     outputs = make_model().eval().get_outputs_for_camera(camera(**metadata))
-    assert set(outputs) == ALL_OUTPUTS
     assert not outputs["alpha_distractor"].any()
     assert torch.equal(outputs["rgb_composite"], outputs["rgb_static"])
 
@@ -78,7 +58,7 @@ def test_an_effect_that_is_off_leaves_no_trace():
     model = make_model(effects=EffectsConfig(distractors=False))
     assert model.distractors is None
     assert not any("distractor" in name for name in model.get_param_groups())
-    assert not any("distractor" in name for name in model.state_dict())
+    assert not any("distractor" in name or "image_effects" in name for name in model.state_dict())
     result = Trainer(model).step(0)
     assert not any("distractor" in name for name in result["outputs"])
     assert set(result["losses"]) == {"main_loss"}
@@ -94,13 +74,6 @@ def test_the_loss_is_equation_5():
     assert losses["static_transparency"].item() == pytest.approx(
         0.25 * (1 - outputs["accumulation"].double()).mean().item(), rel=1e-5
     )
-
-
-def test_distractors_wait_for_the_static_warmup():
-    model = make_model(distractors=DistractorConfig(per_view=20, static_warmup=5))
-    trainer = Trainer(model)
-    assert not trainer.step(4)["outputs"]["alpha_distractor"].any()
-    assert trainer.step(5)["outputs"]["alpha_distractor"].any()
 
 
 def test_the_static_opacity_is_reset_and_that_of_distractors_is_not():
@@ -189,13 +162,6 @@ def test_an_empty_static_scene_ends_the_run():
 def test_too_few_points_are_refused(number):
     with pytest.raises(CaptureError, match="random-init"):
         make_model(points=torch.rand(number, 3))
-
-
-def test_a_model_trained_on_a_gpu_renders_without_one_but_does_not_train(capsys):
-    model = make_model(backend="gsplat")
-    assert model.eval().get_outputs_for_camera(camera())["rgb"].shape == (HEIGHT, WIDTH, 3)
-    with pytest.raises(BackendUnavailableError, match="gsplat"):
-        Trainer(make_model(backend="gsplat")).step(0)
 
 
 def test_the_figures_of_a_step_have_no_gradient():

@@ -42,26 +42,16 @@ def _points() -> torch.Tensor:
 
 
 @pytest.mark.slow
-def test_lpips_waits_until_it_is_needed_and_stays_out_of_the_checkpoint():
-    model = _model((_points(), COLORS))
-    assert isinstance(model.lpips, LazyLpips)
-    assert model.lpips.reason is None
-    assert not [key for key in model.state_dict() if "lpips" in key]
-
-
-def test_gaussians_start_in_the_colours_of_their_points():
-    model = _model((_points(), COLORS))
-    assert torch.allclose(SH2RGB(model.features_dc), COLORS / 255, atol=1e-6)
-    assert not model.features_rest.any()
-    assert model.seed_points is not None
-    assert torch.equal(model.seed_points[1], COLORS)
-
-
-def test_training_never_moves_the_data_parsers_own_points():
+def test_a_model_has_its_points_and_their_colours_as_its_own_and_no_metric_network():
     points = _points()
     model = _model((points, COLORS))
+    assert isinstance(model.lpips, LazyLpips) and model.lpips.reason is None
+    assert not [key for key in model.state_dict() if "lpips" in key]
+    assert torch.allclose(SH2RGB(model.features_dc), COLORS / 255, atol=1e-6)
+    assert not model.features_rest.any()
+    assert model.seed_points is not None and torch.equal(model.seed_points[1], COLORS)
     model.means.data += 1.0
-    assert torch.equal(points, _points())
+    assert torch.equal(points, _points()), "training moves the data parser's own points"
 
 
 @pytest.mark.parametrize("seed_points", [None, (_points(), COLORS)])

@@ -1,22 +1,88 @@
-"""The pipeline around a model whose every answer is known: what it reports, what it refuses."""
+"""The pipeline around a model whose every answer is known: what it reports, what it refuses, which
+checkpoints it loads and what it says of the others."""
 
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import torch
+from nerfstudio.cameras.cameras import Cameras
 from PIL import Image
+from torch import nn
 
 from desplat_ns.datamanager import DeSplatDataManagerConfig
-from desplat_ns.errors import CaptureError, DeSplatError
+from desplat_ns.errors import CaptureError, CheckpointError, DeSplatError
 from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.pipeline import DeSplatPipelineConfig
-from tests.helpers.known_pipeline import KnownManager, known_pipeline
-from tests.helpers.small_model import HEIGHT, WIDTH
+from desplat_ns.pipeline import DeSplatPipeline, DeSplatPipelineConfig
+from desplat_ns.settings.effects import EffectsConfig
+from tests.helpers.small_model import HEIGHT, NUM_VIEWS, WIDTH, cameras, held_out, make_model
+
+NAMES = ["a.png", "b.png", "c.png"]
+
+
+@dataclass
+class KnownManager:
+    """The part of a datamanager that a pipeline asks for; photos are 0.1, 0.2, ... brighter."""
+
+    num_eval: int = 2
+    train_image_names: list[str] = field(default_factory=lambda: NAMES)
+    masks: list[Path] = field(default_factory=list)
+    """Of the first training views."""
+    device: str = "cpu"
+    train_dataset: Any = field(default_factory=lambda: SimpleNamespace(cameras=numbered()))
+    shown: Any = None
+    """What the model renders of a held-out photo."""
+
+    def gt_masks(self) -> list[tuple[Cameras, Path]]:
+        return [(numbered()[i : i + 1], path) for i, path in enumerate(self.masks)]
+
+    @property
+    def eval_dataset(self) -> SimpleNamespace:
+        names = [Path(f"/capture/images/extra_{i}.png") for i in range(self.num_eval)]
+        return SimpleNamespace(image_filenames=names)
+
+    @property
+    def fixed_indices_eval_dataloader(self) -> list[tuple[Cameras, dict]]:
+        images = (self.shown + 0.1 * (i + 1) for i in range(self.num_eval))
+        batches = ({"image": image, "image_idx": i} for i, image in enumerate(images))
+        return [(held_out(), batch) for batch in batches]
+
+    def next_eval(self, step: int) -> tuple[Cameras, dict]:
+        return self.fixed_indices_eval_dataloader[0]
+
+    next_eval_image = next_eval
+
+
+def numbered() -> Cameras:
+    """The training cameras with the numbers of their views."""
+    numbered = cameras()
+    numbered.metadata = {"train_idx": torch.arange(NUM_VIEWS)[:, None]}
+    return numbered
+
+
+def known_pipeline(
+    manager: KnownManager | None = None, distractors: bool = True, **options: Any
+) -> Any:
+    """A pipeline that needs no capture.
+
+    Args:
+        options: of the model.
+    """
+    pipeline = DeSplatPipeline.__new__(DeSplatPipeline)
+    nn.Module.__init__(pipeline)
+    parts: Any = pipeline
+    parts.config, parts.datamanager = DeSplatPipelineConfig(), manager or KnownManager()
+    parts._model = model = make_model(effects=EffectsConfig(distractors=distractors), **options)
+    parts.datamanager.shown = model.eval().get_outputs_for_camera(held_out())["rgb"]
+    model.train()
+    return pipeline
 
 
 def test_ns_evals_json_holds_every_figure_and_no_nan():
@@ -26,7 +92,7 @@ def test_ns_evals_json_holds_every_figure_and_no_nan():
     assert results["psnr"] == pytest.approx((20 - 10 * math.log10(0.04)) / 2, abs=1e-4)
     assert results["psnr_std"] == pytest.approx((20 + 10 * math.log10(0.04)) / 2**0.5, abs=1e-4)
     assert results["psnr_worst"] == min(image["psnr"] for image in results["images"])
-    assert results["backend"] == "torch"
+    assert results["backend"] == "numba"
     assert results["num_images"] == 2
     assert results["num_static_gaussians"] == 30
     assert results["num_distractor_gaussians"] == 60
@@ -36,6 +102,8 @@ def test_ns_evals_json_holds_every_figure_and_no_nan():
     assert results["distractor_memory_mb"] == pytest.approx(3 * numbers * 4e-6)
     assert 0 < results["seconds_per_image_render"] < results["seconds_per_image_with_metrics"]
     assert "lpips" not in results
+    alone = known_pipeline(KnownManager(num_eval=1)).get_average_eval_image_metrics(get_std=True)
+    assert "psnr_std" not in alone
     assert [image["name"] for image in results["images"]] == ["extra_0.png", "extra_1.png"]
     assert results["images"][0] == {
         "name": "extra_0.png",
@@ -147,3 +215,68 @@ def test_ns_render_is_told_that_ffmpeg_is_missing_before_anything_is_loaded(monk
     )
     with pytest.raises(SystemExit):
         config.setup(device="cpu", test_mode="inference")
+
+
+# --- checkpoints ---------------------------------------------------------------------------------
+
+
+def saved(**changes: Any) -> dict[str, Any]:
+    """A checkpoint's pipeline state, whose static Gaussians all lie at 1."""
+    pipeline = known_pipeline(**changes)
+    pipeline.model.gauss_params["means"].data.fill_(1.0)
+    return pipeline.state_dict()
+
+
+def test_a_checkpoint_of_the_same_scene_is_loaded_with_its_step():
+    for names in (NAMES, []):  # of none where the run that saved it knew none
+        pipeline = known_pipeline()
+        pipeline.load_pipeline(saved(manager=KnownManager(train_image_names=names)), 7)
+        assert (pipeline.model.gauss_params["means"] == 1).all()
+        assert pipeline.model.step == 7
+
+
+def photos(*names: str) -> dict[str, Any]:
+    return {"manager": KnownManager(train_image_names=list(names))}
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"distractors": False}, r"--pipeline\.model\.effects\.distractors False"),
+        ({"sh_degree": 2}, r"--pipeline\.model\.sh-degree 2"),
+        (photos("a.png", "x.png", "y.png"), "'x.png'"),
+        (photos("a.png", "b.png"), "'c.png'"),
+        (photos("b.png", "a.png", "c.png"), "order"),
+    ],
+)
+def test_a_checkpoint_of_another_scene_or_of_other_settings_changes_nothing_and_is_refused(
+    changes: dict, named: str
+):
+    pipeline = known_pipeline()
+    with pytest.raises(CheckpointError, match=named):
+        pipeline.load_pipeline(saved(**changes), 7)
+    assert pipeline.model.step == 0 and not (pipeline.model.means == 1).any()
+
+
+STATIC, VIEW = "_model.gauss_params.", "_model.distractors.views.1."
+
+
+@pytest.mark.parametrize(
+    ("spoil", "named"),
+    [
+        (lambda state: state.pop("_extra_state"), "desplat"),  # as another method saves it
+        (lambda state: state["_extra_state"].update(format=0), "format"),
+        (lambda state: state.update({"_model.x": state.pop(VIEW + "means")}), '(?s)1.means.*"x"'),
+        (lambda state: state.update({VIEW + "rgbs": state[VIEW + "quats"]}), "rgbs"),
+        (lambda state: state.update({STATIC + "scales": torch.zeros(60, 3)}), "gauss_params"),
+        (lambda state: state.update({VIEW + "scales": torch.zeros(40, 3)}), "views.1"),
+    ],
+)
+def test_a_checkpoint_whose_parameters_do_not_fit_is_refused(
+    spoil: Callable[[dict], None], named: str
+):
+    pipeline, state = known_pipeline(), saved()
+    spoil(state)
+    with pytest.raises(CheckpointError, match=named):
+        pipeline.load_pipeline(state, 7)
+    assert pipeline.model.step == 0

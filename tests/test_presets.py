@@ -58,9 +58,3 @@ def test_on_a_gpu_photos_are_shown_twice_as_often(tiny_scene, tmp_path):
     steps = round(2 * config.visits * 40)
     config.settle_length(partial(training_split, config.pipeline.datamanager))
     assert config.max_num_iterations == steps
-
-
-def test_a_number_of_steps_that_is_given_is_kept(tiny_scene, tmp_path):
-    steps = 40
-    config = preset("desplat-quick", tiny_scene, tmp_path, max_num_iterations=steps)
-    assert set_up(config).config.max_num_iterations == steps

@@ -29,11 +29,7 @@ def parameters_after(config, threads: int) -> dict[str, torch.Tensor]:
 
 @pytest.mark.skipif(numba_config.NUMBA_NUM_THREADS < 2, reason="numba has one thread only")
 def test_two_runs_agree_on_one_thread_and_on_two(tiny_run, tmp_path):
-    runs = [
-        parameters_after(tiny_run(tmp_path / str(number)), threads)
-        for number, threads in enumerate((1, 1, 2))
-    ]
-    for other in runs[1:]:
-        assert runs[0].keys() == other.keys()
-        for name, value in runs[0].items():
-            assert torch.equal(value, other[name]), name
+    one, two = (parameters_after(tiny_run(tmp_path / str(n)), threads=n) for n in (1, 2))
+    assert one.keys() == two.keys()
+    for name, value in one.items():
+        assert torch.equal(value, two[name]), name

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from desplat_ns.errors import BackendUnavailableError, CheckpointError, ConfigError
 from desplat_ns.trainer import DeSplatTrainerConfig
@@ -126,21 +125,6 @@ def contents(folder: Path) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in files if "tfevents" not in path.name}
 
 
-def test_config_yml_holds_the_schedule_scale_that_was_resolved(config):
-    set_up(config)
-    text = (config.get_base_dir() / "config.yml").read_text()
-    saved = yaml.load(text, Loader=yaml.UnsafeLoader)
-    assert saved.pipeline.model.schedule_scale == 0.5
-    assert config.setup().config.pipeline.model.schedule_scale == 0.5
-
-
-@pytest.mark.parametrize("scale", [0.0, float("nan")])
-def test_a_schedule_scale_that_is_not_positive_is_refused(config, scale):
-    config.pipeline.model.schedule_scale = scale
-    with pytest.raises(ConfigError, match=r"--pipeline\.model\.schedule-scale"):
-        config.setup()
-
-
 @pytest.mark.parametrize("option", ["mixed_precision", "use_grad_scaler"])
 def test_scaled_gradients_are_refused(config, option):
     setattr(config, option, True)
@@ -172,8 +156,3 @@ def test_what_a_step_gives_to_be_logged_has_no_gradient(config):
     trainer.stop_training = False  # as nerfstudio's loop does
     loss, terms, _ = trainer.train_iteration(0)
     assert not any(value.requires_grad for value in (loss, *terms.values()))
-
-
-def test_before_training_a_run_is_named_in_a_line(config, capsys):
-    config.print_to_terminal()
-    assert capsys.readouterr().out.count("\n") == 1

@@ -36,14 +36,6 @@ def test_two_trainings_never_share_a_runs_folder(config):
     assert train(longer).pipeline.trained == [12, 13]
 
 
-def test_a_run_whose_setup_fails_leaves_no_lock(config, monkeypatch):
-    broken = dataclasses.replace(config, load_dir=config.output_dir / "nowhere")
-    with pytest.raises(CheckpointError):
-        set_up(broken)
-    assert not config.get_base_dir().exists()
-    train(config)
-
-
 def test_a_second_run_of_the_same_name_replaces_nothing(config):
     train(config)
     saved = [config.get_base_dir() / "config.yml", *config.get_checkpoint_dir().iterdir()]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,21 +17,6 @@ from desplat_ns.training.checkpoint import checkpoints_in, load_checkpoint
 from desplat_ns.training.stop_signals import STOP_SIGNALS
 from tests.helpers.stub_run import StubPipelineConfig, assert_same, resumed, set_up, train
 from tests.helpers.stub_run import config as config
-
-
-def test_a_run_told_to_stop_saves_the_step_it_finished(config):
-    trainer = set_up(config)
-
-    def stop_at_7(step: int) -> None:
-        trainer.stop_training = step == 7
-
-    trainer.pipeline.at_step = stop_at_7
-    trainer.train()
-    assert trainer.pipeline.trained == list(range(8))
-    newest = checkpoints_in(config.get_checkpoint_dir())[-1]
-    assert newest.name == "step-000000007.ckpt"
-    second = resumed(config)
-    assert train(second).pipeline.trained == [8, 9, 10, 11]
 
 
 def test_an_evaluation_that_fails_ends_the_run_and_what_is_trained_is_saved(config, monkeypatch):
@@ -68,9 +55,10 @@ def test_what_was_cleared_away_is_swept_at_the_end_of_a_run_and_not_where_it_is_
 
 @pytest.mark.parametrize("number", STOP_SIGNALS)
 def test_a_signal_finishes_the_step_saves_and_nothing_is_lost(config, number):
-    train(dataclasses.replace(config, timestamp="straight", pipeline=StubPipelineConfig()))
-    trainer = set_up(config)
     handler = signal.getsignal(number)
+    train(dataclasses.replace(config, timestamp="straight", pipeline=StubPipelineConfig()))
+    assert signal.getsignal(number) is handler
+    trainer = set_up(config)
     trainer.pipeline.at_step = lambda step: os.kill(os.getpid(), number) if step == 3 else None
     trainer.train()
     assert trainer.pipeline.trained == [0, 1, 2, 3]
@@ -139,3 +127,22 @@ def test_a_run_that_was_stopped_says_how_to_go_on_and_a_whole_one_what_comes_nex
     train(resumed(config))
     said = capsys.readouterr().out
     assert f"--load-config {config.output_dir}" in said and "--load-dir" not in said
+
+
+WAITING = """
+import os, sys, time
+from desplat_ns.training.stop_signals import on_stop_signal
+
+with on_stop_signal(lambda name: False):
+    print("ready", flush=True)
+    for _ in range(600):  # a signal that comes just before a sleep begins is seen after it
+        time.sleep(0.1)
+"""
+
+
+def test_asked_to_end_at_once_a_termination_is_one():
+    with subprocess.Popen([sys.executable, "-c", WAITING], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        process.terminate()
+        assert process.wait(60) == -signal.SIGTERM

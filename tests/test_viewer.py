@@ -15,9 +15,8 @@ from nerfstudio.viewer.utils import parse_object
 from nerfstudio.viewer.viewer import Viewer
 from nerfstudio.viewer.viewer_elements import ViewerElement
 from torch import nn
-from viser import ClientHandle, ViserServer
+from viser import ClientHandle
 
-from desplat_ns.backend.protocol import View
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.viewer import FirstPhotoView, LayerControl
@@ -26,79 +25,13 @@ from tests.helpers.small_model import make_model
 NAMES = [f"{number}.jpg" for number in range(5)]
 
 
-def _outputs() -> dict[str, torch.Tensor]:
-    static, composite = torch.full((1, 2, 3), 0.25), torch.full((1, 2, 3), 0.5)
-    return {
-        "rgb": static,
-        "rgb_static": static,
-        "rgb_composite": composite,
-        "rgb_distractor": torch.full((1, 2, 3), 1.5),
-        "distractor_mask": torch.tensor([[[True], [False]]]),
-    }
-
-
-def test_without_a_viewer_nothing_changes():
-    control, outputs = LayerControl(NAMES), _outputs()
-    assert control.train_idx() is None
-    assert control.chosen(outputs) is outputs
-
-
-def test_an_evaluation_has_the_models_near_plane_whatever_the_viewer_says():
+def test_an_evaluation_has_the_models_near_plane_and_layer_whatever_the_viewer_says():
     control = LayerControl(NAMES, 0.5)
-    assert control.near_plane_share() == 0.5
-    control.near_plane.value = 0.1
-    assert control.near_plane_share() == 0.1
+    assert (control.near_plane_share(), control.train_idx()) == (0.5, None)
+    control.near_plane.value, control.layer.value, control.view.value = 0.1, "mask", "3.jpg"
+    assert (control.near_plane_share(), control.train_idx()) == (0.1, 3)
     with control.suspended():
-        assert control.near_plane_share() == 0.5
-
-
-class _Line:
-    """viser's line of Markdown, and how often it was sent to browsers."""
-
-    def __init__(self) -> None:
-        self.sent: list[str] = []
-
-    def add_markdown(self, content: str) -> _Line:
-        return self
-
-    @property
-    def content(self) -> str:
-        return self.sent[-1] if self.sent else ""
-
-    @content.setter
-    def content(self, content: str) -> None:
-        self.sent.append(content)
-
-
-def test_a_line_says_how_far_the_view_is_from_the_photos():
-    angles = iter([7.3, 7.4, 31.0, None, 5.0])
-    control, line = LayerControl(NAMES, photo_angle=lambda view: next(angles)), _Line()
-    server: Any = ViserServer.__new__(ViserServer)
-    server.gui = line
-    view = View(torch.eye(4), torch.eye(3), 2, 2)
-    control.tell_photo_angle(view)  # there is no viewer: nothing is asked for
-    control.angle.install(server)
-    for _ in range(4):
-        control.tell_photo_angle(view)
-    with control.suspended():
-        control.tell_photo_angle(view)
-    assert [text[:4] for text in line.sent] == ["**7°", "**31", "No p"]
-    assert next(angles) == 5.0
-
-
-def test_a_photo_is_chosen_by_its_name():
-    control = LayerControl(NAMES)
-    control.layer.value, control.view.value = "composite", "3.jpg"
-    assert control.train_idx() == 3
-
-
-def test_while_suspended_an_open_viewers_choice_does_not_count():
-    control, outputs = LayerControl(NAMES), _outputs()
-    control.layer.value = "composite"
-    with control.suspended():
-        assert control.train_idx() is None
-        assert control.chosen(outputs) is outputs
-    assert control.train_idx() == 0
+        assert (control.near_plane_share(), control.train_idx()) == (0.5, None)
 
 
 def test_nerfstudios_viewer_finds_all_controls_on_the_pipeline():

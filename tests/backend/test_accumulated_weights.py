@@ -38,21 +38,6 @@ def test_what_stands_behind_makes_up_what_is_left(rasterizer):
     assert front + behind == pytest.approx(alpha, rel=1e-4)
 
 
-def test_what_the_view_does_not_show_makes_up_nothing(rasterizer):
-    hidden = splats([0.9, 0.9, 0.0], [2.0, -2.0, 3.0], [50.0, 0.0, 0.0])
-    sums = accumulated_weights(rasterizer, hidden, VIEW, RenderSettings())
-    assert sums.tolist() == [0.0, 0.0, 0.0]
-
-
-def test_nothing_is_left_behind_in_the_gradients(rasterizer):
-    lone = splats([0.7], [2.0], [0.0])
-    lone.opacities.requires_grad_()
-    with torch.no_grad():
-        sums = accumulated_weights(rasterizer, lone, VIEW, RenderSettings(depth=True, absgrad=True))
-    assert sums.item() > 0 and not sums.requires_grad
-    assert lone.opacities.grad is None
-
-
 def test_columns_are_drawn_by_what_contributes_to_them(rasterizer):
     """What contributes nothing may have ended a pixel unseen: before it, blending has left at most
     TRANSMITTANCE_MIN / (1 - ALPHA_MAX), and so much at most shows of what is behind."""

@@ -1,7 +1,6 @@
 """The gsplat backend without a GPU: what it passes on to gsplat and what it makes of the answer.
 
-What gsplat draws is compared in `test_contract.py` and `test_hostile_input.py`, where there is a
-GPU.
+What gsplat draws is compared in `test_contract.py`, where there is a GPU.
 """
 
 from __future__ import annotations

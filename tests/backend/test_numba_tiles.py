@@ -8,8 +8,6 @@ import pytest
 import torch
 
 from desplat_ns.backend import RenderSettings, Splats, resolve
-from desplat_ns.backend.ssim import ssim
-from desplat_ns.errors import BackendUnavailableError
 from tests.backend.scenes import random_scene
 
 SETTINGS = RenderSettings(depth=True, absgrad=True)
@@ -96,34 +94,6 @@ def test_non_contiguous_tensors_are_drawn_alike():
     assert not strided["means"].is_contiguous()
     out = resolve("numba", "cpu")(Splats(**strided, sh_degree=None), scene.view, SETTINGS)
     assert torch.equal(out.rgb, render(scene).rgb)
-
-
-def test_tensors_elsewhere_than_on_the_cpu_are_refused_with_advice():
-    scene = random_scene(27)
-    means, quats, scales, opacities, colors = (p.to("meta") for p in scene.parameters)
-    splats = Splats(means, quats, scales, opacities, colors)
-    with pytest.raises(BackendUnavailableError, match=r"--pipeline\.model\.backend gsplat"):
-        resolve("numba", "cpu")(splats, scene.view, SETTINGS)
-
-
-def test_torchs_default_dtype_changes_no_bit():
-    leaves = random_scene(26, sh_degree=2)
-
-    def drawn() -> list[Any]:
-        scene = leaves.to(torch.float32)
-        rendering = render(scene)
-        (rendering.rgb.sum() + rendering.alpha.sum()).backward()
-        score = ssim(rendering.rgb.detach(), torch.full_like(rendering.rgb, 0.5))
-        return [rendering.rgb, rendering.depth, score, *(p.grad for p in scene.parameters)]
-
-    usual = drawn()
-    torch.set_default_dtype(torch.float64)
-    try:
-        others = drawn()
-    finally:
-        torch.set_default_dtype(torch.float32)
-    for one, other in zip(usual, others, strict=True):
-        assert one.dtype == other.dtype and torch.equal(one, other)
 
 
 @pytest.mark.parametrize("name", ["means", "colors", "rgb"])

@@ -4,7 +4,6 @@ import pytest
 import torch
 from pytorch_msssim import ssim as msssim_ssim
 
-from desplat_ns.backend.numba_kernels import ssim as kernels
 from desplat_ns.backend.ssim import ssim
 
 SIZES = [(11, 11), (11, 40), (26, 27), (37, 171)]
@@ -51,20 +50,9 @@ def test_strided_images_give_the_same():
     assert torch.equal(ssim(strided, target), ssim(pred, target))
 
 
-def fast_calls(monkeypatch) -> list[int]:
-    """Counts the calls that the compiled kernels answer."""
-    calls: list[int] = []
-    score = kernels.score_image
-    monkeypatch.setattr(kernels, "score_image", lambda *a: calls.append(1) or score(*a))
-    return calls
-
-
 @pytest.mark.filterwarnings("ignore:Skipping Gaussian Smoothing")
 @pytest.mark.parametrize("kind", ["float64", "one channel", "differentiable target", "small"])
-def test_what_the_kernels_cannot_do_pytorch_msssim_does(monkeypatch, kind):
-    calls = fast_calls(monkeypatch)
-    ssim(*images(16, 16))
-    assert calls == [1]
+def test_what_the_kernels_cannot_do_pytorch_msssim_does(kind):
     pred, target = images(10, 30) if kind == "small" else images(16, 16)
     if kind == "float64":
         pred, target = pred.double(), target.double()
@@ -73,4 +61,3 @@ def test_what_the_kernels_cannot_do_pytorch_msssim_does(monkeypatch, kind):
     elif kind == "differentiable target":
         target.requires_grad_()
     assert ssim(pred, target).item() == pytest.approx(exact(pred, target).item(), abs=FLAT)
-    assert calls == [1]

@@ -1,7 +1,4 @@
-"""What is particular to the torch backend.
-
-What all backends share is in `test_contract.py` and `test_hostile_input.py`.
-"""
+"""Memory of the torch backend; what all backends share is in `test_contract.py`."""
 
 from __future__ import annotations
 

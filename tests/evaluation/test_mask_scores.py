@@ -38,16 +38,6 @@ def _views(masks: list[Path | None], distortion: float = 0.0) -> list[tuple[Came
     return [(cameras[i : i + 1], path) for i, path in enumerate(masks) if path is not None]
 
 
-def test_iou_and_alpha_outside_are_means_over_the_views_with_masks(tmp_path: Path):
-    masks = [write_mask(tmp_path / "0.png", 1), None, write_mask(tmp_path / "2.png", 1)]
-    scores = score_masks(_draw, _views(masks))
-    # View 0: 2 of 4 predicted pixels are right; outside lie 2 pixels of 0.8 and 4 of 0.1.
-    # View 2: nothing predicted, 2 pixels missed; outside all is 0.1.
-    assert scores["num_masks"] == 2
-    assert scores["mask_iou"] == pytest.approx((0.5 + 0.0) / 2)
-    assert scores["alpha_outside_masks"] == pytest.approx(((2 * 0.8 + 4 * 0.1) / 6 + 0.1) / 2)
-
-
 def test_a_mask_over_everything_leaves_alpha_outside_undefined(tmp_path: Path):
     scores = score_masks(_draw, _views([write_mask(tmp_path / "0.png", WIDTH)]))
     assert "alpha_outside_masks" not in scores

@@ -147,13 +147,3 @@ def test_faint_ones_go_after_densification_where_that_is_wanted(to_the_end, left
         scene.params["opacities"][2] = -9.0
     assert [scene.step(step, 5.0) for step in (10, 40)] == [4, 4]
     assert scene.step(70, 5.0) == left  # the third step, as the interval says; nothing grows
-
-
-def test_an_interrupted_sample_goes_on_from_a_checkpoint():
-    whole, first = Scene(), Scene()
-    for step in (1, 2):
-        first.step(step, 0.9)
-    second = Scene()
-    second.state = {k: v for k, v in first.state.items()}
-    assert second.step(3, 0.9) == 8
-    assert [whole.step(step, 0.9) for step in (1, 2, 3)] == [4, 4, 8]

@@ -38,7 +38,7 @@ def make_model(points: torch.Tensor | None = None, **config: Any) -> DeSplatMode
     torch.manual_seed(0)
     if points is None:
         points = torch.rand(30, 3) - 0.5
-    config = {"num_downscales": 0, "backend": "torch", "background_color": "black"} | config
+    config = {"num_downscales": 0, "backend": "numba", "background_color": "black"} | config
     config.setdefault("distractors", DistractorConfig(per_view=20))
     return DeSplatModelConfig(**config).setup(
         scene_box=SceneBox(torch.tensor([[-1.0] * 3, [1.0] * 3])),

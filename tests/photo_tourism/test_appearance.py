@@ -49,14 +49,6 @@ def test_toned_coefficients_evaluate_to_the_toned_colour_in_every_direction():
 
 
 @NETWORKS
-def test_at_the_start_no_colour_changes(make):
-    model = make(SMALL)
-    coefficients = numbers(NUM, BASES, 3).float()
-    embedding, features = numbers(5, seed=1).float(), numbers(NUM, FEATURES, seed=2).float()
-    torch.testing.assert_close(model(embedding, features, coefficients, 3), coefficients)
-
-
-@NETWORKS
 def test_gradients_of_the_networks(make):
     model = trained(make(SMALL))
     inputs = [
@@ -126,58 +118,29 @@ def test_fourier_features_of_coincident_points_and_at_the_end_of_float32_are_fin
     assert fourier_features(torch.ones(4, 3), 4).isfinite().all()
 
 
-@NETWORKS
-def test_the_networks_work_on_the_rows_that_they_are_given(make):
-    model = trained(make(SMALL))
-    inputs, rows = (numbers(5), numbers(NUM, FEATURES, seed=1)), torch.tensor([1, 4, 5])
-    coefficients = numbers(NUM, BASES, 3, seed=2)
-    if isinstance(model, AffineAppearance):
-        whole = torch.cat(model.tones(*inputs, coefficients[:, 0]), dim=1)
-        some = torch.cat(model.tones(*inputs, coefficients[:, 0], rows), dim=1)
-        left_alone = torch.tensor([0.0, 0, 0, 1, 1, 1]).double().expand(NUM, 6)
-    else:
-        whole, some = model(*inputs, coefficients, 3), model(*inputs, coefficients, 3, rows)
-        left_alone = coefficients
-    others = torch.tensor([0, 2, 3])
-    torch.testing.assert_close(some[rows], whole[rows])
-    assert torch.equal(some[others], left_alone[others])
-
-
-# --- the MLP by blocks of rows ----------------------------------------------------------------
-
-MANY = 50
-"""Rows of `outputs_and_gradients`: several blocks of 16, the last one shorter."""
-
-
-def outputs_and_gradients(
-    model: AffineAppearance, dtype: torch.dtype, rows: torch.Tensor | None = None
-) -> list[torch.Tensor]:
-    """beta and gamma - 1 [N, 6], and the gradients of their sum by inputs and parameters."""
-    shapes = ((5,), (MANY, FEATURES), (MANY, 3))
-    own = [numbers(*shape, seed=i).to(dtype).requires_grad_() for i, shape in enumerate(shapes)]
-    embedding, features, zeroth = own
-    beta, gamma = model.to(dtype).tones(embedding, features, zeroth, rows)
-    out = torch.cat([beta, gamma - 1], dim=1)
-    leaves = [*own, *model.parameters()]
-    return [out, *torch.autograd.grad(out, leaves, torch.ones_like(out))]
-
-
-def test_blocks_of_rows_give_what_all_rows_together_do(monkeypatch):
-    """Sums of some 100 products of numbers near 1, in another order."""
-    model = trained(AffineAppearance(SMALL))
-    together = outputs_and_gradients(model, torch.float64)
-    monkeypatch.setitem(appearance.ROWS_AT_ONCE, "cpu", 16)
-    for ours, wanted in zip(outputs_and_gradients(model, torch.float64), together, strict=True):
-        torch.testing.assert_close(ours, wanted, rtol=1e-12, atol=1e-12)
-
-
-def test_rows_that_are_left_out_get_no_gradient(monkeypatch):
-    monkeypatch.setitem(appearance.ROWS_AT_ONCE, "cpu", 2)
-    rows, others = torch.tensor([3, 4, 8, 40]), torch.ones(MANY, dtype=torch.bool)
+def test_blocks_of_rows_give_what_all_together_do_and_what_is_left_out_gets_no_gradient(
+    monkeypatch,
+):
+    """beta and gamma - 1, and the gradients of their sum by inputs and parameters: sums of some 100
+    products of numbers near 1, in another order."""
+    model, count = trained(AffineAppearance(SMALL)), 50
+    rows, others = torch.tensor([3, 4, 8, 40]), torch.ones(count, dtype=torch.bool)
     others[rows] = False
-    model = trained(AffineAppearance(SMALL))
-    _, _, *by_own = outputs_and_gradients(model, torch.float64, rows)[:4]
-    for gradient in by_own:
-        assert (gradient[others] == 0).all() and (gradient[rows] != 0).any(1).all()
-    nothing = outputs_and_gradients(model, torch.float64, torch.zeros(0, dtype=torch.long))
-    assert nothing[0].shape == (MANY, 6) and all((value == 0).all() for value in nothing)
+
+    def outputs_and_gradients(rows: torch.Tensor | None) -> list[torch.Tensor]:
+        shapes = ((5,), (count, FEATURES), (count, 3))
+        own = [numbers(*shape, seed=i).requires_grad_() for i, shape in enumerate(shapes)]
+        beta, gamma = model.tones(*own, rows)
+        out = torch.cat([beta, gamma - 1], dim=1)
+        return [out, *torch.autograd.grad(out.sum(), [*own, *model.parameters()])]
+
+    together = outputs_and_gradients(None)
+    for size in (16, 2):  # of the last ones shorter
+        monkeypatch.setitem(appearance.ROWS_AT_ONCE, "cpu", size)
+        for ours, wanted in zip(outputs_and_gradients(None), together, strict=True):
+            torch.testing.assert_close(ours, wanted, rtol=1e-12, atol=1e-12)
+    some = outputs_and_gradients(rows)
+    for ours, wanted in zip((some[0], *some[2:4]), (together[0], *together[2:4]), strict=True):
+        torch.testing.assert_close(ours[rows], wanted[rows])
+        assert (ours[others] == 0).all()
+    assert all((value == 0).all() for value in outputs_and_gradients(rows[:0]))

@@ -7,7 +7,7 @@ import torch
 from torch.autograd import gradcheck
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.backend.spherical_harmonics import C0, sh_basis
+from desplat_ns.backend.spherical_harmonics import sh_basis
 from desplat_ns.losses import background_opacity_loss, explained_by_background
 from desplat_ns.photo_tourism.background import (
     NODES,
@@ -40,14 +40,6 @@ def test_rays_project_to_the_centres_of_their_pixels():
     v, u = torch.meshgrid(torch.arange(4) + 0.5, torch.arange(5) + 0.5, indexing="ij")
     torch.testing.assert_close(pixels, torch.stack([u, v], dim=-1).double())
     torch.testing.assert_close(through.norm(dim=-1), torch.ones(4, 5, dtype=torch.float64))
-
-
-def test_a_constant_background():
-    coefficients = torch.zeros(25, 3, dtype=torch.float64)
-    coefficients[0] = torch.tensor([0.1, 0.2, -0.3], dtype=torch.float64) / C0
-    image = background_image(coefficients, view(), 4)
-    expected = torch.tensor([0.6, 0.7, 0.2], dtype=torch.float64).expand(4, 5, 3)
-    torch.testing.assert_close(image, expected)
 
 
 def test_gradients_of_the_background():

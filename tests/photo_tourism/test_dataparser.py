@@ -100,9 +100,6 @@ def test_of_several_split_files_one_can_be_named(scene, split_writer):
     data = scene()
     split_writer(data / "mine.txt", {"a.jpg": "test", "b.jpg": "train", "d.jpg": "train"})
     assert names(parser_of(data, split_file=Path("mine.txt")), "test") == ["a.jpg"]
-    (data / "mine.txt").rename(data / "mine.tsv")
-    with pytest.raises(CaptureError, match=r"mine\.tsv, .*scene\.tsv"):
-        parser_of(data).get_dataparser_outputs("train")
 
 
 def test_without_a_split_file_photos_are_drawn_and_named(scene, capsys):

@@ -6,7 +6,6 @@ row depends on its place and on the processor: there those left out keep theirs,
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from desplat_ns.backend import BackendName
-from desplat_ns.backend.constants import ALPHA_CUTOFF, NEAR_PLANE
+from desplat_ns.backend.constants import NEAR_PLANE
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.registry import resolve
 from desplat_ns.rendering.in_view import in_view
@@ -97,7 +96,8 @@ def test_without_the_rest_picture_and_gradients_are_the_same(
 ):
     """Cameras among the Gaussians, of fields of view from 6 to 147 degrees."""
     asked = RenderSettings(depth=True, antialiased=antialiased)
-    assert_nothing_is_missed(name, cloud(seed), view_at(turn, place, focal), asked)
+    shown = assert_nothing_is_missed(name, cloud(seed), view_at(turn, place, focal), asked)
+    assert not shown.all()  # some are fainter than the cutoff
 
 
 @pytest.mark.parametrize("name", ["torch", "numba"])
@@ -125,31 +125,3 @@ def test_the_same_at_the_borders(name, focal):
     )
     shown = assert_nothing_is_missed(name, splats, view, RenderSettings(depth=True))
     assert shown.any()
-
-
-def single(mean: list[float], scale: float = 0.01, opacity: float = 0.9) -> Splats:
-    return Splats(
-        means=torch.tensor([mean]),
-        quats=torch.tensor([[1.0, 0, 0, 0]]),
-        scales=torch.full((1, 3), scale),
-        opacities=torch.tensor([opacity]),
-        colors=torch.ones(1, 3),
-    )
-
-
-@pytest.mark.parametrize(
-    ("splats", "expected"),
-    [
-        (single([0.0, 0.0, 2.0]), True),
-        (single([0.0, 0.0, -2.0], scale=100.0), False),  # culled by its mean, however large
-        (single([0.0, 0.0, 0.009]), False),
-        (single([50.0, 0.0, 2.0]), False),
-        (single([50.0, 0.0, 2.0], scale=30.0), True),
-        (single([0.0, 0.0, 2.0], opacity=0.9 * ALPHA_CUTOFF), False),
-        (single([math.nan, 0.0, 2.0]), False),
-        (single([0.0, 0.0, 1e11]), False),
-    ],
-)
-def test_single_gaussians(splats, expected):
-    view = view_at([0.0] * 3, [0.0] * 3, 30.0)
-    assert in_view(splats, view).tolist() == [expected]

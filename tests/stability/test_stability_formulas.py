@@ -9,7 +9,13 @@ import torch
 from torch import Tensor
 
 from desplat_ns.backend.ssim import ssim
-from desplat_ns.gaussians.activation import MAX_LOG_SCALE, activate_static, clamp_colors, sigmoid
+from desplat_ns.gaussians.activation import (
+    MAX_LOG_SCALE,
+    activate_distractors,
+    activate_static,
+    clamp_colors,
+    sigmoid,
+)
 from desplat_ns.losses import photometric_loss
 from desplat_ns.rendering.layers import composite_alpha, composite_color, over_background
 
@@ -64,7 +70,7 @@ def test_colours_are_clamped_exactly_and_learn_on_the_closed_range_alone():
 
 
 def test_opacity_logits_may_lie_far_out():
-    logits = torch.tensor([-1e30, -1e4, -90, -20, -1, -0.0, 0, 1, 20, 90, 1e4, 1e30])
+    logits = torch.tensor([-1e30, -1e4, -90, -20, -1, -0.0, 0, 1, 20, 90, 1e4, 1e30, float("inf")])
     exact = torch.sigmoid(logits.double())
     slope = exact * torch.sigmoid(-logits.double())
     assert_within(sigmoid(logits.requires_grad_()), logits, exact, slope, 6 * U, 8 * U)
@@ -76,11 +82,11 @@ def test_log_scales_may_lie_far_out_and_learn_nothing_above_their_limit():
     raw.requires_grad_()
     shapes = {"means": (3, 3), "quats": (3, 4), "opacities": (3, 1), "features_dc": (3, 3)}
     params = {name: torch.ones(shape) for name, shape in shapes.items()}
-    params |= {"scales": raw, "features_rest": torch.zeros(3, 0, 3)}
+    params |= {"scales": raw, "features_rest": torch.zeros(3, 0, 3), "rgbs": torch.zeros(3, 3)}
     want = raw.detach().double().clamp(max=MAX_LOG_SCALE).exp()
     slope = torch.where(raw.detach() > MAX_LOG_SCALE, 0.0, want)
-    got = activate_static(params, 0).scales
-    assert_within(got, raw, want, slope, 4 * U * want + TINY, 4 * U * slope + TINY)
+    for splats in (activate_static(params, 0), activate_distractors(params)):
+        assert_within(splats.scales, raw, want, slope, 4 * U * want + TINY, 4 * U * slope + TINY)
 
 
 def test_flat_images_have_an_ssim_and_a_gradient():

@@ -124,11 +124,3 @@ def test_a_study_without_ray_says_what_to_install(monkeypatch, tmp_path: Path):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(DeSplatError, match="pip install"):
         Executor("ray").finish(RUNS, tmp_path / FILE, tmp_path)
-
-
-def test_ray_gives_what_this_machine_gives(tmp_path: Path):
-    pytest.importorskip("ray", reason="Ray is not installed (pip install 'desplat-ns[ray]')")
-    failed = Executor("ray", 2, do=failing).finish(RUNS, tmp_path / FILE, tmp_path)
-    assert list(failed) == ["a-9-1"] and "too dark" in failed["a-9-1"]
-    Executor(do=failing).finish(RUNS, tmp_path / "here.jsonl", tmp_path)
-    assert load(tmp_path / FILE) == load(tmp_path / "here.jsonl")

@@ -33,14 +33,6 @@ def test_fitted_lights_are_those_that_the_photos_were_taken_in(
     assert np.abs(shown - shown.mean(axis=0)).max() > 0.25
 
 
-def test_a_light_taken_back_gives_the_colour_under_the_mean_light(still: DataparserOutputs):
-    light = replace(fit_light(observe(still)), lens=-0.3)
-    light.gains[0], light.gammas[0], light.vignetting[0] = [0.1, 0.0, -0.1], 1.3, -0.2
-    true = np.array([[0.5, 0.25, 0.7]])
-    photo = np.exp(np.array([0.1, 0.0, -0.1]) + 1.3 * np.log(true) - 0.2 * 0.4 - 0.3 * 0.4**2)
-    np.testing.assert_allclose(light.neutral(0, photo, np.array([0.4])), true, rtol=1e-12)
-
-
 def chain(gains: np.ndarray) -> Observations:
     """A walk: every photo shares 40 points with the next one and none with any other."""
     rng = np.random.default_rng(0)

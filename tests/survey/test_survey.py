@@ -17,10 +17,8 @@ from desplat_ns.survey.appearance import (
     LOCAL_SHARE,
     appearance_finding,
     local_steps,
-    share_by_direction,
 )
 from desplat_ns.survey.findings import CLEAR, Figure, Finding, confidence_of
-from desplat_ns.survey.observations import observe
 from desplat_ns.survey.photo_light import from_middle
 from desplat_ns.survey.survey import survey as survey_with_evidence
 from lab.synthetic import DaylightSpec, SceneSpec, make_scene
@@ -69,21 +67,6 @@ def test_gloss_and_fine_detail_are_no_light(
     if daylight is None:  # as small as here, neighbours confirm few of the places of the gloss
         assert (figures["places"].value > LOCAL_SHARE) == (place == "grove")
         assert not figures["local"].is_above
-
-
-@pytest.mark.parametrize(
-    ("own", "share"),
-    [([0.4, 0.4, 0.4, 0.4], 1.0), ([0.4, -0.4, 0.4, -0.4], 0.0), ([0.4, 0.2, 0.2, 0.2], 6 / 7)],
-)
-def test_what_neighbours_show_too_follows_the_direction(
-    still: DataparserOutputs, own: list[float], share: float
-):
-    """One point, seen from four places a few degrees apart."""
-    seen = observe(still)
-    seen.xyz = np.zeros((1, 3))
-    seen.views = [replace(seen.views[0], position=np.array([0.1 * x, 0.0, -2.0])) for x in range(4)]
-    assert share_by_direction(seen, np.array([own]).T) == pytest.approx(share)
-    assert share_by_direction(seen, np.full((4, 1), np.nan)) == 0
 
 
 def test_what_was_pasted_over_photos_after_their_reconstruction_is_no_light(

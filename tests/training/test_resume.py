@@ -1,27 +1,16 @@
-"""State beyond the model: generators, moments and positions come back, of the same scene only."""
+"""State beyond the model: generators, moments and positions come back."""
 
 from __future__ import annotations
 
 import io
 import random
-import re
-from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from nerfstudio.engine.optimizers import AdamOptimizerConfig, Optimizers
-from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
-from torch.nn import Parameter
 
-from desplat_ns.errors import CheckpointError
-from desplat_ns.training.optimizers import load_moments, set_position
-from desplat_ns.training.resume import FORMAT, SceneRecord, restore_rng, rng_state
-
-FILE = Path("step-000000005.ckpt")
-HERE = SceneRecord({"distractors": True}, 3, ["a.png", "b.png", "c.png"])
+from desplat_ns.training.resume import restore_rng, rng_state
 
 
 def draws() -> list[Any]:
@@ -36,14 +25,13 @@ def test_restored_generators_draw_the_same_numbers(drawn):
         np.random.normal()
         random.gauss(0, 1)
     file = io.BytesIO()
-    torch.save(rng_state() | {"record": asdict(HERE)}, file)
+    torch.save(rng_state(), file)
     file.seek(0)
     state = torch.load(file, weights_only=True)
     expected = draws()
     draws()
     restore_rng(state)
     assert draws() == expected
-    assert SceneRecord.from_state(state["record"]) == HERE
 
 
 def test_a_gpu_that_a_run_does_not_use_is_left_alone(monkeypatch):
@@ -53,81 +41,3 @@ def test_a_gpu_that_a_run_does_not_use_is_left_alone(monkeypatch):
     state = rng_state()
     assert state["cuda"] == []
     restore_rng(state)
-
-
-def build(scheduler: Any = None, sizes: tuple[int, ...] = (3,), name: str = "means") -> Optimizers:
-    parameters = [Parameter(torch.ones(size, 2)) for size in sizes]
-    group = {"optimizer": AdamOptimizerConfig(lr=1e-2), "scheduler": scheduler}
-    return Optimizers({name: group}, {name: parameters})
-
-
-def run(optimizers: Optimizers, steps: int) -> None:
-    for _ in range(steps):
-        for optimizer in optimizers.optimizers.values():
-            for group in optimizer.param_groups:
-                for parameter in group["params"]:
-                    parameter.grad = torch.ones_like(parameter)
-            optimizer.step()
-        for scheduler in optimizers.schedulers.values():
-            scheduler.step()
-
-
-def saved(optimizers: Optimizers) -> dict[str, Any]:
-    return {name: o.state_dict() for name, o in optimizers.optimizers.items()}
-
-
-@pytest.mark.parametrize(
-    "scheduler", [None, ExponentialDecaySchedulerConfig(lr_final=1e-4, max_steps=10)]
-)
-def test_moments_and_rates_come_back_exactly(scheduler):
-    first, second = build(scheduler), build(scheduler)
-    run(first, 5)
-    load_moments(second, saved(first), FILE)
-    for each in second.schedulers.values():
-        set_position(each, 5)  # pyright: ignore[reportArgumentType]
-    theirs, ours = first.optimizers["means"], second.optimizers["means"]
-    assert ours.param_groups[0]["lr"] == theirs.param_groups[0]["lr"]
-    (a,), (b,) = theirs.state.values(), ours.state.values()
-    for moment in ("exp_avg", "exp_avg_sq", "step"):
-        assert torch.equal(a[moment], b[moment])
-    before = second.parameters["means"][0].detach().clone()
-    run(first, 3)
-    run(second, 3)
-    assert (second.parameters["means"][0] < before).all()  # those of the model move
-    assert ours.param_groups[0]["lr"] == theirs.param_groups[0]["lr"]
-
-
-def test_other_groups_are_named_in_both_directions():
-    moments = saved(build(name="distractors"))
-    with pytest.raises(CheckpointError, match=r"distractors.*means"):
-        load_moments(build(), moments, FILE)
-
-
-# --- the scene of a checkpoint --------------------------------------------------------------------
-
-
-def test_the_same_scene_is_accepted():
-    HERE.check_fits(HERE)
-    replace(HERE, train_images=[]).check_fits(HERE)  # unknown on one side
-    HERE.check_fits(replace(HERE, train_images=[]))
-
-
-@pytest.mark.parametrize("state", [None, {"effects": {}}, asdict(HERE) | {"format": FORMAT + 1}])
-def test_a_checkpoint_of_another_method_or_version_is_refused(state: object):
-    with pytest.raises(CheckpointError):
-        SceneRecord.from_state(state)
-
-
-@pytest.mark.parametrize(
-    ("change", "named"),
-    [
-        ({"effects": {"distractors": False}}, "--pipeline.model.effects.distractors False"),
-        ({"sh_degree": 2}, "--pipeline.model.sh-degree 2"),
-        ({"train_images": ["a.png", "x.png", "y.png"]}, "'x.png'"),
-        ({"train_images": ["a.png", "b.png"]}, "'c.png'"),
-        ({"train_images": ["b.png", "a.png", "c.png"]}, "order"),
-    ],
-)
-def test_what_differs_is_named_with_the_option_to_set(change: dict, named: str):
-    with pytest.raises(CheckpointError, match=re.escape(named)):
-        replace(HERE, **change).check_fits(HERE)
