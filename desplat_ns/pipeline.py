@@ -23,6 +23,7 @@ from desplat_ns.evaluation.pictures import save_pictures
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import (
+    announce_above_the_table,
     give_masks_a_colormap_in_the_viewer,
     load_evaluated_checkpoints_like_resumed_ones,
     where_to_render,
@@ -120,7 +121,11 @@ class DeSplatPipeline(VanillaPipeline):
         def save(index: int, pictures: dict[str, Tensor]) -> None:
             save_pictures(pictures, output_path, f"{image_prefix}_{{}}_{index:04d}.png")
 
-        return self._evaluated(data_loader, split.image_filenames, save, in_full=get_std)
+        results = self._evaluated(data_loader, split.image_filenames, save, in_full=get_std)
+        if step is not None and "psnr" in results:
+            photos = f"{results['num_images']} held-out photos"
+            announce_above_the_table(f"Step {step:,}: {results['psnr']:.2f} dB on {photos}.")
+        return results
 
     def evaluate_held_out(self, show: Show) -> dict[str, Any]:
         """What `ns-eval` writes of the held-out photos.

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
+from nerfstudio.configs.base_config import LocalWriterConfig
+from nerfstudio.utils import writer
+from nerfstudio.utils.writer import LocalWriter
 from PIL import Image
 
 from desplat_ns.datamanager import DeSplatDataManagerConfig
@@ -44,6 +48,23 @@ def test_ns_evals_json_holds_every_figure_and_no_nan():
         "psnr": pytest.approx(20.0, abs=1e-4),
         "ssim": results["images"][0]["ssim"],
     }
+
+
+def test_in_training_the_score_of_held_out_photos_stays_above_the_table_of_steps(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    table = LocalWriter(LocalWriterConfig(enable=True), banner_messages=["Viewer at: here"])
+    monkeypatch.setattr(writer, "EVENT_WRITERS", [table])
+    monkeypatch.setattr(writer, "EVENT_STORAGE", [])
+    for name, value in {"max_iter": 3000, "steps_per_log": 10, "step": 990}.items():
+        monkeypatch.setitem(writer.GLOBAL_BUFFER, name, value)
+    table.write_stats_log(990)
+    known_pipeline().get_average_eval_image_metrics(step=1000)
+    table.write_stats_log(1000)
+    said = "Step 1,000: 16.99 dB on 2 held-out photos.\n"
+    before, _, after = capsys.readouterr().out.partition(said)
+    head, lines_up, _ = re.split(r"\x1b\[(\d+)A", after)
+    assert "990" in before and head.count("\n") >= int(lines_up)
 
 
 def test_pictures_are_saved_beside_their_photos(tmp_path: Path):
