@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
+import os
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from enum import Enum
@@ -142,6 +146,19 @@ def where_to_render(backend: BackendName, device: str | torch.device) -> str | t
         return device
     announce(f"Rendering on the CPU: {why}", warning=True)
     return chosen
+
+
+def use_ffmpeg_of_imageio() -> None:
+    """Put the ffmpeg of the package imageio-ffmpeg, if it is installed, on PATH where none is:
+    nerfstudio 1.1.5 looks for no other."""
+    with suppress(ImportError, RuntimeError):
+        if shutil.which("ffmpeg") is None:
+            from imageio_ffmpeg import get_ffmpeg_exe
+
+            folder, program = tempfile.mkdtemp(), get_ffmpeg_exe()
+            atexit.register(shutil.rmtree, folder)
+            Path(folder, "ffmpeg").symlink_to(program)
+            os.environ["PATH"] += os.pathsep + folder
 
 
 def load_evaluated_checkpoints_like_resumed_ones() -> None:

@@ -26,6 +26,7 @@ from desplat_ns.nerfstudio_quirks import (
     announce_above_the_table,
     give_masks_a_colormap_in_the_viewer,
     load_evaluated_checkpoints_like_resumed_ones,
+    use_ffmpeg_of_imageio,
     where_to_render,
 )
 from desplat_ns.training.resume import SceneRecord
@@ -61,6 +62,7 @@ class DeSplatPipeline(VanillaPipeline):
         """nerfstudio's; a trained model whose backend cannot draw on `device` goes to the CPU."""
         if test_mode != "val":  # else it is trained, on the device that was asked for
             if Path(sys.argv[0]).stem == "ns-render" and "dataset" not in sys.argv:
+                use_ffmpeg_of_imageio()
                 check_ffmpeg_installed()  # nerfstudio 1.1.5 asks once the run is loaded
             device = where_to_render(cast(DeSplatModelConfig, config.model).backend, device)
         super().__init__(config, str(device), test_mode, **kwargs)

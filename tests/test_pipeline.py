@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -162,6 +163,7 @@ def test_a_run_that_trains_stays_on_its_device(tiny_run, tmp_path: Path, monkeyp
 
 def test_ns_render_is_told_that_ffmpeg_is_missing_before_anything_is_loaded(monkeypatch):
     monkeypatch.setenv("PATH", "")
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     monkeypatch.setattr("sys.argv", ["/bin/ns-render", "interpolate"])
     config = DeSplatPipelineConfig(
         datamanager=DeSplatDataManagerConfig(data=Path("gone")), model=DeSplatModelConfig()
