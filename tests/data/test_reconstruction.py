@@ -280,18 +280,6 @@ def test_a_text_model_keeps_spaces_in_names_and_needs_two_lines_for_each_photo(c
         read_reconstruction(data, SPARSE)
 
 
-@pytest.mark.parametrize("name", ["a" * 256 + ".png", "a\nb.png"])
-def test_names_that_no_file_can_have_are_an_error(capture, name: str):
-    data = capture(["a.png", "b.png"])
-
-    def rename(model: pycolmap.Reconstruction) -> None:
-        model.image(1).name = name
-
-    binary_with(data, rename)
-    with pytest.raises(CaptureError, match="which no file can have"):
-        read_reconstruction(data, SPARSE)
-
-
 def test_a_model_without_observations_has_no_tracks(capture):
     data = capture()
     without_observations(data / "sparse" / "0", "\n")
