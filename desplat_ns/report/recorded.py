@@ -247,15 +247,10 @@ def effect_reasons(
         num_photos: training photos.
         in_the_way: names of the training photos that have distractors.
     """
-    if not effects.distractors:
-        reasons = [EffectReason("distractors", "off", "As given.")]
-    elif in_the_way:
-        names = list_names(in_the_way, MAX_NAMES)
-        why = f"In {len(in_the_way):,} of {num_photos:,} photos: {names}."
-        reasons = [EffectReason("distractors", "on", why)]
-    else:
-        why = f"In none of {num_photos:,} photos: nothing was found in the way."
-        reasons = [EffectReason("distractors", "on", why)]
+    names = list_names(in_the_way, MAX_NAMES) or "nothing was found in the way"
+    found = f"In {len(in_the_way):,} of {num_photos:,} photos: {names}."
+    value, why = ("on", found) if effects.distractors else ("off", "As given.")
+    reasons = [EffectReason("distractors", value, why)]
     for effect in SURVEYED:
         grade = getattr(effects, effect)
         if survey is None:

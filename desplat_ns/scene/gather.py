@@ -141,9 +141,7 @@ def gather(
     crop: float | None = None,
     light: str | None = None,
 ) -> Contents:
-    """What the page of a run shows.
-
-    Args: see `desplat-export page --help`.
+    """What the page of a run shows; arguments as of `desplat-export page`.
 
     Raises:
         CaptureError: the run has no camera to start from, or a photo cannot be read any more.
