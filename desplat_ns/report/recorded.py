@@ -112,13 +112,8 @@ def thinned(
 ) -> Points:
     """At most `most` points of values by step, means of neighbours where there are more; without
     what is not finite, and on a logarithmic scale what is not positive."""
-    points = np.array(
-        [
-            (step, value)
-            for step, value in sorted(values.items())
-            if math.isfinite(value) and (value > 0 or not is_logarithmic)
-        ]
-    )
+    least = 0 if is_logarithmic else -math.inf
+    points = np.array([(step, v) for step, v in sorted(values.items()) if least < v < math.inf])
     size = math.ceil(len(points) / most) or 1
     groups = (points[start : start + size] for start in range(0, len(points), size))
     return tuple((float(step), float(value)) for step, value in (g.mean(axis=0) for g in groups))
