@@ -253,7 +253,8 @@ def _weights(pipeline: DeSplatPipeline, cloud: SplatCloud) -> np.ndarray:
     model, manager = pipeline.model, pipeline.datamanager
     values: Any = (cloud.means, cloud.quats, cloud.scales, cloud.opacities, cloud.harmonics)
     tensors = (torch.as_tensor(each, dtype=torch.float32, device=model.device) for each in values)
-    splats, settings = Splats(*tensors, cloud.degree), RenderSettings(antialiased=cloud.antialiased)
+    splats = Splats(*tensors, sh_degree=cloud.degree)
+    settings = RenderSettings(antialiased=cloud.antialiased)
     cameras = manager.train_dataset.cameras.to(model.device)
     weights = torch.zeros(len(cloud), device=splats.means.device)
     for index in even_subset(len(cameras), WEIGHING_VIEWS):
