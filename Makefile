@@ -10,7 +10,7 @@
 #   make bench   backends, training steps and dials timed, one table in outputs/bench.md (15 minutes)
 #   make stability  hard cases, kills, broken lines, a long run: outputs/stability.md (2 hours)
 #   make gpu     on a machine with a GPU: parity, step time, waits, training, tests; docs/results/gpu.md (10 minutes, and compiling)
-#   make docs    the page of all options and the site of docs/ in outputs/site; a broken link is an error
+#   make docs    the site of docs/ in outputs/site; a broken link is an error (make env docs: with all options)
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
 #   make study   the runs of lab/study without a record, and their table in outputs/study (hours; resumes)
 #   make smoke   every table of the paper end to end on generated scenes, on the CPU (4 minutes of one core)
@@ -41,7 +41,8 @@ COMPUTING += stability test_same_bits.py
 # One process for each core, four at most, and torch on one thread in each.
 PYTEST := OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --maxprocesses 4 --dist worksteal
 STAMP := $(VENV)/.installed
-DOCS_STAMP := $(VENV)/.installed-docs
+DOCS_VENV := $(VENV)-docs
+DOCS_STAMP := $(DOCS_VENV)/.installed
 
 # Waiting OpenMP threads sleep instead of spinning: spinning makes a busy machine several times slower.
 export OMP_WAIT_POLICY ?= passive
@@ -75,9 +76,12 @@ gpu: $(STAMP)
 study: $(STAMP)
 	$(PY) -m lab.study $(STUDY_ARGS)
 
+# What the options mean is read from the package; without it the page says so.
 docs: $(DOCS_STAMP)
-	$(PY) -m lab.options
-	$(PY) -m sphinx -W --keep-going -q -b html docs outputs/site
+	@if test -e $(STAMP); then $(PY) -m lab.options; \
+	else test -e docs/reference/options.md || printf '# Options\n\n%s\n' \
+	    'This page is written where the package is installed: `make env docs`.' >docs/reference/options.md; fi
+	$(DOCS_VENV)/bin/python -m sphinx -W --keep-going -q -b html docs outputs/site
 	@echo "==> outputs/site/index.html"
 
 smoke: $(STAMP)
@@ -127,33 +131,37 @@ clean:
 	find desplat_ns tests demo lab -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean
-	rm -rf $(VENV) .venv-3.*
+	rm -rf $(VENV) $(DOCS_VENV) .venv-3.*
 
-# Sphinx needs Python 3.11; nothing else of this package does.
-$(DOCS_STAMP): $(STAMP)
-	@$(PY) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "make docs needs Python 3.11 or later"; exit 1; }
-ifneq ($(UV),)
-	"$(UV)" pip install --python $(PY) -c constraints.txt -e '.[docs]'
-else
-	$(PY) -m pip install --disable-pip-version-check -c constraints.txt -e '.[docs]'
-endif
+# An environment of its own: the package is not needed, and is 9 GB. Sphinx needs Python 3.11.
+$(DOCS_STAMP): docs/requirements.txt constraints.txt
+	$(call environment,$(DOCS_VENV),11,120 MB; half a minute,-r docs/requirements.txt)
 	@touch $@
 
 # Written last, so that an interrupted installation is taken up again.
 $(STAMP): pyproject.toml constraints.txt
-ifneq ($(UV),)
-	@echo "==> Environment in $(VENV), with uv (about 9 GB with torch's CUDA libraries; 1 to 3 minutes)"
-	@test -x $(PY) || "$(UV)" venv --quiet --python "$(or $(PYTHON),>=3.10,<3.13)" $(VENV)
-	"$(UV)" pip install --python $(PY) -c constraints.txt -e '.[dev]'
-else
-	@echo "==> Environment in $(VENV), with pip (about 9 GB with torch's CUDA libraries; 5 to 10 minutes)"
-	@test -x $(PY) || for python in $(PYTHONS); do \
-	    "$$python" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 13))' 2>/dev/null \
-	        && echo "==> $$("$$python" --version)" && exec "$$python" -m venv $(VENV); \
-	done; \
-	test -x $(PY) || { echo "No Python 3.10, 3.11 or 3.12 among: $(PYTHONS). Install one, or name it:" \
-	    "make PYTHON=/path/to/python3.11"; exit 1; }
-	$(PY) -m pip install --disable-pip-version-check -c constraints.txt -e '.[dev]'
-endif
+	$(call environment,$(VENV),10,about 9 GB with torch's CUDA libraries; 1 to 10 minutes,-e '.[dev]')
 	@touch $(STAMP)
 	@echo "==> Ready: $(VENV)/bin/ns-train desplat --help"
+
+SUPPORTED = >=3.$(2),<3.13
+
+# Folder, least minor version of Python 3, size and time, what is installed.
+ifneq ($(UV),)
+define environment
+@echo "==> Environment in $(1), with uv ($(3))"
+@test -x $(1)/bin/python || "$(UV)" venv --quiet --python "$(or $(PYTHON),$(SUPPORTED))" $(1)
+"$(UV)" pip install --python $(1)/bin/python -c constraints.txt $(4)
+endef
+else
+define environment
+@echo "==> Environment in $(1), with pip ($(3))"
+@test -x $(1)/bin/python || for python in $(PYTHONS); do \
+    "$$python" -c 'import sys; sys.exit(not (3, $(2)) <= sys.version_info < (3, 13))' 2>/dev/null \
+        && echo "==> $$("$$python" --version)" && exec "$$python" -m venv $(1); \
+done; \
+test -x $(1)/bin/python || { echo "No Python from 3.$(2) to 3.12 among: $(PYTHONS). Install one, or name it:" \
+    "make PYTHON=/path/to/python3.11"; exit 1; }
+$(1)/bin/python -m pip install --disable-pip-version-check -c constraints.txt $(4)
+endef
+endif

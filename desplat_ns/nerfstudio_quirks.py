@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
+import os
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from enum import Enum
@@ -120,6 +124,17 @@ def train_on_where_logs_cannot_be_written() -> None:
     CONSOLE.on_broken_pipe = turn_to_dev_null
 
 
+def announce_above_the_table(line: str) -> None:
+    """Announce a line that stays while training goes on, and begin a new table below it.
+
+    nerfstudio 1.1.5 (writer.py, `LocalWriter`) draws its table anew over what was printed last.
+    """
+    announce(line)
+    for table in (w for w in writer.EVENT_WRITERS if isinstance(w, writer.LocalWriter)):
+        del table.past_mssgs[2 : len(table.past_mssgs) - table.banner_len]
+        table.has_printed = False
+
+
 def where_to_render(backend: BackendName, device: str | torch.device) -> str | torch.device:
     """The device for a trained model: the CPU where its backend cannot draw on the given one.
 
@@ -131,6 +146,19 @@ def where_to_render(backend: BackendName, device: str | torch.device) -> str | t
         return device
     announce(f"Rendering on the CPU: {why}", warning=True)
     return chosen
+
+
+def use_ffmpeg_of_imageio() -> None:
+    """Put the ffmpeg of the package imageio-ffmpeg, if it is installed, on PATH where none is:
+    nerfstudio 1.1.5 looks for no other."""
+    with suppress(ImportError, RuntimeError):
+        if shutil.which("ffmpeg") is None:
+            from imageio_ffmpeg import get_ffmpeg_exe
+
+            folder, program = tempfile.mkdtemp(), get_ffmpeg_exe()
+            atexit.register(shutil.rmtree, folder)
+            Path(folder, "ffmpeg").symlink_to(program)
+            os.environ["PATH"] += os.pathsep + folder
 
 
 def load_evaluated_checkpoints_like_resumed_ones() -> None:

@@ -23,8 +23,10 @@ from desplat_ns.evaluation.pictures import save_pictures
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import (
+    announce_above_the_table,
     give_masks_a_colormap_in_the_viewer,
     load_evaluated_checkpoints_like_resumed_ones,
+    use_ffmpeg_of_imageio,
     where_to_render,
 )
 from desplat_ns.training.resume import SceneRecord
@@ -60,6 +62,7 @@ class DeSplatPipeline(VanillaPipeline):
         """nerfstudio's; a trained model whose backend cannot draw on `device` goes to the CPU."""
         if test_mode != "val":  # else it is trained, on the device that was asked for
             if Path(sys.argv[0]).stem == "ns-render" and "dataset" not in sys.argv:
+                use_ffmpeg_of_imageio()
                 check_ffmpeg_installed()  # nerfstudio 1.1.5 asks once the run is loaded
             device = where_to_render(cast(DeSplatModelConfig, config.model).backend, device)
         super().__init__(config, str(device), test_mode, **kwargs)
@@ -120,7 +123,11 @@ class DeSplatPipeline(VanillaPipeline):
         def save(index: int, pictures: dict[str, Tensor]) -> None:
             save_pictures(pictures, output_path, f"{image_prefix}_{{}}_{index:04d}.png")
 
-        return self._evaluated(data_loader, split.image_filenames, save, in_full=get_std)
+        results = self._evaluated(data_loader, split.image_filenames, save, in_full=get_std)
+        if step is not None and "psnr" in results:
+            photos = f"{results['num_images']} held-out photos"
+            announce_above_the_table(f"Step {step:,}: {results['psnr']:.2f} dB on {photos}.")
+        return results
 
     def evaluate_held_out(self, show: Show) -> dict[str, Any]:
         """What `ns-eval` writes of the held-out photos.

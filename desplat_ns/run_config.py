@@ -23,7 +23,13 @@ from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.survey import decided_effects
 from desplat_ns.training.checkpoint import checkpoint_folder, load_checkpoint, load_newest
 from desplat_ns.training.resume import SceneRecord
-from desplat_ns.training.schedule import GPU_VISITS, schedule_scale, seconds_of, steps_for_visits
+from desplat_ns.training.schedule import (
+    COUNTED_VIEWS,
+    GPU_VISITS,
+    schedule_scale,
+    seconds_of,
+    steps_for_visits,
+)
 
 SavedRun = tuple[Path, dict[str, Any]]
 """A checkpoint's file and what it holds."""
@@ -163,9 +169,10 @@ class RunConfig(TrainerConfig):
             visits = self.visits * (1 if self.machine.device_type == "cpu" else GPU_VISITS)
             steps = steps_for_visits(visits, photos, self.nominal_num_iterations)
             self.max_num_iterations = steps
+            few = f", since fewer than {COUNTED_VIEWS} count as {COUNTED_VIEWS}"
             announce(
-                f"{steps} steps: {photos} photos, {steps / photos:.3g} visits of each. "
-                "--max-num-iterations gives another number."
+                f"{steps} steps: {photos} photos, {steps / photos:.3g} visits of each"
+                f"{few * (photos < COUNTED_VIEWS)}. --max-num-iterations gives another number."
             )
         self.max_num_iterations = self.max_num_iterations or self.nominal_num_iterations
         self.resolve_schedule_scale()

@@ -20,6 +20,7 @@ html_theme = "furo"
 html_title = "desplat-ns"
 html_css_files = ["site.css"]
 html_static_path = ["_static"]
+html_extra_path = ["scene.html"]
 html_show_sphinx = False
 html_copy_source = False
 myst_heading_anchors = 4

@@ -14,6 +14,8 @@ import torch
 import yaml
 from PIL import Image
 
+from desplat_ns.nerfstudio_quirks import use_ffmpeg_of_imageio
+
 pytestmark = pytest.mark.slow
 
 STEPS = 24
@@ -36,16 +38,6 @@ def checkpoint(trained: Path) -> dict[str, Any]:
     """What the run saved, read as torch reads untrusted files."""
     (path,) = (trained.parent / "nerfstudio_models").glob("*.ckpt")
     return torch.load(path, map_location="cpu", weights_only=True)
-
-
-@pytest.fixture
-def ffmpeg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """imageio-ffmpeg's program under the name that nerfstudio asks for."""
-    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    folder = tmp_path / "bin"
-    folder.mkdir()
-    (folder / "ffmpeg").symlink_to(imageio_ffmpeg.get_ffmpeg_exe())
-    monkeypatch.setenv("PATH", str(folder), prepend=":")
 
 
 def _picture(path: Path) -> np.ndarray:
@@ -144,9 +136,14 @@ def test_every_output_of_both_splits_is_rendered(trained: Path, tmp_path: Path):
     assert not any(shown["test"])
 
 
-def test_a_path_between_views_shows_the_static_scene(trained: Path, tmp_path: Path, ffmpeg: None):
+def test_a_path_between_views_shows_the_static_scene(
+    trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     from nerfstudio.scripts.render import RenderInterpolated
 
+    pytest.importorskip("imageio_ffmpeg")
+    monkeypatch.setenv("PATH", "")
+    use_ffmpeg_of_imageio()
     RenderInterpolated(
         trained,
         output_path=tmp_path / "path.mp4",

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +16,9 @@ from typing import Any
 import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.configs.base_config import LocalWriterConfig
+from nerfstudio.utils import writer
+from nerfstudio.utils.writer import LocalWriter
 from PIL import Image
 from torch import nn
 
@@ -114,6 +119,23 @@ def test_ns_evals_json_holds_every_figure_and_no_nan():
     }
 
 
+def test_in_training_the_score_of_held_out_photos_stays_above_the_table_of_steps(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    table = LocalWriter(LocalWriterConfig(enable=True), banner_messages=["Viewer at: here"])
+    monkeypatch.setattr(writer, "EVENT_WRITERS", [table])
+    monkeypatch.setattr(writer, "EVENT_STORAGE", [])
+    for name, value in {"max_iter": 3000, "steps_per_log": 10, "step": 990}.items():
+        monkeypatch.setitem(writer.GLOBAL_BUFFER, name, value)
+    table.write_stats_log(990)
+    known_pipeline().get_average_eval_image_metrics(step=1000)
+    table.write_stats_log(1000)
+    said = "Step 1,000: 16.99 dB on 2 held-out photos.\n"
+    before, _, after = capsys.readouterr().out.partition(said)
+    head, lines_up, _ = re.split(r"\x1b\[(\d+)A", after)
+    assert "990" in before and head.count("\n") >= int(lines_up)
+
+
 def test_pictures_are_saved_beside_their_photos(tmp_path: Path):
     folder = tmp_path / "new" / "pictures"
     known_pipeline().get_average_eval_image_metrics(output_path=folder, get_std=True)
@@ -209,6 +231,7 @@ def test_a_run_that_trains_stays_on_its_device(tiny_run, tmp_path: Path, monkeyp
 
 def test_ns_render_is_told_that_ffmpeg_is_missing_before_anything_is_loaded(monkeypatch):
     monkeypatch.setenv("PATH", "")
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     monkeypatch.setattr("sys.argv", ["/bin/ns-render", "interpolate"])
     config = DeSplatPipelineConfig(
         datamanager=DeSplatDataManagerConfig(data=Path("gone")), model=DeSplatModelConfig()

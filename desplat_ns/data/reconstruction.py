@@ -183,11 +183,15 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
 def _frame(image: pycolmap.Image, folder: Path) -> Frame:
     camera = image.camera
     assert camera is not None, "pycolmap links every image to its camera"
+    try:
+        name = Path(image.name).as_posix()
+    except UnicodeDecodeError as error:  # `check_frame` refuses it
+        name = error.object.decode(errors="surrogateescape")
     frame = Frame(
-        name=Path(image.name).as_posix(),
+        name=name,
         image_id=image.image_id,
         world_to_camera=np.asarray(image.cam_from_world().matrix()),
-        camera_type=camera_type_of(camera.model.name, image.name, folder),
+        camera_type=camera_type_of(camera.model.name, name, folder),
         width=camera.width,
         height=camera.height,
         intrinsics=_intrinsics(camera),

@@ -35,7 +35,6 @@ Show = Callable[[int, dict[str, Tensor]], None]
 PACKAGES = ("nerfstudio", "gsplat", "torch", "numpy", "numba")
 """Packages that a figure may depend on."""
 
-
 Region = Literal["full image", "right half"]
 
 

@@ -29,18 +29,12 @@ MIN_WIDTH = 4
 
 
 def left_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H left C"]:
-    """Columns [:W // 2].
-
-    Source: App. B.1; for odd W the column in the middle belongs to the right half.
-    """
+    """Columns [:W // 2] (App. B.1); for odd W the middle column belongs to the right half."""
     return image[:, : image.shape[1] // 2]
 
 
 def right_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H right C"]:
-    """Columns [W // 2:].
-
-    Source: App. B.1.
-    """
+    """Columns [W // 2:] (App. B.1)."""
     return image[:, image.shape[1] // 2 :]
 
 
@@ -50,10 +44,7 @@ def fit_embedding(
     steps: int,
     learning_rate: float,
 ) -> Float[Tensor, " E"]:
-    """The embedding after `steps` of Adam on `loss`; nothing else gets a gradient.
-
-    Source: B.3, test-time optimization.
-    """
+    """The embedding after `steps` of Adam on `loss` (B.3); nothing else gets a gradient."""
     with torch.enable_grad():
         embedding = start.detach().clone().requires_grad_()
         optimizer = torch.optim.Adam([embedding], lr=learning_rate)

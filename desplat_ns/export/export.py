@@ -31,11 +31,7 @@ from desplat_ns.rendering.views import view_of
 from desplat_ns.runs.files import RunFiles
 from desplat_ns.runs.loading import even_subset, load_run
 
-WRITERS: dict[str, Callable[[SplatCloud], bytes]] = {
-    ".ply": ply_bytes,
-    ".spz": spz_bytes,
-    ".glb": glb_bytes,
-}
+WRITERS = {".ply": ply_bytes, ".spz": spz_bytes, ".glb": glb_bytes}
 """By the endings of `formats.FORMATS`."""
 
 MOST_CROP_VIEWS = 100
@@ -53,12 +49,7 @@ def export_splats(
 ) -> None:
     """Write the static Gaussians of a run; say how many, how large, and what was left out.
 
-    Args: see `desplat-export splats --help`.
-
-    Raises:
-        CaptureError: the capture cannot be read any more, or Gaussians cannot follow its transform.
-        CheckpointError: no checkpoint is intact.
-        ConfigError: an unknown light, nothing left to write, or nowhere to write it.
+    Arguments as of `desplat-export splats`. Raises as `load_run`, `static_cloud`, `similarity_to`.
     """
     kind, ending = format_of(output), output.suffix.lower()
     pipeline = load_run(files).pipeline
@@ -95,12 +86,8 @@ def export_masks(
 ) -> None:
     """Write the distractor mask of every training photo as PNG, at the photo's full size.
 
-    Args: see `desplat-export masks --help`.
-
-    Raises:
-        CaptureError: a photo cannot be read any more.
-        CheckpointError: no checkpoint is intact.
-        ConfigError: the run has no distractors, or there is nowhere to write.
+    Arguments as of `desplat-export masks`. Raises as `load_run` and `photos_on_disk`, and
+    ConfigError where the run has no distractors, or there is nowhere to write.
     """
     pipeline = load_run(files).pipeline
     model = pipeline.model
@@ -131,12 +118,9 @@ def static_cloud(
     pipeline: DeSplatPipeline, crop: float | None, light: str | None
 ) -> tuple[SplatCloud, Bool[Tensor, " N"]]:
     """The static Gaussians that a file is to hold, in the coordinates of training, and which of the
-    model's they are; says what was left out.
+    model's they are; says what was left out. Arguments as of `desplat-export splats`.
 
-    Args: see `desplat-export splats --help`.
-
-    Raises:
-        ConfigError: an unknown light, or nothing left.
+    Raises ConfigError: an unknown light, or nothing left.
     """
     model = pipeline.model
     cameras = pipeline.datamanager.train_dataset.cameras.to(pipeline.device)

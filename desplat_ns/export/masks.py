@@ -97,9 +97,8 @@ def pinhole_of(camera: Cameras) -> tuple[Cameras, ToPhoto]:
     size = int(width), int(height)
     pinhole = Cameras(camera.camera_to_worlds, camera.fx, camera.fy, float(cx), float(cy), *size)
     # of the photo's pixels, in the pinhole's image, from the middle of its first pixel
-    x, y = np.moveaxis(
-        np.nan_to_num(rays * focal + center, nan=-2.0).astype(np.float32) - 0.5, 2, 0
-    )
+    places = np.nan_to_num(rays * focal + center, nan=-2.0).astype(np.float32) - 0.5
+    x, y = np.moveaxis(places, 2, 0)
     return pinhole, lambda image: cv2.remap(image, x, y, cv2.INTER_LINEAR)
 
 

@@ -97,12 +97,18 @@ def unpack(archive: Path, folder: Path) -> None:
     Raises:
         CaptureError: it is damaged, it would write elsewhere, the disk is full, or something of it
             is there already.
-        ConfigError: the disk will not hold what a `.zip` says that it holds.
+        ConfigError: the disk will not hold what a `.zip`, or the next file of a `.tar`, says that
+            it holds.
     """
     unpacked = folder / f".{archive.name}.unpacking"
     shutil.rmtree(unpacked, ignore_errors=True)
+
+    def fits(member: tarfile.TarInfo, path: str) -> tarfile.TarInfo | None:
+        check_room(folder, member.size, f"{member.name} in {archive.name} has", "--folder")
+        return tarfile.data_filter(member, path)
+
     # Python's zip archives leave out names that lead elsewhere; its tar archives have a filter.
-    safely: dict[str, Any] = {} if archive.suffix == ".zip" else {"filter": "data"}
+    safely: dict[str, Any] = {} if archive.suffix == ".zip" else {"filter": fits}
     try:
         if archive.suffix == ".zip":  # of which no more is unpacked than it says
             with zipfile.ZipFile(archive) as content:

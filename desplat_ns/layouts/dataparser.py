@@ -124,9 +124,11 @@ class Recognition:
         if useless := [name for name in options if name not in useful]:
             given = " ".join(f"{option_of(name)} {options[name]}" for name in useless)
             why = f", where {layout.split_by} decides which photos are held out"
+            by_hand = f", end the command with `colmap {given}` to decide it yourself"
             raise ConfigError(
                 f"{given} has no use here: {self.data} has the layout of {layout.name}"
-                f"{why * bool(layout.split_by)}. Leave it out, or see the options of "
+                f"{why * bool(layout.split_by)}. Leave it out"
+                f"{by_hand * ('colmap' in self.evidence.covers[:1])}, or see the options of "
                 f"{layout.parser}: end the command with `{layout.parser} --help`."
             )
         return layout.config(data=self.data, **{**self.evidence.options, **options})

@@ -116,10 +116,10 @@ def find_sources(photos: Path, output: Path) -> Sources:
         and not (photos / name).resolve().is_relative_to(out)
     ]
     names = [name for name in files if Path(name).suffix.lower() in SUFFIXES]
-    if broken := [text for name in names if (text := text_of(name)) != name]:
+    if broken := [t for name in names if (t := text_of(name)) != name or min(name) < " "]:
         raise CaptureError(
-            f"{len(broken)} names in {photos} are no text in UTF-8 ({list_names(broken, 5)}). "
-            "Rename these files."
+            f"{len(broken)} names in {photos} are no text in UTF-8, or have control characters: "
+            f"{list_names(broken, 5)}. Rename these files."
         )
     if len(names) >= MIN_PHOTOS:
         return Sources(photos, tuple(names), is_video=False)

@@ -99,13 +99,7 @@ class Contents:
 def write_report(
     files: RunFiles, output: Path, most_training: int, most_held_out: int, with_scene: bool
 ) -> None:
-    """Write the page of a run, and say where.
-
-    Args: see `desplat-report --help`.
-
-    Raises:
-        DeSplatError: the run cannot be loaded or shown, or the page cannot be written.
-    """
+    """Write the page of a run, and say where; arguments as of the command. Raises DeSplatError."""
     run, scene = load_run(files), ""
     contents = gather(run, most_training, most_held_out)
     if with_scene:
@@ -123,14 +117,7 @@ def write_report(
 
 
 def gather(run: LoadedRun, most_training: int, most_held_out: int) -> Contents:
-    """All that the page of a run shows.
-
-    Args: see `desplat-report --help`.
-
-    Raises:
-        CaptureError: a photo that cannot be read any more.
-        DeSplatError: a figure of a held-out photo is not a finite number.
-    """
+    """All that the page of a run shows. Raises as `training_photos` and `held_out_photos`."""
     pipeline, files = run.pipeline, run.files
     model = pipeline.model
     history = read_history(files.events)

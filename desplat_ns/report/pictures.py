@@ -21,10 +21,8 @@ from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.metrics import psnr
 from desplat_ns.rendering.views import view_of
 from desplat_ns.report.views import Unlike, unlike_in
-from desplat_ns.scene.gather import training_images
+from desplat_ns.scene.gather import Rgb, training_images
 from desplat_ns.separation.regions import apply_mask
-
-Rgb = UInt8[np.ndarray, "_ _ 3"]
 
 ERROR_TOP = 0.25
 """Mean difference of the colours, which are in [0, 1], that gets the brightest colour."""
@@ -77,29 +75,20 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
             outputs = model.get_outputs_for_camera(camera)
             photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
             name, size = manager.train_image_names[index], (photo.shape[1], photo.shape[0])
-            if "alpha_distractor" not in outputs:
-                quality, static = psnr(outputs["rgb"], photo), small_rgb(outputs["rgb"])
-                yield TrainingPhoto(name, size, quality, small_rgb(photo), static)
-            else:
-                alpha_d, static, seen = outputs["alpha_distractor"], outputs["rgb_static"], photo
+            static = outputs.get("rgb_static", outputs["rgb"])
+            layer: tuple[Any, ...] = ()
+            if "alpha_distractor" in outputs:
+                alpha_d, seen = outputs["alpha_distractor"], photo
                 if "mask" in batch:
                     seen, _ = apply_mask(photo, static, batch["mask"].to(photo.device))
                 config = model.config.distractors
                 unlike = unlike_in(name, view_of(camera), alpha_d, seen, static, config)
-                layer = (outputs["rgb_distractor"].cpu().numpy(), alpha_d.cpu().numpy())
-                distractors = to_rgb8(over_checkerboard(*layer, max(8, max(size) // 48)))
+                drawn = (outputs["rgb_distractor"].cpu().numpy(), alpha_d.cpu().numpy())
+                drawn = to_rgb8(over_checkerboard(*drawn, max(8, max(size) // 48)))
                 mask = outputs["distractor_mask"].float()
-                yield TrainingPhoto(
-                    name,
-                    size,
-                    psnr(outputs["rgb_composite"], photo),
-                    small_rgb(photo),
-                    small_rgb(static),
-                    shrunk(distractors, LARGEST_SIDE),
-                    small_rgb(mask),
-                    float(mask.mean()),
-                    unlike,
-                )
+                layer = shrunk(drawn, LARGEST_SIDE), small_rgb(mask), float(mask.mean()), unlike
+            quality = psnr(outputs.get("rgb_composite", static), photo)
+            yield TrainingPhoto(name, size, quality, small_rgb(photo), small_rgb(static), *layer)
             advance()
 
 

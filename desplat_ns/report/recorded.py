@@ -112,13 +112,8 @@ def thinned(
 ) -> Points:
     """At most `most` points of values by step, means of neighbours where there are more; without
     what is not finite, and on a logarithmic scale what is not positive."""
-    points = np.array(
-        [
-            (step, value)
-            for step, value in sorted(values.items())
-            if math.isfinite(value) and (value > 0 or not is_logarithmic)
-        ]
-    )
+    least = 0 if is_logarithmic else -math.inf
+    points = np.array([(step, v) for step, v in sorted(values.items()) if least < v < math.inf])
     size = math.ceil(len(points) / most) or 1
     groups = (points[start : start + size] for start in range(0, len(points), size))
     return tuple((float(step), float(value)) for step, value in (g.mean(axis=0) for g in groups))
@@ -247,15 +242,10 @@ def effect_reasons(
         num_photos: training photos.
         in_the_way: names of the training photos that have distractors.
     """
-    if not effects.distractors:
-        reasons = [EffectReason("distractors", "off", "As given.")]
-    elif in_the_way:
-        names = list_names(in_the_way, MAX_NAMES)
-        why = f"In {len(in_the_way):,} of {num_photos:,} photos: {names}."
-        reasons = [EffectReason("distractors", "on", why)]
-    else:
-        why = f"In none of {num_photos:,} photos: nothing was found in the way."
-        reasons = [EffectReason("distractors", "on", why)]
+    names = list_names(in_the_way, MAX_NAMES) or "nothing was found in the way"
+    found = f"In {len(in_the_way):,} of {num_photos:,} photos: {names}."
+    value, why = ("on", found) if effects.distractors else ("off", "As given.")
+    reasons = [EffectReason("distractors", value, why)]
     for effect in SURVEYED:
         grade = getattr(effects, effect)
         if survey is None:

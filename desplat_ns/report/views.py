@@ -14,7 +14,6 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from desplat_ns.backend.constants import NEAR_PLANE
 from desplat_ns.backend.protocol import View
 from desplat_ns.data.training_views import image_names
 from desplat_ns.gaussians.distractor_config import DistractorConfig
@@ -174,9 +173,9 @@ def _seen_and_unlike(
     Gaussians do not hide one another here: an object in the way hides all behind it."""
     rows, columns = photo.cells.shape
     u, v, depth = image_points(means, photo.view)
-    column, row = u * columns, v * rows
-    visible = (depth > NEAR_PLANE) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    cell = torch.where(visible, row.floor() * columns + column.floor(), 0.0).long()
+    visible = in_image(u, v, depth)
+    cell = (v * rows).floor() * columns + (u * columns).floor()
+    cell = torch.where(visible, cell, 0.0).long()
     return visible, visible & photo.cells.flatten()[cell], cell
 
 

@@ -141,9 +141,7 @@ def gather(
     crop: float | None = None,
     light: str | None = None,
 ) -> Contents:
-    """What the page of a run shows.
-
-    Args: see `desplat-export page --help`.
+    """What the page of a run shows; arguments as of `desplat-export page`.
 
     Raises:
         CaptureError: the run has no camera to start from, or a photo cannot be read any more.
@@ -253,20 +251,16 @@ def _picture(model: DeSplatModel, view: View, embedding: Tensor) -> Rgb:
 def _weights(pipeline: DeSplatPipeline, cloud: SplatCloud) -> np.ndarray:
     """Blending weights of Gaussians [N], summed over the pixels of training views."""
     model, manager = pipeline.model, pipeline.datamanager
-    splats, settings = splats_of(cloud, model.device), RenderSettings(antialiased=cloud.antialiased)
+    values: Any = (cloud.means, cloud.quats, cloud.scales, cloud.opacities, cloud.harmonics)
+    tensors = (torch.as_tensor(each, dtype=torch.float32, device=model.device) for each in values)
+    splats = Splats(*tensors, sh_degree=cloud.degree)
+    settings = RenderSettings(antialiased=cloud.antialiased)
     cameras = manager.train_dataset.cameras.to(model.device)
     weights = torch.zeros(len(cloud), device=splats.means.device)
     for index in even_subset(len(cameras), WEIGHING_VIEWS):
         view = model.view_of_camera(cameras[index : index + 1], index)
         weights += accumulated_weights(model.rasterizer, splats, view, settings).detach()
     return weights.cpu().numpy()
-
-
-def splats_of(cloud: SplatCloud, device: torch.device | str) -> Splats:
-    """A file's Gaussians as a rasterizer takes them, in float32."""
-    values: Any = (cloud.means, cloud.quats, cloud.scales, cloud.opacities, cloud.harmonics)
-    tensors = (torch.as_tensor(value, dtype=torch.float32, device=device) for value in values)
-    return Splats(*tensors, sh_degree=cloud.degree)
 
 
 # --- lights ----------------------------------------------------------------------------------

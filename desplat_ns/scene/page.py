@@ -60,12 +60,7 @@ def write_scene(
 ) -> None:
     """Write the page of a run's scene, and say what is not on it.
 
-    Args: see `desplat-export page --help`.
-
-    Raises:
-        CaptureError: the capture cannot be read any more, or has no camera to start from.
-        CheckpointError: no checkpoint is intact.
-        ConfigError: an unknown light, nothing left to show, or the page cannot be written.
+    Arguments as of `desplat-export page`. Raises as `load_run`, `gather` and `html_of`.
     """
     contents = gather(load_run(files), most_training, most_held_out, crop, light)
     text, left_out = html_of(contents, int(megabytes * MEGABYTE))

@@ -6,6 +6,7 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig
@@ -171,8 +172,11 @@ def test_what_is_given_comes_before_what_the_layout_asks_for(tmp_path, model_wri
 
 
 def test_a_split_cannot_be_asked_for_where_the_layout_has_one(capture: Callable[..., Path]):
-    with pytest.raises(ConfigError, match=r"--eval-mode all.*robustnerf-data"):
-        recognise(capture(TWINS)).config({"eval_mode": "all"})
+    data = capture(TWINS)
+    with pytest.raises(ConfigError, match=r"with `colmap --eval-mode all`.*robustnerf-data"):
+        recognise(data).config({"eval_mode": "all"})
+    parser: Any = DeSplatColmapDataParserConfig(data=data, eval_mode="all").setup()
+    assert len(parser.get_dataparser_outputs("train").image_filenames) == len(TWINS)
 
 
 # --- no capture ----------------------------------------------------------------------------------

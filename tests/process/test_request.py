@@ -46,7 +46,8 @@ def test_a_name_that_is_no_text_is_named(tmp_path: Path):
     """As unpacked from an archive of an old system, whose umlauts have one byte."""
     touch(tmp_path, *(f"{i}.jpg" for i in range(3)))
     os.rename(tmp_path / "1.jpg", os.fsencode(tmp_path) + b"/gr\xfcn.jpg")
-    with pytest.raises(CaptureError, match=r"gr\\xfcn\.jpg") as caught:
+    os.rename(tmp_path / "2.jpg", tmp_path / "a\nb.jpg")
+    with pytest.raises(CaptureError, match=r"(?s)^2 names.*gr\\xfcn\.jpg") as caught:
         find_sources(tmp_path, tmp_path / "out")
     str(caught.value).encode()  # it can be printed
 
