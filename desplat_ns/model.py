@@ -51,11 +51,10 @@ from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.background import BACKGROUND_DEGREE_INTERVAL
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects
 from desplat_ns.photo_tourism.shown_light import ShownLight
-from desplat_ns.rendering.allowed_views import PhotoAngle
 from desplat_ns.rendering.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from desplat_ns.rendering.near_plane import sampled, scene_start, stands_clear
-from desplat_ns.rendering.views import held, view_of, views_of
+from desplat_ns.rendering.views import held, view_of
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
 from desplat_ns.settings.effects import Effects
@@ -139,10 +138,9 @@ class DeSplatModel(SplatfactoModel):
             self.layer = DistractorLayer(
                 gaussians, own, config, cameras, seeds, effects.background, scale
             )
-        angle = (lambda view: self.photo_angle.degrees(view)) if self.has_points else None
         views = range(num_views if effects.distractors else 0)
         shown = [view_name(self.names, index) for index in views]
-        self.layer_control = LayerControl(shown, config.near_plane, angle)
+        self.layer_control = LayerControl(shown, config.near_plane)
 
     @property
     def rasterizer(self) -> Rasterizer:
@@ -205,7 +203,6 @@ class DeSplatModel(SplatfactoModel):
             return self._training_outputs(camera, index)
         view = self.view_of_camera(camera, index)
         index = self.layer_control.train_idx() if index is None else index
-        self.layer_control.tell_photo_angle(view)
         embedding = self.embedding_of(index)
         static = self.render_static(view, embedding)
         background = self.background_of(view, embedding)
@@ -494,13 +491,6 @@ class DeSplatModel(SplatfactoModel):
     def has_points(self) -> bool:
         """Whether the scene started from a reconstruction's points."""
         return self.seed_points is not None and not self.config.random_init
-
-    @cached_property
-    def photo_angle(self) -> PhotoAngle:
-        """How far views are from the training photos. Ask for it only if `has_points`."""
-        assert self.points is not None
-        cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
-        return PhotoAngle(self.points, views_of(cameras.to(self.device)))
 
     # --- the light of an image ---------------------------------------------------------------
 

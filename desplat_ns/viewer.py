@@ -3,7 +3,7 @@ as the first training photo was taken."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -14,68 +14,30 @@ from nerfstudio.viewer.viewer import VISER_NERFSTUDIO_SCALE_RATIO, Viewer
 from nerfstudio.viewer.viewer_elements import (
     ViewerControl,
     ViewerDropdown,
-    ViewerElement,
     ViewerSlider,
 )
 from torch import Tensor, nn
-from viser import GuiMarkdownHandle, ViserServer, transforms
-
-from desplat_ns.backend.protocol import View
+from viser import transforms
 
 LAYERS = ("static", "composite", "distractors", "mask")
 """What may stand in the viewer's `rgb`; the first one at the start."""
 
 
-class ViewerLine(ViewerElement[str]):
-    """A line of text among the controls, to be read only.
-
-    nerfstudio 1.1.5 renders anew whenever a text field is written into, by whomever: a line that
-    every rendering writes may not be one.
-    """
-
-    def __init__(self) -> None:
-        super().__init__("")
-        self._line: GuiMarkdownHandle | None = None
-
-    @property
-    def is_shown(self) -> bool:
-        """Whether there is a viewer."""
-        return self._line is not None
-
-    def install(self, viser_server: ViserServer) -> None:
-        """nerfstudio's hook."""
-        self._line = viser_server.gui.add_markdown("")
-
-    def show(self, text: str) -> None:
-        """Replace what it says."""
-        if self._line is not None and text != self._line.content:
-            self._line.content = text
-
-
 class LayerControl(nn.Module):
     """Controls in the viewer's "Custom Elements": which layer, whose distractors, how near the
-    static scene is shown; and how far the view is from the photos, to be read.
+    static scene is shown.
 
     Without a viewer it does nothing. nerfstudio 1.1.5 finds controls that are attributes of the
     pipeline's modules.
     """
 
-    def __init__(
-        self,
-        names: Sequence[str],
-        near_plane: float = 0.0,
-        photo_angle: Callable[[View], float | None] | None = None,
-    ) -> None:
+    def __init__(self, names: Sequence[str], near_plane: float = 0.0) -> None:
         """Args:
         names: of the training views with distractors; none for no controls of them.
         near_plane: the model's setting; 0 for no control of it.
-        photo_angle: `PhotoAngle.degrees`; None to say nothing of it.
         """
         super().__init__()
         self.names, self._near_plane = list(names), near_plane
-        self._photo_angle = photo_angle
-        if photo_angle is not None:
-            self.angle = ViewerLine()
         if near_plane > 0:
             self.near_plane: ViewerSlider[float] = ViewerSlider(
                 "Near plane",
@@ -117,21 +79,6 @@ class LayerControl(nn.Module):
         if self._suspended or self._near_plane == 0:
             return self._near_plane
         return float(self.near_plane.value)
-
-    def tell_photo_angle(self, view: View) -> None:
-        """Say in the viewer how far the view that it shows is from the photos."""
-        if self._photo_angle is None or self._suspended or not self.angle.is_shown:
-            return
-        degrees = self._photo_angle(view)
-        if degrees is None:
-            self.angle.show("No point of the reconstruction is in view: nothing is known of it.")
-        elif degrees >= 90:
-            self.angle.show("Two photos do not see half of what is in view: it is a guess.")
-        else:
-            self.angle.show(
-                f"**{degrees:.0f}° from the photos**: within this angle two photos see half of "
-                "what is in view. The fewer degrees, the more this view can be trusted."
-            )
 
     def train_idx(self) -> int | None:
         """Training view whose distractors were asked for; None while the static scene is shown."""

@@ -38,11 +38,11 @@ def test_nerfstudios_viewer_finds_all_controls_on_the_pipeline():
     pipeline = DeSplatPipeline.__new__(DeSplatPipeline)
     nn.Module.__init__(pipeline)
     pipeline._model = model = make_model()
-    model.layer_control = LayerControl(NAMES, photo_angle=lambda view: 7.0)
+    model.layer_control = LayerControl(NAMES)
     model.shown_light = ShownLight(["a.jpg", "b.jpg"])
     controls = parse_object(pipeline, ViewerElement, "Custom Elements")
     assert {path.removeprefix("Custom Elements/model/") for path, _ in controls} == {
-        *(f"layer_control/{name}" for name in ("layer", "view", "angle")),
+        *(f"layer_control/{name}" for name in ("layer", "view")),
         *(f"shown_light/{name}" for name in ("first", "second", "share")),
     }
     model.layer_control, model.shown_light = LayerControl([]), ShownLight([])

@@ -1,10 +1,10 @@
-"""From where a scene may be looked at: the training cameras, half-way between neighbours, and how
-far a view is from them. What no such view shows, no photo has contradicted.
+"""From where a scene may be looked at: the training cameras, and half-way between neighbours. What
+no such view shows, no photo has contradicted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 import torch
 from jaxtyping import Bool, Float
@@ -14,19 +14,12 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.rendering.in_view import in_view
-from desplat_ns.rendering.near_plane import sampled, scene_start, stands_clear
-from desplat_ns.rendering.views import image_points, in_image, view_of, views_of
+from desplat_ns.rendering.near_plane import scene_start, stands_clear
+from desplat_ns.rendering.views import view_of, views_of
 
 NEIGHBOURS = 3
 """Of each camera. Along a path a camera has two; of cameras spread over a surface three are enough
 to go on from any to all around it."""
-
-ANGLE_POINTS = 1_000
-"""Points of the reconstruction by which angles are measured, evenly chosen; a view shows some
-hundreds of them."""
-
-PHOTOS = 2
-"""That have to see a point: one gives its colour, and two its depth."""
 
 
 def neighbours(poses: Float[Tensor, "V 3 4"]) -> list[tuple[int, int]]:
@@ -87,36 +80,3 @@ def seen_by_any(
     is_seen = torch.ones(len(splats.means), dtype=torch.bool, device=splats.means.device)
     is_seen[unseen] = False
     return is_seen
-
-
-class PhotoAngle:
-    """Measures how far views are from the training photos: the angle under which two photos see
-    what a view shows."""
-
-    def __init__(self, points: Float[Tensor, "P 3"], views: Sequence[View]):
-        """From the points of the reconstruction and the views of the training photos."""
-        self.points = sampled(points, ANGLE_POINTS)
-        rays = [self._rays(view) * self._shown(view)[:, None] for view in views]
-        self.rays = torch.stack(rays)
-        """From the photos to the points [V, P, 3], of length 1; 0 where a photo does not show the
-        point."""
-
-    def _rays(self, view: View) -> Float[Tensor, "P 3"]:
-        return torch.nn.functional.normalize(self.points - view.center, dim=-1)
-
-    def _shown(self, view: View) -> Bool[Tensor, " P"]:
-        return in_image(*image_points(self.points, view))
-
-    @torch.no_grad()
-    def degrees(self, view: View) -> float | None:
-        """Within how many degrees, in [0, 90], two photos see half of the points that a view shows.
-
-        The angle is that at the point, between the rays to it. Photos that see it from more than a
-        right angle away, or not at all, count as 90. None where the view shows no point.
-        """
-        shown = self._shown(view)
-        if not bool(shown.any()) or len(self.rays) < PHOTOS:
-            return None
-        cosines = (self.rays[:, shown] * self._rays(view)[shown]).sum(dim=-1).clamp(0, 1)
-        enough = cosines.topk(PHOTOS, dim=0).values[-1]
-        return float(torch.rad2deg(enough.median().acos()))

@@ -42,7 +42,7 @@ from desplat_ns.report.recorded import (
     read_history,
     read_survey,
 )
-from desplat_ns.report.views import angles_of_held_out, disputed_places, seen_alone
+from desplat_ns.report.views import disputed_places, seen_alone
 from desplat_ns.runs.files import RunFiles
 from desplat_ns.runs.loading import LoadedRun, even_subset, load_run
 from desplat_ns.scene.gather import gather as scene_contents
@@ -66,7 +66,6 @@ SCORES = {
     "psnr": "PSNR {:.2f} dB",
     "ssim": "SSIM {:.3f}",
     "lpips": "LPIPS {:.3f}",
-    "angle": "{:.0f}° from the photos",
 }
 
 CHART_SIZE = (4.8, 2.8)
@@ -124,10 +123,6 @@ def gather(run: LoadedRun, most_training: int, most_held_out: int) -> Contents:
     cost = cost_of(run, history.seconds)
     photos = list(training_photos(pipeline, even_subset(cost.num_photos, most_training)))
     results, held_out = held_out_photos(pipeline, most_held_out)
-    angles = angles_of_held_out(pipeline) if held_out else {}
-    for photo in held_out:
-        if photo.name in angles:
-            photo.figures["angle"] = angles[photo.name]
     survey, in_the_way = read_survey(files.survey), model.photos_with_distractors()
     reasons = effect_reasons(model.effects, survey, cost.num_photos, in_the_way)
     distractors = None if model.layer is None else model.layer.config
@@ -218,5 +213,5 @@ def typed(text: str) -> str:
 
 
 def scores(figures: Mapping[str, float]) -> str:
-    """PSNR, SSIM, LPIPS and angle in a line, as far as they were measured."""
+    """PSNR, SSIM and LPIPS in a line, as far as they were measured."""
     return ", ".join(form.format(figures[key]) for key, form in SCORES.items() if key in figures)

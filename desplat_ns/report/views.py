@@ -1,5 +1,5 @@
-"""What the training photos see of the scene: which held-out views can be trusted, which photos to
-take next, and which places most photos do not show (the failure case of App. C.3).
+"""What the training photos see of the scene: which photos to take next, and which places most
+photos do not show (the failure case of App. C.3).
 
 Letters in shapes: N Gaussians, P points, V photos.
 """
@@ -15,12 +15,11 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.data.training_views import image_names
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.layers import MASK_THRESHOLD
 from desplat_ns.rendering.near_plane import sampled
-from desplat_ns.rendering.views import held, image_points, in_image, views_of
+from desplat_ns.rendering.views import held, image_points, in_image
 from desplat_ns.separation.grid import grid_of, pooled, region_pixels
 from desplat_ns.separation.regions import differences
 
@@ -36,17 +35,6 @@ SAME_DEPTH = 0.1
 
 MUCH = 0.1
 """Share of what a photo shows. Photos that show more than this alone are named."""
-
-
-def angles_of_held_out(pipeline: DeSplatPipeline) -> dict[str, float]:
-    """Degrees from the training photos (`PhotoAngle`) of the held-out photos, by name; empty where
-    the scene did not start from a reconstruction."""
-    model, photos = pipeline.model, pipeline.datamanager.eval_dataset
-    if not model.has_points:
-        return {}
-    names = image_names(photos.image_filenames)
-    angles = map(model.photo_angle.degrees, views_of(photos.cameras.to(pipeline.device)))
-    return {name: angle for name, angle in zip(names, angles, strict=True) if angle is not None}
 
 
 @dataclass(frozen=True)

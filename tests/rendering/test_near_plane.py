@@ -10,7 +10,6 @@ from desplat_ns.evaluation.halves import as_function_of_embedding
 from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.near_plane import scene_start, stands_clear
 from desplat_ns.rendering.views import view_of
-from desplat_ns.viewer import ViewerLine
 from tests.helpers.small_model import HEIGHT, WIDTH, camera, cameras, make_model
 
 VIEW = view_of(cameras()[:1])
@@ -86,16 +85,6 @@ def test_a_view_without_points_and_a_random_start_have_no_near_plane():
     assert scene_start(2 * wall(0.0)[:1] - wall(4.0), VIEW) == 0  # behind the camera
     drawn = make_model(wall(4.0), near_plane=0.9, random_init=True, num_random=50).eval()
     assert len(drawn.params_in(VIEW)["means"]) == 50
-
-
-def test_a_rendering_tells_the_viewer_how_far_it_is_from_the_photos(monkeypatch):
-    model, lines = with_a_veil().eval(), []
-    monkeypatch.setattr(ViewerLine, "is_shown", True)
-    monkeypatch.setattr(ViewerLine, "show", lambda line, text: lines.append(text))
-    model.get_outputs_for_camera(camera(0))
-    (text,) = lines
-    assert text.startswith("**") and "° from the photos" in text
-    assert not hasattr(make_model(random_init=True, num_random=9).layer_control, "angle")
 
 
 def test_an_embedding_is_fitted_to_what_is_rendered():

@@ -1,10 +1,10 @@
-"""Which photos to take next: what one photo alone shows; how far held-out photos are."""
+"""Which photos to take next: what one photo alone shows."""
 
 from pathlib import Path
 
 import torch
 
-from desplat_ns.report.views import alone, angles_of_held_out, seen_alone
+from desplat_ns.report.views import alone, seen_alone
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
 
@@ -21,8 +21,6 @@ def test_a_photo_that_shows_a_place_alone_is_named_with_its_share_and_side():
 
 def test_a_trained_run_is_looked_at(trained: Path):
     pipeline = load_run(find_run(trained)).pipeline
-    photos, angles = seen_alone(pipeline), angles_of_held_out(pipeline)
+    photos = seen_alone(pipeline)
     assert {photo.name for photo in photos} <= set(pipeline.datamanager.train_image_names)
     assert all(0.1 < photo.share <= 1 for photo in photos)
-    assert len(angles) == len(pipeline.datamanager.eval_dataset)
-    assert all(0 < degrees < 90 for degrees in angles.values())
