@@ -37,7 +37,7 @@ def printable(text: str) -> str:
 
 
 def print_user_errors_plainly() -> None:
-    """From now on, a `DeSplatError` that ends the program prints its message without a traceback.
+    """From now on, a `DeSplatError` or Ctrl+C that ends the program prints no traceback.
 
     The commands are nerfstudio's, so there is no place of ours to catch it. Every other exception
     goes where it went before.
@@ -47,6 +47,8 @@ def print_user_errors_plainly() -> None:
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         if isinstance(error, DeSplatError):
             print(f"\nError: {printable(str(error))}", file=sys.stderr)
+        elif isinstance(error, KeyboardInterrupt):
+            print("\nEnded by Ctrl+C.", file=sys.stderr)
         else:
             before(kind, error, trace)
 

@@ -21,6 +21,8 @@ def hook(monkeypatch):
 def test_a_users_mistake_is_told_plainly(hook, capsys):
     assert hook(CaptureError("no photos in 'x'")) == []
     assert capsys.readouterr().err.strip() == "Error: no photos in 'x'"
+    assert hook(KeyboardInterrupt()) == []
+    assert "Ctrl+C" in capsys.readouterr().err
 
 
 def test_names_forge_no_lines_and_no_colours(hook, capsys):
