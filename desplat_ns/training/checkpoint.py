@@ -118,16 +118,20 @@ def run_folder(folder: Path) -> Iterator[None]:
 
     Raises:
         ConfigError: the folder cannot be made.
+        SystemExit: in place of KeyboardInterrupt, after which nerfstudio's commands end with 0.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     with plain_errors(folder, "--output-dir"):
         folder.mkdir(parents=True, exist_ok=True)
     try:
         yield
-    except BaseException:
+    except BaseException as error:
         for path in made:  # inner ones first; one that is not empty keeps those around it
             with suppress(OSError):
                 path.rmdir()
+        if isinstance(error, KeyboardInterrupt):
+            announce("Ended by Ctrl+C before the first step.", warning=True)
+            raise SystemExit(130) from None
         raise
 
 
