@@ -34,7 +34,7 @@ def test_the_page_of_a_run_has_every_photo_with_its_layers(page: str):
         assert sum(alt.endswith(f", {what}") for alt in alts) >= NUM_TRAIN, what
     assert sum(alt.endswith(", error map") for alt in alts) == NUM_TEST
     assert page.count('<input type="range"') == NUM_TRAIN
-    assert len(re.findall(r"SSIM [.0-9]+, \d+° from the photos", page)) == NUM_TEST
+    assert len(re.findall(r"PSNR [.0-9]+ dB, SSIM [.0-9]+", page)) == NUM_TEST
 
 
 @pytest.mark.slow
