@@ -124,7 +124,7 @@ class DeSplatPipeline(VanillaPipeline):
             save_pictures(pictures, output_path, f"{image_prefix}_{{}}_{index:04d}.png")
 
         results = self._evaluated(data_loader, split.image_filenames, save, in_full=get_std)
-        if step is not None and "psnr" in results:
+        if step is not None and image_prefix == "eval" and "psnr" in results:
             photos = f"{results['num_images']} held-out photos"
             announce_above_the_table(f"Step {step:,}: {results['psnr']:.2f} dB on {photos}.")
         return results

@@ -69,3 +69,11 @@ def test_a_light_that_creeps_along_a_walk_is_found_to_its_end():
     light = fit_light(chain(gains))
     fitted = light.gains.mean(axis=1) + (light.gammas - 1) * np.log(0.4)
     assert fitted[-1] - fitted[0] == pytest.approx(0.6, abs=0.1)
+
+
+def test_a_light_taken_back_gives_the_colour_under_the_mean_light(still: DataparserOutputs):
+    light = replace(fit_light(observe(still)), lens=-0.3)
+    light.gains[0], light.gammas[0], light.vignetting[0] = [0.1, 0.0, -0.1], 1.3, -0.2
+    true = np.array([[0.5, 0.25, 0.7]])
+    photo = np.exp(np.array([0.1, 0.0, -0.1]) + 1.3 * np.log(true) - 0.2 * 0.4 - 0.3 * 0.4**2)
+    np.testing.assert_allclose(light.neutral(0, photo, np.array([0.4])), true, rtol=1e-12)
