@@ -73,8 +73,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     """Weight of the mean opacity of the static Gaussians that a photo shows, divided by the number
     of training photos: the fewer there are, the more it says beside them. What no photo needs fades
     and is pruned (docs/explain/separation.md, "What the static scene trains on"). 0 in the paper.
-    It counts as 0 where each photo has a light of its own (`effects.appearance`): there the scene
-    fades."""
+    It counts as 0 with `effects.appearance` affine or sh: there the scene fades."""
     near_plane: float = ranged(0.0, "[0, 1)")
     """Renderings leave out static Gaussians that are nearer than this share of the depth at which
     the seed points in the view start, and those before that start that reach the camera
@@ -98,7 +97,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         run.refine_every = steps_between_refinements(
             num_views, densification, self.refinements, self.refine_every
         )
-        if self.effects.settled().appearance != "off":
+        if self.effects.settled().appearance in ("affine", "sh"):
             run.opacity_prior = 0.0
         run.distractors = self.distractors.for_views(num_views, self.warmup_length, scale)
         return run

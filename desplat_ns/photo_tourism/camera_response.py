@@ -33,6 +33,21 @@ OUTLIER = 0.08
 """Colour difference at which a pixel counts a quarter in the last steps of `fit_response`: what
 stands in front of the scene must not set its light."""
 
+USUAL = (0.2, 0.2, 0.2, 0.1, 0.1)
+"""Standard deviations of the numbers over the photos of a capture, about 0: the prior of
+`fit_response`."""
+
+OBSERVATIONS = 12
+"""What the pixels of a photo count together beside the prior: errors of a scene come in patches."""
+
+USUAL = (0.2, 0.2, 0.2, 0.1, 0.1)
+"""Standard deviations of the numbers over the photos of a capture: a third of a stop to a stop of
+exposure, little gamma, and one lens. Their prior, beside what the pixels tell."""
+
+INDEPENDENT = 2000
+"""Observations that the pixels of a photo are worth against `USUAL`: errors of neighbours are
+alike."""
+
 
 def squared_radius(view: View) -> Float[Tensor, "H W 1"]:
     """Squared distance of each pixel from the principal point, over that of half the diagonal."""
@@ -76,6 +91,9 @@ def fit_response(
     from `OUTLIER` itself, if something large stands in front; the better end counts. Pixels in
     which the photo is at the end of its range say nothing and are left out.
 
+    The prior `USUAL` weighs by the differences' variance: what a scene has not learned, or no other
+    photo shows, is no light of the photo.
+
     Args:
         rgb: the scene's colours, >= 0.
         photo: in [0, 1].
@@ -86,7 +104,9 @@ def fit_response(
     rgb, photo, radius2 = rgb.double(), photo.double(), radius2.double()
     in_range = ((photo > FLOOR) & (photo < 1 - FLOOR)).all(dim=-1)
     rgb, photo, radius2 = rgb[in_range], photo[in_range], radius2[in_range]
-    ridge = 1e-4 * max(1, len(rgb)) * torch.eye(NUMBERS).to(rgb)
+    if len(rgb) == 0:
+        return rgb.new_zeros(NUMBERS).float()
+    prior = len(rgb) / OBSERVATIONS * torch.tensor(USUAL).to(rgb).pow(-2).diag()
     slopes_of = jacfwd(camera_response, argnums=1)
 
     def fitted(widest: float) -> tuple[float, Tensor]:
@@ -95,7 +115,8 @@ def fit_response(
             scale = OUTLIER * max(1.0, widest * 0.75**i)
             error = (photo - camera_response(rgb, numbers, radius2)).reshape(-1)
             share = (1 + (error / scale).square()).reciprocal()
-            loss = (1 - share).sum() + numbers @ ridge @ numbers
+            ridge = prior * (1.4826 * error.abs().median()).clamp(min=FLOOR).square()
+            loss = (1 - share).sum() + numbers @ ridge @ numbers / scale**2
             if i == FIT_ROUNDS:
                 break
             slopes = slopes_of(rgb, numbers, radius2).reshape(-1, NUMBERS)

@@ -6,8 +6,6 @@ Letters in shapes: V photos, P points, M pairs of patches, S samples of a patch.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -17,14 +15,11 @@ from desplat_ns.survey.photo_light import FEWEST, PhotoLight, from_middle, robus
 
 DISPLAY_GAMMA = 2.2
 """Between light and the values of files: a stop is a factor of 2^(1/2.2) in values."""
-QUARTER_STOP = 2 ** (0.25 / DISPLAY_GAMMA) - 1
-"""8%. Cameras' dials have thirds of a stop; half of the photos off by nearly as much is seen."""
 HALF_STOP = 2 ** (0.5 / DISPLAY_GAMMA) - 1
 """17%. If a tenth of the photos are off by as much and most are not, it is said beside."""
 EIGHTH_STOP = 2 ** (0.125 / DISPLAY_GAMMA) - 1
-"""4%. A light that moves changes photos as a whole, too: the median one by 9.6% or more where a sun
-alone moved by 40 degrees. Gloss, and detail finer than a pixel, make places differ as well, in
-photos that a light of their own changes by 1.1% at most."""
+"""4%. Photos of one light change by 1.1% at most, glossy ones too; those of a camera that sets its
+own exposure by 5.6% and more, and of a sun that moved by 40 degrees by 9.6%."""
 LOCAL_STEP = 0.15
 """Of the value: a place is another one's shade if it and what is near are off by more than this.
 A surface in the sun has 1.3 to 2 times the value of one in the shade."""
@@ -119,7 +114,7 @@ def appearance_finding(
     known = changes[np.isfinite(changes)]
     middle, top = np.quantile(known, [0.5, 0.9]).tolist() if len(known) else (np.nan, np.nan)
     what = "change of values by a photo's own light, median photo"
-    median = Figure("change", middle, what, QUARTER_STOP)
+    median = Figure("change", middle, what, EIGHTH_STOP)
     largest = Figure("largest_changes", top, "the same, exceeded by a tenth of the photos")
     before, after = robust_spread(light.residual_before), robust_spread(light.residual)
     share = 1 - (after / before) ** 2 if before > 0 else np.nan
@@ -143,19 +138,18 @@ def _decided(
     median: Figure, top: Figure, local: Figure, explained: Figure
 ) -> tuple[Decision, Confidence, str]:
     """What the figures call for, how sure that is, and why."""
-    moved = replace(median, threshold=EIGHTH_STOP)
     as_a_whole = f"half of the photos are off by {median.value:.1%} or more as a whole"
-    if local.is_above and moved.is_above:
+    if local.is_above and median.is_above:
         reason = (
             f"Light changes from place to place: {local.value:.1%} of the places are lighter or "
             f"darker in one photo alone (above {LOCAL_SHARE:.1%} it counts)."
         )
-        return "affine", confidence_of([local, moved]), reason
+        return "affine", confidence_of([local, median]), reason
     sure = confidence_of([median, local])
     if median.is_above and explained.value > LEAST_EXPLAINED:
         reason = (
             f"Photos differ in exposure, white balance, contrast or dark corners: {as_a_whole} "
-            f"(above {QUARTER_STOP:.0%} it counts)."
+            f"(above {EIGHTH_STOP:.0%} it counts)."
         )
         return "camera", sure, reason
     if top.value > HALF_STOP:
@@ -169,8 +163,8 @@ def _decided(
             f"Places differ ({local.value:.1%}), but photos as a whole by {median.value:.1%} only: "
             "gloss, or detail finer than a pixel."
         )
-        return "off", confidence_of([moved]), reason
-    reason = f"Photos show the same colours: {as_a_whole} (above {QUARTER_STOP:.0%} it counts)."
+        return "off", confidence_of([median]), reason
+    reason = f"Photos show the same colours: {as_a_whole} (above {EIGHTH_STOP:.0%} it counts)."
     return "off", sure, reason
 
 

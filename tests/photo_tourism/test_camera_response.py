@@ -88,6 +88,14 @@ def test_a_dark_thing_at_the_border_is_not_taken_for_vignetting():
     torch.testing.assert_close(shown.clamp(0, 1)[~covered], seen, atol=OUTLIER / 2, rtol=0)
 
 
+def test_what_the_scene_does_not_show_is_no_light():
+    """The photo shows other things than the scene: their differences are no vignetting or gamma."""
+    (rgb, radius2), (other, _) = scene(60), scene(60, seed=1)
+    photo = 0.5 * other.repeat_interleave(50, dim=0)
+    fitted = fit_response(0.5 * rgb.repeat_interleave(50, dim=0), photo, radius2.repeat(50, 1))
+    assert fitted.abs().max() < 0.1
+
+
 def test_a_black_or_overexposed_photo_and_one_without_pixels_tell_nothing():
     rgb, radius2 = scene()
     for level in (0.0, 1.0):
