@@ -1,12 +1,11 @@
-"""Which files of a folder are photos, which of them lists mean, and files that must exist."""
+"""Which files of a folder are photos, and files that must exist."""
 
 from __future__ import annotations
 
 import os
-import random
 import re
-from collections.abc import Iterable, Sequence
-from pathlib import Path, PurePosixPath
+from collections.abc import Sequence
+from pathlib import Path
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import CaptureError
@@ -77,20 +76,3 @@ def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> 
         f"{len(missing)} of {len(paths)} {what} that the capture names are not in {folder}: "
         f"{names}. Put them there, or name their folder with {option}."
     )
-
-
-def find_photos(names: Sequence[str], wanted: Sequence[str]) -> list[list[int]]:
-    """Indices of the photos that each entry means: the path inside the images folder or, where no
-    path is so, the file name."""
-    places: dict[str, list[int]] = {}
-    for i, name in enumerate(names):
-        places.setdefault(PurePosixPath(name).name, []).append(i)
-    places |= {name: [i] for i, name in enumerate(names)}
-    return [places.get(entry, []) for entry in wanted]
-
-
-def shuffled(keys: Iterable[str], seed: int) -> list[str]:
-    """The keys in an order that depends on them and on `seed` alone."""
-    ordered = sorted(keys)
-    random.Random(seed).shuffle(ordered)
-    return ordered
