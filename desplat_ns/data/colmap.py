@@ -22,7 +22,7 @@ from nerfstudio.data.scene_box import SceneBox
 from desplat_ns.console import announce_once, list_names
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
 from desplat_ns.data.gt_masks import gt_masks
-from desplat_ns.data.photo_files import check_files, find_photos
+from desplat_ns.data.photo_files import check_files
 from desplat_ns.data.poses import (
     OrientedPoses,
     make_cameras,
@@ -36,16 +36,11 @@ from desplat_ns.data.reconstruction import (
     Tracks,
     read_reconstruction,
 )
-from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.data.splits import Lists, listed_photos, read_list_files
+from desplat_ns.errors import CaptureError
+from desplat_ns.settings.options import check_ranges, ranged
 
 _Hidden = tyro.conf.Suppress
-
-_LIST_FILES = {
-    "train": ("train",),
-    "val": ("val", "validation", "test"),
-    "test": ("test", "val", "validation"),
-}
-"""`<name>_list.txt` files that say which photos a split has, the first that exists."""
 
 
 @dataclass
@@ -56,6 +51,8 @@ class DeSplatColmapDataParserConfig(ColmapDataParserConfig):
     colmap_path: Path = Path("sparse")
     """Reconstruction, relative to the data: a model's folder, or a folder of models (sparse/0,
     sparse/1, ...) of which the one with most photos is taken. colmap/sparse is found too."""
+    downscale_factor: int | None = ranged(None, "[1, inf)")
+    """Photos at 1/N of their size. Without this option, at most 1600 pixels a side."""
     distractor_masks_path: Path | None = None
     """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
     Evaluation compares the model's masks with them; training never sees them."""
@@ -89,6 +86,13 @@ class DeSplatColmapDataParser(ColmapDataParser):
     config: DeSplatColmapDataParserConfig
     sizes_differ: ClassVar[bool] = False
     """Whether each photo is reduced by itself, and not all to the same share of their size."""
+    split_by: ClassVar[str] = "--eval-mode and its numbers, or by the *_list.txt files there"
+    """What says which photos are held out."""
+
+    def __init__(self, config: DeSplatColmapDataParserConfig):
+        """Raises ConfigError: a number outside of its range."""
+        super().__init__(config)
+        check_ranges(config)
 
     def read(self) -> Reconstruction:
         """The COLMAP model. Raises as `read_reconstruction`."""
@@ -170,45 +174,36 @@ class DeSplatColmapDataParser(ColmapDataParser):
         check_files(named + missing * (len(named) < len(frames)), folder, "masks", option)
         return named
 
-    def views(self, names: Sequence[str], split: str) -> list[int]:
-        """Indices into `names` (photos inside the images folder) of a split; nerfstudio's rules.
+    def lists(self, names: Sequence[str]) -> Lists:
+        """Which of the photos, by their names inside the images folder, each split has; empty where
+        nerfstudio's options decide."""
+        return self.reconstruction.splits or read_list_files(self.config.data)
+
+    def views(self, split: str) -> list[int]:
+        """Indices of a split's photos among the frames of the reconstruction.
 
         Raises:
-            CaptureError: a list file or file name that does not fit, or no photo for the split.
+            CaptureError: no photo for this split; as `lists`.
         """
-        listed = self.reconstruction.splits
-        if listed:
-            wanted = listed.get(split, [])
-            picked = [i for places in find_photos(names, wanted) for i in places]
-            if not picked or len(picked) != len(wanted):
-                raise CaptureError(
-                    f"{self.reconstruction.folder} lists {len(wanted)} {split} photos, of which "
-                    f"{len(picked)} are in it. Mend its lists of file names, or remove them all."
-                )
-            return sorted(picked)
-        lists = {name: self.config.data / f"{name}_list.txt" for name in _LIST_FILES.get(split, ())}
-        listed = [name for name, path in lists.items() if path.exists()]
-        if listed and not lists[listed[0]].is_file():
-            raise CaptureError(f"{lists[listed[0]]} is no file. Remove it.")
-        folder = self.config.data / self.config.images_path
-        paths = [folder / name for name in names]
-        try:
-            picked = self._get_image_indices(paths, listed[0] if listed else split)
-        except (RuntimeError, ValueError) as error:
+        data, names = self.config.data, [frame.name for frame in self.reconstruction.frames]
+        picked, why = [], ""
+        if lists := self.lists(names):
+            picked = listed_photos(names, lists.get(split, ()), data)
+        else:
+            try:
+                picked = [int(i) for i in self._get_image_indices([*map(Path, names)], split)]
+            except ValueError as error:
+                why = f": {error}"
+        if not picked:
             raise CaptureError(
-                f"The {split} photos of {self.config.data} cannot be chosen: {error} Check the "
-                "*_list.txt files there, or --eval-mode."
-            ) from error
-        if len(picked) == 0:
-            raise CaptureError(
-                f"None of the {len(names)} photos of {self.config.data} is left for the {split} "
-                "split. Check the *_list.txt files there, or --eval-mode and its numbers."
+                f"None of the {len(names)} photos of {data} ({list_names(names)}) is left for the "
+                f"{split} split{why}. They are chosen by {self.split_by}."
             )
-        return [int(i) for i in picked]
+        return picked
 
     def _generate_dataparser_outputs(self, split: str = "train", **kwargs: Any):
         config = self.config
-        indices = self.views([frame.name for frame in self.reconstruction.frames], split)
+        indices = self.views(split)
         frames = [self.reconstruction.frames[i] for i in indices]
         sources, oriented = self.sources(frames), self.oriented
         metadata: dict[str, Any] = {}
@@ -231,10 +226,6 @@ class DeSplatColmapDataParser(ColmapDataParser):
 
     def _points_metadata(self, frames: Sequence[Frame]) -> dict[str, Any]:
         """Points, and where to read which photo observes which."""
-        if self.config.max_2D_matches_per_3D_point != 0:
-            raise ConfigError(
-                "--max-2D-matches-per-3D-point is not used by desplat; leave it at 0."
-            )
         oriented, known = self.oriented, self.reconstruction
         metadata, ids = points_metadata(
             known.points, oriented.transform, oriented.scale, known.folder

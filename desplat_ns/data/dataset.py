@@ -95,11 +95,9 @@ def check_size(path: Path, size: Size, camera: Size) -> None:
     """
     if _fits(size, camera):
         return
-    turned = _fits((size[1], size[0]), camera)
-    cause = "turned by a quarter (its EXIF orientation says how it is shown)" if turned else "other"
     raise CaptureError(
         f"Photo {path} is {size[0]}x{size[1]} pixels, but its camera in the reconstruction is "
-        f"{camera[0]}x{camera[1]} (after downscaling): {cause}. Where photos were reduced after "
+        f"{camera[0]}x{camera[1]} (after downscaling). Where photos were reduced after "
         "the reconstruction, add --downscale-factor with the camera's width there over "
         f"{size[0]}. Else the reconstruction must be made from these photos: turn or resize them "
         "(`mogrify -auto-orient` turns them) and run COLMAP again, or name the folder that it was "
@@ -162,12 +160,6 @@ class PhotoReader:
                 black = np.zeros((int(lens.height), int(lens.width), 3), np.uint8)
                 K, image, _ = _undistorted(lens, {}, black)
                 sides = image.shape[1], image.shape[0]
-                if not (np.isfinite(K).all() and min(sides) > 0):
-                    raise CaptureError(
-                        f"The lens of {self._dataset.image_filenames[index]} cannot be undistorted:"
-                        f" its terms {lens.distortion_params.tolist()} leave nothing of the photo. "
-                        "Check the camera, or undistort the photos first."
-                    )
                 known[kind] = float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]), *sides
             for name, value in zip(_NUMBERS, known[kind], strict=True):
                 getattr(self._dataset.cameras, name)[index] = value

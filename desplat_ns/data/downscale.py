@@ -12,7 +12,6 @@ from nerfstudio.data.dataparsers.colmap_dataparser import MAX_AUTO_RESOLUTION
 
 from desplat_ns.data.images import image_size
 from desplat_ns.data.reconstruction import Frame
-from desplat_ns.errors import ConfigError
 
 Rounding = Literal["floor", "round", "ceil"]
 
@@ -31,18 +30,10 @@ class PhotoSource:
 
 
 def downscale_factor(requested: int | float | None, frames: Sequence[Frame]) -> float:
-    """The requested factor, or the power of two that brings all photos to <= 1600 px (nerfstudio).
-
-    Raises:
-        ConfigError: the requested factor is below 1 or not a number.
-    """
+    """The requested factor, or nerfstudio's power of two: photos come to at most 1600 pixels."""
     if requested is None:
         longest = max(max(frame.width, frame.height) for frame in frames)
         return 2.0 ** max(0, math.ceil(math.log2(longest / MAX_AUTO_RESOLUTION)))
-    if not (math.isfinite(requested) and requested >= 1):
-        raise ConfigError(
-            f"--downscale-factor is {requested}; it must be 1 (full size) or more, for example 2."
-        )
     return float(requested)
 
 

@@ -23,7 +23,7 @@ _HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1"}
 
 MOST_PIXELS = 1 << 28
 """Of a photo, 16,384 x 16,384; one whose header says more is not decoded."""
-Image.MAX_IMAGE_PIXELS = MOST_PIXELS
+Image.MAX_IMAGE_PIXELS = MOST_PIXELS // 2  # Pillow refuses twice as many
 
 
 class Lens(NamedTuple):
@@ -87,23 +87,18 @@ def lens_of(path: Path) -> Lens:
 
 
 def read_mask(path: Path, camera: tuple[int, int] | None = None) -> Bool[np.ndarray, "H W"]:
-    """Where the mask is neither black (where no value is 0, the darkest one is) nor transparent,
-    turned as `read_image` does it. Of a mask that is black all over alpha alone counts.
+    """Where the mask is neither black nor transparent, turned as `read_image` does it. Of a mask
+    that is black all over alpha alone counts.
 
     Raises:
         CaptureError: as `read_image`.
     """
     image = read_image(path, camera)
-    colors = _above_black(image[..., :3].max(axis=-1))
+    colors = image[..., :3].any(axis=-1)
     if image.shape[2] == 3:
         return colors
-    opaque = _above_black(image[..., 3])
+    opaque = image[..., 3] > 0
     return colors & opaque if colors.any() else opaque & ~opaque.all()
-
-
-def _above_black(values: np.ndarray) -> Bool[np.ndarray, "H W"]:
-    black = int(values.min())
-    return values > (black if 2 * black < values.max() else 0)
 
 
 def resize_image(
@@ -174,16 +169,11 @@ def _open(path: Path) -> Image.Image:
             ) from error
         pillow_heif.register_heif_opener()
     try:
-        image = Image.open(path)
+        return Image.open(path)
     except UnidentifiedImageError as error:
         raise _unreadable(path, "it is no image of a known format, or is damaged") from error
     except Exception as error:  # damage ends in errors of many kinds
         raise _unreadable(path, str(error)) from error
-    width, height = image.size
-    if width * height > MOST_PIXELS:
-        reason = f"it has {width}x{height} pixels, and {MOST_PIXELS} is the most that is decoded"
-        raise _unreadable(path, reason)
-    return image
 
 
 def _unreadable(path: Path, problem: str) -> CaptureError:

@@ -12,16 +12,17 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import index
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
-from desplat_ns.console import announce_once, list_names
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.photo_files import photo_names
 from desplat_ns.data.reconstruction import Reconstruction
+from desplat_ns.data.splits import Lists, two_lists
 from desplat_ns.data.transforms_json import read_transforms
 from desplat_ns.errors import CaptureError
 
@@ -41,45 +42,21 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
     which has points to start from."""
 
     config: OnTheGoDataParserConfig
+    split_by = f"{SPLIT_FILE}: `clutter` trains, `extra` is held out"
 
-    def views(self, names: Sequence[str], split: str) -> list[int]:
-        """Indices of a split's photos among `names`, paths inside the images folder.
-
-        Raises:
-            CaptureError: a split.json that does not fit, or no photo for this split.
-        """
-        data, kind = self.config.data, "clutter" if split == "train" else "extra"
-        path = data / SPLIT_FILE
-        if not path.exists() and (data / "test_list.txt").exists():
-            return super().views(names, split)
-        ordered, lists = ordered_names(data, self.config.images_path), read_split(path)
-        positions = lists.get(kind, [])
-        if not positions or not all(0 <= i < len(ordered) for i in positions):
+    def lists(self, names: Sequence[str]) -> Lists:
+        """Raises CaptureError: a split.json that does not fit."""
+        data, path = self.config.data, self.config.data / SPLIT_FILE
+        if not path.exists() and (lists := super().lists(names)):
+            return lists
+        ordered, positions = ordered_names(data, self.config.images_path), read_split(path)
+        if not all(0 <= i < len(ordered) for listed in positions.values() for i in listed):
             raise CaptureError(
-                f"{path} lists as `{kind}` the photos {list_names(map(str, positions)) or 'none'}; "
-                f"there are {len(ordered)}, counted from 0. It needs `clutter` photos to train on "
-                "and `extra` photos to hold out: take the split.json that belongs to this scene."
+                f"{path} lists photos that are not there: {len(ordered)} are, counted from 0. Take "
+                "the split.json that belongs to this scene."
             )
-        if split == "train" and (both := {*positions} & {*lists["extra"]}):
-            raise CaptureError(
-                f"{path} lists {len(both)} photos to train on and to hold out, too: "
-                f"{list_names(ordered[i] for i in sorted(both))}. Take each out of one list."
-            )
-        wanted = {ordered[i] for i in positions}
-        picked = [i for i, name in enumerate(names) if PurePosixPath(name).name in wanted]
-        missing = wanted - {PurePosixPath(names[i]).name for i in picked}
-        if not picked:
-            raise CaptureError(
-                f"None of the {len(wanted)} {split} photos that {path} lists has a "
-                f"pose: {list_names(sorted(wanted))}. The capture has {list_names(names)}."
-            )
-        if missing:
-            announce_once(
-                f"{len(missing)} of {len(wanted)} {split} photos in {path} have no "
-                f"pose and are left out: {list_names(sorted(missing))}.",
-                warning=True,
-            )
-        return picked
+        train, held_out = ([ordered[i] for i in positions[kind]] for kind in ("clutter", "extra"))
+        return two_lists(train, held_out, path)
 
     def read(self) -> Reconstruction:
         """The COLMAP model, else transforms.json. Raises as their readers."""
@@ -96,20 +73,13 @@ def read_split(path: Path) -> dict[str, list[int]]:
         CaptureError: no such file, or not lists of positions under `clutter` and `extra`.
     """
     try:
-        content: Any = json.loads(path.read_text("utf8")) if path.is_file() else None
-    except (OSError, ValueError) as error:
-        raise CaptureError(f"The split file {path} cannot be read: {error}.") from error
-    lists = content if isinstance(content, dict) else {}
-    lists = {name: lists[name] for name in ("clutter", "extra") if name in lists}
-    is_valid = all(
-        isinstance(positions, list) and all(type(entry) is int for entry in positions)
-        for positions in lists.values()
-    )
-    if not (is_valid and len(lists) == 2):
+        content: Any = json.loads(path.read_text("utf8")) if path.is_file() else {}
+        lists = {name: list(map(index, content[name])) for name in ("clutter", "extra")}
+    except (OSError, ValueError, LookupError, TypeError) as error:
         raise CaptureError(
             f"{path} is no split file of NeRF On-the-go: it needs the lists `clutter` and `extra` "
             "of photos' positions (0, 1, ...) in the order of their file names."
-        )
+        ) from error
     return lists
 
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import deepcopy
-from itertools import chain, islice
+from itertools import accumulate, islice
 from threading import Lock
 from typing import Any
 
@@ -75,8 +75,9 @@ class PhotoMemory:
 class BoundedPhotos(Sequence[Photo]):
     """Photos by their numbers, as a list of all would give them, in bounded memory.
 
-    Where room is needed, that photo goes whose turn comes last. In rounds of random order as many
-    are found in memory as there is room for; no choice could find more.
+    As many as there is room for stay once they are read; the others are read before their turn and
+    go after it. In rounds of random order no choice of what stays could find more in memory, but
+    for the room of those that come next.
     """
 
     def __init__(
@@ -93,7 +94,10 @@ class BoundedPhotos(Sequence[Photo]):
         upcoming: numbers of the photos that will be asked for after one, in their order, as far
             as that is known.
         """
-        self._read, self._sizes, self._most, self._upcoming = read, sizes, most, upcoming
+        self._read, self._sizes, self._upcoming = read, sizes, upcoming
+        self._ahead = max(0, min(AHEAD, most // max(sizes) - 1))
+        room = most - (1 + self._ahead) * max(sizes)
+        self._stay = {photo for photo, used in enumerate(accumulate(sizes)) if used <= room}
         self._held: dict[int, Future[Photo]] = {}
         self._lock = Lock()
         readers = min(MOST_READERS, cores())
@@ -111,35 +115,19 @@ class BoundedPhotos(Sequence[Photo]):
         """
         index = range(len(self))[index]
         with self._lock:
-            future = self._begin(index)
+            wanted = [index, *islice(self._upcoming(index), self._ahead)]
+            for photo in self._held.keys() - self._stay - {*wanted}:
+                del self._held[photo]
+            for photo in wanted:
+                if photo not in self._held:
+                    self._held[photo] = self._pool.submit(self._read, photo)
+            future = self._held[index]
         try:
             return future.result()
         except Exception:
             with self._lock:
                 self._held.pop(index, None)
             raise
-
-    def _begin(self, index: int) -> Future[Photo]:
-        """Begin to read a photo and the next ones, as many as there is room for."""
-        order = list(chain([index], self._upcoming(index)))
-        for photo in islice(order, 1 + AHEAD):
-            if photo not in self._held:
-                if not self._make_room(photo, order):
-                    break
-                self._held[photo] = self._pool.submit(self._read, photo)
-        return self._held[index]
-
-    def _make_room(self, photo: int, order: Sequence[int]) -> bool:
-        """Drop photos that are needed later than this one; False if that is not enough."""
-        turns = {other: turn for turn, other in reversed(list(enumerate(order)))}
-        used = sum(self._sizes[other] for other in self._held)
-        while self._held and used + self._sizes[photo] > self._most:
-            last = max(self._held, key=lambda other: turns.get(other, math.inf))
-            if turns.get(last, math.inf) <= turns[photo]:
-                return False
-            del self._held[last]
-            used -= self._sizes[last]
-        return True
 
 
 class PhotosOfCameras(Sequence[tuple[Cameras, Photo]]):

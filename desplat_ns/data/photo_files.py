@@ -1,12 +1,11 @@
-"""Which files of a folder are photos, which of them lists mean, and files that must exist."""
+"""Which files of a folder are photos, and files that must exist."""
 
 from __future__ import annotations
 
 import os
-import random
 import re
-from collections.abc import Iterable, Sequence
-from pathlib import Path, PurePosixPath
+from collections.abc import Sequence
+from pathlib import Path
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import CaptureError
@@ -31,15 +30,8 @@ def photo_names(folder: Path) -> list[str]:
 def file_names(folder: Path) -> list[str]:
     """Files in a folder and the folders inside it, also behind links, sorted: paths below it with
     forward slashes."""
-    names, seen = [], set()
-    for at, folders, files in os.walk(folder, followlinks=True):
-        is_new = (real := os.path.realpath(at)) not in seen  # a link may lead back
-        seen.add(real)
-        if is_new:
-            names += [Path(at, name).relative_to(folder).as_posix() for name in files]
-        else:
-            folders.clear()
-    return sorted(names)
+    found = ((at, name) for at, _, files in os.walk(folder, followlinks=True) for name in files)
+    return sorted(Path(at, name).relative_to(folder).as_posix() for at, name in found)
 
 
 def photos_near(folder: Path) -> list[str]:
@@ -77,20 +69,3 @@ def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> 
         f"{len(missing)} of {len(paths)} {what} that the capture names are not in {folder}: "
         f"{names}. Put them there, or name their folder with {option}."
     )
-
-
-def find_photos(names: Sequence[str], wanted: Sequence[str]) -> list[list[int]]:
-    """Indices of the photos that each entry means: the path inside the images folder or, where no
-    path is so, the file name."""
-    places: dict[str, list[int]] = {}
-    for i, name in enumerate(names):
-        places.setdefault(PurePosixPath(name).name, []).append(i)
-    places |= {name: [i] for i, name in enumerate(names)}
-    return [places.get(entry, []) for entry in wanted]
-
-
-def shuffled(keys: Iterable[str], seed: int) -> list[str]:
-    """The keys in an order that depends on them and on `seed` alone."""
-    ordered = sorted(keys)
-    random.Random(seed).shuffle(ordered)
-    return ordered

@@ -16,8 +16,8 @@ from typing import Literal
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
-from desplat_ns.data.photo_files import shuffled
-from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.data.splits import Lists, shuffled, two_lists
+from desplat_ns.settings.options import ranged
 
 Kind = Literal["clean", "clutter", "extra"]
 
@@ -27,7 +27,7 @@ class RobustNerfDataParserConfig(OwnSplitConfig):
     """COLMAP capture whose file names say `clean`, `clutter` or `extra` (held out)."""
 
     _target: type = field(default_factory=lambda: RobustNerfDataParser)
-    train_split_clean_clutter_ratio: float = 1.0
+    train_split_clean_clutter_ratio: float = ranged(1.0, "[0, 1]")
     """0 trains on clean photos only, 1 on cluttered ones only; between, each viewpoint is taken
     once, this fraction of them cluttered. Photos with `extra` in the file name are held out."""
     seed: int = 0
@@ -41,33 +41,13 @@ class RobustNerfDataParser(DeSplatColmapDataParser):
     """See `RobustNerfDataParserConfig`."""
 
     config: RobustNerfDataParserConfig
+    split_by = "file names: `clutter` or `clean` trains (by the ratio), `extra` is held out"
 
-    def views(self, names: Sequence[str], split: str) -> list[int]:
-        """Indices of a split's photos.
-
-        Raises:
-            CaptureError: no photo for this split.
-            ConfigError: options out of range.
-        """
+    def lists(self, names: Sequence[str]) -> Lists:
+        """Each photo by what its name says."""
         config = self.config
-        given = f"{config.data} has {describe(names)} photos"
-        if split == "train":
-            picked = views_by_ratio(names, config.train_split_clean_clutter_ratio, config.seed)
-            if not picked:
-                raise CaptureError(
-                    f"No photo is left to train on: {given}. Photos with `clean` or `clutter` in "
-                    "the file name are needed; --train-split-clean-clutter-ratio 0 takes the clean "
-                    "ones, 1 the cluttered ones."
-                )
-            return picked
-        picked = [i for i, name in enumerate(names) if kind_of(name) == "extra"]
-        if not picked:
-            raise CaptureError(
-                f"No photo is left to evaluate on: {given}, names such as {names[0]}. Put `extra` "
-                "into the file names of the photos to hold out (in the reconstruction, too), or "
-                "use the `colmap` dataparser, which holds out every eighth photo."
-            )
-        return picked
+        train = names_by_ratio(names, config.train_split_clean_clutter_ratio, config.seed)
+        return two_lists(train, [name for name in names if kind_of(name) == "extra"], config.data)
 
 
 def kind_of(name: str) -> Kind:
@@ -88,25 +68,17 @@ def viewpoint_of(name: str) -> str:
     return after or before
 
 
-def views_by_ratio(names: Sequence[str], ratio: float, seed: int) -> list[int]:
+def names_by_ratio(names: Sequence[str], ratio: float, seed: int) -> list[str]:
     """Training photos, each viewpoint once: the fraction `ratio` cluttered, the rest clean.
 
     Of the viewpoints that have both twins, round(ratio * n) are taken cluttered and the others
     clean. Of those that have one photo only, round(ratio * n) of the cluttered and
     round((1 - ratio) * n) of the clean ones are taken. The order in which viewpoints turn cluttered
     depends on `seed` alone: a larger ratio keeps those of a smaller one.
-
-    Raises:
-        ConfigError: `ratio` lies outside [0, 1].
     """
-    if not 0.0 <= ratio <= 1.0:
-        raise ConfigError(
-            f"--train-split-clean-clutter-ratio is {ratio}; it must lie between 0 (only clean) and "
-            "1 (only clutter)."
-        )
-    groups: dict[Kind, dict[str, list[int]]] = {"clean": {}, "clutter": {}, "extra": {}}
-    for i, name in enumerate(names):
-        groups[kind_of(name)].setdefault(viewpoint_of(name), []).append(i)
+    groups: dict[Kind, dict[str, list[str]]] = {"clean": {}, "clutter": {}, "extra": {}}
+    for name in names:
+        groups[kind_of(name)].setdefault(viewpoint_of(name), []).append(name)
     clean, clutter = groups["clean"], groups["clutter"]
     twins = shuffled(clean.keys() & clutter.keys(), seed)
     num_cluttered = round(ratio * len(twins))
@@ -115,7 +87,7 @@ def views_by_ratio(names: Sequence[str], ratio: float, seed: int) -> list[int]:
     for one_sort, share in ((clutter, ratio), (clean, 1.0 - ratio)):
         singles = shuffled(one_sort.keys() - set(twins), seed)
         picked += [one_sort[key] for key in singles[: round(share * len(singles))]]
-    return sorted(i for group in picked for i in group)
+    return [name for group in picked for name in group]
 
 
 def describe(names: Sequence[str]) -> str:

@@ -19,7 +19,6 @@ from desplat_ns.console import announce_once
 from desplat_ns.data.colmap import DeSplatColmapDataParser, with_pycolmap
 from desplat_ns.data.colmap_model import UNEXPECTED, find_models, read_cloud
 from desplat_ns.data.images import image_size
-from desplat_ns.data.photo_files import find_photos
 from desplat_ns.data.poses import camera_to_worlds
 from desplat_ns.data.reconstruction import (
     Frame,
@@ -29,6 +28,7 @@ from desplat_ns.data.reconstruction import (
     check_frame,
     read_reconstruction,
 )
+from desplat_ns.data.splits import find_photos
 from desplat_ns.errors import CaptureError
 
 _NO_POINTS = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int64))

@@ -50,7 +50,7 @@ def photos_on_disk(manager: DeSplatDataManager) -> Iterator[tuple[str, Cameras]]
     names = image_names(paths)
     if isinstance(parser, DeSplatColmapDataParser):
         known = [frame.name for frame in parser.reconstruction.frames]
-        names = [known[index] for index in parser.views(known, "train")]
+        names = [known[index] for index in parser.views("train")]
         whole = [parser.photos_folder / name for name in names]
         paths = [a if a.is_file() else b for a, b in zip(whole, paths, strict=True)]
     for index, (path, name) in enumerate(zip(paths, names, strict=True)):

@@ -19,7 +19,7 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataPars
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
 from desplat_ns.console import announce, list_names
-from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig, OwnSplitConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.on_the_go import (
     SPLIT_FILE,
@@ -48,9 +48,6 @@ BLENDER_FILES = tuple(f"transforms_{split}.json" for split in ("train", "val", "
 SPLIT_OPTIONS = ("eval_mode", "train_split_fraction", "eval_interval")
 """Options without a meaning where the layout itself says which photos are held out."""
 
-LISTED_ENTRIES = 5
-"""Entries of a folder that an error names before it only counts."""
-
 
 @dataclass(frozen=True)
 class Evidence:
@@ -77,8 +74,6 @@ class Layout:
     """Makes the dataparser's configuration from its options."""
     find: Callable[[Path], Evidence | None]
     """None if the folder has another layout."""
-    split_by: str = ""
-    """What says which photos are held out, if not --eval-mode and the options beside it."""
 
 
 @dataclass(frozen=True)
@@ -119,17 +114,15 @@ class Recognition:
             ConfigError: options that this layout has no use for.
         """
         layout = self.layout
-        useful = {f.name for f in fields(layout.config())}
-        useful -= set(SPLIT_OPTIONS) if layout.split_by else set()
+        default = layout.config()
+        useful = {f.name for f in fields(default)}
+        useful -= set(SPLIT_OPTIONS) if isinstance(default, OwnSplitConfig) else set()
         if useless := [name for name in options if name not in useful]:
             given = " ".join(f"{option_of(name)} {options[name]}" for name in useless)
-            why = f", where {layout.split_by} decides which photos are held out"
-            by_hand = f", end the command with `colmap {given}` to decide it yourself"
             raise ConfigError(
-                f"{given} has no use here: {self.data} has the layout of {layout.name}"
-                f"{why * bool(layout.split_by)}. Leave it out"
-                f"{by_hand * ('colmap' in self.evidence.covers[:1])}, or see the options of "
-                f"{layout.parser}: end the command with `{layout.parser} --help`."
+                f"{given} has no use here: {self.data} has the layout of {layout.name}. Leave it "
+                f"out, or name another dataparser, as in `colmap {given}`. `{layout.parser} --help`"
+                " at the end of the command lists the options of this one."
             )
         return layout.config(data=self.data, **{**self.evidence.options, **options})
 
@@ -163,35 +156,25 @@ def _readings(data: Path) -> list[Recognition]:
 def _nothing_found(data: Path) -> str:
     entries = sorted(path.name for path in data.iterdir())
     if BLENDER_FILES[0] in entries:
-        path = data / BLENDER_FILES[0]
         return (
-            f"{path} is not as nerfstudio's blender-data reads it: that needs "
-            f"{', '.join(BLENDER_FILES)}, each with camera_angle_x and a photo X.png for a "
-            "file_path X. Where they have nerfstudio's fields (fl_x, fl_y, cx, cy, w, h), name the "
-            f"file itself: --data {path}; nerfstudio-data holds out one in ten of its photos then. "
-            "To keep the splits, put all frames into one transforms.json with the lists "
-            "train_filenames, val_filenames and test_filenames."
+            f"{data} is not as blender-data reads it: {', '.join(BLENDER_FILES)}, each with "
+            "camera_angle_x, and X.png for each file_path X. Name a file that has nerfstudio's "
+            f"fields itself: --data {data / BLENDER_FILES[0]}."
         )
-    inside = [name for name in entries if (data / name).is_dir() and _readings(data / name)]
-    if inside:
-        return (
-            f"{data} is no capture, but holds some: {list_names(inside, LISTED_ENTRIES)}. Name "
-            f"one, for example --data {data / inside[0]}."
-        )
-    above = data.resolve().parent
-    if _readings(above):
-        return f"{data} is a part of the capture {above}. Name that: --data {above}."
+    folders = [data / name for name in entries if (data / name).is_dir()]
+    if near := [str(f) for f in (*folders, data.resolve().parent) if _readings(f)]:
+        return f"{data} is no capture. Name one that is, by --data: {list_names(near)}."
     photos = photos_near(data)
     if photos:
         return (
-            f"{data} has {len(photos)} photos ({list_names(photos, LISTED_ENTRIES)}) and no poses "
-            f"of their cameras. Type `desplat-process '{data}' CAPTURE` to find them, or run "
-            "COLMAP by itself; then train with --data CAPTURE."
+            f"{data} has {len(photos)} photos ({list_names(photos)}) and no poses of their "
+            f"cameras. Type `desplat-process '{data}' CAPTURE` to find them, or run COLMAP by "
+            "itself; then train with --data CAPTURE."
         )
     looked = "; or ".join(layout.needs for layout in LAYOUTS)
     return (
         f"No capture was found in {data}, which has "
-        f"{list_names(entries, LISTED_ENTRIES) or 'no files'}. Needed is one of these: {looked}. "
+        f"{list_names(entries) or 'no files'}. Needed is one of these: {looked}. "
         "Check the path after --data, or name a dataparser at the end "
         "of the command (ns-train desplat --help lists them)."
     )
@@ -300,7 +283,6 @@ LAYOUTS = (
         "on-the-go-data",
         OnTheGoDataParserConfig,
         _on_the_go,
-        "split.json",
     ),
     Layout(
         "RobustNeRF",
@@ -308,7 +290,6 @@ LAYOUTS = (
         "robustnerf-data",
         RobustNerfDataParserConfig,
         _robustnerf,
-        "the photos' file names",
     ),
     Layout(
         "Photo Tourism",
@@ -316,7 +297,6 @@ LAYOUTS = (
         "photo-tourism-data",
         PhotoTourismDataParserConfig,
         _photo_tourism,
-        "the split file, or without one a draw,",
     ),
     Layout(
         "nerfstudio",
@@ -331,7 +311,6 @@ LAYOUTS = (
         "blender-data",
         BlenderDataParserConfig,
         _blender,
-        "transforms_train.json with those beside it",
     ),
     Layout(
         "COLMAP",

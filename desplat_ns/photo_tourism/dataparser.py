@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
-from desplat_ns.console import announce_once
+from desplat_ns.console import announce_once, list_names
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.colmap_model import find_models
-from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.photo_tourism.split_file import (
-    PhotoSplit,
-    draw_split,
-    find_split_file,
-    read_split_file,
-)
+from desplat_ns.data.splits import Lists
+from desplat_ns.errors import CaptureError
+from desplat_ns.photo_tourism.split_file import draw_split, find_split_file, read_split_file
+from desplat_ns.settings.options import ranged
 
 ROOTS = (Path("dense"), Path())
 """Where photos and reconstruction lie side by side, relative to the data, in this order."""
@@ -41,12 +37,12 @@ class PhotoTourismDataParserConfig(OwnSplitConfig):
     split_file: Path | None = None
     """NeRF-W's split file, relative to the data: filename, id, split, with tabs between. Without
     this option the .tsv file in the data or in dense/ that has these columns."""
-    test_fraction: float | None = None
+    test_fraction: float | None = ranged(None, "(0, 1)")
     """Hold out this share of all photos, drawn at random, whatever split files there are. Without
     this option, 0.1 where there is no split file."""
     seed: int = 0
     """Chooses the photos that --test-fraction holds out."""
-    downscale_factor: int | None = None
+    downscale_factor: int | None = ranged(None, "[1, inf)")
     """All photos at 1/N of their size. Without this option every photo by itself is halved until it
     has at most 1600 pixels a side; smaller ones keep their size."""
     distractor_masks_path: Path | None = Path("masks")
@@ -59,46 +55,33 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
 
     config: PhotoTourismDataParserConfig
     sizes_differ = True
+    split_by = "the split file, or --test-fraction and --seed"
 
     def __init__(self, config: PhotoTourismDataParserConfig):
         """Raises as `with_paths`."""
         super().__init__(with_paths(config))
 
-    @cached_property
-    def split(self) -> PhotoSplit:
-        """Training and test photos of the reconstruction; says once how they were chosen.
+    def lists(self, names: Sequence[str]) -> Lists:
+        """By the split file, or drawn; says once how.
 
         Raises:
             CaptureError: a split file that does not fit, see `split_file`.
-            ConfigError: options that contradict each other, or are out of range.
         """
-        config, fraction = self.config, self.config.test_fraction
-        names = [frame.name for frame in self.reconstruction.frames]
-        if config.split_file is not None and fraction is not None:
-            raise ConfigError(
-                f"--split-file {config.split_file} and --test-fraction {fraction} contradict each "
-                "other; give one of them."
-            )
-        path = None if config.split_file is None else config.data / config.split_file
-        if path is None and fraction is None:
-            path = find_split_file(split_folders(config.data))
+        config, fraction, path = self.config, self.config.test_fraction, None
+        if fraction is None:
+            named = config.split_file
+            path = config.data / named if named else find_split_file(split_folders(config.data))
         if path is not None:
-            split = read_split_file(path, names)
-            unlisted = len(names) - len(split.train) - len(split.test)
-            more = f" {unlisted} more in the reconstruction are not listed: not used."
-            how = f"by {path}", more * bool(unlisted)
+            lists, how = read_split_file(path), f"by {path}"
         else:
-            split = draw_split(names, TEST_FRACTION if fraction is None else fraction, config.seed)
-            drawn = ", ".join(names[i] for i in split.test)
-            how = "drawn by --test-fraction and --seed", f" Those for testing: {drawn}."
+            lists = draw_split(names, fraction or TEST_FRACTION, config.seed)
+            how = "drawn by --test-fraction and --seed"
+        train, test = lists["train"], lists["test"]
         announce_once(
-            f"Split, {how[0]}: {len(split.train)} photos train, {len(split.test)} test.{how[1]}"
+            f"Split, {how}: of {len(names)} photos {len(train)} train, and {len(test)} are for "
+            f"testing: {list_names(sorted(test))}."
         )
-        return split
-
-    def views(self, names: Sequence[str], split: str) -> list[int]:
-        """Indices of the training photos or, for any other split, of the test photos."""
-        return self.split.train if split == "train" else self.split.test
+        return lists
 
 
 def split_folders(data: Path) -> list[Path]:

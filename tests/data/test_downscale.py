@@ -10,7 +10,6 @@ from nerfstudio.cameras.cameras import CameraType
 
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources, reduced_length
 from desplat_ns.data.reconstruction import Frame
-from desplat_ns.errors import ConfigError
 
 
 def frame(name: str, width: int, height: int) -> Frame:
@@ -22,12 +21,6 @@ def frame(name: str, width: int, height: int) -> Frame:
 )
 def test_by_itself_the_longest_side_comes_to_at_most_1600(size: int, factor: int):
     assert downscale_factor(None, [frame("a", 10, size), frame("b", 10, 10)]) == factor
-
-
-@pytest.mark.parametrize("factor", [0, 0.5, -2, float("nan"), float("inf")])
-def test_a_factor_below_one_is_an_error(factor: float):
-    with pytest.raises(ConfigError, match="--downscale-factor"):
-        downscale_factor(factor, [])
 
 
 def test_lengths_round_as_asked():

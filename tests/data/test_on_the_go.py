@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -68,12 +67,13 @@ def test_a_listed_photo_without_a_pose_is_left_out_and_said(capture, capsys):
     write_transforms(data)
     (data / "split.json").write_text(json.dumps({"clutter": [2, 3, 0], "extra": [1]}))
     assert names_of(data, "train") == {"2clutter_a.png", "2clutter_b.png"}
-    assert "1 of 3 train photos" in capsys.readouterr().out
+    assert "1 of 3 photos that" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     "content",
     [
+        None,
         "{",
         '["clutter"]',
         '{"clutter": [0]}',
@@ -83,16 +83,12 @@ def test_a_listed_photo_without_a_pose_is_left_out_and_said(capture, capsys):
         '{"clutter": [], "extra": [1]}',
     ],
 )
-def test_a_wrong_split_file_is_an_error_that_names_it(capture, content: str):
+def test_a_wrong_split_file_is_an_error_that_names_it(capture, content: str | None):
     data = capture(NAMES)
-    for text in (content, None):
-        (data / "split.json").unlink(missing_ok=True)
-        if text is not None:
-            (data / "split.json").write_text(text)
-        else:
-            os.mkfifo(data / "split.json")  # reading it would wait for ever
-        with pytest.raises(CaptureError, match=r"split\.json"):
-            outputs_of(data, "train")
+    if content is not None:
+        (data / "split.json").write_text(content)
+    with pytest.raises(CaptureError, match=r"split\.json"):
+        outputs_of(data, "train")
 
 
 def test_a_photo_that_trains_and_is_held_out_is_an_error(capture):
@@ -105,7 +101,7 @@ def test_a_photo_that_trains_and_is_held_out_is_an_error(capture):
 def test_no_photo_with_a_pose_is_an_error(capture):
     data = write_transforms(capture(["a.png", "b.png"]))
     (data / "split.json").write_text(json.dumps(SPLIT))
-    with pytest.raises(CaptureError, match=r"split\.json.*2clutter_a\.png"):
+    with pytest.raises(CaptureError, match=r"a\.png, b\.png.*split\.json"):
         outputs_of(data, "train")
 
 

@@ -85,15 +85,15 @@ def test_the_next_photos_are_read_before_they_are_asked_for():
 
 @pytest.mark.parametrize("room", [1, 10, 39])
 def test_as_few_photos_are_read_again_as_there_is_no_room_for(room: int):
-    """Each round needs those of the N that are not held: N - K. In its first steps up to `AHEAD`
-    held photos may have to go for those that come before them, and are read again."""
+    """Each round needs those of the N that do not stay: N less the room, but for that of one photo
+    and those that come next."""
     count, rounds, files = 40, 6, Files()
     order = Rounds(count)
     photos = BoundedPhotos(files, [1] * count, room, order.upcoming)
     for index in order(rounds):
         _ = photos[index]
     photos._pool.shutdown(wait=True)
-    assert len(files.read) <= count + (rounds - 1) * (count - room + min(AHEAD, room))
+    assert len(files.read) <= count + (rounds - 1) * (count - room + min(1 + AHEAD, room))
 
 
 def test_a_photo_that_cannot_be_read_is_told_when_it_is_asked_for_and_read_again_then():

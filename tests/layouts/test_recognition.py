@@ -173,7 +173,7 @@ def test_what_is_given_comes_before_what_the_layout_asks_for(tmp_path, model_wri
 
 def test_a_split_cannot_be_asked_for_where_the_layout_has_one(capture: Callable[..., Path]):
     data = capture(TWINS)
-    with pytest.raises(ConfigError, match=r"with `colmap --eval-mode all`.*robustnerf-data"):
+    with pytest.raises(ConfigError, match=r"`colmap --eval-mode all`.*`robustnerf-data --help`"):
         recognise(data).config({"eval_mode": "all"})
     parser: Any = DeSplatColmapDataParserConfig(data=data, eval_mode="all").setup()
     assert len(parser.get_dataparser_outputs("train").image_filenames) == len(TWINS)
@@ -204,7 +204,7 @@ def test_what_is_no_capture_is_named(tmp_path: Path, name: str):
 def test_the_folder_of_captures_and_the_photos_of_one_lead_to_it(capture: Callable[..., Path]):
     data = capture()
     for folder in (data.parent, data / "images"):
-        with pytest.raises(CaptureError, match=f"--data {data}"):
+        with pytest.raises(CaptureError, match=f"by --data: {data}"):
             recognise(folder)
 
 

@@ -113,15 +113,18 @@ def test_without_a_split_file_photos_are_drawn_and_named(scene, capsys):
     assert len(drawn) > 1
 
 
-def test_a_fraction_that_is_asked_for_comes_before_the_split_file_and_contradicts_a_named_one(
-    scene,
-):
+@pytest.mark.parametrize("fraction", [0.0, 1.0, float("nan")])
+def test_fractions_outside_zero_and_one_are_refused(scene, fraction: float):
+    with pytest.raises(ConfigError, match="--test-fraction"):
+        parser_of(scene(), test_fraction=fraction)
+
+
+def test_a_fraction_that_is_asked_for_comes_before_any_split_file(scene):
     data = scene()
     assert len(names(parser_of(data, test_fraction=0.5), "train")) == 2
     assert len(names(parser_of(data, test_fraction=0.5), "test")) == 2
-    parser = parser_of(data, split_file=Path("scene.tsv"), test_fraction=0.5)
-    with pytest.raises(ConfigError, match="--test-fraction"):
-        parser.get_dataparser_outputs("train")
+    named = parser_of(data, split_file=Path("scene.tsv"), test_fraction=0.5)
+    assert len(names(named, "test")) == 2
 
 
 # --- photos -------------------------------------------------------------------------------------
