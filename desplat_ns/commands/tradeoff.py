@@ -46,7 +46,7 @@ class Arguments:
 
     def main(self, parser: tuple[str, ...]) -> None:
         """Check what can be checked at once, then measure by a data parser of this name and
-        options, or the recognised one. Raises DeSplatError as `tradeoff.tradeoff`."""
+        options, or the method's own. Raises DeSplatError as `tradeoff.tradeoff`."""
         check_ranges(self)
         seconds = seconds_of(self.time, "--time")
         if not self.data.exists():
@@ -60,18 +60,7 @@ class Arguments:
         on_cpu = method_config(BASE).machine.device_type == "cpu"
         jobs = self.jobs or (min(cores(), MOST_JOBS) if on_cpu else 1)
         executor = Executor(self.executor, jobs, self.ray_address)
-        parser = parser or recognised_words(self.data)
         announce(f"Written: {tradeoff(self.data, parser, self.output, seconds, executor)}")
-
-
-def recognised_words(data: Path) -> tuple[str, ...]:
-    """The data parser, and its options, that ns-train takes for a capture; says which and why.
-    Raises CaptureError where none is found."""
-    from desplat_ns.layouts.dataparser import recognise
-
-    recognition = recognise(data)
-    announce(recognition.line())
-    return recognition.words
 
 
 main = partial(run_on_capture, Arguments, "desplat-tradeoff")

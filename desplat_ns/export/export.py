@@ -153,8 +153,8 @@ def static_cloud(
 
 
 def shown_in(model: DeSplatModel, light: str | None) -> Any:
-    """Within, the light that was asked for is shown; None: the one that is shown anyway."""
-    if light is None:
+    """Within, the light that was asked for is shown; without one that which is shown anyway."""
+    if not light:
         return nullcontext()
     effects = model.image_effects
     if effects.appearance is None:
@@ -163,8 +163,6 @@ def shown_in(model: DeSplatModel, light: str | None) -> Any:
             "light of every photo. Leave it out."
         )
     mix = parse_light(light, model.names, "--light")
-    if not mix:
-        raise ConfigError("--light is empty. Name a training photo.")
     return model.shown_in(torch.stack([share * effects.of(i) for i, share in mix]).sum(dim=0))
 
 

@@ -3,12 +3,8 @@ unpacked."""
 
 from __future__ import annotations
 
-import lzma
 import shutil
-import tarfile
 import time
-import zipfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -31,12 +27,6 @@ CHUNK = 1 << 20
 
 Progress = Callable[[int, int], None]
 """Takes bytes that are there, and bytes in all."""
-
-DAMAGE = (
-    *(tarfile.TarError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError),
-    *(RuntimeError, NotImplementedError),  # a password, or a way to pack that is not known
-)
-"""What unpacking an archive may raise."""
 
 
 def fetch(source: Source, folder: Path) -> list[Path]:
@@ -97,24 +87,19 @@ def unpack(archive: Path, folder: Path) -> None:
     Raises:
         CaptureError: it is damaged, it would write elsewhere, the disk is full, or something of it
             is there already.
-        ConfigError: the disk will not hold what a `.zip`, or the next file of a `.tar`, says that
-            it holds.
     """
     unpacked = folder / f".{archive.name}.unpacking"
     shutil.rmtree(unpacked, ignore_errors=True)
-
-    def fits(member: tarfile.TarInfo, path: str) -> tarfile.TarInfo | None:
-        check_room(folder, member.size, f"{member.name} in {archive.name} has", "--folder")
-        return tarfile.data_filter(member, path)
-
     # Python's zip archives leave out names that lead elsewhere; its tar archives have a filter.
-    safely: dict[str, Any] = {} if archive.suffix == ".zip" else {"filter": fits}
+    safely: dict[str, Any] = {} if archive.suffix == ".zip" else {"filter": "data"}
     try:
-        if archive.suffix == ".zip":  # of which no more is unpacked than it says
-            with zipfile.ZipFile(archive) as content:
-                size = sum(entry.file_size for entry in content.infolist())
-            check_room(folder, size, f"{archive.name} holds", "--folder")
-        shutil.unpack_archive(archive, unpacked, **safely)
+        try:
+            shutil.unpack_archive(archive, unpacked, **safely)
+        except Exception as error:  # damage has many names, of several modules
+            raise CaptureError(
+                f"'{archive}' could not be unpacked ({error}). Make room if the disk is full, else "
+                "remove it; then fetch it again."
+            ) from error
         shutil.rmtree(unpacked / "__MACOSX", ignore_errors=True)
         inner = unpacked / folder.name
         source = inner if [*unpacked.iterdir()] == [inner] and inner.is_dir() else unpacked
@@ -125,10 +110,6 @@ def unpack(archive: Path, folder: Path) -> None:
             )
         for entry in entries:
             entry.rename(folder / entry.name)
-    except DAMAGE as error:
-        raise CaptureError(
-            f"'{archive}' could not be unpacked ({error}). Remove it and fetch it again."
-        ) from error
     finally:
         shutil.rmtree(unpacked, ignore_errors=True)
 

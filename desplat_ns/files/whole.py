@@ -14,15 +14,13 @@ from filelock import FileLock, Timeout
 
 from desplat_ns.errors import ConfigError
 
-FEW_BYTES = 20_000_000
-"""With less left on the disk, what went wrong went wrong because the disk is full."""
-
 IN_USE = ".in-use"
 """Name of a folder's lock file."""
 
 
 def check_new_file(path: Path, overwrite: bool, option: str = "--output") -> None:
-    """Make sure that a file can be written, before minutes are spent on its content.
+    """Make a file's folder and make sure that the file can be written, before minutes are spent on
+    its content.
 
     Args:
         option: by which a user names it.
@@ -34,41 +32,41 @@ def check_new_file(path: Path, overwrite: bool, option: str = "--output") -> Non
         raise ConfigError(f"{option} is '{path}', which is a folder. Name a file in it.")
     if path.exists() and not overwrite:
         raise ConfigError(f"There is a '{path}' already. Name another, or add --overwrite.")
-    _check_writable(path.parent, option)
+    _make_writable(path.parent, option)
 
 
 def check_new_folder(path: Path, overwrite: bool, option: str = "--output") -> None:
-    """As `check_new_file` for a folder; an empty one may be there."""
-    if path.exists() and not path.is_dir():
-        raise ConfigError(f"{option} is '{path}', which is a file. Name a folder.")
+    """As `check_new_file` for a folder, which is made; an empty one may be there."""
     if path.is_dir() and any(path.iterdir()) and not overwrite:
         raise ConfigError(
             f"The folder '{path}' is not empty. Name another, or add --overwrite, which replaces "
             "files of the same name."
         )
-    _check_writable(path.parent, option)
+    _make_writable(path, option)
 
 
-def check_room(folder: Path, needed: int, what: str, option: str = "--output") -> None:
-    """Make sure that the disk of a folder, which need not exist yet, will hold some bytes.
+def _make_writable(folder: Path, option: str) -> None:
+    with plain_errors(folder, option):
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+
+
+def check_room(folder: Path, needed: int, what: str, option: str) -> None:
+    """Make sure that the disk of a folder will hold some bytes.
 
     Args:
         what: needs them, with a verb: "the runs need".
+        option: by which a user names the folder.
 
     Raises:
         ConfigError: it will not.
     """
-    free = free_bytes(folder)
+    free = shutil.disk_usage(folder).free
     if needed > free:
         raise ConfigError(
             f"'{folder}' has room for {free / 1e9:.1f} GB, and {what} {needed / 1e9:.1f} GB. Make "
             f"room, or name another folder with {option}."
         )
-
-
-def free_bytes(folder: Path) -> int:
-    """What is left on the disk of a folder, which need not exist yet."""
-    return shutil.disk_usage(_nearest(folder)).free
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -87,20 +85,28 @@ def draft_of(path: Path, staging: Path | None = None) -> Iterator[Path]:
 
     Raises OSError where it cannot be put there.
     """
-    with _drafts(path, staging) as folder:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if staging is not None:
+        shutil.rmtree(staging, ignore_errors=True)
+        staging.mkdir()
+    folder = staging or Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
+    try:
         yield folder / path.name
         _sync(folder / path.name)
         os.replace(folder / path.name, path)
         _sync(path.parent)  # what is in place outlives a power cut
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
     """As `draft_of` for a folder: files in it, and in folders inside, are put beside those that are
     at `path` already."""
-    with _drafts(path) as folder:
-        yield folder
-        for file in sorted(file for file in folder.rglob("*") if file.is_file()):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as folder:
+        yield Path(folder)
+        for file in [file for file in Path(folder).rglob("*") if file.is_file()]:
             place = path / file.relative_to(folder)
             place.parent.mkdir(parents=True, exist_ok=True)
             os.replace(file, place)
@@ -138,12 +144,6 @@ def only_process_in(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise ConfigError(f"'{folder}' cannot be made ({error}). Name another folder.") from error
     try:
-        try:
-            path.write_text("in use\n")  # a full disk is told at once
-        except OSError as error:
-            raise ConfigError(
-                f"Nothing can be written to '{folder}' ({error}). Name another folder."
-            ) from error
         yield
     finally:
         with suppress(OSError):
@@ -154,40 +154,10 @@ def only_process_in(folder: Path) -> Iterator[None]:
                 folder.rmdir()  # where it is empty
 
 
-@contextmanager
-def _drafts(path: Path, staging: Path | None = None) -> Iterator[Path]:
-    """An empty folder on the same disk, removed in the end."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if staging is not None:
-        shutil.rmtree(staging, ignore_errors=True)
-        staging.mkdir()
-    folder = staging or Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
 def _sync(path: Path) -> None:
-    """Wait until a file, or a renaming in a folder, is on the disk; Windows opens no folders."""
-    if path.is_dir() and not hasattr(os, "O_DIRECTORY"):
-        return
-    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    """Wait until a file, or a renaming in a folder, is on the disk."""
+    handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def _nearest(folder: Path) -> Path:
-    """A folder, or the nearest around it that is there."""
-    return next(path for path in (folder, *folder.absolute().parents) if path.exists())
-
-
-def _check_writable(folder: Path, option: str) -> None:
-    """Whether something can be made in a folder, or in the nearest that is there."""
-    there = _nearest(folder)
-    if not there.is_dir():
-        raise ConfigError(f"'{there}' is a file; {option} names something in it. Name a folder.")
-    with plain_errors(folder, option):
-        tempfile.TemporaryFile(dir=there).close()

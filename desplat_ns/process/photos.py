@@ -124,10 +124,7 @@ def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> tuple[
     try:
         pixels = np.ascontiguousarray(read_image(path)[..., :3])
     except CaptureError as error:
-        # Without the path, which is said beside it, and without advice.
-        _, _, reason = str(error).partition(" cannot be read: ")
-        reason = f"cannot be read: {reason.partition('. Copy it')[0]}" if reason else str(error)
-        return replace(photo, problem=reason), photo.source
+        return replace(photo, problem=str(error)), photo.source
     scale = min(1.0, longest_side / max(pixels.shape[:2]))
     height, width = (max(1, round(side * scale)) for side in pixels.shape[:2])
     pixels = resize_image(pixels, width, height)

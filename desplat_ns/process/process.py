@@ -22,15 +22,8 @@ from typing import Any
 
 from desplat_ns.console import announce, list_names, progress_with_time_left
 from desplat_ns.cores import cores
-from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
-from desplat_ns.files.whole import (
-    FEW_BYTES,
-    IN_USE,
-    check_room,
-    free_bytes,
-    only_process_in,
-    write_whole,
-)
+from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.files.whole import IN_USE, check_room, only_process_in, write_whole
 from desplat_ns.process.photos import Photo, group_by_camera, prepare_masks, prepare_photos
 from desplat_ns.process.reconstruction import FEW, PLAIN, THOROUGH, Attempt, Recipe, reconstruct
 from desplat_ns.process.request import MIN_PHOTOS, Request, Sources
@@ -54,9 +47,9 @@ def process(request: Request, sources: Sources) -> None:
 
     Raises:
         ConfigError: the output folder holds something else, or was begun with other options, or
-            another process is at work in it.
+            another process is at work in it; the disk is full, or pycolmap failed. What is done is
+            kept.
         CaptureError: too few photos can be used, or nothing ties them together. Nothing is left.
-        DeSplatError: the disk is full, or pycolmap failed. What is done is kept.
     """
     output = request.output
     with only_process_in(output):
@@ -76,15 +69,10 @@ def process(request: Request, sources: Sources) -> None:
             (output / RECORD).unlink()
             raise
         except (OSError, RuntimeError) as error:
-            if free_bytes(output) < FEW_BYTES:
-                raise DeSplatError(
-                    f"The disk of {output} is full. What is done is kept: make room, and the same "
-                    "command goes on where it stopped. A smaller --longest-side, in another "
-                    "folder, needs less."
-                ) from error
             raise ConfigError(
                 f"{output} could not be made ({error}). What is done is kept: the same command "
-                "goes on where it stopped. If that happens again, name another folder."
+                "goes on where it stopped. Make room if the disk is full; if that happens again, "
+                "name another folder."
             ) from error
         for line in report_lines(output, findings):
             announce(line, warning=line.startswith("Warning"))
@@ -116,17 +104,10 @@ def open_record(output: Path, asked: Mapping[str, str]) -> dict[str, Any]:
             )
         _write_record(output, {"asked": asked})
         return {"asked": asked}
-    if links := [place.name for place in output.rglob("*") if place.is_symlink()]:
-        raise ConfigError(
-            f"{output} has links ({list_names(links, 5)}), through which nothing is written. Name "
-            "another folder."
-        )
     try:
         record = json.loads(path.read_text("utf8"))
         had = dict(record["asked"])
-        if (findings := record.get("findings")) is not None:
-            report_lines(output, findings)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise ConfigError(
             f"{path} cannot be read ({error}). Remove {output} to begin anew, or name another "
             "folder."
@@ -142,7 +123,7 @@ def open_record(output: Path, asked: Mapping[str, str]) -> dict[str, Any]:
             f"{output} was begun with other photos or options: {list_names(changes, 5)}. Give the "
             f"same to go on with it, name another folder, or remove {output} to begin anew."
         )
-    if findings is None:
+    if "findings" not in record:
         announce(f"Going on in {output}.")
     return record
 
@@ -158,7 +139,7 @@ def _make(request: Request, sources: Sources) -> dict[str, Any]:
     """Make the capture; its findings."""
     begin, output = monotonic(), request.output
     photos = _usable_photos(request, sources)
-    best = _best_attempt(request, sources.is_video, photos)
+    best = _best_attempt(request, photos)
     missing = left_out(photos, best)
     if not best.models:
         reasons = (f"{list_names(names)}: {reason}" for reason, names in _by_reason(missing))
@@ -219,7 +200,7 @@ def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
     return good
 
 
-def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> Attempt:
+def _best_attempt(request: Request, photos: Sequence[Photo]) -> Attempt:
     """The plain way, the thorough one where it leaves photos out, or what was asked for: whichever
     poses more photos."""
     work, masks = request.output / "work", None
@@ -234,7 +215,7 @@ def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> 
 
     def attempt(recipe: Recipe) -> Attempt:
         place, copies, threads = work / recipe.name, work / "photos", request.threads or cores()
-        return reconstruct(place, copies, cameras, masks, is_video, recipe, threads)
+        return reconstruct(place, copies, cameras, masks, recipe, threads)
 
     if request.effort == "thorough":
         return attempt(THOROUGH)
@@ -312,9 +293,6 @@ def report_lines(output: Path, findings: Mapping[str, Any]) -> list[str]:
     if reasons:
         lines.append(f"Left out, with the probable reason (all are in {output / RECORD}):")
     lines += [f"  {list_names(sources)}: {reason}" for reason, sources in reasons[:LISTED]]
-    if rest := reasons[LISTED:]:
-        count = sum(len(sources) for _, sources in rest)
-        lines.append(f"  and {count} more photos, for {len(rest)} other reasons")
     if photos < FEW_PHOTOS or findings["observations"] < FEW * photos:
         lines.append(
             f"Warning: {photos} photos with {points} points are few; poses may be off, and what "

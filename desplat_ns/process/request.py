@@ -123,14 +123,8 @@ def find_sources(photos: Path, output: Path) -> Sources:
         )
     if len(names) >= MIN_PHOTOS:
         return Sources(photos, tuple(names), is_video=False)
-    videos = [name for name in files if Path(name).suffix.lower() in VIDEO_SUFFIXES]
-    advice = (
-        f"A video is processed by its own name: desplat-process '{photos / videos[0]}' OUTPUT."
-        if videos
-        else f"At least {MIN_PHOTOS} are needed, better 20 and more, from many places "
-        f"({', '.join(sorted(PHOTO_SUFFIXES))}); or the name of a video."
-    )
     raise CaptureError(
         f"{photos} has {len(names)} photos among its {len(files)} files "
-        f"({list_names(videos or names or files, 5)}). {advice}"
+        f"({list_names(names or files, 5)}). At least {MIN_PHOTOS} are needed, better 20 and more, "
+        f"from many places ({', '.join(sorted(PHOTO_SUFFIXES))}). A video is named by itself."
     )

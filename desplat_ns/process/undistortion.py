@@ -17,7 +17,6 @@ import pycolmap
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from desplat_ns.console import list_names
 from desplat_ns.files.whole import write_whole
 from desplat_ns.process.photos import JPEG_QUALITY
 
@@ -48,9 +47,6 @@ def undistort(
     flat = output / "work" / "undistorted"
     shutil.rmtree(flat, ignore_errors=True)
     options = pycolmap.UndistortCameraOptions(max_image_size=longest_side)
-    read = pycolmap.Reconstruction(model)
-    if unknown := {read.image(i).name for i in read.reg_image_ids()} - names.keys():
-        raise OSError(f"{model} has photos of something else: {list_names(sorted(unknown), 5)}")
     pycolmap.undistort_images(
         flat,
         model,

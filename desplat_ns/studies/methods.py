@@ -33,23 +33,26 @@ def parse(method: str, options: Sequence[str]) -> Any:
     return tyro.cli(type(config), default=config, args=options, config=kind)
 
 
-def split_of(method: str, data: Path, parser: Sequence[str], split: str) -> Any:
-    """nerfstudio's DataparserOutputs of a capture's split, `train` or `test`, by the name and the
+def splits_of(method: str, data: Path, parser: Sequence[str], *splits: str) -> list[Any]:
+    """nerfstudio's DataparserOutputs of a capture's splits, `train`, `test`, by the name and the
     options of a data parser; without them by the method's own.
 
     Raises:
-        CaptureError: it cannot be read, or no photo is in the split.
+        CaptureError: it cannot be read, or no photo is in a split.
         SystemExit: the data parser's name or an option is not understood; tyro has said which.
     """
     manager = parse(method, ["--data", str(data), *parser]).pipeline.datamanager
     manager.data = data
     try:
-        outputs = manager.settle_dataparser().setup().get_dataparser_outputs(split)
+        reader = manager.settle_dataparser().setup()
+        outputs = [reader.get_dataparser_outputs(split) for split in splits]
     except (DeSplatError, ValueError, IndexError, OSError) as error:
-        raise CaptureError(f"'{data}' has no {split} split that can be read: {error}") from error
-    if len(outputs.cameras) == 0:
         raise CaptureError(
-            f"'{data}' has no photo of the {split} split. Name a data parser that holds photos "
+            f"'{data}' has no {' or '.join(splits)} split that can be read: {error}"
+        ) from error
+    if empty := [s for s, of in zip(splits, outputs, strict=True) if len(of.cameras) == 0]:
+        raise CaptureError(
+            f"'{data}' has no photo of the {empty[0]} split. Name a data parser that holds photos "
             "out, for instance: colmap --eval-mode interval --eval-interval 8."
         )
     return outputs

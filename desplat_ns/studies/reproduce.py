@@ -19,7 +19,7 @@ from desplat_ns.files.pages import time_in_words
 from desplat_ns.files.whole import only_process_in, plain_errors, whole_folder
 from desplat_ns.rendering.metrics import lpips_weights
 from desplat_ns.studies.machine import short
-from desplat_ns.studies.methods import Content, content_of, method_config, split_of
+from desplat_ns.studies.methods import Content, content_of, method_config, splits_of
 from desplat_ns.studies.paper import LPIPS_NET, MEAN, Method, Metric, PaperScene, Table, figures_of
 from desplat_ns.studies.records import FILE, RUNS, Key, Record, markdown_table, open_records
 from desplat_ns.studies.runs import Executor, Run
@@ -207,10 +207,7 @@ def checked(scenes: Iterable[PaperScene], smoke: Smoke | None = None) -> dict[Pa
 
 
 def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperScene]]:
-    """Scenes of a table whose folders are there, with their places, and those that are missing.
-    Raises CaptureError where there is no folder `data`."""
-    if not data.is_dir():
-        raise CaptureError(f"There is no folder '{data}'. Name that with the data sets by --data.")
+    """Scenes of a table whose folders are there, with their places, and those that are missing."""
     found, missing = [], []
     for scene in table.scenes:
         names = (scene.folder, scene.folder.replace("_", "-"))
@@ -229,7 +226,7 @@ def outputs_of(scene: PaperScene, split: str) -> Any:
     """nerfstudio's DataparserOutputs of a split. Raises CaptureError, which names the scene, where
     it cannot be read, or no photo is in it."""
     try:
-        return split_of("desplat-paper", scene.place, scene.parser, split)
+        return splits_of("desplat-paper", scene.place, scene.parser, split)[0]
     except CaptureError as error:
         raise CaptureError(
             f"{scene.data_set.name}, {scene.name}: {error} Where the data set is not whole, move "

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from desplat_ns.backend.registry import compile_kernels, default_device
 from desplat_ns.console import announce
-from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
+from desplat_ns.errors import ConfigError, DeSplatError
 from desplat_ns.files.whole import only_process_in
 from desplat_ns.settings.effects import AppearanceGrade, Effects
-from desplat_ns.studies.methods import Content, content_of, method_config, split_of
+from desplat_ns.studies.methods import Content, content_of, method_config, splits_of
 from desplat_ns.studies.records import FILE, RUNS, Key, Record, open_records
 from desplat_ns.studies.runs import Executor, Run
 from desplat_ns.survey.survey import decided_effects
@@ -130,9 +130,7 @@ def open_study(
                 f"'{output}' holds the study of '{record.capture}'. Name another --output, or that "
                 "capture to go on with it."
             )
-    if not data.exists():
-        raise CaptureError(f"There is no folder {data}. Check the path to the capture.")
-    train, test = (split_of(BASE, data, parser, split) for split in ("train", "test"))
+    train, test = splits_of(BASE, data, parser, "train", "test")
     effects, _ = decided_effects(method_config(BASE).pipeline.model.effects, train)
     capture = Capture(data, parser, content_of(train, test), effects.settled())
     return Study(capture, output, seconds, executor, records)

@@ -20,7 +20,7 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies.machine import code_version, processor, short, today
-from desplat_ns.studies.methods import split_of
+from desplat_ns.studies.methods import splits_of
 from desplat_ns.studies.records import markdown_table
 from desplat_ns.survey.findings import Decision
 from desplat_ns.survey.survey import survey
@@ -127,7 +127,7 @@ def generated(folder: Path) -> Iterator[Surveyed]:
             place = made(folder / name, partial(write_scene, spec))
             words = (*PASTED, *(() if distractors else TWINS))
             right = _right([appearance], [background])
-            photos = split_of("desplat", place, words, "train")
+            photos = splits_of("desplat", place, words, "train")[0]
             yield surveyed(kind, name, right, photos)
 
 
@@ -158,7 +158,7 @@ def known(folder: Path) -> Iterator[Surveyed]:
     for name, right in KNOWN.items():
         capture = CAPTURES[name]
         try:
-            photos = split_of("desplat", capture.locate(folder), capture.words(), "train")
+            photos = splits_of("desplat", capture.locate(folder), capture.words(), "train")[0]
         except DeSplatError as error:
             print(f"{name} is left out: {error}", flush=True)
         else:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.commands.tradeoff import recognised_words
 from desplat_ns.errors import CaptureError
 from desplat_ns.studies import tradeoff as module
 from desplat_ns.studies.records import FILE, RUNS, load
@@ -39,15 +38,6 @@ def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, mo
     assert (tmp_path / "out" / RUNS / "fewer-4-42" / PICTURES).is_dir()
     tradeoff(*given)
     assert load(tmp_path / "out" / FILE) == records, "all of it was done"
-
-
-def test_layouts_are_found_and_read_as_ns_train_would(tiny_scene: Scene, tmp_path: Path):
-    assert tiny_scene.folder is not None
-    assert recognised_words(tiny_scene.folder) == PARSER
-    with pytest.raises(CaptureError):
-        recognised_words(tmp_path / "absent")
-    (tmp_path / "transforms.json").write_text("{}")
-    assert recognised_words(tmp_path) == ("nerfstudio-data", "--load-3D-points", "True")
 
 
 def test_a_capture_that_cannot_be_scored_is_refused(tiny_scene: Scene, tmp_path: Path):

@@ -83,14 +83,6 @@ def test_what_is_damaged_leaves_nothing(archive: Path):
     assert files_in(archive.parent / "set") == {}
 
 
-def test_an_archive_that_holds_more_than_the_disk_is_refused(archive: Path, monkeypatch):
-    packed(archive, {"a.jpg": b"1", "zeros": bytes(10**6)})
-    monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 10**5}))
-    with pytest.raises(ConfigError, match=archive.name):
-        unpack(archive, archive.parent / "set")
-    assert files_in(archive.parent / "set") == {}
-
-
 def test_what_is_there_is_not_replaced(archive: Path):
     (archive.parent / "set" / "a").mkdir(parents=True)
     (archive.parent / "set" / "a" / "mine.txt").write_text("mine")

@@ -23,7 +23,7 @@ from tests.helpers.other_process import running
 def test_a_file_is_written_with_its_folders_and_nothing_beside_it(tmp_path: Path):
     path = tmp_path / "new" / "a.ply"
     check_new_file(path, overwrite=False)
-    assert list(tmp_path.iterdir()) == []
+    assert list(path.parent.iterdir()) == []
     write_whole(path, b"content")
     assert path.read_bytes() == b"content"
     assert list(path.parent.iterdir()) == [path]
@@ -77,9 +77,9 @@ def test_a_folder_is_put_in_place_with_what_is_inside(tmp_path: Path):
 
 def test_a_disk_that_will_not_hold_it_is_said_first(tmp_path: Path, monkeypatch):
     monkeypatch.setattr("shutil.disk_usage", lambda _: type("Usage", (), {"free": 10**9}))
-    check_room(tmp_path / "absent", 10**9, "the runs need")
-    with pytest.raises(ConfigError, match="--output"):
-        check_room(tmp_path / "absent", 2 * 10**9, "the runs need")
+    check_room(tmp_path, 10**9, "the runs need", "--here")
+    with pytest.raises(ConfigError, match="--here"):
+        check_room(tmp_path, 2 * 10**9, "the runs need", "--here")
 
 
 def test_a_draft_that_fails_leaves_what_was_there(tmp_path: Path):
