@@ -8,8 +8,9 @@ from nerfstudio.engine.optimizers import Optimizers
 
 from desplat_ns.gaussians import distractor_config
 from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.photo_tourism.camera_response import TRAINING_OBSERVATIONS, USUAL
 from desplat_ns.training.schedule import Schedule
-from tests.helpers.small_model import Trainer, camera, make_model
+from tests.helpers.small_model import Trainer, camera, make_model, model_with
 
 
 class At(Schedule):
@@ -62,3 +63,15 @@ def test_an_opacity_prior_is_the_mean_of_what_the_view_shows_over_the_number_of_
     assert 0 < int(model.shown.sum()) < model.num_points
     expected = 0.6 / model.num_train_data * float(opacities[model.shown].mean())
     assert float(charged.detach()) == pytest.approx(expected)
+
+
+def test_a_cameras_response_is_charged_by_its_prior_in_units_of_the_loss():
+    model = model_with("camera", opacity_prior=0.6)
+    assert model.config.opacity_prior == 0.6
+    assert model_with("affine", opacity_prior=0.6).config.opacity_prior == 0
+    assert model.image_effects.responses is not None
+    with torch.no_grad():
+        model.image_effects.responses[:] = 2 * torch.tensor(USUAL)
+    losses = {name: float(loss) for name, loss in Trainer(model).step(1)["losses"].items()}
+    expected = 5 * 2**2 / (2 * TRAINING_OBSERVATIONS) * losses["main_loss"]
+    assert losses["camera_response"] == pytest.approx(expected)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 import struct
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,9 +44,11 @@ def places_of(colmap_path: Path) -> list[Path]:
 
 
 def _kind_of(folder: Path) -> str:
-    """`bin` or `txt`; empty where a folder holds no model."""
+    """`bin` or `txt`; empty where a folder holds no model. Points may be a PLY, as programs of
+    Gaussian splatting leave them."""
     for kind in ("bin", "txt"):
-        if all((folder / f"{part}.{kind}").is_file() for part in ("cameras", "images", "points3D")):
+        points = any((folder / f"points3D.{end}").is_file() for end in (kind, "ply"))
+        if points and all((folder / f"{part}.{kind}").is_file() for part in ("cameras", "images")):
             return kind
     return ""
 
@@ -69,7 +73,10 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
             _check_counts(folder / "images.bin", 64, 24, is_named=True)
             _check_counts(folder / "points3D.bin", 43, 8)
             _check_counts(folder / "frames.bin", 64, 16, counted_by="<I")
-        model = pycolmap.Reconstruction(folder)
+        if not kind or (folder / f"points3D.{kind}").is_file():
+            model = pycolmap.Reconstruction(folder)
+        else:
+            model = _with_points_of_ply(folder, kind)
         for number, name in _names_in(folder / "images.txt").items() if kind == "txt" else ():
             model.image(number).name = name
         return model
@@ -79,6 +86,20 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
             f"The reconstruction {folder} cannot be read: {reason}. Mend it, copy it again or run "
             "COLMAP's mapper again; another one can be named with --colmap-path."
         ) from error
+
+
+def _with_points_of_ply(folder: Path, kind: str) -> pycolmap.Reconstruction:
+    """A model whose points stand in points3D.ply; no photo observes them."""
+    import pycolmap
+
+    with TemporaryDirectory() as place:
+        for path in folder.glob(f"*.{kind}"):
+            shutil.copy(path, place)
+        Path(place, f"points3D.{kind}").write_bytes(bytes(8 * (kind == "bin")))  # there are none
+        model = pycolmap.Reconstruction(place)
+    for xyz, color in zip(*read_cloud(folder / "points3D.ply"), strict=True):
+        model.add_point3D(xyz, pycolmap.Track(), color)
+    return model
 
 
 def read_cloud(path: Path) -> tuple[Float[np.ndarray, "P 3"], UInt8[np.ndarray, "P 3"]]:

@@ -30,8 +30,15 @@ def photo_names(folder: Path) -> list[str]:
 def file_names(folder: Path) -> list[str]:
     """Files in a folder and the folders inside it, also behind links, sorted: paths below it with
     forward slashes."""
-    found = ((at, name) for at, _, files in os.walk(folder, followlinks=True) for name in files)
-    return sorted(Path(at, name).relative_to(folder).as_posix() for at, name in found)
+    names, seen = [], set()
+    for at, folders, files in os.walk(folder, followlinks=True):
+        is_new = (real := os.path.realpath(at)) not in seen  # a link may lead back
+        seen.add(real)
+        if is_new:
+            names += [Path(at, name).relative_to(folder).as_posix() for name in files]
+        else:
+            folders.clear()
+    return sorted(names)
 
 
 def photos_near(folder: Path) -> list[str]:

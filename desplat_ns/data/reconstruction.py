@@ -146,7 +146,7 @@ def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
         raise CaptureError(
             f"No COLMAP reconstruction in {data} (looked in "
             f"{', '.join(map(str, places_of(colmap_path)))}). Needed: a folder with cameras, "
-            "images and points3D as .bin or .txt. Run COLMAP first, or name "
+            "images and points3D as .bin or .txt (points also as .ply). Run COLMAP first, or name "
             "the folder with --colmap-path, relative to --data."
         )
     return _largest(tuple(folders), tuple(map(state_of, folders)))

@@ -34,11 +34,13 @@ OUTLIER = 0.08
 stands in front of the scene must not set its light."""
 
 USUAL = (0.2, 0.2, 0.2, 0.1, 0.1)
-"""Standard deviations of the numbers over the photos of a capture, about 0: the prior of
-`fit_response`."""
+"""Standard deviations of the numbers over the photos of a capture, about 0: their prior."""
 
 OBSERVATIONS = 12
-"""What the pixels of a photo count together beside the prior: errors of a scene come in patches."""
+"""What the pixels of a photo count together beside the prior of a fit: errors come in patches."""
+
+TRAINING_OBSERVATIONS = 1000
+"""The same in training, where both sides of each error move."""
 
 USUAL = (0.2, 0.2, 0.2, 0.1, 0.1)
 """Standard deviations of the numbers over the photos of a capture: a third of a stop to a stop of
@@ -76,6 +78,13 @@ def camera_response(
     gamma = numbers[3].exp()
     toned = torch.exp(gamma * torch.log(rgb + FLOOR)) - torch.exp(gamma * math.log(FLOOR))
     return toned * torch.exp(numbers[:3] + numbers[4] * radius2)
+
+
+def response_prior(numbers: Float[Tensor, " 5"]) -> Float[Tensor, ""]:
+    """What the prior `USUAL` adds to a photometric loss, per unit of that loss: negative log
+    likelihoods of Laplace's distribution, whose scale the loss is, and of the prior."""
+    deviations = numbers / torch.tensor(USUAL).to(numbers)
+    return deviations.square().sum() / (2 * TRAINING_OBSERVATIONS)
 
 
 @torch.no_grad()

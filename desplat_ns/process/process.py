@@ -104,6 +104,11 @@ def open_record(output: Path, asked: Mapping[str, str]) -> dict[str, Any]:
             )
         _write_record(output, {"asked": asked})
         return {"asked": asked}
+    if links := [place.name for place in output.rglob("*") if place.is_symlink()]:
+        raise ConfigError(
+            f"{output} has links ({list_names(links, 5)}), through which nothing is written. Name "
+            "another folder."
+        )
     try:
         record = json.loads(path.read_text("utf8"))
         had = dict(record["asked"])
@@ -139,7 +144,7 @@ def _make(request: Request, sources: Sources) -> dict[str, Any]:
     """Make the capture; its findings."""
     begin, output = monotonic(), request.output
     photos = _usable_photos(request, sources)
-    best = _best_attempt(request, photos)
+    best = _best_attempt(request, sources.is_video, photos)
     missing = left_out(photos, best)
     if not best.models:
         reasons = (f"{list_names(names)}: {reason}" for reason, names in _by_reason(missing))
@@ -200,7 +205,7 @@ def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
     return good
 
 
-def _best_attempt(request: Request, photos: Sequence[Photo]) -> Attempt:
+def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> Attempt:
     """The plain way, the thorough one where it leaves photos out, or what was asked for: whichever
     poses more photos."""
     work, masks = request.output / "work", None
@@ -215,7 +220,7 @@ def _best_attempt(request: Request, photos: Sequence[Photo]) -> Attempt:
 
     def attempt(recipe: Recipe) -> Attempt:
         place, copies, threads = work / recipe.name, work / "photos", request.threads or cores()
-        return reconstruct(place, copies, cameras, masks, recipe, threads)
+        return reconstruct(place, copies, cameras, masks, is_video, recipe, threads)
 
     if request.effort == "thorough":
         return attempt(THOROUGH)

@@ -45,6 +45,10 @@ PAIRS_AT_ONCE = 200
 """In one call, for the same reason."""
 ALL_PAIRS_UP_TO = 200
 """Photos: 19,900 pairs. Above, pairs by image similarity."""
+OVERLAP = 10
+"""Frames of a video that each is matched with before and after it; then every doubled distance."""
+LOOPS = 5
+"""Of a video's frames further away, so many that look most alike."""
 WORDS = 64
 SAMPLES = 100_000
 """Features that the words are learned from, at most."""
@@ -145,6 +149,7 @@ def reconstruct(
     photos: Path,
     cameras: Sequence[Camera],
     masks: Path | None,
+    is_video: bool,
     recipe: Recipe,
     threads: int,
 ) -> Attempt:
@@ -156,6 +161,7 @@ def reconstruct(
             are poses.
         photos: folder of the copies.
         masks: folder with COPY.png, or None.
+        is_video: whether photos follow each other as frames do.
 
     Raises:
         CaptureError: the camera stands still.
@@ -169,7 +175,7 @@ def reconstruct(
     with stage("Features") as show:
         features = find_features(database, photos, cameras, masks, recipe, threads, show)
     with stage("Matching") as show:
-        match_photos(database, recipe, threads, show)
+        match_photos(database, is_video, recipe, threads, show)
     matched, verified = verified_pairs(database)
     if matched >= MIN_PHOTOS > len(verified) + 1:
         raise CaptureError(
@@ -249,7 +255,9 @@ def feature_counts(database: Path) -> dict[str, int | None]:
 # --- matches -------------------------------------------------------------------------------------
 
 
-def match_photos(database: Path, recipe: Recipe, threads: int, progress: Count) -> None:
+def match_photos(
+    database: Path, is_video: bool, recipe: Recipe, threads: int, progress: Count
+) -> None:
     """Match pairs of photos and verify them by epipolar geometry; those that are matched already
     are passed over."""
     options = pycolmap.FeatureMatchingOptions()
@@ -263,7 +271,10 @@ def match_photos(database: Path, recipe: Recipe, threads: int, progress: Count) 
             data = db.read_descriptors(images[index].image_id).data
             return np.asarray(data, dtype=np.float32).reshape(-1, 128)
 
-        if len(images) > ALL_PAIRS_UP_TO:
+        if is_video:
+            loops = similar_pairs(similarities(len(images), descriptors), LOOPS)
+            chosen = sorted({*sequential_pairs(len(images)), *loops})
+        elif len(images) > ALL_PAIRS_UP_TO:
             chosen = similar_pairs(similarities(len(images), descriptors), recipe.neighbours)
         else:
             chosen = list(combinations(range(len(images)), 2))
@@ -280,6 +291,12 @@ def match_photos(database: Path, recipe: Recipe, threads: int, progress: Count) 
         listed.write_text("".join(lines), "utf8")
         pairing = pycolmap.ImportedPairingOptions(match_list_path=listed)
         pycolmap.match_image_pairs(database, options, pairing, verification)
+
+
+def sequential_pairs(count: int) -> list[Pair]:
+    """Neighbours, and further ones at doubling distances."""
+    steps = [*range(1, OVERLAP + 1), *(OVERLAP * 2**k for k in range(1, 12))]
+    return sorted((i, i + step) for i in range(count) for step in steps if i + step < count)
 
 
 def similar_pairs(likeness: Float32[np.ndarray, "N N"], neighbours: int) -> list[Pair]:

@@ -209,6 +209,23 @@ def test_poses_that_are_cut_off_are_an_error_and_no_crash(capture):
         read_reconstruction(folder.parents[1], SPARSE)
 
 
+@pytest.mark.parametrize("form", ["text", "binary"])
+def test_points_may_stand_in_a_ply(capture, form: str):
+    data = capture()
+    if form == "binary":
+        binary_with(data, lambda model: None)
+    (points,) = (data / "sparse" / "0").glob("points3D.*")
+    points.unlink()
+    columns = "".join(f"property float {c}\n" for c in ("x", "y", "z", "nx", "ny", "nz"))
+    columns += "".join(f"property uchar {c}\n" for c in ("red", "green", "blue"))
+    head = f"ply\nformat ascii 1.0\nelement vertex 2\n{columns}end_header\n"
+    points.with_suffix(".ply").write_text(head + "1 2 3 0 0 0 7 8 9\n4 5 6 0 0 0 1 2 3\n")
+    known = read_reconstruction(data, SPARSE)
+    assert known.points.xyz.tolist() == [[1, 2, 3], [4, 5, 6]] and not known.has_tracks
+    assert known.points.rgb.tolist() == [[7, 8, 9], [1, 2, 3]]
+    assert [frame.name for frame in known.frames] == ["a.png", "b.png", "c.png"]
+
+
 # --- tracks --------------------------------------------------------------------------------------
 
 

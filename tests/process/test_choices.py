@@ -13,6 +13,7 @@ from desplat_ns.process.reconstruction import (
     PLAIN,
     Attempt,
     Model,
+    sequential_pairs,
     similar_pairs,
     similarities,
 )
@@ -28,6 +29,10 @@ def test_names_that_differ_by_their_ending_do_not_meet():
     assert [named.name for named in numbered(["a.jpg", "a.png", "b/a.jpg"])] == [
         "a.jpg", "a_png.jpg", "b/a.jpg",
     ]  # fmt: skip
+
+
+def test_frames_have_neighbours_and_doubled_distances():
+    assert [b for a, b in sequential_pairs(100) if a == 0] == [*range(1, 11), 20, 40, 80]
 
 
 def test_photos_are_paired_with_those_that_look_alike():

@@ -103,7 +103,7 @@ FIGURES = {
 # --- the record ----------------------------------------------------------------------------------
 
 
-def test_other_photos_or_options_are_listed_together(tmp_path: Path):
+def test_other_photos_or_options_are_listed_together_and_links_are_not_followed(tmp_path: Path):
     open_record(tmp_path, {"--longest-side": "1600", "a": "1 bytes", "b": "1 bytes"})
     with pytest.raises(ConfigError) as caught:
         open_record(tmp_path, {"--longest-side": "800", "a": "2 bytes", "c": "1 bytes"})
@@ -111,6 +111,9 @@ def test_other_photos_or_options_are_listed_together(tmp_path: Path):
         assert said in str(caught.value)
     (tmp_path / "process.json").write_text("[]")
     with pytest.raises(ConfigError, match=r"process\.json"):
+        open_record(tmp_path, {})
+    (tmp_path / "images").symlink_to(tmp_path.parent)
+    with pytest.raises(ConfigError, match="images"):
         open_record(tmp_path, {})
 
 

@@ -24,6 +24,7 @@ from desplat_ns.process.reconstruction import (
     find_features,
     map_photos,
     match_photos,
+    verified_pairs,
 )
 from tests.helpers.yard import CLOSE, EDGE, Features, Yard, copied, places_of, silent
 
@@ -58,19 +59,37 @@ def worst_pose(mine: Features, yard: Yard, order: Sequence[int]) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pairing", ["exhaustive", "similar"])
+@pytest.mark.parametrize("pairing", ["exhaustive", "similar", "sequential"])
 def test_each_pairing_gives_every_photo_its_place(
     pairing: str, plain: Features, yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     mine = plain.again(tmp_path)
     if pairing == "similar":
         monkeypatch.setattr(reconstruction, "ALL_PAIRS_UP_TO", 5)
-    match_photos(mine.database, FEW, 1, silent)
+    match_photos(mine.database, pairing == "sequential", FEW, 1, silent)
     if pairing == "similar":  # the camera goes around: the most alike are next to each other
         last = len(mine.photos) - 1
         assert {(i, i + 1) for i in range(last)} <= compared(mine)
         assert all(b - a < last / 2 for a, b in compared(mine))
     assert worst_pose(mine, yard, range(len(yard.pictures))) < CLOSE
+
+
+@pytest.mark.slow
+def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
+    yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """There by every other view, back by those between: the last is next to the first."""
+    monkeypatch.setattr(reconstruction, "OVERLAP", 1)
+    monkeypatch.setattr(reconstruction, "LOOPS", 2)
+    order = [*EVERY_OTHER, *(view + 1 for view in reversed(EVERY_OTHER))]
+    photos = copied(yard.write(tmp_path / "photos", order), tmp_path / "copies")
+    mine = Features(tmp_path / "database.db", tmp_path / "copies", photos)
+    extract(mine)
+    match_photos(mine.database, True, FEW, 1, silent)
+    last = len(order) - 1
+    assert (0, last) not in reconstruction.sequential_pairs(len(order))
+    tied = {numbers(a, b) for a, b, _ in verified_pairs(mine.database)[1]}
+    assert {(0, last), *((i, i + 1) for i in range(last))} <= tied
 
 
 def extract(mine: Features) -> list[Camera]:
@@ -100,7 +119,7 @@ def test_what_stands_still_in_all_photos_does_not_tie_them(
     marked: Features, yard: Yard, tmp_path: Path
 ):
     mine = marked.again(tmp_path)
-    match_photos(mine.database, FEW, 1, silent)
+    match_photos(mine.database, False, FEW, 1, silent)
     still, every = verified_at_equal_places(mine)
     assert still == 0 and every > 0
     assert worst_pose(mine, yard, EVERY_OTHER) < CLOSE
