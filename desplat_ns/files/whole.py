@@ -144,6 +144,12 @@ def only_process_in(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise ConfigError(f"'{folder}' cannot be made ({error}). Name another folder.") from error
     try:
+        try:
+            path.write_text("in use\n")  # a full disk is told at once
+        except OSError as error:
+            raise ConfigError(
+                f"Nothing can be written to '{folder}' ({error}). Name another folder."
+            ) from error
         yield
     finally:
         with suppress(OSError):
@@ -155,8 +161,10 @@ def only_process_in(folder: Path) -> Iterator[None]:
 
 
 def _sync(path: Path) -> None:
-    """Wait until a file, or a renaming in a folder, is on the disk."""
-    handle = os.open(path, os.O_RDONLY)
+    """Wait until a file, or a renaming in a folder, is on the disk; Windows opens no folders."""
+    if path.is_dir() and not hasattr(os, "O_DIRECTORY"):
+        return
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
     try:
         os.fsync(handle)
     finally:
