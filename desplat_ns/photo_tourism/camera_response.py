@@ -37,10 +37,7 @@ USUAL = (0.2, 0.2, 0.2, 0.1, 0.1)
 """Standard deviations of the numbers over the photos of a capture, about 0: their prior."""
 
 OBSERVATIONS = 12
-"""What the pixels of a photo count together beside the prior of a fit: errors come in patches."""
-
-TRAINING_OBSERVATIONS = 1000
-"""The same in training, where both sides of each error move."""
+"""What the pixels of a photo count together beside the prior: errors come in patches."""
 
 USUAL = (0.2, 0.2, 0.2, 0.1, 0.1)
 """Standard deviations of the numbers over the photos of a capture: a third of a stop to a stop of
@@ -84,7 +81,7 @@ def response_prior(numbers: Float[Tensor, " 5"]) -> Float[Tensor, ""]:
     """What the prior `USUAL` adds to a photometric loss, per unit of that loss: negative log
     likelihoods of Laplace's distribution, whose scale the loss is, and of the prior."""
     deviations = numbers / torch.tensor(USUAL).to(numbers)
-    return deviations.square().sum() / (2 * TRAINING_OBSERVATIONS)
+    return deviations.square().sum() / (2 * OBSERVATIONS)
 
 
 @torch.no_grad()
