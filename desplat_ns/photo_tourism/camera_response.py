@@ -39,14 +39,6 @@ USUAL = (0.2, 0.2, 0.2, 0.1, 0.1)
 OBSERVATIONS = 12
 """What the pixels of a photo count together beside the prior: errors come in patches."""
 
-USUAL = (0.2, 0.2, 0.2, 0.1, 0.1)
-"""Standard deviations of the numbers over the photos of a capture: a third of a stop to a stop of
-exposure, little gamma, and one lens. Their prior, beside what the pixels tell."""
-
-INDEPENDENT = 2000
-"""Observations that the pixels of a photo are worth against `USUAL`: errors of neighbours are
-alike."""
-
 
 def squared_radius(view: View) -> Float[Tensor, "H W 1"]:
     """Squared distance of each pixel from the principal point, over that of half the diagonal."""
