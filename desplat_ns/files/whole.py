@@ -19,8 +19,7 @@ IN_USE = ".in-use"
 
 
 def check_new_file(path: Path, overwrite: bool, option: str = "--output") -> None:
-    """Make a file's folder and make sure that the file can be written, before minutes are spent on
-    its content.
+    """Make sure that a file can be written, before minutes are spent on its content.
 
     Args:
         option: by which a user names it.
@@ -32,23 +31,19 @@ def check_new_file(path: Path, overwrite: bool, option: str = "--output") -> Non
         raise ConfigError(f"{option} is '{path}', which is a folder. Name a file in it.")
     if path.exists() and not overwrite:
         raise ConfigError(f"There is a '{path}' already. Name another, or add --overwrite.")
-    _make_writable(path.parent, option)
+    _check_writable(path.parent, option)
 
 
 def check_new_folder(path: Path, overwrite: bool, option: str = "--output") -> None:
-    """As `check_new_file` for a folder, which is made; an empty one may be there."""
+    """As `check_new_file` for a folder; an empty one may be there."""
+    if path.exists() and not path.is_dir():
+        raise ConfigError(f"{option} is '{path}', which is a file. Name a folder.")
     if path.is_dir() and any(path.iterdir()) and not overwrite:
         raise ConfigError(
             f"The folder '{path}' is not empty. Name another, or add --overwrite, which replaces "
             "files of the same name."
         )
-    _make_writable(path, option)
-
-
-def _make_writable(folder: Path, option: str) -> None:
-    with plain_errors(folder, option):
-        folder.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()
+    _check_writable(path.parent, option)
 
 
 def check_room(folder: Path, needed: int, what: str, option: str) -> None:
@@ -61,7 +56,7 @@ def check_room(folder: Path, needed: int, what: str, option: str) -> None:
     Raises:
         ConfigError: it will not.
     """
-    free = shutil.disk_usage(folder).free
+    free = shutil.disk_usage(_nearest(folder)).free
     if needed > free:
         raise ConfigError(
             f"'{folder}' has room for {free / 1e9:.1f} GB, and {what} {needed / 1e9:.1f} GB. Make "
@@ -169,3 +164,17 @@ def _sync(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def _nearest(folder: Path) -> Path:
+    """A folder, or the nearest around it that is there."""
+    return next(path for path in (folder, *folder.absolute().parents) if path.exists())
+
+
+def _check_writable(folder: Path, option: str) -> None:
+    """Whether something can be made in a folder, or in the nearest that is there."""
+    there = _nearest(folder)
+    if not there.is_dir():
+        raise ConfigError(f"'{there}' is a file; {option} names something in it. Name a folder.")
+    with plain_errors(folder, option):
+        tempfile.TemporaryFile(dir=there).close()

@@ -23,7 +23,7 @@ from tests.helpers.other_process import running
 def test_a_file_is_written_with_its_folders_and_nothing_beside_it(tmp_path: Path):
     path = tmp_path / "new" / "a.ply"
     check_new_file(path, overwrite=False)
-    assert list(path.parent.iterdir()) == []
+    assert list(tmp_path.iterdir()) == []
     write_whole(path, b"content")
     assert path.read_bytes() == b"content"
     assert list(path.parent.iterdir()) == [path]
