@@ -85,13 +85,10 @@ class RunConfig(TrainerConfig):
         """
         check_ranges(self)
         check_ranges(self.pipeline.model, "--pipeline.model")
-        machine = self.machine
-        count = machine.num_devices * machine.num_machines
-        if count > 1:
+        if self.machine.num_devices * self.machine.num_machines > 1:
             raise ConfigError(
-                f"--machine.num-devices {machine.num_devices} and --machine.num-machines "
-                f"{machine.num_machines} ask for {count} processes; this method trains in one, as "
-                "each would densify by itself. Leave both at 1."
+                "--machine.num-devices and --machine.num-machines ask for several processes; this "
+                "method trains in one. Leave both at 1."
             )
         self.resolve_schedule_scale()
 
@@ -118,12 +115,11 @@ class RunConfig(TrainerConfig):
             seconds_of(self.budget)
         if self.mixed_precision or self.use_grad_scaler:
             raise ConfigError(
-                "--mixed-precision and --use-grad-scaler scale the gradients of a step, by which "
-                "Gaussians are refined. Leave both at False."
+                "--mixed-precision and --use-grad-scaler scale gradients, by which Gaussians are "
+                "refined. Leave both at False."
             )
-        manager = self.pipeline.datamanager
-        if isinstance(manager, DeSplatDataManagerConfig):
-            manager.settle_dataparser()
+        if isinstance(self.pipeline.datamanager, DeSplatDataManagerConfig):
+            self.pipeline.datamanager.settle_dataparser()
         return super().setup(**kwargs)
 
     def saved_run(self) -> SavedRun | None:

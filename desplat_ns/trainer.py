@@ -59,7 +59,7 @@ from desplat_ns.training.schedule import (
     saved_plan,
     seconds_of,
 )
-from desplat_ns.training.step_guard import GuardedOptimizers, check_parameters, parameters_of
+from desplat_ns.training.step_guard import GuardedOptimizers, parameters_of
 from desplat_ns.training.stop_signals import on_stop_signal
 
 
@@ -301,8 +301,6 @@ class DeSplatTrainer(Trainer):
         state = resume.rng_state()
         try:
             super().eval_iteration(step)
-        except CaptureError:  # `train` saves
-            raise
         except Exception:
             resume.restore_rng(state)
             self.save_checkpoint(step)
@@ -382,12 +380,9 @@ class DeSplatTrainer(Trainer):
         the one before.
 
         Where it cannot be written on the way, that is said and training goes on: hours of it are
-        worth more than one save. Raises CheckpointError where the run's last one cannot, and
-        TrainingError where no training could go on from it.
+        worth more than one save. Raises CheckpointError where the run's last one cannot.
         """
         path = checkpoint_path(self.checkpoint_dir, step)
-        gaussians = dict(self.pipeline.model.gauss_params.items())
-        check_parameters(gaussians, self.optimizers.optimizers, step, self.checkpoint_dir)
         try:
             save_atomically(self._state(step), path)
         except CheckpointError as error:
@@ -425,7 +420,7 @@ class DeSplatTrainer(Trainer):
             return
         path, state = saved
         self.pipeline.load_pipeline(state["pipeline"], state["step"])
-        load_moments(self.optimizers, state["optimizers"], path)
+        load_moments(self.optimizers, state["optimizers"])
         self._start_step = self._steps_done = state["step"] + 1
         if self.config.load_scheduler:  # each is where this run's curve is after these steps
             for scheduler in self.optimizers.schedulers.values():
@@ -433,12 +428,6 @@ class DeSplatTrainer(Trainer):
         if "sampler" in state:  # the order of the views now, the generators when training starts
             self.pipeline.datamanager.load_sampler_state(state["sampler"])
         self._saved_rng = state.get("rng")
-        if "budget" in state and self._budget is None:
-            announce(
-                "This run had a budget. Without --budget it goes on as one of "
-                f"{self.config.max_num_iterations} steps.",
-                warning=True,
-            )
         announce(f"Going on from {path}, {self._steps_done} steps are done.")
 
 

@@ -11,11 +11,7 @@ import viser
 from jaxtyping import Float
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.viewer.viewer import VISER_NERFSTUDIO_SCALE_RATIO, Viewer
-from nerfstudio.viewer.viewer_elements import (
-    ViewerControl,
-    ViewerDropdown,
-    ViewerSlider,
-)
+from nerfstudio.viewer.viewer_elements import ViewerControl, ViewerDropdown
 from torch import Tensor, nn
 from viser import transforms
 
@@ -24,30 +20,16 @@ LAYERS = ("static", "composite", "distractors", "mask")
 
 
 class LayerControl(nn.Module):
-    """Controls in the viewer's "Custom Elements": which layer, whose distractors, how near the
-    static scene is shown.
+    """Controls in the viewer's "Custom Elements": which layer, and whose distractors.
 
     Without a viewer it does nothing. nerfstudio 1.1.5 finds controls that are attributes of the
     pipeline's modules.
     """
 
-    def __init__(self, names: Sequence[str], near_plane: float = 0.0) -> None:
-        """Args:
-        names: of the training views with distractors; none for no controls of them.
-        near_plane: the model's setting; 0 for no control of it.
-        """
+    def __init__(self, names: Sequence[str]) -> None:
+        """`names`: of the training views with distractors; none for no controls."""
         super().__init__()
-        self.names, self._near_plane = list(names), near_plane
-        if near_plane > 0:
-            self.near_plane: ViewerSlider[float] = ViewerSlider(
-                "Near plane",
-                near_plane,
-                0.0,
-                0.95,
-                0.05,
-                hint="Nothing is shown nearer than this share of the depth at which the "
-                "reconstruction's points start. Make it smaller to walk up to a wall",
-            )
+        self.names = list(names)
         if names:
             self.layer: ViewerDropdown[str] = ViewerDropdown(
                 "Layer",
@@ -73,12 +55,6 @@ class LayerControl(nn.Module):
             yield
         finally:
             self._suspended = before
-
-    def near_plane_share(self) -> float:
-        """What the viewer says; the model's setting in an evaluation."""
-        if self._suspended or self._near_plane == 0:
-            return self._near_plane
-        return float(self.near_plane.value)
 
     def train_idx(self) -> int | None:
         """Training view whose distractors were asked for; None while the static scene is shown."""

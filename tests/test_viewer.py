@@ -25,13 +25,13 @@ from tests.helpers.small_model import make_model
 NAMES = [f"{number}.jpg" for number in range(5)]
 
 
-def test_an_evaluation_has_the_models_near_plane_and_layer_whatever_the_viewer_says():
-    control = LayerControl(NAMES, 0.5)
-    assert (control.near_plane_share(), control.train_idx()) == (0.5, None)
-    control.near_plane.value, control.layer.value, control.view.value = 0.1, "mask", "3.jpg"
-    assert (control.near_plane_share(), control.train_idx()) == (0.1, 3)
+def test_an_evaluation_has_the_static_layer_whatever_the_viewer_says():
+    control = LayerControl(NAMES)
+    assert control.train_idx() is None
+    control.layer.value, control.view.value = "mask", "3.jpg"
+    assert control.train_idx() == 3
     with control.suspended():
-        assert (control.near_plane_share(), control.train_idx()) == (0.5, None)
+        assert control.train_idx() is None
 
 
 def test_nerfstudios_viewer_finds_all_controls_on_the_pipeline():

@@ -13,9 +13,6 @@ import torch
 
 from desplat_ns.errors import CheckpointError
 
-FORMAT = 2
-"""Version of `SceneRecord`, raised whenever checkpoints are no longer those of before."""
-
 
 @dataclass(frozen=True)
 class SceneRecord:
@@ -28,7 +25,6 @@ class SceneRecord:
     """Spherical-harmonics degree of the static Gaussians."""
     train_images: list[str]
     """Names of the training photos, in the order of the training views; empty where unknown."""
-    format: int = FORMAT
 
     @classmethod
     def from_state(cls, state: object) -> SceneRecord:
@@ -36,19 +32,13 @@ class SceneRecord:
 
         Raises CheckpointError where there is none, or one that this version cannot read.
         """
-        if not isinstance(state, Mapping) or "format" not in state:
-            raise CheckpointError(
-                "The checkpoint holds no record of its scene, so it was not saved by `desplat`. "
-                "Pass a `desplat` run's folder `.../desplat/<timestamp>/nerfstudio_models` to "
-                "`--load-dir`."
-            )
         names = {field.name for field in fields(cls)}
-        if state["format"] != FORMAT or not names <= set(state):
+        if not isinstance(state, Mapping) or set(state) != names:
             raise CheckpointError(
-                f"The checkpoint has format {state['format']}, this desplat-ns reads format "
-                f"{FORMAT} alone: another version saved it. Use that version, or train anew."
+                "The checkpoint holds no record of its scene that this version reads: another "
+                "method or another version of desplat-ns saved it. Use that one, or train anew."
             )
-        return cls(**{name: state[name] for name in names})
+        return cls(**state)
 
     def check_fits(self, here: SceneRecord) -> None:
         """Raise CheckpointError, saying what differs, unless this can be loaded into `here`."""
@@ -63,20 +53,16 @@ class SceneRecord:
             switches = " ".join(f"--pipeline.model.{name} {was}" for name, was, _ in differing)
             raise CheckpointError(f"The checkpoint was trained with {trained}. Add `{switches}`.")
         theirs, ours = self.train_images, here.train_images
-        if not theirs or not ours or theirs == ours:
-            return
-        different = sorted({*theirs} ^ {*ours}, key=lambda name: (name in ours, name))
-        what = "the same photos in another order; views would get each other's distractors"
-        if different:
-            side = "the checkpoint" if different[0] in theirs else "this run"
+        if theirs and ours and theirs != ours:
+            different = sorted({*theirs} ^ {*ours})
             what = (
-                f"another scene or split: {len(theirs)} photos, this run has {len(ours)}; "
-                f"'{different[0]}' is a photo of {side} alone"
+                f"other photos, such as '{different[0]}'" if different else "another order of them"
             )
-        raise CheckpointError(
-            f"The checkpoint was trained on {what}. Pass the `--data` and the split options that "
-            "it was trained with, or drop `--load-dir` to train from the start."
-        )
+            raise CheckpointError(
+                f"The checkpoint was trained on {len(theirs)} photos, this run has {len(ours)}: "
+                f"{what}. Pass the `--data` and the split options that it was trained with, or "
+                "drop `--load-dir` to train from the start."
+            )
 
 
 def rng_state() -> dict[str, Any]:
