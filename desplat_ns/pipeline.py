@@ -24,12 +24,10 @@ from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import (
     announce_above_the_table,
     give_masks_a_colormap_in_the_viewer,
-    load_evaluated_checkpoints_like_resumed_ones,
     use_ffmpeg_of_imageio,
     where_to_render,
 )
 from desplat_ns.training.resume import SceneRecord
-from desplat_ns.viewer import FirstPhotoView
 
 MOST_TOLD = 1000
 """Letters of torch's message about parameters that do not fit: there may be thousands."""
@@ -64,9 +62,7 @@ class DeSplatPipeline(VanillaPipeline):
                 use_ffmpeg_of_imageio()
             device = where_to_render(cast(DeSplatModelConfig, config.model).backend, device)
         super().__init__(config, str(device), test_mode, **kwargs)
-        self.first_photo_view = FirstPhotoView(self.datamanager.train_dataset.cameras)
         give_masks_a_colormap_in_the_viewer()
-        load_evaluated_checkpoints_like_resumed_ones()
 
     def start_model_anew(self) -> None:
         """Make the model again, by the settings as they are now; it has learned nothing."""

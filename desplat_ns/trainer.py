@@ -88,7 +88,7 @@ class DeSplatTrainer(Trainer):
         self._steps_done = 0
         self._saved: SavedRun | None = None
         self._saved_rng: dict[str, Any] | None = None
-        self._waiting_in_viewer = self._stop_is_asked = False
+        self._stop_is_asked = False
         self._started = process_started()
         self._plan: BudgetPlan | None = None
         self._budget: BudgetSchedule | None = None
@@ -271,6 +271,9 @@ class DeSplatTrainer(Trainer):
             self.config = whole
             if self._budget is not None:
                 whole.max_num_iterations = self._steps_done
+        if self._ran_to_its_end and not whole.viewer.quit_on_train_completion:
+            with suppress(KeyboardInterrupt):
+                self._train_complete_viewer()
 
     def train_iteration(self, step: int) -> Any:
         """One step; counts it as done once it is. Figures and rates are worked out where logged."""
@@ -329,8 +332,6 @@ class DeSplatTrainer(Trainer):
             callback.run_callback_at_location(self.step, TrainingCallbackLocation.AFTER_TRAIN)
         for line in self._outcome() if is_whole else [f"Stopped. {self._how_to_go_on()}"]:
             announce(line)
-        if not self.config.viewer.quit_on_train_completion:
-            self._train_complete_viewer()
 
     def _outcome(self) -> list[str]:
         """What came out, and the commands that take it up."""
@@ -357,20 +358,10 @@ class DeSplatTrainer(Trainer):
         """Whether the run ended by itself: it was not told to stop."""
         return not self.stop_training or self._budget_is_up
 
-    def _train_complete_viewer(self) -> None:
-        """Keep the viewer open, unless the run was told to stop."""
-        if self._ran_to_its_end:
-            self._waiting_in_viewer = True
-            with suppress(KeyboardInterrupt):
-                super()._train_complete_viewer()
-
-    def _stop_after_this_step(self, name: str) -> bool:
-        """What a stop signal does; once the viewer is kept open there is no step to wait for."""
-        if self._waiting_in_viewer:
-            return False
+    def _stop_after_this_step(self, name: str) -> None:
+        """What a stop signal does."""
         announce(f"Stopping after this step; {name} again to stop at once.", warning=True)
         self._stop_is_asked = self.stop_training = True
-        return True
 
     # --- checkpoints -------------------------------------------------------------------------
 

@@ -211,10 +211,9 @@ def plan_budget(
     if steps < fewest:
         needed = spent + END_SECONDS + 1.2 * fewest * a_step
         raise ConfigError(
-            f"--budget is {budget:.0f} s, of which {spent:.0f} s are spent. A step takes "
-            f"{1e3 * a_step:.0f} ms here with photos {downscale} times smaller, so that only "
-            f"{max(0, steps)} fit, and a run needs {fewest}. Give {needed:.0f}s or more, or "
-            "smaller photos (the data parser's --downscale-factor)."
+            f"--budget is {budget:.0f} s, in which {max(0, steps)} steps fit here, and a run needs "
+            f"{fewest}. Give {needed:.0f}s or more, or smaller photos (the data parser's "
+            "--downscale-factor)."
         )
     return BudgetPlan(steps, downscale, most, (cost.fixed, cost.whole_photo))
 
@@ -234,8 +233,7 @@ def saved_plan(
     """
     if "budget" not in state:
         raise ConfigError(
-            f"--budget goes on only with a run that had one, and that of {path} had none. "
-            "Leave --budget out and give --max-num-iterations, the total of steps."
+            f"The run of {path} had no --budget: give --max-num-iterations, the total of steps."
         )
     plan = BudgetPlan(**state["budget"])
     plan.most = max(plan.most, most)
