@@ -21,15 +21,12 @@ SHORT_RUN_GROUPS = ("means", "scales", "quats", "features_dc", "features_rest")
 short runs already, and distractors are trained by visits of their own."""
 
 
-def adam(params: list[nn.Parameter], lr: float, **options: Any) -> Optimizer:
-    """torch's Adam with Splatfacto's epsilon of 1e-15, as gradients of Gaussians are small.
-
-    It updates moments and parameters in one pass, a third of the time on a CPU.
-
-    Args:
-        options: others of `torch.optim.Adam`.
-    """
-    return torch.optim.Adam(params, lr=lr, fused=True, **{"eps": 1e-15} | options)
+def adam(
+    params: list[nn.Parameter], lr: float, eps: float = 1e-15, weight_decay: float = 0.0
+) -> Optimizer:
+    """torch's Adam with Splatfacto's epsilon, as gradients of Gaussians are small. It updates
+    moments and parameters in one pass, a third of the time on a CPU."""
+    return torch.optim.Adam(params, lr=lr, eps=eps, weight_decay=weight_decay, fused=True)
 
 
 @dataclass
@@ -38,7 +35,7 @@ class FusedAdamConfig(AdamOptimizerConfig):
 
     def setup(self, params: list[nn.Parameter]) -> Optimizer:
         """The optimizer of one group of parameters."""
-        return adam(params, self.lr, eps=self.eps, weight_decay=self.weight_decay)
+        return adam(params, self.lr, self.eps, self.weight_decay)
 
 
 def optimizer_options(optimizers: Mapping[str, Any], factor: float = 1.0) -> dict[str, Any]:

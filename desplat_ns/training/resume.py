@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-import numpy as np
 import torch
 
 from desplat_ns.errors import CheckpointError
@@ -66,16 +65,14 @@ class SceneRecord:
 
 
 def rng_state() -> dict[str, Any]:
-    """State of the random generators of torch (CPU, and every GPU if one is in use), numpy, Python.
+    """State of the random generators of torch (CPU, and every GPU if one is in use) and Python;
+    nothing in training draws from numpy's.
 
     Tensors and plain Python values only, so that `torch.load(weights_only=True)` reads it.
     """
-    numpy: Any = np.random.get_state(legacy=False)
-    numpy["state"]["key"] = torch.from_numpy(numpy["state"]["key"].astype(np.int64))
     return {
         "torch": torch.get_rng_state(),
         "cuda": torch.cuda.get_rng_state_all() if torch.cuda.is_initialized() else [],
-        "numpy": numpy,
         "python": random.getstate(),
     }
 
@@ -86,7 +83,4 @@ def restore_rng(state: Mapping[str, Any]) -> None:
     if torch.cuda.is_available():
         for device, generator in zip(range(torch.cuda.device_count()), state["cuda"], strict=False):
             torch.cuda.set_rng_state(generator, device)
-    numpy = state["numpy"]
-    key = numpy["state"]["key"].numpy().astype(np.uint32)
-    np.random.set_state({**numpy, "state": {**numpy["state"], "key": key}})
     random.setstate(state["python"])
