@@ -26,7 +26,6 @@ from desplat_ns.training.resume import SceneRecord
 from desplat_ns.training.schedule import (
     COUNTED_VIEWS,
     GPU_VISITS,
-    schedule_scale,
     seconds_of,
     steps_for_visits,
 )
@@ -68,9 +67,8 @@ class RunConfig(TrainerConfig):
         """
         model = cast(DeSplatModelConfig, self.pipeline.model)
         if model.schedule_scale is None and self.max_num_iterations != 0:
-            model.schedule_scale = schedule_scale(
-                self.max_num_iterations, self.nominal_num_iterations
-            )
+            ratio = self.max_num_iterations / self.nominal_num_iterations
+            model.schedule_scale = min(1.0, ratio)
 
     def print_to_terminal(self) -> None:
         """Name the run, in place of nerfstudio's hundreds of lines: config.yml has the settings."""

@@ -59,7 +59,7 @@ from desplat_ns.training.schedule import (
     saved_plan,
     seconds_of,
 )
-from desplat_ns.training.step_guard import GuardedOptimizers, parameters_of
+from desplat_ns.training.step_guard import GuardedOptimizers
 from desplat_ns.training.stop_signals import on_stop_signal
 
 
@@ -284,10 +284,8 @@ class DeSplatTrainer(Trainer):
         if self._stop_is_asked or self.optimizers.exhausted:
             self.stop_training = True  # nerfstudio clears it once its viewer is filled
         if self._budget is not None:
-            kept = [p for each in self.optimizers.optimizers.values() for p in parameters_of(each)]
-            with_moments = sum(3 * p.numel() * p.element_size() for p in kept)
-            if self._budget.after_step(step, with_moments):
-                self.stop_training = self._budget_is_up = True
+            self._budget_is_up = self._budget.after_step(step)
+            self.stop_training |= self._budget_is_up
         return loss.detach(), {name: term.detach() for name, term in terms.items()}, metrics
 
     def eval_iteration(self, step: int) -> None:
@@ -391,13 +389,11 @@ class DeSplatTrainer(Trainer):
             )
 
     def _state(self, step: int) -> dict[str, Any]:
-        """nerfstudio's checkpoint, and the keys `rng` and `sampler` that make resume exact."""
+        """What nerfstudio's commands read of a checkpoint, and what makes resume exact."""
         state = {
             "step": step,
             "pipeline": self.pipeline.state_dict(),
             "optimizers": {k: v.state_dict() for k, v in self.optimizers.optimizers.items()},
-            "schedulers": {k: v.state_dict() for k, v in self.optimizers.schedulers.items()},
-            "scalers": self.grad_scaler.state_dict(),
             "rng": resume.rng_state(),
             "sampler": self.pipeline.datamanager.sampler_state(),
         }
@@ -413,12 +409,11 @@ class DeSplatTrainer(Trainer):
         self.pipeline.load_pipeline(state["pipeline"], state["step"])
         load_moments(self.optimizers, state["optimizers"])
         self._start_step = self._steps_done = state["step"] + 1
-        if self.config.load_scheduler:  # each is where this run's curve is after these steps
-            for scheduler in self.optimizers.schedulers.values():
-                set_position(cast(LambdaLR, scheduler), self._steps_done)
-        if "sampler" in state:  # the order of the views now, the generators when training starts
-            self.pipeline.datamanager.load_sampler_state(state["sampler"])
-        self._saved_rng = state.get("rng")
+        for scheduler in self.optimizers.schedulers.values():
+            set_position(cast(LambdaLR, scheduler), self._steps_done)
+        # the order of the views now, the generators when training starts
+        self.pipeline.datamanager.load_sampler_state(state["sampler"])
+        self._saved_rng = state["rng"]
         announce(f"Going on from {path}, {self._steps_done} steps are done.")
 
 

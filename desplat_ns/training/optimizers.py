@@ -22,7 +22,7 @@ short runs already, and distractors are trained by visits of their own."""
 
 
 def adam(
-    params: list[nn.Parameter], lr: float, eps: float = 1e-15, weight_decay: float = 0.0
+    params: list[nn.Parameter], lr: float, eps: float = 1e-15, weight_decay: float | int = 0
 ) -> Optimizer:
     """torch's Adam with Splatfacto's epsilon, as gradients of Gaussians are small. It updates
     moments and parameters in one pass, a third of the time on a CPU."""
