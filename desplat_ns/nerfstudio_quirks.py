@@ -26,6 +26,7 @@ from desplat_ns.backend.registry import rendering_device
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError
 from desplat_ns.rendering.metrics import LazyLpips
+from desplat_ns.training.checkpoint import load_newest
 
 
 def splatfacto_modules_without_downloads() -> AbstractContextManager[Any]:
@@ -150,6 +151,34 @@ def use_ffmpeg_of_imageio() -> None:
             atexit.register(shutil.rmtree, folder)
             Path(folder, "ffmpeg").symlink_to(program)
             os.environ["PATH"] += os.pathsep + folder
+
+
+def load_evaluated_checkpoints_like_resumed_ones() -> None:
+    """Let `ns-eval`, `ns-render`, `ns-viewer` and `ns-export` take the newest intact checkpoint.
+
+    nerfstudio 1.1.5 (eval_utils.py, `eval_load_checkpoint`) loads the newest as it is: truncated,
+    it ends in torch's error about a zip archive, and an empty folder in an IndexError. Runs of
+    other methods are loaded as before.
+    """
+    # Not at the top: it keeps the methods that are known when it is imported, this one not yet.
+    from nerfstudio.utils import eval_utils
+
+    upstream = eval_utils.eval_load_checkpoint
+    if upstream.__module__ == __name__:
+        return
+
+    def load(config: Any, pipeline: Any) -> tuple[Path, int]:
+        if not _is_ours(config):
+            return upstream(config, pipeline)
+        path, state = load_newest(config.load_dir, config.load_step)
+        pipeline.load_pipeline(state["pipeline"], state["step"])
+        return path, state["step"]
+
+    eval_utils.eval_load_checkpoint = load
+
+
+def _is_ours(config: Any) -> bool:
+    return type(config).__module__.startswith("desplat_ns.")
 
 
 def write_enumerations_by_value() -> None:

@@ -24,6 +24,7 @@ from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import (
     announce_above_the_table,
     give_masks_a_colormap_in_the_viewer,
+    load_evaluated_checkpoints_like_resumed_ones,
     use_ffmpeg_of_imageio,
     where_to_render,
 )
@@ -63,6 +64,7 @@ class DeSplatPipeline(VanillaPipeline):
             device = where_to_render(cast(DeSplatModelConfig, config.model).backend, device)
         super().__init__(config, str(device), test_mode, **kwargs)
         give_masks_a_colormap_in_the_viewer()
+        load_evaluated_checkpoints_like_resumed_ones()
 
     def start_model_anew(self) -> None:
         """Make the model again, by the settings as they are now; it has learned nothing."""

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
+import torch
+from nerfstudio.utils import eval_utils
 
-from desplat_ns.errors import ConfigError
-from tests.helpers.stub_run import StubPipelineConfig, resumed, set_up, train
+from desplat_ns.errors import CheckpointError, ConfigError
+from desplat_ns.nerfstudio_quirks import load_evaluated_checkpoints_like_resumed_ones
+from tests.helpers.stub_run import StubPipeline, StubPipelineConfig, resumed, set_up, train
 from tests.helpers.stub_run import config as config
 
 
@@ -41,9 +47,44 @@ def test_a_second_run_of_the_same_name_replaces_nothing(config):
     assert train(longer).pipeline.trained == [12, 13]
 
 
-def test_a_run_goes_on_from_the_one_before_a_truncated_newest_and_says_so(config, capsys):
-    train(config)
-    newest = config.get_checkpoint_dir() / "step-000000011.ckpt"
-    newest.write_bytes(newest.read_bytes()[: newest.stat().st_size // 2])
-    assert train(resumed(config)).pipeline.trained == [11]
-    assert "step-000000011.ckpt" in " ".join(capsys.readouterr().out.split())
+class TestEvaluation:
+    """`ns-eval`, `ns-render`, `ns-viewer` and `ns-export` load by nerfstudio's function."""
+
+    @pytest.fixture
+    def load(self, config) -> Callable[..., tuple[Path, int]]:
+        load_evaluated_checkpoints_like_resumed_ones()
+
+        def load(pipeline: Any = None, **changes: Any) -> tuple[Path, int]:
+            run = resumed(config, timestamp="first", **changes)
+            pipeline = pipeline or StubPipeline(StubPipelineConfig())
+            return eval_utils.eval_load_checkpoint(run, pipeline)
+
+        return load
+
+    def test_loads_the_same_checkpoint(self, config, load):
+        trained = train(config).pipeline
+        pipeline = StubPipeline(StubPipelineConfig())
+        assert load(pipeline)[1] == 11
+        assert torch.equal(pipeline.groups["means"], trained.groups["means"])
+
+    @pytest.mark.parametrize("left", [0, 0.5])
+    def test_takes_the_one_before_a_truncated_newest_and_says_so(self, config, load, left, capsys):
+        train(config)
+        newest = config.get_checkpoint_dir() / "step-000000011.ckpt"
+        whole = newest.read_bytes()
+        newest.write_bytes(whole[: int(left * len(whole))])
+        path, step = load()
+        assert (path.name, step) == ("step-000000010.ckpt", 10)
+        assert "step-000000011.ckpt" in " ".join(capsys.readouterr().out.split())
+        assert train(resumed(config)).pipeline.trained == [11]
+
+    def test_takes_the_step_that_the_configuration_names(self, config, load):
+        train(config)
+        assert load(load_step=5)[1] == 5
+
+    @pytest.mark.parametrize("exists", [True, False])
+    def test_without_a_checkpoint_says_so(self, config, load, exists):
+        if exists:
+            config.get_checkpoint_dir().mkdir(parents=True)
+        with pytest.raises(CheckpointError, match="nerfstudio_models"):
+            load()

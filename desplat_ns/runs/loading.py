@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import torch
 import yaml
+from nerfstudio.utils import eval_utils
 
 from desplat_ns.errors import ConfigError
 from desplat_ns.nerfstudio_quirks import read_only_configurations
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.run_config import RunConfig
 from desplat_ns.runs.files import RunFiles
-from desplat_ns.training.checkpoint import load_newest
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,8 @@ def load_run(
     if not isinstance(pipeline, DeSplatPipeline):
         raise ConfigError(f"'{files.config}' is of a run with another pipeline than desplat's.")
     pipeline.eval()
-    checkpoint, state = load_newest(config.load_dir, config.load_step)
-    pipeline.load_pipeline(state["pipeline"], state["step"])
-    return LoadedRun(files, config, pipeline, checkpoint, state["step"] + 1)
+    checkpoint, step = eval_utils.eval_load_checkpoint(config, pipeline)
+    return LoadedRun(files, config, pipeline, checkpoint, step + 1)
 
 
 def even_subset(count: int, most: int) -> list[int]:
