@@ -141,7 +141,7 @@ class DeSplatModel(SplatfactoModel):
             )
         views = range(num_views if effects.distractors else 0)
         shown = [view_name(self.names, index) for index in views]
-        self.layer_control = LayerControl(shown, config.near_plane)
+        self.layer_control = LayerControl(shown)
 
     @property
     def rasterizer(self) -> Rasterizer:
@@ -473,7 +473,7 @@ class DeSplatModel(SplatfactoModel):
         keep = []
         if self.crop_box is not None:
             keep.append(self.crop_box.within(self.means).reshape(-1))
-        share, points = self.layer_control.near_plane_share(), self.points
+        share, points = self.config.near_plane, self.points
         if share > 0 and points is not None:
             start, shape = scene_start(points, view), (self.means, self.quats, self.scales.exp())
             keep.append(stands_clear(*shape, view, start, share))

@@ -7,11 +7,12 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from enum import Enum
 from functools import cache
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import torch
 import yaml
@@ -28,8 +29,7 @@ from desplat_ns.rendering.metrics import LazyLpips
 from desplat_ns.training.checkpoint import load_newest
 
 
-@contextmanager
-def splatfacto_modules_without_downloads() -> Iterator[None]:
+def splatfacto_modules_without_downloads() -> AbstractContextManager[Any]:
     """Within, `SplatfactoModel.populate_modules` sets `model.lpips` to a `LazyLpips`.
 
     nerfstudio 1.1.5 builds LPIPS when the model is built: its weights are fetched over the network,
@@ -37,15 +37,7 @@ def splatfacto_modules_without_downloads() -> Iterator[None]:
     checkpoint. `populate_modules` imports the class by name each time it runs, so that replacing
     the name during the call is enough.
     """
-    import torchmetrics.image.lpip as torchmetrics_lpip  # half a second: not for `--help`
-
-    name = "LearnedPerceptualImagePatchSimilarity"
-    real = getattr(torchmetrics_lpip, name)
-    setattr(torchmetrics_lpip, name, LazyLpips)
-    try:
-        yield
-    finally:
-        setattr(torchmetrics_lpip, name, real)
+    return mock.patch("torchmetrics.image.lpip.LearnedPerceptualImagePatchSimilarity", LazyLpips)
 
 
 @contextmanager

@@ -11,7 +11,6 @@ from typing import Any, Literal, cast
 
 import torch
 from nerfstudio.pipelines.base_pipeline import VanillaPipeline, VanillaPipelineConfig
-from nerfstudio.utils.install_checks import check_ffmpeg_installed
 from torch import Tensor
 
 from desplat_ns.data.training_views import image_names
@@ -30,7 +29,6 @@ from desplat_ns.nerfstudio_quirks import (
     where_to_render,
 )
 from desplat_ns.training.resume import SceneRecord
-from desplat_ns.viewer import FirstPhotoView
 
 MOST_TOLD = 1000
 """Letters of torch's message about parameters that do not fit: there may be thousands."""
@@ -61,12 +59,10 @@ class DeSplatPipeline(VanillaPipeline):
     ) -> None:
         """nerfstudio's; a trained model whose backend cannot draw on `device` goes to the CPU."""
         if test_mode != "val":  # else it is trained, on the device that was asked for
-            if Path(sys.argv[0]).stem == "ns-render" and "dataset" not in sys.argv:
+            if Path(sys.argv[0]).stem == "ns-render":
                 use_ffmpeg_of_imageio()
-                check_ffmpeg_installed()  # nerfstudio 1.1.5 asks once the run is loaded
             device = where_to_render(cast(DeSplatModelConfig, config.model).backend, device)
         super().__init__(config, str(device), test_mode, **kwargs)
-        self.first_photo_view = FirstPhotoView(self.datamanager.train_dataset.cameras)
         give_masks_a_colormap_in_the_viewer()
         load_evaluated_checkpoints_like_resumed_ones()
 
@@ -188,15 +184,6 @@ class DeSplatPipeline(VanillaPipeline):
         """
         saved = SceneRecord.from_state(state_dict.get("_extra_state"))
         saved.check_fits(self.scene_record())
-        rows: dict[str, Any] = {}
-        for key, value in state_dict.items():
-            group = key.rpartition(".")[0]
-            is_of_gaussians = "gauss_params." in key or "distractors.views." in key
-            if is_of_gaussians and rows.setdefault(group, value.shape[:1]) != value.shape[:1]:
-                raise CheckpointError(
-                    f"The checkpoint is damaged: parameters of {group} are of unequal numbers of "
-                    "Gaussians. Give another one with `--load-checkpoint FILE`."
-                )
         try:
             super().load_state_dict(state_dict, strict=True)
         except (RuntimeError, KeyError) as error:

@@ -26,7 +26,6 @@ from desplat_ns.training.resume import SceneRecord
 from desplat_ns.training.schedule import (
     COUNTED_VIEWS,
     GPU_VISITS,
-    schedule_scale,
     seconds_of,
     steps_for_visits,
 )
@@ -68,9 +67,8 @@ class RunConfig(TrainerConfig):
         """
         model = cast(DeSplatModelConfig, self.pipeline.model)
         if model.schedule_scale is None and self.max_num_iterations != 0:
-            model.schedule_scale = schedule_scale(
-                self.max_num_iterations, self.nominal_num_iterations
-            )
+            ratio = self.max_num_iterations / self.nominal_num_iterations
+            model.schedule_scale = min(1.0, ratio)
 
     def print_to_terminal(self) -> None:
         """Name the run, in place of nerfstudio's hundreds of lines: config.yml has the settings."""
@@ -85,13 +83,10 @@ class RunConfig(TrainerConfig):
         """
         check_ranges(self)
         check_ranges(self.pipeline.model, "--pipeline.model")
-        machine = self.machine
-        count = machine.num_devices * machine.num_machines
-        if count > 1:
+        if self.machine.num_devices * self.machine.num_machines > 1:
             raise ConfigError(
-                f"--machine.num-devices {machine.num_devices} and --machine.num-machines "
-                f"{machine.num_machines} ask for {count} processes; this method trains in one, as "
-                "each would densify by itself. Leave both at 1."
+                "--machine.num-devices and --machine.num-machines ask for several processes; this "
+                "method trains in one. Leave both at 1."
             )
         self.resolve_schedule_scale()
 
@@ -118,12 +113,11 @@ class RunConfig(TrainerConfig):
             seconds_of(self.budget)
         if self.mixed_precision or self.use_grad_scaler:
             raise ConfigError(
-                "--mixed-precision and --use-grad-scaler scale the gradients of a step, by which "
-                "Gaussians are refined. Leave both at False."
+                "--mixed-precision and --use-grad-scaler scale gradients, by which Gaussians are "
+                "refined. Leave both at False."
             )
-        manager = self.pipeline.datamanager
-        if isinstance(manager, DeSplatDataManagerConfig):
-            manager.settle_dataparser()
+        if isinstance(self.pipeline.datamanager, DeSplatDataManagerConfig):
+            self.pipeline.datamanager.settle_dataparser()
         return super().setup(**kwargs)
 
     def saved_run(self) -> SavedRun | None:

@@ -59,7 +59,7 @@ from desplat_ns.training.schedule import (
     saved_plan,
     seconds_of,
 )
-from desplat_ns.training.step_guard import GuardedOptimizers, check_parameters, parameters_of
+from desplat_ns.training.step_guard import GuardedOptimizers
 from desplat_ns.training.stop_signals import on_stop_signal
 
 
@@ -88,7 +88,7 @@ class DeSplatTrainer(Trainer):
         self._steps_done = 0
         self._saved: SavedRun | None = None
         self._saved_rng: dict[str, Any] | None = None
-        self._waiting_in_viewer = self._stop_is_asked = False
+        self._stop_is_asked = False
         self._started = process_started()
         self._plan: BudgetPlan | None = None
         self._budget: BudgetSchedule | None = None
@@ -271,6 +271,9 @@ class DeSplatTrainer(Trainer):
             self.config = whole
             if self._budget is not None:
                 whole.max_num_iterations = self._steps_done
+        if self._ran_to_its_end and not whole.viewer.quit_on_train_completion:
+            with suppress(KeyboardInterrupt):
+                self._train_complete_viewer()
 
     def train_iteration(self, step: int) -> Any:
         """One step; counts it as done once it is. Figures and rates are worked out where logged."""
@@ -281,10 +284,8 @@ class DeSplatTrainer(Trainer):
         if self._stop_is_asked or self.optimizers.exhausted:
             self.stop_training = True  # nerfstudio clears it once its viewer is filled
         if self._budget is not None:
-            kept = [p for each in self.optimizers.optimizers.values() for p in parameters_of(each)]
-            with_moments = sum(3 * p.numel() * p.element_size() for p in kept)
-            if self._budget.after_step(step, with_moments):
-                self.stop_training = self._budget_is_up = True
+            self._budget_is_up = self._budget.after_step(step)
+            self.stop_training |= self._budget_is_up
         return loss.detach(), {name: term.detach() for name, term in terms.items()}, metrics
 
     def eval_iteration(self, step: int) -> None:
@@ -301,8 +302,6 @@ class DeSplatTrainer(Trainer):
         state = resume.rng_state()
         try:
             super().eval_iteration(step)
-        except CaptureError:  # `train` saves
-            raise
         except Exception:
             resume.restore_rng(state)
             self.save_checkpoint(step)
@@ -331,8 +330,6 @@ class DeSplatTrainer(Trainer):
             callback.run_callback_at_location(self.step, TrainingCallbackLocation.AFTER_TRAIN)
         for line in self._outcome() if is_whole else [f"Stopped. {self._how_to_go_on()}"]:
             announce(line)
-        if not self.config.viewer.quit_on_train_completion:
-            self._train_complete_viewer()
 
     def _outcome(self) -> list[str]:
         """What came out, and the commands that take it up."""
@@ -359,20 +356,10 @@ class DeSplatTrainer(Trainer):
         """Whether the run ended by itself: it was not told to stop."""
         return not self.stop_training or self._budget_is_up
 
-    def _train_complete_viewer(self) -> None:
-        """Keep the viewer open, unless the run was told to stop."""
-        if self._ran_to_its_end:
-            self._waiting_in_viewer = True
-            with suppress(KeyboardInterrupt):
-                super()._train_complete_viewer()
-
-    def _stop_after_this_step(self, name: str) -> bool:
-        """What a stop signal does; once the viewer is kept open there is no step to wait for."""
-        if self._waiting_in_viewer:
-            return False
+    def _stop_after_this_step(self, name: str) -> None:
+        """What a stop signal does."""
         announce(f"Stopping after this step; {name} again to stop at once.", warning=True)
         self._stop_is_asked = self.stop_training = True
-        return True
 
     # --- checkpoints -------------------------------------------------------------------------
 
@@ -382,12 +369,9 @@ class DeSplatTrainer(Trainer):
         the one before.
 
         Where it cannot be written on the way, that is said and training goes on: hours of it are
-        worth more than one save. Raises CheckpointError where the run's last one cannot, and
-        TrainingError where no training could go on from it.
+        worth more than one save. Raises CheckpointError where the run's last one cannot.
         """
         path = checkpoint_path(self.checkpoint_dir, step)
-        gaussians = dict(self.pipeline.model.gauss_params.items())
-        check_parameters(gaussians, self.optimizers.optimizers, step, self.checkpoint_dir)
         try:
             save_atomically(self._state(step), path)
         except CheckpointError as error:
@@ -405,13 +389,11 @@ class DeSplatTrainer(Trainer):
             )
 
     def _state(self, step: int) -> dict[str, Any]:
-        """nerfstudio's checkpoint, and the keys `rng` and `sampler` that make resume exact."""
+        """What nerfstudio's commands read of a checkpoint, and what makes resume exact."""
         state = {
             "step": step,
             "pipeline": self.pipeline.state_dict(),
             "optimizers": {k: v.state_dict() for k, v in self.optimizers.optimizers.items()},
-            "schedulers": {k: v.state_dict() for k, v in self.optimizers.schedulers.items()},
-            "scalers": self.grad_scaler.state_dict(),
             "rng": resume.rng_state(),
             "sampler": self.pipeline.datamanager.sampler_state(),
         }
@@ -425,20 +407,13 @@ class DeSplatTrainer(Trainer):
             return
         path, state = saved
         self.pipeline.load_pipeline(state["pipeline"], state["step"])
-        load_moments(self.optimizers, state["optimizers"], path)
+        load_moments(self.optimizers, state["optimizers"])
         self._start_step = self._steps_done = state["step"] + 1
-        if self.config.load_scheduler:  # each is where this run's curve is after these steps
-            for scheduler in self.optimizers.schedulers.values():
-                set_position(cast(LambdaLR, scheduler), self._steps_done)
-        if "sampler" in state:  # the order of the views now, the generators when training starts
-            self.pipeline.datamanager.load_sampler_state(state["sampler"])
-        self._saved_rng = state.get("rng")
-        if "budget" in state and self._budget is None:
-            announce(
-                "This run had a budget. Without --budget it goes on as one of "
-                f"{self.config.max_num_iterations} steps.",
-                warning=True,
-            )
+        for scheduler in self.optimizers.schedulers.values():
+            set_position(cast(LambdaLR, scheduler), self._steps_done)
+        # the order of the views now, the generators when training starts
+        self.pipeline.datamanager.load_sampler_state(state["sampler"])
+        self._saved_rng = state["rng"]
         announce(f"Going on from {path}, {self._steps_done} steps are done.")
 
 

@@ -121,7 +121,7 @@ def test_a_stopped_run_goes_on_and_counts_what_was_spent(config, clock, stopped_
     """Also after more steps than had been planned, and if photos load slowly the second time."""
     first = set_up(config)
     after_step = first._budget.after_step
-    first._budget.after_step = lambda step, _: after_step(step) or step == stopped_at
+    first._budget.after_step = lambda step: after_step(step) or step == stopped_at
     first.train()
     spent = newest(first)["budget"]["spent"]
     assert spent == pytest.approx(clock.now) and spent < 0.9 * BUDGET

@@ -10,7 +10,7 @@ from desplat_ns.errors import CaptureError, DeSplatError
 from desplat_ns.gaussians import densification
 from desplat_ns.gaussians.densification import DistractorDensifier
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.rendering.layers import composite_alpha, composite_color, over_background
+from desplat_ns.rendering.layers import composite_alpha, over_background
 from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.small_model import (
     HEIGHT,
@@ -26,7 +26,7 @@ from tests.helpers.stub_run import assert_same
 def test_training_draws_the_distractors_of_that_view_over_the_static_scene():
     model = make_model()
     outputs = Trainer(model).step(0, view=1)["outputs"]
-    both = composite_color(
+    both = over_background(
         outputs["rgb_distractor"], outputs["alpha_distractor"], outputs["rgb_static"]
     )
     alpha = composite_alpha(outputs["alpha_distractor"], outputs["accumulation"])

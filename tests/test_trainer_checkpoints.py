@@ -47,19 +47,6 @@ def test_a_second_run_of_the_same_name_replaces_nothing(config):
     assert train(longer).pipeline.trained == [12, 13]
 
 
-def test_a_checkpoint_with_other_groups_is_refused_and_unharmed(config):
-    train(config)
-    before = {p: p.read_bytes() for p in config.get_checkpoint_dir().iterdir()}
-    second = resumed(config)
-    second.pipeline = StubPipelineConfig(groups=("means", "scales", "extra"))
-    trainer = second.setup()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(StubPipeline, "load_pipeline", lambda *_: None)
-        with pytest.raises(CheckpointError, match="extra"):
-            trainer.setup()
-    assert {p: p.read_bytes() for p in config.get_checkpoint_dir().iterdir()} == before
-
-
 class TestEvaluation:
     """`ns-eval`, `ns-render`, `ns-viewer` and `ns-export` load by nerfstudio's function."""
 

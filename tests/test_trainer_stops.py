@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -129,22 +127,3 @@ def test_a_run_that_was_stopped_says_how_to_go_on_and_a_whole_one_what_comes_nex
     train(resumed(config))
     said = capsys.readouterr().out
     assert f"--load-config {config.output_dir}" in said and "--load-dir" not in said
-
-
-WAITING = """
-import os, sys, time
-from desplat_ns.training.stop_signals import on_stop_signal
-
-with on_stop_signal(lambda name: False):
-    print("ready", flush=True)
-    for _ in range(600):  # a signal that comes just before a sleep begins is seen after it
-        time.sleep(0.1)
-"""
-
-
-def test_asked_to_end_at_once_a_termination_is_one():
-    with subprocess.Popen([sys.executable, "-c", WAITING], stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"ready\n"
-        process.terminate()
-        assert process.wait(60) == -signal.SIGTERM

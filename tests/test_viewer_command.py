@@ -109,11 +109,3 @@ def test_every_output_can_be_chosen_in_the_viewers_own_menu(viewer: Any, frame: 
         menu.value = output
         viewer.output_type_changed = True  # as the menu's callback does
         assert frame()[1].shape[2] == 3
-
-
-def test_it_opens_at_the_first_training_photo(viewer):
-    views = [c for c in viewer.viewer_controls if type(c).__name__ == "FirstPhotoView"]
-    assert len(views) == 1
-    assert views[0].show in viewer.viser_server._client_connect_cb
-    expected = viewer.pipeline.datamanager.train_dataset.cameras.camera_to_worlds[0, :, 3] * 10
-    assert np.allclose(views[0].position, expected.numpy())

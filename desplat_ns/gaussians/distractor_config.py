@@ -8,10 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from desplat_ns.errors import ConfigError
-from desplat_ns.settings.options import check_ranges, ranged
-
-OPTION = "--pipeline.model.distractors"
+from desplat_ns.settings.options import ranged
 
 DEPTH = 0.02
 """Distance from the camera at the start, world units, whatever the scene's scale: distractors are
@@ -120,13 +117,3 @@ def rates_at(step: int) -> dict[str, float]:
     """Learning rates of distractors at a step, by the names of parameters."""
     t = min(step / MEANS_RATE_STEPS, 1.0)
     return {"means": MEANS_RATE ** (1.0 - t) * FINAL_MEANS_RATE**t, **RATES}
-
-
-def check_options(config: DistractorConfig) -> None:
-    """Raise ConfigError, naming the option, if one lies outside its range."""
-    check_ranges(config, OPTION)
-    if config.strong_excess < config.weak_excess:
-        raise ConfigError(
-            f"`{OPTION}.strong-excess` is {config.strong_excess}; it has to be weak-excess, "
-            f"{config.weak_excess}, or more."
-        )

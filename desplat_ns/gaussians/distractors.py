@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import torch
@@ -13,8 +13,9 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.gaussians.distractor_config import DEPTH, DistractorConfig, check_options
+from desplat_ns.gaussians.distractor_config import DEPTH, DistractorConfig
 from desplat_ns.rendering.views import view_of
+from desplat_ns.settings.options import check_ranges
 from desplat_ns.training.optimizers import adam
 
 PARAMETER_NAMES = ("means", "scales", "quats", "rgbs", "opacities")
@@ -88,20 +89,24 @@ class ViewDistractors:
                 self.state[key] = changed(value)
 
     def saved(self) -> dict[str, Any]:
-        """What a checkpoint holds besides the parameters."""
+        """What a checkpoint holds."""
         moments = {
             name: dict(optimizer.state[self.params[name]])
             for name, optimizer in self.optimizers.items()
             if self.params[name] in optimizer.state
         }
         return {
+            "params": {name: value.detach() for name, value in self.params.items()},
             "moments": self._saved_moments | moments,
             "state": dict(self.state),
             "refinement": self.refinement,
         }
 
     def load(self, saved: Mapping[str, Any], device: torch.device) -> None:
-        """Take up what `saved` gave; parameters have their rows already."""
+        """Take up what `saved` gave; parameters stay the same objects."""
+        for name, parameter in self.params.items():
+            parameter.data = saved["params"][name].to(device, copy=True)
+            parameter.grad = None
         self.optimizers = {}
         self._saved_moments = {  # copies: Adam writes into them
             name: {key: value.clone() for key, value in moments.items()}
@@ -133,7 +138,7 @@ class DistractorGaussians(nn.Module):
             ConfigError: if a setting lies outside its range.
         """
         super().__init__()
-        check_options(config)
+        check_ranges(config, "--pipeline.model.distractors")
         self.views = [
             ViewDistractors(fill_view(view_of(cameras[i : i + 1]), config))
             for i in range(len(cameras))
@@ -155,37 +160,8 @@ class DistractorGaussians(nn.Module):
                 parameter.data = fn(parameter.data)
         return super()._apply(fn, *args, **options)
 
-    def _save_to_state_dict(
-        self, destination: dict[str, Any], prefix: str, keep_vars: bool
-    ) -> None:
-        """torch's hook: parameters as if each view were a module `views.0`, `views.1`, ..."""
-        super()._save_to_state_dict(destination, prefix, keep_vars)
-        for key, parameter in self._keyed(prefix):
-            destination[key] = parameter if keep_vars else parameter.detach()
-
-    def _load_from_state_dict(self, state_dict: dict[str, Any], prefix: str, *args: Any) -> None:
-        """torch's hook: each view takes its saved number of Gaussians."""
-        missing, errors = args[2], args[4]
-        for key, parameter in self._keyed(prefix):
-            value = state_dict.get(key)
-            if value is None:
-                missing.append(key)
-            elif value.shape[1:] != parameter.shape[1:]:
-                errors.append(f"{key} has the shape {tuple(value.shape)}")
-            else:
-                parameter.data = value.to(parameter.data, copy=True)
-                parameter.grad = None
-        own = {key for key, _ in self._keyed(prefix)}
-        rest = {key: value for key, value in state_dict.items() if key not in own}
-        super()._load_from_state_dict(rest, prefix, *args)
-
-    def _keyed(self, prefix: str) -> Iterator[tuple[str, nn.Parameter]]:
-        for number, view in enumerate(self.views):
-            for name, parameter in view.params.items():
-                yield f"{prefix}views.{number}.{name}", parameter
-
     def get_extra_state(self) -> list[dict[str, Any]]:
-        """Moments and statistics, for a checkpoint."""
+        """Parameters, moments and statistics, for a checkpoint."""
         return [view.saved() for view in self.views]
 
     def set_extra_state(self, state: list[dict[str, Any]]) -> None:

@@ -16,18 +16,6 @@ MASK_THRESHOLD = 0.5
 """A pixel counts as covered where the distractors' opacity is greater. App. C.1."""
 
 
-def composite_color(
-    rgb_d: Float[Tensor, "H W 3"], alpha_d: Float[Tensor, "H W 1"], rgb_s: Float[Tensor, "H W 3"]
-) -> Float[Tensor, "H W 3"]:
-    """Colour of the distractors drawn over the static scene.
-
-    Both colours are weighted by their own alpha already; that of the static scene may include what
-    lies behind it.
-    Source: c = c_d + (1 - alpha_d) c_s, DeSplat, Sec. 3.
-    """
-    return rgb_d + (1 - alpha_d) * rgb_s
-
-
 def composite_alpha(
     alpha_d: Float[Tensor, "H W 1"], alpha_s: Float[Tensor, "H W 1"]
 ) -> Float[Tensor, "H W 1"]:
@@ -43,9 +31,11 @@ def over_background(
     alpha: Float[Tensor, "H W 1"],
     background: Float[Tensor, "*background 3"],
 ) -> Float[Tensor, "H W 3"]:
-    """A layer, weighted by its alpha already, over a background of one colour or one per pixel.
+    """A layer, weighted by its alpha already, over what lies behind it: distractors over the static
+    scene, or both over a background of one colour or one per pixel.
 
-    With `composite_alpha` the background's weight is (1 - alpha_d) (1 - alpha_s), DeSplat, Sec. 3.
+    Source: c = c_d + (1 - alpha_d) c_s, DeSplat, Sec. 3. With `composite_alpha` the background's
+    weight is (1 - alpha_d) (1 - alpha_s).
     """
     return rgb + (1 - alpha) * background
 
@@ -96,7 +86,7 @@ def layered_outputs(
         composite, rgb_d, alpha_d = rgb, nothing, nothing[..., :1]
     else:
         rgb_d, alpha_d = distractor.rgb, distractor.alpha
-        composite = in_range(composite_color(rgb_d, alpha_d, image))
+        composite = in_range(over_background(rgb_d, alpha_d, image))
     return {
         "rgb_composite": composite,
         "rgb_distractor": rgb_d,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -15,7 +14,6 @@ from torch import nn
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
-from desplat_ns.errors import CheckpointError, ConfigError
 from desplat_ns.training.schedule import Schedule
 
 SHORT_RUN_GROUPS = ("means", "scales", "quats", "features_dc", "features_rest")
@@ -23,66 +21,40 @@ SHORT_RUN_GROUPS = ("means", "scales", "quats", "features_dc", "features_rest")
 short runs already, and distractors are trained by visits of their own."""
 
 
-def adam(params: list[nn.Parameter], lr: float, **options: Any) -> Optimizer:
-    """torch's Adam with Splatfacto's epsilon of 1e-15, as gradients of Gaussians are small.
-
-    It updates moments and parameters in one pass, a third of the time on a CPU; in several, to the
-    same values up to rounding, where torch has no fused one for the parameters' device.
-
-    Args:
-        options: others of `torch.optim.Adam`.
-    """
-    options = {"eps": 1e-15} | options
-    try:
-        return torch.optim.Adam(params, lr=lr, fused=True, **options)
-    except RuntimeError as error:
-        if "fused" not in str(error):  # torch names the option that it refuses
-            raise
-    return torch.optim.Adam(params, lr=lr, **options)
+def adam(
+    params: list[nn.Parameter], lr: float, eps: float = 1e-15, weight_decay: float | int = 0
+) -> Optimizer:
+    """torch's Adam with Splatfacto's epsilon, as gradients of Gaussians are small. It updates
+    moments and parameters in one pass, a third of the time on a CPU."""
+    return torch.optim.Adam(params, lr=lr, eps=eps, weight_decay=weight_decay, fused=True)
 
 
 @dataclass
 class FusedAdamConfig(AdamOptimizerConfig):
-    """nerfstudio's Adam, fused where torch can (`adam`)."""
+    """nerfstudio's Adam, fused (`adam`)."""
 
     def setup(self, params: list[nn.Parameter]) -> Optimizer:
         """The optimizer of one group of parameters."""
-        return adam(params, self.lr, eps=self.eps, weight_decay=self.weight_decay)
+        return adam(params, self.lr, self.eps, self.weight_decay)
 
 
 def optimizer_options(optimizers: Mapping[str, Any], factor: float = 1.0) -> dict[str, Any]:
-    """A copy of a TrainerConfig's `optimizers`, checked; a group whose rate is 0 is frozen, and has
-    no schedule.
+    """A copy of a TrainerConfig's `optimizers`; a group whose rate is 0 is frozen, and has no
+    exponential decay.
 
     Args:
         factor: on the rates of `SHORT_RUN_GROUPS`; a rate that decays still ends at `lr_final`.
-
-    Raises:
-        ConfigError: a rate of an exponential decay is not positive, or its warm-up does not end
-            before the decay.
     """
-    checked = dict(optimizers)
+    copied = dict(optimizers)
     for name, group in optimizers.items():
         optimizer, decay = group["optimizer"], group["scheduler"]
-        if isinstance(decay, ExponentialDecaySchedulerConfig):
-            option, lr = f"--optimizers.{name}.scheduler", optimizer.lr
-            if lr < 0 or (decay.lr_final is not None and decay.lr_final <= 0):
-                raise ConfigError(
-                    f"An exponential decay runs between positive learning rates; found lr {lr} and "
-                    f"lr-final {decay.lr_final}. Give a positive {option}.lr-final, or lr 0 to "
-                    "freeze the group."
-                )
-            if decay.warmup_steps >= decay.max_steps:
-                raise ConfigError(
-                    f"{option}.warmup-steps is {decay.warmup_steps}; it has to be below max-steps, "
-                    f"{decay.max_steps}."
-                )
-            decay = decay if lr != 0 else None
+        if isinstance(decay, ExponentialDecaySchedulerConfig) and optimizer.lr == 0:
+            decay = None
         if name in SHORT_RUN_GROUPS and factor != 1.0:
             optimizer = copy(optimizer)
             optimizer.lr *= factor
-        checked[name] = {**group, "optimizer": optimizer, "scheduler": decay}
-    return checked
+        copied[name] = {**group, "optimizer": optimizer, "scheduler": decay}
+    return copied
 
 
 def follow(
@@ -125,21 +97,12 @@ def set_position(scheduler: LambdaLR, steps_done: int) -> None:
     scheduler._last_lr = rates
 
 
-def load_moments(optimizers: Optimizers, saved: Mapping[str, Any], source: Path) -> None:
-    """Bring back the optimizers' moments from the checkpoint `source`.
+def load_moments(optimizers: Optimizers, saved: Mapping[str, Any]) -> None:
+    """Bring back the optimizers' moments from a checkpoint.
 
     Rates, epsilons and the like stay those of this run's options. The parameters must have their
-    saved shapes already: the pipeline is loaded first. Raises CheckpointError, before anything is
-    changed, where groups do not match.
+    saved shapes already: the pipeline is loaded first, and refuses another run's groups.
     """
-    here, there = set(optimizers.optimizers), set(saved)
-    if here != there:
-        raise CheckpointError(
-            f"The checkpoint {source} was trained with other effects: it alone has "
-            f"{', '.join(sorted(there - here)) or 'nothing'}, this run alone "
-            f"{', '.join(sorted(here - there)) or 'nothing'}. Switch on the same "
-            "--pipeline.model.effects as in that run's config.yml."
-        )
     for name, optimizer in optimizers.optimizers.items():
         own = [{k: v for k, v in g.items() if k != "params"} for g in optimizer.param_groups]
         optimizer.load_state_dict(saved[name])

@@ -36,11 +36,6 @@ MOST_RATE_FACTOR = 4.0
 # --- length --------------------------------------------------------------------------------------
 
 
-def schedule_scale(max_num_iterations: int, nominal: int) -> float:
-    """Steps of the run for each nominal step, at most 1; `nominal` is the method's own number."""
-    return min(1.0, max_num_iterations / nominal)
-
-
 def steps_for_visits(visits: float, num_views: int, at_most: int) -> int:
     """Steps in which each view is drawn `visits` times, fewer than `COUNTED_VIEWS` views more
     often; `at_most` steps."""
@@ -140,8 +135,8 @@ STEPS_WANTED, SMALLEST = 500, 4
 FEWEST_STEPS = 200
 """A budget for fewer steps is refused, unless fewer are asked for."""
 
-END_SECONDS, BYTES_A_SECOND = 3.0, 100e6
-"""Reserved for the end of the process; least speed at which its last checkpoint is written."""
+END_SECONDS = 3.0
+"""Reserved for the last checkpoint and the end of the process."""
 
 
 @dataclass(frozen=True)
@@ -211,10 +206,9 @@ def plan_budget(
     if steps < fewest:
         needed = spent + END_SECONDS + 1.2 * fewest * a_step
         raise ConfigError(
-            f"--budget is {budget:.0f} s, of which {spent:.0f} s are spent. A step takes "
-            f"{1e3 * a_step:.0f} ms here with photos {downscale} times smaller, so that only "
-            f"{max(0, steps)} fit, and a run needs {fewest}. Give {needed:.0f}s or more, or "
-            "smaller photos (the data parser's --downscale-factor)."
+            f"--budget is {budget:.0f} s, of which {spent:.0f} s are spent: {max(0, steps)} steps "
+            f"fit, and a run needs {fewest}. Give {needed:.0f}s or more, or smaller photos (the "
+            "data parser's --downscale-factor)."
         )
     return BudgetPlan(steps, downscale, most, (cost.fixed, cost.whole_photo))
 
@@ -234,8 +228,7 @@ def saved_plan(
     """
     if "budget" not in state:
         raise ConfigError(
-            f"--budget goes on only with a run that had one, and that of {path} had none. "
-            "Leave --budget out and give --max-num-iterations, the total of steps."
+            f"The run of {path} had no --budget: give --max-num-iterations, the total of steps."
         )
     plan = BudgetPlan(**state["budget"])
     plan.most = max(plan.most, most)
@@ -288,18 +281,15 @@ class BudgetSchedule(Schedule):
         """Seconds, earlier processes included."""
         return self._before + self._seconds()
 
-    def after_step(self, step: int, saved_bytes: int = 0) -> bool:
+    def after_step(self, step: int) -> bool:
         """Advance once a step of the run is done. Returns whether the run is over.
 
         The first step of a process, in which photos are read and kernels loaded, advances by one
         planned step however long it took. Where the number of steps ends the run, not the time, the
         position advances so far that the schedules end with it.
-
-        Args:
-            saved_bytes: what the last checkpoint will hold.
         """
         plan, now = self.plan, self.spent()
-        end = self.budget - END_SECONDS - saved_bytes / BYTES_A_SECOND
+        end = self.budget - END_SECONDS
         left, used, ahead = end - plan.spent, now - plan.spent, plan.steps - plan.reached
         # Planned steps whose expected cost is the used share of the cost of all steps ahead.
         numbers = np.arange(len(self._costs))

@@ -1,4 +1,4 @@
-"""Keeps losses, gradients and parameters that are not finite from being learned or saved.
+"""Keeps losses and gradients that are not finite from being learned.
 
 A step is judged between its backward pass and its optimizer step. If it is unsound, nothing of it
 stays: not in parameters and moments, not in what densification and placement remember.
@@ -6,7 +6,7 @@ stays: not in parameters and moments, not in what densification and placement re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import reduce
 from pathlib import Path
 from typing import Any
@@ -14,20 +14,15 @@ from typing import Any
 import torch
 from jaxtyping import Float
 from nerfstudio.engine.optimizers import Optimizers
-from nerfstudio.utils import writer
 from torch import Tensor, nn
 from torch.cuda.amp.grad_scaler import GradScaler
 from torch.optim import Optimizer
 
-from desplat_ns.backend.constants import FAR_PLANE
 from desplat_ns.console import announce
 from desplat_ns.errors import TrainingError
 
 MOST_SKIPPED = 10
 """A run stops after this number of skipped steps one after the other: no photo is learned then."""
-
-MOST_BROKEN_SHARE = 0.5
-"""A static scene of which more than this share can be drawn in no view is not saved."""
 
 
 class GuardedOptimizers(Optimizers):
@@ -77,16 +72,12 @@ class GuardedOptimizers(Optimizers):
             optimizer.zero_grad()
 
     def scheduler_step_all(self, step: int) -> None:
-        """nerfstudio's, which logs all rates at every step; here where a step is logged, those of
-        the view as well."""
-        if not self.is_logged:
-            for scheduler in self.schedulers.values():
-                scheduler.step()
+        """nerfstudio's, which logs all rates at every step; here where a step is logged."""
+        if self.is_logged:
+            super().scheduler_step_all(step)
             return
-        super().scheduler_step_all(step)
-        for name, optimizer in self._model().view_optimizers().items():
-            rate = optimizer.param_groups[0]["lr"]
-            writer.put_scalar(name=f"learning_rate/{name}", scalar=rate, step=step)
+        for scheduler in self.schedulers.values():
+            scheduler.step()
 
     def error(self, saved: Path) -> TrainingError:
         """Why the run stopped, and what to do. `saved`: the checkpoint of the sound state."""
@@ -117,35 +108,3 @@ def is_sound(losses: Iterable[Tensor], optimizers: Iterable[Optimizer]) -> bool:
     gradients = [gradient for gradient in gradients if gradient is not None]
     values = [*losses, *([sum_of_squares(gradients)] if gradients else [])]
     return not values or bool(reduce(torch.add, values).isfinite())
-
-
-@torch.no_grad()
-def check_parameters(
-    gaussians: Mapping[str, Tensor], optimizers: Mapping[str, Optimizer], step: int, folder: Path
-) -> None:
-    """Refuse to save parameters from which no training can go on.
-
-    Args:
-        gaussians: raw parameters of the static set, a row for each Gaussian. A broken row is never
-            drawn and never moves again, so some may be broken.
-        optimizers: of these and of all else (networks, embeddings, poses), which has to be finite.
-        folder: of the run's checkpoints.
-
-    Raises:
-        TrainingError: what is not finite.
-    """
-    fault, broken = None, gaussians["means"].abs().amax(1) >= FAR_PLANE
-    for values in gaussians.values():
-        broken = broken | ~values.flatten(1).isfinite().all(1)
-    if float(broken.double().mean()) > MOST_BROKEN_SHARE:
-        fault = f"{int(broken.sum())} of {len(broken)} static Gaussians can be drawn in no view"
-    for name, optimizer in optimizers.items():
-        is_finite = all(bool(p.isfinite().all()) for p in parameters_of(optimizer))
-        if name not in gaussians and not is_finite:
-            fault = f"The parameters {name} are not finite"
-    if fault is not None:
-        raise TrainingError(
-            f"{fault} after step {step}, although every loss and gradient was finite. This state "
-            f"is not saved; checkpoints in {folder} are untouched. Go on from the newest with "
-            f"`--load-dir {folder}`, or start anew, with a lower --optimizers.GROUP.optimizer.lr."
-        )

@@ -13,9 +13,8 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @contextmanager
-def on_stop_signal(stop: Callable[[str], bool]) -> Iterator[None]:
-    """Within, the first of `STOP_SIGNALS` calls `stop` with its name; the next ends the process, as
-    the first one does if `stop` returns False: there is nothing to wait for.
+def on_stop_signal(stop: Callable[[str], None]) -> Iterator[None]:
+    """Within, the first of `STOP_SIGNALS` calls `stop` with its name; the next ends the process.
 
     Outside of the main thread, which alone gets signals, nothing is caught; nor is SIGHUP where
     nohup has it ignored.
@@ -33,8 +32,7 @@ def on_stop_signal(stop: Callable[[str], bool]) -> Iterator[None]:
 
     def handle(number: int, _: object) -> None:
         restore()
-        if not stop("Ctrl+C" if number == signal.SIGINT else signal.Signals(number).name):
-            signal.raise_signal(number)
+        stop("Ctrl+C" if number == signal.SIGINT else signal.Signals(number).name)
 
     for number in previous:
         signal.signal(number, handle)

@@ -40,7 +40,7 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Pictu
     """
     model.eval()
     outputs = model.get_outputs(camera)
-    model.near_plane_share = lambda: 0.0  # so that all Gaussians are projected
+    model.config.near_plane = 0.0  # so that all Gaussians are projected
     index = train_index(camera)
     drawn = model.render_static(model.view_of_camera(camera, index), model.embedding_of(None))
     opacities = model.gauss_params["opacities"]

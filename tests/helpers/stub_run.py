@@ -10,7 +10,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 import torch
 from nerfstudio.configs.base_config import LocalWriterConfig, LoggingConfig, MachineConfig
@@ -97,7 +96,7 @@ class StubPipeline(Pipeline):
         self._model.step = step
         self.at_step(step)
         self.trained.append(step)
-        target = torch.rand(4) + self.datamanager.next_view() + np.random.normal()
+        target = torch.rand(4) + self.datamanager.next_view()
         losses = [((p - target[: p.numel()]) ** 2).mean() for p in self.groups.values()]
         return {}, {"loss": torch.stack(losses).sum()}, {}
 
@@ -111,7 +110,7 @@ class StubPipeline(Pipeline):
         return []
 
     def get_eval_image_metrics_and_images(self, step: int) -> Any:
-        draws = torch.rand(3).sum().item() + np.random.rand() + random.random()
+        draws = torch.rand(3).sum().item() + random.random()
         return {"num_rays": 1, "draws": draws}, {}
 
     get_eval_loss_dict = get_train_loss_dict

@@ -5,7 +5,6 @@ import torch
 from desplat_ns.backend.protocol import Rendering
 from desplat_ns.rendering.layers import (
     composite_alpha,
-    composite_color,
     in_range,
     layered_outputs,
     over_background,
@@ -24,7 +23,7 @@ def test_a_value_worked_out_by_hand():
     # over white: 0.25 red + 0.75 * 0.5 green + 0.75 * 0.5 white.
     rgb_d, alpha_d = pixel(0.25, 0, 0), pixel(0.25)
     rgb_s, alpha_s = pixel(0, 0.5, 0), pixel(0.5)
-    both = composite_color(rgb_d, alpha_d, rgb_s)
+    both = over_background(rgb_d, alpha_d, rgb_s)
     alpha = composite_alpha(alpha_d, alpha_s)
     assert torch.equal(both, pixel(0.25, 0.375, 0))
     assert torch.equal(alpha, pixel(0.625))

@@ -17,7 +17,7 @@ from desplat_ns.gaussians.activation import (
     sigmoid,
 )
 from desplat_ns.losses import photometric_loss
-from desplat_ns.rendering.layers import composite_alpha, composite_color, over_background
+from desplat_ns.rendering.layers import composite_alpha, over_background
 
 U = torch.finfo(torch.float32).eps / 2
 """The error of one rounding."""
@@ -45,7 +45,7 @@ def test_nearly_opaque_distractors_leave_their_share_to_what_is_behind():
     front = (alpha * 0.75).expand(-1, 1, 3)
     behind = torch.full((6, 1, 3), 0.625, requires_grad=True)
     clear = (1 - alpha.double()).expand(-1, 1, 3)
-    got = composite_color(front, alpha, behind)
+    got = over_background(front, alpha, behind)
     # 1 - alpha, the product and the sum are rounded; 1 - alpha is exact where alpha >= 1/2.
     assert_within(got, behind, front.double() + clear * 0.625, clear, 3 * U, U * clear)
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from desplat_ns.backend import RenderSettings
-from desplat_ns.rendering.layers import composite_alpha, composite_color
+from desplat_ns.rendering.layers import composite_alpha, over_background
 from tests.backend.scenes import (
     EXACT_BACKENDS,
     PARAMETERS,
@@ -105,7 +105,7 @@ def test_the_composite_is_one_rasterization_with_the_distractors_in_front(backen
     order = depth.argsort()
     front, behind = picked(scene, order[:2]), picked(scene, order[2:])
     (_, d), (_, s) = (backend.render(part, RenderSettings()) for part in (front, behind))
-    rgb = composite_color(d.rgb, d.alpha, s.rgb)
+    rgb = over_background(d.rgb, d.alpha, s.rgb)
     alpha = composite_alpha(d.alpha, s.alpha)
     image, _ = drawn(backend, scene)
     got = torch.cat([rgb, alpha], dim=-1).reshape(-1, 4).detach().cpu()

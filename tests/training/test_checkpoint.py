@@ -7,11 +7,9 @@ import os
 import re
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import torch
 from hypothesis import HealthCheck, given, settings
@@ -58,12 +56,14 @@ def test_of_older_ones_the_one_before_stays(folder):
     assert sorted(p.name for p in folder.iterdir()) == names
 
 
-def test_with_every_checkpoint_damaged_the_newest_is_named_and_a_missing_one_is(folder):
+def test_with_every_checkpoint_damaged_each_is_named_and_a_missing_one_is(folder, capsys):
     for path in checkpoints_in(folder):
         truncate(path)
-    with pytest.raises(CheckpointError, match=r"step-000000010\.ckpt"):
+    with pytest.raises(CheckpointError, match="nerfstudio_models"):
         load_newest(folder)
-    with pytest.raises(CheckpointError, match=r"777.*step-000000001\.ckpt"):  # names what is there
+    said = capsys.readouterr().out
+    assert all(path.name in said for path in checkpoints_in(folder))
+    with pytest.raises(CheckpointError, match="777"):
         load_checkpoint(checkpoint_path(folder, 777))
 
 
@@ -85,9 +85,7 @@ def test_damage_anywhere_is_either_harmless_or_a_checkpoint_error(folder, where,
         path.unlink()
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"not a checkpoint", {"weights": 0}, {**state(1), "step": "9"}]
-)
+@pytest.mark.parametrize("content", [b"", b"not a checkpoint", {"weights": 0}])
 def test_another_file_is_not_taken_for_a_checkpoint(tmp_path, content):
     path = tmp_path / "net.ckpt"
     if isinstance(content, bytes):
@@ -98,18 +96,14 @@ def test_another_file_is_not_taken_for_a_checkpoint(tmp_path, content):
         load_checkpoint(path)
 
 
-def test_load_dir_is_the_checkpoints_folder_or_the_runs_and_another_is_told_what_to_pass(tmp_path):
+def test_load_dir_is_the_checkpoints_folder_or_the_runs(tmp_path):
     folder = tmp_path / "outputs" / "scene" / "desplat" / "2026-01-01_120000" / MODELS
     path = checkpoint_path(folder, 1)
     save_atomically(state(1), path)
     assert checkpoint_folder(folder, MODELS) == checkpoint_folder(folder.parent, MODELS) == folder
-    for above in list(folder.parents)[1:4]:
-        with pytest.raises(CheckpointError, match=re.escape(str(folder))):
-            checkpoint_folder(above, MODELS)
-    with pytest.raises(CheckpointError, match="nowhere"):
-        checkpoint_folder(tmp_path / "nowhere", MODELS)
-    with pytest.raises(CheckpointError, match="--load-checkpoint"):
-        checkpoint_folder(path, MODELS)
+    for other in (folder.parents[1], tmp_path / "nowhere", path):
+        with pytest.raises(CheckpointError, match=re.escape(str(other))):
+            checkpoint_folder(other, MODELS)
 
 
 SAVE_UNTIL_KILLED = """
@@ -159,20 +153,6 @@ def test_a_kill_while_saving_leaves_the_newest_checkpoint_intact(tmp_path):
     result = json.loads(done.stdout.splitlines()[-1])
     assert result["hits"] >= 3, f"no kill hit a save: {result}"
     assert result["saved"] > 0
-
-
-@pytest.mark.parametrize("module", ["numpy.core.multiarray", "numpy._core.multiarray"])
-def test_numpy_scalars_load_under_the_names_of_numpy_1_and_2(tmp_path, module):
-    """nerfstudio's own methods leave them in checkpoints."""
-    path, renamed = tmp_path / "a.ckpt", tmp_path / "b.ckpt"
-    torch.save({**state(1), "lr": np.float64(0.1)}, path)
-    with zipfile.ZipFile(path) as source, zipfile.ZipFile(renamed, "w") as target:
-        for name in source.namelist():
-            data = source.read(name)
-            for old in (b"numpy.core.multiarray", b"numpy._core.multiarray"):
-                data = data.replace(b"c" + old + b"\n", b"c" + module.encode() + b"\n")
-            target.writestr(name, data)
-    assert load_checkpoint(renamed)["lr"] == 0.1
 
 
 # --- the run's folder ----------------------------------------------------------------------------

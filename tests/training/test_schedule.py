@@ -24,15 +24,9 @@ from desplat_ns.training.schedule import (
     plan_budget,
     rate_factor,
     saved_plan,
-    schedule_scale,
     seconds_of,
     steps_for_visits,
 )
-
-
-def test_the_scale_is_the_ratio_of_steps_and_never_above_one():
-    assert schedule_scale(3000, 30000) == 0.1
-    assert schedule_scale(30000, 30000) == schedule_scale(60000, 30000) == 1.0
 
 
 def test_visits_make_steps_up_to_the_methods_own_number():

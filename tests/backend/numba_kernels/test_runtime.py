@@ -18,7 +18,7 @@ from desplat_ns.backend.numba_kernels import binning, passes, projection, sh, ss
 from desplat_ns.backend.numba_kernels import runtime as numba_runtime
 from desplat_ns.backend.numba_kernels.runtime import fma, kernel
 from desplat_ns.losses import layered_photometric_losses
-from desplat_ns.rendering.layers import composite_color
+from desplat_ns.rendering.layers import over_background
 from tests.backend.scenes import random_scene
 
 KERNELS = (binning, passes, projection, sh, ssim)
@@ -42,7 +42,7 @@ def from_cache() -> dict[str, bool]:
     leaves = random_scene(0, count=3, sh_degree=2, channels=3).to(torch.float32)
     for settings in (RenderSettings(), RenderSettings(True, True, True)):
         drawn = resolve("numba", "cpu")(leaves.splats, leaves.view, settings)
-        image = composite_color(drawn.rgb, drawn.alpha, torch.zeros_like(drawn.rgb))
+        image = over_background(drawn.rgb, drawn.alpha, torch.zeros_like(drawn.rgb))
         owned = (drawn.alpha > 0.5).float()
         photo = image.detach() + 0.1
         torch.stack(layered_photometric_losses(image, image, photo, 0.2, owned)).sum().backward()
