@@ -137,8 +137,8 @@ def _right(appearance: Sequence[str], background: Sequence[str] = ()) -> Allowed
 
 
 KNOWN: dict[str, Allowed] = {
-    "fox": _right(["off"], ["off"]),
-    "fox_cluttered": _right(["off"], ["off"]),
+    "fox": _right(["camera"], ["off"]),
+    "fox_cluttered": _right(["camera"], ["off"]),
     "fox_relit": _right(["camera"], ["off"]),
     "monstree": _right(["off", "camera"], ["off"]),
     "monstree_cluttered": _right(["off", "camera"], ["off"]),
