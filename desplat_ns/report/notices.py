@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from desplat_ns.console import list_names
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.report.pictures import Rgb, TrainingPhoto, marked
 from desplat_ns.report.recorded import Numbers
-from desplat_ns.report.views import Alone, Disputed
-from desplat_ns.training.schedule import steps_for_visits
-
-ENOUGH_VISITS = 150.0
-"""Of each photo; after these at most a decibel was gained where it was measured."""
-
-LONG = 30_000
-"""Steps; a run of as many is long, however many photos there are."""
+from desplat_ns.report.views import Disputed
 
 HARDLY = 0.001
 """Share of the photos. Distractors that cover less have found nothing."""
@@ -50,7 +43,7 @@ def notices(
     photos: Sequence[TrainingPhoto],
     distractors: DistractorConfig | None,
     disputed: Disputed | None,
-    alone: Sequence[Alone],
+    alone: Mapping[str, float],
 ) -> list[Notice]:
     """Everything that stands out, what matters most first.
 
@@ -58,7 +51,7 @@ def notices(
         photos: that were rendered.
         distractors: their settings; None in a run without them.
         disputed: places that most photos do not show.
-        alone: photos that show parts of the scene alone.
+        alone: photos that show parts of the scene alone, and how large a share of what they show.
     """
     return [
         *([] if distractors is None else _of_distractors(photos, distractors)),
@@ -103,7 +96,7 @@ def _of_places(disputed: Disputed, photos: Sequence[TrainingPhoto]) -> Notice:
     )
 
 
-def _of_run(numbers: Numbers, alone: Sequence[Alone]) -> Iterator[Notice]:
+def _of_run(numbers: Numbers, alone: Mapping[str, float]) -> Iterator[Notice]:
     if numbers.steps < numbers.planned and not numbers.has_budget:
         yield Notice(
             f"The run has {numbers.steps:,} of {numbers.planned:,} steps: it was stopped, or this "
@@ -111,16 +104,9 @@ def _of_run(numbers: Numbers, alone: Sequence[Alone]) -> Iterator[Notice]:
             "Go on with --load-dir and the folder of its checkpoints.",
         )
     if alone:
-        parts = [f"{photo.name} ({100 * photo.share:.0f}%, {photo.side} part)" for photo in alone]
+        parts = [f"{name} ({share:.0%})" for name, share in alone.items()]
         yield Notice(
             f"Parts of the scene that one photo alone shows: {list_names(parts, MAX_PARTS)}.",
-            "The next photos are worth most there: step to the side of where these were taken, "
-            "and look at that part.",
-        )
-    enough = steps_for_visits(ENOUGH_VISITS, numbers.num_photos, LONG)
-    if numbers.steps < enough:
-        yield Notice(
-            f"Each photo was seen {numbers.steps / numbers.num_photos:.0f} times.",
-            "More steps may still help: a larger --max-num-iterations. After "
-            f"{enough:,} at most a decibel was gained on the captures that it was measured on.",
+            "The next photos are worth most there: a step to the side of where these were taken, "
+            "of the same things.",
         )

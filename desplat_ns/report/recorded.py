@@ -151,18 +151,12 @@ SURVEYED = {
 }
 """What the effects are that a survey decides, in words."""
 
-MAX_NAMES = 30
-"""Photos with distractors that are named."""
-
 CONFIDENCE = {
     "clear": "",
     "close": " That was a close call: training with another choice may be worth a try.",
     "none": " It could not be told; this is the safe side.",
 }
-NO_SURVEY = (
-    "As given, the method's default, or as in the run that this one goes on with: there is no "
-    "record of a survey of the photos."
-)
+NO_SURVEY = "As given, or the method's default: there is no record of a survey of the photos."
 
 
 class EffectReason(NamedTuple):
@@ -193,7 +187,7 @@ def effect_reasons(
         num_photos: training photos.
         in_the_way: names of the training photos that have distractors.
     """
-    names = list_names(in_the_way, MAX_NAMES) or "nothing was found in the way"
+    names = list_names(in_the_way) or "nothing was found in the way"
     found = f"In {len(in_the_way):,} of {num_photos:,} photos: {names}."
     value, why = ("on", found) if effects.distractors else ("off", "As given.")
     reasons = [EffectReason("Distractors: what is in the way in one photo only", value, why)]

@@ -8,7 +8,7 @@ import pytest
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.report.notices import notices
-from desplat_ns.report.views import Alone, Disputed
+from desplat_ns.report.views import Disputed
 from tests.helpers.report import NUMBERS, training_photo
 
 LONG = replace(NUMBERS, steps=30_000, planned=30_000, num_photos=20)
@@ -18,7 +18,7 @@ DISPUTED = Disputed(0.3, ["1.png", "2.png"], np.ones((4, 6), bool))
 
 def said(**changes: Any) -> list[str]:
     """What is said of a long run in which nothing stands out, but for the changes."""
-    inputs = {"numbers": LONG, "photos": PHOTOS, "disputed": None, "alone": []}
+    inputs = {"numbers": LONG, "photos": PHOTOS, "disputed": None, "alone": {}}
     inputs |= {"distractors": DistractorConfig(start="residual")}
     return [f"{notice.what} {notice.advice}" for notice in notices(**inputs | changes)]
 
@@ -31,12 +31,11 @@ def covered(*shares: float) -> list[Any]:
     ("changes", "words"),
     [
         ({"numbers": replace(LONG, steps=12_000)}, ["12,000 of 30,000", "--load-dir"]),
-        ({"numbers": replace(NUMBERS, num_photos=40)}, ["50 times", "6,000"]),
         ({"photos": covered(0.7, 0.1, 0.1)}, ["1 of 3", "0.png", "strong-excess"]),
         ({"photos": covered(0.7, 0.9, 0.1)}, ["2 of 3", "1.png, 0.png", "appearance", "lambda-d"]),
         ({"photos": covered(0.0, 0.0)}, ["strong-excess"]),
         ({"disputed": DISPUTED}, ["30%", "1.png, 2.png"]),
-        ({"alone": [Alone("a.jpg", 0.5, "left")]}, ["a.jpg (50%, left part)"]),
+        ({"alone": {"a.jpg": 0.5}}, ["a.jpg (50%)"]),
     ],
 )
 def test_what_stands_out_is_said_with_what_to_try(changes: dict[str, Any], words: list[str]):
@@ -45,7 +44,7 @@ def test_what_stands_out_is_said_with_what_to_try(changes: dict[str, Any], words
 
 
 def test_a_disputed_place_is_shown_in_the_photo_that_is_named_first():
-    (notice,) = notices(LONG, PHOTOS, None, DISPUTED, [])
+    (notice,) = notices(LONG, PHOTOS, None, DISPUTED, {})
     assert notice.picture is not None and notice.picture.shape == PHOTOS[1].photo.shape
 
 
