@@ -12,7 +12,7 @@ from typing import Any
 from desplat_ns.commands import OfRun, run
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError
-from desplat_ns.evaluation.config import EvaluationConfig, LpipsNet, ProtocolName
+from desplat_ns.evaluation.config import EvaluationConfig, LpipsNet, ProtocolName, in_words
 from desplat_ns.files.whole import (
     check_new_file,
     check_new_folder,
@@ -20,13 +20,6 @@ from desplat_ns.files.whole import (
     whole_folder,
     write_whole,
 )
-
-FIGURES = {
-    "psnr": "PSNR {:.2f} dB",
-    "ssim": "SSIM {:.3f}",
-    "lpips": "LPIPS {:.3f}",
-    "mask_iou": "IoU of masks with true ones {:.2f}",
-}
 
 
 @dataclass(kw_only=True)
@@ -81,9 +74,8 @@ class Evaluate(OfRun):
         }
         with plain_errors(self.output_path, "--output-path"):
             write_whole(self.output_path, json.dumps(record, indent=2).encode())
-        figures = [form.format(results[key]) for key, form in FIGURES.items() if key in results]
         announce(
-            f"{', '.join(figures)}; means of {results['num_images']} held-out photos. Scored: "
+            f"{in_words(results)}; means of {results['num_images']} held-out photos. Scored: "
             f"{results['protocol']}."
         )
         announce(f"Saved results to: {self.output_path}")

@@ -18,7 +18,7 @@ class Report(OfRun):
 
     The scene itself, to walk around in; each training photo beside the static scene, its
     distractors and their mask; held-out photos with error maps and scores; curves, effects and why
-    they were chosen, cost, warnings.
+    they were chosen, warnings.
     """
 
     output: Path | None = None

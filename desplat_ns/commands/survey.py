@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -47,9 +48,7 @@ class Arguments:
         for file in (findings_file, sheet_file):
             check_new_file(file, self.overwrite)
 
-        import cv2  # seconds: not before the checks
-
-        from desplat_ns.console import announce
+        from desplat_ns.console import announce  # seconds: not before the checks
         from desplat_ns.datamanager import AnyDataParser, without_prompts
         from desplat_ns.files.whole import plain_errors, write_whole
         from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
@@ -63,10 +62,11 @@ class Arguments:
         findings, evidence = survey(outputs)
         for line in findings.summary(self.verbose):
             announce(line)
-        _, sheet = cv2.imencode(".png", evidence_picture(evidence)[..., ::-1])
+        sheet = io.BytesIO()
+        evidence_picture(evidence).save(sheet, "PNG")
         with plain_errors(self.output):
             write_whole(findings_file, findings.to_json().encode())
-            write_whole(sheet_file, sheet.tobytes())
+            write_whole(sheet_file, sheet.getvalue())
         announce(f"Saved {findings_file} and {sheet_file}.")
         return findings
 

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from desplat_ns.settings.options import ranged
+
+FIGURES = {
+    "psnr": "PSNR {:.2f} dB",
+    "ssim": "SSIM {:.3f}",
+    "lpips": "LPIPS {:.3f}",
+    "mask_iou": "IoU of masks with true ones {:.2f}",
+}
 
 ProtocolName = Literal["auto", "half", "full", "right"]
 
 LpipsNet = Literal["alex", "vgg"]
 """Networks of torchmetrics' LPIPS, as it calls them; Splatfacto has alex."""
+
+
+def in_words(figures: Mapping[str, Any]) -> str:
+    """Scores in a line, as far as they were measured."""
+    return ", ".join(form.format(figures[key]) for key, form in FIGURES.items() if key in figures)
 
 
 @dataclass

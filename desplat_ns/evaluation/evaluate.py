@@ -39,21 +39,6 @@ Region = Literal["full image", "right half"]
 
 
 @dataclass
-class ScoredImage:
-    """One evaluated image."""
-
-    name: str
-    width: int
-    height: int
-    metrics: dict[str, float]
-    """As the model's `get_image_metrics_and_images` gives them."""
-    render_seconds: float
-    """Rendering alone."""
-    total_seconds: float
-    """Rendering and metrics."""
-
-
-@dataclass
 class Scorer:
     """One way to score images."""
 
@@ -95,19 +80,10 @@ class Scorer:
         return f"{text}; each image's embedding: {how} on its left half"
 
     def score(
-        self, camera: Cameras, batch: dict[str, Any], name: str
-    ) -> tuple[ScoredImage, dict[str, Tensor]]:
-        """Figures of one image, those in the average light as `*_before` if it has its own, and
-        the photo beside the rendering, [H, W, 3] in [0, 1] by name.
-
-        Args:
-            camera: of the image.
-            batch: the photo, as nerfstudio's datamanager gives it.
-            name: of the photo.
-
-        Raises:
-            CaptureError: see `embedding_from_left_half`.
-        """
+        self, camera: Cameras, batch: dict[str, Any]
+    ) -> tuple[dict[str, float], dict[str, Tensor]]:
+        """Figures and seconds of one image, figures in the average light as `*_before` if it has
+        its own, and the photo beside the rendering, [H, W, 3] in [0, 1] by name."""
         model, start = self.model, self._now()
         outputs = model.get_outputs_for_camera(camera)
         render_seconds = self._now() - start
@@ -126,9 +102,9 @@ class Scorer:
                 outputs = model.get_outputs_for_camera(camera)
             figures, pictures = self._figures(outputs, batch)
             figures |= before
-        height, width = outputs["rgb"].shape[:2]
-        seconds = self._now() - start
-        return ScoredImage(name, width, height, figures, render_seconds, seconds), pictures
+        figures["seconds_per_image_render"] = render_seconds
+        figures["seconds_per_image_with_metrics"] = self._now() - start
+        return figures, pictures
 
     def _now(self) -> float:
         """Seconds; what the GPU was given is done."""
@@ -187,7 +163,11 @@ def evaluate(
     if images:  # compilation and caches are no part of the time per image
         model.get_outputs_for_camera(images[0][0])
     scored = _score(scorer, images, names, show)
-    bad = [i.name for i in scored if not all(math.isfinite(v) for v in i.metrics.values())]
+    bad = [
+        image["name"]
+        for image in scored
+        if not all(math.isfinite(v) for v in image.values() if isinstance(v, float))
+    ]
     if bad:
         raise DeSplatError(
             f"The renderings of {len(bad)} of {len(scored)} images hold values that are not "
@@ -205,40 +185,40 @@ def evaluate(
     reason = model.lpips.reason
     results |= {"lpips_net": model.lpips.net} if reason is None else {"lpips_reason": reason}
     results["protocol"] = scorer.describe()
-    results["images"] = [
-        {"name": i.name, "width": i.width, "height": i.height} | i.metrics for i in scored
-    ]
+    results["images"] = scored
     return results
 
 
 def _score(
     scorer: Scorer, images: Sequence[Image], names: Sequence[str], show: Show
-) -> list[ScoredImage]:
+) -> list[dict[str, Any]]:
+    """Name, size, figures and seconds of each image."""
     if not images:
         raise CaptureError(
             "The capture has no evaluation images, so there is nothing to score. Choose a "
             "split that has some, with the data parser's `--eval-mode` or its split options."
         )
-    scored: list[ScoredImage] = []
+    scored = []
     with progress_over(len(images), "Evaluating all images...") as advance:
         for index, (camera, batch) in enumerate(images):
             name = names[int(batch.get("image_idx", index))]
-            scores, pictures = scorer.score(camera, batch, name)
-            scored.append(scores)
+            figures, pictures = scorer.score(camera, batch)
+            size = {"width": int(camera.width), "height": int(camera.height)}
+            scored.append({"name": name} | size | figures)
             show(index, pictures)
             advance()
     return scored
 
 
-def summarize(images: Sequence[ScoredImage], with_std: bool) -> dict[str, int | float]:
-    """Means over images of every metric and time, plus `*_std` (n - 1) of two images or more, and
+def summarize(images: Sequence[dict[str, Any]], with_std: bool) -> dict[str, int | float]:
+    """Means over images of every figure and time, plus `*_std` (n - 1) of two images or more, and
     the PSNR of the worst.
 
     Figures that are not finite are left out: they would not be JSON.
     """
     result: dict[str, int | float] = {}
-    for key in images[0].metrics:
-        values = [float(image.metrics[key]) for image in images if key in image.metrics]
+    for key in (key for key, value in images[0].items() if isinstance(value, float)):
+        values = [image[key] for image in images if key in image]
         if not all(math.isfinite(value) for value in values):
             continue
         result[key] = statistics.fmean(values)
@@ -247,8 +227,6 @@ def summarize(images: Sequence[ScoredImage], with_std: bool) -> dict[str, int | 
         if with_std and key == "psnr":
             result["psnr_worst"] = min(values)
     result["num_images"] = len(images)
-    result["seconds_per_image_render"] = statistics.fmean(i.render_seconds for i in images)
-    result["seconds_per_image_with_metrics"] = statistics.fmean(i.total_seconds for i in images)
     return result
 
 

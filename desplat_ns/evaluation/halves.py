@@ -14,7 +14,6 @@ from torch import Tensor
 
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import View
-from desplat_ns.errors import CaptureError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.losses import photometric_loss
@@ -23,9 +22,6 @@ from desplat_ns.photo_tourism.camera_response import fit_response, squared_radiu
 from desplat_ns.photo_tourism.image_effects import FEATURES
 from desplat_ns.rendering.layers import over_background
 from desplat_ns.rendering.views import view_of
-
-MIN_WIDTH = 4
-"""Pixels of a photo whose halves can be scored: SSIM needs two each way."""
 
 
 def left_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H left C"]:
@@ -71,16 +67,8 @@ def embedding_from_left_half(
     Args:
         photo: the whole photo; columns from W // 2 on are not looked at.
         mask: of the whole photo; what it leaves out does not count, as in training.
-
-    Raises:
-        CaptureError: the photo is narrower than `MIN_WIDTH`.
     """
     view = view_of(camera)
-    if view.width < MIN_WIDTH:
-        raise CaptureError(
-            f"A photo to evaluate is {view.width} pixels wide; its halves need {MIN_WIDTH // 2} "
-            "each. Leave it out of the test images, or evaluate by `desplat-eval --protocol full`."
-        )
     average = model.image_effects.mean()
     if model.effects.closed_form:
         left = torch.arange(view.width, device=photo.device) < view.width // 2

@@ -7,12 +7,11 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from jaxtyping import Bool
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
 from desplat_ns.console import progress_over
-from desplat_ns.data.gt_masks import read_gt_mask, shadow_mask_of
+from desplat_ns.data.gt_masks import read_gt_mask
 from desplat_ns.rendering.metrics import mask_iou, mean_alpha_outside
 from desplat_ns.rendering.views import is_distorted
 
@@ -26,11 +25,6 @@ def score_masks(
     lens distortion are left out: training undistorts them, but not their masks. Empty if there is
     no mask.
 
-    What stands in the way may throw a shadow, which the other photos do not show either. Over the
-    views that have a mask of these as well there are `mask_iou_with_shadows` and
-    `alpha_outside_masks_with_shadows`, against objects and shadows together, and
-    `num_shadow_masks`.
-
     Args:
         draw: gives `alpha_distractor` and `distractor_mask` [H, W, 1] of a camera; no gradients.
         masks: the camera of each view that has a mask, and the mask's file.
@@ -41,30 +35,15 @@ def score_masks(
     if not masks:
         return {}
     scores: dict[str, list[float]] = defaultdict(list)
-    num_shadow_masks = 0
-
-    def add(suffix: str, outputs: dict[str, Tensor], truth: Bool[Tensor, "H W 1"]) -> None:
-        scores["mask_iou" + suffix].append(mask_iou(outputs["distractor_mask"], truth))
-        outside = mean_alpha_outside(outputs["alpha_distractor"], truth)
-        if outside is not None:
-            scores["alpha_outside_masks" + suffix].append(outside)
-
     with progress_over(len(masks), "Scoring distractor masks...") as advance:
         for camera, path in masks:
-            outputs, shadows = draw(camera), shadow_mask_of(path)
-            truth = _truth(path, outputs)
-            add("", outputs, truth)
-            if shadows is not None:
-                add("_with_shadows", outputs, truth | _truth(shadows, outputs))
-                num_shadow_masks += 1
+            outputs = draw(camera)
+            alpha = outputs["alpha_distractor"]
+            truth = read_gt_mask(path, alpha.shape[1], alpha.shape[0]).to(alpha.device)
+            scores["mask_iou"].append(mask_iou(outputs["distractor_mask"], truth))
+            outside = mean_alpha_outside(alpha, truth)
+            if outside is not None:
+                scores["alpha_outside_masks"].append(outside)
             advance()
-    counts = {"num_masks": len(masks)}
-    if num_shadow_masks:
-        counts["num_shadow_masks"] = num_shadow_masks
-    return {name: statistics.fmean(values) for name, values in scores.items()} | counts
-
-
-def _truth(path: Path, outputs: dict[str, Tensor]) -> Bool[Tensor, "H W 1"]:
-    """A true mask at the size of the rendering."""
-    alpha = outputs["alpha_distractor"]
-    return read_gt_mask(path, alpha.shape[1], alpha.shape[0]).to(alpha.device)
+    means = {name: statistics.fmean(values) for name, values in scores.items()}
+    return means | {"num_masks": len(masks)}

@@ -21,14 +21,12 @@ Picture: TypeAlias = (
 
 
 def to_rgb8(picture: Picture) -> UInt8[np.ndarray, "H W 3"]:
-    """8-bit colours; floats are clipped to [0, 1] and rounded, NaN is shown in magenta."""
+    """8-bit colours; floats are clipped to [0, 1] and rounded, NaN is black."""
     values = np.asarray(picture)
     if values.dtype != np.uint8:
-        scaled = np.nan_to_num(values.astype(np.float64), nan=0.0, posinf=1.0, neginf=0.0)
-        is_nan = np.isnan(values).any(axis=-1) if values.dtype.kind == "f" else False
+        scaled = np.nan_to_num(values.astype(np.float64))
         values = np.round(np.clip(scaled, 0, 1) * 255).astype(np.uint8)
         values = np.broadcast_to(values, (*values.shape[:2], 3)).copy()
-        values[is_nan] = (255, 0, 255)
     return values
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jinja2
 import numpy as np
@@ -69,18 +69,8 @@ class Picture:
         return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
-class Encoded(NamedTuple):
-    """Pictures as data addresses, in the order in which they were given."""
-
-    sources: list[str]
-    side: int
-    """Pixels of the longer side, at most."""
-    quality: int
-    """WebP's, up to 100."""
-
-
-def fitted_into(pictures: Sequence[Picture], budget: int) -> Encoded:
-    """Encode pictures as WebP, as large and as good as a number of bytes allows.
+def fitted_into(pictures: Sequence[Picture], budget: int) -> list[str]:
+    """The data addresses of pictures as WebP, as large and as good as a number of bytes allows.
 
     Args:
         budget: bytes of all data addresses together.
@@ -96,7 +86,7 @@ def fitted_into(pictures: Sequence[Picture], budget: int) -> Encoded:
             if size > budget:
                 break
         else:
-            return Encoded(sources, side, quality)
+            return sources
     raise ConfigError(
         f"{len(pictures)} pictures do not fit into a page of {budget / 1e6:.3g} MB, however small "
         "they are made. Ask for fewer: --training-photos 50 --held-out-photos 12."
@@ -105,8 +95,6 @@ def fitted_into(pictures: Sequence[Picture], budget: int) -> Encoded:
 
 def shrunk(pixels: UInt8[np.ndarray, "H W 3"], side: int) -> UInt8[np.ndarray, "h w 3"]:
     """A picture whose longer side has at most `side` pixels; never enlarged."""
-    if max(pixels.shape[:2]) <= side:
-        return pixels
     image = Image.fromarray(pixels)
     image.thumbnail((side, side), Image.Resampling.LANCZOS)
     return np.asarray(image)

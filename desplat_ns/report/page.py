@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import re
 import shlex
 from collections.abc import Mapping, Sequence
@@ -12,6 +11,7 @@ from typing import Any
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.evaluation.config import in_words
 from desplat_ns.files.pages import (
     Picture,
     fitted_into,
@@ -24,7 +24,6 @@ from desplat_ns.files.pages import chart as new_chart
 from desplat_ns.files.whole import plain_errors, write_whole
 from desplat_ns.report.notices import Notice, notices
 from desplat_ns.report.pictures import (
-    ERROR_COLORS,
     ERROR_TOP,
     HeldOutPhoto,
     TrainingPhoto,
@@ -33,12 +32,10 @@ from desplat_ns.report.pictures import (
 )
 from desplat_ns.report.recorded import (
     Chart,
-    Cost,
     EffectReason,
-    History,
-    cost_of,
+    Numbers,
     effect_reasons,
-    from_here,
+    numbers_of,
     read_history,
     read_survey,
 )
@@ -60,14 +57,6 @@ below 25 MB."""
 BESIDE = 0.6
 """Pictures that are shown at half the width get this share of the pixels' side."""
 
-OPTION = re.compile(r"--[a-z][\w.-]*\w")
-
-SCORES = {
-    "psnr": "PSNR {:.2f} dB",
-    "ssim": "SSIM {:.3f}",
-    "lpips": "LPIPS {:.3f}",
-}
-
 CHART_SIZE = (4.8, 2.8)
 """Inches, where letters have 10 points."""
 
@@ -83,13 +72,13 @@ FEW = 12
 class Contents:
     """All that is on a page."""
 
-    cost: Cost
+    numbers: Numbers
     notices: Sequence[Notice]
     training: Sequence[TrainingPhoto]
     held_out: Sequence[HeldOutPhoto]
     results: Mapping[str, Any]
     """Of the evaluation; empty without one."""
-    history: History
+    charts: Sequence[Chart]
     reasons: Sequence[EffectReason]
     config: str
     """Path of config.yml, as a shell takes it."""
@@ -119,18 +108,17 @@ def gather(run: LoadedRun, most_training: int, most_held_out: int) -> Contents:
     """All that the page of a run shows. Raises as `training_photos` and `held_out_photos`."""
     pipeline, files = run.pipeline, run.files
     model = pipeline.model
-    history = read_history(files.events)
-    cost = cost_of(run, history.seconds)
-    photos = list(training_photos(pipeline, even_subset(cost.num_photos, most_training)))
+    charts, seconds = read_history(files.events)
+    numbers = numbers_of(run, seconds)
+    photos = list(training_photos(pipeline, even_subset(numbers.num_photos, most_training)))
     results, held_out = held_out_photos(pipeline, most_held_out)
     survey, in_the_way = read_survey(files.survey), model.photos_with_distractors()
-    reasons = effect_reasons(model.effects, survey, cost.num_photos, in_the_way)
+    reasons = effect_reasons(model.effects, survey, numbers.num_photos, in_the_way)
     distractors = None if model.layer is None else model.layer.config
     disputed = disputed_places(model.means, [p.unlike for p in photos if p.unlike is not None])
-    alone = seen_alone(pipeline)
-    said = notices(cost, reasons, photos, results, distractors, disputed, alone)
-    config = shlex.quote(from_here(files.config))
-    return Contents(cost, said, photos, held_out, results, history, reasons, config)
+    said = notices(numbers, photos, distractors, disputed, seen_alone(pipeline))
+    config = shlex.quote(str(files.config))
+    return Contents(numbers, said, photos, held_out, results, charts, reasons, config)
 
 
 def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") -> str:
@@ -147,31 +135,22 @@ def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") ->
     photos = [*training, *contents.held_out]
     pictures = [_pictures(photo) for photo in photos]
     told = [Picture(one.picture, BESIDE) for one in contents.notices if one.picture is not None]
-    encoded = fitted_into([*told, *(p for shown in pictures for p in shown.values())], budget)
-    sources = iter(encoded.sources)
+    sources = iter(fitted_into([*told, *(p for one in pictures for p in one.values())], budget))
     noticed = [(one, next(sources) if one.picture is not None else "") for one in contents.notices]
     shown = [
         (photo, {name: next(sources) for name in names})
         for photo, names in zip(photos, pictures, strict=True)
     ]
-    protocol, scored = contents.results.get("protocol", ""), "held-out photos"
-    if protocol.startswith("right half"):
-        scored = "right halves of held-out photos"
-        scored += ", light fitted on the left" if "left half" in protocol else ""
-    return template(TEMPLATE, scores=scores, typed=typed).render(
+    return template(TEMPLATE, in_words=in_words).render(
         page=contents,
         scene=scene,
-        cost=contents.cost,
-        scored=scored,
+        numbers=contents.numbers,
         training=shown[: len(training)],
         num_covered=sum(bool(photo.covered) for photo in training),
         held_out=shown[len(training) :],
         notices=noticed,
-        largest=max((max(photo.size) for photo in contents.training), default=0),
-        encoded=encoded,
-        charts=[(chart, svg(chart)) for chart in contents.history.charts],
+        charts=[(chart, svg(chart)) for chart in contents.charts],
         error_top=f"{ERROR_TOP:.0%}",
-        error_colors=", ".join(f"rgb{color}" for color in ERROR_COLORS),
     )
 
 
@@ -205,13 +184,3 @@ def svg(chart: Chart) -> str:
         drawn = inline_svg(svg_of(axes))
     drawn = re.sub(r' clip-path="[^"]*"', "", drawn)  # all curves lie within the axes
     return re.sub("|".join(COLOURS), lambda match: COLOURS[match[0]], drawn)
-
-
-def typed(text: str) -> str:
-    """A text as HTML; options in it are set as what is typed."""
-    return OPTION.sub(lambda match: f"<code>{match[0]}</code>", html.escape(text))
-
-
-def scores(figures: Mapping[str, float]) -> str:
-    """PSNR, SSIM and LPIPS in a line, as far as they were measured."""
-    return ", ".join(form.format(figures[key]) for key, form in SCORES.items() if key in figures)

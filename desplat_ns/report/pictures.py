@@ -18,7 +18,6 @@ from desplat_ns.console import progress_over
 from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
 from desplat_ns.files.pages import LARGEST_SIDE, shrunk
 from desplat_ns.pipeline import DeSplatPipeline
-from desplat_ns.rendering.metrics import psnr
 from desplat_ns.rendering.views import view_of
 from desplat_ns.report.views import Unlike, unlike_in
 from desplat_ns.scene.gather import Rgb, training_images
@@ -27,19 +26,12 @@ from desplat_ns.separation.regions import apply_mask
 ERROR_TOP = 0.25
 """Mean difference of the colours, which are in [0, 1], that gets the brightest colour."""
 
-ERROR_COLORS = ((8, 8, 24), (84, 18, 110), (186, 55, 84), (246, 140, 40), (252, 250, 160))
-"""8-bit colours of an error map, from no difference to `ERROR_TOP` in equal steps."""
-
 
 @dataclass(frozen=True)
 class TrainingPhoto:
     """A training photo, taken apart; pictures are no larger than a page needs them."""
 
     name: str
-    size: tuple[int, int]
-    """Width and height of the photo, pixels."""
-    psnr: float
-    """Of static scene and distractors together against the photo, dB."""
     photo: Rgb
     static: Rgb
     """The static scene in the photo's light."""
@@ -74,7 +66,7 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
             camera = camera.to(pipeline.device)
             outputs = model.get_outputs_for_camera(camera)
             photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
-            name, size = manager.train_image_names[index], (photo.shape[1], photo.shape[0])
+            name = manager.train_image_names[index]
             static = outputs.get("rgb_static", outputs["rgb"])
             layer: tuple[Any, ...] = ()
             if "alpha_distractor" in outputs:
@@ -84,11 +76,10 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
                 config = model.config.distractors
                 unlike = unlike_in(name, view_of(camera), alpha_d, seen, static, config)
                 drawn = (outputs["rgb_distractor"].cpu().numpy(), alpha_d.cpu().numpy())
-                drawn = to_rgb8(over_checkerboard(*drawn, max(8, max(size) // 48)))
+                drawn = to_rgb8(over_checkerboard(*drawn, max(8, max(photo.shape) // 48)))
                 mask = outputs["distractor_mask"].float()
                 layer = shrunk(drawn, LARGEST_SIDE), small_rgb(mask), float(mask.mean()), unlike
-            quality = psnr(outputs.get("rgb_composite", static), photo)
-            yield TrainingPhoto(name, size, quality, small_rgb(photo), small_rgb(static), *layer)
+            yield TrainingPhoto(name, small_rgb(photo), small_rgb(static), *layer)
             advance()
 
 
@@ -142,9 +133,7 @@ def held_out_photos(
 def error_map(
     photo: UInt8[np.ndarray, "H W 3"], rendering: UInt8[np.ndarray, "H W 3"]
 ) -> UInt8[np.ndarray, "H W 3"]:
-    """Mean absolute difference of the colours, in `ERROR_COLORS`."""
-    difference = np.abs(photo.astype(np.float32) - rendering).mean(axis=2) / 255
-    levels = np.linspace(0, ERROR_TOP, len(ERROR_COLORS))
-    channels = np.asarray(ERROR_COLORS, np.float32).T
-    colors = [np.interp(difference, levels, channel) for channel in channels]
-    return np.stack(colors, axis=2).round().astype(np.uint8)
+    """Mean absolute difference of the colours, from black over red to pale yellow."""
+    difference = np.abs(photo.astype(np.float32) - rendering).mean(axis=2) / ERROR_TOP
+    colors = cv2.applyColorMap(difference.clip(0, 255).astype(np.uint8), cv2.COLORMAP_INFERNO)
+    return colors[..., ::-1]

@@ -37,33 +37,22 @@ MUCH = 0.1
 """Share of what a photo shows. Photos that show more than this alone are named."""
 
 
-@dataclass(frozen=True)
-class Alone:
-    """A photo that shows a part of the scene that no other photo shows. Nobody can check that part:
-    its depth is not known, and an object in the way would be taken for the scene."""
-
-    name: str
-    share: float
-    """Of what the photo shows of the scene."""
-    side: str
-    """Where in the photo that part lies, in words."""
-
-
 @torch.no_grad()
-def seen_alone(pipeline: DeSplatPipeline) -> list[Alone]:
-    """Training photos that show much of the scene alone; those that show most first."""
+def seen_alone(pipeline: DeSplatPipeline) -> dict[str, float]:
+    """Training photos of which no other photo shows more than `MUCH`, with that share of what they
+    show; those that show most come first. Nobody can check such a part: its depth is not known, and
+    an object in the way would be taken for the scene."""
     model, names = pipeline.model, pipeline.datamanager.train_image_names
     points = sampled(model.means[torch.sigmoid(model.opacities[:, 0]) > 0.5], PLACES)
     if len(points) == 0 or not 2 <= len(names) <= MOST_PHOTOS:
-        return []
-    shown, places = zip(*(_shown(pipeline, points, i) for i in range(len(names))), strict=True)
-    return alone(names, torch.stack(shown), torch.stack(places))
+        return {}
+    return alone(names, torch.stack([_shown(pipeline, points, i) for i in range(len(names))]))
 
 
 def _shown(
     pipeline: DeSplatPipeline, points: Float[Tensor, "P 3"], index: int
-) -> tuple[Bool[Tensor, " P"], Float[Tensor, "P 2"]]:
-    """Which points a training photo shows, with nothing before them, and where in it they lie."""
+) -> Bool[Tensor, " P"]:
+    """Which points a training photo shows, with nothing before them."""
     model = pipeline.model
     camera = pipeline.datamanager.train_dataset.cameras[index : index + 1].to(pipeline.device)
     outputs = model.get_outputs_for_camera(camera)
@@ -75,28 +64,15 @@ def _shown(
     shown = inside & (depth <= (1 + SAME_DEPTH) * outputs["depth"][row, column, 0])
     if "distractor_mask" in outputs:
         shown &= ~outputs["distractor_mask"][row, column, 0]
-    return shown, torch.stack([u, v], dim=-1)
+    return shown
 
 
-def alone(
-    names: Sequence[str], shown: Bool[Tensor, "V P"], places: Float[Tensor, "V P 2"]
-) -> list[Alone]:
-    """Photos of which no other photo shows more than `MUCH`; those that show most alone first.
-
-    Args:
-        shown: which points each shows.
-        places: where in the photo, as shares of its width and height.
-    """
+def alone(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> dict[str, float]:
+    """As `seen_alone`; `shown`: which points each photo shows."""
     lonely = shown & (shown.sum(dim=0) == 1)
-    photos = []
-    for name, of_photo, visible, where in zip(names, lonely, shown, places, strict=True):
-        share = float(of_photo.sum() / visible.sum().clamp(min=1))
-        if share > MUCH:
-            u, v = where[of_photo].mean(dim=0).tolist()
-            across = "left" if u < 0.4 else "right" if u > 0.6 else ""
-            along = "upper" if v < 0.4 else "lower" if v > 0.6 else ""
-            photos.append(Alone(name, share, f"{along} {across}".strip() or "middle"))
-    return sorted(photos, key=lambda photo: -photo.share)
+    shares = (lonely.sum(dim=1) / shown.sum(dim=1).clamp(min=1)).tolist()
+    ranked = sorted(zip(shares, names, strict=True), reverse=True)
+    return {name: share for share, name in ranked if share > MUCH}
 
 
 # --- disputed places -------------------------------------------------------------------------

@@ -84,8 +84,7 @@ def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
     """
     pictures = [Picture(camera.photo) for camera in contents.cameras]
     pictures += [Picture(picture) for _, picture in contents.pictures]
-    encoded = fitted_into(pictures, int(min(PICTURES_SHARE * most, PICTURES_MOST)))
-    sources = iter(encoded.sources)
+    sources = iter(fitted_into(pictures, int(min(PICTURES_SHARE * most, PICTURES_MOST))))
     cameras = []
     for index, camera in enumerate(contents.cameras):
         distractors = ""

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Literal
 
 Effect = Literal["appearance", "background"]
 Confidence = Literal["clear", "close", "none"]
@@ -91,7 +91,12 @@ class Survey:
 
     def to_json(self) -> str:
         """Everything, as JSON; numbers that could not be measured are null."""
-        return json.dumps(_plain(asdict(self)), indent=2, allow_nan=False) + "\n"
+        plain = json.loads(
+            json.dumps(asdict(self)),
+            parse_float=lambda text: round(float(text), 6),
+            parse_constant=lambda _: None,
+        )
+        return json.dumps(plain, indent=2) + "\n"
 
     def summary(self, verbose: bool = False) -> list[str]:
         """Lines for a console: notes, and one for each effect; with `verbose` all figures."""
@@ -109,13 +114,3 @@ def confidence_of(figures: Sequence[Figure]) -> Confidence:
         if figure.threshold is not None
     )
     return ("close" if is_close else "clear") if known else "none"
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return round(value, 6) if math.isfinite(value) else None
-    return value

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -19,8 +20,8 @@ from nerfstudio.cameras.cameras import Cameras, CameraType
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.cores import cores
-from desplat_ns.data.dataset import check_size
-from desplat_ns.data.images import read_image, read_mask, resize_image, resize_mask
+from desplat_ns.data.dataset import CaptureDataset
+from desplat_ns.data.images import resize_image, resize_mask
 from desplat_ns.data.reconstruction import TRACKS
 
 LONGEST_SIDE = 400
@@ -55,9 +56,8 @@ class View:
     rotation: Float[np.ndarray, "3 3"]
     """World to camera; OpenCV axes (x right, y down, z forward)."""
     position: Float[np.ndarray, "3"]
-    focal: Float[np.ndarray, "2"]
-    """fx, fy in pixels."""
-    center: Float[np.ndarray, "2"]
+    K: Float[np.ndarray, "3 3"]
+    """Intrinsics in pixels."""
     size: tuple[int, int]
     """Width and height in pixels."""
     distortion: Float[np.ndarray, "6"]
@@ -72,18 +72,15 @@ class View:
             local = (points - self.position) @ self.rotation.T
             depth = local[..., 2]
             flat = local[..., :2] / np.where(depth > 0, depth, np.nan)[..., None]
-            if not (self.is_fisheye or self.distortion.any()):
-                return flat * self.focal + self.center, depth
-        K = np.array(
-            [[self.focal[0], 0, self.center[0]], [0, self.focal[1], self.center[1]], [0, 0, 1]]
-        )
+            if flat.size == 0 or not (self.is_fisheye or self.distortion.any()):
+                return flat * self.K.diagonal()[:2] + self.K[:2, 2], depth
         k1, k2, k3, k4, p1, p2 = self.distortion
         rays = np.concatenate([flat, np.ones_like(flat[..., :1])], axis=-1).reshape(-1, 1, 3)
-        none = np.zeros(3)
         if self.is_fisheye:
-            places, _ = cv2.fisheye.projectPoints(rays, none, none, K, np.array([k1, k2, k3, k4]))
+            bend, lens = cv2.fisheye.projectPoints, np.array([k1, k2, k3, k4])
         else:
-            places, _ = cv2.projectPoints(rays, none, none, K, np.array([k1, k2, p1, p2, k3]))
+            bend, lens = cv2.projectPoints, np.array([k1, k2, p1, p2, k3])
+        places, _ = bend(rays, np.zeros(3), np.zeros(3), self.K, lens)
         return places.reshape(flat.shape), depth
 
     def shows(
@@ -97,7 +94,7 @@ class View:
     def directions(self, pixels: Float[np.ndarray, "*K 2"]) -> Float[np.ndarray, "*K 3"]:
         """Unit directions in the world, as an undistorted lens of this kind would look: a few
         pixels off at the corners, which does not matter for a sky."""
-        flat = (pixels - self.center) / self.focal
+        flat = (pixels - self.K[:2, 2]) / self.K.diagonal()[:2]
         if self.is_fisheye:
             angle = np.linalg.norm(flat, axis=-1, keepdims=True)
             flat = flat * np.tan(np.minimum(angle, 1.5)) / np.maximum(angle, 1e-9)
@@ -140,25 +137,20 @@ class View:
 
 def small_view(cameras: Cameras, index: int) -> View:
     """The camera of one photo, reduced to `LONGEST_SIDE`; smaller photos keep their size."""
-    names = ("width", "height", "fx", "fy", "cx", "cy", "camera_type")
-    numbers = (float(getattr(cameras, name).reshape(-1)[index]) for name in names)
-    width, height, fx, fy, cx, cy, kind = numbers
-    ratio = min(1.0, LONGEST_SIDE / max(width, height))
-    small = max(1, round(width * ratio)), max(1, round(height * ratio))
-    ratios = np.array([small[0] / width, small[1] / height])
-    pose = cameras.camera_to_worlds[index].double().cpu().numpy()
-    distortion = np.zeros(6)
-    if cameras.distortion_params is not None:
-        given = cameras.distortion_params.reshape(len(cameras), -1)[index].double().cpu().numpy()
-        distortion[: len(given)] = given
+    camera = cameras[index].to("cpu")
+    full = int(camera.width), int(camera.height)
+    ratio = min(1.0, LONGEST_SIDE / max(full))
+    size = max(1, round(full[0] * ratio)), max(1, round(full[1] * ratio))
+    K = camera.get_intrinsics_matrices().double().numpy()
+    pose = camera.camera_to_worlds.double().numpy()
+    given = camera.distortion_params
     return View(
         rotation=(pose[:, :3] * [1, -1, -1]).T,  # nerfstudio's axes are OpenGL's
         position=pose[:, 3],
-        focal=np.array([fx, fy]) * ratios,
-        center=np.array([cx, cy]) * ratios,
-        size=small,
-        distortion=distortion,
-        is_fisheye=kind == CameraType.FISHEYE.value,
+        K=K * [[size[0] / full[0]], [size[1] / full[1]], [1.0]],
+        size=size,
+        distortion=np.zeros(6) if given is None else given.double().numpy(),
+        is_fisheye=int(camera.camera_type) == CameraType.FISHEYE.value,
     )
 
 
@@ -186,8 +178,6 @@ class Observations:
     structures: Float[np.ndarray, "V P S"]
     """Brightness of the samples minus their mean, in the photo's own light."""
     has_tracks: bool
-    is_masked: bool
-    """Whether the capture has masks."""
     num_photos: int
     """Of the split; more than were looked at if there are many."""
     all_xyz: Float[np.ndarray, "_ 3"]
@@ -211,7 +201,8 @@ def observe(capture: DataparserOutputs) -> Observations:
     views = [small_view(capture.cameras, index) for index in indices]
     with ThreadPoolExecutor(min(MOST_READERS, cores())) as pool:
         in_view, hidden = zip(*pool.map(lambda view: in_view_of(view, all_xyz), views), strict=True)
-        small = list(pool.map(lambda i, view: _read_small(capture, i, view), indices, views))
+        read = partial(_read_small, capture, CaptureDataset(capture))
+        small = list(pool.map(read, indices, views))
     tracked = np.stack(in_view)
     if tracks is not None:
         tracked[:] = False
@@ -238,7 +229,6 @@ def observe(capture: DataparserOutputs) -> Observations:
         is_clipped=clipped,
         structures=structures,
         has_tracks=tracks is not None,
-        is_masked=capture.mask_filenames is not None,
         num_photos=len(photos),
         all_xyz=all_xyz,
         num_in_view=np.sum(in_view, axis=1),
@@ -246,18 +236,13 @@ def observe(capture: DataparserOutputs) -> Observations:
 
 
 def _read_small(
-    capture: DataparserOutputs, index: int, view: View
+    capture: DataparserOutputs, dataset: CaptureDataset, index: int, view: View
 ) -> tuple[np.ndarray, np.ndarray]:
     """The photo at its view's size, and where it is opaque and not masked."""
-    path, cameras = capture.image_filenames[index], capture.cameras
-    size = int(cameras.width.reshape(-1)[index]), int(cameras.height.reshape(-1)[index])
-    image = read_image(path, size)
-    check_size(path, (image.shape[1], image.shape[0]), size)
-    image = resize_image(image, *view.size)
+    image = resize_image(dataset.get_numpy_image(index), *view.size)
     allowed = (image[..., 3:] == 255).all(axis=-1)
     if capture.mask_filenames is not None:
-        mask = read_mask(capture.mask_filenames[index], size)
-        allowed &= resize_mask(mask, *view.size)
+        allowed &= resize_mask(dataset.get_mask(index)[..., 0].numpy(), *view.size)
     return image[..., :3], allowed
 
 
@@ -279,7 +264,7 @@ def patch_grids(
     """Samples of the points' squares in the world; the middle one is the point. A square faces the
     mean direction of the photos that found the point, and has `PATCH_RADIUS` in the middle one."""
     positions = np.array([view.position for view in views])
-    focal = np.array([view.focal.mean() for view in views])
+    focal = np.array([view.K.diagonal()[:2].mean() for view in views])
     toward = positions[:, None] - xyz[None]
     distance = np.linalg.norm(toward, axis=-1)
     weight = tracked / np.maximum(distance, 1e-12)

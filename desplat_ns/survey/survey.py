@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
+from PIL import Image, ImageDraw, ImageOps
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError
@@ -31,17 +32,15 @@ LEAST_IN_VIEW, LEAST_COMPARED = 8, 50
 """Points that most photos have to show, and that a photo's brightness is compared at."""
 LEAST_AGREEMENT = 0.25
 """See `_unlike`."""
-MOST_COLUMNS = 8
-SIDE, GAP = 200, 6
-"""Pixels: the square in which a photo is shown, and between two of them."""
+MOST_COLUMNS, SIDE, HEAD = 8, 200, 18
+"""Photos on the sheet; pixels of the square in which each is shown, and of the row's title."""
 ROWS = (
     "photos",
     "without each photo's own light",
     f"what that leaves: green less than {LOCAL_STEP:.0%}, orange lighter, blue darker",
     "blue: nothing behind",
 )
-SAME, LIGHTER, DARKER = (60, 190, 90), (250, 160, 40), (40, 60, 230)
-SKY = np.array([40, 110, 255])
+SAME, LIGHTER, DARKER, SKY = (60, 190, 90), (250, 160, 40), (40, 60, 230), (40, 110, 255)
 
 
 @dataclass(frozen=True)
@@ -108,8 +107,6 @@ def _notes(observations: Observations) -> tuple[str, ...]:
         )
     if any(not mask.any() for mask in observations.allowed):
         notes.append("A mask leaves nothing of its photo: white is what may be used.")
-    if observations.is_masked and all(mask.all() for mask in observations.allowed):
-        notes.append("The masks are white all over and leave nothing out: black is left out.")
     if len(observations.views) < observations.num_photos:
         notes.append(f"{len(observations.views)} photos, evenly spread, stand for all.")
     return tuple(notes)
@@ -168,42 +165,34 @@ def write_findings(findings: Survey, folder: Path) -> None:
         announce(f"The survey's findings could not be written ({error}).", warning=True)
 
 
-def evidence_picture(evidence: Evidence) -> UInt8[np.ndarray, "H W 3"]:
+def evidence_picture(evidence: Evidence) -> Image.Image:
     """Rows as in `ROWS`; columns are photos evenly spread."""
-    count, head = len(evidence.observations.views), 3 * GAP
+    count = len(evidence.observations.views)
     chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_COLUMNS)).round().astype(int))
-    height, width = head + SIDE + GAP, len(chosen) * (SIDE + GAP) + GAP
-    sheet = np.full((len(ROWS) * height, width, 3), 255, np.uint8)
+    sheet = Image.new("RGB", (len(chosen) * SIDE, len(ROWS) * (HEAD + SIDE)), "white")
     for number, title in enumerate(ROWS):
-        font, black, at = cv2.FONT_HERSHEY_SIMPLEX, (20, 20, 20), (GAP, number * height + head - 5)
-        cv2.putText(sheet, title, at, font, 0.4, black, 1, cv2.LINE_AA)
+        ImageDraw.Draw(sheet).text((4, number * (HEAD + SIDE) + 3), title, "black")
     for column, row in enumerate(chosen.tolist()):
         for number, picture in enumerate(_pictures(evidence, row)):
-            ratio = SIDE / max(picture.shape[:2])
-            size = tuple(max(1, round(side * ratio)) for side in picture.shape[1::-1])
-            small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-            left = GAP + column * (SIDE + GAP) + (SIDE - size[0]) // 2
-            top = number * height + head
-            sheet[top : top + size[1], left : left + size[0]] = small
+            small = Image.fromarray(picture)
+            small = ImageOps.pad(small, (SIDE - 6, SIDE - 6), color="white", centering=(0.5, 0))
+            sheet.paste(small, (column * SIDE + 3, number * (HEAD + SIDE) + HEAD))
     return sheet
 
 
-def _pictures(evidence: Evidence, row: int) -> list[np.ndarray]:
+def _pictures(evidence: Evidence, row: int) -> list[UInt8[np.ndarray, "H W 3"]]:
     """One photo in all `ROWS`."""
     observations, sky, steps = evidence.observations, evidence.skies.get(row), evidence.steps[row]
     photo, size = observations.photos[row], observations.views[row].size
     places = np.stack(np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5), axis=-1)
     neutral = evidence.light.neutral(row, photo / 255.0, from_middle(size, places))
     pale, radius = (photo // 2 + 110).astype(np.uint8), max(1, round(max(size) / 160))
-    for which, color in (
-        (np.abs(steps) <= LOCAL_STEP, SAME),
-        (steps > LOCAL_STEP, LIGHTER),
-        (steps < -LOCAL_STEP, DARKER),
-    ):
-        for x, y in observations.places[row, which]:
-            cv2.circle(pale, (int(x), int(y)), radius, color, -1, cv2.LINE_AA)
+    for at in np.flatnonzero(np.isfinite(steps)):
+        color = SAME if abs(steps[at]) <= LOCAL_STEP else LIGHTER if steps[at] > 0 else DARKER
+        x, y = observations.places[row, at].astype(int).tolist()
+        cv2.circle(pale, (x, y), radius, color, -1, cv2.LINE_AA)
     blue = photo
     if sky is not None:
         cells = cv2.resize(sky.cells.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
-        blue = np.where(cells[..., None], (0.4 * photo + 0.6 * SKY).astype(np.uint8), photo)
-    return [photo, np.rint(neutral.clip(0, 1) * 255).astype(np.uint8), pale, blue]
+        blue = np.where(cells[..., None], 0.4 * photo + 0.6 * np.array(SKY), photo)
+    return [photo, np.rint(neutral.clip(0, 1) * 255).astype(np.uint8), pale, blue.astype(np.uint8)]

@@ -50,27 +50,10 @@ def test_distorted_photos_and_captures_without_masks_have_no_scores(tmp_path: Pa
     assert score_masks(_draw, _views([None, None])) == {}
 
 
-def test_with_shadows_scores_are_against_both_together_over_the_views_that_have_them(
-    tmp_path: Path,
-):
-    for folder in ("masks", "shadow_masks"):
-        (tmp_path / folder).mkdir()
-    masks: list[Path | None] = [write_mask(tmp_path / f"masks/{i}.png", 1) for i in range(2)]
-    assert not {key for key in score_masks(_draw, _views(masks)) if "shadow" in key}
-    write_mask(tmp_path / "shadow_masks/0.png", 3)
+def test_scores_are_means_over_the_views(tmp_path: Path):
+    masks: list[Path | None] = [write_mask(tmp_path / f"{i}.png", 1) for i in range(2)]
     scores = score_masks(_draw, _views(masks))
-    # View 0 alone has shadows: 4 pixels are predicted, 6 are objects or shadows, the rest is 0.1.
+    # View 0: 4 pixels are predicted, 2 of them are true; outside of these 2 of 6 have 0.8.
     assert scores["mask_iou"] == pytest.approx((0.5 + 0.0) / 2)
+    assert scores["alpha_outside_masks"] == pytest.approx(((2 * 0.8 + 4 * 0.1) / 6 + 0.1) / 2)
     assert scores["num_masks"] == 2
-    assert scores["mask_iou_with_shadows"] == pytest.approx(4 / 6)
-    assert scores["alpha_outside_masks_with_shadows"] == pytest.approx(0.1)
-    assert scores["num_shadow_masks"] == 1
-
-
-def test_objects_count_with_shadows_where_the_shadow_mask_leaves_them_out(tmp_path: Path):
-    """Shadow masks hold shadows alone: 2 columns of objects, none of shadows, both are covered."""
-    for folder, columns in (("masks", 2), ("shadow_masks", 0)):
-        (tmp_path / folder).mkdir()
-        write_mask(tmp_path / folder / "0.png", columns)
-    scores = score_masks(_draw, _views([tmp_path / "masks/0.png"]))
-    assert scores["mask_iou"] == scores["mask_iou_with_shadows"] == 1.0

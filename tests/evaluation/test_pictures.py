@@ -15,10 +15,6 @@ def test_floats_and_booleans_become_8_bit_colours():
     np.testing.assert_array_equal(to_rgb8(picture), picture)
 
 
-def test_nan_is_shown_and_not_hidden():
-    assert to_rgb8(f32([[[np.nan, 0, 0]]])).tolist() == [[[255, 0, 255]]]
-
-
 def test_a_layer_over_the_checkerboard_hides_it_by_its_alpha():
     rgb, alpha = np.zeros((16, 16, 3), np.float32), np.zeros((16, 16, 1), np.float32)
     rgb[:8], alpha[:8] = 0.25, 0.5

@@ -10,21 +10,19 @@ import numpy as np
 from desplat_ns.report.notices import Notice
 from desplat_ns.report.page import Contents
 from desplat_ns.report.pictures import HeldOutPhoto, TrainingPhoto
-from desplat_ns.report.recorded import Chart, Cost, EffectReason, History
+from desplat_ns.report.recorded import Chart, EffectReason, Numbers
 
-COST = Cost(
+NUMBERS = Numbers(
     experiment="yard",
     method="desplat",
     capture="photos/yard",
     steps=2000,
     planned=2000,
+    has_budget=False,
     num_photos=3,
     seconds=200.0,
-    budget="",
     num_static=1200,
     num_distractors=340,
-    parameter_mb=0.4,
-    trained_on="the CPU",
 )
 
 
@@ -42,7 +40,7 @@ def training_photo(name: str, **changes: Any) -> TrainingPhoto:
     """A red photo of a blue scene, a tenth of it covered."""
     black = flat((0, 0, 0))
     red, blue = flat((200, 0, 0)), flat((0, 0, 200))
-    photo = TrainingPhoto(name, (48, 32), 30.0, red, blue, black, black, 0.1)
+    photo = TrainingPhoto(name, red, blue, black, black, 0.1)
     return replace(photo, **changes)
 
 
@@ -57,13 +55,13 @@ def contents(**changes: Any) -> Contents:
     """A page's contents: three training photos, one held out."""
     loss = ((0.0, 1.0), (1000.0, 0.1), (2000.0, 0.01))
     made_up = Contents(
-        cost=COST,
+        numbers=NUMBERS,
         notices=[Notice("Each photo was seen 5 times.", "Try --max-num-iterations 9000.")],
         training=[training_photo(f"photo_{number}.png") for number in range(3)],
         held_out=[held_out_photo("extra.png")],
         results={"psnr": 25.0, "ssim": 0.9, "num_images": 1, "protocol": "full image"},
-        history=History((Chart("Loss", {"loss": loss}, True),), 200.0),
-        reasons=[EffectReason("distractors", "on", "Something is in the way.")],
+        charts=[Chart("Loss", {"loss": loss}, True)],
+        reasons=[EffectReason("Distractors", "on", "Something is in the way.")],
         config="outputs/yard/desplat/run/config.yml",
     )
     return replace(made_up, **changes)

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 import pytest
 
 from desplat_ns.report.page import html_of, svg
-from desplat_ns.report.recorded import Chart, History
-from tests.helpers.report import COST, contents, held_out_photo, training_photo
+from desplat_ns.report.recorded import Chart
+from tests.helpers.report import NUMBERS, contents, held_out_photo, training_photo
 
 VOID = {"meta", "link", "img", "input", "br"}
 EVIL = "<script>alert(1)</script>\"'&.png"
@@ -60,7 +60,7 @@ def test_a_page_asks_for_nothing():
 
 def test_names_are_text_whatever_is_in_them():
     evil = contents(
-        cost=replace(COST, experiment=EVIL, capture=EVIL, trained_on=EVIL),
+        numbers=replace(NUMBERS, experiment=EVIL, capture=EVIL),
         training=[training_photo(EVIL)],
         held_out=[held_out_photo(EVIL)],
         notices=[replace(contents().notices[0], what=EVIL, advice=EVIL)],
@@ -79,8 +79,8 @@ def test_a_run_that_recorded_and_scored_nothing_has_a_page():
         notices=[],
         held_out=[],
         results={},
-        history=History((), None),
-        cost=replace(COST, seconds=None, num_photos=1700),
+        charts=[],
+        numbers=replace(NUMBERS, seconds=None, num_photos=1700),
     )
     tags = Tags(html_of(empty))
     assert len(tags.of("img")) == 2 and not tags.of("svg")

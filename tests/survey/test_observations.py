@@ -14,8 +14,7 @@ from desplat_ns.survey.observations import View
 VIEW = View(
     np.eye(3),
     np.zeros(3),
-    np.array([90.0, 80.0]),
-    np.array([48.0, 36.0]),
+    np.array([[90.0, 0.0, 48.0], [0.0, 80.0, 36.0], [0.0, 0.0, 1.0]]),
     (96, 72),
     np.zeros(6),
     False,

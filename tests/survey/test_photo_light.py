@@ -42,8 +42,8 @@ def chain(gains: np.ndarray) -> Observations:
     for row in range(count - 1):
         tracked[row : row + 2, shared * row : shared * (row + 1)] = True
     colors = rng.uniform(0.2, 0.6, (number, 3)) * np.exp(gains)[:, None, None]
-    eye, zero, focal, center = np.eye(3), np.zeros(3), np.full(2, 90.0), np.array([48.0, 36.0])
-    view = View(eye, zero, focal, center, (96, 72), np.zeros(6), False)
+    K = np.array([[90.0, 0.0, 48.0], [0.0, 90.0, 36.0], [0.0, 0.0, 1.0]])
+    view = View(np.eye(3), np.zeros(3), K, (96, 72), np.zeros(6), False)
     return Observations(
         views=[view] * count,
         photos=[],
@@ -56,7 +56,6 @@ def chain(gains: np.ndarray) -> Observations:
         is_clipped=np.zeros_like(tracked),
         structures=np.zeros((count, number, 25)),
         has_tracks=True,
-        is_masked=False,
         num_photos=count,
         all_xyz=np.zeros((0, 3)),
         num_in_view=np.zeros(count, int),
