@@ -31,11 +31,10 @@ class Arguments:
     data: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")] = None
     """Folder of the capture; `--data DATA`, as in ns-train, says the same."""
     output: Path = Path("survey")
-    """Folder for survey.json (the findings) and survey.png (a sheet of the evidence)."""
+    """Folder for survey.json (the findings with every figure and its threshold) and survey.png (a
+    sheet of the evidence)."""
     overwrite: bool = False
     """Replace these two files if they are there."""
-    verbose: bool = False
-    """Whether to print every figure with its threshold; survey.json has them in any case."""
 
     def main(self, parser: tuple[str, ...] = ()) -> Survey:
         """Check what can be checked at once, then survey by a data parser of this name and options,
@@ -60,7 +59,7 @@ class Arguments:
         chosen.data = self.data
         outputs = without_prompts(chosen).setup().get_dataparser_outputs("train")
         findings, evidence = survey(outputs)
-        for line in findings.summary(self.verbose):
+        for line in findings.summary():
             announce(line)
         sheet = io.BytesIO()
         evidence_picture(evidence).save(sheet, "PNG")

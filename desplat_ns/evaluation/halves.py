@@ -34,22 +34,6 @@ def right_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H right C"]:
     return image[:, image.shape[1] // 2 :]
 
 
-def fit_embedding(
-    loss: Callable[[Float[Tensor, " E"]], Float[Tensor, ""]],
-    start: Float[Tensor, " E"],
-    steps: int,
-    learning_rate: float,
-) -> Float[Tensor, " E"]:
-    """The embedding after `steps` of Adam on `loss` (B.3); nothing else gets a gradient."""
-    with torch.enable_grad():
-        embedding = start.detach().clone().requires_grad_()
-        optimizer = torch.optim.Adam([embedding], lr=learning_rate)
-        for _ in range(steps):
-            (embedding.grad,) = torch.autograd.grad(loss(embedding), embedding)
-            optimizer.step()
-    return embedding.detach()
-
-
 def embedding_from_left_half(
     model: DeSplatModel,
     camera: Cameras,
@@ -60,9 +44,10 @@ def embedding_from_left_half(
     """The embedding that explains the left half of a photo best.
 
     The model is in eval mode and stays bit-identical. Numbers of a camera's response are found in
-    closed form; other embeddings by Adam, from the average of the training images' on. The view
-    keeps its size: half of it would be cut at another border, where EWA bounds and culls Gaussians
-    differently (1e-3 of colour). Gaussians that the left half does not need are not drawn.
+    closed form; other embeddings by Adam from the average of the training images' on (B.3). The
+    view keeps its size: half of it would be cut at another border, where EWA bounds and culls
+    Gaussians differently (1e-3 of colour). Gaussians that the left half does not need are not
+    drawn.
 
     Args:
         photo: the whole photo; columns from W // 2 on are not looked at.
@@ -83,12 +68,15 @@ def embedding_from_left_half(
     draw = as_function_of_embedding(model, view, view.width // 2)
     weight = 1.0 if mask is None else left_half(mask.to(photo))
     target = left_half(photo) * weight
-
-    def loss(embedding: Tensor) -> Tensor:
-        drawn = left_half(draw(embedding)) * weight
-        return photometric_loss(drawn, target, model.config.ssim_lambda)
-
-    return fit_embedding(loss, average, config.steps, config.learning_rate)
+    with torch.enable_grad():
+        embedding = average.detach().clone().requires_grad_()
+        optimizer = torch.optim.Adam([embedding], lr=config.learning_rate)
+        for _ in range(config.steps):
+            drawn = left_half(draw(embedding)) * weight
+            loss = photometric_loss(drawn, target, model.config.ssim_lambda)
+            (embedding.grad,) = torch.autograd.grad(loss, embedding)  # nothing else gets one
+            optimizer.step()
+    return embedding.detach()
 
 
 def as_function_of_embedding(

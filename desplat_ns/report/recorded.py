@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from desplat_ns.console import list_names
 from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.runs.loading import LoadedRun
 from desplat_ns.settings.effects import Effects
-
-if TYPE_CHECKING:
-    from tensorboard.backend.event_processing.event_accumulator import ScalarEvent
 
 # --- curves ----------------------------------------------------------------------------------
 
@@ -78,9 +75,9 @@ def read_history(files: Sequence[Path]) -> tuple[list[Chart], float | None]:
     return charts, sum(seconds) if seconds else None
 
 
-def scalars(path: Path, tags: Collection[str]) -> dict[str, Sequence[ScalarEvent]]:
-    """The numbers of an event file by tag, in the order in which they were logged, up to where the
-    file is cut off or damaged."""
+def scalars(path: Path, tags: Collection[str]) -> dict[str, list[Any]]:
+    """TensorBoard's `ScalarEvent`s of a file by tag, in the order in which they were logged, up to
+    where the file is cut off or damaged."""
     from tensorboard.backend.event_processing import event_accumulator  # half a second
 
     all_of_them = {event_accumulator.SCALARS: 0}

@@ -24,7 +24,7 @@ class Figure:
     value: float
     """NaN where it could not be measured."""
     meaning: str
-    """What it is, with its unit, for somebody who reads the console."""
+    """What it is, with its unit, for somebody who reads the JSON."""
     threshold: float | None = None
     """Above it the figure speaks for the effect; None for what is told beside."""
 
@@ -53,17 +53,10 @@ class Finding:
     """A sentence with the figures that decided."""
     figures: tuple[Figure, ...]
 
-    def lines(self, verbose: bool = False) -> list[str]:
-        """For a console: the decision and why; with `verbose` its figures."""
+    def line(self) -> str:
+        """For a console: the decision and why."""
         sure = {"clear": "", "close": " (a close call)", "none": " (the safe side)"}
-        head = f"{self.effect}: {self.decision}{sure[self.confidence]}. {self.reason}"
-        lines = [head]
-        for figure in self.figures if verbose else ():
-            value = f"{figure.value:.3g}" if figure.is_known else "unknown"
-            if figure.threshold is not None:
-                value += f" (calls for it above {figure.threshold:.3g})"
-            lines.append(f"  {figure.name} {value}: {figure.meaning}")
-        return lines
+        return f"{self.effect}: {self.decision}{sure[self.confidence]}. {self.reason}"
 
 
 @dataclass(frozen=True)
@@ -98,11 +91,9 @@ class Survey:
         )
         return json.dumps(plain, indent=2) + "\n"
 
-    def summary(self, verbose: bool = False) -> list[str]:
-        """Lines for a console: notes, and one for each effect; with `verbose` all figures."""
-        head = f"{self.num_surveyed} of {self.num_photos} training photos, {self.num_points} points"
-        lines = [*([f"Surveyed {head}."] if verbose else []), *self.notes]
-        return lines + [line for finding in self.findings for line in finding.lines(verbose)]
+    def summary(self) -> list[str]:
+        """Lines for a console: notes, and one for each effect."""
+        return [*self.notes, *(finding.line() for finding in self.findings)]
 
 
 def confidence_of(figures: Sequence[Figure]) -> Confidence:

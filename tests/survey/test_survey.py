@@ -143,8 +143,8 @@ def test_json_is_plain_the_same_each_time_and_says_what_the_console_says(still: 
     plain = json.loads(result.to_json())
     assert {e: plain[e]["decision"] for e in result.decisions()} == result.decisions()
     assert len(result.summary()) == 2
-    lines = "\n".join(result.summary(verbose=True))
-    assert all(f.name in lines for finding in result.findings for f in finding.figures)
+    named = [figure["name"] for effect in result.decisions() for figure in plain[effect]["figures"]]
+    assert named == [f.name for finding in result.findings for f in finding.figures]
 
 
 def test_confidence_is_that_of_the_figure_nearest_to_its_threshold():
