@@ -42,6 +42,7 @@ def test_without_points_safe_sides_are_taken_and_named(still: DataparserOutputs)
     ("change", "said"),
     [
         ("behind", "Points and cameras do not go together"),
+        ("turned", "Photos and points do not go together"),
         ("black", "A mask leaves nothing"),
         ("right", ""),
     ],
@@ -52,6 +53,9 @@ def test_captures_that_cannot_be_right_are_said(
     capture = copied(still, tmp_path)
     if change == "behind":
         capture = with_points(capture, points_of(capture) + np.array([0.0, 0.0, 1e4]))
+    if change == "turned":
+        for path in capture.image_filenames:
+            write_image(path, np.ascontiguousarray(read_image(path)[::-1, ::-1]))
     if change == "black":
         write_image(tmp_path / "mask.png", np.zeros((72, 96, 1), np.uint8))
         capture = replace(capture, mask_filenames=[tmp_path / "mask.png"] * 10)
