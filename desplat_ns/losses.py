@@ -10,10 +10,14 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.ssim import photometric_losses
+from desplat_ns.photo_tourism.camera_response import PRIOR_STD
 from desplat_ns.rendering.layers import composite_alpha
 
 EXPLAINED_SHARE = 0.6
 """Share of a pixel's 3 x 3 neighbours that the background has to explain. Eq. 9."""
+
+RESPONSE_OBSERVATIONS = 1000
+"""Independent errors that a training photo counts for beside the prior of its camera's response."""
 
 
 def photometric_loss(
@@ -98,6 +102,21 @@ def mean_shown_opacity(
     """
     shown = visible[:, None].to(opacities)
     return (opacities.sigmoid() * shown).sum() / shown.sum().clamp(min=1)
+
+
+def camera_response_loss(
+    numbers: Float[Tensor, " 5"], photometric: Float[Tensor, ""]
+) -> Float[Tensor, ""]:
+    """The prior of a camera's response, zero mean and `PRIOR_STD`, beside the photometric loss.
+
+    Args:
+        numbers: of `camera_response`.
+        photometric: the photo's loss; it stands for the size of an error, and gets no gradient.
+
+    Source: negative log likelihoods, Laplace's of the errors and Gauss's of the numbers.
+    """
+    deviations = numbers / torch.tensor(PRIOR_STD).to(numbers)
+    return photometric.detach() * deviations.square().sum() / (2 * RESPONSE_OBSERVATIONS)
 
 
 @torch.no_grad()

@@ -35,6 +35,7 @@ from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.gaussians.strategy import StaticStrategy
 from desplat_ns.losses import (
     background_opacity_loss,
+    camera_response_loss,
     distractor_opacity_loss,
     explained_by_background,
     layered_photometric_losses,
@@ -49,7 +50,6 @@ from desplat_ns.nerfstudio_quirks import (
 )
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.background import BACKGROUND_DEGREE_INTERVAL
-from desplat_ns.photo_tourism.camera_response import response_prior
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects
 from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.rendering.layers import layered_outputs, over_background, static_outputs
@@ -279,8 +279,8 @@ class DeSplatModel(SplatfactoModel):
             price = background_opacity_loss(alpha_d, alpha_s, explained)
             losses["background_opacity"] = config.background.lambda_bg * price
         if self.image_effects.responses is not None:
-            prior = response_prior(self.image_effects.responses[step.index])
-            losses["camera_response"] = losses["main_loss"].detach() * prior
+            numbers = self.image_effects.responses[step.index]
+            losses["camera_response"] = camera_response_loss(numbers, losses["main_loss"])
         losses |= self._others()
         self.losses = {name: value.detach() for name, value in losses.items()}
         return losses

@@ -8,7 +8,8 @@ from nerfstudio.engine.optimizers import Optimizers
 
 from desplat_ns.gaussians import distractor_config
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.photo_tourism.camera_response import TRAINING_OBSERVATIONS, USUAL
+from desplat_ns.losses import RESPONSE_OBSERVATIONS
+from desplat_ns.photo_tourism.camera_response import PRIOR_STD
 from desplat_ns.training.schedule import Schedule
 from tests.helpers.small_model import Trainer, camera, make_model, model_with
 
@@ -71,7 +72,7 @@ def test_a_cameras_response_is_charged_by_its_prior_in_units_of_the_loss():
     assert model_with("affine", opacity_prior=0.6).config.opacity_prior == 0
     assert model.image_effects.responses is not None
     with torch.no_grad():
-        model.image_effects.responses[:] = 2 * torch.tensor(USUAL)
+        model.image_effects.responses[:] = 2 * torch.tensor(PRIOR_STD)
     losses = {name: float(loss) for name, loss in Trainer(model).step(1)["losses"].items()}
-    expected = 5 * 2**2 / (2 * TRAINING_OBSERVATIONS) * losses["main_loss"]
+    expected = 5 * 2**2 / (2 * RESPONSE_OBSERVATIONS) * losses["main_loss"]
     assert losses["camera_response"] == pytest.approx(expected)

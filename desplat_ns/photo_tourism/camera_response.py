@@ -33,15 +33,12 @@ OUTLIER = 0.08
 """Colour difference at which a pixel counts a quarter in the last steps of `fit_response`: what
 stands in front of the scene must not set its light."""
 
-USUAL = (0.2, 0.2, 0.2, 0.1, 0.1)
+PRIOR_STD = (0.2, 0.2, 0.2, 0.1, 0.1)
 """Standard deviations of the numbers over the photos of a capture, about 0: their prior."""
 
 OBSERVATIONS = 12
-"""What the pixels of a photo count together beside the prior: errors come in patches."""
-
-TRAINING_OBSERVATIONS = 1000
-"""The same in training, where the scene moves to fit other photos, too: with 12, `sceaux_cluttered`
-loses 0.03 of SSIM."""
+"""Independent errors that the pixels of a photo count for beside the prior of a fit: errors come in
+patches."""
 
 
 def squared_radius(view: View) -> Float[Tensor, "H W 1"]:
@@ -73,13 +70,6 @@ def camera_response(
     return toned * torch.exp(numbers[:3] + numbers[4] * radius2)
 
 
-def response_prior(numbers: Float[Tensor, " 5"]) -> Float[Tensor, ""]:
-    """What the prior `USUAL` adds to a photometric loss, per unit of that loss: negative log
-    likelihoods of Laplace's distribution, whose scale the loss is, and of the prior."""
-    deviations = numbers / torch.tensor(USUAL).to(numbers)
-    return deviations.square().sum() / (2 * TRAINING_OBSERVATIONS)
-
-
 @torch.no_grad()
 def fit_response(
     rgb: Float[Tensor, "P 3"],
@@ -93,8 +83,8 @@ def fit_response(
     from `OUTLIER` itself, if something large stands in front; the better end counts. Pixels in
     which the photo is at the end of its range say nothing and are left out.
 
-    The prior `USUAL` weighs by the differences' variance: what a scene has not learned, or no other
-    photo shows, is no light of the photo.
+    The prior `PRIOR_STD` weighs by the differences' variance: what a scene has not learned, or no
+    other photo shows, is no light of the photo.
 
     Args:
         rgb: the scene's colours, >= 0.
@@ -108,7 +98,7 @@ def fit_response(
     rgb, photo, radius2 = rgb[in_range], photo[in_range], radius2[in_range]
     if len(rgb) == 0:
         return rgb.new_zeros(NUMBERS).float()
-    prior = len(rgb) / OBSERVATIONS * torch.tensor(USUAL).to(rgb).pow(-2).diag()
+    prior = len(rgb) / OBSERVATIONS * torch.tensor(PRIOR_STD).to(rgb).pow(-2).diag()
     slopes_of = jacfwd(camera_response, argnums=1)
 
     def fitted(widest: float) -> tuple[float, Tensor]:
