@@ -31,7 +31,6 @@ from desplat_ns.gaussians.activation import (
 )
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.distractors import DistractorGaussians, to_device
-from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.gaussians.strategy import StaticStrategy
 from desplat_ns.losses import (
     background_opacity_loss,
@@ -160,11 +159,6 @@ class DeSplatModel(SplatfactoModel):
                 return resolve("auto", self.device.type)
         return self._rasterizer
 
-    @property
-    def memory(self) -> GaussianMemory:
-        """What is remembered of each static Gaussian."""
-        return GaussianMemory(self.strategy_state)
-
     def get_param_groups(self) -> dict[str, list[nn.Parameter]]:
         """Splatfacto's groups and those of the effects."""
         groups = super().get_param_groups() | self.image_effects.param_groups()
@@ -258,7 +252,7 @@ class DeSplatModel(SplatfactoModel):
         owned = in_region = None
         if layer is not None:
             static, opacities = outputs["rgb_static"], self.gauss_params["opacities"]
-            photo, in_region = layer.look(step, photo, static, mask, opacities, self.memory)
+            photo, in_region = layer.look(step, photo, static, mask, opacities, self.strategy_state)
             if step.distractors is not None and layer.config.static_alone:
                 owned = distractor_weight(alpha_d, in_region)
         if owned is None:
@@ -355,7 +349,7 @@ class DeSplatModel(SplatfactoModel):
             self.layer.commit(
                 train_step,
                 self.gauss_params,
-                self.memory,
+                self.strategy_state,
                 lambda: self._refine_static(step),
                 self._weights_of,
             )

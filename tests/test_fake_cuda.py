@@ -28,7 +28,6 @@ from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import PARAMETER_NAMES, ViewDistractors, to_device
-from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.losses import (
     background_opacity_loss,
     distractor_opacity_loss,
@@ -45,6 +44,7 @@ from desplat_ns.rendering.layers import layered_outputs, over_background, static
 from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
+from desplat_ns.separation.residuals import USUAL
 from desplat_ns.settings.effects import BackgroundGrade, Effects
 from desplat_ns.training.step_guard import sum_of_squares
 
@@ -115,19 +115,19 @@ def regions_by_cell(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(("number", "masked"), [(0, False), (EARLY, True), (LATE, False)])
 def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number, masked):
     """Residual, expected residual, statistics, excess, detail, outlines, weights, losses."""
-    layer, memory = a_layer("image" if masked else "off"), GaussianMemory({})
+    layer, state = a_layer("image" if masked else "off"), {}
     mask = cuda(HEIGHT, WIDTH, 1) > 0.5 if masked else None
     for _ in range(2):
         step = a_step(number)
         photo, static, alpha_d = step.photo, step.static_rgb, cuda(HEIGHT, WIDTH, 1)
-        photo, in_region = layer.look(step, photo, static, mask, cuda(N, 1), memory)
+        photo, in_region = layer.look(step, photo, static, mask, cuda(N, 1), state)
         owned = distractor_weight(alpha_d, in_region)
         losses = layered_photometric_losses(static, static, photo, 0.2, owned, 0.03)
         losses += (distractor_opacity_loss(alpha_d, in_region),)
         losses += (static_transparency_loss(alpha_d, owned),)
-        assert step.residual_stats is not None
-        assert_on_cuda(step.residual_stats.usual, step.residual_stats.times_seen, *losses)
-        step.residual_stats.keep_in(memory)
+        assert step.usual is not None
+        assert_on_cuda(step.usual, *losses)
+        state[USUAL] = step.usual
     assert (step.regions is None) == (number < CONFIG.static_warmup)
     if step.regions is not None:
         assert_on_cuda(step.regions)

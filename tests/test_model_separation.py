@@ -163,9 +163,8 @@ def test_what_views_remember_follows_densification_and_checkpoints():
         trainer.step(step, step % 3)
     assert model.num_points != before
     memory = model.get_extra_state()["static_strategy"]
-    assert len(memory["usual_residual"]) == len(memory["times_seen"])
     assert len(memory["usual_residual"]) == model.num_points
-    assert memory["visits"] == 12
+    assert memory["usual_residual"].abs().max() > 0
     fresh = make_model(points, distractors=config(static_warmup=1000), **options)
     fresh.load_state_dict(model.state_dict())
     restored = fresh.strategy_state
@@ -177,12 +176,12 @@ def test_nothing_is_learned_from_a_dropped_step():
     trainer = Trainer(model)
     for step in range(3):
         trainer.step(step, step)
-    assert model.memory.number("visits") == 3
+    before = model.strategy_state["usual_residual"]
     model.step = 3
     outputs = model(camera(0))
     model.get_loss_dict(outputs, {"image": trainer.photo})
     model.drop_step()
     model.step_post_backward(3)
-    assert model.memory.number("visits") == 3
+    assert model.strategy_state["usual_residual"] is before
     trainer.step(4, 0)
-    assert model.memory.number("visits") == 4
+    assert model.strategy_state["usual_residual"] is not before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
@@ -22,7 +23,6 @@ from desplat_ns.gaussians.activation import (
 from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info
 from desplat_ns.gaussians.distractor_config import DistractorConfig, rates_at
 from desplat_ns.gaussians.distractors import DistractorGaussians, ViewDistractors
-from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.layers import layered_outputs
 from desplat_ns.separation.clearance import Clearance
 from desplat_ns.separation.grid import region_pixels
@@ -34,7 +34,7 @@ from desplat_ns.separation.regions import (
     find_regions,
     own_sky,
 )
-from desplat_ns.separation.residuals import LEAST_VIEWS, ResidualStats
+from desplat_ns.separation.residuals import LEAST_VIEWS, USUAL, usual_residuals
 from desplat_ns.separation.witness import Witnesses
 from desplat_ns.settings.effects import BackgroundGrade
 
@@ -70,8 +70,8 @@ class TrainStep:
 
     regions: Bool[Tensor, "rows columns"] | None = None
     """Where distractors belong, on the grid of `grid_of`; None in the warm-up."""
-    residual_stats: ResidualStats | None = None
-    """What the static Gaussians are to remember, with this view; None for nothing."""
+    usual: Float[Tensor, " N"] | None = None
+    """What the static Gaussians are to remember (`usual_residuals`); None for nothing new."""
     witness: Float[Tensor, "3 rows columns"] | None = None
     """What is to be kept of the photo, for when other photos are asked; None for nothing."""
 
@@ -160,7 +160,7 @@ class DistractorLayer:
         static: Float[Tensor, "H W 3"],
         mask: Bool[Tensor, "H W 1"] | None,
         opacities: Float[Tensor, "N 1"],
-        memory: GaussianMemory,
+        state: Mapping[str, Any],
     ) -> tuple[Float[Tensor, "H W 3"], Float[Tensor, "H W 1"] | None]:
         """Compare the photo of a step with the static scene, if that is due.
 
@@ -168,7 +168,7 @@ class DistractorLayer:
             static: in the photo's light, in [0, 1].
             mask: the user's, False in pixels that do not count; None if there is none.
             opacities: of the static Gaussians, logits.
-            memory: what they remember; it is read only.
+            state: of their strategy; it is read only.
 
         Returns:
             The photo, under the mask as the static scene; and 1 in pixels of regions, if the view
@@ -180,7 +180,7 @@ class DistractorLayer:
         train_step.photo, train_step.static_rgb = photo, static
         train_step.regions = self.regions.get(train_step.index)
         if self._looks(train_step):
-            self.update_regions(train_step, opacities, memory, counted)
+            self.update_regions(train_step, opacities, state, counted)
         if train_step.distractors is None or train_step.regions is None:
             return photo, None
         return photo, region_pixels(train_step.regions.to(photo.dtype), *photo.shape[:2])
@@ -199,14 +199,14 @@ class DistractorLayer:
         self,
         train_step: TrainStep,
         opacities: Float[Tensor, "N 1"],
-        memory: GaussianMemory,
+        state: Mapping[str, Any],
         counted: Bool[Tensor, "rows columns"] | None,
     ) -> None:
-        """Find the regions of a step, and the statistics with it; in the warm-up these alone.
+        """Find the regions of a step, and what the Gaussians remember; in the warm-up that alone.
 
         Args:
             opacities: of the static Gaussians, logits.
-            memory: what they remember; it is read only.
+            state: of their strategy; it is read only.
             counted: cells that the user's mask leaves in; None if it leaves out none.
         """
         photo = train_step.photo
@@ -216,12 +216,12 @@ class DistractorLayer:
             train_step.static.visible,
             torch.sigmoid(opacities.detach()[:, 0]),
         )
-        stats = ResidualStats.of(memory, len(opacities), self.num_views, photo.device)
+        usual = usual_residuals(state, len(opacities), photo.device)
         judged = counted
         if self.background == "image":
             scene = ~own_sky(photo, train_step.static.alpha)
             judged = scene if counted is None else scene & counted
-        comparison, train_step.residual_stats = compare(photo, static, stats, judged)
+        comparison, train_step.usual = compare(photo, static, usual, judged)
         if train_step.number < self.config.static_warmup:
             train_step.witness = comparison.photo
             return
@@ -234,7 +234,7 @@ class DistractorLayer:
         self,
         train_step: TrainStep,
         params: nn.ParameterDict,
-        memory: GaussianMemory,
+        state: dict[str, Any],
         refine_static: Callable[[], None],
         weights_of: Callable[[RawParameters], Float[Tensor, " M"]],
     ) -> None:
@@ -243,13 +243,13 @@ class DistractorLayer:
 
         Args:
             params: of the static Gaussians, raw.
-            memory: what they remember.
+            state: of their strategy.
             refine_static: refines the static set; called once it has what belongs to its rows.
             weights_of: gives what each of the view's distractors makes up of it, in pixels.
         """
         index, view, static = train_step.index, train_step.view, train_step.static
-        if train_step.residual_stats is not None:
-            train_step.residual_stats.keep_in(memory)
+        if train_step.usual is not None:
+            state[USUAL] = train_step.usual
         if train_step.witness is not None:
             self.witnesses.keep(index, train_step.witness)
         self.clearance.hide_near_camera(
@@ -261,7 +261,7 @@ class DistractorLayer:
             keep_colors_in_range(distractors.params)
             info = strategy_info(train_step.distractors, view)
             self.densifier.after_step(distractors, step, info, weights_of)
-        if train_step.regions is not None and train_step.residual_stats is not None:
+        if train_step.regions is not None and train_step.usual is not None:
             self.regions[index] = train_step.regions
             if step < STOP_PLACING_AT:
                 self._place(train_step, train_step.regions, distractors)

@@ -29,7 +29,6 @@ from desplat_ns.separation.grid import (
 from desplat_ns.separation.residuals import (
     SMOOTHING,
     Excess,
-    ResidualStats,
     excess_residual,
     local_residual,
 )
@@ -39,7 +38,7 @@ PEAK_LEVELS, MAX_PEAK = 10.0, 0.4
 While the scene is not learned, places stand out that it learns later unless they are left out."""
 
 FEWEST_VOTES = 0.1
-"""Opacity per cell of Gaussians that at least three views see: with more, the scene is known."""
+"""Opacity per cell of the Gaussians around it: with more, the scene is known."""
 
 TRUSTED, DOUBTED = 3.0, 0.5
 """Times what is unexplained, the excess counts at most: where the scene is known, a thing may look
@@ -115,29 +114,29 @@ class Comparison:
 def compare(
     photo: Float[Tensor, "H W 3"],
     static: StaticView,
-    stats: ResidualStats,
+    usual: Float[Tensor, " N"],
     counted: Bool[Tensor, "rows columns"] | None = None,
-) -> tuple[Comparison, ResidualStats]:
-    """How far a photo is from the static scene, and the statistics with this visit in them.
+) -> tuple[Comparison, Float[Tensor, " N"]]:
+    """How far a photo is from the static scene, and what the Gaussians remember with this visit.
 
     Args:
         photo: in [0, 1]; under the user's mask as the static scene (`apply_mask`).
-        stats: what the static Gaussians remember of other visits.
+        usual: what they remember of other visits (`usual_residuals`).
         counted: as `Comparison`'s.
     """
     height, width = photo.shape[:2]
     grid, fine = grid_of(width, height), fine_grid_of(width, height)
     colors_s, colors_p = pooled(static.rgb, fine), pooled(photo, fine)
     x, y = static.means2d.unbind(-1)
-    excess, stats = excess_residual(
+    excess, usual = excess_residual(
         local_residual(colors_s, colors_p, grid),
         torch.stack([x * (grid[0] / width), y * (grid[1] / height)], dim=-1),
         static.visible,
         static.opacities,
-        stats,
+        usual,
         counted,
     )
-    return Comparison(colors_s, colors_p, excess, counted), stats
+    return Comparison(colors_s, colors_p, excess, counted), usual
 
 
 def differences(

@@ -13,14 +13,15 @@ relative to the view's own level: exposure, training progress and resets move al
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import torch
 import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.separation.grid import pooled, window_means
 
 SMOOTHING = 3
@@ -38,10 +39,13 @@ three quarters of it."""
 MEDIAN_STEP = 0.1
 """Step of a Gaussian's running median, in units of the residual's logarithm."""
 
+USUAL = "usual_residual"
+"""Key in the running state of gsplat's strategy, which copies and removes the rows of every tensor
+in it together with the Gaussians, and which checkpoints hold: their running medians of
+log(residual / level of its view)."""
+
 LEAST_VIEWS = 2
-"""A Gaussian that so many training views see, or fewer, has no weight in what is expected: what
-floats in front of one camera remembers its photo alone, occluder and all, and of two views nobody
-can tell which is right. A median of three holds against one."""
+"""Of two views nobody can tell which is right; a median of three holds against one."""
 
 TYPICAL_WEIGHT = 0.02
 """Opacity per cell with which what is usual in the whole scene counts everywhere. Where no Gaussian
@@ -71,31 +75,12 @@ def local_residual(
     return window_means(cells, SMOOTHING)[0].clamp(min=MIN_RESIDUAL)
 
 
-@dataclass(frozen=True)
-class ResidualStats:
-    """What the static Gaussians remember of the residuals around them, and in how many views."""
-
-    usual: Float[Tensor, " N"]
-    """Running median of log(residual / level of its view)."""
-    times_seen: Float[Tensor, " N"]
-    """Views that had the Gaussian's centre in the image."""
-    visits: int
-    """Views that were remembered so far, each as often as it was."""
-    num_views: int
-    """Training views that are visited in turn."""
-
-    @classmethod
-    def of(
-        cls, memory: GaussianMemory, count: int, num_views: int, device: torch.device
-    ) -> ResidualStats:
-        """Read the memory of `count` Gaussians; zeros on first use."""
-        usual = memory.values("usual_residual", count, device)
-        times_seen = memory.values("times_seen", count, device)
-        return cls(usual, times_seen, memory.number("visits"), num_views)
-
-    def keep_in(self, memory: GaussianMemory) -> None:
-        """Store this in the memory of the Gaussians."""
-        memory.remember(usual_residual=self.usual, times_seen=self.times_seen, visits=self.visits)
+def usual_residuals(
+    state: Mapping[str, Any], count: int, device: torch.device
+) -> Float[Tensor, " N"]:
+    """What `count` Gaussians remember in the strategy's state; zeros at first."""
+    usual = state.get(USUAL)
+    return torch.zeros(count, device=device) if usual is None else usual
 
 
 @dataclass(frozen=True)
@@ -120,41 +105,31 @@ def excess_residual(
     means2d: Float[Tensor, "N 2"],
     visible: Bool[Tensor, " N"],
     opacities: Float[Tensor, " N"],
-    stats: ResidualStats,
+    usual: Float[Tensor, " N"],
     counted: Bool[Tensor, "rows columns"] | None = None,
-) -> tuple[Excess, ResidualStats]:
-    """The residual beyond the expected one, and the statistics with this view in them.
+) -> tuple[Excess, Float[Tensor, " N"]]:
+    """The residual beyond the expected one, and what the Gaussians remember with this view.
 
     What is usual around the Gaussians in a part of the image is expected there, each counting by
-    its opacity and by its `certainty`; where they are few, what is usual in the whole scene is.
+    its opacity; where they are few, what is usual in the whole scene is.
 
     Args:
         residual: `local_residual` of the view.
         means2d: projected centres, in cells.
         opacities: in [0, 1]; what is transparent has no weight.
-        stats: before this view.
+        usual: `usual_residuals` before this view; it is not written into.
         counted: cells that are not masked, None if none is. The others have no excess and no part
             in the level; to Gaussians in them this visit is none.
     """
     level = _level(residual, counted)
     relative = F.pad((residual / level).log().flatten(), (0, 1))
     inside, cell = _cells_of(means2d, visible, residual.shape, counted)
-    usual, times_seen, visits = stats.usual, stats.times_seen + inside, stats.visits + 1
-    weights = opacities * certainty(times_seen * (stats.num_views / visits))
-    expected, votes = _mean_by_cell(usual, weights, cell, residual.shape)
+    expected, votes = _mean_by_cell(usual, opacities, cell, residual.shape)
     off = torch.sign(relative.index_select(0, cell) - usual)
     usual = usual + MEDIAN_STEP * off * inside
     values = residual - level * expected.exp()
     values = values if counted is None else values.masked_fill(~counted, 0.0)
-    return Excess(values, level, votes), replace(
-        stats, usual=usual, times_seen=times_seen, visits=visits
-    )
-
-
-def certainty(views: Float[Tensor, " N"]) -> Float[Tensor, " N"]:
-    """How far the median of so many views can be trusted, in [0, 1]: not up to `LEAST_VIEWS`, and
-    wholly from one more on."""
-    return (views - LEAST_VIEWS).clamp(0, 1)
+    return Excess(values, level, votes), usual
 
 
 def _level(

@@ -20,7 +20,7 @@ from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
 from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled
 from desplat_ns.separation.regions import StaticView, compare, find_regions
-from desplat_ns.separation.residuals import ResidualStats, local_residual
+from desplat_ns.separation.residuals import local_residual, usual_residuals
 from lab import DOCS, parser_of
 from lab.separation.passers_by import photo_of
 from lab.sheet import sheet
@@ -50,8 +50,8 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Pictu
         drawn.visible,
         torch.sigmoid(opacities.detach()[:, 0]),
     )
-    stats = ResidualStats.of(model.memory, len(opacities), model.layer.num_views, photo.device)
-    comparison, _ = compare(photo, static, stats)
+    usual = usual_residuals(model.strategy_state, len(opacities), photo.device)
+    comparison, _ = compare(photo, static, usual)
     height, width = photo.shape[:2]
     fine = fine_grid_of(width, height)
     residual = local_residual(pooled(static.rgb, fine), pooled(photo, fine), grid_of(width, height))

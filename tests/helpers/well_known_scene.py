@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import torch
 from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.rendering.views import view_of
 from desplat_ns.separation.layer import TrainStep
 from desplat_ns.separation.regions import StaticView, apply_mask, compare, find_regions
-from desplat_ns.separation.residuals import ResidualStats
+from desplat_ns.separation.residuals import USUAL, usual_residuals
 
 WIDTH, HEIGHT = 60, 40
 
@@ -44,7 +44,8 @@ class WellKnownScene:
         count = means2d.shape[1]
         self.drawn = replace(nothing_drawn(), means2d=means2d, radii=torch.ones(count).int())
         self.opacities = torch.zeros(count, 1)
-        self.memory = GaussianMemory({})
+        self.state: dict[str, Any] = {}
+        """Of the strategy."""
 
     def rendered(self) -> torch.Tensor:
         return self.photo + self.noise * torch.randn(self.photo.shape, generator=self.generator)
@@ -57,7 +58,6 @@ class WellKnownScene:
     def find(
         self,
         photo: torch.Tensor,
-        num_views: int,
         config: DistractorConfig,
         mask: torch.Tensor | None = None,
         unexplained: torch.Tensor | None = None,
@@ -69,10 +69,10 @@ class WellKnownScene:
         static = StaticView(
             rgb, self.drawn.means2d[0], self.drawn.visible, self.opacities[:, 0].sigmoid()
         )
-        stats = ResidualStats.of(self.memory, count, num_views, photo.device)
-        comparison, stats = compare(photo, static, stats, counted)
+        usual = usual_residuals(self.state, count, photo.device)
+        comparison, usual = compare(photo, static, usual, counted)
         regions = find_regions(comparison, config, lambda: unexplained)
-        stats.keep_in(self.memory)
+        self.state[USUAL] = usual
         return regions
 
     def with_an_occluder(self) -> torch.Tensor:

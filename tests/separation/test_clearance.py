@@ -92,7 +92,7 @@ def test_what_is_cleared_after_the_last_refinement_is_removed_with_all_that_belo
     assert extinguished(model) == 1
     kept = model.gauss_params["opacities"].flatten() > EXTINGUISHED + 1
     before = {name: value[kept].clone() for name, value in model.gauss_params.items()}
-    times = model.strategy_state["times_seen"][kept].clone()
+    times = model.strategy_state["usual_residual"][kept].clone()
     model.sweep()
     assert extinguished(model) == 0
     assert model.num_points == 200 - 1
@@ -102,9 +102,9 @@ def test_what_is_cleared_after_the_last_refinement_is_removed_with_all_that_belo
         assert group["params"][0] is value
         moments = trainer.optimizers[name].state[value]
         assert moments["exp_avg"].shape == value.shape
-    assert torch.equal(model.strategy_state["times_seen"], times)
+    assert torch.equal(model.strategy_state["usual_residual"], times)
     trainer.step(5, 1)
-    assert model.strategy_state["times_seen"].shape == (199,)
+    assert model.strategy_state["usual_residual"].shape == (199,)
 
 
 @pytest.mark.slow

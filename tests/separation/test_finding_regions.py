@@ -8,7 +8,7 @@ import torch
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.separation import regions
 from desplat_ns.separation.regions import evidence_of
-from desplat_ns.separation.residuals import Excess
+from desplat_ns.separation.residuals import USUAL, Excess
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene
 
 CONFIG = DistractorConfig(start="residual", weak_excess=0.05, strong_excess=0.15)
@@ -19,13 +19,13 @@ def seen_often(config: DistractorConfig = CONFIG) -> WellKnownScene:
     """The scene after five visits, in which nothing was in the way."""
     scene = WellKnownScene()
     for _ in range(5):
-        assert not scene.find(scene.photo, 40, config).any()
+        assert not scene.find(scene.photo, config).any()
     return scene
 
 
 def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
     scene = seen_often()
-    region = scene.find(scene.with_an_occluder(), 40, CONFIG)
+    region = scene.find(scene.with_an_occluder(), CONFIG)
     assert region.shape == (HEIGHT, WIDTH)
     true = torch.zeros_like(region)
     true[10:30, 20:40] = True
@@ -39,10 +39,10 @@ def test_what_a_masked_pixel_holds_changes_no_bit():
         scene, mask = WellKnownScene(), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
         mask[15:33, 12:31] = False
         for _ in range(3):
-            scene.find(scene.photo, 40, CONFIG)
+            scene.find(scene.photo, CONFIG)
         photo = scene.with_an_occluder().masked_fill(~mask, value)
-        regions = scene.find(photo, 40, CONFIG, mask)
-        results.append((regions, scene.memory.values("usual_residual", HEIGHT * WIDTH, CPU)))
+        regions = scene.find(photo, CONFIG, mask)
+        results.append((regions, scene.state[USUAL]))
     assert results[0][0].any()
     assert torch.equal(results[0][0], results[1][0])
     assert torch.equal(results[0][1], results[1][1])
@@ -53,8 +53,8 @@ def test_what_is_in_the_way_beside_a_mask_is_found():
     scene, mask = WellKnownScene(), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
     mask[:, 30:] = False
     for _ in range(5):
-        scene.find(scene.photo, 40, CONFIG, mask)
-    region = scene.find(scene.with_an_occluder(), 40, CONFIG, mask)
+        scene.find(scene.photo, CONFIG, mask)
+    region = scene.find(scene.with_an_occluder(), CONFIG, mask)
     assert region[12:28, 22:28].all()
     assert not region[:, 30:].any()
 
@@ -62,7 +62,7 @@ def test_what_is_in_the_way_beside_a_mask_is_found():
 def with_an_occluder(unexplained: torch.Tensor | None) -> torch.Tensor:
     """Regions of a photo with an occluder, if the others leave so much of the photo unexplained."""
     scene = seen_often()
-    return scene.find(scene.with_an_occluder(), 40, CONFIG, unexplained=unexplained)
+    return scene.find(scene.with_an_occluder(), CONFIG, unexplained=unexplained)
 
 
 def test_what_other_photos_explain_is_in_no_region():
@@ -106,10 +106,10 @@ def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region(
     flare = 0.4 * torch.exp(-((x - 30) ** 2 + (y - 20) ** 2) / 200)[..., None]
     with monkeypatch.context() as unasked:
         unasked.setattr(regions, "SHARED_DETAIL", 1.0)
-        taken = scene.find(scene.photo + flare, 40, CONFIG).sum()
+        taken = scene.find(scene.photo + flare, CONFIG).sum()
     assert taken > 800
-    assert scene.find(scene.photo + flare, 40, CONFIG).sum() < 0.1 * taken
-    assert scene.find(scene.with_an_occluder(), 40, CONFIG)[12:28, 22:38].all()
+    assert scene.find(scene.photo + flare, CONFIG).sum() < 0.1 * taken
+    assert scene.find(scene.with_an_occluder(), CONFIG)[12:28, 22:38].all()
 
 
 def test_the_advice_to_raise_strong_excess_helps(monkeypatch: pytest.MonkeyPatch):
@@ -119,5 +119,5 @@ def test_the_advice_to_raise_strong_excess_helps(monkeypatch: pytest.MonkeyPatch
     for strong, is_found in ((0.12, True), (0.4, False)):
         config = dataclasses.replace(CONFIG, strong_excess=strong)
         scene = seen_often(config)
-        found = scene.find(scene.with_a_pale_one(), 40, config)
+        found = scene.find(scene.with_a_pale_one(), config)
         assert bool(found[16:24, 26:34].all()) == bool(found.any()) == is_found

@@ -11,6 +11,7 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.separation.layer import DistractorLayer
+from desplat_ns.separation.residuals import USUAL
 from desplat_ns.settings.effects import BackgroundGrade
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene, cameras
 
@@ -50,11 +51,11 @@ class SceneBelowASky(WellKnownScene):
         layer = DistractorLayer(gaussians, CONFIG, SplatfactoModelConfig(), cams, None, background)
         for _ in range(10):
             step = self.train_step(0, self.photo)
-            layer.update_regions(step, self.opacities, self.memory, None)
-            assert step.residual_stats is not None
-            step.residual_stats.keep_in(self.memory)
+            layer.update_regions(step, self.opacities, self.state, None)
+            assert step.usual is not None
+            self.state[USUAL] = step.usual
         step = self.train_step(100, photo)
-        layer.update_regions(step, self.opacities, self.memory, None)
+        layer.update_regions(step, self.opacities, self.state, None)
         assert step.regions is not None
         return step.regions
 

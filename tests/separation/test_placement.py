@@ -18,6 +18,7 @@ from desplat_ns.separation.placement import (
     lie_in,
     uncovered_cells,
 )
+from desplat_ns.separation.residuals import USUAL
 from tests.helpers.well_known_scene import (
     HEIGHT,
     WIDTH,
@@ -113,10 +114,10 @@ class Trained:
         scene, step = self.scene, self.scene.train_step(number, photo)
         none = alpha(0.0)
         photo, static = step.photo, step.static_rgb
-        self.layer.look(step, photo, static, None, scene.opacities, scene.memory)
+        self.layer.look(step, photo, static, None, scene.opacities, scene.state)
         means = torch.zeros(len(scene.opacities), 3)
         params = torch.nn.ParameterDict({"means": means, "opacities": scene.opacities.clone()})
-        self.layer.commit(step, params, scene.memory, lambda: None, lambda _: none.flatten())
+        self.layer.commit(step, params, scene.state, lambda: None, lambda _: none.flatten())
         return step
 
     @property
@@ -125,13 +126,13 @@ class Trained:
 
 
 def test_with_two_photos_nothing_is_placed_and_in_the_warm_up_views_are_only_remembered():
-    for trained, last, visits in ((Trained(num_views=2), 100, 0), (Trained(), 4, 6)):
+    for trained, last, remembers in ((Trained(num_views=2), 100, False), (Trained(), 4, True)):
         for number in range(5):
             trained.step(min(number, last - 1), trained.scene.photo)
         step = trained.step(last, trained.scene.with_an_occluder())
         assert step.regions is None
         assert trained.count == 0
-        assert trained.scene.memory.number("visits") == visits
+        assert (USUAL in trained.scene.state) == remembers
 
 
 def test_once_placing_has_stopped_none_comes_and_none_goes(monkeypatch):

@@ -5,13 +5,10 @@ import math
 import pytest
 import torch
 
-from desplat_ns.gaussians.memory import GaussianMemory
 from desplat_ns.separation.grid import grid_of
 from desplat_ns.separation.residuals import (
-    LEAST_VIEWS,
     MEDIAN_STEP,
     MIN_RESIDUAL,
-    ResidualStats,
     excess_residual,
     local_residual,
 )
@@ -29,17 +26,14 @@ class Memory:
 
     def __init__(self) -> None:
         self.means2d = one_gaussian_per_cell()
-        self.stats = self.nothing()
+        self.usual = torch.zeros(len(self.means2d))
         self.visible = torch.ones(len(self.means2d), dtype=torch.bool)
         self.opacities = torch.full((len(self.means2d),), 0.8)
 
     def see(self, residual: torch.Tensor, counted: torch.Tensor | None = None) -> torch.Tensor:
-        rest = self.visible, self.opacities, self.stats, counted
-        excess, self.stats = excess_residual(residual, self.means2d, *rest)
+        rest = self.visible, self.opacities, self.usual, counted
+        excess, self.usual = excess_residual(residual, self.means2d, *rest)
         return excess.values
-
-    def nothing(self) -> ResidualStats:
-        return ResidualStats.of(GaussianMemory({}), len(self.means2d), 40, self.means2d.device)
 
 
 def flat(value: float = 0.02) -> torch.Tensor:
@@ -95,48 +89,17 @@ def test_texture_cancels_out_and_a_shade_does_not():
     assert (local_residual(gray, gray, grid) == torch.tensor(MIN_RESIDUAL)).all()
 
 
-def test_a_place_that_two_views_see_is_judged_by_what_is_usual_elsewhere():
-    """The right half is large in all views, but only few of them see it."""
-    memory = Memory()
-    right = memory.means2d[:, 0] > COLUMNS // 2
-    residual = flat()
-    residual[:, COLUMNS // 2 :] = 0.2
-    for visit in range(40):
-        memory.visible = ~right if visit >= LEAST_VIEWS - 1 else torch.ones_like(right)
-        memory.see(residual)
-    memory.visible = torch.ones_like(right)
-    assert memory.see(residual)[:, -8:].min() > 0.15
-    for _ in range(40):
-        excess = memory.see(residual)
-    assert excess[:, -8:].max() < 0.05  # by now seen often enough to say that it is usual
-
-
 def test_where_no_gaussian_is_the_whole_scene_says_what_is_expected():
     """A bare wall without Gaussians, in a scene of which twice the level is usual."""
     memory = Memory()
     memory.see(flat())
-    memory.stats.usual.fill_(math.log(2.0))
+    memory.usual.fill_(math.log(2.0))
     memory.means2d[memory.means2d[:, 0] > 15] = -5.0
     residual = flat()
     residual[:, 20:] = 0.2
     excess = memory.see(residual)
     assert excess[:, 23:].min() == pytest.approx(0.16, abs=1e-3)  # 0.2 - 2 * 0.02
     assert excess[:, :12].abs().max() == pytest.approx(0.02, abs=1e-3)
-
-
-def test_what_floats_in_front_of_one_camera_does_not_vouch_for_what_stands_in_its_photo():
-    """Nine floaters in every cell, seen by this view alone, remember that it is always missed."""
-    memory = Memory()
-    floaters = 9 * len(memory.means2d)
-    memory.means2d = memory.means2d.repeat(10, 1)
-    memory.stats = memory.nothing()
-    memory.opacities = memory.opacities.repeat(10)
-    memory.visible = torch.ones(len(memory.means2d), dtype=torch.bool)
-    for visit in range(161):
-        memory.visible[-floaters:] = visit % 40 == 0
-        excess = memory.see(with_block(0.2) if visit % 40 == 0 else flat())
-        if visit % 40 == 0:
-            assert excess[8:12, 12:16].min() > 0.15
 
 
 def left_half() -> torch.Tensor:
@@ -149,15 +112,13 @@ def left_half() -> torch.Tensor:
 def test_what_is_masked_not_seen_or_beyond_the_image_learns_nothing_of_the_visit():
     memory, counted = Memory(), left_half()
     memory.see(torch.rand(ROWS, COLUMNS) + 0.1)
-    assert memory.stats.usual.abs().max() == pytest.approx(MEDIAN_STEP)
-    before, kept = memory.stats, ~counted.flatten()
+    assert memory.usual.abs().max() == pytest.approx(MEDIAN_STEP)
+    before, kept = memory.usual, ~counted.flatten()
     memory.visible[:2], memory.means2d[2:4] = False, torch.tensor([[-0.5, 3.0], [3.0, -7e8]])
     kept[:4] = True
     memory.see(torch.rand(ROWS, COLUMNS) + 0.1, counted)
-    for name in ("usual", "times_seen"):
-        old, new = getattr(before, name), getattr(memory.stats, name)
-        assert torch.equal(old[kept], new[kept])
-        assert (old != new)[~kept].float().mean() > 0.9
+    assert torch.equal(before[kept], memory.usual[kept])
+    assert (before != memory.usual)[~kept].float().mean() > 0.9
 
 
 def test_what_is_masked_has_no_part_in_the_level_and_no_excess():
