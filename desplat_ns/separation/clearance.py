@@ -20,7 +20,7 @@ from desplat_ns.backend.constants import ALPHA_CUTOFF
 from desplat_ns.backend.protocol import View
 from desplat_ns.console import announce
 from desplat_ns.rendering.near_plane import sampled, scene_start
-from desplat_ns.rendering.views import image_points, views_of
+from desplat_ns.rendering.views import image_points, in_image, views_of
 
 EXTINGUISHED = -10.0
 """Logit of an opacity that is never drawn; the next refinement prunes it, or `Clearance.sweep`."""
@@ -77,8 +77,7 @@ class Clearance:
         """
         if self.depths[index] > 0:
             u, v, depth = image_points(means, view)
-            within = visible & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
-            near = within & (depth < self.depths[index])
+            near = visible & in_image(u, v, depth) & (depth < self.depths[index])
             opacities.masked_fill_(near[:, None], EXTINGUISHED)
 
     @torch.no_grad()

@@ -22,7 +22,7 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.rendering.near_plane import sampled
-from desplat_ns.rendering.views import image_points, views_of
+from desplat_ns.rendering.views import image_points, in_image, views_of
 
 MAX_POINTS = 3000
 """Points of the reconstruction by which neighbours, depths and exposures are found."""
@@ -231,9 +231,8 @@ class Witnesses:
         rows = []
         for view in self.views:
             u, v, depth = image_points(self._points, view)
-            inside = (depth > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
             toward = torch.nn.functional.normalize(self._points - view.center, dim=-1)
-            rows.append((inside, depth, toward, torch.stack([u, v], dim=-1)))
+            rows.append((in_image(u, v, depth), depth, toward, torch.stack([u, v], dim=-1)))
         return SeenPoints(*(torch.stack(part).cpu().numpy() for part in zip(*rows, strict=True)))
 
 
