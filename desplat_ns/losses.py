@@ -105,17 +105,18 @@ def mean_shown_opacity(
 
 
 def camera_response_loss(
-    numbers: Float[Tensor, " 5"], photometric: Float[Tensor, ""]
+    numbers: Float[Tensor, " 5"], mean: Float[Tensor, " 5"], photometric: Float[Tensor, ""]
 ) -> Float[Tensor, ""]:
-    """The prior of a camera's response, zero mean and `PRIOR_STD`, beside the photometric loss.
+    """The prior of a camera's response, about the photos' mean, beside the photometric loss.
 
     Args:
         numbers: of `camera_response`.
+        mean: over the photos; a constant.
         photometric: the photo's loss; it stands for the size of an error, and gets no gradient.
 
     Source: negative log likelihoods, Laplace's of the errors and Gauss's of the numbers.
     """
-    deviations = numbers / torch.tensor(PRIOR_STD).to(numbers)
+    deviations = (numbers - mean.detach()) / torch.tensor(PRIOR_STD).to(numbers)
     return photometric.detach() * deviations.square().sum() / (2 * RESPONSE_OBSERVATIONS)
 
 

@@ -274,7 +274,8 @@ class DeSplatModel(SplatfactoModel):
             losses["background_opacity"] = config.background.lambda_bg * price
         if self.image_effects.responses is not None:
             numbers = self.image_effects.responses[step.index]
-            losses["camera_response"] = camera_response_loss(numbers, losses["main_loss"])
+            mean = self.image_effects.responses.mean(dim=0)
+            losses["camera_response"] = camera_response_loss(numbers, mean, losses["main_loss"])
         losses |= self._others()
         self.losses = {name: value.detach() for name, value in losses.items()}
         return losses

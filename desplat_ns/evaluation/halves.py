@@ -64,7 +64,8 @@ def embedding_from_left_half(
             static = model.render_static(view, average)
             behind = model.background_of(view, average)
             image = over_background(static.rgb, static.alpha, behind)
-        return fit_response(image[counts], photo[counts], squared_radius(view)[counts])
+        pixels = image[counts], photo[counts], squared_radius(view)[counts]
+        return fit_response(*pixels, average)
     draw = as_function_of_embedding(model, view, view.width // 2)
     weight = 1.0 if mask is None else left_half(mask.to(photo))
     target = left_half(photo) * weight

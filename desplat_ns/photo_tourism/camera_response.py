@@ -34,7 +34,8 @@ OUTLIER = 0.08
 stands in front of the scene must not set its light."""
 
 PRIOR_STD = (0.2, 0.2, 0.2, 0.1, 0.1)
-"""Standard deviations of the numbers over the photos of a capture, about 0: their prior."""
+"""Standard deviations of the numbers over the photos of a capture, about their mean: their prior.
+The mean is free: a lens darkens the corners of all photos alike."""
 
 OBSERVATIONS = 12
 """Independent errors that the pixels of a photo count for beside the prior of a fit: errors come in
@@ -75,10 +76,11 @@ def fit_response(
     rgb: Float[Tensor, "P 3"],
     photo: Float[Tensor, "P 3"],
     radius2: Float[Tensor, "P 1"],
+    mean: Float[Tensor, " 5"],
 ) -> Float[Tensor, " 5"]:
     """The numbers with which the scene's colours come closest to a photo's.
 
-    Gauss-Newton from no change on the Geman-McClure loss of the differences. Its scale shrinks from
+    Gauss-Newton from the mean on the Geman-McClure loss of the differences. Its scale shrinks from
     step to step, from ten times `OUTLIER`, which finds large changes of exposure, and once more
     from `OUTLIER` itself, if something large stands in front; the better end counts. Pixels in
     which the photo is at the end of its range say nothing and are left out.
@@ -89,32 +91,34 @@ def fit_response(
     Args:
         rgb: the scene's colours, >= 0.
         photo: in [0, 1].
+        mean: of the capture's photos.
 
     Returns:
-        Numbers of `camera_response`; what the pixels do not tell stays at 0.
+        Numbers of `camera_response`; what the pixels do not tell stays at the mean.
     """
-    rgb, photo, radius2 = rgb.double(), photo.double(), radius2.double()
+    rgb, photo, radius2, mean = (part.double() for part in (rgb, photo, radius2, mean))
     in_range = ((photo > FLOOR) & (photo < 1 - FLOOR)).all(dim=-1)
     rgb, photo, radius2 = rgb[in_range], photo[in_range], radius2[in_range]
     if len(rgb) == 0:
-        return rgb.new_zeros(NUMBERS).float()
+        return mean.float()
     prior = len(rgb) / OBSERVATIONS * torch.tensor(PRIOR_STD).to(rgb).pow(-2).diag()
     slopes_of = jacfwd(camera_response, argnums=1)
 
     def fitted(widest: float) -> tuple[float, Tensor]:
-        numbers, loss = rgb.new_zeros(NUMBERS), rgb.new_zeros(())
+        numbers, loss = mean, rgb.new_zeros(())
         for i in range(FIT_ROUNDS + 1):
             scale = OUTLIER * max(1.0, widest * 0.75**i)
             error = (photo - camera_response(rgb, numbers, radius2)).reshape(-1)
             share = (1 + (error / scale).square()).reciprocal()
             ridge = prior * (1.4826 * error.abs().median()).clamp(min=FLOOR).square()
-            loss = (1 - share).sum() + numbers @ ridge @ numbers / scale**2
+            pull = ridge @ (numbers - mean)
+            loss = (1 - share).sum() + (numbers - mean) @ pull / scale**2
             if i == FIT_ROUNDS:
                 break
             slopes = slopes_of(rgb, numbers, radius2).reshape(-1, NUMBERS)
             weight = share.square()[:, None]
             normal = slopes.T @ (weight * slopes) + ridge
-            step = torch.linalg.solve(normal, slopes.T @ (weight[:, 0] * error) - ridge @ numbers)
+            step = torch.linalg.solve(normal, slopes.T @ (weight[:, 0] * error) - pull)
             numbers = (numbers + step.clamp(-0.5, 0.5)).clamp(-3, 3)
         return float(loss), numbers
 

@@ -17,6 +17,7 @@ from desplat_ns.photo_tourism.camera_response import (
 )
 
 LIGHT = torch.tensor([0.4, -0.1, -0.3, 0.2, -0.35])
+NONE = torch.zeros(5)
 
 
 def a_view(width: int = 40, height: int = 30) -> View:
@@ -66,14 +67,14 @@ def test_a_light_is_found_from_the_colours():
     rgb, radius2 = scene()
     photo = camera_response(rgb, LIGHT, radius2).clamp(0, 1)
     assert ((photo == 1).float().mean()) > 0.02  # some of it is overexposed
-    torch.testing.assert_close(fit_response(rgb, photo, radius2), LIGHT, atol=2e-3, rtol=0)
+    torch.testing.assert_close(fit_response(rgb, photo, radius2, NONE), LIGHT, atol=2e-3, rtol=0)
 
 
 def test_what_stands_in_front_does_not_set_the_light():
     rgb, radius2 = scene()
     photo = camera_response(0.6 * rgb, LIGHT, radius2).clamp(0, 1)
     photo[: len(photo) // 4] = torch.tensor([0.9, 0.1, 0.1])
-    fitted = fit_response(0.6 * rgb, photo, radius2)
+    fitted = fit_response(0.6 * rgb, photo, radius2, NONE)
     torch.testing.assert_close(fitted, LIGHT, atol=0.06, rtol=0)
 
 
@@ -84,7 +85,7 @@ def test_a_dark_thing_at_the_border_is_not_taken_for_vignetting():
     covered = radius2[:, 0] > radius2.quantile(0.6)
     seen = photo[~covered]
     photo[covered] = torch.tensor([0.05, 0.06, 0.04])
-    shown = camera_response(0.6 * rgb, fit_response(0.6 * rgb, photo, radius2), radius2)
+    shown = camera_response(0.6 * rgb, fit_response(0.6 * rgb, photo, radius2, NONE), radius2)
     torch.testing.assert_close(shown.clamp(0, 1)[~covered], seen, atol=OUTLIER / 2, rtol=0)
 
 
@@ -92,12 +93,22 @@ def test_what_the_scene_does_not_show_is_no_light():
     """The photo shows other things than the scene: their differences are no vignetting or gamma."""
     (rgb, radius2), (other, _) = scene(60), scene(60, seed=1)
     photo = 0.5 * other.repeat_interleave(50, dim=0)
-    fitted = fit_response(0.5 * rgb.repeat_interleave(50, dim=0), photo, radius2.repeat(50, 1))
+    fitted = fit_response(
+        0.5 * rgb.repeat_interleave(50, dim=0), photo, radius2.repeat(50, 1), NONE
+    )
     assert fitted.abs().max() < 0.1
 
 
-def test_a_black_or_overexposed_photo_and_one_without_pixels_tell_nothing():
+def test_a_black_or_overexposed_photo_and_one_without_pixels_have_the_mean_light():
     rgb, radius2 = scene()
     for level in (0.0, 1.0):
-        assert not fit_response(rgb, torch.full_like(rgb, level), radius2).any()
-    assert not fit_response(rgb[:0], rgb[:0], radius2[:0]).any()
+        assert torch.equal(fit_response(rgb, torch.full_like(rgb, level), radius2, LIGHT), LIGHT)
+    assert torch.equal(fit_response(rgb[:0], rgb[:0], radius2[:0], LIGHT), LIGHT)
+
+
+def test_the_corners_that_a_lens_darkens_in_all_photos_stay_dark_where_the_photo_is_noisy():
+    lens = torch.tensor([0.0, 0.0, 0.0, 0.0, -0.5])
+    rgb, radius2 = scene()
+    noise = 0.1 * torch.randn(rgb.shape, generator=torch.Generator().manual_seed(2))
+    photo = (camera_response(0.8 * rgb, lens, radius2) + noise).clamp(0, 1)
+    assert fit_response(0.8 * rgb, photo, radius2, lens)[4] == pytest.approx(-0.5, abs=0.06)
