@@ -87,7 +87,7 @@ used on what decides whether a Gaussian is drawn."""
 
 
 class Limits(NamedTuple):
-    """The constants of backend/constants.py, as arguments (see `runtime`)."""
+    """The constants of backend/constants.py, as arguments: measurements turn them."""
 
     alpha_max: np.float32
     alpha_cutoff: np.float32
