@@ -1,7 +1,7 @@
 """Rasterizers behind one protocol. `resolve` picks one; each is imported only when asked for."""
 
 from desplat_ns.backend.protocol import Rasterizer, Rendering, RenderSettings, Splats, View
-from desplat_ns.backend.registry import BackendName, available, resolve
+from desplat_ns.backend.registry import BackendName, resolve
 
 __all__ = [
     "BackendName",
@@ -10,6 +10,5 @@ __all__ = [
     "Rendering",
     "Splats",
     "View",
-    "available",
     "resolve",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import math
 
 import torch
 from jaxtyping import Bool, Float
@@ -83,34 +83,27 @@ def check_inputs(splats: Splats, view: View) -> None:
 
 
 def _check_camera(view: View) -> None:
-    for name, matrix in (("viewmat", view.viewmat), ("K", view.K)):
-        for i, row in enumerate(matrix.tolist()):
-            for j, value in enumerate(row):
-                is_translation = name == "viewmat" and j == 3
-                if not abs(value) <= (sys.float_info.max if is_translation else MAX_CAMERA):
-                    raise ValueError(
-                        f"{name}[{i}, {j}] is {value:g}; needed is a finite number"
-                        + ("." if is_translation else f" of at most {MAX_CAMERA:g}.")
-                    )
-    for i in (0, 1):
-        if (focal := view.K[i, i].item()) < MIN_FOCAL:
-            raise ValueError(
-                f"K[{i}, {i}] is {focal}; a focal length is {MIN_FOCAL:g} pixels at least."
-            )
+    parts = (view.viewmat[:, :3], view.viewmat[:, 3], view.K)
+    rotation, translation, intrinsics = (part.flatten().tolist() for part in parts)
+    is_bounded = all(abs(value) <= MAX_CAMERA for value in rotation + intrinsics)
+    focal = min(view.K[0, 0].item(), view.K[1, 1].item())
+    if not (is_bounded and all(map(math.isfinite, translation)) and focal >= MIN_FOCAL):
+        raise ValueError(
+            f"No camera has viewmat {view.viewmat.tolist()} and K {view.K.tolist()}: needed are "
+            f"numbers of at most {MAX_CAMERA:g} and focal lengths of at least {MIN_FOCAL:g} pixels."
+        )
 
 
 def _check_colors(splats: Splats, n: int) -> None:
     shape, degree = tuple(splats.colors.shape), splats.sh_degree
     if degree is None:
-        if len(shape) != 2 or shape[0] != n:
-            raise ValueError(
-                f"colors has shape {shape}; needed is ({n}, C), or ({n}, K, 3) with sh_degree set."
-            )
-        return
-    if degree not in range(MAX_DEGREE + 1):
-        raise ValueError(f"sh_degree is {degree}; degrees 0 to {MAX_DEGREE} exist.")
-    if len(shape) != 3 or shape[0] != n or shape[2] != 3 or shape[1] < (degree + 1) ** 2:
-        raise ValueError(
-            f"colors has shape {shape}; sh_degree {degree} needs ({n}, K, 3) "
-            f"with K >= {(degree + 1) ** 2}."
-        )
+        fits = len(shape) == 2
+        needed = f"({n}, C), or ({n}, K, 3) with sh_degree set"
+    else:
+        if degree not in range(MAX_DEGREE + 1):
+            raise ValueError(f"sh_degree is {degree}; degrees 0 to {MAX_DEGREE} exist.")
+        bases = (degree + 1) ** 2
+        fits = len(shape) == 3 and shape[1] >= bases and shape[2] == 3
+        needed = f"({n}, K, 3) with K >= {bases}, as sh_degree is {degree}"
+    if not fits or shape[0] != n:
+        raise ValueError(f"colors has shape {shape}; needed is {needed}.")

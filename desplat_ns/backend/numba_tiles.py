@@ -22,22 +22,15 @@ import torch
 from desplat_ns.backend.constants import ALPHA_CUTOFF, ALPHA_MAX, TRANSMITTANCE_MIN
 from desplat_ns.backend.inputs import check_inputs, finite_colors
 from desplat_ns.backend.numba_kernels import runtime
-from desplat_ns.backend.numba_kernels.binning import Gaussians, Grid, tile_lists
-from desplat_ns.backend.numba_kernels.ellipses import FEATURES, TILE
+from desplat_ns.backend.numba_kernels.binning import Grid, tile_lists
+from desplat_ns.backend.numba_kernels.ellipses import TILE
 from desplat_ns.backend.numba_kernels.passes import Frame, backward_frame, draw_frame, sum_rows
-from desplat_ns.backend.numba_kernels.pixels import AREA, GEOMETRY, Limits
+from desplat_ns.backend.numba_kernels.pixels import AREA, WIDTH, Limits
 from desplat_ns.backend.numba_kernels.projection import Project, make_camera
-from desplat_ns.backend.numba_kernels.runtime import (
-    empty,
-    flat,
-    launching,
-    new_counter,
-    num_workers,
-)
+from desplat_ns.backend.numba_kernels.runtime import empty, flat, launch
 from desplat_ns.backend.numba_kernels.sh import EvaluateColors
 from desplat_ns.backend.projection import ProjectedSplats, project
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
-from desplat_ns.errors import BackendUnavailableError
 
 Input = TypeVar("Input", Splats, View)
 
@@ -47,7 +40,8 @@ _LIMITS = Limits(np.float32(ALPHA_MAX), np.float32(ALPHA_CUTOFF), np.float32(TRA
 class NumbaRasterizer:
     """Rasterizes on the CPU with compiled tile kernels. See `protocol.Rasterizer`.
 
-    Computes in float32 whatever the dtype of the splats, and returns float32.
+    Computes in float32 whatever the dtype of the splats, and returns float32. Three channels are
+    drawn at a time.
     """
 
     name = "numba"
@@ -56,27 +50,31 @@ class NumbaRasterizer:
         """Rasterize `splats` seen from `view`. Differentiable in every tensor of `splats`.
 
         Raises:
-            BackendUnavailableError: the splats are not on the CPU.
-            ValueError: shapes do not fit together, or the camera cannot be.
+            ValueError: shapes do not fit together, the camera cannot be, or `absgrad` is asked for
+                with more than three channels.
         """
-        if splats.means.device.type != "cpu":
-            raise BackendUnavailableError(
-                f"Backend 'numba' renders on the CPU and the Gaussians are on "
-                f"{splats.means.device}. Add `--machine.device-type cpu`, or choose "
-                "`--pipeline.model.backend gsplat`."
-            )
         projected = _project(_in_float32(splats), _in_float32(view), settings)
-        grid = Grid(view.width, view.height, -(-view.width // TILE), -(-view.height // TILE))
-        rgb, alpha, depth = _Rasterize.apply(
-            projected.means2d,
-            projected.conics,
-            projected.depths,
-            projected.opacities,
-            projected.colors,
-            projected.radii,
-            grid,
-            settings,
-        )  # type: ignore[misc]  # torch does not annotate Function.apply
+        colors, channels = projected.colors, projected.colors.shape[1]
+        if channels > 3 and settings.absgrad:
+            raise ValueError(f"Backend 'numba' has absgrad of three channels, not of {channels}.")
+        if channels != 3:
+            colors = torch.nn.functional.pad(colors, (0, -channels % 3))
+        drawn = [
+            _Rasterize.apply(
+                projected.means2d,
+                projected.conics,
+                projected.depths,
+                projected.opacities,
+                three,
+                projected.radii,
+                Grid(view.width, view.height, -(-view.width // TILE), -(-view.height // TILE)),
+                settings.absgrad,
+            )  # type: ignore[misc]  # torch does not annotate Function.apply
+            for three in colors.split(3, dim=1)
+        ]
+        rgb, alpha, depth = drawn[0]
+        if channels != 3:
+            rgb = torch.cat([image for image, _, _ in drawn], dim=-1)[..., :channels]
         return Rendering(
             rgb=rgb,
             alpha=alpha,
@@ -107,45 +105,35 @@ def _in_float32(of: Input) -> Input:
 
 
 class _Rasterize(torch.autograd.Function):
-    """(means2d, conics, depths, opacities, colors) -> colours, alpha, sum of w z (or empty)."""
+    """(means2d, conics, depths, opacities, colors [N, 3]) -> colours, alpha, sum of w z."""
 
     @staticmethod
-    def forward(ctx, means2d, conics, depths, opacities, colors, radii, grid, settings):  # type: ignore[override]
-        channels = colors.shape[1]
-        inputs = map(flat, (means2d, conics, depths, opacities, colors))
-        gaussians = Gaussians(*inputs, channels=channels)
-        rgb = empty(grid.height, grid.width, channels)
-        alpha = empty(grid.height, grid.width, 1)
-        depth = empty(grid.height, grid.width, 1) if settings.depth else empty(0)
-        area = grid.tiles_x * grid.tiles_y * AREA
-        state = (np.empty(area, np.float32), np.empty(area, np.float32))
-        frame = Frame(flat(rgb), flat(depth), flat(alpha), *state)
-        with launching():
-            lists, stride = tile_lists(gaussians, flat(radii), grid, settings.depth, ALPHA_CUTOFF)
-            draw_frame(lists, stride, grid, frame, channels, _LIMITS, new_counter(), num_workers())
+    def forward(ctx, means2d, conics, depths, opacities, colors, radii, grid, absgrad):  # type: ignore[override]
+        gaussians = tuple(map(flat, (means2d, conics, depths, opacities, colors)))
+        rgb = empty(grid.height, grid.width, 3)
+        alpha, depth = (empty(grid.height, grid.width, 1) for _ in range(2))
+        state = np.empty((2, grid.tiles_x * grid.tiles_y * AREA), np.float32)
+        lists = tile_lists(gaussians, flat(radii), grid, ALPHA_CUTOFF)
+        launch(draw_frame, lists, grid, Frame(*map(flat, (rgb, depth, alpha)), *state), _LIMITS)
         ctx.save_for_backward(rgb, depth, alpha)
-        ctx.state = (lists, stride, state, channels, grid, settings)
+        ctx.state = (lists, state, grid, absgrad)
         ctx.means2d = means2d
         return rgb, alpha, depth
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad_rgb, grad_alpha, grad_depth):  # type: ignore[override]
-        lists, stride, state, channels, grid, settings = ctx.state
+        lists, state, grid, absgrad = ctx.state
         frame = Frame(*map(flat, ctx.saved_tensors), *state)
         pulled = Frame(flat(grad_rgb), flat(grad_depth), flat(grad_alpha), *state)
-        width = GEOMETRY + stride - FEATURES
-        sums = torch.zeros(ctx.means2d.shape[1], width, dtype=torch.float32)  # of those not drawn 0
-        grads, frames = np.empty(lists.ranks.size * width, np.float32), (frame, pulled)
-        with launching():
-            rest = channels, _LIMITS, grads, new_counter(), num_workers()
-            backward_frame(lists, stride, grid, *frames, *rest)
-            sum_rows(lists, grads, width, flat(sums), new_counter(), num_workers())
-        if settings.absgrad:
-            ctx.means2d.absgrad = sums[None, :, 2:4]
-        depth = sums[:, GEOMETRY + channels] if settings.depth else None
-        colors = sums[:, GEOMETRY : GEOMETRY + channels]
-        return sums[None, :, :2], sums[:, 4:7], depth, sums[:, 7], colors, None, None, None
+        sums = torch.zeros(ctx.means2d.shape[1], WIDTH, dtype=torch.float32)  # of those not drawn 0
+        grads = np.empty(lists.ranks.size * WIDTH, np.float32)
+        launch(backward_frame, lists, grid, frame, pulled, _LIMITS, grads)
+        launch(sum_rows, lists, grads, flat(sums))
+        means2d, absolute, conics, opacities, colors, depths = sums.split((2, 2, 3, 1, 3, 1), dim=1)
+        if absgrad:
+            ctx.means2d.absgrad = absolute[None]
+        return means2d[None], conics, depths[:, 0], opacities[:, 0], colors, None, None, None
 
 
 def compile_all() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
 import time
 from typing import Literal, get_args
 
@@ -61,19 +60,12 @@ def unavailable_reason(name: str, device: str) -> str | None:
             f"renders on the CPU and the model is on {device}. Add `--machine.device-type cpu`, or "
             "`--pipeline.model.backend gsplat`."
         )
-    if name == "numba" and os.environ.get("NUMBA_NUM_THREADS") == "0":
-        return "needs one thread at least and NUMBA_NUM_THREADS is 0. Leave it out for all cores."
     return None
 
 
 def default_device() -> str:
     """Device type that nerfstudio's commands take by themselves."""
     return "cuda" if torch.cuda.is_available() else "cpu"
-
-
-def available(device: str | None = None) -> dict[str, str | None]:
-    """For each backend None where it can run on a device type, else why and what to do."""
-    return {name: unavailable_reason(name, device or default_device()) for name in _CLASSES}
 
 
 def resolve(name: BackendName, device: str | None = None) -> Rasterizer:
@@ -105,10 +97,9 @@ def compile_kernels(name: BackendName, device: str) -> float:
     """
     began = time.monotonic()
     if resolve(name, device).name == "numba":
-        from desplat_ns.backend.numba_kernels.runtime import launching
+        from desplat_ns.backend.numba_kernels import runtime
 
-        with launching():
-            pass
+        runtime.prepare()
     return time.monotonic() - began
 
 

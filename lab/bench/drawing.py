@@ -55,7 +55,8 @@ def contenders() -> tuple[list[Contender], dict[str, str]]:
     runnable: list[Contender] = []
     missing: dict[str, str] = {}
     for device in ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",):
-        for name, reason in registry.available(device).items():
+        for name in registry.BACKEND_NAMES[1:]:
+            reason = registry.unavailable_reason(name, device)
             if reason is None:
                 rasterizer = resolve(name, device)  # pyright: ignore[reportArgumentType]
                 runnable.append(Contender(name, device, rasterizer))

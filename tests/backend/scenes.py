@@ -9,7 +9,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from desplat_ns.backend import Rendering, RenderSettings, Splats, View, available, resolve
+from desplat_ns.backend import Rendering, RenderSettings, Splats, View, resolve
+from desplat_ns.backend.registry import unavailable_reason
 from tests.backend import reference
 
 PARAMETERS = ("means", "quats", "scales", "opacities", "colors")
@@ -191,7 +192,7 @@ EXACT_BACKENDS: list[Any] = [backend for backend in BACKENDS if backend.id != "g
 
 def make_backend(name: str, device: str, dtype: torch.dtype) -> Backend:
     """The backend, or a skip that says why it cannot run here."""
-    reason = available(device)[name]
+    reason = unavailable_reason(name, device)
     if reason is not None:
         pytest.skip(f"backend '{name}' {reason}")
     return Backend(name, device, dtype)

@@ -53,5 +53,5 @@ BAD_CAMERAS = [
 def test_a_camera_that_cannot_be_is_named(name, matrix, place, value):
     scene = random_scene(1, count=3).to(torch.float64)
     getattr(scene, matrix)[place] = value
-    with pytest.raises(ValueError, match=re.escape(f"{matrix}[{place[0]}, {place[1]}]")):
+    with pytest.raises(ValueError, match="No camera has"):
         resolve(name, "cpu")(scene.splats, scene.view, RenderSettings())

@@ -41,9 +41,12 @@ bits are two rows, and a third by itself took a loop of its own and sums as long
 MEAN_X, MEAN_Y, CONIC_A, CONIC_B, CONIC_C, OPACITY, FEATURES = range(7)
 """Places in the record of a visible Gaussian."""
 
-OUTLINE = 8
+RECORD = FEATURES + 4
+"""Numbers of a record: the features are three colours and the depth."""
+
+OUTLINE = 7
 """Numbers that are kept of an ellipse: mean x, y, then slope_y, extent_x, root_y, bend_y, top_y
-(see `Ellipse`), and its first row of tiles."""
+(see `Ellipse`)."""
 
 BATCH = 64
 """Entries whose rows are worked out together."""

@@ -13,29 +13,26 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from desplat_ns.backend.numba_kernels.ellipses import BLOCK, BLOCKS, FEATURES, OPACITY, TILE
+from desplat_ns.backend.numba_kernels.ellipses import BLOCK, BLOCKS, OPACITY, RECORD, TILE
 from desplat_ns.backend.numba_kernels.pixels import (
     AREA,
     COLUMN,
     F0,
-    GEOMETRY,
+    F3,
     LAST,
     NO_SUMS,
     PLANE,
-    PLANES_BEFORE_FEATURES,
-    Q,
+    PLANES,
+    WIDTH,
     T,
     U,
     X,
     Y,
     backward,
-    backward_more,
     blend,
-    blend_more,
-    gather_more,
     write_row,
 )
-from desplat_ns.backend.numba_kernels.runtime import kernel, part, prefetch, take
+from desplat_ns.backend.numba_kernels.runtime import batches, kernel, part, pieces, prefetch
 
 ROWS_CHUNK = 512
 """Gaussians whose rows one worker sums at a time."""
@@ -50,14 +47,16 @@ ROWS_AHEAD = 12
 RUNS = AREA // BLOCK
 """Runs of BLOCK pixels in a tile."""
 
+_CHANNELS = np.uint64(3)
+
 
 class Frame(NamedTuple):
     """What the forward pass writes, flat float32."""
 
     colors: np.ndarray
-    """[H * W * channels]"""
+    """[H * W * 3]"""
     depth: np.ndarray
-    """[H * W] sum of w z, or empty."""
+    """[H * W] sum of w z"""
     alpha: np.ndarray
     """[H * W]"""
     transmittance: np.ndarray
@@ -126,27 +125,24 @@ def _all_finished(s):
 
 
 @part()
-def _draw_tile(s, tile, lists, stride, limits):
+def _draw_tile(s, tile, lists, limits):
     """Draw the list of a tile front to back until every pixel is finished."""
     records, ranks, row_ranges = lists.records, lists.ranks, lists.row_ranges
     first = lists.first_entry[tile]
     number = lists.first_entry[tile + 1] - first
-    more = stride > FEATURES + 4
     for place in range(number):
-        base = ranks[first + place] * stride
-        _fetch(records, ranks[first + min(place + AHEAD, number - 1)], stride)
+        base = ranks[first + place] * RECORD
+        _fetch(records, ranks[first + min(place + AHEAD, number - 1)], RECORD)
         for block in range(BLOCKS):
             start, stop = _row_range(row_ranges, first + place, block)
             if start < stop:
                 blend(s, records, base, np.float32(place), start, stop, limits)
-                if more:
-                    blend_more(s, records, base, stride, start, stop)
         if place % 16 == 15 and _all_finished(s):
             return
 
 
 @part()
-def _write_tile(s, tile, grid, frame, channels):
+def _write_tile(s, tile, grid, frame):
     """Copy the planes of a tile into the frame."""
     colors, depth, alpha, transmittance, last = frame
     first = np.uint64(tile * AREA)
@@ -157,26 +153,22 @@ def _write_tile(s, tile, grid, frame, channels):
         p, at, number = _pixels_of(run, tile, grid)
         for k in range(number):
             alpha[at + k] = np.float32(1) - abs(s[T + p + k])
-        for channel in range(np.uint64(channels)):
-            plane, to = F0 + np.uint64(PLANE) * channel + p, at * np.uint64(channels) + channel
+            depth[at + k] = s[F3 + p + k]
+        for channel in range(_CHANNELS):
+            plane, to = F0 + np.uint64(PLANE) * channel + p, at * _CHANNELS + channel
             for k in range(number):
-                colors[to + k * np.uint64(channels)] = s[plane + k]
-        if depth.size > 0:
-            for k in range(number):
-                depth[at + k] = s[F0 + np.uint64(PLANE * channels) + p + k]
+                colors[to + k * _CHANNELS] = s[plane + k]
 
 
 @part()
-def _write_empty_tile(tile, grid, frame, channels):
+def _write_empty_tile(tile, grid, frame):
     """What is seen where nothing is. The backward pass does not come here."""
     colors, depth, alpha = frame.colors, frame.depth, frame.alpha
     x, y = _run(0, tile, grid)
     for row in range(y, min(y + TILE, grid.height)):
         first, end = row * grid.width + x, row * grid.width + min(x + TILE, grid.width)
-        colors[channels * first : channels * end] = 0
-        alpha[first:end] = 0
-        if depth.size > 0:
-            depth[first:end] = 0
+        colors[3 * first : 3 * end] = 0
+        alpha[first:end] = depth[first:end] = 0
 
 
 @part()
@@ -185,23 +177,21 @@ def _is_empty(tile, lists):
 
 
 @kernel(parallel=True)
-def draw_frame(lists, stride, grid, frame, channels, limits, counter, workers):
+def draw_frame(lists, grid, frame, limits, counter, workers):
     """Forward pass over all tiles."""
     for _ in numba.prange(workers):
-        s = np.empty(PLANE * (PLANES_BEFORE_FEATURES + stride - FEATURES), np.float32)
-        tile = take(counter)
-        while tile < grid.tiles_x * grid.tiles_y:
+        s = np.empty(PLANE * PLANES, np.float32)
+        for tile in pieces(counter, grid.tiles_x * grid.tiles_y):
             if _is_empty(tile, lists):
-                _write_empty_tile(tile, grid, frame, channels)
+                _write_empty_tile(tile, grid, frame)
             else:
                 _open_tile(s, tile, grid)
-                _draw_tile(s, tile, lists, stride, limits)
-                _write_tile(s, tile, grid, frame, channels)
-            tile = take(counter)
+                _draw_tile(s, tile, lists, limits)
+                _write_tile(s, tile, grid, frame)
 
 
 @part()
-def _reopen_tile(s, tile, grid, frame, pulled, channels):
+def _reopen_tile(s, tile, grid, frame, pulled):
     """Load the end state of a tile and dL/d(frame); return the place of its last drawn Gaussian."""
     _open_tile(s, tile, grid)
     transmittance, last = frame.transmittance, frame.last
@@ -214,70 +204,54 @@ def _reopen_tile(s, tile, grid, frame, pulled, channels):
     for run in range(RUNS):
         p, at, number = _pixels_of(run, tile, grid)
         for k in range(number):
-            s[U + p + k] = s[Q + p + k] = alpha[at + k]
-        for channel in range(np.uint64(channels)):
-            plane, of = F0 + np.uint64(PLANE) * channel + p, at * np.uint64(channels) + channel
+            s[U + p + k], s[F3 + p + k] = alpha[at + k], depth[at + k]
+        for channel in range(_CHANNELS):
+            plane, of = F0 + np.uint64(PLANE) * channel + p, at * _CHANNELS + channel
             for k in range(number):
-                s[plane + k] = colors[of + k * np.uint64(channels)]
-        if depth.size > 0:
-            for k in range(number):
-                s[F0 + np.uint64(PLANE * channels) + p + k] = depth[at + k]
+                s[plane + k] = colors[of + k * _CHANNELS]
     return furthest
 
 
 @part()
-def _backward_tile(s, tile, furthest, lists, stride, limits, grads):
+def _backward_tile(s, tile, furthest, lists, limits, grads):
     """Walk the list of a tile back to front; each entry writes its own row of gradients."""
     records, ranks, row_ranges = lists.records, lists.ranks, lists.row_ranges
-    first, width = lists.first_entry[tile], GEOMETRY + stride - FEATURES
-    more = stride > FEATURES + 4
+    first = lists.first_entry[tile]
     for place in range(lists.first_entry[tile + 1] - first - 1, -1, -1):
-        row, sums = (first + place) * width, NO_SUMS
-        for k in range(row + GEOMETRY + 4, row + width):
-            grads[k] = 0
-        base = ranks[first + place] * stride
-        _fetch(records, ranks[first + max(place - AHEAD, 0)], stride)
+        sums, base = NO_SUMS, ranks[first + place] * RECORD
+        _fetch(records, ranks[first + max(place - AHEAD, 0)], RECORD)
         for block in range(BLOCKS):
             start, stop = _row_range(row_ranges, first + place, block)
             if start < stop and place <= furthest:
-                if more:
-                    gather_more(s, records, base, stride, start, stop)
                 sums = backward(s, records, base, np.float32(place), start, stop, limits, sums)
-                if more:
-                    backward_more(s, stride, start, stop, grads, row)
-        write_row(sums, records[base + OPACITY], grads, row)
+        write_row(sums, records[base + OPACITY], grads, (first + place) * WIDTH)
 
 
 @kernel(parallel=True)
-def backward_frame(lists, stride, grid, frame, pulled, channels, limits, grads, counter, workers):
+def backward_frame(lists, grid, frame, pulled, limits, grads, counter, workers):
     """Backward pass over all tiles: dL/d(frame), `pulled`, to one row of `grads` per entry."""
     for _ in numba.prange(workers):
-        s = np.empty(PLANE * (PLANES_BEFORE_FEATURES + stride - FEATURES), np.float32)
-        tile = take(counter)
-        while tile < grid.tiles_x * grid.tiles_y:
+        s = np.empty(PLANE * PLANES, np.float32)
+        for tile in pieces(counter, grid.tiles_x * grid.tiles_y):
             if not _is_empty(tile, lists):
-                furthest = _reopen_tile(s, tile, grid, frame, pulled, channels)
-                _backward_tile(s, tile, furthest, lists, stride, limits, grads)
-            tile = take(counter)
+                furthest = _reopen_tile(s, tile, grid, frame, pulled)
+                _backward_tile(s, tile, furthest, lists, limits, grads)
 
 
 @kernel(parallel=True)
-def sum_rows(lists, grads, width, sums, counter, workers):
+def sum_rows(lists, grads, sums, counter, workers):
     """Sum the rows of each Gaussian in float64, always in the same order, into its row of
     `sums`."""
     ids, first_slot, entries = lists.ids, lists.first_slot, lists.entries
     for _ in numba.prange(workers):
-        total, last = np.empty(width, np.float64), entries.size - 1
-        start = take(counter) * ROWS_CHUNK
-        while start < ids.size:
-            for rank in range(start, min(start + ROWS_CHUNK, ids.size)):
-                for k in range(width):
-                    total[k] = 0
+        total, last = np.empty(WIDTH, np.float64), entries.size - 1
+        for start, stop in batches(counter, ids.size, ROWS_CHUNK):
+            for rank in range(start, stop):
+                total[:] = 0
                 for slot in range(first_slot[rank], first_slot[rank + 1]):
-                    _fetch(grads, entries[min(slot + ROWS_AHEAD, last)], width)
-                    row = entries[slot] * width
-                    for k in range(width):
+                    _fetch(grads, entries[min(slot + ROWS_AHEAD, last)], WIDTH)
+                    row = entries[slot] * WIDTH
+                    for k in range(WIDTH):
                         total[k] += grads[row + k]
-                for k in range(width):
-                    sums[ids[rank] * width + k] = total[k]
-            start = take(counter) * ROWS_CHUNK
+                for k in range(WIDTH):
+                    sums[ids[rank] * WIDTH + k] = total[k]

@@ -42,7 +42,7 @@ from desplat_ns.backend.numba_kernels.ellipses import (
     PAIR,
     TILE,
 )
-from desplat_ns.backend.numba_kernels.runtime import float_of_bits, fma, nearest, part
+from desplat_ns.backend.numba_kernels.runtime import fma, part
 
 AREA = TILE * TILE
 """Pixels of a tile."""
@@ -54,15 +54,17 @@ processor's store buffer, and loads would wait for stores to another plane."""
 COLUMN = TILE * BLOCK
 """Pixels of one block of columns."""
 
-X, Y, T, LAST, WEIGHT, SUM, U, Q, F0, F1, F2, F3 = (np.uint64(PLANE * k) for k in range(12))
-"""Where the planes start: pixel centre, transmittance, place in the list of the last Gaussian
-drawn, weight of the Gaussian at hand; for the backward pass S, u and q; then a plane per feature
-with F, or dL/dF."""
+PLANES = 10
 
-PLANES_BEFORE_FEATURES = 8
+X, Y, T, LAST, SUM, U, F0, F1, F2, F3 = (np.uint64(PLANE * k) for k in range(PLANES))
+"""Where the planes start: pixel centre, transmittance, place in the list of the last Gaussian
+drawn; for the backward pass S and u; then a plane per feature with F, or dL/dF."""
 
 GEOMETRY = 8
 """Gradients of an entry before its features: mean x, y; |mean| x, y; conic a, b, c; opacity."""
+
+WIDTH = GEOMETRY + 4
+"""Gradients of an entry: of the geometry, of three colours and of the depth."""
 
 _EXP2 = tuple(
     np.float32(c) for c in (1.0, 0.69314698, 0.24022242, 0.05550734, 0.00967151, 0.00132647)
@@ -76,7 +78,7 @@ _PER_K = np.float32(1 / -0.7213475204444817)
 
 _ONE, _HALF, _ZERO = np.float32(1), np.float32(0.5), np.float32(0)
 
-NO_SUMS = (_ZERO,) * (GEOMETRY + 4)
+NO_SUMS = (_ZERO,) * WIDTH
 """Where the sums over pixels of an entry start."""
 
 _LOOSE = {"reassoc", "contract", "nsz"}
@@ -85,7 +87,7 @@ used on what decides whether a Gaussian is drawn."""
 
 
 class Limits(NamedTuple):
-    """The constants of backend/constants.py, as arguments (see `runtime`)."""
+    """The constants of backend/constants.py, as arguments: measurements turn them."""
 
     alpha_max: np.float32
     alpha_cutoff: np.float32
@@ -95,7 +97,7 @@ class Limits(NamedTuple):
 @part()
 def _exp2(power):
     """2^power for power <= 0, within 2 units in the last place above 2^-40; as small below."""
-    whole = nearest(power)
+    whole = np.rint(power)
     x = power - whole
     value = fma(_EXP2[5], x, _EXP2[4])
     value = fma(value, x, _EXP2[3])
@@ -104,7 +106,7 @@ def _exp2(power):
     value = fma(value, x, _EXP2[0])
     # Smaller ones would bring denormal numbers, which are slow, and are far below any cutoff.
     exponent = max(np.int32(whole) + np.int32(127), np.int32(87))
-    return value * float_of_bits(exponent << np.int32(23))
+    return value * np.int32(exponent << np.int32(23)).view(np.float32)
 
 
 @part()
@@ -139,7 +141,7 @@ def _four(values, at):
 
 @part(fastmath={"nsz"}, forceinline=True)
 def blend(s, records, base, place, start, stop, limits):
-    """Draw one Gaussian, with its first four features, over pixels start ... stop - 1: PAIRs."""
+    """Draw one Gaussian over pixels start ... stop - 1, which are PAIRs."""
     mean_x, mean_y, a, b, c, opacity = _shape(records, base)
     f0, f1, f2, f3 = _four(records, base + FEATURES)
     alpha_max, cutoff, least = limits
@@ -156,31 +158,10 @@ def blend(s, records, base, place, start, stop, limits):
         finished = -t if visible else t  # a negative sign: this pixel is finished
         s[T + p] = behind if drawn else finished
         s[LAST + p] = place if drawn else last
-        s[WEIGHT + p] = weight
         s[F0 + p] = fma(weight, f0, s[F0 + p])
         s[F1 + p] = fma(weight, f1, s[F1 + p])
         s[F2 + p] = fma(weight, f2, s[F2 + p])
         s[F3 + p] = fma(weight, f3, s[F3 + p])
-
-
-@part(fastmath=_LOOSE)
-def blend_more(s, records, base, stride, start, stop):
-    """Draw the features after the fourth of the Gaussian that `blend` has just drawn."""
-    for k in range(4, stride - FEATURES):
-        value, plane = records[base + FEATURES + k], F0 + np.uint64(PLANE * k)
-        for p in range(np.uint64(start), np.uint64(stop)):
-            s[plane + p] += s[WEIGHT + p] * value
-
-
-@part(fastmath=_LOOSE)
-def gather_more(s, records, base, stride, start, stop):
-    """Leave u and what features after the fourth add to q in the plane Q."""
-    for p in range(np.uint64(start), np.uint64(stop)):
-        s[Q + p] = s[U + p]
-    for k in range(4, stride - FEATURES):
-        value, plane = records[base + FEATURES + k], F0 + np.uint64(PLANE * k)
-        for p in range(np.uint64(start), np.uint64(stop)):
-            s[Q + p] += s[plane + p] * value
 
 
 @part(fastmath=_LOOSE, forceinline=True)
@@ -189,8 +170,7 @@ def backward(s, records, base, place, start, stop, limits, sums):
     and return them.
 
     One loop, although it takes more registers than there are without AVX-512: two or three shorter
-    ones load and store more, and each ends in a branch that the processor guesses wrong. The plane
-    Q holds the rest of q: u, and what `gather_more` has added.
+    ones load and store more, and each ends in a branch that the processor guesses wrong.
     """
     mean_x, mean_y, a, b, c, opacity = _shape(records, base)
     f0, f1, f2, f3 = _four(records, base + FEATURES)
@@ -204,7 +184,7 @@ def backward(s, records, base, place, start, stop, limits, sums):
         drawn = (alpha >= cutoff) & (s[LAST + p] >= place)
         per_clear = _ONE / (_ONE - alpha)
         end, later = s[T + p], s[SUM + p]
-        q = s[Q + p] + f0 * s[F0 + p] + f1 * s[F1 + p] + f2 * s[F2 + p] + f3 * s[F3 + p]
+        q = s[U + p] + f0 * s[F0 + p] + f1 * s[F1 + p] + f2 * s[F2 + p] + f3 * s[F3 + p]
         t = end * per_clear
         weight = alpha * t
         weight = weight if drawn else _ZERO
@@ -212,7 +192,6 @@ def backward(s, records, base, place, start, stop, limits, sums):
         h = h if drawn & (raw <= alpha_max) else _ZERO
         s[T + p] = t if drawn else end
         s[SUM + p] = later + weight * q
-        s[WEIGHT + p] = weight
         v0, v1 = v0 + weight * s[F0 + p], v1 + weight * s[F1 + p]
         v2, v3 = v2 + weight * s[F2 + p], v3 + weight * s[F3 + p]
         hx, hy, hdx = h * gx, h * gy, h * dx
@@ -228,15 +207,5 @@ def write_row(sums, opacity, grads, row):
     sum_x, sum_y, abs_x, abs_y, xx, xy, yy, total, v0, v1, v2, v3 = sums
     by_mean = (_PER_K * sum_x, _PER_K * sum_y, -_PER_K * abs_x, -_PER_K * abs_y)
     entry = (*by_mean, _HALF * xx, xy, _HALF * yy, -total / opacity, v0, v1, v2, v3)
-    for k in range(GEOMETRY + 4):
+    for k in range(WIDTH):
         grads[row + k] = entry[k]
-
-
-@part(fastmath=_LOOSE)
-def backward_more(s, stride, start, stop, grads, row):
-    """Add what features after the fourth get, from the weights that `backward` has just left."""
-    for k in range(4, stride - FEATURES):
-        plane, total = F0 + np.uint64(PLANE * k), _ZERO
-        for p in range(np.uint64(start), np.uint64(stop)):
-            total += s[WEIGHT + p] * s[plane + p]
-        grads[row + GEOMETRY + k] += total

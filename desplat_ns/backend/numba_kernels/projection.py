@@ -22,16 +22,7 @@ import torch
 from desplat_ns.backend import projection
 from desplat_ns.backend.constants import EPS2D, FAR_PLANE, NEAR_PLANE
 from desplat_ns.backend.inputs import MIN_QUAT_NORM
-from desplat_ns.backend.numba_kernels.runtime import (
-    empty,
-    flat,
-    kernel,
-    launching,
-    new_counter,
-    num_workers,
-    part,
-    take,
-)
+from desplat_ns.backend.numba_kernels.runtime import batches, empty, flat, kernel, launch, part
 from desplat_ns.backend.protocol import View
 
 PLANES = 19
@@ -55,9 +46,14 @@ _CONTRACT = {"contract", "nsz"}
 
 _ZERO, _HALF, _ONE, _TWO = (np.float32(x) for x in (0, 0.5, 1, 2))
 
+_NEAR, _FAR, _EPS2D = map(np.float32, (NEAR_PLANE, FAR_PLANE, EPS2D))
+_MOST, _UP = np.float32(projection.MAX_PIXELS), np.float32(1 + 4 * torch.finfo(torch.float32).eps)
+_LEAST_RATIO = np.float32(projection.COMPENSATION_MIN**2)
+_LEAST_NORM2 = np.float32(MIN_QUAT_NORM**2)
+
 
 class Camera(NamedTuple):
-    """A view, the settings and the limits of `projection.py`, all float32."""
+    """A view and the settings, all float32."""
 
     world: tuple[tuple[np.float32, ...], ...]
     """Rows of [R | t], world to camera."""
@@ -66,25 +62,18 @@ class Camera(NamedTuple):
     size: tuple[np.float32, ...]
     slopes_low: tuple[np.float32, ...]
     slopes_high: tuple[np.float32, ...]
-    near: np.float32
-    far: np.float32
-    eps2d: np.float32
+    reach: np.float32
     antialiased: np.float32
     """1 or 0."""
-    up: np.float32
-    max_pixels: np.float32
-    reach: np.float32
-    least_ratio: np.float32
-    least_norm2: np.float32
 
 
 @part()
 def camera_of(c):
-    """The Camera of the numbers that `projection.make_camera` lists."""
+    """The Camera of the numbers that `make_camera` lists."""
     return Camera(
         ((c[0], c[1], c[2], c[3]), (c[4], c[5], c[6], c[7]), (c[8], c[9], c[10], c[11])),
         (c[12], c[13]), (c[14], c[15]), (c[16], c[17]), (c[18], c[19]), (c[20], c[21]),
-        c[22], c[23], c[24], c[25], c[26], c[27], c[28], c[29], c[30],
+        c[22], c[23],
     )  # fmt: skip
 
 
@@ -96,6 +85,20 @@ def _dot3(a, b):
 @part(fastmath=_CONTRACT, inline="always")
 def _cross(a, b):
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _sum2(a, b, u, v):
+    return (a[0] * u + b[0] * v, a[1] * u + b[1] * v, a[2] * u + b[2] * v)
+
+
+@part(fastmath=_CONTRACT, inline="always")
+def _sum3(a, b, c, u, v, w):
+    return (
+        a[0] * u + b[0] * v + c[0] * w,
+        a[1] * u + b[1] * v + c[1] * w,
+        a[2] * u + b[2] * v + c[2] * w,
+    )
 
 
 @part(fastmath=_CONTRACT, inline="always")
@@ -145,25 +148,24 @@ def _axes(s, n, camera):
 
 
 @part(fastmath=_CONTRACT, inline="always")
-def _shape(a, b, eps):
+def _shape(a, b):
     """xx, xy, yy with the low-pass, the minors, their squares' sum, and the determinant."""
-    xx, xy, yy = _dot3(a, a) + eps, _dot3(a, b), _dot3(b, b) + eps
+    xx, xy, yy = _dot3(a, a) + _EPS2D, _dot3(a, b), _dot3(b, b) + _EPS2D
     minors = _cross(a, b)
     sharp = _dot3(minors, minors)
-    return xx, xy, yy, minors, sharp, sharp + eps * (xx + yy - eps)
+    return xx, xy, yy, minors, sharp, sharp + _EPS2D * (xx + yy - _EPS2D)
 
 
 @part(fastmath=_CONTRACT, inline="always")
 def _is_usable(s, n, place, norm2, camera):
     """Written so that every NaN makes it False."""
     x, y, z, _ = place
-    pixels = max(camera.focal[0], camera.focal[1]) / max(z, camera.near)
-    most = camera.max_pixels
-    good = (abs(x) * pixels < most) & (abs(y) * pixels < most)
-    good &= (abs(s[SX + n]) * pixels < most) & (abs(s[SY + n]) * pixels < most)
-    good &= (abs(s[SZ + n]) * pixels < most) & (norm2 > camera.least_norm2)
+    pixels = max(camera.focal[0], camera.focal[1]) / max(z, _NEAR)
+    good = (abs(x) * pixels < _MOST) & (abs(y) * pixels < _MOST)
+    good &= (abs(s[SX + n]) * pixels < _MOST) & (abs(s[SY + n]) * pixels < _MOST)
+    good &= (abs(s[SZ + n]) * pixels < _MOST) & (norm2 > _LEAST_NORM2)
     good &= (norm2 < np.float32(np.inf)) & (abs(s[OPACITY + n]) < np.float32(np.inf))
-    good &= (z >= camera.near) & (z <= camera.far)
+    good &= (z >= _NEAR) & (z <= _FAR)
     return good
 
 
@@ -172,10 +174,10 @@ def project_batch(s, camera):
     """Fill the planes of what is projected; radius 0 where culled."""
     for n in range(_LANES):
         place, _, _, norm2, _, _, rows = _axes(s, n, camera)
-        xx, xy, yy, _, sharp, det = _shape(rows[0], rows[1], camera.eps2d)
+        xx, xy, yy, _, sharp, det = _shape(rows[0], rows[1])
         usable = _is_usable(s, n, place, norm2, camera)
         per_det = _ONE / det
-        kept = np.sqrt(max(sharp * per_det, camera.least_ratio))
+        kept = np.sqrt(max(sharp * per_det, _LEAST_RATIO))
         mean_x = camera.focal[0] * (place[0] * place[3]) + camera.center[0]
         mean_y = camera.focal[1] * (place[1] * place[3]) + camera.center[1]
         half = _HALF * (xx - yy)
@@ -186,9 +188,9 @@ def project_batch(s, camera):
         usable &= (mean_x + reach > _ZERO) & (mean_x - reach < camera.size[0])
         usable &= (mean_y + reach > _ZERO) & (mean_y - reach < camera.size[1])
         s[MEAN_X + n], s[MEAN_Y + n], s[DEPTH + n] = mean_x, mean_y, place[2]
-        s[CONIC_A + n] = camera.up * yy * per_det
+        s[CONIC_A + n] = _UP * yy * per_det
         s[CONIC_B + n] = -xy * per_det
-        s[CONIC_C + n] = camera.up * xx * per_det
+        s[CONIC_C + n] = _UP * xx * per_det
         s[OUT_OPACITY + n] = s[OPACITY + n] * (kept if camera.antialiased > _ZERO else _ONE)
         s[RADIUS + n] = radius if usable else _ZERO
 
@@ -196,34 +198,25 @@ def project_batch(s, camera):
 @part(fastmath=_CONTRACT, inline="always")
 def _backward_shape(s, n, a, b, camera):
     """Gradients by the rows of M, and by the opacity, from those by conic and opacity."""
-    xx, xy, yy, minors, sharp, det = _shape(a, b, camera.eps2d)
+    xx, xy, yy, minors, sharp, det = _shape(a, b)
     per_det = _ONE / det
-    va, vb, vc = s[CONIC_A + n] * camera.up, s[CONIC_B + n], s[CONIC_C + n] * camera.up
+    va, vb, vc = s[CONIC_A + n] * _UP, s[CONIC_B + n], s[CONIC_C + n] * _UP
     v_xx, v_xy, v_yy = vc * per_det, -vb * per_det, va * per_det
     v_det = -(v_yy * yy + v_xy * xy + v_xx * xx) * per_det
     ratio = sharp * per_det
     is_filtered = camera.antialiased > _ZERO
-    kept = np.sqrt(max(ratio, camera.least_ratio)) if is_filtered else _ONE
+    kept = np.sqrt(max(ratio, _LEAST_RATIO)) if is_filtered else _ONE
     v_opacity = s[OUT_OPACITY + n]
-    moves = is_filtered & (ratio > camera.least_ratio)
+    moves = is_filtered & (ratio > _LEAST_RATIO)
     v_ratio = _HALF * v_opacity * s[OPACITY + n] / kept if moves else _ZERO
     v_det -= v_ratio * ratio * per_det
     v_sharp = v_ratio * per_det + v_det
-    v_xx, v_yy = _TWO * (v_xx + camera.eps2d * v_det), _TWO * (v_yy + camera.eps2d * v_det)
+    v_xx, v_yy = _TWO * (v_xx + _EPS2D * v_det), _TWO * (v_yy + _EPS2D * v_det)
     # m = a x b, so dL/da = b x dL/dm and dL/db = dL/dm x a.
     v_sharp = _TWO * v_sharp
     v_minors = (v_sharp * minors[0], v_sharp * minors[1], v_sharp * minors[2])
     by_a, by_b = _cross(b, v_minors), _cross(v_minors, a)
-    v_a = (
-        by_a[0] + v_xx * a[0] + v_xy * b[0],
-        by_a[1] + v_xx * a[1] + v_xy * b[1],
-        by_a[2] + v_xx * a[2] + v_xy * b[2],
-    )
-    v_b = (
-        by_b[0] + v_yy * b[0] + v_xy * a[0],
-        by_b[1] + v_yy * b[1] + v_xy * a[1],
-        by_b[2] + v_yy * b[2] + v_xy * a[2],
-    )
+    v_a, v_b = _sum3(by_a, a, b, _ONE, v_xx, v_xy), _sum3(by_b, b, a, _ONE, v_yy, v_xy)
     return v_a, v_b, v_opacity * kept
 
 
@@ -266,11 +259,7 @@ def _backward_place(s, n, camera, place, slopes, v_rows):
     v_per_z = v_x + v_y + u * x + v * y
     gx, gy, gz = u * per_z, v * per_z, s[DEPTH + n] - v_per_z * per_z * per_z
     w0, w1, w2 = camera.world
-    return (
-        w0[0] * gx + w1[0] * gy + w2[0] * gz,
-        w0[1] * gx + w1[1] * gy + w2[1] * gz,
-        w0[2] * gx + w1[2] * gy + w2[2] * gz,
-    )
+    return _sum3(w0, w1, w2, gx, gy, gz)
 
 
 @part(fastmath=_CONTRACT)
@@ -285,33 +274,11 @@ def backward_batch(s, camera):
         v_sz = v_a[2] * turned[0][2] + v_b[2] * turned[1][2]
         v_a = (v_a[0] * sx, v_a[1] * sy, v_a[2] * sz)
         v_b = (v_b[0] * sx, v_b[1] * sy, v_b[2] * sz)
-        r, q = rows[0], rows[1]
-        g0 = (
-            r[0] * v_a[0] + q[0] * v_b[0],
-            r[1] * v_a[0] + q[1] * v_b[0],
-            r[2] * v_a[0] + q[2] * v_b[0],
-        )
-        g1 = (
-            r[0] * v_a[1] + q[0] * v_b[1],
-            r[1] * v_a[1] + q[1] * v_b[1],
-            r[2] * v_a[1] + q[2] * v_b[1],
-        )
-        g2 = (
-            r[0] * v_a[2] + q[0] * v_b[2],
-            r[1] * v_a[2] + q[1] * v_b[2],
-            r[2] * v_a[2] + q[2] * v_b[2],
-        )
-        c0, c1, c2 = columns
-        v_row_x = (
-            c0[0] * v_a[0] + c1[0] * v_a[1] + c2[0] * v_a[2],
-            c0[1] * v_a[0] + c1[1] * v_a[1] + c2[1] * v_a[2],
-            c0[2] * v_a[0] + c1[2] * v_a[1] + c2[2] * v_a[2],
-        )
-        v_row_y = (
-            c0[0] * v_b[0] + c1[0] * v_b[1] + c2[0] * v_b[2],
-            c0[1] * v_b[0] + c1[1] * v_b[1] + c2[1] * v_b[2],
-            c0[2] * v_b[0] + c1[2] * v_b[1] + c2[2] * v_b[2],
-        )
+        r, q = rows
+        g0, g1 = _sum2(r, q, v_a[0], v_b[0]), _sum2(r, q, v_a[1], v_b[1])
+        g2, (c0, c1, c2) = _sum2(r, q, v_a[2], v_b[2]), columns
+        v_row_x = _sum3(c0, c1, c2, v_a[0], v_a[1], v_a[2])
+        v_row_y = _sum3(c0, c1, c2, v_b[0], v_b[1], v_b[2])
         v_mean = _backward_place(s, n, camera, place, slopes, (v_row_x, v_row_y))
         v_quat = _backward_quat(s, n, norm2, g0, g1, g2)
         s[X + n], s[Y + n], s[Z + n] = v_mean
@@ -328,10 +295,7 @@ def make_camera(view: View, antialiased: bool) -> np.ndarray:
     numbers = [*rows[0], *rows[1], *rows[2], *focal, *center, *size]
     numbers += [-(c / f + m) for f, c, _, m in axes]
     numbers += [(n - c) / f + m for f, c, n, m in axes]
-    numbers += [NEAR_PLANE, FAR_PLANE, EPS2D, antialiased]
-    numbers += [1 + 4 * torch.finfo(torch.float32).eps, projection.MAX_PIXELS]
-    numbers += [projection.REACH_SIGMAS, projection.COMPENSATION_MIN**2]
-    return np.array([*numbers, MIN_QUAT_NORM**2], np.float32)
+    return np.array([*numbers, projection.REACH_SIGMAS, antialiased], np.float32)
 
 
 @part()
@@ -352,20 +316,24 @@ def _store(values, width, first, number, s, plane, radii):
             values[(first + k) * width + column] = value
 
 
+@part()
+def _load_parameters(parameters, first, number, s):
+    means, quats, scales, opacities = parameters
+    _load(means, 3, first, number, s, np.int64(X))
+    _load(quats, 4, first, number, s, np.int64(QW))
+    _load(scales, 3, first, number, s, np.int64(SX))
+    _load(opacities, 1, first, number, s, np.int64(OPACITY))
+
+
 @kernel(parallel=True)
 def _project(parameters, projected, radii, numbers, counter, workers):
     """(means, quats, scales, opacities) -> (means2d, conics, depths, opacities), radii."""
-    means, quats, scales, opacities = parameters
     means2d, conics, depths, out_opacities = projected
     for _ in numba.prange(workers):
         s = np.ones(LANE * PLANES, np.float32)
-        first = take(counter) * BATCH
-        while first < radii.size:
-            number = min(BATCH, radii.size - first)
-            _load(means, 3, first, number, s, np.int64(X))
-            _load(quats, 4, first, number, s, np.int64(QW))
-            _load(scales, 3, first, number, s, np.int64(SX))
-            _load(opacities, 1, first, number, s, np.int64(OPACITY))
+        for first, end in batches(counter, radii.size, BATCH):
+            number = end - first
+            _load_parameters(parameters, first, number, s)
             project_batch(s, camera_of(numbers))
             for k in range(number):
                 radii[first + k] = np.int32(s[np.int64(RADIUS) + k])
@@ -373,24 +341,18 @@ def _project(parameters, projected, radii, numbers, counter, workers):
             _store(conics, 3, first, number, s, np.int64(CONIC_A), radii)
             _store(depths, 1, first, number, s, np.int64(DEPTH), radii)
             _store(out_opacities, 1, first, number, s, np.int64(OUT_OPACITY), radii)
-            first = take(counter) * BATCH
 
 
 @kernel(parallel=True)
 def _backward(parameters, pulled, gradients, radii, numbers, counter, workers):
     """Gradients by what was projected, `pulled`, to `gradients` by the parameters."""
-    means, quats, scales, opacities = parameters
     v_means2d, v_conics, v_depths, v_opacities = pulled
     by_means, by_quats, by_scales, by_opacities = gradients
     for _ in numba.prange(workers):
         s = np.ones(LANE * PLANES, np.float32)
-        first = take(counter) * BATCH
-        while first < radii.size:
-            number = min(BATCH, radii.size - first)
-            _load(means, 3, first, number, s, np.int64(X))
-            _load(quats, 4, first, number, s, np.int64(QW))
-            _load(scales, 3, first, number, s, np.int64(SX))
-            _load(opacities, 1, first, number, s, np.int64(OPACITY))
+        for first, end in batches(counter, radii.size, BATCH):
+            number = end - first
+            _load_parameters(parameters, first, number, s)
             _load(v_means2d, 2, first, number, s, np.int64(MEAN_X))
             _load(v_conics, 3, first, number, s, np.int64(CONIC_A))
             _load(v_depths, 1, first, number, s, np.int64(DEPTH))
@@ -400,7 +362,6 @@ def _backward(parameters, pulled, gradients, radii, numbers, counter, workers):
             _store(by_quats, 4, first, number, s, np.int64(QW), radii)
             _store(by_scales, 3, first, number, s, np.int64(SX), radii)
             _store(by_opacities, 1, first, number, s, np.int64(OPACITY), radii)
-            first = take(counter) * BATCH
 
 
 class Project(torch.autograd.Function):
@@ -415,8 +376,7 @@ class Project(torch.autograd.Function):
         inputs = (means, quats, scales, opacities)
         ctx.save_for_backward(*inputs, radii)
         parameters, projected = tuple(map(flat, inputs)), tuple(map(flat, out))
-        with launching():
-            _project(parameters, projected, radii.numpy(), camera, new_counter(), num_workers())
+        launch(_project, parameters, projected, radii.numpy(), camera)
         if drawable is not None:
             radii *= drawable
         ctx.mark_non_differentiable(radii)
@@ -427,9 +387,8 @@ class Project(torch.autograd.Function):
     @torch.autograd.function.once_differentiable
     def backward(ctx, *grads):  # type: ignore[override]
         *parameters, radii = map(flat, ctx.saved_tensors)
-        n, rest = radii.size, (radii, ctx.camera, new_counter(), num_workers())
+        n = radii.size
         out = empty(n, 3), empty(n, 4), empty(n, 3), empty(n)
         pulled, gradients = tuple(map(flat, grads[:4])), tuple(map(flat, out))
-        with launching():
-            _backward(tuple(parameters), pulled, gradients, *rest)
+        launch(_backward, tuple(parameters), pulled, gradients, radii, ctx.camera)
         return *out, None, None

@@ -1,13 +1,11 @@
-"""How kernels are compiled and launched: the cache, threads, and five instructions numba lacks.
+"""How kernels are compiled and launched: the cache, threads, and three instructions numba lacks.
 
 - Compiled kernels are kept in a folder of their own for each state of their sources, numba, Python
   and processor (`FOLDER`), so that a kernel whose callee changed is never loaded. Another process
   compiles all of them, in one order, before the first launch; every process that works loads them.
-- Numbers that may differ between installations are arguments of the kernels, never globals: a
-  cached kernel would keep the old value.
-- A kernel loops over `num_workers()` workers with `prange`; each takes its next piece of work from
-  a shared counter (`take`), which balances the load where tiles, or cores, are unequal. Which
-  worker does a piece never changes its result, so the same bits come out for any number of threads.
+- A kernel loops over its workers with `prange`; each takes its next piece of work from a shared
+  counter (`pieces`), which balances the load where tiles, or cores, are unequal. Which worker does
+  a piece never changes its result, so the same bits come out for any number of threads.
 """
 
 from __future__ import annotations
@@ -20,8 +18,8 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -39,7 +37,7 @@ from torch import Tensor
 
 numba_config: Any = _numba_config  # its settings are defined at run time, out of sight of checkers
 
-_LAUNCH_LOCK = threading.RLock()
+_LAUNCH_LOCK = threading.Lock()
 """numba's "workqueue" threads abort the process when two Python threads launch kernels at once, and
 nerfstudio's viewer renders from a thread of its own."""
 
@@ -55,14 +53,14 @@ compiles_here = False
 
 
 def _key() -> str:
-    """What compiled kernels depend on. `spherical_harmonics` has a constant of theirs. (numba keeps
-    a kernel for as long as its own file stays the same: before 0.68 the time of its last change.)
+    """What compiled kernels depend on: all sources of the backends, which have constants of theirs.
+    (numba keeps a kernel for as long as its own file stays the same: before 0.68 the time of its
+    last change.)
     """
-    here = Path(__file__).parent
     context: Any = cpu_target.target_context
     processor = context.codegen().magic_tuple()
     state = hashlib.sha256(f"{numba.__version__} {sys.version} {processor}".encode())
-    for path in (*sorted(here.glob("*.py")), here.parent / "spherical_harmonics.py"):
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         state.update(f"{path.name} {path.stat().st_mtime_ns}".encode() + path.read_bytes())
     return state.hexdigest()[:16]
 
@@ -141,16 +139,16 @@ def part(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     return decorate
 
 
-@contextmanager
-def launching() -> Iterator[None]:
-    """Hold the launch lock; before the first launch of a process all kernels are compiled."""
+def launch(kernel: Callable[..., None], *arguments: Any) -> None:
+    """Call a kernel, whose last arguments are a counter for `pieces` and the number of workers."""
     with _LAUNCH_LOCK:
-        _prepare()
-        yield
+        prepare()
+        kernel(*arguments, np.zeros(1, np.int64), numba.get_num_threads())
 
 
 @cache
-def _prepare() -> None:
+def prepare() -> None:
+    """Before the first launch of a process all kernels are compiled."""
     _keep_freed_memory()
     if not compiles_here:
         have_compiled()
@@ -200,11 +198,6 @@ def _say(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
 
-def num_workers() -> int:
-    """How many workers a kernel is split into: numba's current number of threads."""
-    return numba.get_num_threads()
-
-
 def empty(*shape: int) -> Tensor:
     """A tensor in the kernels' float32, whatever torch's default dtype is."""
     return torch.empty(shape, dtype=torch.float32)
@@ -213,11 +206,6 @@ def empty(*shape: int) -> Tensor:
 def flat(tensor: Tensor) -> np.ndarray:
     """The values as a flat, contiguous array; a copy only where it takes one."""
     return tensor.detach().contiguous().view(-1).numpy()
-
-
-def new_counter() -> np.ndarray:
-    """A fresh counter for `take`."""
-    return np.zeros(1, np.int64)
 
 
 def _instruction(function: Callable[..., Any]) -> Any:
@@ -235,27 +223,6 @@ def fma(typingctx, a, b, c):
 
 
 @_instruction
-def nearest(typingctx, x):
-    """The integer nearest to x, as a float32."""
-
-    def codegen(context, builder, signature, args):
-        rint = builder.module.declare_intrinsic("llvm.rint", [ir.FloatType()])
-        return builder.call(rint, args)
-
-    return types.float32(types.float32), codegen
-
-
-@_instruction
-def float_of_bits(typingctx, bits):
-    """The float32 whose bits are the given int32."""
-
-    def codegen(context, builder, signature, args):
-        return builder.bitcast(args[0], ir.FloatType())
-
-    return types.float32(types.int32), codegen
-
-
-@_instruction
 def take(typingctx, counter):
     """Add one to `counter[0]` (int64) atomically and return what it held before."""
 
@@ -264,6 +231,22 @@ def take(typingctx, counter):
         return builder.atomic_rmw("add", array.data, ir.Constant(ir.IntType(64), 1), "monotonic")
 
     return types.int64(types.Array(types.int64, 1, "C")), codegen
+
+
+@part()
+def pieces(counter, number):
+    """Those of so many pieces of work that this worker gets."""
+    piece = take(counter)
+    while piece < number:
+        yield piece
+        piece = take(counter)
+
+
+@part()
+def batches(counter, number, size):
+    """First and end of the batches, each of `size`, that this worker gets of so many rows."""
+    for piece in pieces(counter, (number + size - 1) // size):
+        yield piece * size, min((piece + 1) * size, number)
 
 
 @_instruction

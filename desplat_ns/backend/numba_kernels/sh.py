@@ -20,14 +20,12 @@ import numpy as np
 import torch
 
 from desplat_ns.backend.numba_kernels.runtime import (
+    batches,
     empty,
     flat,
     kernel,
-    launching,
-    new_counter,
-    num_workers,
+    launch,
     part,
-    take,
 )
 from desplat_ns.backend.spherical_harmonics import MAX_DEGREE, legendre, norm
 
@@ -48,39 +46,24 @@ _LENGTH, _GRAD = np.uint64(LANE * _PLANES), tuple(LANE * (_PLANES + 1 + k) for k
 _LOOSE = {"reassoc", "contract", "nsz"}
 _LANES, _ZERO, _ONE = np.uint64(BATCH), np.float32(0), np.float32(1)
 
-Polynomial = dict[tuple[int, int, int], float]
-"""Powers of x, y, z -> coefficient."""
-
-
-def _times(a: Polynomial, b: Polynomial) -> Polynomial:
-    product: Polynomial = {}
-    for p, c in a.items():
-        for q, d in b.items():
-            powers = (p[0] + q[0], p[1] + q[1], p[2] + q[2])
-            product[powers] = product.get(powers, 0.0) + c * d
-    return product
-
-
-def _azimuth(order: int) -> Polynomial:
-    """Real part of (x + i y)^order, or the imaginary part of (x + i y)^-order."""
-    m = abs(order)
-    return {
-        (m - j, j, 0): math.comb(m, j) * (-1.0) ** (j // 2) for j in range(int(order < 0), m + 1, 2)
-    }
-
 
 @cache
 def sh_terms(degree: int) -> tuple[np.ndarray, np.ndarray]:
     """Terms of all harmonics up to `degree`: [terms, 4] harmonic and powers, [terms]
-    coefficients."""
+    coefficients.
+
+    A harmonic of order m is a polynomial of z times the real part of (x + i y)^m, or the imaginary
+    part of (x + i y)^-m.
+    """
     places, coefficients = [], []
     for n in range(degree + 1):
         for m in range(-n, n + 1):
             a = abs(m)
-            polar = {(0, 0, power): norm(n, a) * c for power, c in legendre(n, a).items()}
-            for powers, c in _times(_azimuth(m), polar).items():
-                places.append((n * n + n + m, *powers))
-                coefficients.append(c)
+            for j in range(int(m < 0), a + 1, 2):
+                azimuth = math.comb(a, j) * (-1.0) ** (j // 2)
+                for power, c in legendre(n, a).items():
+                    places.append((n * n + n + m, a - j, j, power))
+                    coefficients.append(azimuth * (norm(n, a) * c))
     return np.array(places, np.int64).reshape(-1, 4), np.array(coefficients, np.float32)
 
 
@@ -152,9 +135,8 @@ def _evaluate(means, values, radii, center, places, coefficients, sizes, out, co
     least = _ZERO if is_cut else -np.float32(np.inf)
     for _ in numba.prange(workers):
         s = np.empty(LANE * (_PLANES + 4), np.float32)
-        first = take(counter) * BATCH
-        while first < radii.size:
-            number = min(BATCH, radii.size - first)
+        for first, end in batches(counter, radii.size, BATCH):
+            number = end - first
             _directions(means, center, first, number, s)
             _harmonics(places, coefficients, used, s)
             for k in range(number):
@@ -170,7 +152,6 @@ def _evaluate(means, values, radii, center, places, coefficients, sizes, out, co
                     r, g, b = max(r + half, least), max(g + half, least), max(b + half, least)
                 i = 3 * (first + k)
                 out[i], out[i + 1], out[i + 2] = r, g, b
-            first = take(counter) * BATCH
 
 
 @part(fastmath=_LOOSE)
@@ -198,9 +179,8 @@ def _backward(
     stored, used, _ = sizes
     for _ in numba.prange(workers):
         s = np.empty(LANE * (_PLANES + 4), np.float32)
-        first = take(counter) * BATCH
-        while first < radii.size:
-            number = min(BATCH, radii.size - first)
+        for first, end in batches(counter, radii.size, BATCH):
+            number = end - first
             _directions(means, center, first, number, s)
             _harmonics(places, coefficients, used, s)
             for k in range(number):
@@ -213,7 +193,6 @@ def _backward(
             _slopes(places, coefficients, s)
             for k in range(number):
                 _backward_direction(s, k, radii[first + k] > 0, 3 * (first + k), v_means)
-            first = take(counter) * BATCH
 
 
 @part()
@@ -240,8 +219,7 @@ class EvaluateColors(torch.autograd.Function):
         ctx.save_for_backward(means, values, radii, center, out)
         inputs = map(flat, (means, values, radii, center))
         sizes = (values.shape[1], (degree + 1) ** 2, int(is_cut))
-        with launching():
-            _evaluate(*inputs, *terms, sizes, flat(out), new_counter(), num_workers())
+        launch(_evaluate, *inputs, *terms, sizes, flat(out))
         ctx.state = (terms, sizes, values.shape)
         return out if is_cut else (out, values[:, 0].clone())
 
@@ -252,8 +230,7 @@ class EvaluateColors(torch.autograd.Function):
         terms, sizes, shape = ctx.state
         v_means, v_values = empty(shape[0], 3), empty(*shape)
         made = (out, *map(flat, (grad, v_means, v_values)))
-        with launching():
-            _backward(*inputs, *terms, sizes, *made, new_counter(), num_workers())
+        launch(_backward, *inputs, *terms, sizes, *made)
         if by_zeroth is not None:
             v_values[:, 0] += by_zeroth
         return v_means, v_values, None, None, None, None

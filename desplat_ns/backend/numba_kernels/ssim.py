@@ -37,11 +37,9 @@ from desplat_ns.backend.numba_kernels.runtime import (
     empty,
     flat,
     kernel,
-    launching,
-    new_counter,
-    num_workers,
+    launch,
     part,
-    take,
+    pieces,
 )
 
 WINDOW = 11
@@ -77,7 +75,7 @@ ALONG = np.uint64(CHANNELS)
 """From a number to that of the next pixel."""
 
 _DOWN = np.uint64(STRIDE)
-_N2, _N3, _N4, _N5 = (np.uint64(k) for k in range(2, 6))
+_N3, _N4, _N5 = (np.uint64(k) for k in range(3, 6))
 P1, P2, P3 = (np.uint64(k * STRIDE) for k in range(1, 4))
 """Where the second, third and fourth of several rows begin."""
 
@@ -94,13 +92,8 @@ _ZERO, _ONE, _TWO = np.float32(0), np.float32(1), np.float32(2)
 
 
 @part(fastmath=LOOSE)
-def blur(a, i, step):
-    """The symmetric window over a[i], a[i + step], ... a[i + 10 step]."""
-    s1, s2, s3, s4, s5 = step, step + step, step * _N3, step * _N4, step * _N5
-    i = i + s5
-    near = _W5 * a[i] + _W4 * (a[i - s1] + a[i + s1]) + _W3 * (a[i - s2] + a[i + s2])
-    far = _W2 * (a[i - s3] + a[i + s3]) + _W1 * (a[i - s4] + a[i + s4])
-    return near + far + _W0 * (a[i - s5] + a[i + s5])
+def _value(a, i):
+    return a[i]
 
 
 @part(fastmath=LOOSE)
@@ -115,25 +108,20 @@ def _product(a, i):
 
 
 @part(fastmath=LOOSE)
-def _blur_squares(a, i):
-    """As `blur`, down x^2 + y^2."""
-    i, s = i + _DOWN * _N5, _DOWN
-    near = _W5 * _squares(a, i) + _W4 * (_squares(a, i - s) + _squares(a, i + s))
-    near += _W3 * (_squares(a, i - s * _N2) + _squares(a, i + s * _N2))
-    far = _W2 * (_squares(a, i - s * _N3) + _squares(a, i + s * _N3))
-    far += _W1 * (_squares(a, i - s * _N4) + _squares(a, i + s * _N4))
-    return near + far + _W0 * (_squares(a, i - s * _N5) + _squares(a, i + s * _N5))
+def _blur_of(of, a, i, step):
+    """The symmetric window over what `of` makes of a at i, i + step, ... i + 10 step."""
+    s1, s2, s3, s4, s5 = step, step + step, step * _N3, step * _N4, step * _N5
+    i = i + s5
+    near = _W5 * of(a, i) + _W4 * (of(a, i - s1) + of(a, i + s1))
+    near += _W3 * (of(a, i - s2) + of(a, i + s2))
+    far = _W2 * (of(a, i - s3) + of(a, i + s3)) + _W1 * (of(a, i - s4) + of(a, i + s4))
+    return near + far + _W0 * (of(a, i - s5) + of(a, i + s5))
 
 
 @part(fastmath=LOOSE)
-def _blur_product(a, i):
-    """As `blur`, down x y."""
-    i, s = i + _DOWN * _N5, _DOWN
-    near = _W5 * _product(a, i) + _W4 * (_product(a, i - s) + _product(a, i + s))
-    near += _W3 * (_product(a, i - s * _N2) + _product(a, i + s * _N2))
-    far = _W2 * (_product(a, i - s * _N3) + _product(a, i + s * _N3))
-    far += _W1 * (_product(a, i - s * _N4) + _product(a, i + s * _N4))
-    return near + far + _W0 * (_product(a, i - s * _N5) + _product(a, i + s * _N5))
+def blur(a, i, step):
+    """The symmetric window over a[i], a[i + step], ... a[i + 10 step]."""
+    return _blur_of(_value, a, i, step)
 
 
 @part(fastmath=LOOSE)
@@ -144,8 +132,8 @@ def moments(s, v, row, columns):
         i = first + j
         v[j] = blur(s, i, _DOWN)
         v[P1 + j] = blur(s, i + NEXT, _DOWN)
-        v[P2 + j] = _blur_squares(s, i)
-        v[P3 + j] = _blur_product(s, i)
+        v[P2 + j] = _blur_of(_squares, s, i, _DOWN)
+        v[P3 + j] = _blur_of(_product, s, i, _DOWN)
 
 
 @part(fastmath=LOOSE)
@@ -169,12 +157,7 @@ def _copy_in(source, length, row, column, rows, columns, s):
 
 @part()
 def _spread(owned, length, row, column, columns, o):
-    """A part of a row of `owned`, which has a number for each pixel, for each number of an image;
-    0 where `owned` is empty."""
-    if owned.size == 0:
-        for j in range(columns):
-            o[j] = 0
-        return
+    """A part of a row of `owned`, which has one number for each pixel, for all three channels."""
     first = np.uint64((row * length + column) // CHANNELS)
     for p in range(np.uint64(columns // CHANNELS)):
         for k in range(CHANNELS):
@@ -184,26 +167,11 @@ def _spread(owned, length, row, column, columns, o):
 @part()
 def _blend_in(y, owned, length, row, column, rows, columns, s, o):
     """As `_copy_in`, of y behind x, which is in the scratch rows; x where it is owned."""
-    if owned.size == 0:
-        _copy_in(y, length, row, column, rows, columns, s[IMAGE:])
-        return
     for r in range(rows):
         _spread(owned, length, row + r, column, columns, o)
         first, to = np.uint64((row + r) * length + column), np.uint64(r * STRIDE)
         for j in range(np.uint64(columns)):
             s[NEXT + to + j] = o[j] * s[to + j] + (_ONE - o[j]) * y[first + j]
-
-
-@part()
-def _is_asked_for(wanted, down, across, row, column):
-    """Whether any of so many blocks from (row, column) on is wanted; with none named, all are."""
-    if wanted.size == 0:
-        return True
-    for i in range(row, min(row + down, wanted.shape[0])):
-        for j in range(column, min(column + across, wanted.shape[1])):
-            if wanted[i, j] > 0:
-                return True
-    return False
 
 
 @part(fastmath=LOOSE)
@@ -307,7 +275,7 @@ def _go_down(images, shape, wanted, rates, blocks, strip, scratch, sums, gradien
     for i in range(*blocks):
         row = i * ROWS
         block = row, min(ROWS, height - row), column, min(COLUMNS, length - column)
-        is_scored = _is_asked_for(wanted, 2, 2, i, strip)
+        is_scored = wanted[i : i + 2, strip : strip + 2].any()
         if is_scored:
             if above:
                 _go_on(slopes)
@@ -315,7 +283,7 @@ def _go_down(images, shape, wanted, rates, blocks, strip, scratch, sums, gradien
                 _clear(slopes, 0, slopes.size)
             first = row if above or row == 0 else row - MARGIN
             similarity[i, strip] = _score(images, length, height - MARGIN, block, first, scratch)
-        if is_scored and _is_asked_for(wanted, 1, 1, i, strip):
+        if wanted[i, strip]:
             difference[i, strip] = _differentiate(images, length, block, rates, scratch, gradient)
         else:
             for r in range(row, row + block[1]):
@@ -328,10 +296,10 @@ def score_image(images, shape, wanted, rates, sums, gradient, counter, workers):
     """Sums of SSIM and of L1 of x and y over blocks, and the gradient by x.
 
     Args:
-        images: x and y; and what is owned, or nothing.
+        images: x and y; and what is owned.
         shape: rows of an image, and numbers in one.
-        wanted: whether a block is, [down, across]; with none named all are. Of others, those whose
-            windows reach one that is have their SSIM summed, and all have no gradient.
+        wanted: whether a block is, [down, across]. Of others, those whose windows reach one that is
+            have their SSIM summed, and all have no gradient.
         rates: what L1 loses where a pixel is owned; the result's gradient by the sum of SSIM, and
             by that of L1.
         sums: of SSIM over a block's windows and of L1 over its pixels, [down, across].
@@ -342,12 +310,10 @@ def score_image(images, shape, wanted, rates, sums, gradient, counter, workers):
     for _ in numba.prange(workers):
         s, slopes = np.empty(2 * IMAGE, np.float32), np.empty(3 * SLOPES, np.float32)
         scratch = s, np.empty(4 * STRIDE, np.float32), slopes, np.empty(STRIDE, np.float32)
-        piece = take(counter)
-        while piece < bands * strips:
+        for piece in pieces(counter, bands * strips):
             first = piece // strips * BAND
             blocks = first, min(first + BAND, down)
             _go_down(images, shape, wanted, rates, blocks, piece % strips, scratch, sums, gradient)
-            piece = take(counter)
 
 
 class Photometric(torch.autograd.Function):
@@ -362,20 +328,17 @@ class Photometric(torch.autograd.Function):
         per_number = (1 - ssim_weight) / (height * length)
         rates = np.float32(1 - leak), np.float32(-per_window), np.float32(per_number)
         similarity, difference = np.empty((2, -(-height // ROWS), -(-length // COLUMNS)))
-        nothing, everywhere = np.empty(0, np.float32), np.empty((0, 0), np.uint8)
+        owned = photo.new_zeros(height, photo.shape[1], 1) if owned is None else owned
+        wanted = np.ones(similarity.shape, bool)
         losses, gradients = [], []
         for place, image in enumerate(images):
-            weights, wanted = nothing, everywhere
-            if owned is not None and place == 0:
-                weights = flat(owned)
-            elif owned is not None:
-                wanted = _blocks_of(owned, similarity.shape[1])
+            if place == 1:
+                wanted, owned = _blocks_of(owned, similarity.shape[1]), torch.zeros_like(owned)
             gradient = empty(*photo.shape)
-            with launching():
-                score_image(
-                    *((flat(image), flat(photo), weights), (height, length), wanted, rates),
-                    *((similarity, difference), flat(gradient), new_counter(), num_workers()),
-                )
+            launch(
+                *(score_image, (flat(image), flat(photo), flat(owned)), (height, length), wanted),
+                *(rates, (similarity, difference), flat(gradient)),
+            )
             value = ssim_weight - per_window * similarity.sum() + per_number * difference.sum()
             losses.append(torch.tensor(value, dtype=torch.float32))
             gradients.append(gradient)
@@ -395,4 +358,4 @@ def _blocks_of(owned: Tensor, across: int) -> np.ndarray:
     pixels = owned[..., 0].numpy()
     rows = [pixels[row : row + ROWS].max(axis=0) for row in range(0, len(pixels), ROWS)]
     columns = np.arange(across) * (COLUMNS // CHANNELS)
-    return (np.maximum.reduceat(np.stack(rows), columns, axis=1) > 0).astype(np.uint8)
+    return np.maximum.reduceat(np.stack(rows), columns, axis=1) > 0

@@ -33,7 +33,7 @@ def test_a_step_loads_every_kernel_and_compiles_none(checkout: Path):
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=checkout, capture_output=True, text=True, check=True)
     loaded = ast.literal_eval(done.stdout.splitlines()[-1])
-    assert len(loaded) > 10
+    assert len(loaded) >= 10
     assert [name for name, is_loaded in loaded.items() if not is_loaded] == []
 
 
@@ -56,10 +56,10 @@ def from_cache() -> dict[str, bool]:
 
 def test_a_changed_callee_is_another_folder_whatever_its_time(monkeypatch, tmp_path):
     here = Path(numba_runtime.__file__).parent
-    shutil.copytree(here, tmp_path / here.name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy2(here.parent / "spherical_harmonics.py", tmp_path)
-    monkeypatch.setattr(numba_runtime, "__file__", str(tmp_path / here.name / "runtime.py"))
-    before, callee = numba_runtime._key(), tmp_path / here.name / "ellipses.py"
+    copied = tmp_path / here.parent.name / here.name
+    shutil.copytree(here.parent, copied.parent, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(numba_runtime, "__file__", str(copied / "runtime.py"))
+    before, callee = numba_runtime._key(), copied / "ellipses.py"
     times = callee.stat().st_atime_ns, callee.stat().st_mtime_ns
     callee.write_text(callee.read_text().replace("SLACK = 2e-5", "SLACK = 3e-5"))
     os.utime(callee, ns=times)
