@@ -57,7 +57,13 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
     Raises:
         ConfigError: coordinates are too large for the format.
     """
-    bits = fractional_bits(cloud.means)
+    farthest = float(np.abs(cloud.means).max(initial=0.0))
+    bits = fractional_bits(farthest)
+    if bits < 0:
+        raise ConfigError(
+            f"A Gaussian lies {farthest:.3g} units from the origin; SPZ holds {LARGEST:.3g} at "
+            "most. Leave out what is far away (--crop 2), or write .glb or .ply."
+        )
     flags = ANTIALIASED if cloud.antialiased else 0
     header = struct.pack("<IIIBBBB", MAGIC, VERSION, len(cloud), cloud.degree, bits, flags, 0)
     attributes = (
@@ -90,8 +96,9 @@ def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], list[str]]:
     reach = np.abs(cloud.means).max(axis=1)
     size = float(np.quantile(np.sort(cloud.scales, axis=1)[:, 1], 1 - PRECISE))
     needed = math.ceil(-math.log2(2 * OFF_BY * size))
-    with_all = _room(reach.max())
-    bits = max(with_all, min(needed, _room(np.quantile(reach, 1 - FAR, method="higher"))))
+    with_all = fractional_bits(reach.max())
+    with_most = fractional_bits(np.quantile(reach, 1 - FAR, method="higher"))
+    bits = max(with_all, min(needed, with_most))
     near = reach <= LARGEST / 2.0**bits
     lines = []
     if not near.all():
@@ -101,7 +108,7 @@ def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], list[str]]:
             f"places to steps of {2.0**-with_all:.3g} units, and Gaussians are as small as "
             f"{size:.2g}. Write .glb or .ply, or leave out more of what is far away: --crop 2."
         )
-    step = 2.0 ** -_room(reach[near].max())
+    step = 2.0 ** -fractional_bits(reach[near].max())
     if step / 2 > OFF_BY * size:
         lines.append(
             f"SPZ rounds places to steps of {step:.3g} units here, and Gaussians are as small as "
@@ -111,24 +118,9 @@ def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], list[str]]:
     return near, lines
 
 
-def fractional_bits(means: Float[np.ndarray, "N 3"]) -> int:
-    """Binary places that leave room for the largest coordinate. Raises ConfigError where it lies
-    beyond what the format can hold."""
-    farthest = float(np.abs(means).max(initial=0.0))
-    bits = _room(farthest)
-    if bits < 0:
-        raise ConfigError(
-            f"A Gaussian lies {farthest:.3g} units from the origin; SPZ holds {LARGEST:.3g} at "
-            "most. Leave out what is far away (--crop 2), or write .glb or .ply."
-        )
-    return bits
-
-
-def _room(coordinate: float) -> int:
+def fractional_bits(coordinate: float) -> int:
     """Binary places beside which a coordinate has room; below 0 where it has none at all."""
-    if coordinate == 0:
-        return MAX_FRACTIONAL_BITS
-    return min(MAX_FRACTIONAL_BITS, math.floor(math.log2(LARGEST / coordinate)))
+    return min(MAX_FRACTIONAL_BITS, math.floor(math.log2(LARGEST / max(coordinate, 1.0))))
 
 
 def _fixed_point(means: Float[np.ndarray, "N 3"], bits: int) -> UInt8[np.ndarray, "N 9"]:
