@@ -14,7 +14,6 @@ import pytest
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.fetch.sources import SOURCES
 from desplat_ns.studies import reproduce as module
-from desplat_ns.studies.methods import Content
 from desplat_ns.studies.paper import (
     MEAN,
     METHODS,
@@ -30,7 +29,7 @@ from tests.helpers.made_up_runs import made_up
 
 def contents_of(name: TableName) -> dict:
     """All scenes of a table, as if they were there."""
-    content = Content(photos=20, held_out=5, width=100, height=80)
+    content = "20 photos train, 5 test"
     places = {s: Path("/data") / s.data_set.folder / s.folder for s in TABLES[name].scenes}
     return {replace(scene, place=place): content for scene, place in places.items()}
 
@@ -144,7 +143,7 @@ def cells(
         if (scene, seed) != absent:
             record = made_up(run, folder)
             grid.records[run.key] = replace(record, scores={"psnr": psnr[scene] + seed - 42})
-    return {cell["scene"]: cell for cell in cells_of(grid)}
+    return {scene: cell for (_, _, scene), cell in cells_of(grid).items()}
 
 
 def test_the_mean_is_that_of_scenes_and_then_of_seeds_that_have_all(tmp_path: Path):
