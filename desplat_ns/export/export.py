@@ -32,7 +32,6 @@ from desplat_ns.runs.files import RunFiles
 from desplat_ns.runs.loading import even_subset, load_run
 
 WRITERS = {".ply": ply_bytes, ".spz": spz_bytes, ".glb": glb_bytes}
-"""By the endings of `formats.UPRIGHT`."""
 
 MOST_CROP_VIEWS = 100
 """Training views that are looked through to find how far the cameras look."""
@@ -59,8 +58,8 @@ def export_splats(
     to_file = similarity_to(frame, transform, outputs.dataparser_scale, UPRIGHT[ending])
     cloud, left_out = moved(cloud, to_file), []
     if ending == ".spz":
-        near, left_out = placed(cloud)
-        cloud = cloud.rows(near)
+        near, told = placed(cloud)
+        cloud, left_out = cloud.rows(near), [told] if told else []
     content = WRITERS[ending](cloud)
     with plain_errors(output):
         write_whole(output, content)

@@ -84,14 +84,15 @@ def color_bytes(cloud: SplatCloud) -> UInt8[np.ndarray, " B"]:
     return np.concatenate([_zeroth(cloud).ravel(), _others(cloud).ravel()])
 
 
-def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], list[str]]:
-    """For which Gaussians a file has places that are precise enough, and what to tell a user.
+def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], str]:
+    """For which Gaussians a file has places that are precise enough, and what to tell a user, if
+    there is something.
 
     A place is rounded to a multiple of 2^-bits, so it is off by 2^-bits / 2 at most: by `OFF_BY` of
     a scale s, or less, from bits = ceil(log2(1 / (2 OFF_BY s))) on. A share `PRECISE` of the
     Gaussians is larger than s. With these bits coordinates end at LARGEST / 2^bits. Gaussians
     beyond are left out, at most a share `FAR` of all: one that floats far away would coarsen all
-    the others. A line says where that does not suffice.
+    the others.
     """
     reach = np.abs(cloud.means).max(axis=1)
     size = float(np.quantile(np.sort(cloud.scales, axis=1)[:, 1], 1 - PRECISE))
@@ -100,22 +101,15 @@ def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], list[str]]:
     with_most = fractional_bits(np.quantile(reach, 1 - FAR, method="higher"))
     bits = max(with_all, min(needed, with_most))
     near = reach <= LARGEST / 2.0**bits
-    lines = []
-    if not near.all():
-        lines.append(
-            f"Not in the file: {(~near).sum()} of {len(cloud)} Gaussians, more than "
-            f"{LARGEST / 2.0**bits:.3g} units from the origin. With them SPZ would round all "
-            f"places to steps of {2.0**-with_all:.3g} units, and Gaussians are as small as "
-            f"{size:.2g}. Write .glb or .ply, or leave out more of what is far away: --crop 2."
-        )
     step = 2.0 ** -fractional_bits(reach[near].max())
-    if step / 2 > OFF_BY * size:
-        lines.append(
-            f"SPZ rounds places to steps of {step:.3g} units here, and Gaussians are as small as "
-            f"{size:.2g}: the picture suffers. Leave out what is far away (--crop 2), or write "
-            ".glb or .ply."
-        )
-    return near, lines
+    if near.all() and step / 2 <= OFF_BY * size:
+        return near, ""
+    return near, (
+        f"Not in the file: {(~near).sum()} of {len(cloud)} Gaussians, more than "
+        f"{LARGEST / 2.0**bits:.3g} units from the origin. SPZ rounds the places of the others to "
+        f"steps of {step:.3g} units, and Gaussians are as small as {size:.2g}. Write .glb or .ply, "
+        "or leave out more of what is far away: --crop 2."
+    )
 
 
 def fractional_bits(coordinate: float) -> int:
