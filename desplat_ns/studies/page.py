@@ -16,7 +16,6 @@ from desplat_ns.studies.records import Key, Record, conditions_of
 from desplat_ns.studies.runs import Run
 from desplat_ns.studies.tradeoff import BASE, SEEDS, Study, compared
 
-PAGE = "report.html"
 TEMPLATE = Path(__file__).with_name("page.html.jinja")
 
 SIGNIFICANT = 0.05
@@ -63,13 +62,10 @@ def p_value(gains: Sequence[float]) -> float:
     """p of a paired t-test, two-sided, of the three differences between three seeds.
 
     With two degrees of freedom Student's distribution has a closed form,
-    P(|T| >= t) = 1 - t / sqrt(t^2 + 2).
+    P(|T| >= t) = 1 - t / sqrt(t^2 + 2), for t = mean / error.
     """
     mean, error = fmean(gains), stdev(gains) / math.sqrt(3)
-    if error == 0:
-        return float(mean == 0)
-    t = abs(mean / error)
-    return 2 / (math.hypot(t, math.sqrt(2)) * (math.hypot(t, math.sqrt(2)) + t))
+    return 1 - abs(mean) / math.hypot(mean, math.sqrt(2) * error) if mean else 1.0
 
 
 def corrected(p_values: Sequence[float]) -> list[float]:
@@ -108,7 +104,7 @@ def verdicts(points: Sequence[Measured]) -> list[str]:
 
 def write_page(study: Study) -> Path:
     """Write the page; where it is. Raises ConfigError where it cannot."""
-    points = measured(study.planned, study.records)
+    page, points = study.output / "report.html", measured(study.planned, study.records)
     missing = (run.name for run in study.planned if run.key not in study.records)
     with plain_errors(study.output):
         text = template(TEMPLATE, spread=spread).render(
@@ -124,8 +120,8 @@ def write_page(study: Study) -> Path:
             plot=drawn(points),
             conditions=conditions_of(study.records.values()),
         )
-        write_whole(study.output / PAGE, text.encode())
-    return study.output / PAGE
+        write_whole(page, text.encode())
+    return page
 
 
 def spread(values: Sequence[float | int], form: str) -> str:

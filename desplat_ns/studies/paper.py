@@ -44,8 +44,7 @@ class DataSet:
     """A data set as the paper uses it (B.1); docs/compare-with-desplat.md has the protocols."""
 
     name: str
-    folder: str
-    """That `desplat-fetch-data` makes for it."""
+    """Also of the folder that `desplat-fetch-data` makes for it."""
     parser: tuple[str, ...]
     """Name and options of the data parser, as `ns-train` takes them, but for the resolution."""
     scoring: ProtocolName = "full"
@@ -88,7 +87,7 @@ def _scenes(data_set: DataSet, fetch: str, downscale: int, names: str) -> tuple[
     return tuple(PaperScene(data_set, name, folder, downscale, fetch) for name, folder in pairs)
 
 
-ROBUSTNERF = DataSet("robustnerf", "robustnerf", ("robustnerf-data",))
+ROBUSTNERF = DataSet("robustnerf", ("robustnerf-data",))
 _FIVE = "Statue:statue Android:android Crab_(1):crab1 Crab_(2):crab2 Yoda:yoda"
 ROBUSTNERF_SCENES = _scenes(ROBUSTNERF, "robustnerf", 8, _FIVE)
 
@@ -103,7 +102,7 @@ RATIO_SCENES = tuple(
     for ratio in RATIOS
 )
 
-ON_THE_GO = DataSet("on-the-go", "on-the-go", ("on-the-go-data",))
+ON_THE_GO = DataSet("on-the-go", ("on-the-go-data",))
 ON_THE_GO_SCENES = (
     *_scenes(ON_THE_GO, "on-the-go", 8, "Mountain:mountain Fountain:fountain Corner:corner"),
     *_scenes(ON_THE_GO, "on-the-go", 4, "Patio:patio"),
@@ -111,7 +110,6 @@ ON_THE_GO_SCENES = (
 )
 
 PHOTO_TOURISM = DataSet(
-    "photo-tourism",
     "phototourism",
     ("photo-tourism-data",),
     scoring="half",
@@ -130,11 +128,7 @@ TOURISM_SCENES = tuple(
     for a, b in (("Brandenburg", "Gate"), ("Sacre", "Coeur"), ("Trevi", "Fountain"))
 )
 
-MIPNERF360 = DataSet(
-    "mipnerf360",
-    "mipnerf360",
-    ("colmap", "--eval-mode", "interval", "--eval-interval", "8"),
-)
+MIPNERF360 = DataSet("mipnerf360", ("colmap", "--eval-mode", "interval", "--eval-interval", "8"))
 _ROOMS = "room:room counter:counter kitchen:kitchen bonsai:bonsai"
 MIPNERF360_SCENES = (
     *_scenes(MIPNERF360, "mipnerf360", 4, "bicycle:bicycle garden:garden stump:stump"),

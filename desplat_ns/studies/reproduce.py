@@ -13,7 +13,7 @@ from statistics import fmean
 from typing import Any, NamedTuple
 
 from desplat_ns.console import announce, list_names
-from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
+from desplat_ns.errors import CaptureError, DeSplatError
 from desplat_ns.files.pages import template, time_in_words
 from desplat_ns.files.whole import only_process_in, plain_errors, whole_folder
 from desplat_ns.rendering.metrics import lpips_weights
@@ -108,19 +108,17 @@ def reproduce(
     methods: tuple[Method, ...],
     seeds: int,
     executor: Executor,
-    device: str,
     smoke: Smoke | None = None,
 ) -> Path:
     """Run what a table needs and write it; the folder that holds it.
 
     Args:
         data: folder with the data sets.
-        device: type of the device on which runs are done, `cpu` or `cuda`.
         smoke: as `Grid.smoke`.
 
     Raises:
         CaptureError: scenes cannot be read, or none is there.
-        ConfigError: the output folder will not do, or this machine has no GPU.
+        ConfigError: the output folder will not do.
         DeSplatError: runs failed; the table is written without them.
     """
     with only_process_in(output):
@@ -129,11 +127,6 @@ def reproduce(
         numbers = range(FIRST_SEED, FIRST_SEED + seeds)
         grid = Grid(table, output, methods, numbers, executor, smoke, contents, missing, records)
         announce_runs(grid)
-        if grid.left and smoke is None and device == "cpu":
-            raise ConfigError(
-                f"This machine has no GPU, on which the runs ({len(grid.left)}) are meant to be "
-                "done. Add --smoke to try the same with few steps and small photos."
-            )
         file, folder = output / FILE, output / RUNS
         grid.failed = executor.finish(grid.left, records, file, folder, grid.time_left)
         write_table(grid)
@@ -189,7 +182,7 @@ def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperS
     found, missing = [], []
     for scene in table.scenes:
         names = (scene.folder, scene.folder.replace("_", "-"))
-        folder = scene.data_set.folder  # some archives have another of their own name in it
+        folder = scene.data_set.name  # some archives have another of their own name in it
         homes = (data / folder, data / folder / folder, data)
         places = (home / name for home in homes for name in names)
         place = next((place for place in places if place.is_dir()), None)
@@ -245,10 +238,8 @@ def cells_of(grid: Grid) -> dict[tuple[str, str, str], Cell]:
             for scene in scenes
         }
         if is_whole and len(scenes) > 1:
-            whole = [
-                [v for v in seed if v is not None] for seed in zip(*columns.values(), strict=True)
-            ]
-            columns[MEAN] = [fmean(of) if len(of) == len(scenes) else None for of in whole]
+            by_seed = zip(*columns.values(), strict=True)
+            columns[MEAN] = [None if None in values else fmean(values) for values in by_seed]
         for name, values in columns.items():
             if known := [value for value in values if value is not None]:
                 mean, paper = fmean(known), published.get((method.paper, name, metric.name))

@@ -36,9 +36,6 @@ RESULTS, LOG, PICTURES = "results.json", "run.log", "pictures"
 PARENT = "DESPLAT_NS_PARENT"
 """Environment variable: the process with which a training is to end."""
 
-RETRIES = 3
-"""Times that a run is begun again on Ray if its worker was killed."""
-
 
 @dataclass(frozen=True)
 class Run:
@@ -113,10 +110,9 @@ def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
     places = ["--data", str(run.data), "--output-dir", str(place), "--machine.seed", str(run.seed)]
-    length, parser = run.given[:2], run.parser
     began = time.monotonic()
     try:
-        results = train(run.method, [*places, *length, *QUIET, *run.options, *parser], place)
+        results = train(run.method, [*places, *QUIET, *run.given], place)
     finally:
         for checkpoints in place.glob("*/*/*/nerfstudio_models"):
             shutil.rmtree(checkpoints, ignore_errors=True)
@@ -205,8 +201,7 @@ class Executor:
         try:
             resources = ray.cluster_resources()
             gpus, cores = (int(resources.get(name, 0)) for name in ("GPU", "CPU"))
-            needs = {"num_cpus": 1, "num_gpus": min(1, gpus), "max_retries": RETRIES}
-            task = ray.remote(**needs)(self.do)
+            task = ray.remote(num_cpus=1, num_gpus=min(1, gpus))(self.do)
             yield max(1, gpus or cores), lambda run, at: ray.get(task.remote(run, at.resolve()))
         finally:
             ray.shutdown()

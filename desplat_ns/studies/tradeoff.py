@@ -174,16 +174,14 @@ def open_study(
 # --- which runs --------------------------------------------------------------------------------
 
 
-Variant = tuple[str, tuple[str, ...]]
-"""In what it differs from the defaults, in words, and its options."""
+def compared(base: Effects) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """What is compared, by name: in what it differs from the defaults, in words, and its options.
 
+    First the base, with the effects that the capture calls for; each other one differs from it in
+    one thing. All are scored on right halves: the left half shows the light where photos have one
+    of their own."""
 
-def compared(base: Effects) -> dict[str, Variant]:
-    """What is compared, by name: first the base, with the effects that the capture calls for; each
-    other one differs from it in one thing. All are scored on right halves: the left half shows the
-    light where photos have one of their own."""
-
-    def variant(what: str, effects: Effects = base, **options: str) -> Variant:
+    def variant(what: str, effects: Effects = base, **options: str) -> tuple[str, tuple[str, ...]]:
         given = {
             "model.effects.auto": "False",
             "model.effects.distractors": str(effects.distractors),
@@ -213,12 +211,10 @@ def compared(base: Effects) -> dict[str, Variant]:
     }
 
 
-Pace = Callable[[Run], float]
-"""Expected wall seconds of a run, from the start of its process to the end."""
+def pace_of(runs: Iterable[Run], done: Mapping[Key, Record]) -> Callable[[Run], float]:
+    """Expected wall seconds of a run, from the start of its process to the end.
 
-
-def pace_of(runs: Iterable[Run], done: Mapping[Key, Record]) -> Pace:
-    """A run takes a + b steps: a is for imports, reading photos and evaluation, b for a step. Both
+    A run takes a + b steps: a is for imports, reading photos and evaluation, b for a step. Both
     are those of the variant's longest run that is done, or of the base's; the first run is done."""
     known: dict[str, tuple[int, float, float]] = {}
     for run in sorted(runs, key=lambda run: run.steps):

@@ -41,7 +41,7 @@ def test_a_killed_smoke_table_of_two_data_sets_goes_on_and_is_the_same(data: Pat
     def folder_of(name: str, do) -> Path:
         methods = (METHODS["desplat-paper"], METHODS["splatfacto"])
         output = tmp_path / name
-        return reproduce(TABLES["A7"], data, output, methods, 1, Executor(do=do), "cpu", SMOKE)
+        return reproduce(TABLES["A7"], data, output, methods, 1, Executor(do=do), SMOKE)
 
     whole = json.loads((folder_of("whole", here) / "table.json").read_text())
     assert {cell["scene"] for cell in whole["cells"]} == {"Yoda", "Patio-High", "mean"}
